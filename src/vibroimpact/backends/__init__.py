@@ -1,0 +1,32 @@
+"""Back ends by name, imported when first asked for."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from importlib import import_module
+
+from vibroimpact.backends.base import Backend, Cells, ImpactWindow, Samples, StroboscopicWindow
+
+__all__ = ["BACKENDS", "Backend", "Cells", "ImpactWindow", "Samples", "StroboscopicWindow", "get_backend"]
+
+# name: module that defines `create(**options) -> Backend`
+BACKENDS = {
+    "cpu": "vibroimpact.backends.cpu",
+    "reference": "vibroimpact.backends.reference",
+    "fixed-step": "vibroimpact.backends.fixed_step",
+}
+
+
+def get_backend(name: str, *, time_step: float | None = None) -> Backend:
+    """Return the back end of that name; `time_step` in s is for "fixed-step" alone (default 0.0005)."""
+    if name not in BACKENDS:
+        close = get_close_matches(str(name), BACKENDS, 1)
+        remedy = f"did you mean {close[0]!r}?" if close else "check the spelling"
+        raise ValueError(f"`backend` is {name!r}; allowed are {', '.join(BACKENDS)}; {remedy}")
+    if time_step is not None and name != "fixed-step":
+        raise ValueError(
+            f"`time_step` is {time_step!r}; allowed with backend 'fixed-step' only; leave it out for {name!r}"
+        )
+    options = {} if time_step is None else {"time_step": time_step}
+    backend: Backend = import_module(BACKENDS[name]).create(**options)
+    return backend

@@ -1,0 +1,86 @@
+"""Names, units, symbols and provenance of every result."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from vibroimpact.indices import INDICES
+from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.status import Status
+
+# name: (long name, unit, symbol)
+VARIABLES: dict[str, tuple[str, str, str]] = {
+    "mass": ("mass", "kg", "m"),
+    "damping": ("damping", "N s/m", "c"),
+    "stiffness": ("stiffness", "N/m", "k"),
+    "amplitude": ("driving force amplitude", "N", "f"),
+    "omega": ("angular driving frequency", "rad/s", "w"),
+    "frequency": ("driving frequency", "Hz", "w/2pi"),
+    "restitution": ("coefficient of restitution", "1", "r"),
+    "gap": ("gap", "m", "g"),
+    "time": ("time", "s", "t"),
+    "phase": ("phase of the driving period", "1", "psi/T"),
+    "displacement": ("displacement", "m", "y"),
+    "velocity": ("velocity", "m/s", "y'"),
+    "impact_time": ("time of impact", "s", "t"),
+    "impact_velocity": ("impact velocity", "m/s", "I"),
+    "stick_time": ("time at which the mass comes to rest at the stop", "s", "t"),
+    "release_time": ("time at which the mass leaves the stop", "s", "t"),
+    "count": ("number of samples kept", "1", "N"),
+} | {index.name: (index.long_name, index.units, index.symbol) for index in INDICES.values()}
+
+SYMBOLS = {symbol: name for name, (_, _, symbol) in VARIABLES.items() if name in ImpactOscillator.__annotations__}
+
+
+def variable(name: str, dims: str | Sequence[str], data: Any, **attrs: Any) -> xr.Variable:
+    """Return `data` labelled with the long name, unit and symbol that the name stands for."""
+    long_name, units, symbol = VARIABLES[name]
+    return xr.Variable(dims, data, {"long_name": long_name, "units": units, "symbol": symbol, **attrs})
+
+
+def impact_speed(dims: str | Sequence[str], data: Any) -> xr.Variable:
+    """Return impact velocities under the name `velocity`, labelled as speeds just before contact."""
+    return variable("velocity", dims, data, long_name="impact velocity", symbol="I")
+
+
+def status_variable(dims: str | Sequence[str], codes: Any) -> xr.Variable:
+    """Return status codes with their CF flag values and meanings."""
+    return xr.Variable(
+        dims,
+        np.asarray(codes, dtype=np.int8),
+        {
+            "long_name": "how the motion ended",
+            "flag_values": np.array([status.value for status in Status], dtype=np.int8),
+            "flag_meanings": " ".join(status.word for status in Status),
+        },
+    )
+
+
+def package_version() -> str:
+    """Return the installed version of vibroimpact."""
+    try:
+        return version("vibroimpact")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def provenance(function: str, osc: ImpactOscillator, arguments: Mapping[str, Any]) -> dict[str, str]:
+    """Return attributes that say which call, on which oscillator, by which version made a result."""
+    return {
+        "source": f"vibroimpact {package_version()}",
+        "function": function,
+        "oscillator": json.dumps(asdict(osc)),
+        "arguments": json.dumps(dict(arguments), default=str),
+    }
+
+
+def oscillator_of(dataset: xr.Dataset) -> ImpactOscillator:
+    """Return the oscillator a result was made from (axes of a sweep stand at their reference value)."""
+    return ImpactOscillator(**json.loads(dataset.attrs["oscillator"]))

@@ -1,0 +1,45 @@
+"""The table of indices: what a sweep can tell about each cell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+
+@dataclass(frozen=True)
+class Index:
+    """One number that sums up a motion: its name in datasets, its words, unit, type and missing value."""
+
+    name: str
+    long_name: str
+    units: str
+    symbol: str
+    dtype: str = "float64"
+    fill: float = float("nan")
+
+
+INDICES: dict[str, Index] = {
+    index.name: index
+    for index in (
+        Index("std", "standard deviation of impact velocities", "m/s", "Std"),
+        Index("mean_velocity", "mean impact velocity", "m/s", "<I>"),
+        Index("max_velocity", "largest impact velocity", "m/s", "max I"),
+        Index("impacts_per_period", "impacts per driving period", "1", "p/n"),
+    )
+}
+
+
+def check_indices(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the index names as a tuple, or raise `ValueError` naming the table."""
+    chosen = (names,) if isinstance(names, str) else tuple(names)
+    if not chosen:
+        raise ValueError("`indices` is empty; allowed are " + ", ".join(INDICES) + "; name at least one")
+    for name in chosen:
+        if name not in INDICES:
+            close = get_close_matches(str(name), INDICES, 1)
+            remedy = f"did you mean {close[0]!r}?" if close else "check the spelling"
+            raise ValueError(f"`indices` holds {name!r}; allowed are {', '.join(INDICES)}; {remedy}")
+    if len(set(chosen)) < len(chosen):
+        raise ValueError(f"`indices` is {chosen!r}; allowed is each index once; drop the repeated one")
+    return chosen

@@ -1,0 +1,77 @@
+"""What to leave out, what to keep, and how small is small."""
+
+from __future__ import annotations
+
+import operator
+from dataclasses import dataclass, fields
+from typing import Any
+
+from vibroimpact.oscillator import real_number
+
+
+def whole_number(name: str, value: Any, least: int) -> int:
+    """Return `value` as an int not below `least`, or say what is allowed."""
+    try:
+        if isinstance(value, bool):
+            raise TypeError
+        number = operator.index(value)
+    except TypeError:
+        raise ValueError(f"`{name}` is {value!r}; allowed is a whole number >= {least}; give a plain integer") from None
+    if number < least:
+        raise ValueError(f"`{name}` is {value!r}; allowed is a whole number >= {least}; give a larger count")
+    return number
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How much of a motion is left out as transient and how much is kept.
+
+    Parameters
+    ----------
+    transient_impacts, sample_impacts : int, >= 0 and >= 1
+        Impacts left out and kept on the impact surface; the paper's are 100 and 5000.
+    transient_periods, sample_periods : int, >= 0 and >= 1
+        Driving periods left out and kept on the stroboscopic section.
+    """
+
+    transient_impacts: int = 100
+    sample_impacts: int = 5000
+    transient_periods: int = 200
+    sample_periods: int = 500
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            least = 1 if field.name.startswith("sample") else 0
+            object.__setattr__(self, field.name, whole_number(field.name, getattr(self, field.name), least))
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """How small is small; all relative, so that results scale as the physics does.
+
+    Parameters
+    ----------
+    chatter : float, 0 < chatter <= 1e-2
+        Impacts slower than this times V = max(f, k |g|)/sqrt(k m) are neither recorded nor counted;
+        where such an impact certainly completes its chatter, the chatter's tail is closed in closed form.
+    flight_periods : float, >= 1
+        A flight longer than this many times the longer of the driving and the natural period
+        ends the cell with status `budget`.
+    steps_per_impact : int, >= 1
+        Certified steps granted an impact, on average over a cell, at w = w_n; scaled up with stiffness.
+    """
+
+    chatter: float = 1e-9
+    flight_periods: float = 1000.0
+    steps_per_impact: int = 1000
+
+    def __post_init__(self) -> None:
+        chatter = real_number("chatter", self.chatter, "a number above 0 and up to 0.01")
+        if not 0.0 < chatter <= 1e-2:
+            raise ValueError(f"`chatter` is {chatter!r}; allowed is a number above 0 and up to 0.01; 1e-9 is usual")
+        flight = real_number("flight_periods", self.flight_periods, "a number >= 1")
+        if flight < 1.0:
+            raise ValueError(f"`flight_periods` is {flight!r}; allowed is a number >= 1; 1000 is usual")
+        object.__setattr__(self, "chatter", chatter)
+        object.__setattr__(self, "flight_periods", flight)
+        object.__setattr__(self, "steps_per_impact", whole_number("steps_per_impact", self.steps_per_impact, 1))

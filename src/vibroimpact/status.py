@@ -1,0 +1,62 @@
+"""How a motion ended: codes, their sentences, and which one speaks for a cell."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class Status(IntEnum):
+    """Outcome of one cell or orbit; the numbers are stored in files and never change."""
+
+    OK = 0
+    CLOSED = 1
+    STICKING = 2
+    SHORT_WINDOW = 3
+    NO_IMPACT = 4
+    STOPPED_IMPACTING = 5
+    STUCK_FOREVER = 6
+    DECAYING = 7
+    BUDGET = 8
+    INTERRUPTED = 9
+
+    @property
+    def word(self) -> str:
+        """The name as it stands in datasets and on the command line."""
+        return self.name.lower()
+
+    @property
+    def sentence(self) -> str:
+        """What happened and, where there is one, the remedy."""
+        return _SENTENCES[self]
+
+    @property
+    def has_indices(self) -> bool:
+        """Whether the window of impacts was filled, so that indices have values."""
+        return self <= Status.SHORT_WINDOW
+
+
+_SENTENCES = {
+    Status.OK: "all impacts asked for were sampled",
+    Status.CLOSED: "the motion closed a periodic cycle; its indices were finished in closed form",
+    Status.STICKING: "the mass came to rest at the stop within the sample (complete chatter or stick)",
+    Status.SHORT_WINDOW: "the sampled impacts span fewer than 10 driving periods; raise `sample_impacts`",
+    Status.NO_IMPACT: "the mass never reaches the stop from this start",
+    Status.STOPPED_IMPACTING: "impacts ceased: the motion settled clear of the stop",
+    Status.STUCK_FOREVER: "the mass came to rest at the stop and the force never lets it go",
+    Status.DECAYING: "unforced impacts die out for ever; give an `amplitude` or sample fewer impacts",
+    Status.BUDGET: "a flight or the whole motion outlasted its budget; raise `flight_periods` or `steps_per_impact`",
+    Status.INTERRUPTED: "the sweep was stopped before this cell was finished; run it again",
+}
+
+
+def window_status(*, sampled: int, wanted: int, stuck: bool, periods: float, ended: Status) -> Status:
+    """Return the one status of a cell: what ended it, else what its window says.
+
+    `ended` speaks if the window was not filled. A filled window that spans fewer than 10
+    periods is `short_window`; else one in which the mass stuck is `sticking`; else `ok`.
+    """
+    if sampled < wanted:
+        return ended
+    if periods < 10.0:
+        return Status.SHORT_WINDOW
+    return Status.STICKING if stuck else ended if ended == Status.CLOSED else Status.OK
