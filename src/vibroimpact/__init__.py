@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from vibroimpact import plotting
+    from vibroimpact.diagrams import bifurcation_diagram
     from vibroimpact.options import Tolerances
     from vibroimpact.oscillator import ImpactOscillator, State
     from vibroimpact.sections import impact_section, stroboscopic_section
-    from vibroimpact.sweeps import bifurcation_diagram, parameter_map
+    from vibroimpact.sweeps import parameter_map
     from vibroimpact.trajectory import simulate
 
 # Names are handed on when first used, so that importing vibroimpact costs nothing.
@@ -22,7 +23,7 @@ _HOMES = {
     "simulate": "trajectory",
     "impact_section": "sections",
     "stroboscopic_section": "sections",
-    "bifurcation_diagram": "sweeps",
+    "bifurcation_diagram": "diagrams",
     "parameter_map": "sweeps",
     "save": "storage",
     "load": "storage",

@@ -92,6 +92,18 @@ class Samples:
     steps: int
 
 
+def look_schedule(periods: float, phase: float, window: StroboscopicWindow) -> tuple[Floats, Floats]:
+    """Return when a window looks at a cell that starts at (periods + phase) T, as whole periods and phase."""
+    first = periods + window.skip_periods
+    if window.phase is not None:
+        first += 1.0 if window.phase < phase else 0.0
+        phase = window.phase
+    offset = np.arange(window.keep)
+    fraction = phase + (offset % window.per_period) / window.per_period
+    whole = np.floor(fraction)
+    return first + offset // window.per_period + whole, fraction - whole
+
+
 class Backend(Protocol):
     """Two questions a back end answers about cells; neither ever raises because of a cell's physics."""
 

@@ -1,0 +1,134 @@
+"""The `cpu` back end: certified steps in vectorised lanes for indices, in a single loop for samples."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact.backends import recorder
+from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Samples, StroboscopicWindow, look_schedule
+from vibroimpact.backends.lane_runner import IMPACTS, LARGEST, MEAN, RATE, SPAN, STD, run_cells
+from vibroimpact.kernels.cell import DYING, FILLED, PINNED, QUIET, RUNNING, SPENT
+from vibroimpact.options import Tolerances
+from vibroimpact.status import Status, window_status
+
+_ROOM = 4096  # rows of a recorder's buffer that is not known to fill
+
+
+def _ended(end: int, impacts: float) -> Status:
+    if end == QUIET:
+        return Status.STOPPED_IMPACTING if impacts else Status.NO_IMPACT
+    return {PINNED: Status.STUCK_FOREVER, DYING: Status.DECAYING, SPENT: Status.BUDGET}.get(end, Status.OK)
+
+
+def _table(cells: Cells) -> Floats:
+    return np.ascontiguousarray(np.stack([getattr(cells, field.name) for field in fields(cells)], axis=1), dtype=np.float64)
+
+
+def _limits(tolerances: Tolerances) -> tuple[float, float, float]:
+    return tolerances.chatter, tolerances.flight_periods, float(tolerances.steps_per_impact)
+
+
+class CpuBackend:
+    """Exact flights, certified contacts, closed-form chatter on one core; threads may share tiles."""
+
+    name = "cpu"
+
+    def indices(
+        self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool = True
+    ) -> dict[str, NDArray[Any]]:
+        """Return every index, the status, the impacts computed and the certified steps of each cell."""
+        results = np.zeros((len(cells), 7))
+        ends = np.zeros(len(cells), dtype=np.int8)
+        steps = np.zeros(len(cells), dtype=np.int64)
+        total = float(window.transient + window.keep)
+        run_cells(_table(cells), results, ends, steps, float(window.transient), total, *_limits(tolerances))
+        full = ends == FILLED
+        columns = {"std": STD, "mean_velocity": MEAN, "max_velocity": LARGEST, "impacts_per_period": RATE}
+        return {name: np.where(full, results[:, column], np.nan) for name, column in columns.items()} | {
+            "status": np.array([_status(end, *row, window) for end, row in zip(ends, results[:, SPAN:], strict=True)]),
+            "impacts": results[:, IMPACTS].astype(np.int64),
+            "steps": steps,
+        }
+
+    def samples(
+        self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances
+    ) -> list[Samples]:
+        """Return what the window sees of each cell, one after the other."""
+        return [_record(row, window, tolerances) for row in _table(cells)]
+
+
+def create() -> CpuBackend:
+    """Return the back end."""
+    return CpuBackend()
+
+
+def _record(row: Floats, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> Samples:
+    look_periods = look_phase = np.empty(0)
+    first = (0.0, 0.0)
+    if isinstance(window, ImpactWindow):
+        transient, total, per_period, room = float(window.transient), window.transient + window.keep, 1, window.keep
+    else:
+        transient, total, per_period, room = 0.0, 0, window.per_period, _ROOM
+        look_periods, look_phase = look_schedule(row[9], row[10], window)
+        first = (look_periods[0], look_phase[0])
+    number = len(look_periods)
+    memory = np.zeros(recorder.MEMORY)
+    recorder.begin(row, memory)
+    parts: list[list[Floats]] = []
+    end = RUNNING
+    while end == RUNNING:
+        buffers = np.empty((room, 3)), np.empty((max(number, 1), 2)), np.empty((_ROOM, 4))
+        end, *filled = recorder.record(
+            row, memory, *buffers, transient, float(total), *first, float(per_period), number, _limits(tolerances)
+        )
+        parts.append([buffer[:rows] for buffer, rows in zip(buffers, filled, strict=True)])
+    impacts, looks, sticks = (np.concatenate(part) for part in zip(*parts, strict=True))
+    ended = _ended(end, memory[recorder.COUNT])
+    if isinstance(window, ImpactWindow):
+        turns = impacts[:, 0] + impacts[:, 1]
+        span = turns[-1] - turns[0] if len(turns) else 0.0
+        status = window_status(
+            sampled=len(impacts), wanted=window.keep, stuck=len(sticks) > 0, periods=span, ended=ended
+        )
+        velocity, phase = recorder.place(row, memory)
+        last = (memory[recorder.U], velocity, memory[recorder.N], phase)
+    else:
+        status = _looks_status(row, look_periods, look_phase, looks, sticks, ended)
+        last = (looks[-1, 0], looks[-1, 1], look_periods[-1], look_phase[-1]) if len(looks) else (math.nan,) * 4
+    return Samples(
+        *impacts.T,
+        look_periods[: len(looks)],
+        look_phase[: len(looks)],
+        row[6] - looks[:, 0],
+        looks[:, 1],
+        *sticks.T,
+        int(status),
+        *last,
+        steps=int(memory[recorder.STEPS]),
+    )
+
+
+def _looks_status(
+    row: Floats, periods: Floats, phase: Floats, looks: Floats, sticks: Floats, ended: Status
+) -> Status:
+    if len(looks) < len(periods):
+        return ended
+    pressed_for_ever = row[2] * row[6] <= -row[3]
+    released = sticks[:, 2] + sticks[:, 3]
+    if len(sticks) and np.isnan(released[-1]) and pressed_for_ever:
+        return Status.STUCK_FOREVER
+    within = np.isnan(released) | (released > periods[0] + phase[0])
+    return Status.STICKING if within.any() else Status.OK
+
+
+def _status(end: float, span: float, sticks: float, impacts: float, window: ImpactWindow) -> np.int8:
+    sampled = window.keep if end == FILLED else 0
+    ended = _ended(int(end), impacts)
+    return np.int8(
+        window_status(sampled=sampled, wanted=window.keep, stuck=sticks > 0, periods=span, ended=ended)
+    )

@@ -1,0 +1,54 @@
+"""Where a sweep runs: its cells in tiles, its tiles in threads."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from itertools import islice
+from typing import Any, TypeVar
+
+from vibroimpact.options import whole_number
+
+Result = TypeVar("Result")
+
+_SMALLEST, _LARGEST = 32, 1024  # cells a tile: two rounds of lanes; a second's work
+
+
+def worker_count(workers: int | None) -> int:
+    """Return how many threads to use; None is one a core that this process may run on."""
+    if workers is not None:
+        return whole_number("workers", workers, 1)
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def tiles(number: int, workers: int) -> list[slice]:
+    """Cut `number` cells into tiles, enough of them to keep all workers busy to the end."""
+    size = min(max(number // (8 * workers), _SMALLEST), _LARGEST)
+    return [slice(low, min(low + size, number)) for low in range(0, number, size)]
+
+
+def run_tiles(
+    job: Callable[[slice], Result], parts: list[slice], workers: int, wanted: Callable[[], bool]
+) -> Iterator[tuple[slice, Result]]:
+    """Yield each tile with its result, as they finish; no tile is begun once `wanted` says no.
+
+    What a tile returns cannot depend on the others, so neither can the sweep depend on `workers`.
+    """
+    waiting: Iterator[slice] = iter(parts)
+    with ThreadPoolExecutor(workers, thread_name_prefix="vibroimpact") as pool:
+        running: dict[Future[Any], slice] = {}
+        try:
+            while True:
+                room = 2 * workers - len(running) if wanted() else 0
+                running |= {pool.submit(job, part): part for part in islice(waiting, max(room, 0))}
+                if not running:
+                    return
+                finished, _ = wait(running, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    yield running.pop(future), future.result()
+        finally:
+            for future in running:
+                future.cancel()

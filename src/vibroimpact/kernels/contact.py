@@ -1,0 +1,96 @@
+"""The certified step: how far the mass flies without any chance of having touched the stop.
+
+The gap is the polynomial u(x) = x^m (q_0 + q_1 x + q_2 x^2 + ...) with the contact it starts from divided out:
+m = 0 in mid-flight, 1 just after an impact, 2 leaving from rest, 3 at a release. On 0 <= x <= X <= 1
+the negative terms from the fourth degree on sum to at least -T x^4 with T = sum max(-q_j, 0) X^(j-4); a cubic term
+is bounded by q_3 x^3 >= q_3 (2 X x^2 - X^2 x) if positive, since x (x - X)^2 >= 0, and q_3 x^3 >= q_3 X x^2 if not.
+What remains is a quadratic lower bound of u/x^m; its smallest positive root cannot lie beyond the first contact.
+Both bounds are sharp at x = X, so X near the contact closes in on it with third order.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from vibroimpact.kernels.arithmetic import fma, select
+
+FAR = 4.0  # stands for "no root on this step"; anything above 1 would do
+
+
+@njit(inline="always", error_model="numpy")
+def first_root(q0, q1, q2):
+    """Return the smallest positive root of q0 + q1 x + q2 x^2 with q0 >= 0, or FAR where there is none."""
+    discriminant = fma(q1, q1, -4.0 * q0 * q2)
+    denominator = math.sqrt(select(discriminant > 0.0, discriminant, 0.0)) - q1
+    there = (discriminant >= 0.0) & (denominator > 0.0)
+    return select(there, 2.0 * q0 / denominator, FAR)
+
+
+@njit(inline="always", error_model="numpy")
+def _negative(a):
+    return select(a < 0.0, -a, 0.0)
+
+
+@njit(inline="always", error_model="numpy")
+def _tail_from_7(a, X):
+    t = fma(_negative(a[21]), X, _negative(a[20]))
+    t = fma(t, X, _negative(a[19]))
+    t = fma(t, X, _negative(a[18]))
+    t = fma(t, X, _negative(a[17]))
+    t = fma(t, X, _negative(a[16]))
+    t = fma(t, X, _negative(a[15]))
+    t = fma(t, X, _negative(a[14]))
+    t = fma(t, X, _negative(a[13]))
+    t = fma(t, X, _negative(a[12]))
+    t = fma(t, X, _negative(a[11]))
+    t = fma(t, X, _negative(a[10]))
+    t = fma(t, X, _negative(a[9]))
+    t = fma(t, X, _negative(a[8]))
+    return fma(t, X, _negative(a[7]))
+
+
+@njit(inline="always", error_model="numpy")
+def _shift(leaving, at_rest, at_release, a0, a1, a2, a3):
+    return select(at_release, a3, select(at_rest, a2, select(leaving, a1, a0)))
+
+
+@njit(inline="always", error_model="numpy")
+def _likely_root(q0, q1, q2, q3, q4):
+    # Only efficiency hangs on this: the root of the quadratic part, improved by a Newton step of the quartic.
+    x = first_root(q0, q1, q2)
+    x = select(x < 1.0, x, 1.0)
+    value = fma(fma(fma(fma(q4, x, q3), x, q2), x, q1), x, q0)
+    slope = fma(fma(fma(4.0 * q4, x, 3.0 * q3), x, 2.0 * q2), x, q1)
+    better = x - value / slope
+    good = (slope < 0.0) & (better > 0.5 * x)
+    better = select(good, better, x)
+    return select(better < 1.0, better, 1.0)
+
+
+@njit(inline="always", error_model="numpy")
+def certified_step(a, leaving, at_rest, at_release):
+    """Return an x in (0, 1] such that u > 0 on all of (0, x).
+
+    `leaving`: the flight starts at the stop. `at_rest`: with zero velocity too. `at_release`: with zero
+    acceleration too. Each includes the next.
+    """
+    q0 = _shift(leaving, at_rest, at_release, a[0], a[1], a[2], a[3])
+    q1 = _shift(leaving, at_rest, at_release, a[1], a[2], a[3], a[4])
+    q2 = _shift(leaving, at_rest, at_release, a[2], a[3], a[4], a[5])
+    q3 = _shift(leaving, at_rest, at_release, a[3], a[4], a[5], a[6])
+    q4 = _shift(leaving, at_rest, at_release, a[4], a[5], a[6], a[7])
+    X = _likely_root(q0, q1, q2, q3, q4)
+    t7 = _tail_from_7(a, X)
+    t6 = fma(t7, X, _negative(a[6]))
+    t5 = fma(t6, X, _negative(a[5]))
+    t4 = fma(t5, X, _negative(a[4]))
+    tail = _shift(leaving, at_rest, at_release, t4, t5, t6, t7)
+    rising = q3 > 0.0
+    x = first_root(
+        q0,
+        select(rising, fma(-q3 * X, X, q1), q1),
+        fma(-tail * X, X, fma(q3, select(rising, 2.0 * X, X), q2)),
+    )
+    return select(x < X, x, X)

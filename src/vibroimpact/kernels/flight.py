@@ -1,0 +1,110 @@
+"""Free flight as a power series in x = tau/h, and the rotation of the forcing.
+
+With b_j the j-th derivative of the gap u at x = 0, the equation of motion differentiates to
+b_{j+2} = -C b_{j+1} - K b_j + e_j, where e_0 = G - A s, e_1 = -A th c, e_{j+2} = -Q e_j (the constant G
+enters e_0 alone). One formula serves under-, critically and overdamped motion and w = w_n; nothing is divided.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from vibroimpact.kernels.arithmetic import fma, select
+
+# Steps of H radians of the fastest rate: the remainder after degree N is below H^(N+1)/(N+1)! e^H.
+DEGREE = 21
+REACH = 1.5
+
+
+@njit(inline="always", error_model="numpy")
+def _four_more(b0, b1, e0, e1, C, K, Q):
+    b2 = fma(-C, b1, fma(-K, b0, e0))
+    b3 = fma(-C, b2, fma(-K, b1, e1))
+    e2 = -Q * e0
+    e3 = -Q * e1
+    b4 = fma(-C, b3, fma(-K, b2, e2))
+    b5 = fma(-C, b4, fma(-K, b3, e3))
+    return b2, b3, b4, b5, -Q * e2, -Q * e3
+
+
+@njit(inline="always", error_model="numpy")
+def series(u, p, s, c, C, K, A, G, th, Q, at_release):
+    """Return the coefficients a_0 ... a_21 of u(x); `at_release` the acceleration is zero by assignment."""
+    e0 = -A * s
+    e1 = -A * th * c
+    b2 = select(at_release, 0.0, fma(-C, p, fma(-K, u, G + e0)))
+    b3 = fma(-C, b2, fma(-K, p, e1))
+    b4, b5, b6, b7, e4, e5 = _four_more(b2, b3, -Q * e0, -Q * e1, C, K, Q)
+    b8, b9, b10, b11, e8, e9 = _four_more(b6, b7, e4, e5, C, K, Q)
+    b12, b13, b14, b15, e12, e13 = _four_more(b10, b11, e8, e9, C, K, Q)
+    b16, b17, b18, b19, e16, e17 = _four_more(b14, b15, e12, e13, C, K, Q)
+    b20 = fma(-C, b19, fma(-K, b18, e16))
+    b21 = fma(-C, b20, fma(-K, b19, e17))
+    return (
+        u, p, b2 * (1 / 2), b3 * (1 / 6), b4 * (1 / 24), b5 * (1 / 120), b6 * (1 / 720), b7 * (1 / 5040),
+        b8 * (1 / 40320), b9 * (1 / 362880), b10 * (1 / 3628800), b11 * (1 / 39916800), b12 * (1 / 479001600),
+        b13 * (1 / 6227020800), b14 * (1 / 87178291200), b15 * (1 / 1307674368000), b16 * (1 / 20922789888000),
+        b17 * (1 / 355687428096000), b18 * (1 / 6402373705728000), b19 * (1 / 121645100408832000),
+        b20 * (1 / 2432902008176640000), b21 * (1 / 51090942171709440000),
+    )  # fmt: skip
+
+
+@njit(inline="always", error_model="numpy")
+def _horner4(y, d, x, a3, a2, a1, a0):
+    d = fma(d, x, y)
+    y = fma(y, x, a3)
+    d = fma(d, x, y)
+    y = fma(y, x, a2)
+    d = fma(d, x, y)
+    y = fma(y, x, a1)
+    d = fma(d, x, y)
+    y = fma(y, x, a0)
+    return y, d
+
+
+@njit(inline="always", error_model="numpy")
+def evaluate(a, x):
+    """Return u and du/dx at x from the coefficients of u."""
+    y, d = fma(a[21], x, a[20]), a[21]
+    y, d = _horner4(y, d, x, a[19], a[18], a[17], a[16])
+    y, d = _horner4(y, d, x, a[15], a[14], a[13], a[12])
+    y, d = _horner4(y, d, x, a[11], a[10], a[9], a[8])
+    y, d = _horner4(y, d, x, a[7], a[6], a[5], a[4])
+    y, d = _horner4(y, d, x, a[3], a[2], a[1], a[0])
+    return y, d
+
+
+@njit(inline="always", error_model="numpy")
+def sine_cosine(angle):
+    """Return sin and cos of an angle up to REACH radians, by their power series."""
+    z = angle * angle
+    p = fma(z, 1 / 51090942171709440000, -1 / 121645100408832000)
+    p = fma(z, p, 1 / 355687428096000)
+    p = fma(z, p, -1 / 1307674368000)
+    p = fma(z, p, 1 / 6227020800)
+    p = fma(z, p, -1 / 39916800)
+    p = fma(z, p, 1 / 362880)
+    p = fma(z, p, -1 / 5040)
+    p = fma(z, p, 1 / 120)
+    p = fma(z, p, -1 / 6)
+    q = fma(z, 1 / 2432902008176640000, -1 / 6402373705728000)
+    q = fma(z, q, 1 / 20922789888000)
+    q = fma(z, q, -1 / 87178291200)
+    q = fma(z, q, 1 / 479001600)
+    q = fma(z, q, -1 / 3628800)
+    q = fma(z, q, 1 / 40320)
+    q = fma(z, q, -1 / 720)
+    q = fma(z, q, 1 / 24)
+    q = fma(z, q, -1 / 2)
+    return fma(angle * z, p, angle), fma(z, q, 1.0)
+
+
+@njit(inline="always", error_model="numpy")
+def rotate(s, c, angle):
+    """Turn (sin wt, cos wt) by an angle of at most REACH radians, and pull it back to unit length."""
+    sd, cd = sine_cosine(angle)
+    s1 = fma(s, cd, c * sd)
+    c1 = fma(c, cd, -s * sd)
+    # One Newton step of 1/sqrt: |(s, c)| stays 1 to rounding however many steps are taken.
+    pull = fma(-0.5, fma(s1, s1, c1 * c1), 1.5)
+    return s1 * pull, c1 * pull

@@ -1,0 +1,151 @@
+"""Stability maps: an index over a grid of parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from vibroimpact.axes import check_axes
+from vibroimpact.backends import ImpactWindow, get_backend
+from vibroimpact.backends.starts import check_start, make_cells
+from vibroimpact.dataset import provenance, status_variable, variable
+from vibroimpact.distributed import run_tiles, tiles, worker_count
+from vibroimpact.indices import INDICES, check_indices
+from vibroimpact.options import Sampling, Tolerances
+from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.progress import Report, reporter
+from vibroimpact.status import Status
+
+
+def parameter_map(
+    osc: ImpactOscillator,
+    *,
+    indices: Iterable[str] = ("std",),
+    backend: str = "cpu",
+    time_step: float | None = None,
+    transient_impacts: int = 100,
+    sample_impacts: int = 5000,
+    start: State | None = None,
+    early_closing: bool = True,
+    tolerances: Tolerances | None = None,
+    workers: int | None = None,
+    progress: bool | Report = False,
+    **axes: ArrayLike,
+) -> xr.Dataset:
+    r"""Return indices of the impacts over a grid of one, two or more parameters (the paper's stability maps).
+
+    .. math:: \mathrm{Std} = \sqrt{\tfrac1N \sum_i |I_i - \mu|^2}, \quad
+              \mu = \tfrac1N \sum_i I_i, \quad I_i \text{ the impact velocities}
+
+    Parameters
+    ----------
+    osc : ImpactOscillator
+        The parameters that no axis varies.
+    indices : names
+        Any of `std`, `mean_velocity`, `max_velocity` (m/s), `impacts_per_period` = (N-1) T/(t_N - t_1).
+    backend : {"cpu", "reference", "fixed-step"}
+        Who computes; `time_step` in s is for "fixed-step" alone.
+    transient_impacts, sample_impacts : int, >= 0 and >= 1
+        Impacts left out, then kept, in every cell.
+    start : State, optional
+        Where every cell starts; None is at rest at min(0, gap), time 0.
+    early_closing : bool
+        Whether a cell may stop once all its remaining impacts are known. This version steps every cell to its end,
+        whichever is asked for.
+    tolerances : Tolerances, optional
+        How small is small.
+    workers : int, optional
+        Threads; None is one a core. The result does not depend on it.
+    progress : bool or callable
+        True shows a bar; a callable gets (cells done, cells in all, Dataset so far) and stops the sweep by returning
+        False: the Dataset so far is returned, unfinished cells `interrupted`.
+    **axes : sequences of numbers
+        Values of parameters by name, strictly increasing; `frequency` in Hz may stand for `omega`.
+
+    Returns
+    -------
+    xarray.Dataset
+        One variable an index and `status`, over the axes in the order given. An index is NaN where it has no value;
+        the status says why. `attrs` count the impacts and certified steps computed.
+
+    Raises
+    ------
+    ValueError
+        No axis, an axis that is empty, unsorted, misnamed or out of range, an unknown index or back end, a start
+        beyond the stop anywhere on the grid.
+
+    Notes
+    -----
+    Sums run over velocities shifted by the first one, free of cancellation. Each cell's numbers are the same bits on
+    whatever grid, tile or thread it is computed. About 0.1 microseconds an impact and core.
+
+    References
+    ----------
+    .. [1] J.-Y. Lee, eq. (2) and section 4.
+
+    Examples
+    --------
+    >>> sweep = parameter_map(ImpactOscillator(), omega=[2.0, 2.8], mass=[1.0, 2.0], sample_impacts=200)
+    >>> sweep["std"].dims
+    ('omega', 'mass')
+    >>> float(sweep["std"].sel(omega=2.0, mass=1.0)) < 1e-9
+    True
+    """
+    check_start(start)
+    chosen = check_indices(indices)
+    grid = check_axes(axes)
+    if not grid:
+        raise ValueError("no axis is given; allowed is any parameter's list of values; write for example omega=[1, 2, 3]")
+    sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
+    window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
+    threads = worker_count(workers)
+    engine = get_backend(backend, time_step=time_step)
+    limits = tolerances or Tolerances()
+    cells = make_cells(osc, start, grid)
+
+    dataset, flat = _empty_map(osc, grid, chosen)
+    dataset.attrs |= provenance(
+        "parameter_map",
+        osc,
+        {
+            "indices": chosen,
+            "backend": backend,
+            "transient_impacts": window.transient,
+            "sample_impacts": window.keep,
+            "start": start,
+            "tolerances": limits,
+        },
+    )
+    done, going = 0, True
+    with reporter(progress, "cells") as report:
+        for part, result in run_tiles(
+            lambda part: engine.indices(cells[part], window, limits, early_closing),
+            tiles(len(cells), threads),
+            threads,
+            lambda: going,
+        ):
+            for name in (*chosen, "status"):
+                flat[name][part] = result[name]
+            for count in ("impacts", "steps"):
+                dataset.attrs[f"{count}_computed"] += int(result[count].sum())
+            done += part.stop - part.start
+            going = going and report(done, len(cells), dataset) is not False
+    return dataset
+
+
+def _empty_map(
+    osc: ImpactOscillator, grid: dict[str, NDArray[np.float64]], chosen: tuple[str, ...]
+) -> tuple[xr.Dataset, dict[str, NDArray[Any]]]:
+    """Return a map in which no cell is done, and flat views of its variables to fill."""
+    shape = tuple(len(values) for values in grid.values())
+    arrays: dict[str, NDArray[Any]] = {name: np.full(shape, INDICES[name].fill, INDICES[name].dtype) for name in chosen}
+    arrays["status"] = np.full(shape, Status.INTERRUPTED, np.int8)
+    labelled = {name: variable(name, tuple(grid), arrays[name]) for name in chosen}
+    labelled["status"] = status_variable(tuple(grid), arrays["status"])
+    coords = {name: variable(name, name, values) for name, values in grid.items()}
+    dataset = xr.Dataset(labelled, coords=coords, attrs={"impacts_computed": 0, "steps_computed": 0})
+    return dataset, {name: array.reshape(-1) for name, array in arrays.items()}
