@@ -42,7 +42,8 @@ def _values(name: str, given: Any) -> NDArray[np.float64]:
     if falls.size:
         at = int(falls[0])
         raise ValueError(
-            f"`{name}` goes from {values[at]:g} to {values[at + 1]:g}; allowed are strictly increasing values; sort them"
+            f"`{name}` goes from {values[at]:g} to {values[at + 1]:g}; allowed are "
+            "strictly increasing values; sort them"
         )
     return values
 

@@ -63,6 +63,19 @@ def status_variable(dims: str | Sequence[str], codes: Any) -> xr.Variable:
     )
 
 
+def seconds(osc: ImpactOscillator, periods: Any, phase: Any) -> Any:
+    """Return times in s from whole periods and phase."""
+    return (periods + phase) * osc.period
+
+
+def stick_times(osc: ImpactOscillator, seen: Any) -> dict[str, xr.Variable]:
+    """Return when the mass came to rest at the stop and when it left, from a back end's samples."""
+    return {
+        "stick_time": variable("stick_time", "stick", seconds(osc, seen.stick_periods, seen.stick_phase)),
+        "release_time": variable("release_time", "stick", seconds(osc, seen.release_periods, seen.release_phase)),
+    }
+
+
 def package_version() -> str:
     """Return the installed version of vibroimpact."""
     try:

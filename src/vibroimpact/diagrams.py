@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -122,17 +123,16 @@ def bifurcation_diagram(
     arguments = {"section": section, "direction": direction, "backend": backend, "start": start, "window": window}
     dataset.attrs |= provenance("bifurcation_diagram", osc, arguments)
 
-    going = True
+    stop = Event()
     if direction == "fresh":
-        columns = _fresh(engine, cells, window, limits, threads, lambda: going)
+        columns = _fresh(engine, cells, window, limits, threads, stop)
     else:
-        columns = _carried(engine, cells, window, limits, upward=direction == "up")
+        columns = _carried(engine, cells, window, limits, stop, upward=direction == "up")
     with reporter(progress, "values") as report:
         for done, (at, seen) in enumerate(columns, start=1):
             _fill(dataset, section, at, seen)
-            going = going and report(done, len(cells), dataset) is not False
-            if not going and direction != "fresh":
-                break
+            if report(done, len(cells), dataset) is False:
+                stop.set()
     return dataset.isel({_along(section): slice(0, max(int(dataset["count"].max()), 1))})
 
 
@@ -151,10 +151,10 @@ def _fresh(
     window: ImpactWindow | StroboscopicWindow,
     limits: Tolerances,
     threads: int,
-    wanted: Callable[[], bool],
+    stop: Event,
 ) -> Iterator[tuple[int, Samples]]:
     parts = [slice(at, at + 1) for at in range(len(cells))]
-    for part, (seen,) in run_tiles(lambda part: engine.samples(cells[part], window, limits), parts, threads, wanted):
+    for part, (seen,) in run_tiles(lambda part: engine.samples(cells[part], window, limits), parts, threads, stop):
         yield part.start, seen
 
 
@@ -163,12 +163,15 @@ def _carried(
     cells: Cells,
     window: ImpactWindow | StroboscopicWindow,
     limits: Tolerances,
+    stop: Event,
     *,
     upward: bool,
 ) -> Iterator[tuple[int, Samples]]:
     order = range(len(cells)) if upward else range(len(cells) - 1, -1, -1)
     before: Samples | None = None
     for at in order:
+        if stop.is_set():
+            return
         cell = cells[at : at + 1]
         if before is not None and np.isfinite(before.last_clearance):
             cell = replace(

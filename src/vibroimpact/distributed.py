@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import islice
+from threading import Event
 from typing import Any, TypeVar
 
 from vibroimpact.options import whole_number
@@ -31,9 +32,9 @@ def tiles(number: int, workers: int) -> list[slice]:
 
 
 def run_tiles(
-    job: Callable[[slice], Result], parts: list[slice], workers: int, wanted: Callable[[], bool]
+    job: Callable[[slice], Result], parts: list[slice], workers: int, stop: Event
 ) -> Iterator[tuple[slice, Result]]:
-    """Yield each tile with its result, as they finish; no tile is begun once `wanted` says no.
+    """Yield each tile with its result, as they finish; no tile is begun once `stop` is set.
 
     What a tile returns cannot depend on the others, so neither can the sweep depend on `workers`.
     """
@@ -42,7 +43,7 @@ def run_tiles(
         running: dict[Future[Any], slice] = {}
         try:
             while True:
-                room = 2 * workers - len(running) if wanted() else 0
+                room = 0 if stop.is_set() else 2 * workers - len(running)
                 running |= {pool.submit(job, part): part for part in islice(waiting, max(room, 0))}
                 if not running:
                     return

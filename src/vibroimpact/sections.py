@@ -6,19 +6,16 @@ import xarray as xr
 
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow, get_backend
 from vibroimpact.backends.starts import check_start, make_cells
-from vibroimpact.dataset import impact_speed, provenance, status_variable, variable
+from vibroimpact.dataset import impact_speed, provenance, seconds, status_variable, stick_times, variable
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, State, real_number
-from vibroimpact.trajectory import seconds, stick_times
 
 
 def section_phase(phase: float) -> float:
     """Return the phase of a stroboscopic section, or say that it lies in [0, 1)."""
     value = real_number("phase", phase, "a number from 0 up to, not including, 1")
     if not 0.0 <= value < 1.0:
-        raise ValueError(
-            f"`phase` is {phase!r}; allowed is a number from 0 up to, not including, 1; give (t mod T)/T"
-        )
+        raise ValueError(f"`phase` is {phase!r}; allowed is a number from 0 up to, not including, 1; give (t mod T)/T")
     return value
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -99,7 +100,9 @@ def parameter_map(
     chosen = check_indices(indices)
     grid = check_axes(axes)
     if not grid:
-        raise ValueError("no axis is given; allowed is any parameter's list of values; write for example omega=[1, 2, 3]")
+        raise ValueError(
+            "no axis is given; allowed is any parameter's list of values; write for example omega=[1, 2, 3]"
+        )
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     threads = worker_count(workers)
@@ -120,20 +123,21 @@ def parameter_map(
             "tolerances": limits,
         },
     )
-    done, going = 0, True
+    done, stop = 0, Event()
     with reporter(progress, "cells") as report:
         for part, result in run_tiles(
             lambda part: engine.indices(cells[part], window, limits, early_closing),
             tiles(len(cells), threads),
             threads,
-            lambda: going,
+            stop,
         ):
             for name in (*chosen, "status"):
                 flat[name][part] = result[name]
             for count in ("impacts", "steps"):
                 dataset.attrs[f"{count}_computed"] += int(result[count].sum())
             done += part.stop - part.start
-            going = going and report(done, len(cells), dataset) is not False
+            if report(done, len(cells), dataset) is False:
+                stop.set()
     return dataset
 
 

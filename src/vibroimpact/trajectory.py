@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from vibroimpact.backends import Samples, StroboscopicWindow, get_backend
+from vibroimpact.backends import StroboscopicWindow, get_backend
 from vibroimpact.backends.starts import check_start, make_cells
-from vibroimpact.dataset import provenance, status_variable, variable
+from vibroimpact.dataset import provenance, seconds, status_variable, stick_times, variable
 from vibroimpact.options import Tolerances, whole_number
 from vibroimpact.oscillator import ImpactOscillator, State, real_number
 
@@ -96,16 +96,3 @@ def simulate(
             {"start": start, "periods": length, "samples_per_period": density, "backend": backend},
         ),
     )
-
-
-def seconds(osc: ImpactOscillator, periods: np.ndarray, phase: np.ndarray) -> np.ndarray:
-    """Return times in s from whole periods and phase."""
-    return (periods + phase) * osc.period
-
-
-def stick_times(osc: ImpactOscillator, seen: Samples) -> dict[str, xr.Variable]:
-    """Return when the mass came to rest at the stop, and when it left."""
-    return {
-        "stick_time": variable("stick_time", "stick", seconds(osc, seen.stick_periods, seen.stick_phase)),
-        "release_time": variable("release_time", "stick", seconds(osc, seen.release_periods, seen.release_phase)),
-    }

@@ -99,8 +99,8 @@ def look_schedule(periods: float, phase: float, window: StroboscopicWindow) -> t
         first += 1.0 if window.phase < phase else 0.0
         phase = window.phase
     offset = np.arange(window.keep)
-    fraction = phase + (offset % window.per_period) / window.per_period
-    whole = np.floor(fraction)
+    fraction: Floats = phase + (offset % window.per_period) / window.per_period
+    whole: Floats = np.floor(fraction)
     return first + offset // window.per_period + whole, fraction - whole
 
 
@@ -113,11 +113,10 @@ class Backend(Protocol):
         self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool = True
     ) -> dict[str, NDArray[Any]]:
         """Return every index of `vibroimpact.indices.INDICES` (NaN where it has no value), `status` (int8),
-        `impacts` (recorded impacts computed, int64) and `steps` (int64), each of shape (n,)."""
+        `impacts` (recorded impacts computed, int64) and `steps` (int64), each of shape (n,).
+        """
         ...
 
-    def samples(
-        self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances
-    ) -> list[Samples]:
+    def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
         """Return what the window sees of each cell."""
         ...

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from vibroimpact.backends import recorder
 from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Samples, StroboscopicWindow, look_schedule
-from vibroimpact.backends.lane_runner import IMPACTS, LARGEST, MEAN, RATE, SPAN, STD, run_cells
+from vibroimpact.backends.lane_runner import IMPACTS, LARGEST, MEAN, RATE, SPAN, STD, STICKS, run_cells
 from vibroimpact.kernels.cell import DYING, FILLED, PINNED, QUIET, RUNNING, SPENT
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
@@ -26,7 +26,9 @@ def _ended(end: int, impacts: float) -> Status:
 
 
 def _table(cells: Cells) -> Floats:
-    return np.ascontiguousarray(np.stack([getattr(cells, field.name) for field in fields(cells)], axis=1), dtype=np.float64)
+    return np.ascontiguousarray(
+        np.stack([getattr(cells, field.name) for field in fields(cells)], axis=1), dtype=np.float64
+    )
 
 
 def _limits(tolerances: Tolerances) -> tuple[float, float, float]:
@@ -50,14 +52,14 @@ class CpuBackend:
         full = ends == FILLED
         columns = {"std": STD, "mean_velocity": MEAN, "max_velocity": LARGEST, "impacts_per_period": RATE}
         return {name: np.where(full, results[:, column], np.nan) for name, column in columns.items()} | {
-            "status": np.array([_status(end, *row, window) for end, row in zip(ends, results[:, SPAN:], strict=True)]),
+            "status": np.array(
+                [_status(end, row, window) for end, row in zip(ends.tolist(), results.tolist(), strict=True)], np.int8
+            ),
             "impacts": results[:, IMPACTS].astype(np.int64),
             "steps": steps,
         }
 
-    def samples(
-        self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances
-    ) -> list[Samples]:
+    def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
         """Return what the window sees of each cell, one after the other."""
         return [_record(row, window, tolerances) for row in _table(cells)]
 
@@ -101,21 +103,27 @@ def _record(row: Floats, window: ImpactWindow | StroboscopicWindow, tolerances: 
         status = _looks_status(row, look_periods, look_phase, looks, sticks, ended)
         last = (looks[-1, 0], looks[-1, 1], look_periods[-1], look_phase[-1]) if len(looks) else (math.nan,) * 4
     return Samples(
-        *impacts.T,
-        look_periods[: len(looks)],
-        look_phase[: len(looks)],
-        row[6] - looks[:, 0],
-        looks[:, 1],
-        *sticks.T,
-        int(status),
-        *last,
+        impact_periods=impacts[:, 0],
+        impact_phase=impacts[:, 1],
+        impact_velocity=impacts[:, 2],
+        look_periods=look_periods[: len(looks)],
+        look_phase=look_phase[: len(looks)],
+        look_displacement=row[6] - looks[:, 0],
+        look_velocity=looks[:, 1],
+        stick_periods=sticks[:, 0],
+        stick_phase=sticks[:, 1],
+        release_periods=sticks[:, 2],
+        release_phase=sticks[:, 3],
+        status=int(status),
+        last_clearance=last[0],
+        last_velocity=last[1],
+        last_periods=last[2],
+        last_phase=last[3],
         steps=int(memory[recorder.STEPS]),
     )
 
 
-def _looks_status(
-    row: Floats, periods: Floats, phase: Floats, looks: Floats, sticks: Floats, ended: Status
-) -> Status:
+def _looks_status(row: Floats, periods: Floats, phase: Floats, looks: Floats, sticks: Floats, ended: Status) -> Status:
     if len(looks) < len(periods):
         return ended
     pressed_for_ever = row[2] * row[6] <= -row[3]
@@ -126,9 +134,11 @@ def _looks_status(
     return Status.STICKING if within.any() else Status.OK
 
 
-def _status(end: float, span: float, sticks: float, impacts: float, window: ImpactWindow) -> np.int8:
-    sampled = window.keep if end == FILLED else 0
-    ended = _ended(int(end), impacts)
-    return np.int8(
-        window_status(sampled=sampled, wanted=window.keep, stuck=sticks > 0, periods=span, ended=ended)
+def _status(end: int, row: list[float], window: ImpactWindow) -> Status:
+    return window_status(
+        sampled=window.keep if end == FILLED else 0,
+        wanted=window.keep,
+        stuck=row[STICKS] > 0.0,
+        periods=row[SPAN],
+        ended=_ended(end, row[IMPACTS]),
     )

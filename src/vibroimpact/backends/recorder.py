@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from vibroimpact.backends.lane_runner import LOOK
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, STUCK, advance
-from vibroimpact.kernels.cell import FILLED, PINNED, RUNNING, SPENT, budgets, cut_velocity, ending, pair_of, phase_of, prepare
+from vibroimpact.kernels.cell import (
+    FILLED,
+    PINNED,
+    RUNNING,
+    SPENT,
+    budgets,
+    cut_velocity,
+    ending,
+    pair_of,
+    phase_of,
+    prepare,
+)
 from vibroimpact.kernels.chatter import pressed, tail_duration
 from vibroimpact.kernels.compilation import compiled
 from vibroimpact.kernels.flight import evaluate, series
@@ -58,7 +67,7 @@ def record(cell, memory, impacts, looks, sticks, transient, total, first_n, firs
         u1, p1, s1, c1, n1, event, v, x = advance(
             u, p, s, c, n, damp, stiff, drive, preload, turn, turn2, r, cut, tail, sin_r, cos_r
         )
-        rests = event == RELEASE or event == STUCK
+        rests = event in (RELEASE, STUCK)
         if number > 0:
             # Every look that lies before the end of this step, the end itself excluded.
             if event == RELEASE:

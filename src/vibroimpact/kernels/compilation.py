@@ -13,8 +13,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numba
+from numba import njit
+from numba.core import config as _config
 from platformdirs import user_cache_dir
+
+# Numba fills its settings in at run time, unseen by type checkers.
+config: Any = _config
 
 
 @cache
@@ -29,11 +33,11 @@ def cache_folder() -> str:
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile a driver of kernels without the interpreter lock, cached on disk where that can be written."""
-    kept = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = cache_folder()
+    kept = config.CACHE_DIR
+    config.CACHE_DIR = cache_folder()
     try:
-        return numba.njit(nogil=True, error_model="numpy", cache=True)(function)
+        return njit(nogil=True, error_model="numpy", cache=True)(function)
     except RuntimeError:  # no folder to write to: compile anew in each process
-        return numba.njit(nogil=True, error_model="numpy")(function)
+        return njit(nogil=True, error_model="numpy")(function)
     finally:
-        numba.config.CACHE_DIR = kept
+        config.CACHE_DIR = kept

@@ -75,14 +75,6 @@ def step_lanes(lanes, steps, transient, total):
             lanes[N1 * LANES + i] = n1
             lanes[S1 * LANES + i] = s1
             lanes[C1 * LANES + i] = c1
-            lanes[STUCK_SEEN * LANES + i] = sticks_within(
-                lanes[STUCK_SEEN * LANES + i], event, count, transient, total
-            )
+            lanes[STUCK_SEEN * LANES + i] = sticks_within(lanes[STUCK_SEEN * LANES + i], event, count, transient, total)
             lanes[AGE * LANES + i] = select(event == IMPACT, 0.0, lanes[AGE * LANES + i] + x)
             lanes[CONTACT * LANES + i] = select(u == 0.0, v, lanes[CONTACT * LANES + i])
-
-
-@njit(error_model="numpy")
-def _load(lanes, i, cell, cells, tolerances):
-    """Put a cell into lane i, at its start."""
-    m, c, k, f, w, r, g = cells[0, cell], cells[1, cell], cells[2, cell], cells[3, cell], cells[4, cell], cells[5, cell], cells[6, cell]

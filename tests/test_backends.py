@@ -1,0 +1,139 @@
+"""The contract every back end keeps: shapes, labels, statuses, starts, samples."""
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow, get_backend
+from vibroimpact.backends.starts import make_cells
+from vibroimpact.indices import INDICES
+from vibroimpact.options import Tolerances
+
+EXACT = ("cpu", "reference")
+ALL = (*EXACT, "fixed-step")
+OSC = vi.ImpactOscillator(omega=2.0)
+
+
+@pytest.fixture(params=ALL)
+def backend(request):
+    return request.param
+
+
+@pytest.fixture(params=EXACT)
+def exact(request):
+    return request.param
+
+
+def test_indices_come_with_every_name_of_the_table(backend):
+    cells = make_cells(OSC, None, {"omega": np.array([1.5, 2.0])})
+    result = get_backend(backend).indices(cells, ImpactWindow(2, 5), Tolerances())
+    assert set(result) == {*INDICES, "status", "impacts", "steps"}
+    assert all(len(values) == 2 for values in result.values())
+    assert (result["impacts"] >= 7).all()
+    assert (result["steps"] > 0).all()
+
+
+def test_an_impact_window_keeps_as_many_impacts_as_asked(backend):
+    (seen,) = get_backend(backend).samples(make_cells(OSC, None), ImpactWindow(3, 4), Tolerances())
+    assert len(seen.impact_velocity) == len(seen.impact_phase) == len(seen.impact_periods) == 4
+    assert (seen.impact_velocity > 0).all()
+    assert ((seen.impact_phase >= 0) & (seen.impact_phase < 1)).all()
+    assert len(seen.look_velocity) == 0
+    assert seen.last_clearance == pytest.approx(0.0, abs=1e-12)
+    assert seen.last_velocity == pytest.approx(-0.8 * seen.impact_velocity[-1], rel=1e-12)
+
+
+def test_a_stroboscopic_window_looks_at_its_phase(backend):
+    window = StroboscopicWindow(2, 4, 0.25)
+    (seen,) = get_backend(backend).samples(make_cells(OSC, None), window, Tolerances())
+    assert seen.look_phase == pytest.approx(0.25, abs=1e-3)
+    assert seen.look_periods.tolist() == [2, 3, 4, 5]
+    assert seen.last_clearance == pytest.approx(OSC.gap - seen.look_displacement[-1], abs=1e-12)
+
+
+def test_a_start_mid_period_waits_for_the_section_s_phase(exact):
+    start = vi.State(-1.0, 0.0, 0.6 * OSC.period)
+    looks = vi.stroboscopic_section(OSC, start=start, phase=0.25, transient_periods=0, sample_periods=2, backend=exact)
+    assert looks["time"].values == pytest.approx([1.25 * OSC.period, 2.25 * OSC.period], rel=1e-14)
+
+
+def test_no_displacement_lies_beyond_the_stop(backend):
+    orbit = vi.simulate(vi.ImpactOscillator(omega=0.9, gap=0.1), periods=6, samples_per_period=40, backend=backend)
+    assert (orbit["displacement"] <= 0.1 + 1e-15).all()
+    assert orbit["displacement"].values[0] == 0.0
+
+
+def test_an_impact_start_is_recorded_at_its_time(exact):
+    start = vi.State(0.0, 0.7, 0.9)
+    hits = vi.impact_section(OSC, start=start, transient_impacts=0, sample_impacts=1, backend=exact)
+    assert hits["velocity"].values == pytest.approx([0.7], rel=1e-15)
+    assert hits["time"].values == pytest.approx([0.9], rel=1e-15)
+
+
+@pytest.mark.parametrize("section", ["impact", "stroboscopic"])
+def test_diagrams_have_the_same_shape_from_every_back_end(backend, section):
+    diagram = vi.bifurcation_diagram(
+        OSC,
+        omega=[1.9, 2.0],
+        section=section,
+        transient_impacts=1,
+        sample_impacts=3,
+        transient_periods=1,
+        sample_periods=3,
+        backend=backend,
+    )
+    assert diagram["velocity"].dims == ("omega", "impact" if section == "impact" else "period")
+    assert diagram["velocity"].shape == (2, 3)
+    assert diagram["count"].values.tolist() == [3, 3]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "start", "expected"),
+    [
+        ({"gap": 10.0}, None, "no_impact"),
+        ({"gap": -2.0}, None, "stuck_forever"),
+        ({"amplitude": 0.0}, vi.State(-1.0), "decaying"),
+        ({"gap": 1.0, "omega": 3.0, "damping": 0.1}, vi.State(-5.0), "stopped_impacting"),
+        ({"omega": 0.1}, None, "sticking"),
+        ({"omega": 2.0}, None, "ok"),
+    ],
+)
+def test_exact_back_ends_agree_on_how_a_motion_ends(exact, parameters, start, expected):
+    osc = vi.ImpactOscillator(**parameters)
+    keep = 950 if expected == "sticking" else 40
+    hits = vi.impact_section(osc, start=start, transient_impacts=0, sample_impacts=keep, backend=exact)
+    assert vi.Status(int(hits["status"])).word == expected
+
+
+def test_exact_back_ends_agree_on_settled_indices():
+    names = ("std", "mean_velocity", "max_velocity", "impacts_per_period")
+    sweeps = [
+        vi.parameter_map(
+            OSC, omega=[0.95, 2.0], indices=names, transient_impacts=150, sample_impacts=20, backend=backend
+        )
+        for backend in EXACT
+    ]
+    for name in names:
+        assert sweeps[0][name].values == pytest.approx(sweeps[1][name].values, rel=1e-10, abs=1e-10)
+
+
+def test_the_fixed_step_scheme_comes_near_where_motion_is_simple():
+    hits = vi.impact_section(OSC, transient_impacts=300, sample_impacts=3, backend="fixed-step")
+    assert hits["velocity"].values == pytest.approx(6.2264, abs=2e-2)
+
+
+def test_cells_can_be_cut_and_keep_their_columns():
+    cells = make_cells(OSC, None, {"omega": np.array([1.0, 2.0, 3.0]), "gap": np.array([-0.5, 0.5])})
+    assert isinstance(cells[1:3], Cells)
+    assert cells.omega.tolist() == [1, 1, 2, 2, 3, 3]
+    assert cells.clearance.tolist() == [0, 0.5, 0, 0.5, 0, 0.5]
+
+
+def test_an_unknown_back_end_is_told():
+    with pytest.raises(ValueError, match="`backend` is 'cpuu'.*did you mean 'cpu'"):
+        get_backend("cpuu")
+
+
+def test_a_time_step_is_for_the_fixed_step_scheme_alone():
+    with pytest.raises(ValueError, match="`time_step` is 0.001"):
+        vi.simulate(OSC, backend="cpu", time_step=0.001)

@@ -1,0 +1,68 @@
+"""The power series of the free flight, in every damping regime."""
+
+import math
+
+import pytest
+from numba import njit
+
+from vibroimpact.kernels.cell import pair_of, phase_of, prepare
+from vibroimpact.kernels.flight import REACH, evaluate, rotate, series, sine_cosine
+
+STOP = 10.0  # far away: only the flight matters
+
+
+@njit
+def fly(h, C, K, A, G, th, u, p, s, c, x):
+    a = series(u, p, s, c, C, K, A, G, th, th * th, False)
+    u, p = evaluate(a, x)
+    s, c = rotate(s, c, th * x)
+    return u, p, s, c
+
+
+@njit
+def polynomial_pair(angle):
+    return sine_cosine(angle)
+
+
+@pytest.mark.parametrize(
+    "regime", ["under", "critical", "over", "k0", "k0c0", "resonant_c0", "near_resonant", "stiff", "negk"]
+)
+def test_a_flight_ends_where_50_digits_say(values, regime):
+    known = values["flow_values"][regime]
+    m, c, k, f, w = map(float, known["m_c_k_f_w"])
+    if k > 0:
+        h, C, K, A, G, th = prepare(m, c, k, f, w, 0.8, STOP)[:6]
+    else:  # refused above the kernel, which does not mind
+        h = REACH / (w + c / m)
+        C, K, A, G, th = c * h / m, k * h * h / m, f * h * h / m, k * STOP * h * h / m, w * h
+    turns = 0.2 * w / (2 * math.pi)
+    s, co = pair_of(turns)
+    u, p = STOP + 0.3, -0.4 * h
+    steps = math.ceil(1.7 / h)
+    for _ in range(steps):
+        u, p, s, co = fly(h, C, K, A, G, th, u, p, s, co, 1.7 / h / steps)
+    y, v = map(float, known["y_v"])
+    assert STOP - u == pytest.approx(y, abs=5e-15 * STOP)
+    assert -p / h == pytest.approx(v, abs=1e-14 * max(1.0, abs(v)))
+    assert phase_of(s, co) == pytest.approx((turns + 1.7 * w / (2 * math.pi)) % 1, abs=1e-15)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.1, 0.75, 1.2, REACH])
+def test_the_polynomials_of_sine_and_cosine_are_exact_to_rounding(angle):
+    s, c = polynomial_pair(angle)
+    assert s == pytest.approx(math.sin(angle), rel=2.3e-16, abs=0)
+    assert c == pytest.approx(math.cos(angle), abs=1.2e-16)
+
+
+def test_ten_thousand_rotations_keep_the_length_and_lose_a_rounding_of_phase_each():
+    s, c = 0.0, 1.0
+    for _ in range(10_000):
+        _, _, s, c = fly(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, s, c, 1.0)
+    assert math.hypot(s, c) == pytest.approx(1.0, abs=4e-16)
+    assert phase_of(s, c) == pytest.approx((10_000 / (2 * math.pi)) % 1, abs=10_000 * 2.3e-16 / (2 * math.pi))
+
+
+@pytest.mark.parametrize(("phase", "pair"), [(0.0, (0, 1)), (0.25, (1, 0)), (0.5, (0, -1)), (0.75, (-1, 0))])
+def test_quarter_phases_are_exact_both_ways(phase, pair):
+    assert pair_of(phase) == pair
+    assert phase_of(*pair_of(phase)) == phase

@@ -1,0 +1,170 @@
+"""Maps and diagrams: the same bits however they are cut, labels, progress, hysteresis."""
+
+import itertools
+import tracemalloc
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+
+OSC = vi.ImpactOscillator()
+NAMES = ("std", "mean_velocity", "max_velocity", "impacts_per_period")
+OMEGA, MASS = np.linspace(0.1, 5.0, 23), np.linspace(0.2, 3.0, 7)
+
+
+def sweep(**settings):
+    defaults = {"indices": NAMES, "transient_impacts": 30, "sample_impacts": 100, "omega": OMEGA, "mass": MASS}
+    return vi.parameter_map(OSC, **{**defaults, **settings})
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return sweep()
+
+
+def same(a, b):
+    return all(np.array_equal(a[name].values, b[name].values, equal_nan=True) for name in (*NAMES, "status"))
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_a_map_does_not_depend_on_the_number_of_threads(whole, workers):
+    assert same(sweep(workers=workers), whole)
+
+
+def test_a_cell_does_not_depend_on_the_grid_around_it(whole):
+    assert same(sweep(omega=OMEGA[5:9], mass=MASS[2:4]), whole.isel(omega=slice(5, 9), mass=slice(2, 4)))
+
+
+def test_a_cell_alone_is_the_single_orbit_bit_for_bit(whole):
+    for at, mass in itertools.product((3, 11, 17), (0, 4)):
+        osc = OSC.replace(omega=OMEGA[at], mass=MASS[mass])
+        hits = vi.impact_section(osc, transient_impacts=30, sample_impacts=100)["velocity"].values
+        cell = whole.isel(omega=at, mass=mass)
+        assert float(cell["max_velocity"]) == hits.max()
+        assert float(cell["mean_velocity"]) == pytest.approx(hits.mean(), rel=1e-13)
+        assert float(cell["std"]) == pytest.approx(hits.std(), rel=1e-11, abs=1e-14)
+
+
+def test_axes_become_dims_in_the_order_given(whole):
+    turned = vi.parameter_map(OSC, mass=MASS, omega=OMEGA, indices=NAMES, transient_impacts=30, sample_impacts=100)
+    assert turned["std"].dims == ("mass", "omega")
+    assert same(turned.transpose("omega", "mass"), whole)
+
+
+def test_three_axes_are_as_good_as_two(whole):
+    cube = sweep(restitution=[0.7, 0.8])
+    assert cube["std"].dims == ("omega", "mass", "restitution")
+    assert same(cube.sel(restitution=0.8), whole)
+
+
+def test_everything_is_labelled(whole):
+    assert whole["std"].attrs["units"] == "m/s"
+    assert whole["omega"].attrs["units"] == "rad/s"
+    assert whole["mass"].attrs["long_name"] == "mass"
+    meanings = whole["status"].attrs["flag_meanings"].split()
+    assert meanings[int(whole["status"].attrs["flag_values"][2])] == "sticking"
+    assert whole["status"].dtype == np.int8
+    assert "vibroimpact" in whole.attrs["source"]
+
+
+def test_impacts_per_period_is_p_over_n():
+    settled = vi.parameter_map(OSC, omega=[0.95, 2.0, 4.0], indices=NAMES, transient_impacts=2000, sample_impacts=201)
+    assert settled["impacts_per_period"].values == pytest.approx([2.0, 1.0, 0.5], rel=1e-9)
+
+
+def test_progress_counts_cells_and_hands_on_the_map_so_far():
+    seen = []
+    result = sweep(
+        progress=lambda done, total, partial: seen.append((done, total, int((partial["status"] == 9).sum())))
+    )
+    assert seen[-1] == (161, 161, 0)
+    assert [done for done, _, _ in seen] == sorted(done for done, _, _ in seen)
+    assert all(total - done == missing for done, total, missing in seen)
+    assert result.attrs["impacts_computed"] >= 161 * 130 * 0.5
+
+
+def test_progress_that_says_no_stops_the_map_and_leaves_what_is_done(whole):
+    part = sweep(progress=lambda done, total, partial: False, workers=1)
+    interrupted = part["status"].values == vi.Status.INTERRUPTED
+    assert 0 < interrupted.sum() < interrupted.size
+    assert np.isnan(part["std"].values[interrupted]).all()
+    assert np.array_equal(part["std"].values[~interrupted], whole["std"].values[~interrupted])
+
+
+@pytest.mark.parametrize("direction", ["fresh", "up"])
+def test_progress_that_says_no_stops_a_diagram(direction):
+    part = vi.bifurcation_diagram(
+        OSC, omega=OMEGA, direction=direction, sample_impacts=20, workers=1, progress=lambda done, total, partial: False
+    )
+    assert 0 < (part["status"].values == vi.Status.INTERRUPTED).sum() < len(OMEGA)
+
+
+def test_memory_does_not_grow_with_the_impacts_sampled():
+    def peak(sample_impacts):
+        tracemalloc.start()
+        sweep(sample_impacts=sample_impacts)
+        high = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return high
+
+    peak(10)
+    assert peak(2000) < peak(20) * 1.2 + 100_000
+
+
+def test_a_diagram_is_its_sections_side_by_side():
+    omega = np.array([0.5, 2.0, 2.8])
+    diagram = vi.bifurcation_diagram(OSC, omega=omega, sample_impacts=50)
+    for at, value in enumerate(omega):
+        hits = vi.impact_section(OSC.replace(omega=value), sample_impacts=50)
+        assert np.array_equal(diagram["velocity"].values[at], hits["velocity"].values)
+        assert np.array_equal(diagram["phase"].values[at], hits["phase"].values)
+    looks = vi.bifurcation_diagram(OSC, omega=omega, section="stroboscopic", sample_periods=30)
+    alone = vi.stroboscopic_section(OSC.replace(omega=2.8), sample_periods=30)
+    assert np.array_equal(looks["displacement"].values[2], alone["displacement"].values)
+
+
+def test_a_section_changes_nothing():
+    osc = OSC.replace(omega=2.8)
+    hits = vi.impact_section(osc, start=vi.State(-1.0), transient_impacts=0, sample_impacts=150)
+    for density in (1, 7, 200):
+        orbit = vi.simulate(osc, start=vi.State(-1.0), periods=120, samples_per_period=density)
+        assert np.array_equal(orbit["impact_velocity"].values[:100], hits["velocity"].values[:100])
+
+
+def test_a_diagram_is_padded_with_nan_where_impacts_cease():
+    diagram = vi.bifurcation_diagram(
+        OSC.replace(damping=0.1, omega=3.0),
+        gap=[0.0, 1.0],
+        start=vi.State(-5.0),
+        transient_impacts=0,
+        sample_impacts=50,
+    )
+    assert diagram["count"].values[0] == 50
+    short = int(diagram["count"].values[1])
+    assert 0 < short < 50
+    assert np.isnan(diagram["velocity"].values[1, short:]).all()
+    assert diagram["status"].values[1] == vi.Status.STOPPED_IMPACTING
+
+
+def test_sweeps_up_and_down_carry_the_state_and_show_hysteresis():
+    # In front of a wide gap a large and a small motion coexist below resonance.
+    osc = vi.ImpactOscillator(damping=0.05, gap=3.0)
+    omega = np.linspace(0.9, 1.6, 60)
+    up, down = (
+        vi.bifurcation_diagram(osc, omega=omega, direction=way, section="stroboscopic", sample_periods=5)
+        for way in ("up", "down")
+    )
+    apart = np.abs(up["velocity"].values[:, 0] - down["velocity"].values[:, 0]) > 0.1
+    assert 3 < apart.sum() < 55
+
+
+def test_a_carried_state_keeps_its_clearance_when_the_gap_moves():
+    diagram = vi.bifurcation_diagram(
+        OSC, gap=np.linspace(-0.3, 0.3, 13), direction="down", start=vi.State(-1.0), sample_impacts=20
+    )
+    assert (diagram["count"].values == 20).all()
+
+
+def test_one_cell_is_a_map_too():
+    assert vi.parameter_map(OSC, omega=[2.0], sample_impacts=1, indices=NAMES)["std"].values.tolist() == [0.0]
