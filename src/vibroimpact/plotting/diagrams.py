@@ -1,0 +1,255 @@
+"""One swept parameter: the bifurcation diagram, an index as a curve, and both in one figure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from vibroimpact.plotting.checks import SAMPLE_DIMS, check_choice, check_diagram, check_number, check_sweep
+from vibroimpact.plotting.style import (
+    BLUE,
+    INK,
+    Floats,
+    label,
+    legend_below,
+    magnitude,
+    mark_missing,
+    math,
+    new_axes,
+    reference,
+    title,
+    view,
+    words,
+)
+
+DRAW_ALL = 200_000  # samples; up to so many, each is drawn
+LEVELS = 2000  # above it, samples of one column in the same 1/LEVELS of the axis are drawn once
+
+
+def _points(axis: Floats, columns: Floats) -> tuple[Floats, Floats]:
+    """Return the points to draw of `columns`, shape (len(axis), samples), NaN-padded.
+
+    Many samples are thinned by height, not by rank: every k-th sample of a period-k motion would show one
+    branch of k. What is drawn are samples, unrounded.
+    """
+    kept = np.isfinite(columns)
+    if kept.sum() > DRAW_ALL:
+        low, high = columns[kept].min(), columns[kept].max()
+        row, _ = np.nonzero(kept)
+        level = ((columns[kept] - low) * (LEVELS / max(high - low, np.finfo(float).tiny))).astype(int)
+        thinned = np.full((len(axis), LEVELS + 1), np.nan)
+        thinned[row, level] = columns[kept]
+        columns, kept = thinned, np.isfinite(thinned)
+    return axis[np.nonzero(kept)[0]], columns[kept]
+
+
+def _draw_diagram(ax: Axes, diagram: xr.Dataset, axis: str, samples: str, quantity: str) -> Floats:
+    """Draw the samples and label the axes; return the heights drawn."""
+    columns = diagram[quantity].transpose(axis, samples).values
+    x, y = _points(diagram[axis].values, columns)
+    dots = min(3.0, max(0.9, 550.0 / max(1, len(columns))))
+    look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0, "rasterized": True}
+    ax.plot(x, y, color=BLUE, markersize=dots, label=f"{words(diagram[quantity])[0]}, one dot a sample", **look)
+    low, high = float(diagram[axis].min()), float(diagram[axis].max())
+    ax.set_xlim(low, high if high > low else low + 1.0)
+    ax.set_xlabel(label(diagram[axis]))
+    ax.set_ylabel(label(diagram[quantity]))
+    return y
+
+
+def _mark_empty(ax: Axes, diagram: xr.Dataset, axis: str) -> None:
+    if "status" in diagram:
+        empty = diagram["velocity"].isnull().all([dim for dim in SAMPLE_DIMS if dim in diagram.dims])
+        mark_missing(ax, diagram[axis].values, diagram["status"].values, empty.values)
+
+
+def _set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) -> None:
+    """Set the upright limits: speeds from zero, a phase from 0 to 1, the rest around what is drawn."""
+    osc = reference(diagram)
+    speed = osc.velocity_scale if osc else 1.0
+    if quantity == "phase":
+        ax.set_ylim(-0.03, 1.0)
+    elif quantity == "velocity" and "impact" in diagram[quantity].dims:
+        top = float(np.nanmax(heights, initial=0.0)) or speed
+        ax.set_ylim(-0.03 * top, 1.05 * top)
+    else:
+        per_speed = osc.natural_frequency if osc and quantity == "displacement" else 1.0
+        ax.set_ylim(*view(heights, magnitude(heights, speed / per_speed)))
+
+
+def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Axes | None = None) -> Axes:
+    """Draw the settled samples of a motion against the swept parameter.
+
+    Parameters
+    ----------
+    diagram : xarray.Dataset
+        What `vibroimpact.bifurcation_diagram` returns, of either section.
+    quantity : {"velocity", "phase", "displacement"}, optional
+        What is drawn upwards: of an impact section its "velocity" or "phase", of a stroboscopic section its
+        "displacement" or "velocity"; the first named without it.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure without it.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        `diagram` is another kind of result, or does not hold the `quantity`.
+
+    Notes
+    -----
+    Columns without a sample are marked along the bottom, and the legend says why they are empty. Up to
+    200,000 samples are all drawn; above it, those of one column that lie within the same 1/2000 of the
+    height are drawn once, so a thousand columns of 5000 samples take about a second.
+
+    References
+    ----------
+    Lee, figures 2, 3, 12, 14, 16, 18, 20.
+
+    Examples
+    --------
+    >>> import numpy as np, vibroimpact as vi
+    >>> diagram = vi.bifurcation_diagram(vi.ImpactOscillator(), omega=np.linspace(1.5, 2.5, 5), sample_impacts=20)
+    >>> vi.plotting.bifurcation_diagram(diagram).get_ylabel()
+    'impact velocity $I$ [m/s]'
+    """
+    _, axis, samples = check_diagram("diagram", diagram)
+    offered = [name for name in ("displacement", "velocity", "phase") if name in diagram]
+    chosen = offered[0] if quantity is None else check_choice("quantity", quantity, offered)
+    ax = new_axes(ax, (8.0, 4.4), title(diagram))
+    heights = _draw_diagram(ax, diagram, axis, samples, chosen)
+    _mark_empty(ax, diagram, axis)
+    _set_height(ax, diagram, chosen, heights)
+    handles = ax.get_legend_handles_labels()[0]
+    if len(handles) > 1:
+        legend_below(ax, handles)
+    return ax
+
+
+def _draw_index(ax: Axes, field: xr.DataArray, scale: float) -> Floats:
+    """Draw `scale` times an index over its axis, with a dot where both neighbours have no value."""
+    values = scale * field.values.astype(float)
+    held = np.pad(np.isfinite(values), 1)
+    alone = held[1:-1] & ~held[:-2] & ~held[2:]
+    x = field[field.dims[0]].values
+    symbol = math(words(field)[2] or str(field.name))
+    name = symbol if scale == 1.0 else rf"{scale:g} $\times$ {symbol}"
+    ax.plot(x, values, color=INK, linewidth=1.1, label=name, zorder=4)
+    ax.plot(x[alone], values[alone], "o", color=INK, markersize=2, markeredgewidth=0, zorder=4)
+    return values
+
+
+def diagram_with_index(
+    diagram: xr.Dataset, sweep: xr.Dataset, index: str = "std", scale: float = 5.0, ax: Axes | None = None
+) -> Axes:
+    r"""Draw a bifurcation diagram of impact velocities (blue dots) with an index on top (black line).
+
+    Parameters
+    ----------
+    diagram : xarray.Dataset
+        What `vibroimpact.bifurcation_diagram` returns with section="impact".
+    sweep : xarray.Dataset
+        What `vibroimpact.parameter_map` returns over the same one axis; the grids may differ.
+    index : str
+        The index drawn, one that `sweep` holds.
+    scale : float
+        Factor on the index; the paper's is 5.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure without it.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        One of the results is of another kind, or their axes differ, or `index` is not held.
+
+    References
+    ----------
+    Lee, equation 2 and figure 10.
+
+    Examples
+    --------
+    >>> import numpy as np, vibroimpact as vi
+    >>> osc, omega = vi.ImpactOscillator(), np.linspace(1.5, 2.5, 5)
+    >>> diagram = vi.bifurcation_diagram(osc, omega=omega, sample_impacts=20)
+    >>> ax = vi.plotting.diagram_with_index(diagram, vi.parameter_map(osc, omega=omega, sample_impacts=100))
+    >>> ax.get_legend().get_texts()[-1].get_text()
+    '5 $\\times$ $\\mathrm{Std}$'
+    """
+    _, axis, samples = check_diagram("diagram", diagram)
+    if samples != "impact":
+        raise ValueError(
+            "`diagram` holds looks once a period; allowed is a diagram of impacts; "
+            "call bifurcation_diagram with section='impact'"
+        )
+    field = check_sweep("sweep", sweep, index, 1)
+    if field.dims != (axis,):
+        raise ValueError(
+            f"`sweep` runs over {field.dims[0]} and `diagram` over {axis}; allowed is one axis for both; "
+            f"sweep {axis} in both"
+        )
+    factor = check_number("scale", scale)
+    ax = new_axes(ax, (8.0, 4.4), title(diagram))
+    heights = _draw_diagram(ax, diagram, axis, samples, "velocity")
+    line = _draw_index(ax, field, factor)
+    _mark_empty(ax, diagram, axis)
+    _set_height(ax, diagram, "velocity", np.concatenate([heights, line[np.isfinite(line)]]))
+    legend_below(ax)
+    return ax
+
+
+def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -> Axes:
+    r"""Draw an index against the one parameter swept.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+        What `vibroimpact.parameter_map` returns over one axis.
+    index : str
+        The index drawn, one that `sweep` holds.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure without it.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        `sweep` has no or several axes, or does not hold the `index`.
+
+    Notes
+    -----
+    The line is broken where the index has no value; the statuses that say why are marked along the bottom.
+
+    Examples
+    --------
+    >>> import numpy as np, vibroimpact as vi
+    >>> sweep = vi.parameter_map(vi.ImpactOscillator(), omega=np.linspace(1.5, 2.5, 5), sample_impacts=100)
+    >>> vi.plotting.index_curve(sweep).get_xlabel()
+    'angular driving frequency $\\omega$ [rad/s]'
+    """
+    field = check_sweep("sweep", sweep, index, 1)
+    axis = field[field.dims[0]]
+    ax = new_axes(ax, (8.0, 4.0), title(sweep))
+    values = _draw_index(ax, field, 1.0)
+    mark_missing(ax, axis.values, sweep["status"].values, ~np.isfinite(values))
+    top = float(np.nanmax(values, initial=0.0)) or 1.0
+    ax.set_xlim(float(axis.min()), float(axis.max()))
+    ax.set_ylim(-0.03 * top, 1.05 * top)
+    ax.set_xlabel(label(axis))
+    ax.set_ylabel(label(field))
+    handles = ax.get_legend_handles_labels()[0]
+    if len(handles) > 1:
+        legend_below(ax, handles[1:])
+    return ax

@@ -1,0 +1,241 @@
+"""Maps of an index over two parameters: boundaries where the level is, nothing left without a reason."""
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.collections import LineCollection, QuadMesh
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+
+from vibroimpact import ImpactOscillator, plotting
+from vibroimpact.dataset import provenance, status_variable, variable
+from vibroimpact.plotting.style import STATUS_COLORS
+from vibroimpact.status import Status
+
+mpl.use("Agg")
+OMEGA, MASS = np.linspace(0.0, 2.0, 41), np.linspace(0.5, 2.5, 61)
+
+
+@pytest.fixture
+def ax():
+    return Figure(layout="constrained").add_subplot()
+
+
+def sweep(std, status=None, axes=("omega", "mass"), osc=None, name="std"):
+    values = dict(zip(axes, (OMEGA, MASS), strict=False))
+    status = np.zeros(np.shape(std), dtype=int) if status is None else status
+    return xr.Dataset(
+        {name: variable(name, axes, std), "status": status_variable(axes, status)},
+        coords={axis: variable(axis, axis, data) for axis, data in values.items()},
+        attrs=provenance("parameter_map", osc or ImpactOscillator(), {}),
+    )
+
+
+def paraboloid(**kwargs):
+    omega, mass = np.meshgrid(OMEGA, MASS, indexing="ij")
+    return sweep((omega - 1.0) ** 2 + (mass - 1.5) ** 2, **kwargs)
+
+
+def with_holes():
+    """Return a map of ones, with two columns that never hit and three cells out of budget."""
+    std, status = np.ones((41, 61)), np.zeros((41, 61), dtype=int)
+    status[:2], status[-3:, 0] = Status.NO_IMPACT, Status.BUDGET
+    std[status > 0] = np.nan
+    return sweep(std, status)
+
+
+def legend_texts(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def meshes(ax):
+    return [artist for artist in ax.collections if isinstance(artist, QuadMesh)]
+
+
+def test_boundary_lines_lie_on_the_circle_where_a_paraboloid_has_its_level():
+    (circle,) = plotting.boundary_lines(paraboloid(), "std", 0.25)
+    assert circle.shape[1] == 2
+    np.testing.assert_array_equal(circle[0], circle[-1])
+    np.testing.assert_allclose(np.hypot(circle[:, 0] - 1.0, circle[:, 1] - 1.5), 0.5, atol=2e-3)
+
+
+def test_boundary_lines_stay_out_of_cells_without_a_value():
+    holes = paraboloid()
+    holes["std"].values[OMEGA > 1.0] = np.nan
+    lines = plotting.boundary_lines(holes, "std", 0.25)
+    assert lines
+    assert max(line[:, 0].max() for line in lines) <= 1.0 + 1e-12
+
+
+def test_a_plateau_at_the_level_is_outlined_and_not_crossed_by_its_rounding():
+    plateau = paraboloid()
+    inside = plateau["std"].values < 0.25
+    noise = 1e-14 * np.random.default_rng(4).normal(size=inside.shape)
+    plateau["std"].values[...] = np.where(inside, 1.0 + noise, 0.5)
+    (outline,) = plotting.boundary_lines(plateau, "std", 1.0)
+    assert np.abs(np.hypot(outline[:, 0] - 1.0, outline[:, 1] - 1.5) - 0.5).max() < 0.1
+
+
+def test_the_contour_draws_each_cell_at_its_place_with_the_first_axis_along_x(ax):
+    plotting.index_contour(paraboloid(), ax=ax)
+    mesh = meshes(ax)[0]
+    assert mesh.get_array().shape == (61, 41)
+    assert mesh.get_array()[60, 0] == pytest.approx(2.0)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"angular driving frequency $\omega$ [rad/s]", "mass $m$ [kg]")
+    assert ax.get_figure().axes[1].get_ylabel() == r"standard deviation of impact velocities $\mathrm{Std}$ [m/s]"
+
+
+def test_the_contour_draws_the_boundary_at_the_level_asked_for_and_tells_it(ax):
+    plotting.index_contour(paraboloid(), level=0.25, ax=ax)
+    drawn = next(artist for artist in ax.collections if isinstance(artist, LineCollection))
+    np.testing.assert_allclose(drawn.get_segments()[0], plotting.boundary_lines(paraboloid(), "std", 0.25)[0])
+    assert legend_texts(ax) == [r"boundary: $\mathrm{Std}$ = 0.25 m/s"]
+
+
+def test_the_default_level_is_a_twentieth_of_the_velocity_scale_for_std_and_mid_range_for_others(ax):
+    plotting.index_contour(paraboloid(osc=ImpactOscillator(amplitude=4.0)), ax=ax)
+    assert legend_texts(ax) == [r"boundary: $\mathrm{Std}$ = 0.2 m/s (5 % of the velocity scale)"]
+    other = Figure().add_subplot()
+    plotting.index_contour(paraboloid(name="max_velocity"), "max_velocity", ax=other)
+    assert legend_texts(other) == [r"boundary: $\max\,I$ = 1 m/s (mid-range)"]
+
+
+def test_a_reference_value_is_a_labelled_line_across_the_map(ax):
+    plotting.index_contour(paraboloid(), reference={"mass": 2.0, "omega": 0.5}, ax=ax)
+    across, upright = (line.get_xydata() for line in ax.lines)
+    np.testing.assert_array_equal(across[:, 1], [2.0, 2.0])
+    np.testing.assert_array_equal(upright[:, 0], [0.5, 0.5])
+    assert [text.get_text() for text in ax.texts] == ["$m$ = 2 kg", r"$\omega$ = 0.5 rad/s"]
+
+
+def test_the_oscillators_own_value_is_marked_unless_it_is_off_the_map_or_unwanted():
+    for osc, reference, lines in (
+        (ImpactOscillator(mass=1.0), None, 1),
+        (ImpactOscillator(mass=9.0), None, 0),
+        (ImpactOscillator(mass=1.0), {}, 0),
+    ):
+        ax = plotting.index_contour(paraboloid(osc=osc), reference=reference, ax=Figure().add_subplot())
+        assert len(ax.lines) == lines
+
+
+def test_cells_without_a_value_have_the_colour_of_their_status_and_the_legend_names_it(ax):
+    plotting.index_contour(with_holes(), ax=ax)
+    shade = meshes(ax)[1].get_array()
+    np.testing.assert_allclose(shade[30, 1], (*to_rgb(STATUS_COLORS[Status.NO_IMPACT]), 1.0))
+    np.testing.assert_allclose(shade[0, 40], (*to_rgb(STATUS_COLORS[Status.BUDGET]), 1.0))
+    assert shade[30, 20, 3] == 0.0, "cells with a value stay uncovered"
+    assert [(text.split(":")[0], text.split("(")[-1]) for text in legend_texts(ax)[1:]] == [
+        ("no_impact", "122 cells)"),
+        ("budget", "3 cells)"),
+    ]
+
+
+def test_a_map_without_any_value_still_draws_and_says_why(ax):
+    empty = sweep(np.full((41, 61), np.nan), np.full((41, 61), Status.STUCK_FOREVER))
+    plotting.index_contour(empty, ax=ax)
+    assert legend_texts(ax)[-1].startswith("stuck_forever: ")
+    ax.get_figure().draw_without_rendering()
+    solid = Figure().add_subplot(projection="3d")
+    plotting.index_surface(empty, ax=solid).get_figure().draw_without_rendering()
+
+
+def test_the_surface_shows_every_cell_of_a_fine_map_and_leaves_holes_open():
+    solid = Figure().add_subplot(projection="3d")
+    assert plotting.index_surface(paraboloid(), ax=solid) is solid
+    solid.get_figure().draw_without_rendering()
+    assert len(solid.collections[0].get_paths()) == 40 * 60, "matplotlib left alone thins to 50 x 50"
+    holed = plotting.index_surface(with_holes(), ax=Figure().add_subplot(projection="3d"))
+    holed.get_figure().draw_without_rendering()
+    whole = [path for path in holed.collections[0].get_paths() if np.isfinite(path.vertices).all()]
+    assert len(whole) == 40 * 60 - 2 * 60 - 3
+
+
+def test_maps_of_other_shapes_are_refused_with_the_way_out():
+    cube = paraboloid().expand_dims(damping=[0.01, 0.02]).transpose("omega", "mass", "damping")
+    line = paraboloid().isel(mass=3)
+    for wrong, told in (
+        (cube, "`sweep` has 3 axes (omega, mass, damping); allowed is a parameter_map over two axes; select one value"),
+        (cube, "sweep.sel(damping=0.01, method='nearest')"),
+        (line, "`sweep` has 1 axis (omega); allowed is a parameter_map over two axes; draw it with index_curve"),
+    ):
+        for draw in (plotting.index_contour, plotting.index_surface):
+            with pytest.raises(ValueError) as caught:  # noqa: PT011
+                draw(wrong)
+            assert told in str(caught.value)
+    with pytest.raises(ValueError, match="`dataset` has 3 axes"):
+        plotting.default_kind(cube)
+    assert plotting.default_kind(paraboloid()) == "index-contour"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ({"index": "lyapunov"}, "`index` is 'lyapunov'; allowed are std"),
+        ({"level": "low"}, "`level` is 'low'; allowed is a finite number"),
+        ({"level": np.inf}, "`level` is inf; allowed is a finite number"),
+        ({"reference": {"gap": 0.0}}, "`reference` names 'gap'; allowed are omega, mass"),
+        ({"reference": {"mass": 7.0}}, "`reference` is mass = 7.0; allowed is 0.5 to 2.5"),
+    ],
+)
+def test_wrong_arguments_of_the_contour_are_refused_in_words(arguments, told, ax):
+    with pytest.raises(ValueError) as caught:  # noqa: PT011
+        plotting.index_contour(paraboloid(), **arguments, ax=ax)
+    assert told in str(caught.value)
+
+
+def test_a_surface_on_flat_axes_is_refused(ax):
+    with pytest.raises(ValueError, match="`ax` is flat"):
+        plotting.index_surface(paraboloid(), ax=ax)
+
+
+@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
+def test_a_figure_is_written_whole_the_same_each_time_and_keeps_its_own_size(ending, tmp_path):
+    drawn = [plotting.index_contour(paraboloid(), ax=Figure().add_subplot()) for _ in "ab"]
+    size = tuple(drawn[0].get_figure().get_size_inches())
+    first, second = (
+        plotting.save_figure(ax, tmp_path / f"{name}.{ending}", size=(3, 2), dpi=50)
+        for name, ax in zip("ab", drawn, strict=True)
+    )
+    assert first.read_bytes() == second.read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == [f"a.{ending}", f"b.{ending}"]
+    assert tuple(drawn[0].get_figure().get_size_inches()) == size
+    if ending == "png":
+        assert mpl.image.imread(first).shape[:2] == (100, 150)
+
+
+def test_an_existing_figure_is_kept_unless_it_may_be_overwritten(tmp_path, ax):
+    path = tmp_path / "figure.svg"
+    path.write_text("mine")
+    with pytest.raises(FileExistsError):
+        plotting.save_figure(ax, path)
+    assert path.read_text() == "mine"
+    plotting.save_figure(ax, path, overwrite=True)
+    assert "<svg" in path.read_text()
+
+
+def test_a_figure_that_cannot_be_drawn_leaves_the_old_file_and_nothing_else(tmp_path, ax, monkeypatch):
+    path = tmp_path / "figure.png"
+    path.write_text("mine")
+
+    def full_disk(part, **_):
+        part.write_text("half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(ax.get_figure(), "savefig", full_disk)
+    with pytest.raises(OSError, match="No space left"):
+        plotting.save_figure(ax, path, overwrite=True)
+    assert [p.read_text() for p in tmp_path.iterdir()] == ["mine"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ({"path": "figure.gif"}, r"'figure.gif'; allowed are \.png, \.svg, \.pdf"),
+        ({"path": "figure.png", "dpi": 0}, "`dpi` is 0; allowed is a number above 0"),
+        ({"path": "figure.png", "size": (3, 0)}, r"`size` is \(3, 0\); allowed is a width and a height"),
+    ],
+)
+def test_a_wrong_ending_size_or_resolution_is_refused(arguments, told, ax):
+    with pytest.raises(ValueError, match=told):
+        plotting.save_figure(ax, **arguments)
