@@ -1,0 +1,89 @@
+"""Run one public function as asked, and hand its result on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import typer
+
+from vibroimpact.cli import output
+from vibroimpact.cli.progress import Meter
+from vibroimpact.cli.request import Interrupted, WrongRequest, asked, read_request
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from vibroimpact.study import Study
+
+
+def orbit(function: str, options: Mapping[str, Any]) -> None:
+    """Compute `simulate` or a section."""
+    study = read_request(options)
+    output.check(options, function)
+    began = perf_counter()
+    with asked():
+        dataset = _call(function, study)
+    _hand_on(dataset, options, perf_counter() - began, study)
+
+
+def section(options: Mapping[str, Any]) -> None:
+    """Compute the section that the options or the study ask for."""
+    study = read_request(options)
+    orbit(f"{study.run.section or 'impact'}_section", options)
+
+
+def sweep(function: str, options: Mapping[str, Any]) -> None:
+    """Compute a diagram or a map, told of while it runs."""
+    study = read_request(options)
+    axes = study.grid()
+    if not axes or (function == "bifurcation_diagram" and len(axes) > 1):
+        given = f"are {', '.join(axes)}" if axes else "are none"
+        wanted = "exactly one" if function == "bifurcation_diagram" else "one or more"
+        raise WrongRequest(f"`axes` {given}; allowed is {wanted}; write for example --x omega=0.025:5:200")
+    output.check(options, function, study.run.indices or ("std",), len(axes))
+    with Meter("diagram" if function == "bifurcation_diagram" else "map") as meter, asked():
+        dataset = _call(function, study, progress=meter, **axes)
+    if not meter.stopped:
+        _hand_on(dataset, options, meter.seconds, study)
+        return
+    _keep_finished(dataset, options, meter.seconds)
+
+
+def _call(function: str, study: Study, **more: Any) -> xr.Dataset:
+    import vibroimpact
+
+    dataset: xr.Dataset = getattr(vibroimpact, function)(study.make_oscillator(), **study.arguments(function), **more)
+    return dataset
+
+
+def _hand_on(dataset: xr.Dataset, options: Mapping[str, Any], seconds: float, study: Study | None = None) -> None:
+    """Write the result where it shall go, or tell it in words."""
+    out = options.get("out")
+    if out is not None:
+        output.write(dataset, options, out)
+        typer.echo(f"wrote {out} ({seconds:.2g} s)")
+        return
+    from vibroimpact.cli.words import describe
+
+    for line in describe(dataset, seconds):
+        typer.echo(line)
+    if study is not None and dataset.attrs["function"] == "simulate":
+        typer.echo(f"settles to: {next(describe(_call('impact_section', study)))}")
+
+
+def _keep_finished(dataset: xr.Dataset, options: Mapping[str, Any], seconds: float) -> NoReturn:
+    """Hand on what an interrupted sweep had finished, without replacing anything complete."""
+    from vibroimpact.status import Status
+
+    if (dataset["status"] == Status.INTERRUPTED).all():
+        raise Interrupted("interrupted before anything was finished; nothing was written")
+    out: Path | None = options.get("out")
+    told = "interrupted; what was finished is kept, the rest has status interrupted"
+    if out is not None and out.exists():
+        told += f"; {out} is as it was"
+        out = out.with_name(f"{out.stem}.partial{out.suffix}")
+    _hand_on(dataset, {**options, "out": out}, seconds)
+    raise Interrupted(told)

@@ -1,0 +1,115 @@
+"""From options as typed to a checked request."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from vibroimpact.study import Study
+
+_SAMPLING = (
+    "transient_impacts", "sample_impacts", "transient_periods", "sample_periods", "phase", "periods",
+    "samples_per_period",
+)  # fmt: skip
+_RUN = ("backend", "time_step", "workers", "section", "direction")
+
+
+class WrongRequest(Exception):
+    """What was asked for cannot be done; nothing has been touched."""
+
+
+class Interrupted(Exception):
+    """Ctrl-C stopped a sweep; the message tells what was kept."""
+
+
+# how an input or a place is refused; a full disk, say, is another OSError
+REFUSALS = (FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
+
+
+@contextmanager
+def asked(*refusals: type[OSError]) -> Iterator[None]:
+    """Call a refusal a wrong request: those errors, and a `ValueError` that tells what is allowed."""
+    try:
+        yield
+    except refusals as error:
+        raise WrongRequest(error.strerror or str(error)) from error
+    except ValueError as error:
+        if "allowed" not in str(error):
+            raise
+        raise WrongRequest(str(error)) from error
+
+
+def read_request(options: Mapping[str, Any]) -> Study:
+    """Return the request that the study file and the options make together."""
+    with asked(OSError):
+        changes = _tables({name: value for name, value in options.items() if value not in (None, (), [])})
+        from vibroimpact.study import make_study, read_study
+
+        if options.get("study") is None:
+            return make_study({}, changes)
+        return read_study(options["study"], changes)
+
+
+def number(text: str) -> int | float | str:
+    """Return the number a text stands for, or the text, for the study to refuse."""
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _tables(given: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    run: dict[str, Any] = {name: given[name] for name in _RUN if name in given}
+    run |= {name: number(run[name]) for name in ("time_step", "workers") if name in run}
+    if "indices" in given:
+        run["indices"] = [name.strip() for name in given["indices"].split(",")]
+    if given.get("every_impact"):
+        run["early_closing"] = False
+    return {
+        "oscillator": _pairs(given.get("parameter", ())),
+        "axes": _axes(given),
+        "sampling": {name: number(given[name]) for name in _SAMPLING if name in given},
+        "start": _start(given["start"]) if "start" in given else {},
+        "tolerances": {"chatter": number(given["chatter"])} if "chatter" in given else {},
+        "run": run,
+    }
+
+
+def _pairs(texts: list[str]) -> dict[str, Any]:
+    pairs: dict[str, Any] = {}
+    for text in texts:
+        name, sign, value = (part.strip() for part in text.partition("="))
+        if not (name and sign and value):
+            raise ValueError(f"`-p` is {text!r}; allowed is name=value; write for example -p omega=2.8")
+        if name in pairs:
+            raise ValueError(f"`-p {name}` is given twice; allowed is each parameter once; drop one")
+        pairs[name] = number(value)
+    return pairs
+
+
+def _axes(given: Mapping[str, Any]) -> dict[str, Any]:
+    typed = [(f"--{key}", given[key]) for key in ("x", "y") if key in given]
+    typed += [("--axis", text) for text in given.get("axis", ())]
+    axes: dict[str, Any] = {}
+    for option, text in typed:
+        name, _, values = (part.strip() for part in text.partition("="))
+        ends = values.split(":")
+        if not name or len(ends) != 3:
+            raise ValueError(
+                f"`{option}` is {text!r}; allowed is name=from:to:points; write for example {option} omega=0.025:5:200"
+            )
+        if name in axes:
+            raise ValueError(f"`{option}` is {text!r}, the second axis {name}; allowed is each once; drop one")
+        axes[name] = dict(zip(("from", "to", "points"), map(number, ends), strict=True))
+    return axes
+
+
+def _start(text: str) -> dict[str, Any]:
+    parts = [number(part.strip()) for part in text.split(",")]
+    if len(parts) > 3:
+        raise ValueError(f"`--start` is {text!r}; allowed is y,v,t; write for example --start -1,0,0")
+    return dict(zip(("displacement", "velocity", "time"), parts, strict=False))

@@ -1,0 +1,47 @@
+"""What works on files: drawing a saved result, and the report on the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from vibroimpact.cli import output
+from vibroimpact.cli.progress import Meter
+from vibroimpact.cli.request import REFUSALS, Interrupted, asked
+
+
+def show(options: Mapping[str, Any]) -> None:
+    """Draw, export or describe a saved result."""
+    from vibroimpact.cli.words import describe
+    from vibroimpact.storage import load
+
+    output.check_looks(options)
+    with asked(OSError):
+        dataset = load(options["file"])
+        lines = list(describe(dataset))
+    out: Path | None = options.get("out")
+    if out is None:
+        for line in lines:
+            typer.echo(line)
+        return
+    output.write(dataset, options, out)
+    typer.echo(f"wrote {out}")
+
+
+def reproduce(options: Mapping[str, Any]) -> None:
+    """Write the report on the paper into a folder."""
+    level = output.level_of(options)
+    from vibroimpact.reproduce import run
+
+    with Meter("report", keeps=False) as meter:
+        try:
+            with asked(*REFUSALS):
+                report = run(
+                    options["out"], quick=options["quick"], level=level, overwrite=options["overwrite"], progress=meter
+                )
+        except KeyboardInterrupt as error:
+            raise Interrupted(str(error) or "interrupted") from error
+    typer.echo(f"wrote {report} ({meter.seconds:.3g} s)")

@@ -1,0 +1,57 @@
+"""One axis of a study: linear with both ends, or a list of values."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact.options import whole_number
+from vibroimpact.oscillator import parameter_value
+
+Floats = NDArray[np.float64]
+
+
+def axis_values(name: str, value: Any) -> Floats:
+    """Return the values of an axis, strictly increasing, or raise with a line a fault."""
+    if isinstance(value, Mapping) and set(value) == {"values"}:
+        value = value["values"]
+    if isinstance(value, (list, tuple)):
+        return _listed(name, value)
+    keys = ("from", "to", "points")
+    if not isinstance(value, Mapping):
+        raise ValueError(
+            f"`{name}` is {value!r}; allowed is {{ from, to, points }} or a list of values; "
+            "write { from = 1.0, to = 2.0, points = 11 }"
+        )
+    missing, unknown = [key for key in keys if key not in value], [key for key in value if key not in keys]
+    faults = [f"`{name}.{key}` is missing; allowed are from, to and points together; add it" for key in missing]
+    faults += [f"`{name}.{key}` is no key of an axis; allowed are from, to, points; drop it" for key in unknown]
+    ends: list[float] = []
+    for key in [key for key in keys if key in value]:
+        try:
+            if key == "points":
+                points = whole_number(key, value[key], 1)
+            else:
+                ends.append(parameter_value(name, value[key]))
+        except ValueError as error:
+            faults.append(re.sub(r"^`\w+`", f"`{name}.{key}`", str(error)))
+    if not faults and points > 1 and not ends[0] < ends[1]:
+        faults.append(
+            f"`{name}` is from {ends[0]:g} to {ends[1]:g}; allowed is an increasing axis; give the smaller end first"
+        )
+    if faults:
+        raise ValueError("\n".join(faults))
+    return np.linspace(ends[0], ends[1], points)
+
+
+def _listed(name: str, value: list[Any] | tuple[Any, ...]) -> Floats:
+    if not value:
+        raise ValueError(f"`{name}` is empty; allowed is at least one value; list the values to sweep")
+    numbers = np.array([parameter_value(name, number) for number in value])
+    if not (np.diff(numbers) > 0.0).all():
+        raise ValueError(f"`{name}` is {list(value)!r}; allowed are strictly increasing values; sort them")
+    return numbers

@@ -1,0 +1,191 @@
+"""Motions are named by the recurrence of their impacts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import vibroimpact as vi
+from vibroimpact.dataset import impact_speed, provenance, status_variable, variable
+from vibroimpact.motion import Motion, cycle_length, recognise
+from vibroimpact.status import Status
+
+OSC = vi.ImpactOscillator(omega=2.0 * np.pi)  # T = 1 s
+
+
+def section(time, velocity, *, release=(), status=Status.OK, osc=OSC):
+    time = np.asarray(time, dtype=float)
+    release = np.asarray(release, dtype=float)
+    return xr.Dataset(
+        {
+            "time": variable("time", "impact", time),
+            "phase": variable("phase", "impact", (time / osc.period) % 1.0),
+            "velocity": impact_speed("impact", np.asarray(velocity, dtype=float)),
+            "stick_time": variable("stick_time", "stick", release - 0.1),
+            "release_time": variable("release_time", "stick", release),
+            "status": status_variable((), status),
+        },
+        attrs=provenance("impact_section", osc, {}),
+    )
+
+
+def repeated(times, velocities, n_periods, cycles=100):
+    starts = n_periods * np.arange(cycles)
+    return (starts[:, None] + np.asarray(times)).ravel(), np.tile(velocities, cycles)
+
+
+@pytest.mark.parametrize(
+    ("times", "velocities", "n_periods", "name"),
+    [
+        ([0.3], [1.0], 1, "period-1 impact-1"),
+        ([0.3], [1.0], 2, "period-2 impact-1"),
+        ([0.3, 0.8], [1.48, 1.13], 1, "period-1 impact-2"),
+        ([0.3, 1.3], [1.0, 1.1], 2, "period-2 impact-2"),
+        ([0.1, 1.4, 2.5], [0.5, 0.5, 0.7], 3, "period-3 impact-3"),
+    ],
+)
+def test_a_repeating_section_is_named_by_its_smallest_cycle(times, velocities, n_periods, name):
+    motion = recognise(section(*repeated(times, velocities, n_periods)))
+    assert motion.name == name
+    assert motion.kind == "periodic"
+    assert sorted(motion.velocities) == sorted(velocities)
+
+
+def test_a_cycle_is_told_from_its_hardest_hit_on():
+    motion = recognise(section(*repeated([0.3, 0.8], [1.13, 1.48], 1)))
+    assert motion.velocities == (1.48, 1.13)
+    assert motion.phases == pytest.approx((0.8, 0.3), abs=1e-12)
+    assert motion.sentence(7.0) == "period-1 impact-2, hits at 1.48 and 1.13 m/s each 7 s"
+
+
+def test_phases_on_both_sides_of_the_wrap_are_the_same_phase():
+    time, velocity = repeated([0.0], [1.0], 1)
+    wobble = np.where(np.arange(len(time)) % 2, 1e-9, -1e-9)
+    assert recognise(section(time + 1.0 + wobble, velocity)).name == "period-1 impact-1"
+
+
+def test_equal_velocities_at_other_phases_are_another_impact():
+    assert recognise(section(*repeated([0.3, 0.8], [1.0, 1.0], 1))).name == "period-1 impact-2"
+
+
+def test_equal_impacts_after_unequal_waits_do_not_make_a_cycle():
+    waits = np.random.default_rng(1).integers(1, 3, 300)
+    assert recognise(section(np.cumsum(waits) + 0.3, np.ones(300))).name == "aperiodic"
+
+
+def test_differences_below_the_tolerance_repeat_and_above_it_do_not():
+    time, velocity = repeated([0.3], [2.0], 1, 300)
+    wobble = np.random.default_rng(2).uniform(-1.0, 1.0, 300)
+    assert recognise(section(time, velocity + 1e-7 * wobble)).name == "period-1 impact-1"
+    assert recognise(section(time, velocity + 1e-4 * wobble)).name == "aperiodic"
+
+
+def test_a_transient_in_the_first_half_does_not_make_a_motion_aperiodic():
+    time, velocity = repeated([0.3], [1.0], 1, 400)
+    velocity = velocity + 0.1 * 0.9 ** np.arange(400)
+    assert recognise(section(time, velocity)).name == "period-1 impact-1"
+
+
+def test_irregular_impacts_are_aperiodic_and_have_no_cycle():
+    rng = np.random.default_rng(3)
+    motion = recognise(section(np.cumsum(rng.uniform(0.2, 2.0, 500)), rng.uniform(0.1, 2.0, 500)))
+    assert motion == Motion("aperiodic")
+    assert (motion.n_periods, motion.n_impacts) == (0, 0)
+
+
+def test_too_few_impacts_are_not_called_aperiodic():
+    rng = np.random.default_rng(4)
+    motion = recognise(section(np.cumsum(rng.uniform(0.2, 2.0, 50)), rng.uniform(0.1, 2.0, 50)))
+    assert motion.name == "undetermined"
+    assert "sample more" in motion.sentence(1.0)
+
+
+def chatter(cycles, n_periods):
+    times, velocities = 0.1 + 0.05 * (1 - 0.8 ** np.arange(30)), 0.8 ** np.arange(30)
+    return repeated(times, velocities, n_periods, cycles)
+
+
+@pytest.mark.parametrize("n_periods", [1, 3])
+def test_a_complete_chatter_counts_as_impacts_minus_one(n_periods):
+    time, velocity = chatter(20, n_periods)
+    found = section(time, velocity, release=0.5 + n_periods * np.arange(20), status=Status.STICKING)
+    motion = recognise(found)
+    assert motion.name == f"period-{n_periods} sticking"
+    assert motion.n_impacts == -1
+    assert max(motion.velocities) == 1.0
+    assert len(motion.velocities) == 30
+    assert "hardest hit 1 m/s" in motion.sentence(1.0)
+
+
+def test_a_sticking_cycle_may_hold_several_releases():
+    time, velocity = chatter(30, 1)
+    release = np.cumsum(np.tile([1.0, 2.0], 15))
+    motion = recognise(section(time, velocity, release=release, status=Status.STICKING))
+    assert motion.name == "period-3 sticking"
+
+
+def test_releases_after_irregular_waits_are_aperiodic():
+    release = np.cumsum(np.random.default_rng(5).integers(1, 4, 30).astype(float))
+    found = section(*chatter(30, 1), release=release, status=Status.STICKING)
+    assert recognise(found).name == "aperiodic"
+
+
+def test_two_releases_are_enough_to_close_a_sticking_cycle():
+    found = section(*chatter(5, 1), release=[0.5, 2.5], status=Status.STICKING)
+    assert recognise(found).name == "period-2 sticking"
+
+
+def test_without_restitution_a_sticking_cycle_has_as_many_impacts_as_are_recorded():
+    osc = OSC.replace(restitution=0.0)
+    time, velocity = repeated([0.2], [1.0], 1, 20)
+    found = section(time, velocity, release=0.5 + np.arange(20), status=Status.STICKING, osc=osc)
+    assert (recognise(found).n_periods, recognise(found).n_impacts) == (1, 1)
+
+
+def test_a_single_stick_at_the_start_does_not_hide_the_cycle_that_follows():
+    time, velocity = repeated([0.7], [1.0], 1)
+    assert recognise(section(time, velocity, release=[0.5], status=Status.STICKING)).name == "period-1 impact-1"
+
+
+@pytest.mark.parametrize(
+    ("status", "name"),
+    [
+        (Status.NO_IMPACT, "no impact"),
+        (Status.STOPPED_IMPACTING, "no impact any more"),
+        (Status.STUCK_FOREVER, "stuck for ever"),
+        (Status.DECAYING, "decaying"),
+        (Status.BUDGET, "budget"),
+    ],
+)
+def test_a_motion_that_ended_is_named_by_how_it_ended(status, name):
+    motion = recognise(section([], [], status=status))
+    assert motion.name == name
+    assert status.sentence in motion.sentence(1.0)
+
+
+def test_what_is_no_impact_section_is_refused():
+    with pytest.raises(ValueError, match="`section` holds no 'phase'"):
+        recognise(section([0.5], [1.0]).drop_vars("phase"))
+    with pytest.raises(ValueError, match="`tolerance` is 0"):
+        recognise(section([0.5], [1.0]), tolerance=0)
+    with pytest.raises(ValueError, match="`longest` is 0"):
+        recognise(section([0.5], [1.0]), longest=0)
+
+
+def test_a_cycle_longer_than_half_the_samples_is_not_claimed():
+    assert cycle_length(np.array([1.0, 2.0, 3.0, 1.0]), np.zeros(4)) == 0
+
+
+@pytest.mark.parametrize(
+    ("omega", "name"),
+    [
+        (2.0, "period-1 impact-1"),
+        (0.95, "period-1 impact-2"),
+        (4.0, "period-2 impact-1"),
+        (0.1, "period-1 sticking"),
+        (2.8, "aperiodic"),
+    ],
+)
+def test_the_default_oscillator_moves_as_it_is_known_to(omega, name):
+    assert recognise(vi.impact_section(vi.ImpactOscillator(omega=omega))).name == name

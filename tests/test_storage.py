@@ -1,0 +1,236 @@
+"""Results are written whole or not at all, and come back as they were."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from scipy.io import loadmat
+
+import vibroimpact as vi
+from vibroimpact import formats, storage
+from vibroimpact.dataset import impact_speed, oscillator_of, provenance, status_variable, variable
+
+OSC = vi.ImpactOscillator(omega=2.8)
+
+
+def sweep(value: float = 0.5) -> xr.Dataset:
+    omega, mass = np.array([1.0, 2.0, 3.0]), np.array([0.5, 1.5])
+    std = np.full((3, 2), value)
+    std[2, 1] = np.nan
+    return xr.Dataset(
+        {
+            "std": variable("std", ("omega", "mass"), std),
+            "status": status_variable(("omega", "mass"), [[1, 1], [0, 2], [0, 4]]),
+        },
+        {"omega": variable("omega", "omega", omega), "mass": variable("mass", "mass", mass)},
+        provenance("parameter_map", OSC, {"indices": ("std",)}),
+    )
+
+
+def diagram() -> xr.Dataset:
+    nan = float("nan")
+    return xr.Dataset(
+        {
+            "velocity": impact_speed(("omega", "impact"), [[1.0, 2.0], [3.0, nan], [nan, nan]]),
+            "phase": variable("phase", ("omega", "impact"), [[0.1, 0.2], [0.3, nan], [nan, nan]]),
+            "count": variable("count", "omega", np.array([2, 1, 0])),
+            "status": status_variable("omega", [0, 5, 4]),
+        },
+        {"omega": variable("omega", "omega", [1.0, 2.0, 3.0])},
+        provenance("bifurcation_diagram", OSC, {}),
+    )
+
+
+def simulation() -> xr.Dataset:
+    return xr.Dataset(
+        {
+            "displacement": variable("displacement", "time", [-1.0, -0.5, 0.0]),
+            "velocity": variable("velocity", "time", [0.0, 1.0, -0.8]),
+            "impact_time": variable("impact_time", "impact", [1.9, 2.0]),
+            "impact_velocity": variable("impact_velocity", "impact", [1.0, 0.5]),
+            "stick_time": variable("stick_time", "stick", [2.1]),
+            "release_time": variable("release_time", "stick", [np.nan]),
+            "status": status_variable((), 0),
+        },
+        {"time": variable("time", "time", [0.0, 1.0, 2.0])},
+        provenance("simulate", OSC, {}),
+    )
+
+
+def never_hits() -> xr.Dataset:
+    return vi.impact_section(OSC.replace(gap=10.0))
+
+
+@pytest.mark.parametrize("ending", [".zarr", ".nc"])
+@pytest.mark.parametrize("make", [sweep, diagram, simulation, never_hits])
+def test_a_result_comes_back_with_its_values_labels_and_provenance(tmp_path, ending, make):
+    path = vi.save(make(), tmp_path / f"result{ending}")
+    back = vi.load(path)
+    xr.testing.assert_identical(back, make())
+    assert back.status.dtype == np.int8
+    assert back.status.attrs["flag_values"].dtype == np.int8
+    assert oscillator_of(back) == oscillator_of(make())
+
+
+def test_a_zarr_store_is_format_3_and_its_root_holds_result_variables_only(tmp_path):
+    path = vi.save(sweep(), tmp_path / "map.zarr")
+    assert '"zarr_format": 3' in (path / "zarr.json").read_text()
+    with xr.open_zarr(path, consolidated=False) as stored:
+        assert set(stored.variables) == {"std", "status", "omega", "mass"}
+        np.testing.assert_array_equal(stored["std"], sweep()["std"])
+
+
+def test_csv_of_a_map_has_a_row_a_cell_and_statuses_in_words(tmp_path):
+    path = vi.save(sweep(), tmp_path / "map.csv")
+    table = pd.read_csv(path, comment="#")
+    assert list(table.columns) == ["omega", "mass", "std", "status"]
+    assert len(table) == 6
+    assert table.status.tolist() == ["closed", "closed", "ok", "sticking", "ok", "no_impact"]
+    assert "# omega: angular driving frequency [rad/s]" in path.read_text().splitlines()
+
+
+def test_csv_of_a_diagram_has_a_row_an_impact_and_one_for_a_cell_without_impacts(tmp_path):
+    table = pd.read_csv(vi.save(diagram(), tmp_path / "diagram.csv"), comment="#")
+    assert table.omega.tolist() == [1.0, 1.0, 2.0, 3.0]
+    assert table.velocity.tolist()[:3] == [1.0, 2.0, 3.0]
+    assert np.isnan(table.velocity[3])
+    assert table.status[3] == "no_impact"
+
+
+def test_csv_of_a_simulation_says_what_each_row_records(tmp_path):
+    table = pd.read_csv(vi.save(simulation(), tmp_path / "orbit.csv"), comment="#")
+    assert table.record.tolist() == ["impact"] * 2 + ["stick"] + ["time"] * 3
+    assert table.impact_velocity.dropna().tolist() == [1.0, 0.5]
+    assert table.displacement.dropna().tolist() == [-1.0, -0.5, 0.0]
+
+
+def test_mat_holds_arrays_units_and_provenance(tmp_path):
+    content = loadmat(vi.save(sweep(), tmp_path / "map.mat"), simplify_cells=True)
+    np.testing.assert_array_equal(content["std"], sweep()["std"])
+    assert content["units"]["omega"] == "rad/s"
+    assert content["dimensions"]["std"] == "omega, mass"
+    assert content["provenance"]["function"] == "parameter_map"
+    assert content["status_meanings"][4] == "no_impact"
+
+
+@pytest.mark.parametrize("ending", [".csv", ".mat", ".xls"])
+def test_load_refuses_exports_with_a_remedy(tmp_path, ending):
+    with pytest.raises(ValueError, match=r"`path` is .*allowed are \.zarr and \.nc"):
+        vi.load(tmp_path / f"map{ending}")
+
+
+def test_load_says_that_nothing_is_there_or_that_it_is_damaged(tmp_path):
+    with pytest.raises(FileNotFoundError, match="nothing is there"):
+        vi.load(tmp_path / "none.nc")
+    (tmp_path / "bad.nc").write_text("no HDF5")
+    (tmp_path / "bad.zarr").mkdir()
+    for name in ("bad.nc", "bad.zarr"):
+        with pytest.raises(OSError, match="cannot be read"):
+            vi.load(tmp_path / name)
+
+
+def test_an_unknown_ending_is_refused_before_anything_is_written(tmp_path):
+    with pytest.raises(ValueError, match=r"`out` is .*map\.xls.*allowed are \.zarr, \.nc, \.csv, \.mat"):
+        vi.save(sweep(), tmp_path / "map.xls")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("ending", storage.DATA_ENDINGS)
+def test_an_existing_output_is_kept_unless_overwriting_is_allowed(tmp_path, ending):
+    path = vi.save(sweep(1.0), tmp_path / f"map{ending}")
+    with pytest.raises(FileExistsError, match="exists"):
+        vi.save(sweep(2.0), path)
+    if ending in (".zarr", ".nc"):
+        assert vi.load(path)["std"][0, 0] == 1.0
+    vi.save(sweep(2.0), path, overwrite=True)
+    if ending in (".zarr", ".nc"):
+        assert vi.load(path)["std"][0, 0] == 2.0
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_a_folder_that_is_no_store_is_never_replaced(tmp_path):
+    folder = tmp_path / "thesis.zarr"
+    folder.mkdir()
+    (folder / "chapter.txt").write_text("precious")
+    with pytest.raises(IsADirectoryError, match="no Zarr store"):
+        vi.save(sweep(), folder, overwrite=True)
+    assert (folder / "chapter.txt").read_text() == "precious"
+
+
+def test_a_missing_folder_is_told_before_computing(tmp_path):
+    with pytest.raises(FileNotFoundError, match="folder does not exist"):
+        storage.check_output(tmp_path / "no" / "map.zarr")
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="rights do not bind the superuser")
+def test_an_unwritable_folder_is_told_before_computing(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(PermissionError, match="cannot be written to"):
+        storage.check_output(tmp_path / "map.zarr")
+
+
+@pytest.mark.parametrize("ending", storage.DATA_ENDINGS)
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_a_write_that_breaks_off_leaves_what_was_there_and_nothing_else(tmp_path, monkeypatch, ending, error):
+    path = vi.save(sweep(1.0), tmp_path / f"map{ending}")
+    before = sorted(p.name for p in tmp_path.rglob("*"))
+
+    def break_off(dataset: xr.Dataset, part: Path) -> None:
+        part.write_bytes(b"half")
+        raise error
+
+    monkeypatch.setitem(formats.WRITERS, ending, break_off)
+    with pytest.raises(type(error)):
+        vi.save(sweep(2.0), path, overwrite=True)
+    assert sorted(p.name for p in tmp_path.rglob("*")) == before
+
+
+def test_an_old_store_comes_back_if_the_new_one_cannot_be_moved(tmp_path, monkeypatch):
+    path = vi.save(sweep(1.0), tmp_path / "map.zarr")
+    rename, calls = os.rename, []
+
+    def fail_second(source: Path, target: Path) -> None:
+        calls.append(source)
+        if len(calls) == 2:
+            raise OSError(5, "Input/output error")
+        rename(source, target)
+
+    monkeypatch.setattr(storage.os, "rename", fail_second)
+    with pytest.raises(OSError, match="nothing was changed"):
+        vi.save(sweep(2.0), path, overwrite=True)
+    monkeypatch.undo()
+    assert vi.load(path)["std"][0, 0] == 1.0
+    assert [p.name for p in tmp_path.iterdir()] == ["map.zarr"]
+
+
+FULL_DISK = """
+import resource, sys
+import numpy as np, xarray as xr
+from vibroimpact.storage import save
+data = xr.Dataset({"std": ("omega", np.random.default_rng(0).random(100_000))}, {"omega": np.arange(1e5)})
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+try:
+    save(data, sys.argv[1], overwrite=True)
+except OSError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="needs a limit on the size of files")
+@pytest.mark.parametrize("ending", storage.DATA_ENDINGS)
+def test_a_full_disk_is_told_and_nothing_is_left(tmp_path, ending):
+    path = tmp_path / f"map{ending}"
+    child = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, str(path)], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert "could not be written" in child.stdout, child.stderr
+    assert child.returncode == 0
+    assert not list(tmp_path.iterdir())
