@@ -100,7 +100,7 @@ def test_diagrams_have_the_same_shape_from_every_back_end(backend, section):
 )
 def test_exact_back_ends_agree_on_how_a_motion_ends(exact, parameters, start, expected):
     osc = vi.ImpactOscillator(**parameters)
-    keep = 950 if expected == "sticking" else 40
+    keep = {"sticking": 950, "decaying": 200}.get(expected, 40)
     hits = vi.impact_section(osc, start=start, transient_impacts=0, sample_impacts=keep, backend=exact)
     assert vi.Status(int(hits["status"])).word == expected
 
