@@ -202,3 +202,18 @@ def test_hard_cells_leave_their_neighbours_alone():
         alone = cell(vi.ImpactOscillator(gap=gap))
         for name in ("std", "mean_velocity", "impacts_per_period", "status"):
             assert np.array_equal(together[name].values[at], alone[name].values[0], equal_nan=True)
+
+
+@pytest.mark.parametrize("above", [1e-8, 1e-10, 1e-12])
+def test_a_force_that_barely_lifts_the_mass_ends_over_budget_not_never(above):
+    assert outcome(vi.ImpactOscillator(gap=-1.0 + above, omega=0.7)) == Status.BUDGET
+
+
+def test_an_overdamped_mass_without_force_creeps_back_and_never_hits():
+    osc = vi.ImpactOscillator(amplitude=0.0, damping=5.0)
+    assert outcome(osc, start=vi.State(-1.0)) == Status.NO_IMPACT
+
+
+def test_a_long_transient_of_periods_is_within_the_budget():
+    looks = vi.stroboscopic_section(vi.ImpactOscillator(omega=2.8), transient_periods=2000, sample_periods=1)
+    assert looks.sizes["period"] == 1

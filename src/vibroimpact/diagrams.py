@@ -120,7 +120,14 @@ def bifurcation_diagram(
     cells = make_cells(osc, start, grid)
     limits = tolerances or Tolerances()
     dataset = _empty_diagram(grid, section, window.keep)
-    arguments = {"section": section, "direction": direction, "backend": backend, "start": start, "window": window}
+    arguments = {
+        "section": section,
+        "direction": direction,
+        "backend": backend,
+        "time_step": time_step,
+        "start": start,
+        "window": window,
+    }
     dataset.attrs |= provenance("bifurcation_diagram", osc, arguments)
 
     stop = Event()

@@ -13,7 +13,7 @@ from vibroimpact.options import whole_number
 
 Result = TypeVar("Result")
 
-_SMALLEST, _LARGEST = 32, 1024  # cells a tile: two rounds of lanes; a second's work
+_SMALLEST = 32  # cells a tile: two rounds of lanes
 
 
 def worker_count(workers: int | None) -> int:
@@ -25,9 +25,9 @@ def worker_count(workers: int | None) -> int:
     return os.cpu_count() or 1
 
 
-def tiles(number: int, workers: int) -> list[slice]:
+def tiles(number: int, workers: int, largest: int) -> list[slice]:
     """Cut `number` cells into tiles, enough of them to keep all workers busy to the end."""
-    size = min(max(number // (8 * workers), _SMALLEST), _LARGEST)
+    size = min(max(number // (8 * workers), _SMALLEST), largest)
     return [slice(low, min(low + size, number)) for low in range(0, number, size)]
 
 

@@ -91,6 +91,7 @@ def impact_section(
                 "transient_impacts": window.transient,
                 "sample_impacts": window.keep,
                 "backend": backend,
+                "time_step": time_step,
             },
         ),
     )
@@ -170,6 +171,7 @@ def stroboscopic_section(
                 "transient_periods": window.skip_periods,
                 "sample_periods": window.keep,
                 "backend": backend,
+                "time_step": time_step,
             },
         ),
     )

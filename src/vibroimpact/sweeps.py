@@ -117,9 +117,11 @@ def parameter_map(
         {
             "indices": chosen,
             "backend": backend,
+            "time_step": time_step,
             "transient_impacts": window.transient,
             "sample_impacts": window.keep,
             "start": start,
+            "early_closing": early_closing,
             "tolerances": limits,
         },
     )
@@ -127,7 +129,7 @@ def parameter_map(
     with reporter(progress, "cells") as report:
         for part, result in run_tiles(
             lambda part: engine.indices(cells[part], window, limits, early_closing),
-            tiles(len(cells), threads),
+            tiles(len(cells), threads, engine.largest_tile),
             threads,
             stop,
         ):

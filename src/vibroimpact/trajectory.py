@@ -93,6 +93,12 @@ def simulate(
         attrs=provenance(
             "simulate",
             osc,
-            {"start": start, "periods": length, "samples_per_period": density, "backend": backend},
+            {
+                "start": start,
+                "periods": length,
+                "samples_per_period": density,
+                "backend": backend,
+                "time_step": time_step,
+            },
         ),
     )

@@ -105,9 +105,13 @@ def look_schedule(periods: float, phase: float, window: StroboscopicWindow) -> t
 
 
 class Backend(Protocol):
-    """Two questions a back end answers about cells; neither ever raises because of a cell's physics."""
+    """Two questions a back end answers about cells; neither ever raises because of a cell's physics.
+
+    `largest_tile` is how many cells it should be asked about at once, so that progress and Ctrl-C are heard.
+    """
 
     name: str
+    largest_tile: int
 
     def indices(
         self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool = True

@@ -20,9 +20,14 @@ _ROOM = 4096  # rows of a recorder's buffer that is not known to fill
 
 
 def _ended(end: int, impacts: float) -> Status:
-    if end == QUIET:
-        return Status.STOPPED_IMPACTING if impacts else Status.NO_IMPACT
-    return {PINNED: Status.STUCK_FOREVER, DYING: Status.DECAYING, SPENT: Status.BUDGET}.get(end, Status.OK)
+    if end in (QUIET, DYING) and not impacts:
+        return Status.NO_IMPACT
+    return {
+        QUIET: Status.STOPPED_IMPACTING,
+        PINNED: Status.STUCK_FOREVER,
+        DYING: Status.DECAYING,
+        SPENT: Status.BUDGET,
+    }.get(end, Status.OK)
 
 
 def _table(cells: Cells) -> Floats:
@@ -39,6 +44,7 @@ class CpuBackend:
     """Exact flights, certified contacts, closed-form chatter on one core; threads may share tiles."""
 
     name = "cpu"
+    largest_tile = 1024
 
     def indices(
         self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool = True

@@ -58,7 +58,7 @@ def record(cell, memory, impacts, looks, sticks, transient, total, first_n, firs
     h, damp, stiff, drive, preload, turn, turn2, tail, sin_r, cos_r = prepare(m, c0, k, f, w, r, g)
     cut = h * cut_velocity(m, k, f, g, cell[7], cell[8], chatter)
     longest, granted = budgets(m, c0, k, w, flight_periods, steps_per_impact)
-    granted *= total if number == 0 else math.ceil(number / per_period) + 1
+    granted *= total if number == 0 else (first_n - cell[9]) + 1.0 + number / per_period
     u, p, s, c, n = memory[U], memory[P], memory[S], memory[C], memory[N]
     n_impacts, n_looks, n_sticks = 0, 0, 0
     end = RUNNING

@@ -119,10 +119,13 @@ def ending(state, constants, cut, contact, age, longest, steps, granted):
     """
     u, p, s, c = state
     C, K, A, G, th = constants
-    if u == 0.0 and p == 0.0:
-        return PINNED if G <= -A else RUNNING
-    if never_again(u, p, s, c, C, K, A, G, th):
+    resting = u == 0.0 and p == 0.0
+    if resting and G <= -A:
+        return PINNED
+    if not resting and never_again(u, p, s, c, C, K, A, G, th):
         return QUIET
-    if A == 0.0 and contact < cut:
-        return DYING
+    if A == 0.0 and G >= 0.0 and not resting:
+        # Without force impacts only get weaker, and without a gap none is faster than sqrt(p^2 + K u^2).
+        if contact < cut or (G == 0.0 and p * p + K * u * u < cut * cut):
+            return DYING
     return SPENT if age > longest or steps > granted else RUNNING

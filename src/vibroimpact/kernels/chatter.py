@@ -12,7 +12,7 @@ from numba import njit
 from vibroimpact.kernels.arithmetic import fma, select
 
 COMPLETES = 0.6  # of the time to release: beyond it the leading order of t1 proves nothing
-SHORT = 0.05  # of a step: the second order of the chatter's end stays exact to rounding
+SHORT = 1e-4  # of a step: over a shorter tail the second order of its end is exact to rounding
 HOLD = 1e-3  # of the cut: an impact this slow under a pressing force is held
 
 
@@ -57,5 +57,5 @@ def tail_duration(v, s, c, C, A, G, th, tail):
     """Return how long, in steps, the chatter goes on after an impact of speed v: t1 - t1^2 (J/(3a) + C/6)."""
     push = fma(A, s, -G)
     t1 = select(push > 0.0, tail * v / push, 0.0)
-    t1 = select(t1 < SHORT, t1, 0.0)
+    t1 = select(t1 < 0.05, t1, 0.0)  # longer only where a mass was held that might have flown on
     return t1 - t1 * t1 * (A * th * c / (3.0 * push) + C / 6.0)

@@ -1,0 +1,200 @@
+"""The `fixed-step` back end: the scheme of the paper, to see the paper's own numbers; never an oracle.
+
+Classical fourth-order Runge-Kutta at a fixed `time_step` from the start; contact is looked for at step ends only. A
+step that ends at or beyond the stop with positive velocity is an impact there and then: velocity and time of its end
+are recorded, the mass is put back on the stop with -r times the velocity. Nothing is done about chatter: a mass
+that ought to rest on the stop rattles with one false impact a step. So `Tolerances.chatter` does not apply and no
+stick is ever seen; of the budgets only `flight_periods` applies, and `budget` is also told of a step too long
+for the scheme to stay finite.
+
+Looks are made at the step nearest to the wanted time and carry the time of that step. To cut a time window as
+the paper does, [100, 150] s, take a `StroboscopicWindow` that ends at 150 s or later: it gives every impact from the
+start to its last look.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import astuple, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Samples, StroboscopicWindow, look_schedule
+from vibroimpact.backends.reference_flight import FreeMotion, State
+from vibroimpact.backends.sampled import samples_of, table_of_indices
+from vibroimpact.indices import INDICES
+from vibroimpact.kernels.compilation import compiled
+from vibroimpact.options import Tolerances
+from vibroimpact.oscillator import real_number
+from vibroimpact.status import Status, window_status
+
+TIME_STEP = 0.0005
+_ROOM = 4096  # steps and impacts between two looks at whether the motion has ended
+
+
+@compiled
+def march(law, y, v, step, last, impact_step, impact_velocity):  # type: ignore[no-untyped-def]
+    """March from `step` to `last`, or until the arrays are full; return y, y', the step and the impacts found.
+
+    Time is origin + step h, not a sum over steps, which would gather rounding.
+    """
+    damp, stiff, drive, omega, gap, restitution, origin, h = law
+    found = 0
+    push = drive * math.sin(omega * (origin + step * h))
+    while step < last and found < len(impact_step):
+        push_mid = drive * math.sin(omega * (origin + (step + 0.5) * h))
+        push_end = drive * math.sin(omega * (origin + (step + 1) * h))
+        a1 = push - damp * v - stiff * y
+        v2 = v + 0.5 * h * a1
+        a2 = push_mid - damp * v2 - stiff * (y + 0.5 * h * v)
+        v3 = v + 0.5 * h * a2
+        a3 = push_mid - damp * v3 - stiff * (y + 0.5 * h * v2)
+        v4 = v + h * a3
+        a4 = push_end - damp * v4 - stiff * (y + h * v3)
+        y += h / 6.0 * (v + 2.0 * (v2 + v3) + v4)
+        v += h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
+        push = push_end
+        step += 1
+        if y >= gap and v > 0.0:
+            impact_step[found] = step
+            impact_velocity[found] = v
+            found += 1
+            y, v = gap, -restitution * v
+    return y, v, step, found
+
+
+class Run:
+    """One oscillator marching from its start."""
+
+    def __init__(self, cell: dict[str, float], time_step: float, tolerances: Tolerances) -> None:
+        self.start = State(**{name: cell.pop(name) for name in ("clearance", "velocity", "periods", "phase")})
+        self.restitution = cell.pop("restitution")
+        self.free = free = FreeMotion(**cell)
+        self.h = time_step
+        origin = self.start.phase * free.period
+        self.law = free.damp, free.stiff, free.drive, free.omega, free.gap, self.restitution, origin, time_step
+        self.longest_flight = tolerances.flight_periods * 2.0 * math.pi / min(free.omega, free.natural)
+        self.y, self.v, self.step = free.gap - self.start.clearance, self.start.velocity, 0
+        self.impact_steps: list[NDArray[np.int64]] = []
+        self.impact_velocities: list[Floats] = []
+        self.count, self.flight_from = 0, 0
+        if self.start.clearance <= 0.0 and self.v > 0.0:
+            self._keep(np.zeros(1, dtype=np.int64), np.array([self.v]))
+            self.v *= -self.restitution
+
+    def _keep(self, steps: NDArray[np.int64], velocities: Floats) -> None:
+        if len(steps):
+            self.impact_steps.append(steps)
+            self.impact_velocities.append(velocities)
+            self.count += len(steps)
+            self.flight_from = int(steps[-1])
+
+    def march_to(self, last: int, impacts: int = _ROOM) -> None:
+        """March to a step, or until so many more impacts were recorded."""
+        steps, velocities = np.empty(impacts, dtype=np.int64), np.empty(impacts)
+        self.y, self.v, self.step, found = march(self.law, self.y, self.v, self.step, last, steps, velocities)
+        self._keep(steps[:found], velocities[:found])
+
+    def fill(self, wanted: int) -> Status:
+        """March until so many impacts are recorded; return OK, or why they never will be."""
+        while self.count < wanted:
+            self.march_to(self.step + _ROOM, min(_ROOM, wanted - self.count))
+            if self.count == wanted:
+                break
+            if not math.isfinite(self.y) or (self.step - self.flight_from) * self.h > self.longest_flight:
+                return Status.BUDGET
+            if self.y < self.free.gap and self.free.never_again(self.state()):
+                return Status.STOPPED_IMPACTING if self.count else Status.NO_IMPACT
+        return Status.OK
+
+    def look(self, steps: NDArray[np.int64]) -> Floats:
+        """Return (y, y') at ascending steps; fewer rows if the scheme blows up."""
+        seen = np.empty((len(steps), 2))
+        for i, step in enumerate(steps):
+            while self.step < step:
+                self.march_to(step)
+            if not math.isfinite(self.y):
+                return seen[:i]
+            seen[i] = self.y, self.v
+        return seen
+
+    def times(self, steps: NDArray[np.int64]) -> tuple[Floats, Floats]:
+        """Return whole periods and phase at steps."""
+        turns = self.start.phase + steps * (self.h / self.free.period)
+        whole = np.floor(turns)
+        return self.start.periods + whole, turns - whole
+
+    def state(self) -> State:
+        """Return where the mass is now; a step that ends beyond the stop on its way back counts as on it."""
+        periods, phase = self.times(np.array([self.step]))
+        return State(max(self.free.gap - self.y, 0.0), self.v, float(periods[0]), float(phase[0]))
+
+    def impacts(self) -> Floats:
+        """Return (periods, phase, velocity) of all impacts so far."""
+        if not self.impact_steps:
+            return np.empty((0, 3))
+        periods, phase = self.times(np.concatenate(self.impact_steps))
+        return np.column_stack([periods, phase, np.concatenate(self.impact_velocities)])
+
+    def impact_samples(self, window: ImpactWindow) -> tuple[Samples, int]:
+        """Return what an impact window keeps, and how many impacts were recorded in all."""
+        ended = self.fill(window.transient + window.keep)
+        kept = self.impacts()[window.transient :]
+        span = float((kept[-1, 0] - kept[0, 0]) + (kept[-1, 1] - kept[0, 1])) if len(kept) else 0.0
+        status = window_status(sampled=len(kept), wanted=window.keep, stuck=False, periods=span, ended=ended)
+        return self._samples(kept, np.empty((0, 4)), status), self.count
+
+    def look_samples(self, window: StroboscopicWindow) -> Samples:
+        """Return what a stroboscopic window sees."""
+        periods, phase = look_schedule(self.start.periods, self.start.phase, window)
+        ahead = ((periods - self.start.periods) + (phase - self.start.phase)) * self.free.period
+        at = np.rint(ahead / self.h).astype(np.int64)
+        seen = self.look(at)
+        status = Status.OK if len(seen) == window.keep else Status.BUDGET
+        return self._samples(self.impacts(), np.column_stack([*self.times(at[: len(seen)]), seen]), status)
+
+    def _samples(self, impacts: Floats, looks: Floats, status: Status) -> Samples:
+        last = astuple(self.state())
+        return samples_of(
+            impacts=impacts, looks=looks, sticks=np.empty((0, 4)), status=status, last=last, steps=self.step
+        )
+
+
+class FixedStepBackend:
+    """The paper's scheme behind the back-end protocol; every impact is computed, `early_closing` or not."""
+
+    name = "fixed-step"
+    largest_tile = 1
+
+    def __init__(self, time_step: float = TIME_STEP) -> None:
+        self.time_step = time_step
+
+    def indices(
+        self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool = True
+    ) -> dict[str, NDArray[Any]]:
+        """Return every index, the status, the impacts computed and the steps of each cell."""
+        runs = [run.impact_samples(window) for run in self._each(cells, tolerances)]
+        return table_of_indices(tuple(INDICES), runs)
+
+    def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
+        """Return what the window sees of each cell."""
+        if isinstance(window, ImpactWindow):
+            return [run.impact_samples(window)[0] for run in self._each(cells, tolerances)]
+        return [run.look_samples(window) for run in self._each(cells, tolerances)]
+
+    def _each(self, cells: Cells, tolerances: Tolerances) -> Iterator[Run]:
+        for i in range(len(cells)):
+            cell = {entry.name: float(getattr(cells, entry.name)[i]) for entry in fields(cells)}
+            yield Run(cell, self.time_step, tolerances)
+
+
+def create(time_step: float = TIME_STEP) -> FixedStepBackend:
+    """Return the back end with a time step in s, finite and > 0."""
+    allowed, remedy = "a finite number > 0", "give the step in s; the paper's is 0.0005"
+    step = real_number("time_step", time_step, allowed, remedy)
+    if step <= 0.0:
+        raise ValueError(f"`time_step` is {time_step!r}; allowed is {allowed}; {remedy}")
+    return FixedStepBackend(step)
