@@ -36,11 +36,12 @@ def test_a_cell_does_not_depend_on_the_grid_around_it(whole):
     assert same(sweep(omega=OMEGA[5:9], mass=MASS[2:4]), whole.isel(omega=slice(5, 9), mass=slice(2, 4)))
 
 
-def test_a_cell_alone_is_the_single_orbit_bit_for_bit(whole):
+def test_a_cell_alone_is_the_single_orbit_bit_for_bit():
+    stepped = sweep(early_closing=False)
     for at, mass in itertools.product((3, 11, 17), (0, 4)):
         osc = OSC.replace(omega=OMEGA[at], mass=MASS[mass])
         hits = vi.impact_section(osc, transient_impacts=30, sample_impacts=100)["velocity"].values
-        cell = whole.isel(omega=at, mass=mass)
+        cell = stepped.isel(omega=at, mass=mass)
         assert float(cell["max_velocity"]) == hits.max()
         assert float(cell["mean_velocity"]) == pytest.approx(hits.mean(), rel=1e-13)
         assert float(cell["std"]) == pytest.approx(hits.std(), rel=1e-11, abs=1e-14)

@@ -11,7 +11,19 @@ from numpy.typing import NDArray
 
 from vibroimpact.backends import recorder
 from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Samples, StroboscopicWindow, look_schedule
-from vibroimpact.backends.lane_runner import IMPACTS, LARGEST, MEAN, RATE, SPAN, STD, STICKS, run_cells
+from vibroimpact.backends.lane_runner import (
+    CLOSED,
+    COLUMNS,
+    IMPACTS,
+    LARGEST,
+    MEAN,
+    RATE,
+    SPAN,
+    STD,
+    STEPS,
+    STICKS,
+    run_cells,
+)
 from vibroimpact.kernels.cell import DYING, FILLED, PINNED, QUIET, RUNNING, SPENT
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
@@ -50,11 +62,10 @@ class CpuBackend:
         self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool = True
     ) -> dict[str, NDArray[Any]]:
         """Return every index, the status, the impacts computed and the certified steps of each cell."""
-        results = np.zeros((len(cells), 7))
+        results = np.zeros((len(cells), COLUMNS))
         ends = np.zeros(len(cells), dtype=np.int8)
-        steps = np.zeros(len(cells), dtype=np.int64)
         total = float(window.transient + window.keep)
-        run_cells(_table(cells), results, ends, steps, float(window.transient), total, *_limits(tolerances))
+        run_cells(_table(cells), results, ends, float(window.transient), total, *_limits(tolerances), early_closing)
         full = ends == FILLED
         columns = {"std": STD, "mean_velocity": MEAN, "max_velocity": LARGEST, "impacts_per_period": RATE}
         return {name: np.where(full, results[:, column], np.nan) for name, column in columns.items()} | {
@@ -62,7 +73,7 @@ class CpuBackend:
                 [_status(end, row, window) for end, row in zip(ends.tolist(), results.tolist(), strict=True)], np.int8
             ),
             "impacts": results[:, IMPACTS].astype(np.int64),
-            "steps": steps,
+            "steps": results[:, STEPS].astype(np.int64),
         }
 
     def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
@@ -146,5 +157,5 @@ def _status(end: int, row: list[float], window: ImpactWindow) -> Status:
         wanted=window.keep,
         stuck=row[STICKS] > 0.0,
         periods=row[SPAN],
-        ended=_ended(end, row[IMPACTS]),
+        ended=Status.CLOSED if row[CLOSED] else _ended(end, row[IMPACTS]),
     )

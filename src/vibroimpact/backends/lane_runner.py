@@ -7,13 +7,18 @@ import math
 import numpy as np
 from numba import njit
 
+from vibroimpact.backends.closing import LONGEST, try_to_close
 from vibroimpact.kernels import lanes as rows
 from vibroimpact.kernels.cell import FILLED, RUNNING, budgets, cut_velocity, ending, pair_of, phase_of, prepare
 from vibroimpact.kernels.compilation import compiled
 from vibroimpact.kernels.lanes import LANES, ROWS, step_lanes
 
+COLUMNS = 9
+NEAR = 2e-11  # of V: how close an impact must come back to be looked at
+WALK = 50_000  # steps after which a cycle is given up
+
 LOOK = 32  # steps between two looks at whether a cell has ended, counted from its own start
-STD, MEAN, LARGEST, RATE, SPAN, STICKS, IMPACTS = range(7)  # columns of what a finished cell hands out
+STD, MEAN, LARGEST, RATE, SPAN, STICKS, IMPACTS, STEPS, CLOSED = range(9)  # columns of what a finished cell hands out
 
 
 @njit(error_model="numpy")
@@ -32,7 +37,11 @@ def _load(lanes, i, cell, chatter):
     for row in range(11):
         lanes[(rows.DAMP + row) * LANES + i] = constants[row]
     lanes[rows.CONTACT * LANES + i] = math.inf
-    return h
+    scale = cut / chatter
+    lanes[rows.NEAR * LANES + i] = NEAR * scale
+    lanes[rows.REF_S * LANES + i] = 9.0  # no reference yet
+    lanes[rows.REF_NEXT * LANES + i] = 32.0
+    return h, scale
 
 
 @njit(error_model="numpy")
@@ -82,16 +91,17 @@ def _harvest(lanes, i, keep, h, result):
 
 
 @compiled
-def run_cells(cells, results, ends, steps_made, transient, total, chatter, flight_periods, steps_per_impact):
+def run_cells(cells, results, ends, transient, total, chatter, flight_periods, steps_per_impact, early_closing):
     """Run every cell, a row of `cells`, to its end.
 
-    `results` (n, 7) receives the columns above, `ends` why each cell ended, `steps_made` its certified steps.
-    Nothing in a cell depends on its lane or its neighbours.
+    `results` (n, COLUMNS) receives the columns above and `ends` why each cell ended. Nothing in a cell depends on its
+    lane or its neighbours.
     """
     lanes = np.zeros(ROWS * LANES)
+    cycle = np.zeros((LONGEST, 4))
     owner = np.full(LANES, -1)
-    made = np.zeros(LANES)
-    limits = np.zeros((LANES, 3))  # longest flight and steps granted, and the length h of a step
+    notes = np.zeros((LANES, 7))
+    H, SCALE, FLIGHT, GRANTED, MADE, RATIO, SKIPPED = range(7)
     following = 0
     busy = 0
     while True:
@@ -99,10 +109,10 @@ def run_cells(cells, results, ends, steps_made, transient, total, chatter, fligh
             if owner[i] >= 0 or following == len(cells):
                 continue
             cell = cells[following]
-            limits[i, 2] = _load(lanes, i, cell, chatter)
+            notes[i] = 0.0
+            notes[i, H], notes[i, SCALE] = _load(lanes, i, cell, chatter)
             longest, granted = budgets(cell[0], cell[1], cell[2], cell[4], flight_periods, steps_per_impact)
-            limits[i, 0], limits[i, 1] = longest, granted * total
-            made[i] = 0.0
+            notes[i, FLIGHT], notes[i, GRANTED] = longest, granted * total
             owner[i] = following
             following += 1
             busy += 1
@@ -111,10 +121,24 @@ def run_cells(cells, results, ends, steps_made, transient, total, chatter, fligh
         step_lanes(lanes, LOOK, transient, total)
         for i in range(LANES):
             j = owner[i]
-            made[i] += LOOK
-            end = RUNNING if j < 0 else _ending(lanes, i, total, limits[i, 0], made[i], limits[i, 1])
+            if j < 0:
+                continue
+            notes[i, MADE] += LOOK
+            recurs = lanes[rows.CANDIDATE * LANES + i] > 0.0 or lanes[rows.RELEASES * LANES + i] >= 2.0
+            if recurs and notes[i, RATIO] == 0.0 and lanes[rows.COUNT * LANES + i] < total:
+                number, periods, made = try_to_close(
+                    lanes, i, transient, total, notes[i, SCALE], WALK, early_closing, cycle
+                )
+                notes[i, MADE] += made
+                if number > 0:
+                    notes[i, RATIO] = number / periods
+                    notes[i, SKIPPED] = 1.0 if early_closing else 0.0
+            end = _ending(lanes, i, total, notes[i, FLIGHT], notes[i, MADE], notes[i, GRANTED])
             if end != RUNNING:
-                ends[j], steps_made[j] = end, made[i]
-                _harvest(lanes, i, total - transient, limits[i, 2], results[j])
+                ends[j] = end
+                _harvest(lanes, i, total - transient, notes[i, H], results[j])
+                if notes[i, RATIO] > 0.0:
+                    results[j, RATE] = notes[i, RATIO]
+                results[j, STEPS], results[j, CLOSED] = notes[i, MADE], notes[i, SKIPPED]
                 owner[i] = -1
                 busy -= 1

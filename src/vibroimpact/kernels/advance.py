@@ -20,10 +20,11 @@ BEND = 1e-4  # largest share of the curvature in that expansion
 
 
 @njit(inline="always", error_model="numpy")
-def _turn(s, c):
-    # Grows with the angle over [0, 4); precise where 1 - c alone is not, next to c = 1.
-    t = s / (abs(s) + abs(c))
-    return select(c >= 0.0, select(s >= 0.0, t, 4.0 + t), 2.0 - t)
+def _passes_zero(s, c, s1, c1):
+    """Return whether turning forward from (s, c) to (s1, c1), by less than a whole turn, passes phase 0."""
+    below, below1 = s < 0.0, s1 < 0.0
+    back = fma(s1, c, -c1 * s) < 0.0
+    return (below & (below1 == False)) | ((below == below1) & back)  # noqa: E712
 
 
 @njit(inline="always", error_model="numpy")
@@ -34,8 +35,9 @@ def _touch_down(u, p, s, c, C, K, A, G, th):
     """
     p2 = fma(-C, p, fma(-K, u, fma(-A, s, G)))
     p3 = fma(-C, p2, fma(-K, p, -A * th * c))
-    d0 = -u / p
-    bend = 0.5 * p2 * d0 / p
+    inverse = 1.0 / p
+    d0 = -u * inverse
+    bend = 0.5 * p2 * (d0 * inverse)
     close = (p < 0.0) & (d0 < CLOSE) & (abs(bend) < BEND)
     d = d0 * fma(bend, fma(2.0, bend, -1.0), 1.0)
     p = fma(d, fma(0.5 * d, p3, p2), p)
@@ -70,9 +72,9 @@ def advance(u, p, s, c, n, C, K, A, G, th, Q, r, cut, tail, sr, cr):
     c2 = select(held, select(forever, c, cr), select(contact, cc, c1))
     u2 = select(held | contact, 0.0, u1)
     p2 = select(held, 0.0, select(contact, back, p1))
-    # A flight passes the start of a period from below; a hold may also jump over it.
-    wrapped = select(held, _turn(s2, c2), s2) < select(held, _turn(s, c), 0.0)
-    wrapped = select(held, select(wrapped, 1.0, 0.0), select((s < 0.0) & (s2 >= 0.0), 1.0, 0.0))
+    # A step in flight turns by less than half a turn, a hold by up to a whole one.
+    wrapped = ((s < 0.0) & (s2 >= 0.0)) | (held & _passes_zero(s, c, s2, c2))
+    n1 = n + select(wrapped, 1.0, 0.0)
     struck = select(tail_closed, CHATTER, select(v < cut, FLIGHT, IMPACT))
     event = select(forever, STUCK, select(held, RELEASE, select(contact, struck, FLIGHT)))
-    return u2, p2, s2, c2, n + wrapped, event, v, x + select(contact, d, 0.0)
+    return u2, p2, s2, c2, n1, event, v, x + select(contact, d, 0.0)

@@ -124,8 +124,8 @@ def ending(state, constants, cut, contact, age, longest, steps, granted):
         return PINNED
     if not resting and never_again(u, p, s, c, C, K, A, G, th):
         return QUIET
-    if A == 0.0 and G >= 0.0 and not resting:
-        # Without force impacts only get weaker, and without a gap none is faster than sqrt(p^2 + K u^2).
-        if contact < cut or (G == 0.0 and p * p + K * u * u < cut * cut):
-            return DYING
+    # Without force impacts only get weaker, and without a gap none is faster than sqrt(p^2 + K u^2).
+    weak = contact < cut or (G == 0.0 and p * p + K * u * u < cut * cut)
+    if A == 0.0 and G >= 0.0 and not resting and weak:
+        return DYING
     return SPENT if age > longest or steps > granted else RUNNING

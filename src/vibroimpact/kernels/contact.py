@@ -30,7 +30,7 @@ def first_root(q0, q1, q2):
 
 @njit(inline="always", error_model="numpy")
 def _negative(a):
-    return select(a < 0.0, -a, 0.0)
+    return select(a < 0.0, a, 0.0)
 
 
 @njit(inline="always", error_model="numpy")
@@ -86,7 +86,7 @@ def certified_step(a, leaving, at_rest, at_release):
     t6 = fma(t7, X, _negative(a[6]))
     t5 = fma(t6, X, _negative(a[5]))
     t4 = fma(t5, X, _negative(a[4]))
-    tail = _shift(leaving, at_rest, at_release, t4, t5, t6, t7)
+    tail = -_shift(leaving, at_rest, at_release, t4, t5, t6, t7)
     rising = q3 > 0.0
     x = first_root(
         q0,

@@ -1,0 +1,105 @@
+"""Cells closed in closed form say what all their impacts would have said."""
+
+import numpy as np
+import pytest
+from numba import njit
+
+import vibroimpact as vi
+from vibroimpact.kernels.cell import prepare
+from vibroimpact.kernels.tangent import flow, product, saltation
+
+OSC = vi.ImpactOscillator()
+NAMES = ("std", "mean_velocity", "max_velocity", "impacts_per_period")
+OMEGA = np.linspace(0.025, 5.0, 24)
+PLANES = {
+    "mass": np.linspace(0.1, 5.0, 12),
+    "damping": np.linspace(0.005, 1.0, 12),
+    "stiffness": np.linspace(0.1, 5.0, 12),
+    "amplitude": np.linspace(0.1, 5.0, 12),
+    "restitution": np.linspace(0.1, 0.99, 12),
+}
+
+
+def both(osc=OSC, **settings):
+    return [vi.parameter_map(osc, indices=NAMES, early_closing=early, **settings) for early in (True, False)]
+
+
+def agree(closed, stepped):
+    """Check every index of every cell to 1e-9 of its scale, bitwise where nothing closed."""
+    open_cells = (closed["status"].values == stepped["status"].values) & (closed["status"].values == vi.Status.OK)
+    for name in NAMES:
+        a, b = closed[name].values, stepped[name].values
+        assert np.array_equal(np.isnan(a), np.isnan(b))
+        assert np.array_equal(a[open_cells], b[open_cells])
+        known = ~np.isnan(a)
+        assert (np.abs(a - b)[known] <= 1e-9 * np.abs(b[known]).max(initial=0.0)).all()
+
+
+@pytest.mark.parametrize("parameter", PLANES)
+def test_every_index_of_the_paper_s_maps_is_the_same_with_and_without(parameter):
+    closed, stepped = both(omega=OMEGA, **{parameter: PLANES[parameter]})
+    agree(closed, stepped)
+    sticking = stepped["status"].values == vi.Status.STICKING
+    assert sticking.any()
+    assert np.array_equal(closed["status"].values == vi.Status.STICKING, sticking)
+    assert (closed["status"].values == vi.Status.CLOSED).mean() > 0.5
+    assert closed.attrs["steps_computed"] < 0.4 * stepped.attrs["steps_computed"]
+
+
+@pytest.mark.parametrize("transient", [0, 7, 100, 1000])
+@pytest.mark.parametrize("sample", [1, 2, 61, 500])
+def test_windows_that_begin_and_end_in_mid_cycle(transient, sample):
+    # Sticking, period-1 impact-2, period-1 impact-1, a long cycle, chaos.
+    closed, stepped = both(omega=[0.1, 0.95, 1.25, 2.0, 2.8, 4.0], transient_impacts=transient, sample_impacts=sample)
+    agree(closed, stepped)
+
+
+@pytest.mark.parametrize("shift", [1e-2, 1e-3, 1e-4, 1e-5, 0.0])
+@pytest.mark.parametrize("bifurcation", [1.25896223487675874, 2.653923520183519489])
+def test_next_to_a_period_doubling_a_cell_is_closed_late_or_not_at_all(bifurcation, shift):
+    closed, stepped = both(omega=[bifurcation - shift, bifurcation + shift][: 2 if shift else 1])
+    agree(closed, stepped)
+
+
+def test_a_window_of_a_sticking_cycle_is_exact_to_rounding():
+    closed, stepped = both(omega=[0.1, 0.2, 5.0])
+    for name in NAMES:
+        assert closed[name].values == pytest.approx(stepped[name].values, rel=1e-13)
+    assert closed.attrs["steps_computed"] < 0.2 * stepped.attrs["steps_computed"]
+
+
+def test_a_motion_that_keeps_its_energy_is_never_closed():
+    lossless = vi.ImpactOscillator(damping=0.0, restitution=1.0)
+    closed, stepped = both(lossless, omega=[0.7, 2.0, 3.1], sample_impacts=1000)
+    assert (closed["status"] != vi.Status.CLOSED).all()
+    agree(closed, stepped)
+
+
+def test_impacts_per_period_of_a_closed_cycle_is_exactly_p_over_n():
+    for sweep in both(omega=[0.95, 2.0, 4.0]):
+        assert sweep["impacts_per_period"].values.tolist() == [2.0, 1.0, 0.5]
+
+
+def test_chaos_is_never_closed():
+    # The exponent at w = 2.8 is known to be positive.
+    closed, _ = both(omega=[2.8], sample_impacts=20_000, start=vi.State(-1.0))
+    assert closed["status"].values.tolist() == [vi.Status.OK]
+
+
+@njit
+def cycle_tangent(omega, v, s, c):
+    """Return the tangent over the period-1 impact-1 orbit that hits with v at (s, c), from just after an impact."""
+    h, C, K, A, G = prepare(1.0, 0.01, 1.0, 1.0, omega, 0.8, 0.0)[:5]
+    tangent = (1.0, 0.0, 0.0, 1.0)
+    for _ in range(100):
+        tangent = product(flow(C, K, 2 * np.pi / omega / h / 100), tangent)
+    return product(saltation(h * v, s, c, C, A, G, 0.8), tangent)
+
+
+@pytest.mark.parametrize("name", ["w=2.0,n=1", "w=1.4,n=1", "w=2.6,n=1"])
+def test_the_tangent_of_a_cycle_has_the_known_trace_and_determinant(values, name):
+    known = values["period_n_impact_1"][name]
+    angle = 2 * np.pi * float(known["phase_frac"])
+    a, b, c, d = cycle_tangent(float(name[2:5]), float(known["v"]), np.sin(angle), np.cos(angle))
+    assert a + d == pytest.approx(float(known["trace"]), rel=1e-11)
+    assert a * d - b * c == pytest.approx(float(known["det"]), rel=1e-11)
