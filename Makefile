@@ -1,0 +1,47 @@
+# Each target sets itself up: .venv/ holds the package and its tools, and follows pyproject.toml.
+PYTHON ?= python3
+BIN := .venv/bin
+STAMP := .venv/.set-up
+
+.PHONY: help demo test check bench docs figures clean
+
+help:
+	@echo "make demo     the paper's whole study as one HTML report in demo/"
+	@echo "make test     the tests, on all cores"
+	@echo "make check    style, types, layers, documentation"
+	@echo "make bench    how fast the engine is on this machine"
+	@echo "make docs     the documentation, in docs/_build/html/"
+	@echo "make figures  draw again the pictures of README and documentation"
+	@echo "make clean    remove what make made"
+
+$(STAMP): pyproject.toml tools/bootstrap.py
+	$(PYTHON) tools/bootstrap.py
+	@touch $@
+
+demo: $(STAMP)
+	$(BIN)/vibroimpact reproduce --out demo --overwrite
+	@echo "The report lies at $(CURDIR)/demo/report.html"
+
+test: $(STAMP)
+	$(BIN)/python -m pytest -n auto --dist worksteal -p no:benchmark
+
+check: $(STAMP)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/sphinx-build -W --keep-going --quiet -b html docs docs/_build/html
+
+bench: $(STAMP)
+	$(BIN)/python -m pytest benchmarks -p no:xdist
+
+docs: $(STAMP)
+	$(BIN)/sphinx-build -W --keep-going --quiet -b html docs docs/_build/html
+	@echo "The documentation lies at $(CURDIR)/docs/_build/html/index.html"
+
+figures: $(STAMP)
+	$(BIN)/python docs/figures.py
+
+clean:
+	rm -rf .venv demo docs/_build build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find src tests benchmarks examples docs tools -name __pycache__ -type d -prune -exec rm -rf {} +

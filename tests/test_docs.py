@@ -1,0 +1,108 @@
+"""The documentation says what the code does: tables, numbers, examples, links."""
+
+import doctest
+import importlib
+import pkgutil
+import re
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import pytest
+
+import vibroimpact as vi
+from fenced import ROOT, blocks, table
+from vibroimpact.dataset import VARIABLES
+from vibroimpact.status import Status
+
+DOCS = ROOT / "docs"
+PAGES = sorted([*DOCS.glob("*.md"), *ROOT.glob("*.md")])
+MODULES = sorted(
+    module.name for module in pkgutil.walk_packages(vi.__path__, "vibroimpact.") if not module.name.endswith("__main__")
+)
+
+
+@pytest.fixture(autouse=True)
+def drawn_out_of_sight():
+    with mpl.rc_context({"backend": "Agg", "figure.max_open_warning": 0}):
+        yield
+    plt.close("all")
+
+
+def failures(examples, name, names):
+    told = []
+    test = doctest.DocTestParser().get_doctest(examples, names, name, name, 0)
+    doctest.DocTestRunner(optionflags=doctest.IGNORE_EXCEPTION_DETAIL).run(test, out=told.append)
+    return "".join(told)
+
+
+def with_examples(pages):
+    return [page for page in pages if any(">>> " in block for block in blocks(page, "python"))]
+
+
+@pytest.mark.parametrize("page", with_examples(PAGES), ids=lambda page: page.name)
+def test_every_example_of_a_page_gives_what_it_shows(page):
+    assert failures("\n".join(blocks(page, "python")), page.name, {}) == ""
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_every_docstring_example_gives_what_it_shows(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    module = importlib.import_module(name)
+    told = []
+    runner = doctest.DocTestRunner()
+    for test in doctest.DocTestFinder(exclude_empty=True).find(module, name):
+        runner.run(test, out=told.append)
+    assert "".join(told) == ""
+
+
+def test_every_public_function_has_an_example():
+    without = [name for name in vi.__all__ if name not in ("Status", "Tolerances", "plotting")]
+    assert [name for name in without if ">>> " not in (getattr(vi, name).__doc__ or "")] == []
+
+
+def test_the_statuses_of_the_model_page_are_those_of_the_code():
+    rows = table(DOCS / "model.md", "| code | `status`")
+    assert rows == [[str(s.value), s.word, s.sentence.replace("`", "")] for s in Status]
+    assert [s.has_indices for s in Status] == [True] * 4 + [False] * 6  # "the first four"
+
+
+def test_the_glossary_has_the_words_symbols_and_units_of_results():
+    rows = table(DOCS / "glossary.md", "| word | symbol")
+    assert rows == [[name, symbol, words, unit] for name, (words, unit, symbol) in VARIABLES.items()]
+
+
+def test_the_command_line_page_lists_every_command():
+    from typer.main import get_command
+
+    from vibroimpact.cli.app import app
+
+    assert [row[0] for row in table(DOCS / "cli.md", "| command")] == list(get_command(app).commands)
+
+
+def test_every_public_name_is_on_the_page_of_functions():
+    page = (DOCS / "api.md").read_text()
+    names = [f"vibroimpact.{name}" for name in vi.__all__ if name != "plotting"]
+    names += [f"vibroimpact.plotting.{name}" for name in vi.plotting.__all__ if name != "KINDS"]
+    assert [name for name in names if not re.search(rf":: {re.escape(name)}$", page, re.MULTILINE)] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_and_pictures_lead_to_files_that_are_there(page):
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    targets = [target.split("#")[0] for target in re.findall(r"\]\(([^)\s]+)\)", text)]
+    missing = [target for target in targets if target and "://" not in target and not (page.parent / target).exists()]
+    assert missing == []
+
+
+@pytest.mark.parametrize("name", re.findall(r"tests/\w+\.py", "".join(page.read_text() for page in PAGES)))
+def test_a_test_that_a_page_names_is_there(name):
+    assert (ROOT / name).is_file()
+
+
+def test_the_numbers_in_the_prose_of_the_std_page_are_settings_or_computed_on_it():
+    page = DOCS / "std.md"
+    prose = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    computed = "\n".join(blocks(page, "python"))
+    numbers = set(re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?:e-?\d+)?", prose))
+    settings = {"5000", "100"}  # the window of impacts, held by the defaults' own tests
+    assert {number for number in numbers - settings if number not in computed} <= {"0", "1"}
