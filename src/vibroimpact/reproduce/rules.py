@@ -1,0 +1,160 @@
+"""The written rules by which numbers become verdicts; nothing here knows the paper or the engine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from decimal import ROUND_DOWN, ROUND_HALF_UP, Decimal
+from enum import Enum
+from itertools import pairwise
+
+NEARLY_ALL = 0.95  # the share that counts as "throughout" or "strong" where the paper gives no number
+
+
+class Verdict(Enum):
+    """What the engine's numbers make of a statement."""
+
+    HOLDS = "holds"
+    LAST_DIGIT = "last digit"
+    FAILS = "does not hold"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A verdict and the rule it came from, in words."""
+
+    verdict: Verdict
+    rule: str
+
+
+def _verdict(holds: bool, close: bool = False) -> Verdict:
+    return Verdict.HOLDS if holds else Verdict.LAST_DIGIT if close else Verdict.FAILS
+
+
+def last_unit(printed: str) -> float:
+    """Return one unit of the last printed digit.
+
+    Examples
+    --------
+    >>> last_unit("0.23"), last_unit("2.0"), last_unit("35")
+    (0.01, 0.1, 1.0)
+    """
+    return 10.0 ** int(Decimal(printed).as_tuple().exponent)
+
+
+def rounded_like(found: float, printed: str) -> Decimal:
+    """Return `found` rounded half up to as many decimals as were printed."""
+    return Decimal(repr(float(found))).quantize(
+        Decimal(1).scaleb(int(Decimal(printed).as_tuple().exponent)), ROUND_HALF_UP
+    )
+
+
+def cut_like(found: float, printed: str) -> bool:
+    """Return whether cutting `found` off after the printed digits, without rounding, gives what was printed.
+
+    Examples
+    --------
+    >>> cut_like(0.447, "0.44"), cut_like(0.447, "0.45")
+    (True, False)
+    """
+    unit = Decimal(1).scaleb(int(Decimal(printed).as_tuple().exponent))
+    return Decimal(repr(float(found))).quantize(unit, ROUND_DOWN) == Decimal(printed)
+
+
+def printed_value(found: float, printed: str) -> Judgement:
+    """Judge a number the paper prints.
+
+    Examples
+    --------
+    >>> printed_value(0.228634, "0.23").verdict.value, printed_value(3.1623, "3.1").verdict.value
+    ('holds', 'last digit')
+    >>> printed_value(2.085, "2.5").verdict.value
+    'does not hold'
+    """
+    rule = "rounded to the printed digits it is the same; one unit of the last digit away is 'last digit'"
+    if not math.isfinite(found):
+        return Judgement(Verdict.FAILS, rule)
+    units = abs(rounded_like(found, printed) - Decimal(printed)).scaleb(-int(Decimal(printed).as_tuple().exponent))
+    return Judgement(_verdict(units == 0, units <= 1), rule)
+
+
+def same_name(found: str, said: str) -> Judgement:
+    """Judge the name of a motion."""
+    return Judgement(_verdict(found == said), "the recognised motion has the name the paper gives it")
+
+
+def is_true(holds: bool, rule: str) -> Judgement:
+    """Judge a statement that a measurement decides outright; `rule` says which."""
+    return Judgement(_verdict(holds), rule)
+
+
+def fills_interval(positions: Sequence[float], has_it: Sequence[bool], low: str, high: str) -> Judgement:
+    """Judge "this motion throughout [low, high]" by frequencies scanned inside.
+
+    Examples
+    --------
+    >>> positions = [1.15, 1.3, 1.5, 1.9]
+    >>> fills_interval(positions, [False, True, True, True], "1.0", "2.0").verdict.value
+    'does not hold'
+    >>> fills_interval(positions, [False, True, True, True], "1.1", "2.0").verdict.value
+    'last digit'
+    """
+    rule = (
+        "every scanned frequency inside the interval has the motion; 'last digit' if those without it all lie "
+        "within one unit of the last printed digit of an end"
+    )
+    inside = [(x, has) for x, has in zip(positions, has_it, strict=True) if float(low) <= x <= float(high)]
+    without = [x for x, has in inside if not has]
+    from_low = [x - float(low) <= last_unit(low) * (1 + 1e-9) for x in without]
+    from_high = [float(high) - x <= last_unit(high) * (1 + 1e-9) for x in without]
+    close = all(near or far for near, far in zip(from_low, from_high, strict=True))
+    return Judgement(_verdict(bool(inside) and not without, bool(inside) and close), rule)
+
+
+def nearly_all(share: float, of_what: str) -> Judgement:
+    """Judge "throughout", "strong agreement", "largely": the share must reach `NEARLY_ALL`."""
+    return Judgement(_verdict(share >= NEARLY_ALL), f"at least {NEARLY_ALL:.0%} of {of_what}")
+
+
+def falls(values: Sequence[float], what: str) -> Judgement:
+    """Judge a downward trend: every value below the one before it."""
+    return Judgement(_verdict(_descends(values)), f"{what} falls at every step")
+
+
+def rises(values: Sequence[float], what: str) -> Judgement:
+    """Judge an upward trend: every value above the one before it."""
+    return Judgement(_verdict(_descends([-value for value in values])), f"{what} rises at every step")
+
+
+def _descends(values: Sequence[float]) -> bool:
+    return len(values) > 1 and all(b < a for a, b in pairwise(values))
+
+
+def axis_limit(largest: float, printed: str) -> Judgement:
+    """Judge the height of a printed axis: it must hold the data, and the data must fill more than half of it.
+
+    Examples
+    --------
+    >>> axis_limit(2.895, "3").verdict.value, axis_limit(8.09, "8").verdict.value, axis_limit(77.6, "35").verdict.value
+    ('holds', 'last digit', 'does not hold')
+    """
+    top = float(printed)
+    rule = (
+        "the largest velocity lies below the end of the axis and above half of it; 'last digit' if it passes "
+        "the end by less than one unit of the last printed digit"
+    )
+    return Judgement(_verdict(0.5 * top < largest <= top, top < largest < top + last_unit(printed)), rule)
+
+
+def proportional(ratios: Sequence[float], factor: float, tolerance: float = 1e-9) -> Judgement:
+    """Judge strict proportionality: every ratio equals the factor to within rounding."""
+    worst = max((abs(ratio / factor - 1.0) for ratio in ratios), default=math.inf)
+    return Judgement(_verdict(worst <= tolerance), f"every ratio equals the factor to a relative {tolerance:g}")
+
+
+def all_of(judgements: Sequence[Judgement]) -> Judgement:
+    """Judge a statement of several parts by its weakest part; the rule names them all."""
+    order = list(Verdict)
+    worst = max((judgement.verdict for judgement in judgements), key=order.index)
+    return Judgement(worst, "; and ".join(dict.fromkeys(judgement.rule for judgement in judgements)))
