@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -26,9 +27,15 @@ def worker_count(workers: int | None) -> int:
 
 
 def tiles(number: int, workers: int, largest: int) -> list[slice]:
-    """Cut `number` cells into tiles, enough of them to keep all workers busy to the end."""
-    size = min(max(number // (8 * workers), _SMALLEST), largest)
-    return [slice(low, min(low + size, number)) for low in range(0, number, size)]
+    """Cut `number` cells into ever smaller tiles: large ones keep lanes full, small ones end all workers together."""
+    parts = []
+    low = 0
+    while low < number:
+        share = math.ceil((number - low) / (1.5 * workers))
+        high = min(low + min(max(share, _SMALLEST), largest), number)
+        parts.append(slice(low, high))
+        low = high
+    return parts
 
 
 def run_tiles(

@@ -165,7 +165,9 @@ def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle):
     number, walked, tangent, growth, end = _walk_cycle(lanes, i, 0 if sticking else impacts, cycle, limit)
     made += walked
     lanes[rows.CANDIDATE * LANES + i] = 0.0
-    lanes[rows.REF_S * LANES + i] = 9.0  # out of reach: not before the reference has moved on is it tried again
+    # Not before the reference has moved on, or two more releases have passed, is it tried again.
+    lanes[rows.REF_S * LANES + i] = 9.0
+    lanes[rows.RELEASES * LANES + i] = 0.0
     if number < 1:
         return 0, 0.0, made
     periods = end[4] - lanes[rows.N * LANES + i]

@@ -56,7 +56,7 @@ class CpuBackend:
     """Exact flights, certified contacts, closed-form chatter on one core; threads may share tiles."""
 
     name = "cpu"
-    largest_tile = 1024
+    largest_tile = 4096
 
     def indices(
         self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool = True

@@ -15,6 +15,7 @@ from vibroimpact.kernels.lanes import LANES, ROWS, step_lanes
 
 COLUMNS = 9
 NEAR = 2e-11  # of V: how close an impact must come back to be looked at
+PAYS = 16.0  # sticking cycles left, below which the lanes are faster than a walk of one or two of them
 WALK = 50_000  # steps after which a cycle is given up
 
 LOOK = 32  # steps between two looks at whether a cell has ended, counted from its own start
@@ -90,6 +91,15 @@ def _harvest(lanes, i, keep, h, result):
     result[IMPACTS] = lanes[rows.COUNT * LANES + i]
 
 
+@njit(error_model="numpy")
+def _recurs(lanes, i, total):
+    """Return whether lane i may have closed a cycle, and whether walking that cycle alone would pay."""
+    count, releases = lanes[rows.COUNT * LANES + i], lanes[rows.RELEASES * LANES + i]
+    if lanes[rows.CANDIDATE * LANES + i] > 0.0:
+        return count < total
+    return releases >= 2.0 and total - count > PAYS * count / releases
+
+
 @compiled
 def run_cells(cells, results, ends, transient, total, chatter, flight_periods, steps_per_impact, early_closing):
     """Run every cell, a row of `cells`, to its end.
@@ -124,8 +134,7 @@ def run_cells(cells, results, ends, transient, total, chatter, flight_periods, s
             if j < 0:
                 continue
             notes[i, MADE] += LOOK
-            recurs = lanes[rows.CANDIDATE * LANES + i] > 0.0 or lanes[rows.RELEASES * LANES + i] >= 2.0
-            if recurs and notes[i, RATIO] == 0.0 and lanes[rows.COUNT * LANES + i] < total:
+            if notes[i, RATIO] == 0.0 and _recurs(lanes, i, total):
                 number, periods, made = try_to_close(
                     lanes, i, transient, total, notes[i, SCALE], WALK, early_closing, cycle
                 )
