@@ -2,10 +2,11 @@
 
 The gap is the polynomial u(x) = x^m (q_0 + q_1 x + q_2 x^2 + ...) with the contact it starts from divided out:
 m = 0 in mid-flight, 1 just after an impact, 2 leaving from rest, 3 at a release. On 0 <= x <= X <= 1
-the negative terms from the fourth degree on sum to at least -T x^4 with T = sum max(-q_j, 0) X^(j-4); a cubic term
-is bounded by q_3 x^3 >= q_3 (2 X x^2 - X^2 x) if positive, since x (x - X)^2 >= 0, and q_3 x^3 >= q_3 X x^2 if not.
-What remains is a quadratic lower bound of u/x^m; its smallest positive root cannot lie beyond the first contact.
-Both bounds are sharp at x = X, so X near the contact closes in on it with third order.
+the negative terms from the fourth degree on sum to at least -T X x^3 with T = sum max(-q_j, 0) X^(j-4), so the cubic
+term and all behind it to at least d x^3, d = q_3 - T X. That in turn is at least d X x^2 if d < 0, and if d > 0 both 0
+and, since x (x - X)^2 >= 0, the tangent d (2 X x^2 - X^2 x). What remains is a quadratic lower bound of u/x^m; its
+smallest positive root cannot lie beyond the first contact. The bounds are sharp at x = X, so X near the contact
+closes in on it with third order.
 """
 
 from __future__ import annotations
@@ -86,11 +87,13 @@ def certified_step(a, leaving, at_rest, at_release):
     t6 = fma(t7, X, _negative(a[6]))
     t5 = fma(t6, X, _negative(a[5]))
     t4 = fma(t5, X, _negative(a[4]))
-    tail = -_shift(leaving, at_rest, at_release, t4, t5, t6, t7)
-    rising = q3 > 0.0
+    cubic = fma(_shift(leaving, at_rest, at_release, t4, t5, t6, t7), X, q3)
+    # The tangent costs slope near x = 0: worth it only where that does not bring a false contact near.
+    slope = cubic * X * X
+    tangent = (cubic > 0.0) & (2.0 * slope < -q1)
     x = first_root(
         q0,
-        select(rising, fma(-q3 * X, X, q1), q1),
-        fma(-tail * X, X, fma(q3, select(rising, 2.0 * X, X), q2)),
+        select(tangent, q1 - slope, q1),
+        fma(select(tangent, 2.0 * cubic, select(cubic < 0.0, cubic, 0.0)), X, q2),
     )
     return select(x < X, x, X)
