@@ -36,7 +36,11 @@ def _negative(a):
 
 @njit(inline="always", error_model="numpy")
 def _tail_from_7(a, X):
-    t = fma(_negative(a[21]), X, _negative(a[20]))
+    t = fma(_negative(a[25]), X, _negative(a[24]))
+    t = fma(t, X, _negative(a[23]))
+    t = fma(t, X, _negative(a[22]))
+    t = fma(t, X, _negative(a[21]))
+    t = fma(t, X, _negative(a[20]))
     t = fma(t, X, _negative(a[19]))
     t = fma(t, X, _negative(a[18]))
     t = fma(t, X, _negative(a[17]))

@@ -11,9 +11,10 @@ from numba import njit
 
 from vibroimpact.kernels.arithmetic import fma, select
 
-# Steps of H radians of the fastest rate: the remainder after degree N is below H^(N+1)/(N+1)! e^H.
-DEGREE = 21
-REACH = 1.5
+# A full step is H radians of the fastest rate. What the series leaves out after degree 25 is about H^26/26! of the
+# motion's size: 2e-17 at 2.4, 1e-15 at 2.8. Longer steps of a higher degree cost less an impact (degree 21 with
+# H = 1.5: 6.1 steps an impact over w = 0.05 to 5; degree 25 with H = 2.4: 4.5 steps, each 7 % dearer).
+REACH = 2.4
 
 
 @njit(inline="always", error_model="numpy")
@@ -29,7 +30,7 @@ def _four_more(b0, b1, e0, e1, C, K, Q):
 
 @njit(inline="always", error_model="numpy")
 def series(u, p, s, c, C, K, A, G, th, Q, at_release):
-    """Return the coefficients a_0 ... a_21 of u(x); `at_release` the acceleration is zero by assignment."""
+    """Return the coefficients a_0 ... a_25 of u(x); `at_release` the acceleration is zero by assignment."""
     e0 = -A * s
     e1 = -A * th * c
     b2 = select(at_release, 0.0, fma(-C, p, fma(-K, u, G + e0)))
@@ -38,14 +39,17 @@ def series(u, p, s, c, C, K, A, G, th, Q, at_release):
     b8, b9, b10, b11, e8, e9 = _four_more(b6, b7, e4, e5, C, K, Q)
     b12, b13, b14, b15, e12, e13 = _four_more(b10, b11, e8, e9, C, K, Q)
     b16, b17, b18, b19, e16, e17 = _four_more(b14, b15, e12, e13, C, K, Q)
-    b20 = fma(-C, b19, fma(-K, b18, e16))
-    b21 = fma(-C, b20, fma(-K, b19, e17))
+    b20, b21, b22, b23, e20, e21 = _four_more(b18, b19, e16, e17, C, K, Q)
+    b24 = fma(-C, b23, fma(-K, b22, e20))
+    b25 = fma(-C, b24, fma(-K, b23, e21))
     return (
         u, p, b2 * (1 / 2), b3 * (1 / 6), b4 * (1 / 24), b5 * (1 / 120), b6 * (1 / 720), b7 * (1 / 5040),
         b8 * (1 / 40320), b9 * (1 / 362880), b10 * (1 / 3628800), b11 * (1 / 39916800), b12 * (1 / 479001600),
         b13 * (1 / 6227020800), b14 * (1 / 87178291200), b15 * (1 / 1307674368000), b16 * (1 / 20922789888000),
         b17 * (1 / 355687428096000), b18 * (1 / 6402373705728000), b19 * (1 / 121645100408832000),
         b20 * (1 / 2432902008176640000), b21 * (1 / 51090942171709440000),
+        b22 * (1 / 1124000727777607680000), b23 * (1 / 25852016738884976640000),
+        b24 * (1 / 620448401733239439360000), b25 * (1 / 15511210043330985984000000),
     )  # fmt: skip
 
 
@@ -65,7 +69,8 @@ def _horner4(y, d, x, a3, a2, a1, a0):
 @njit(inline="always", error_model="numpy")
 def evaluate(a, x):
     """Return u and du/dx at x from the coefficients of u."""
-    y, d = fma(a[21], x, a[20]), a[21]
+    y, d = fma(a[25], x, a[24]), a[25]
+    y, d = _horner4(y, d, x, a[23], a[22], a[21], a[20])
     y, d = _horner4(y, d, x, a[19], a[18], a[17], a[16])
     y, d = _horner4(y, d, x, a[15], a[14], a[13], a[12])
     y, d = _horner4(y, d, x, a[11], a[10], a[9], a[8])
@@ -78,7 +83,10 @@ def evaluate(a, x):
 def sine_cosine(angle):
     """Return sin and cos of an angle up to REACH radians, by their power series."""
     z = angle * angle
-    p = fma(z, 1 / 51090942171709440000, -1 / 121645100408832000)
+    p = fma(z, -1 / 10888869450418352160768000000, 1 / 15511210043330985984000000)
+    p = fma(z, p, -1 / 25852016738884976640000)
+    p = fma(z, p, 1 / 51090942171709440000)
+    p = fma(z, p, -1 / 121645100408832000)
     p = fma(z, p, 1 / 355687428096000)
     p = fma(z, p, -1 / 1307674368000)
     p = fma(z, p, 1 / 6227020800)
@@ -87,7 +95,10 @@ def sine_cosine(angle):
     p = fma(z, p, -1 / 5040)
     p = fma(z, p, 1 / 120)
     p = fma(z, p, -1 / 6)
-    q = fma(z, 1 / 2432902008176640000, -1 / 6402373705728000)
+    q = fma(z, -1 / 403291461126605635584000000, 1 / 620448401733239439360000)
+    q = fma(z, q, -1 / 1124000727777607680000)
+    q = fma(z, q, 1 / 2432902008176640000)
+    q = fma(z, q, -1 / 6402373705728000)
     q = fma(z, q, 1 / 20922789888000)
     q = fma(z, q, -1 / 87178291200)
     q = fma(z, q, 1 / 479001600)
