@@ -154,14 +154,15 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
 def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle):
     """Close lane i if its cycle is certain.
 
-    Return the impacts and periods of the cycle (0 and 0 if it is not) and the steps made. `scale` is V in lengths of a
-    step. With `finish` the observers are brought to what `total` impacts would give.
+    Return the impacts and periods of the cycle (0 and 0 if it is not), the steps made, and the impacts that need not
+    be computed. `scale` is V in lengths of a step. With `finish` the observers are brought to what `total` impacts
+    would give.
     """
     sticking = lanes[rows.RELEASES * LANES + i] >= 2.0
     impacts = int(lanes[rows.CANDIDATE * LANES + i])
     made = _to_start_of_cycle(lanes, i, transient, total, sticking, limit)
     if made < 0:
-        return 0, 0.0, -made
+        return 0, 0.0, -made, 0.0
     number, walked, tangent, growth, end = _walk_cycle(lanes, i, 0 if sticking else impacts, cycle, limit)
     made += walked
     lanes[rows.CANDIDATE * LANES + i] = 0.0
@@ -169,7 +170,7 @@ def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle):
     lanes[rows.REF_S * LANES + i] = 9.0
     lanes[rows.RELEASES * LANES + i] = 0.0
     if number < 1:
-        return 0, 0.0, made
+        return 0, 0.0, made, 0.0
     periods = end[4] - lanes[rows.N * LANES + i]
     if not sticking:
         turned = phase_of(end[2], end[3]) - phase_of(lanes[rows.S * LANES + i], lanes[rows.C * LANES + i])
@@ -180,10 +181,12 @@ def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle):
         way = _way_to_go(lanes, i, end, tangent, growth)
         left = min(1.0, (total - lanes[rows.COUNT * LANES + i]) / (total - transient))
         if not (way * left < SURE * scale and way < NOT_SMALL * weakest):
-            return 0, 0.0, made
+            return 0, 0.0, made, 0.0
+    known = 0.0
     if finish:
+        known = max(total - lanes[rows.COUNT * LANES + i] - number, 0.0)
         sticks = _finish_sums(lanes, i, cycle, number, periods, transient, total)
         if sticking and sticks:
             lanes[rows.STUCK_SEEN * LANES + i] = 1.0
         lanes[rows.COUNT * LANES + i] = total
-    return number, periods, made
+    return number, periods, made, known

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from vibroimpact.backends import recorder
 from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Samples, StroboscopicWindow, look_schedule
 from vibroimpact.backends.lane_runner import (
-    CLOSED,
     COLUMNS,
     IMPACTS,
+    KNOWN_WITHOUT,
     LARGEST,
     MEAN,
     RATE,
@@ -157,5 +157,5 @@ def _status(end: int, row: list[float], window: ImpactWindow) -> Status:
         wanted=window.keep,
         stuck=row[STICKS] > 0.0,
         periods=row[SPAN],
-        ended=Status.CLOSED if row[CLOSED] else _ended(end, row[IMPACTS]),
+        ended=Status.CLOSED if row[KNOWN_WITHOUT] else _ended(end, row[IMPACTS]),
     )

@@ -14,12 +14,15 @@ from vibroimpact.kernels.compilation import compiled
 from vibroimpact.kernels.lanes import LANES, ROWS, step_lanes
 
 COLUMNS = 9
+H, SCALE, FLIGHT, GRANTED, MADE, RATIO, KNOWN = range(7)  # what is noted of the cell in each lane
 NEAR = 2e-11  # of V: how close an impact must come back to be looked at
 PAYS = 16.0  # sticking cycles left, below which the lanes are faster than a walk of one or two of them
 WALK = 50_000  # steps after which a cycle is given up
 
 LOOK = 32  # steps between two looks at whether a cell has ended, counted from its own start
-STD, MEAN, LARGEST, RATE, SPAN, STICKS, IMPACTS, STEPS, CLOSED = range(9)  # columns of what a finished cell hands out
+STD, MEAN, LARGEST, RATE, SPAN, STICKS, IMPACTS, STEPS, KNOWN_WITHOUT = range(
+    9
+)  # columns of what a finished cell hands out
 
 
 @njit(error_model="numpy")
@@ -75,8 +78,9 @@ def _ending(lanes, i, total, longest, steps, granted):
 
 
 @njit(error_model="numpy")
-def _harvest(lanes, i, keep, h, result):
+def _harvest(lanes, i, keep, note, result):
     """Turn the sums of lane i, in lengths of a step, into indices per second and their window's span in periods."""
+    h = note[H]
     first = phase_of(lanes[rows.S0 * LANES + i], lanes[rows.C0 * LANES + i])
     last = phase_of(lanes[rows.S1 * LANES + i], lanes[rows.C1 * LANES + i])
     span = (lanes[rows.N1 * LANES + i] - lanes[rows.N0 * LANES + i]) + (last - first)
@@ -86,9 +90,12 @@ def _harvest(lanes, i, keep, h, result):
     result[MEAN] = (lanes[rows.SHIFT * LANES + i] + mean) / h
     result[LARGEST] = lanes[rows.LARGEST * LANES + i] / h
     result[RATE] = (keep - 1.0) / span if keep > 1.0 else math.nan
+    if note[RATIO] > 0.0:
+        result[RATE] = note[RATIO]  # exactly p/n
     result[SPAN] = span
     result[STICKS] = lanes[rows.STUCK_SEEN * LANES + i]
-    result[IMPACTS] = lanes[rows.COUNT * LANES + i]
+    result[IMPACTS] = lanes[rows.COUNT * LANES + i] - note[KNOWN]
+    result[STEPS], result[KNOWN_WITHOUT] = note[MADE], note[KNOWN]
 
 
 @njit(error_model="numpy")
@@ -98,6 +105,29 @@ def _recurs(lanes, i, total):
     if lanes[rows.CANDIDATE * LANES + i] > 0.0:
         return count < total
     return releases >= 2.0 and total - count > PAYS * count / releases
+
+
+@njit(error_model="numpy")
+def _begin(lanes, i, cell, notes, total, chatter, flight_periods, steps_per_impact):
+    notes[i] = 0.0
+    notes[i, H], notes[i, SCALE] = _load(lanes, i, cell, chatter)
+    longest, granted = budgets(cell[0], cell[1], cell[2], cell[4], flight_periods, steps_per_impact)
+    notes[i, FLIGHT], notes[i, GRANTED] = longest, granted * total
+
+
+@njit(error_model="numpy")
+def _look(lanes, i, notes, transient, total, early_closing, cycle):
+    """Close the cell in lane i if its cycle is certain; return why it ended, or RUNNING."""
+    notes[i, MADE] += LOOK
+    if notes[i, RATIO] == 0.0 and _recurs(lanes, i, total):
+        number, periods, made, known = try_to_close(
+            lanes, i, transient, total, notes[i, SCALE], WALK, early_closing, cycle
+        )
+        notes[i, MADE] += made
+        if number > 0:
+            notes[i, RATIO] = number / periods
+            notes[i, KNOWN] = known
+    return _ending(lanes, i, total, notes[i, FLIGHT], notes[i, MADE], notes[i, GRANTED])
 
 
 @compiled
@@ -111,43 +141,23 @@ def run_cells(cells, results, ends, transient, total, chatter, flight_periods, s
     cycle = np.zeros((LONGEST, 4))
     owner = np.full(LANES, -1)
     notes = np.zeros((LANES, 7))
-    H, SCALE, FLIGHT, GRANTED, MADE, RATIO, SKIPPED = range(7)
     following = 0
     busy = 0
     while True:
         for i in range(LANES):
-            if owner[i] >= 0 or following == len(cells):
-                continue
-            cell = cells[following]
-            notes[i] = 0.0
-            notes[i, H], notes[i, SCALE] = _load(lanes, i, cell, chatter)
-            longest, granted = budgets(cell[0], cell[1], cell[2], cell[4], flight_periods, steps_per_impact)
-            notes[i, FLIGHT], notes[i, GRANTED] = longest, granted * total
-            owner[i] = following
-            following += 1
-            busy += 1
+            if owner[i] < 0 and following < len(cells):
+                _begin(lanes, i, cells[following], notes, total, chatter, flight_periods, steps_per_impact)
+                owner[i] = following
+                following += 1
+                busy += 1
         if busy == 0:
             return
         step_lanes(lanes, LOOK, transient, total)
         for i in range(LANES):
             j = owner[i]
-            if j < 0:
-                continue
-            notes[i, MADE] += LOOK
-            if notes[i, RATIO] == 0.0 and _recurs(lanes, i, total):
-                number, periods, made = try_to_close(
-                    lanes, i, transient, total, notes[i, SCALE], WALK, early_closing, cycle
-                )
-                notes[i, MADE] += made
-                if number > 0:
-                    notes[i, RATIO] = number / periods
-                    notes[i, SKIPPED] = 1.0 if early_closing else 0.0
-            end = _ending(lanes, i, total, notes[i, FLIGHT], notes[i, MADE], notes[i, GRANTED])
+            end = RUNNING if j < 0 else _look(lanes, i, notes, transient, total, early_closing, cycle)
             if end != RUNNING:
                 ends[j] = end
-                _harvest(lanes, i, total - transient, notes[i, H], results[j])
-                if notes[i, RATIO] > 0.0:
-                    results[j, RATE] = notes[i, RATIO]
-                results[j, STEPS], results[j, CLOSED] = notes[i, MADE], notes[i, SKIPPED]
+                _harvest(lanes, i, total - transient, notes[i], results[j])
                 owner[i] = -1
                 busy -= 1

@@ -1,0 +1,71 @@
+"""How much work the engine does: counted, never timed, so that a change that makes it do more is seen."""
+
+import numpy as np
+import pytest
+from numba.core.runtime import _nrt_python, rtsys
+
+import vibroimpact as vi
+from vibroimpact.backends import ImpactWindow, get_backend
+from vibroimpact.backends.starts import make_cells
+from vibroimpact.options import Tolerances
+
+OSC = vi.ImpactOscillator()
+SPREAD = np.linspace(0.05, 5.0, 128)
+
+
+def work(**settings):
+    return vi.parameter_map(OSC, sample_impacts=1000, **settings).attrs
+
+
+def test_an_impact_takes_at_most_46_tenths_of_a_certified_step():
+    done = work(omega=SPREAD, early_closing=False)
+    assert done["impacts_computed"] == 128 * 1100
+    assert done["steps_computed"] <= 4.6 * done["impacts_computed"]
+
+
+@pytest.mark.parametrize(("omega", "most"), [(0.05, 1.7), (0.3, 1.4), (0.9, 3.6), (2.0, 4.1), (2.8, 4.3), (4.5, 7.1)])
+def test_certified_steps_an_impact_regime_by_regime(omega, most):
+    done = work(omega=omega * (1 + 1e-9 * np.arange(16)), early_closing=False)
+    assert done["steps_computed"] <= most * done["impacts_computed"]
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "most"),
+    [
+        ("mass", np.linspace(0.1, 5.0, 40), 0.19),
+        ("damping", np.linspace(0.005, 1.0, 40), 0.13),
+        ("stiffness", np.linspace(0.1, 5.0, 40), 0.19),
+        ("amplitude", np.linspace(0.1, 5.0, 40), 0.18),
+        ("restitution", np.linspace(0.1, 0.99, 40), 0.15),
+    ],
+)
+def test_early_closing_leaves_a_sixth_of_the_impacts_of_the_paper_s_maps(name, values, most):
+    sweep = vi.parameter_map(OSC, omega=np.linspace(0.025, 5, 40), **{name: values})
+    assert sweep.attrs["impacts_computed"] <= most * 1600 * 5100
+
+
+def test_no_cell_crawls():
+    # A mass that leaves the stop slowly once took millions of steps in one cell of this map's neighbourhood.
+    cells = make_cells(OSC, None, {"omega": np.linspace(4.9, 5.0, 21), "restitution": np.linspace(0.1, 0.99, 40)})
+    done = get_backend("cpu").indices(cells, ImpactWindow(100, 1000), Tolerances())
+    assert (done["steps"] <= 40 * done["impacts"] + 2000).all()
+
+
+def test_a_stiff_cell_takes_as_many_steps_as_its_flight_is_long():
+    done = work(omega=[100.0], start=vi.State(-1.0), early_closing=False)
+    # A flight of half a natural period is 50 driving periods, 314 radians: 131 full steps.
+    assert done["steps_computed"] <= 150 * done["impacts_computed"]
+
+
+def test_memory_is_taken_once_a_tile_and_never_by_an_impact():
+    _nrt_python.memsys_enable_stats()
+
+    def allocations(sample):
+        before = rtsys.get_allocation_stats().alloc
+        cells = make_cells(OSC, None, {"omega": SPREAD})
+        get_backend("cpu").indices(cells, ImpactWindow(10, sample), Tolerances(), early_closing=False)
+        return rtsys.get_allocation_stats().alloc - before
+
+    allocations(10)
+    few, many = allocations(10), allocations(500)
+    assert many == few
