@@ -11,3 +11,19 @@ import pytest
 def values() -> dict[str, Any]:
     """Return values computed with 50 digits by independent code; numbers are strings."""
     return json.loads((Path(__file__).parent / "data" / "values.json").read_text())
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    """Run a command in an empty folder; return exit code, lines told and lines of complaint."""
+    from vibroimpact.cli import main
+
+    monkeypatch.chdir(tmp_path)
+
+    def ran(command: str):
+        capsys.readouterr()
+        code = main(command.split())
+        told = capsys.readouterr()
+        return code, told.out.splitlines(), told.err.splitlines()
+
+    return ran

@@ -1,0 +1,246 @@
+"""The command line when something is wrong: one line for every fault, nothing half-written."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+
+import vibroimpact as vi
+from vibroimpact import formats
+from vibroimpact.cli.progress import Meter
+
+
+def child(*arguments: str, **options):
+    return subprocess.Popen(
+        [sys.executable, "-m", "vibroimpact", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+# Help
+
+
+# Wrong requests
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("section -p mass=0", "`mass` is 0; allowed is a finite number > 0"),
+        ("section -p k=-1", "`k` is -1; allowed"),
+        ("section -p damping=-0.1", "`damping` is -0.1"),
+        ("section -p amplitude=-1", "half a period later"),
+        ("section -p omega=0", "`omega` is 0"),
+        ("section -p r=1.1", "`r` is 1.1; allowed is a number from 0 to 1"),
+        ("section -p gap=nan", "`gap` is nan"),
+        ("section -p f=inf", "`f` is inf"),
+        ("section -p mass=heavy", "`mass` is 'heavy'"),
+        ("section -p m=-1 -p r=2", "`m` is -1; allowed .* `r` is 2"),
+        ("section -p mas=1", "did you mean 'mass'"),
+        ("section -p omega=1 -p frequency=1", "`frequency` stands beside `omega`"),
+        ("section -p omega", "`-p` is 'omega'; allowed is name=value"),
+        ("section -p m=1 -p m=2", "given twice"),
+        ("section -p gap=-0.5 --start 0", "start"),
+        ("section --start 1,2,3,4", "`--start` is '1,2,3,4'"),
+        ("section --start fast", "`displacement` is 'fast'"),
+        ("section --sample-impacts 0", "`sample_impacts` is 0; allowed is a whole number >= 1"),
+        ("section --transient-impacts 1.5", "`transient_impacts` is 1.5"),
+        ("section --kind poincare", "`section` is 'poincare'"),
+        ("section --backend gpu", "`backend` is 'gpu'; allowed are cpu"),
+        ("section --time-step 0.001", "`time_step` is 0.001"),
+        ("section --chatter 1", "`chatter` is 1"),
+        ("section none.toml", "`study` is 'none.toml', which cannot be read"),
+        ("section --colour red", "No such option"),
+        ("secton", "No such command"),
+        ("simulate --periods 0", "`periods` is 0"),
+        ("diagram", "`axes` are none; allowed is exactly one"),
+        ("diagram --x omega=1:2:3 --direction left", "`direction` is 'left'"),
+        ("map", "`axes` are none"),
+        ("map --x omega=1:2", "`--x` is 'omega=1:2'; allowed is name=from:to:points"),
+        ("map --x omega=1:2:0", "`omega.points` is 0"),
+        ("map --x omega=2:1:5", "`omega` is from 2 to 1"),
+        ("map --x omega=a:b:5", "`omega.from` is 'a'.*`omega.to` is 'b'"),
+        ("map --x omgea=1:2:3", "did you mean 'omega'"),
+        ("map --x omega=1:2:3 --y w=1:2:3", "`w` is given twice"),
+        ("map --x omega=1:2:3 --indices stt", "`indices` holds 'stt'"),
+        ("map --x omega=1:2:3 --workers 0", "`workers` is 0"),
+        ("map --x omega=1:2:3 --index max_velocity", "`--index` is 'max_velocity'"),
+        ("map --x omega=1:2:3 --figure index-contour", "`--figure` is 'index-contour'; allowed here are index-curve"),
+        ("map --x omega=1:2:3 --level high", "`--level` is 'high'"),
+        ("section --size 8", "`--size` is '8'; allowed is width x height"),
+        ("section --dpi 0", "`--dpi` is '0'"),
+        ("plot none.zarr", "nothing is there"),
+        ("plot none.csv", "allowed are .zarr and .nc"),
+        ("plot", "Missing argument 'FILE'"),
+        ("reproduce", "Missing option '--out'"),
+        ("reproduce --level -1 --out report", "`level` is -1"),
+    ],
+)
+def test_a_wrong_request_exits_2_with_one_line_and_touches_nothing(run, tmp_path, command, words):
+    given = command if command.startswith("reproduce") else f"{command} --out result.png"
+    code, told, complaints = run(given)
+    assert (code, told, len(complaints)) == (2, [], 1)
+    assert re.search(words, complaints[0])
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize("out", ["map.xls", "map", "missing/map.zarr"])
+def test_an_impossible_output_is_refused_before_computing(run, tmp_path, monkeypatch, out):
+    monkeypatch.setattr(vi, "parameter_map", pytest.fail, raising=False)
+    code, _, complaints = run(f"map --x w=1:2:3 --out {out}")
+    assert (code, len(complaints)) == (2, 1)
+    assert "`out` is" in complaints[0]
+    assert names(tmp_path) == []
+
+
+def test_a_figure_of_three_axes_is_refused_before_computing(run, monkeypatch):
+    monkeypatch.setattr(vi, "parameter_map", pytest.fail, raising=False)
+    code, _, complaints = run("map --x w=1:2:2 --y m=1:2:2 --axis k=1:2:2 --out map.png")
+    assert code == 2
+    assert "3 axes; allowed are one or two" in complaints[0]
+
+
+@pytest.mark.parametrize("out", ["old.zarr", "old.png", "old.csv"])
+def test_an_existing_output_is_kept_without_overwrite_and_replaced_with_it(run, tmp_path, out):
+    run(f"section --sample-impacts 20 --out {out}")
+    before = (tmp_path / out).stat().st_mtime_ns
+    code, _, complaints = run(f"section --sample-impacts 20 --out {out}")
+    assert code == 2
+    assert "exists" in complaints[0]
+    assert (tmp_path / out).stat().st_mtime_ns == before
+    assert run(f"section --sample-impacts 20 --out {out} --overwrite")[0] == 0
+    assert (tmp_path / out).stat().st_mtime_ns > before
+
+
+def test_all_faults_of_a_study_file_come_in_one_line(run, tmp_path):
+    (tmp_path / "bad.toml").write_text('[oscillator]\nmass = -1\n[run]\nbackend = "gpu"\n')
+    code, _, complaints = run("section bad.toml")
+    assert (code, len(complaints)) == (2, 1)
+    assert "2 faults" in complaints[0]
+    assert "`oscillator.mass`" in complaints[0]
+    assert "`run.backend`" in complaints[0]
+
+
+def test_a_damaged_store_is_an_unreadable_input(run, tmp_path):
+    (tmp_path / "bad.zarr").mkdir()
+    (tmp_path / "bad.nc").write_text("no HDF5")
+    for name in ("bad.zarr", "bad.nc"):
+        code, _, complaints = run(f"plot {name} --out figure.png")
+        assert (code, len(complaints)) == (2, 1)
+        assert "cannot be read" in complaints[0]
+    assert "figure.png" not in names(tmp_path)
+
+
+# Failures and interruptions
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "words"),
+    [
+        (RuntimeError("the kernel\nfell over"), 1, "it failed: RuntimeError: the kernel | fell over"),
+        (ValueError("operands could not be broadcast"), 1, "it failed: ValueError: operands"),
+        (MemoryError(), 1, "out of memory"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
+)
+def test_a_failure_is_one_line_and_no_traceback(run, tmp_path, monkeypatch, error, code, words):
+    def fail(*arguments, **options):
+        raise error
+
+    monkeypatch.setattr(vi, "impact_section", fail, raising=False)
+    found, _, complaints = run("section --out result.zarr")
+    assert found == code
+    assert words in complaints[-1]
+    assert not any("Traceback" in line for line in complaints)
+    assert names(tmp_path) == []
+
+
+def test_a_full_disk_exits_1_and_keeps_what_was_there(run, tmp_path, monkeypatch):
+    run("section --sample-impacts 20 --out old.zarr")
+
+    def full(dataset, part):
+        part.mkdir()
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setitem(formats.WRITERS, ".zarr", full)
+    code, _, complaints = run("section --sample-impacts 30 --out old.zarr --overwrite")
+    assert (code, len(complaints)) == (1, 1)
+    assert "No space left on device" in complaints[0]
+    assert names(tmp_path) == ["old.zarr"]
+    assert vi.load(tmp_path / "old.zarr").sizes["impact"] == 20
+
+
+@pytest.fixture
+def interrupted_early(monkeypatch):
+    def stop(meter, done, total, partial):
+        meter.stopped = True
+        return False
+
+    monkeypatch.setattr(Meter, "__call__", stop)
+
+
+BIG = "map --x w=1.5:2.5:30 --y m=1:2:30 --sample-impacts 20 --workers 1"
+
+
+@pytest.mark.usefixtures("interrupted_early")
+def test_an_interrupted_map_keeps_what_is_finished(run, tmp_path):
+    code, _, complaints = run(f"{BIG} --out map.zarr")
+    assert code == 130
+    assert "what was finished is kept" in complaints[-1]
+    status = vi.load(tmp_path / "map.zarr")["status"]
+    unfinished = int((status == vi.Status.INTERRUPTED).sum())
+    assert 0 < unfinished < status.size
+
+
+@pytest.mark.usefixtures("interrupted_early")
+def test_an_interrupted_map_never_replaces_a_complete_one(run, tmp_path):
+    vi.save(vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], sample_impacts=20), tmp_path / "map.zarr")
+    code, _, complaints = run(f"{BIG} --out map.zarr --overwrite")
+    assert code == 130
+    assert "map.zarr is as it was" in complaints[-1]
+    assert vi.load(tmp_path / "map.zarr").sizes == {"omega": 1}
+    assert vi.load(tmp_path / "map.partial.zarr").sizes == {"omega": 30, "mass": 30}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a child cannot be sent Ctrl-C alone")
+def test_ctrl_c_ends_a_running_map_with_exit_code_130_and_a_store_that_opens(tmp_path):
+    out = tmp_path / "map.zarr"
+    process = child("map", "--x", "w=0.1:5:400", "--y", "m=0.1:5:400", "--sample-impacts", "500", "--out", str(out))
+    assert process.stderr is not None
+    process.stderr.readline()
+    process.send_signal(signal.SIGINT)
+    _, complaints = process.communicate(timeout=120)
+    assert process.returncode == 130, complaints
+    assert "Traceback" not in complaints
+    assert names(tmp_path) == ["map.zarr"]
+    assert vi.Status.INTERRUPTED in vi.load(out)["status"].values
+
+
+def test_exit_codes_reach_the_shell():
+    for arguments, code in ((["section", "-p", "mass=-1"], 2), (["section", "--sample-impacts", "20"], 0)):
+        process = child(*arguments)
+        _, complaints = process.communicate(timeout=120)
+        assert process.returncode == code
+        assert len(complaints.splitlines()) == (1 if code else 0)
+
+
+def test_a_reader_that_has_seen_enough_causes_no_traceback():
+    process = child("section", "--sample-impacts", "20")
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.stderr is not None
+    assert "Traceback" not in process.stderr.read()
+    process.wait(timeout=120)
+    process.stderr.close()
