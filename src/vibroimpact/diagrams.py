@@ -55,7 +55,7 @@ def bifurcation_diagram(
     direction : {"fresh", "up", "down"}
         Start every value anew, or go up or down the axis and start each where the one before ended: clearance to the
         stop, velocity and phase are carried along, which shows hysteresis.
-    backend : {"cpu", "reference", "fixed-step"}
+    backend : {"cpu", "cuda", "reference", "fixed-step"}
         Who computes; `time_step` in s is for "fixed-step" alone.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept (section "impact").

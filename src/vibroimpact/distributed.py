@@ -14,8 +14,6 @@ from vibroimpact.options import whole_number
 
 Result = TypeVar("Result")
 
-_SMALLEST = 32  # cells a tile: two rounds of lanes
-
 
 def worker_count(workers: int | None) -> int:
     """Return how many threads to use; None is one a core that this process may run on."""
@@ -26,13 +24,13 @@ def worker_count(workers: int | None) -> int:
     return os.cpu_count() or 1
 
 
-def tiles(number: int, workers: int, largest: int) -> list[slice]:
+def tiles(number: int, workers: int, smallest: int, largest: int) -> list[slice]:
     """Cut `number` cells into ever smaller tiles: large ones keep lanes full, small ones end all workers together."""
     parts = []
     low = 0
     while low < number:
         share = math.ceil((number - low) / (1.5 * workers))
-        high = min(low + min(max(share, _SMALLEST), largest), number)
+        high = min(low + min(max(share, smallest), largest), number)
         parts.append(slice(low, high))
         low = high
     return parts

@@ -39,7 +39,7 @@ def impact_section(
         Where, how fast and when; None is at rest at min(0, gap), time 0.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept.
-    backend : {"cpu", "reference", "fixed-step"}
+    backend : {"cpu", "cuda", "reference", "fixed-step"}
         Who computes; `time_step` in s is for "fixed-step" alone.
     tolerances : Tolerances, optional
         How small is small; `chatter` says which impacts are too weak to be recorded.
@@ -120,7 +120,7 @@ def stroboscopic_section(
         When to look, (t mod T)/T.
     transient_periods, sample_periods : int, >= 0 and >= 1
         Driving periods left out, then kept.
-    backend : {"cpu", "reference", "fixed-step"}
+    backend : {"cpu", "cuda", "reference", "fixed-step"}
         Who computes; `time_step` in s is for "fixed-step" alone.
     tolerances : Tolerances, optional
         How small is small.

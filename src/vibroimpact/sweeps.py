@@ -48,7 +48,7 @@ def parameter_map(
         The parameters that no axis varies.
     indices : names
         Any of `std`, `mean_velocity`, `max_velocity` (m/s), `impacts_per_period` = (N-1) T/(t_N - t_1).
-    backend : {"cpu", "reference", "fixed-step"}
+    backend : {"cpu", "cuda", "reference", "fixed-step"}
         Who computes; `time_step` in s is for "fixed-step" alone.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept, in every cell.
@@ -131,7 +131,7 @@ def parameter_map(
     with reporter(progress, "cells") as report:
         for part, result in run_tiles(
             lambda part: engine.indices(cells[part], window, limits, early_closing),
-            tiles(len(cells), threads, engine.largest_tile),
+            tiles(len(cells), threads, engine.smallest_tile, engine.largest_tile),
             threads,
             stop,
         ):

@@ -37,7 +37,7 @@ def simulate(
         How long, in driving periods T = 2 pi / omega.
     samples_per_period : int, >= 1
         Displacements and velocities given a period; impacts are found exactly, whatever this is.
-    backend : {"cpu", "reference", "fixed-step"}
+    backend : {"cpu", "cuda", "reference", "fixed-step"}
         Who computes; `time_step` in s is for "fixed-step" alone.
     tolerances : Tolerances, optional
         How small is small.

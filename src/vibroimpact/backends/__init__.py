@@ -12,6 +12,7 @@ __all__ = ["BACKENDS", "Backend", "Cells", "ImpactWindow", "Samples", "Strobosco
 # name: module that defines `create(**options) -> Backend`
 BACKENDS = {
     "cpu": "vibroimpact.backends.cpu",
+    "cuda": "vibroimpact.backends.cuda",
     "reference": "vibroimpact.backends.reference",
     "fixed-step": "vibroimpact.backends.fixed_step",
 }

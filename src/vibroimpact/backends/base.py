@@ -107,10 +107,12 @@ def look_schedule(periods: float, phase: float, window: StroboscopicWindow) -> t
 class Backend(Protocol):
     """Two questions a back end answers about cells; neither ever raises because of a cell's physics.
 
-    `largest_tile` is how many cells it should be asked about at once, so that progress and Ctrl-C are heard.
+    `largest_tile` is how many cells it should be asked about at once, so that progress and Ctrl-C are heard;
+    with fewer than `smallest_tile` part of the machine would stand idle.
     """
 
     name: str
+    smallest_tile: int
     largest_tile: int
 
     def indices(

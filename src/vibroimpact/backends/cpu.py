@@ -42,20 +42,36 @@ def _ended(end: int, impacts: float) -> Status:
     }.get(end, Status.OK)
 
 
-def _table(cells: Cells) -> Floats:
+def table(cells: Cells) -> Floats:
+    """Return the cells, one a row, as the kernels read them."""
     return np.ascontiguousarray(
         np.stack([getattr(cells, field.name) for field in fields(cells)], axis=1), dtype=np.float64
     )
 
 
-def _limits(tolerances: Tolerances) -> tuple[float, float, float]:
+def limits(tolerances: Tolerances) -> tuple[float, float, float]:
+    """Return the tolerances in the order in which the kernels take them."""
     return tolerances.chatter, tolerances.flight_periods, float(tolerances.steps_per_impact)
+
+
+def outcomes(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> dict[str, NDArray[Any]]:
+    """Return what a back end promises of cells, from the columns that lanes hand out and why each cell ended."""
+    full = ends == FILLED
+    columns = {"std": STD, "mean_velocity": MEAN, "max_velocity": LARGEST, "impacts_per_period": RATE}
+    return {name: np.where(full, results[:, column], np.nan) for name, column in columns.items()} | {
+        "status": np.array(
+            [_status(end, row, window) for end, row in zip(ends.tolist(), results.tolist(), strict=True)], np.int8
+        ),
+        "impacts": results[:, IMPACTS].astype(np.int64),
+        "steps": results[:, STEPS].astype(np.int64),
+    }
 
 
 class CpuBackend:
     """Exact flights, certified contacts, closed-form chatter on one core; threads may share tiles."""
 
     name = "cpu"
+    smallest_tile = 32  # two rounds of lanes
     largest_tile = 4096
 
     def indices(
@@ -65,20 +81,12 @@ class CpuBackend:
         results = np.zeros((len(cells), COLUMNS))
         ends = np.zeros(len(cells), dtype=np.int8)
         total = float(window.transient + window.keep)
-        run_cells(_table(cells), results, ends, float(window.transient), total, *_limits(tolerances), early_closing)
-        full = ends == FILLED
-        columns = {"std": STD, "mean_velocity": MEAN, "max_velocity": LARGEST, "impacts_per_period": RATE}
-        return {name: np.where(full, results[:, column], np.nan) for name, column in columns.items()} | {
-            "status": np.array(
-                [_status(end, row, window) for end, row in zip(ends.tolist(), results.tolist(), strict=True)], np.int8
-            ),
-            "impacts": results[:, IMPACTS].astype(np.int64),
-            "steps": results[:, STEPS].astype(np.int64),
-        }
+        run_cells(table(cells), results, ends, float(window.transient), total, *limits(tolerances), early_closing)
+        return outcomes(results, ends, window)
 
     def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
         """Return what the window sees of each cell, one after the other."""
-        return [_record(row, window, tolerances) for row in _table(cells)]
+        return [_record(row, window, tolerances) for row in table(cells)]
 
 
 def create() -> CpuBackend:
@@ -103,7 +111,7 @@ def _record(row: Floats, window: ImpactWindow | StroboscopicWindow, tolerances: 
     while end == RUNNING:
         buffers = np.empty((room, 3)), np.empty((max(number, 1), 2)), np.empty((_ROOM, 4))
         end, *filled = recorder.record(
-            row, memory, *buffers, transient, float(total), *first, float(per_period), number, _limits(tolerances)
+            row, memory, *buffers, transient, float(total), *first, float(per_period), number, limits(tolerances)
         )
         parts.append([buffer[:rows] for buffer, rows in zip(buffers, filled, strict=True)])
     impacts, looks, sticks = (np.concatenate(part) for part in zip(*parts, strict=True))

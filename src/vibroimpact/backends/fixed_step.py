@@ -167,6 +167,7 @@ class FixedStepBackend:
     """The paper's scheme behind the back-end protocol; every impact is computed, `early_closing` or not."""
 
     name = "fixed-step"
+    smallest_tile = 1
     largest_tile = 1
 
     def __init__(self, time_step: float = TIME_STEP) -> None:

@@ -14,19 +14,19 @@ from vibroimpact.kernels.compilation import compiled
 from vibroimpact.kernels.lanes import LANES, ROWS, step_lanes
 
 COLUMNS = 9
-H, SCALE, FLIGHT, GRANTED, MADE, RATIO, KNOWN = range(7)  # what is noted of the cell in each lane
+H, SCALE, FLIGHT, GRANTED, MADE, RATIO, KNOWN = range(7)  # what is noted of a cell beside its lane
+NOTES = 7
 NEAR = 2e-11  # of V: how close an impact must come back to be looked at
 PAYS = 16.0  # sticking cycles left, below which the lanes are faster than a walk of one or two of them
 WALK = 50_000  # steps after which a cycle is given up
 
 LOOK = 32  # steps between two looks at whether a cell has ended, counted from its own start
-STD, MEAN, LARGEST, RATE, SPAN, STICKS, IMPACTS, STEPS, KNOWN_WITHOUT = range(
-    9
-)  # columns of what a finished cell hands out
+STD, MEAN, LARGEST, RATE, SPAN, STICKS, IMPACTS, STEPS, KNOWN_WITHOUT = range(COLUMNS)  # what a cell hands out
 
 
 @njit(error_model="numpy")
-def _load(lanes, i, cell, chatter):
+def begin(lanes, i, note, cell, total, chatter, flight_periods, steps_per_impact):
+    """Put a cell at its start into lane i, and begin its note."""
     m, c, k, f, w, r, g = cell[0], cell[1], cell[2], cell[3], cell[4], cell[5], cell[6]
     clearance, velocity, periods, phase = cell[7], cell[8], cell[9], cell[10]
     h, damp, stiff, drive, preload, turn, turn2, tail, sin_r, cos_r = prepare(m, c, k, f, w, r, g)
@@ -45,11 +45,14 @@ def _load(lanes, i, cell, chatter):
     lanes[rows.NEAR * LANES + i] = NEAR * scale
     lanes[rows.REF_S * LANES + i] = 9.0  # no reference yet
     lanes[rows.REF_NEXT * LANES + i] = 32.0
-    return h, scale
+    longest, granted = budgets(m, c, k, w, flight_periods, steps_per_impact)
+    note[H], note[SCALE], note[FLIGHT], note[GRANTED] = h, scale, longest, granted * total
+    note[MADE], note[RATIO], note[KNOWN] = 0.0, 0.0, 0.0
 
 
 @njit(error_model="numpy")
-def _ending(lanes, i, total, longest, steps, granted):
+def ending_of(lanes, i, note, total):
+    """Return why the cell in lane i ends here, or RUNNING."""
     if lanes[rows.COUNT * LANES + i] >= total:
         return FILLED
     state = (
@@ -71,14 +74,14 @@ def _ending(lanes, i, total, longest, steps, granted):
         lanes[rows.CUT * LANES + i],
         lanes[rows.CONTACT * LANES + i],
         lanes[rows.AGE * LANES + i],
-        longest,
-        steps,
-        granted,
+        note[FLIGHT],
+        note[MADE],
+        note[GRANTED],
     )
 
 
 @njit(error_model="numpy")
-def _harvest(lanes, i, keep, note, result):
+def harvest(lanes, i, note, keep, result):
     """Turn the sums of lane i, in lengths of a step, into indices per second and their window's span in periods."""
     h = note[H]
     first = phase_of(lanes[rows.S0 * LANES + i], lanes[rows.C0 * LANES + i])
@@ -99,8 +102,10 @@ def _harvest(lanes, i, keep, note, result):
 
 
 @njit(error_model="numpy")
-def _recurs(lanes, i, total):
+def may_close(lanes, i, note, total):
     """Return whether lane i may have closed a cycle, and whether walking that cycle alone would pay."""
+    if note[RATIO] > 0.0:
+        return False
     count, releases = lanes[rows.COUNT * LANES + i], lanes[rows.RELEASES * LANES + i]
     if lanes[rows.CANDIDATE * LANES + i] > 0.0:
         return count < total
@@ -108,26 +113,13 @@ def _recurs(lanes, i, total):
 
 
 @njit(error_model="numpy")
-def _begin(lanes, i, cell, notes, total, chatter, flight_periods, steps_per_impact):
-    notes[i] = 0.0
-    notes[i, H], notes[i, SCALE] = _load(lanes, i, cell, chatter)
-    longest, granted = budgets(cell[0], cell[1], cell[2], cell[4], flight_periods, steps_per_impact)
-    notes[i, FLIGHT], notes[i, GRANTED] = longest, granted * total
-
-
-@njit(error_model="numpy")
-def _look(lanes, i, notes, transient, total, early_closing, cycle):
-    """Close the cell in lane i if its cycle is certain; return why it ended, or RUNNING."""
-    notes[i, MADE] += LOOK
-    if notes[i, RATIO] == 0.0 and _recurs(lanes, i, total):
-        number, periods, made, known = try_to_close(
-            lanes, i, transient, total, notes[i, SCALE], WALK, early_closing, cycle
-        )
-        notes[i, MADE] += made
-        if number > 0:
-            notes[i, RATIO] = number / periods
-            notes[i, KNOWN] = known
-    return _ending(lanes, i, total, notes[i, FLIGHT], notes[i, MADE], notes[i, GRANTED])
+def close(lanes, i, note, transient, total, early_closing, cycle):
+    """Close the cycle of lane i if it is certain, and note it."""
+    number, periods, made, known = try_to_close(lanes, i, transient, total, note[SCALE], WALK, early_closing, cycle)
+    note[MADE] += made
+    if number > 0:
+        note[RATIO] = number / periods
+        note[KNOWN] = known
 
 
 @compiled
@@ -140,13 +132,13 @@ def run_cells(cells, results, ends, transient, total, chatter, flight_periods, s
     lanes = np.zeros(ROWS * LANES)
     cycle = np.zeros((LONGEST, 4))
     owner = np.full(LANES, -1)
-    notes = np.zeros((LANES, 7))
+    notes = np.zeros((LANES, NOTES))
     following = 0
     busy = 0
     while True:
         for i in range(LANES):
             if owner[i] < 0 and following < len(cells):
-                _begin(lanes, i, cells[following], notes, total, chatter, flight_periods, steps_per_impact)
+                begin(lanes, i, notes[i], cells[following], total, chatter, flight_periods, steps_per_impact)
                 owner[i] = following
                 following += 1
                 busy += 1
@@ -155,9 +147,13 @@ def run_cells(cells, results, ends, transient, total, chatter, flight_periods, s
         step_lanes(lanes, LOOK, transient, total)
         for i in range(LANES):
             j = owner[i]
-            end = RUNNING if j < 0 else _look(lanes, i, notes, transient, total, early_closing, cycle)
-            if end != RUNNING:
-                ends[j] = end
-                _harvest(lanes, i, total - transient, notes[i], results[j])
+            if j < 0:
+                continue
+            notes[i, MADE] += LOOK
+            if may_close(lanes, i, notes[i], total):
+                close(lanes, i, notes[i], transient, total, early_closing, cycle)
+            ends[j] = ending_of(lanes, i, notes[i], total)
+            if ends[j] != RUNNING:
+                harvest(lanes, i, notes[i], total - transient, results[j])
                 owner[i] = -1
                 busy -= 1

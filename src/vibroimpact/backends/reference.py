@@ -171,6 +171,7 @@ class ReferenceBackend:
     """The witness behind the back-end protocol; `early_closing` means nothing to it: every impact is computed."""
 
     name = "reference"
+    smallest_tile = 1
     largest_tile = 1
 
     def indices(

@@ -60,7 +60,9 @@ def _how(metavar: str, text: str) -> object:
     return Option(metavar=metavar, rich_help_panel="How to compute", help=text)
 
 
-Backend = Annotated[_Text, _how("NAME", "cpu, reference (slow witness) or fixed-step (the paper's). (default: cpu)")]
+Backend = Annotated[
+    _Text, _how("NAME", "cpu, cuda (GPU), reference (slow witness) or fixed-step (the paper's). (default: cpu)")
+]
 TimeStep = Annotated[_Text, _how("S", "Step in s of the back end fixed-step. (default: 0.0005)")]
 Chatter = Annotated[
     _Text, _how("X", "Impacts slower than this times max(f, k|g|)/sqrt(km) are not counted. (default: 1e-9)")

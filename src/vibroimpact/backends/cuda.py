@@ -1,0 +1,157 @@
+"""The `cuda` back end: one cell a thread of an NVIDIA GPU, by the functions that step the lanes of `cpu`.
+
+The device contracts a b + c where the source leaves it free to, so statistics, classes and statuses agree with
+`cpu`, bits do not.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.util import find_spec
+from threading import BoundedSemaphore
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Samples, StroboscopicWindow
+from vibroimpact.backends.closing import LONGEST
+from vibroimpact.backends.cpu import CpuBackend, limits, outcomes, table
+from vibroimpact.backends.lane_runner import COLUMNS, NOTES
+from vibroimpact.kernels.cell import RUNNING
+from vibroimpact.kernels.compilation import config
+from vibroimpact.kernels.lanes import LANES, ROWS
+from vibroimpact.options import Tolerances
+
+Counts = NDArray[np.int64]
+
+THREADS = 64  # a block
+LOOKS = 32  # between two compactions: some 1000 steps, a few milliseconds
+AT_ONCE = 2  # tiles on the device: one fills it while the last cells of the other finish
+SHARE = 0.25  # of the device's free memory that one tile may take
+CLOSERS = 2048  # cycles walked side by side
+CELL_BYTES = 8 * (11 + ROWS + NOTES + COLUMNS + 2)  # its row, lane, note, columns, place in lists
+CYCLE_BYTES = 8 * 4 * LONGEST
+
+# The simulator runs one kernel at a time.
+_turns = BoundedSemaphore(1 if config.ENABLE_CUDASIM else AT_ONCE)
+
+
+class CudaBackend:
+    """Indices of many cells at once on the GPU; single orbits have nothing to gain there and stay on the CPU."""
+
+    name = "cuda"
+    smallest_tile = 16_384
+    largest_tile = 131_072
+
+    def indices(
+        self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool = True
+    ) -> dict[str, NDArray[Any]]:
+        """Return every index, the status, the impacts computed and the certified steps of each cell."""
+        rows = table(cells)
+        results = np.zeros((len(rows), COLUMNS))
+        ends = np.zeros(len(rows), dtype=np.int8)
+        low = 0
+        while low < len(rows):
+            with _turns:
+                size, closers = _room(len(rows) - low)
+                part = slice(low, low + size)
+                tile = _Tile(rows[part], closers, window, limits(tolerances))
+                results[part], ends[part] = tile.run(early_closing)
+            low += size
+        return outcomes(results, ends, window)
+
+    def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
+        """Return what the window sees of each cell, as `cpu` does."""
+        return CpuBackend().samples(cells, window, tolerances)
+
+
+def create() -> CudaBackend:
+    """Return the back end, or say what it lacks here."""
+    problem = _lack()
+    if problem:
+        what, remedy = problem
+        raise ValueError(f"`backend` is 'cuda', but {what}; allowed here are cpu, reference, fixed-step; {remedy}")
+    return CudaBackend()
+
+
+def _numba_cuda() -> Any:
+    """Return numba's CUDA module, which is not looked for before a GPU is asked for."""
+    return import_module("numba.cuda")
+
+
+def _lack() -> tuple[str, str] | None:
+    if not (config.ENABLE_CUDASIM or find_spec("numba_cuda")):
+        return "numba-cuda is not installed", "install it with `pip install 'vibroimpact[cuda]'`"
+    cuda = _numba_cuda()
+    if cuda.is_available():
+        return None
+    reason = " ".join(str(cuda.cuda_error() or "").split()) or "the driver lists no device"
+    return f"no NVIDIA GPU was found ({reason.rstrip('.')})", "choose one of them, or see what `nvidia-smi` says"
+
+
+def _room(cells: int) -> tuple[int, int]:
+    """Return how many cells, and how many cycles walked at once, fit into this tile's share of the free memory."""
+    half = 0.5 * SHARE * _numba_cuda().current_context().get_memory_info().free
+    return int(max(min(cells, half // CELL_BYTES), 1)), int(max(min(cells, CLOSERS, half // CYCLE_BYTES), 1))
+
+
+class _Tile:
+    """Cells on the device, and the launches that take them to their ends."""
+
+    def __init__(self, rows: Floats, closers: int, window: ImpactWindow, tolerances: tuple[float, float, float]):
+        from vibroimpact.backends import cuda_kernels
+
+        cuda = _numba_cuda()
+
+        self.kernels, self.closers, self.number = cuda_kernels, closers, len(rows)
+        self.transient, self.total = float(window.transient), float(window.transient + window.keep)
+        self.stream = cuda.stream()
+
+        def room(*shape: int, dtype: Any = np.float64) -> Any:
+            return cuda.device_array(shape, dtype=dtype, stream=self.stream)
+
+        self.lanes = room(-(-self.number // LANES), ROWS * LANES)
+        self.notes = room(self.number, NOTES)
+        self.states = room(self.number, dtype=np.int8)
+        self.sums = self.lanes, self.notes, self.states
+        self.listing = room(self.number, dtype=np.int64)
+        self.cycles = room(closers, LONGEST, 4)
+        self.results = room(self.number, COLUMNS)
+        cells = cuda.to_device(rows, stream=self.stream)
+        self._launch(cuda_kernels.begin, self.number, cells, *self.sums, self.total, *tolerances)
+
+    def run(self, early_closing: bool) -> tuple[Floats, NDArray[np.int8]]:
+        """Return the columns that cells hand out and why each ended.
+
+        Between two launches the cells that ended leave the list, so that the warps of the next are full.
+        """
+        running: Counts = np.arange(self.number)
+        states = np.zeros(self.number, np.int8)
+        while len(running):
+            self._launch_listed(self.kernels.step, running, LOOKS, self.transient, self.total)
+            states = self._fetch(self.states)
+            waiting = running[states[running] == self.kernels.CLOSES]
+            for low in range(0, len(waiting), self.closers):
+                some = waiting[low : low + self.closers]
+                self._launch_listed(self.kernels.close, some, self.cycles, self.transient, self.total, early_closing)
+            if len(waiting):
+                states = self._fetch(self.states)
+            running = running[states[running] == RUNNING]
+        self._launch(
+            self.kernels.hand_out, self.number, self.lanes, self.notes, self.results, self.total - self.transient
+        )
+        return self._fetch(self.results), states
+
+    def _launch(self, kernel: Any, threads: int, *arguments: Any) -> None:
+        kernel[-(-threads // THREADS), THREADS, self.stream](*arguments)
+
+    def _launch_listed(self, kernel: Any, chosen: Counts, *arguments: Any) -> None:
+        listed = self.listing[: len(chosen)]
+        listed.copy_to_device(chosen, stream=self.stream)
+        self._launch(kernel, len(chosen), listed, *self.sums, *arguments)
+
+    def _fetch(self, array: Any) -> NDArray[Any]:
+        fetched: NDArray[Any] = array.copy_to_host(stream=self.stream)
+        self.stream.synchronize()
+        return fetched

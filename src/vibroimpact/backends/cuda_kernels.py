@@ -1,0 +1,102 @@
+"""The device's half of the `cuda` back end: one cell a thread, stepped by the functions that step a lane.
+
+Cell j is lane j % LANES of group j // LANES, so that neighbouring threads find their numbers side by side.
+"""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numba import cuda, njit
+
+from vibroimpact.backends import lane_runner
+from vibroimpact.backends.lane_runner import LOOK, MADE, ending_of, harvest, may_close
+from vibroimpact.kernels.cell import RUNNING
+from vibroimpact.kernels.compilation import cache_folder, config
+from vibroimpact.kernels.lanes import LANES, step_lane
+
+CLOSES = 100  # a cell that waits for its cycle to be walked; other codes are why a cell ended, or RUNNING
+SIMULATED = bool(config.ENABLE_CUDASIM)
+
+
+def _kernel(function: Any) -> Any:
+    """Make a device kernel whose compiled code is kept on disk beside that of the `cpu` back end."""
+    if SIMULATED or not find_spec("numba_cuda"):
+        return cuda.jit(function)
+    from numba.cuda.core import config as device_config
+
+    kept = device_config.CACHE_DIR
+    device_config.CACHE_DIR = cache_folder()
+    device_config.CUDA_LOW_OCCUPANCY_WARNINGS = 0  # a few cells are a fair question too
+    try:
+        return cuda.jit(cache=True)(function)
+    except RuntimeError:  # no folder to write to: compile anew in each process
+        return cuda.jit(function)
+    finally:
+        device_config.CACHE_DIR = kept
+
+
+@njit
+def _as_it_is(array):
+    return array
+
+
+# In the simulator the compiled functions run on the host and want the array inside the simulator's wrapper.
+_plain = np.asarray if SIMULATED else _as_it_is
+
+
+@_kernel
+def begin(cells, lanes, notes, states, total, chatter, flight_periods, steps_per_impact):
+    """Put every cell at its start."""
+    j = cuda.grid(1)
+    if j < len(cells):
+        lane_runner.begin(
+            _plain(lanes[j // LANES]),
+            j % LANES,
+            _plain(notes[j]),
+            _plain(cells[j]),
+            total,
+            chatter,
+            flight_periods,
+            steps_per_impact,
+        )
+        states[j] = RUNNING
+
+
+@_kernel
+def step(running, lanes, notes, states, looks, transient, total):
+    """Step each running cell until it ends, may close its cycle, or has been looked at `looks` times."""
+    t = cuda.grid(1)
+    if t < len(running):
+        j = running[t]
+        group, i, note = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j])
+        state = RUNNING
+        for _ in range(looks):
+            for _ in range(LOOK):
+                step_lane(group, i, transient, total)
+            note[MADE] += LOOK
+            state = CLOSES if may_close(group, i, note, total) else ending_of(group, i, note, total)
+            if state != RUNNING:
+                break
+        states[j] = state
+
+
+@_kernel
+def close(waiting, lanes, notes, states, cycles, transient, total, early_closing):
+    """Walk the cycle of each waiting cell, and close it if it is certain."""
+    t = cuda.grid(1)
+    if t < len(waiting):
+        j = waiting[t]
+        group, i, note = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j])
+        lane_runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]))
+        states[j] = ending_of(group, i, note, total)
+
+
+@_kernel
+def hand_out(lanes, notes, results, keep):
+    """Turn the sums of every cell into what it hands out."""
+    j = cuda.grid(1)
+    if j < len(results):
+        harvest(_plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), keep, _plain(results[j]))
