@@ -9,7 +9,7 @@ help:
 	@echo "make demo     the paper's whole study as one HTML report in demo/"
 	@echo "make test     the tests, on all cores"
 	@echo "make check    style, types, layers, documentation"
-	@echo "make bench    how fast the engine is on this machine"
+	@echo "make bench    how fast the engine is on this machine, beside others"
 	@echo "make docs     the documentation, in docs/_build/html/"
 	@echo "make figures  draw again the pictures of README and documentation"
 	@echo "make clean    remove what make made"
@@ -23,7 +23,7 @@ demo: $(STAMP)
 	@echo "The report lies at $(CURDIR)/demo/report.html"
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -n auto --dist worksteal -p no:benchmark
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 check: $(STAMP)
 	$(BIN)/ruff check
@@ -33,7 +33,7 @@ check: $(STAMP)
 	$(BIN)/sphinx-build -W --keep-going --quiet -b html docs docs/_build/html
 
 bench: $(STAMP)
-	$(BIN)/python -m pytest benchmarks -p no:xdist
+	$(BIN)/python -m benchmarks.run
 
 docs: $(STAMP)
 	$(BIN)/sphinx-build -W --keep-going --quiet -b html docs docs/_build/html

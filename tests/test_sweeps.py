@@ -110,7 +110,8 @@ def test_memory_does_not_grow_with_the_impacts_sampled():
         return high
 
     peak(10)
-    assert peak(2000) < peak(20) * 1.2 + 100_000
+    # Kept, 2000 impacts a cell would be 2.6 MB more.
+    assert peak(2000) < peak(20) + 500_000
 
 
 def test_a_diagram_is_its_sections_side_by_side():

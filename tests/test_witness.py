@@ -95,7 +95,7 @@ def error_growth(osc, start, seen):
 
 
 def compare(osc, start):
-    cells, window, limits = make_cells(osc, start), ImpactWindow(0, IMPACTS), Tolerances()
+    cells, window, limits = make_cells(osc, start), ImpactWindow(0, IMPACTS), Tolerances(flight_periods=100)
     (ours,), (theirs,) = (get_backend(name).samples(cells, window, limits) for name in ("cpu", "reference"))
     weak = np.flatnonzero(theirs.impact_velocity < WEAK * osc.velocity_scale)
     sure = weak[0] if weak.size else len(theirs.impact_velocity)
