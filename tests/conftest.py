@@ -1,10 +1,16 @@
 """What several test files share: the 50-digit values and a shorthand for oscillators."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+# The witness solves 5 x 5 systems: threads of a linear algebra library only wait for each other there, tenfold the time
+# on two cores. Read when NumPy is first imported, which is after this.
+for library in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(library, "1")
 
 
 @pytest.fixture(scope="session")

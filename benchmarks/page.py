@@ -1,0 +1,193 @@
+"""The measurements as tables that read well on a terminal and as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+BEGIN, END = "<!-- begin of measurements, written by `make bench` -->", "<!-- end of measurements -->"
+CASE_TITLES = {"chaotic": "w = 2.8", "period-1": "w = 2", "spread": "w 0.05 to 5"}
+STARTUP_TITLES = {
+    "python": "Python itself",
+    "import": "`import vibroimpact`",
+    "import_engine": "the same with the engine, `vi.parameter_map`",
+    "help": "`vibroimpact --help`",
+    "first_map_warm_cache": "a first small map, kernels in the cache",
+    "first_map_empty_cache": "a first small map, empty cache",
+    "kernel_compile": "so much of it compiling kernels",
+}
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Return a number with so many digits that mean something, without exponents where they can be avoided."""
+    if value is None:
+        return "-"
+    if value != 0 and not 1e-3 <= abs(value) < 1e7:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        return f"{mantissa}e{int(exponent)}"
+    if abs(value) >= 10 ** (digits - 1):
+        return f"{float(f'{value:.{digits - 1}e}'):,.0f}"
+    return f"{value:.{digits}g}"
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a Markdown table whose columns stand in line; the first is of words, the others to the right."""
+    widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
+
+    def line(cells: Sequence[str]) -> str:
+        first, *others = [*zip(cells, widths, strict=True)]
+        return f"| {' | '.join([first[0].ljust(first[1]), *(cell.rjust(width) for cell, width in others)])} |"
+
+    ruler = [f"{'-' * widths[0]}", *(f"{'-' * (width - 1)}:" for width in widths[1:])]
+    return "\n".join([line(head), line(ruler), *map(line, rows)])
+
+
+def _shared(result: dict[str, Any]) -> str:
+    """Return a warning where other work took part of the cores, so that times tell little."""
+    last = result["threads"][-1]
+    if last["cores_got"] > 0.95 * last["threads"]:
+        return ""
+    return f" **Other work shared the machine: {last['threads']} threads got {number(last['cores_got'])} cores.**"
+
+
+def _met(row: dict[str, Any]) -> str:
+    if row["met"] is None:
+        return "not measured"
+    return "yes, and beyond" if row["surpassed"] else "yes" if row["met"] else "no"
+
+
+def targets(result: dict[str, Any]) -> str:
+    def amount(value: float | None, unit: str) -> str:
+        return f"{number(value)} {unit}".strip() if value is not None else "-"
+
+    return table(
+        ["number to meet", "bound", "try for", "measured", "met"],
+        [
+            [
+                row["what"],
+                f"{row['bound']} {amount(row['meet'], row['unit'])}",
+                amount(row["try_for"], row["unit"]),
+                amount(row["measured"], row["unit"]),
+                _met(row),
+            ]
+            for row in result["targets"]
+        ],
+    )
+
+
+def costs(result: dict[str, Any]) -> str:
+    rows = []
+    for row in result["contenders"]:
+        found = [row["cost"].get(case) for case in CASE_TITLES]
+        figures = [text for cost in found for text in ((number(cost["ns"]), number(cost["ratio"])) if cost else "--")]
+        rows.append([row["name"], *([row["note"], *[""] * (2 * len(found) - 1)] if row["note"] else figures)])
+    return table(["ns an impact", *(text for title in CASE_TITLES.values() for text in (title, "ratio"))], rows)
+
+
+def _in_front(row: dict[str, Any]) -> str:
+    return "yes" if row["stays_in_front"] else f"no, {number(row['passes_the_stop_by'])} m beyond"
+
+
+def correctness(result: dict[str, Any]) -> str:
+    return table(
+        ["is it right?", "first 20 impacts off by", "settled impact off by", "stays in front", "sticks, leaves at T/2"],
+        [
+            [
+                row["name"],
+                number(row["error_first_20"], 2),
+                number(row["error_settled"], 2),
+                _in_front(row),
+                row["stalls"] or ("yes" if row["sticks_and_leaves"] else "no"),
+            ]
+            for row in result["contenders"]
+            if not row["note"]
+        ],
+    )
+
+
+def maps(result: dict[str, Any]) -> str:
+    found = result["maps"]
+    total = {
+        "map": "the five with closing",
+        "seconds": found["total_seconds"],
+        "impacts_computed": found["total_impacts"],
+        "steps_computed": found["total_steps"],
+    }
+    last = {**found["without_closing"], "map": "omega, mass, no closing"}
+
+    def line(row: dict[str, Any]) -> list[str]:
+        cells = found["points"] ** 2 * (len(found["maps"]) if row is total else 1)
+        each = row["impacts_computed"] / cells
+        steps = row["steps_computed"] / row["impacts_computed"]
+        return [row["map"], number(row["seconds"]), f"{each:.0f}", f"{each / 5100:.1%}", number(steps)]
+
+    head = [f"{found['points']} x {found['points']}, {found['cores']} cores", "s", "impacts a cell", "of 5100"]
+    return table([*head, "steps an impact"], [line(row) for row in [*found["maps"], total, last]])
+
+
+def growth(result: dict[str, Any], label: str, title: str, rows: list[dict[str, Any]]) -> str:
+    body = [[f"{row[label]:,}", number(row["ns"]), number(row["steps_an_impact"])] for row in rows]
+    return table([title, "ns an impact", "steps an impact"], body)
+
+
+def gpu(result: dict[str, Any]) -> str:
+    found = result["gpu"]
+    if not found:
+        return "There was none in this machine."
+    rows = [
+        [
+            title,
+            *(number(found[key][name]) for name in ("median_s", "impacts_computed_per_s", "impacts_answered_per_s")),
+        ]
+        for key, title in (("every_impact", "no closing"), ("early_closing", "closing"))
+    ]
+    head = [f"{found['gpu']}, {found['every_impact']['cells']} cells", "s", "impacts computed a s", "impacts told a s"]
+    return table(head, rows)
+
+
+def tables(result: dict[str, Any]) -> str:
+    """Return all tables as Markdown."""
+    where = result["machine"]
+    versions = ", ".join(f"{name} {number_}" for name, number_ in where["versions"].items())
+    kind = "A quick look, too short to trust: " if result["quick"] else ""
+    grown, found = result["growth"], result["maps"]
+    threads = [
+        [str(row["threads"]), *(number(row[name]) for name in ("ns", "speed_up", "cores_got"))]
+        for row in result["threads"]
+    ]
+    startup = [[title, number(result["startup"][key])] for key, title in STARTUP_TITLES.items()]
+    return "\n\n".join(
+        [
+            f"{kind}{result['date']}, {where['processor']}, {where['cores']} cores, {where['system']}, "
+            f"Python {where['python']}; {versions}. The run took {result['minutes']:.1f} minutes."
+            f"{_shared(result)}",
+            "## Numbers to meet",
+            targets(result),
+            "## What an impact costs",
+            costs(result),
+            "## Whether it is right",
+            correctness(result),
+            "## The paper's five maps",
+            maps(result),
+            f"The system gave them {number(found['cores_got'])} cores. "
+            f"The process that drew them held {number(found['peak_memory_mb'])} MB at most.",
+            "## A graphics processor",
+            gpu(result),
+            "## How the cost grows",
+            table(["threads", "ns an impact", "times as fast", "cores they got"], threads),
+            growth(result, "impacts", "impacts a cell", grown["impacts"]),
+            growth(result, "cells", "cells, w = 2.8", grown["cells"]),
+            growth(result, "omega_over_natural", "w / w_n", grown["stiffness"]),
+            "## Until the first result",
+            table(["seconds of a whole process", "s"], startup),
+        ]
+    )
+
+
+def put_into(page: Path, text: str) -> None:
+    """Replace what stands between the marks of a page; without a page, the tables are the page."""
+    old = page.read_text(encoding="utf-8") if page.exists() else f"# Benchmarks\n\n{BEGIN}\n{END}\n"
+    head, _, rest = old.partition(BEGIN)
+    tail = rest.partition(END)[2]
+    page.write_text(f"{head}{BEGIN}\n\n{text}\n\n{END}{tail}", encoding="utf-8")

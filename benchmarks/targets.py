@@ -1,0 +1,89 @@
+"""The numbers to meet, and whether they are met."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+Result = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Target:
+    """A number that has to lie below `meet`, or above it where `more_is_better`."""
+
+    what: str
+    unit: str
+    meet: float
+    measured: Callable[[Result], float | None]
+    try_for: float | None = None
+    more_is_better: bool = False
+
+    def judge(self, result: Result) -> Result:
+        found = self.measured(result)
+
+        def within(bound: float | None) -> bool | None:
+            if found is None or bound is None:
+                return None
+            return found >= bound if self.more_is_better else found <= bound
+
+        return {
+            "what": self.what,
+            "unit": self.unit,
+            "bound": "at least" if self.more_is_better else "at most",
+            "meet": self.meet,
+            "try_for": self.try_for,
+            "measured": found,
+            "met": within(self.meet),
+            "surpassed": within(self.try_for),
+        }
+
+
+def _cost(name: str, case: str, figure: str = "ns") -> Callable[[Result], float | None]:
+    def look(result: Result) -> float | None:
+        row = next(row for row in result["contenders"] if row["name"] == name)
+        cost = row["cost"].get(case)
+        return None if cost is None else float(cost[figure])
+
+    return look
+
+
+def _two_threads(result: Result) -> float | None:
+    return next((row["speed_up"] for row in result["threads"] if row["threads"] == 2), None)
+
+
+def _five_maps(result: Result) -> float | None:
+    # Smaller maps are another question.
+    return result["maps"]["total_seconds"] if result["maps"]["points"] == 200 else None
+
+
+def _mass_map(result: Result) -> float | None:
+    return result["maps"]["without_closing"]["seconds"] if result["maps"]["points"] == 200 else None
+
+
+def _gpu_rate(result: Result) -> float | None:
+    return float(result["gpu"]["every_impact"]["impacts_computed_per_s"]) if result["gpu"] else None
+
+
+ONE = "ours, one core"
+TARGETS = (
+    Target("an impact, one core, no closing, w over 0.05 to 5", "ns", 80, _cost(ONE, "spread"), 40),
+    Target("the same, the bound of the first engine", "ns", 150, _cost(ONE, "spread")),
+    Target("certified steps an impact, the same", "", 6.5, lambda result: result["steps_an_impact"], 5),
+    Target("the five maps, two cores, closing", "s", 10, _five_maps, 5),
+    Target("one map, (w, m), two cores, no closing", "s", 20, _mass_map),
+    Target("most memory held over these six maps", "MB", 500, lambda result: result["maps"]["peak_memory_mb"]),
+    Target("heyoka one orbit / ours, w = 2.8", "", 50, _cost("heyoka, one orbit", "chaotic", "ratio"), 90, True),
+    Target("the paper's scheme / ours, w = 2.8", "", 500, _cost("the paper's scheme", "chaotic", "ratio"), None, True),
+    Target("two threads over one", "", 1.9, _two_threads, 1.95, True),
+    Target("import of the engine", "s", 1.0, lambda result: result["startup"]["import_engine"]),
+    Target("`vibroimpact --help`", "s", 0.35, lambda result: result["startup"]["help"]),
+    Target("first map, warm cache", "s", 1.5, lambda result: result["startup"]["first_map_warm_cache"]),
+    Target("compiling the kernels", "s", 25, lambda result: result["startup"]["kernel_compile"], 12),
+    Target("impacts a second on a GPU, no closing, chaos and cycles mixed", "", 1e9, _gpu_rate, 4e9, True),
+)
+
+
+def judged(result: Result) -> list[Result]:
+    return [target.judge(result) for target in TARGETS]
