@@ -11,6 +11,7 @@ from numba import njit
 from vibroimpact.kernels.advance import IMPACT, RELEASE, advance
 from vibroimpact.kernels.arithmetic import select
 from vibroimpact.kernels.observers import count_impact, recurrence, stamp, sticks_within, velocity_sums
+from vibroimpact.kernels.vector_loop import each_lane
 
 LANES = 16
 # Rows: the state, the cell's constants, what the observers keep.
@@ -102,9 +103,16 @@ def step_lane(lanes, i, transient, total):
     return event
 
 
+@njit(error_model="numpy", forceinline=True)
+def _step(lanes, i, transient, total):
+    step_lane(lanes, i, transient, total)
+
+
+_every_lane = each_lane(_step, LANES)
+
+
 @njit(error_model="numpy", nogil=True)
 def step_lanes(lanes, steps, transient, total):
     """Make `steps` certified steps in every lane."""
     for _ in range(steps):
-        for i in range(LANES):
-            step_lane(lanes, i, transient, total)
+        _every_lane(lanes, transient, total)
