@@ -167,7 +167,7 @@ def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle):
     made += walked
     lanes[rows.CANDIDATE * LANES + i] = 0.0
     # Not before the reference has moved on, or two more releases have passed, is it tried again.
-    lanes[rows.REF_S * LANES + i] = 9.0
+    lanes[rows.REF_V * LANES + i] = -math.inf
     lanes[rows.RELEASES * LANES + i] = 0.0
     if number < 1:
         return 0, 0.0, made, 0.0

@@ -40,10 +40,9 @@ def begin(lanes, i, note, cell, total, chatter, flight_periods, steps_per_impact
     constants = (damp, stiff, drive, preload, turn, turn2, r, cut, tail, sin_r, cos_r)
     for row in range(11):
         lanes[(rows.DAMP + row) * LANES + i] = constants[row]
-    lanes[rows.CONTACT * LANES + i] = math.inf
     scale = cut / chatter
     lanes[rows.NEAR * LANES + i] = NEAR * scale
-    lanes[rows.REF_S * LANES + i] = 9.0  # no reference yet
+    lanes[rows.REF_V * LANES + i] = -math.inf  # no reference yet
     lanes[rows.REF_NEXT * LANES + i] = 32.0
     longest, granted = budgets(m, c, k, w, flight_periods, steps_per_impact)
     note[H], note[SCALE], note[FLIGHT], note[GRANTED] = h, scale, longest, granted * total
@@ -72,7 +71,6 @@ def ending_of(lanes, i, note, total):
         state,
         constants,
         lanes[rows.CUT * LANES + i],
-        lanes[rows.CONTACT * LANES + i],
         lanes[rows.AGE * LANES + i],
         note[FLIGHT],
         note[MADE],

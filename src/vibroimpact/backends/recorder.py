@@ -24,8 +24,8 @@ from vibroimpact.kernels.flight import evaluate, series
 
 TURN = 2.0 * math.pi
 # Places in the recorder's memory, which lets a run be interrupted to make room and taken up again.
-U, P, S, C, N, REST_N, REST_PHASE, AGE, CONTACT, STEPS, COUNT, LOOKS = range(12)
-MEMORY = 12
+U, P, S, C, N, REST_N, REST_PHASE, AGE, STEPS, COUNT, LOOKS = range(11)
+MEMORY = 11
 
 
 @compiled
@@ -35,7 +35,7 @@ def begin(cell, memory):
     s, c = pair_of(cell[10])
     memory[:] = 0.0
     memory[U], memory[P], memory[S], memory[C], memory[N] = cell[7], -h * cell[8], s, c, cell[9]
-    memory[REST_N], memory[REST_PHASE], memory[CONTACT] = cell[9], cell[10], math.inf
+    memory[REST_N], memory[REST_PHASE] = cell[9], cell[10]
 
 
 @compiled
@@ -104,7 +104,6 @@ def record(cell, memory, impacts, looks, sticks, transient, total, first_n, firs
         memory[STEPS] += 1.0
         memory[AGE] += x
         if u == 0.0 and not rests:
-            memory[CONTACT] = v
             dwell = tail_duration(v, s, c, damp, drive, preload, turn, tail) if event == CHATTER else 0.0
             there = phase_of(s, c) + dwell * turn / TURN
             memory[REST_N], memory[REST_PHASE] = n + math.floor(there), there - math.floor(there)
@@ -122,7 +121,6 @@ def record(cell, memory, impacts, looks, sticks, transient, total, first_n, firs
                 (u, p, s, c),
                 (damp, stiff, drive, preload, turn),
                 cut,
-                memory[CONTACT],
                 memory[AGE],
                 longest if number == 0 else math.inf,
                 memory[STEPS],

@@ -111,7 +111,7 @@ RUNNING, FILLED, QUIET, PINNED, DYING, SPENT = range(6)
 
 
 @njit(error_model="numpy")
-def ending(state, constants, cut, contact, age, longest, steps, granted):
+def ending(state, constants, cut, age, longest, steps, granted):
     """Return why a cell that has not filled its window ends here, or RUNNING.
 
     QUIET: it never reaches the stop again. PINNED: at rest, pressed for ever. DYING: unforced rebounds
@@ -124,8 +124,7 @@ def ending(state, constants, cut, contact, age, longest, steps, granted):
         return PINNED
     if not resting and never_again(u, p, s, c, C, K, A, G, th):
         return QUIET
-    # Without force impacts only get weaker, and without a gap none is faster than sqrt(p^2 + K u^2).
-    weak = contact < cut or (G == 0.0 and p * p + K * u * u < cut * cut)
-    if A == 0.0 and G >= 0.0 and not resting and weak:
+    # Without force energy only falls: no impact to come is faster than the speed it would leave at the stop.
+    if A == 0.0 and G >= 0.0 and not resting and p * p + u * (K * u - 2.0 * G) < cut * cut:
         return DYING
     return SPENT if age > longest or steps > granted else RUNNING

@@ -17,9 +17,9 @@ LANES = 16
 # Rows: the state, the cell's constants, what the observers keep.
 U, P, S, C, N = range(5)
 DAMP, STIFF, DRIVE, PRELOAD, TURN, TURN2, REST, CUT, TAIL, SIN_R, COS_R = range(5, 16)
-COUNT, SHIFT, SUM1, SUM2, LARGEST, N0, S0, C0, N1, S1, C1, STUCK_SEEN, AGE, CONTACT = range(16, 30)
-RELEASES, REF_S, REF_C, REF_V, REF_COUNT, REF_NEXT, NEAR, CANDIDATE = range(30, 38)
-ROWS = 38
+COUNT, SHIFT, SUM1, SUM2, LARGEST, N0, S0, C0, N1, S1, C1, STUCK_SEEN, AGE = range(16, 29)
+RELEASES, REF_V, REF_COUNT, REF_NEXT, NEAR, CANDIDATE = range(29, 35)
+ROWS = 35
 
 
 @njit(inline="always", error_model="numpy")
@@ -77,25 +77,18 @@ def step_lane(lanes, i, transient, total):
     lanes[C1 * LANES + i] = c1
     lanes[STUCK_SEEN * LANES + i] = sticks_within(lanes[STUCK_SEEN * LANES + i], event, count, transient, total)
     lanes[AGE * LANES + i] = select(event == IMPACT, 0.0, lanes[AGE * LANES + i] + x)
-    lanes[CONTACT * LANES + i] = select(u == 0.0, v, lanes[CONTACT * LANES + i])
     lanes[RELEASES * LANES + i] = lanes[RELEASES * LANES + i] + select(event == RELEASE, 1.0, 0.0)
 
-    ref_s, ref_c, ref_v, ref_count, ref_next, candidate = recurrence(
-        lanes[REF_S * LANES + i],
-        lanes[REF_C * LANES + i],
+    ref_v, ref_count, ref_next, candidate = recurrence(
         lanes[REF_V * LANES + i],
         lanes[REF_COUNT * LANES + i],
         lanes[REF_NEXT * LANES + i],
         lanes[NEAR * LANES + i],
         lanes[CANDIDATE * LANES + i],
-        s,
-        c,
         v,
         count,
         hit,
     )
-    lanes[REF_S * LANES + i] = ref_s
-    lanes[REF_C * LANES + i] = ref_c
     lanes[REF_V * LANES + i] = ref_v
     lanes[REF_COUNT * LANES + i] = ref_count
     lanes[REF_NEXT * LANES + i] = ref_next

@@ -7,7 +7,6 @@ from numba import njit
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE
 from vibroimpact.kernels.arithmetic import fma, select
 
-ACROSS = 5e10  # `near` is 2e-11 V: a phase pair counts as V
 WHOLE = 6755399441055744.0  # 1.5 * 2^52: adding and taking it away again rounds to a whole number
 
 
@@ -40,21 +39,19 @@ def sticks_within(stuck, event, count, transient, total):
 
 
 @njit(inline="always", error_model="numpy")
-def recurrence(ref_s, ref_c, ref_v, ref_count, ref_next, near, candidate, s, c, v, count, hit):
-    """Watch for impacts that recur: compare each with a reference impact as (sin, cos, v), never as phases.
+def recurrence(ref_v, ref_count, ref_next, near, candidate, v, count, hit):
+    """Watch for impacts that recur: compare the speed of each with that of a reference impact.
 
-    `candidate` becomes the number of impacts after which the reference came back within `near` (a speed). The reference
-    moves on every 32 impacts at first, later more rarely, so that longer cycles are seen too.
+    `candidate` becomes the number of impacts after which the reference came back within `near`, a speed; whether the
+    states agree too is looked at where a cycle is to be closed. The reference moves on every 32 impacts at first, later
+    more rarely, so that longer cycles are seen too.
     """
-    away = abs(v - ref_v) + near * ACROSS * (abs(s - ref_s) + abs(c - ref_c))
-    back = hit & (away < near) & (candidate == 0.0)
+    back = hit & (abs(v - ref_v) < near) & (candidate == 0.0)
     candidate = select(back, count - ref_count, candidate)
     moves = hit & (count == ref_next)
     stride = (0.125 * count + WHOLE) - WHOLE
     following = count + select(stride > 32.0, stride, 32.0)
     return (
-        select(moves, s, ref_s),
-        select(moves, c, ref_c),
         select(moves, v, ref_v),
         select(moves, count, ref_count),
         select(moves, following, ref_next),
