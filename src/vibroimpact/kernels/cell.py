@@ -74,10 +74,12 @@ def never_again(u, p, s, c, C, K, A, G, th):
 
     Damping only lowers the energy of z, so the bound holds for ever, at any damping.
     """
-    in_phase, quadrature = steady_motion(C, K, A, G, th)
-    gap = G / K
-    if not gap > 0.0 or math.isinf(in_phase):
+    if not G > 0.0:
         return False
+    in_phase, quadrature = steady_motion(C, K, A, G, th)
+    if math.isinf(in_phase):
+        return False
+    gap = G / K
     z = gap - u - (in_phase * s + quadrature * c)
     dz = -p - th * (in_phase * c - quadrature * s)
     return math.hypot(in_phase, quadrature) + math.sqrt(z * z + dz * dz / K) < gap
