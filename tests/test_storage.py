@@ -6,6 +6,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -233,4 +235,26 @@ def test_a_full_disk_is_told_and_nothing_is_left(tmp_path, ending):
     )
     assert "could not be written" in child.stdout, child.stderr
     assert child.returncode == 0
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_thread_that_writes_on_after_a_failure_leaves_nothing(tmp_path):
+    # Zarr writes chunks from threads: one of them fails, the others do not know it yet.
+    def write_on(part: Path) -> None:
+        for number in range(20):
+            part.mkdir(parents=True, exist_ok=True)
+            (part / f"chunk-{number}").write_bytes(b"late")
+            time.sleep(0.005)
+
+    def fail() -> None:
+        with storage.replacing(tmp_path / "map.zarr") as part:
+            threads.append(threading.Thread(target=write_on, args=(part,)))
+            threads[0].start()
+            time.sleep(0.02)
+            raise OSError(28, "No space left on device")
+
+    threads: list[threading.Thread] = []
+    with pytest.raises(OSError, match="nothing was changed"):
+        fail()
+    threads[0].join()
     assert not list(tmp_path.iterdir())

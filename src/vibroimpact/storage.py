@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -198,13 +199,26 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
             if os.path.lexists(target) and not overwrite:
                 raise FileExistsError(f"`out` is {str(path)!r}, which exists by now; choose another name")
             _move(part, target, old=scratch.with_suffix(".old"))
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
+            shutil.rmtree(scratch)
+        except BaseException:
+            _remove(scratch)
+            raise
     except OSError as error:
         if str(error).startswith("`out`"):
             raise
         message = f"`out` is {str(path)!r}, which could not be written ({_first_line(error)}); nothing was changed"
         raise OSError(error.errno, message) from error
+
+
+def _remove(folder: Path) -> None:
+    """Remove a folder that threads of a failed writer may still be filling, or making anew, for a moment."""
+    quiet = 0
+    for _ in range(100):
+        quiet = 0 if folder.exists() else quiet + 1
+        if quiet == 5:
+            return
+        shutil.rmtree(folder, ignore_errors=True)
+        time.sleep(0.02)
 
 
 def _move(part: Path, target: Path, *, old: Path) -> None:
