@@ -67,3 +67,11 @@ def test_ten_thousand_rotations_keep_the_length_and_lose_a_rounding_of_phase_eac
 def test_quarter_phases_are_exact_both_ways(phase, pair):
     assert pair_of(phase) == pair
     assert phase_of(*pair_of(phase)) == phase
+
+
+def test_the_constants_of_the_tail_bound_hold_at_this_reach():
+    # |b_j| <= 6^(j-14) B for j >= 14: the induction, the sum, and the forcing's share.
+    largest_damping, largest_stiffness = 2 * REACH, REACH**2
+    assert 6 * largest_damping + largest_stiffness + 1 <= 36
+    assert sum(6.0**i * math.factorial(14) / math.factorial(14 + i) for i in range(60)) <= 1.63
+    assert REACH**14 / math.factorial(14) <= 2.5e-6

@@ -58,7 +58,7 @@ def advance(u, p, s, c, n, C, K, A, G, th, Q, r, cut, tail, sr, cr):
     held = at_rest & pressing
     at_release = at_rest & balance
     a = series(u, p, s, c, C, K, A, G, th, Q, at_release)
-    x = certified_step(a, touching & (p >= 0.0), at_rest, at_release)
+    x = certified_step(a, A, touching & (p >= 0.0), at_rest, at_release)
     u1, p1 = evaluate(a, x)
     s1, c1 = rotate(s, c, th * x)
 

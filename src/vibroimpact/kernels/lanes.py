@@ -13,7 +13,7 @@ from vibroimpact.kernels.arithmetic import select
 from vibroimpact.kernels.observers import count_impact, recurrence, stamp, sticks_within, velocity_sums
 from vibroimpact.kernels.vector_loop import each_lane
 
-LANES = 16
+LANES = 32
 # Rows: the state, the cell's constants, what the observers keep.
 U, P, S, C, N = range(5)
 DAMP, STIFF, DRIVE, PRELOAD, TURN, TURN2, REST, CUT, TAIL, SIN_R, COS_R = range(5, 16)
