@@ -38,8 +38,8 @@ def _negative(a):
 def _tail_from_7(a, A, X):
     """Return a lower bound of the sum of a_j x^(j-7) from j = 7 on over 0 <= x <= X.
 
-    From j = 14 on it is one of all absolute terms: |b_j| <= 6^(j-14) B with B = |b_14| + |b_15|/6 + A H^14, by induction,
-    since C <= 2 H, K <= H^2 and 6 C + K + 1 <= 36. That sums to 1.63 B/14!, and H^14/14! < 2.5e-6 at H = 2.4.
+    From j = 14 on it is one of all absolute terms: |b_j| <= 6^(j-14) B with B = |b_14| + |b_15|/6 + A H^14, by
+    induction, since C <= 2 H, K <= H^2 and 6 C + K + 1 <= 36. That sums to 1.63 B/14!; H^14/14! < 2.5e-6 at H = 2.4.
     """
     t = -1.63 * (abs(a[14]) + fma(2.5, abs(a[15]), 2.5e-6 * A))
     t = fma(t, X, _negative(a[13]))
