@@ -85,8 +85,10 @@ def test_progress_counts_cells_and_hands_on_the_map_so_far():
     assert result.attrs["impacts_computed"] >= 161 * 130 * 0.5
 
 
-def test_progress_that_says_no_stops_the_map_and_leaves_what_is_done(whole):
-    part = sweep(progress=lambda done, total, partial: False, workers=1)
+def test_progress_that_says_no_stops_the_map_and_leaves_what_is_done():
+    wide = {"omega": np.linspace(0.1, 5.0, 99), "sample_impacts": 20}
+    whole = sweep(**wide)
+    part = sweep(**wide, progress=lambda done, total, partial: False, workers=1)
     interrupted = part["status"].values == vi.Status.INTERRUPTED
     assert 0 < interrupted.sum() < interrupted.size
     assert np.isnan(part["std"].values[interrupted]).all()

@@ -48,6 +48,8 @@ def run_tiles(
         running: dict[Future[Any], slice] = {}
         try:
             while True:
+                if stop.is_set():
+                    running = {future: part for future, part in running.items() if not future.cancel()}
                 room = 0 if stop.is_set() else 2 * workers - len(running)
                 running |= {pool.submit(job, part): part for part in islice(waiting, max(room, 0))}
                 if not running:

@@ -71,7 +71,7 @@ class CpuBackend:
     """Exact flights, certified contacts, closed-form chatter on one core; threads may share tiles."""
 
     name = "cpu"
-    smallest_tile = 32  # two rounds of lanes
+    smallest_tile = 64  # two rounds of lanes
     largest_tile = 4096
 
     def indices(
