@@ -86,7 +86,7 @@ def test_progress_counts_cells_and_hands_on_the_map_so_far():
 
 
 def test_progress_that_says_no_stops_the_map_and_leaves_what_is_done():
-    wide = {"omega": np.linspace(0.1, 5.0, 99), "sample_impacts": 20}
+    wide = {"omega": np.linspace(0.1, 5.0, 199), "sample_impacts": 4000, "early_closing": False}
     whole = sweep(**wide)
     part = sweep(**wide, progress=lambda done, total, partial: False, workers=1)
     interrupted = part["status"].values == vi.Status.INTERRUPTED

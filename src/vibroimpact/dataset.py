@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from vibroimpact.indices import INDICES
 from vibroimpact.oscillator import ImpactOscillator
@@ -43,6 +44,11 @@ def variable(name: str, dims: str | Sequence[str], data: Any, **attrs: Any) -> x
     """Return `data` labelled with the long name, unit and symbol that the name stands for."""
     long_name, units, symbol = VARIABLES[name]
     return xr.Variable(dims, data, {"long_name": long_name, "units": units, "symbol": symbol, **attrs})
+
+
+def missing(index: str, shape: int | tuple[int, ...]) -> NDArray[Any]:
+    """Return an array of an index that has no value yet anywhere."""
+    return np.full(shape, INDICES[index].fill, INDICES[index].dtype)
 
 
 def impact_speed(dims: str | Sequence[str], data: Any) -> xr.Variable:

@@ -1,4 +1,4 @@
-"""Where a sweep runs: its cells in tiles, its tiles in threads."""
+"""Where a sweep runs: its cells one by one, or in tiles, in threads."""
 
 from __future__ import annotations
 
@@ -7,12 +7,17 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import islice
-from threading import Event
+from queue import SimpleQueue
+from threading import Event, Thread
 from typing import Any, TypeVar
 
-from vibroimpact.options import whole_number
+from vibroimpact.backends import Backend, Cells, ImpactWindow
+from vibroimpact.backends.base import Counts, Outcome, SharesCells
+from vibroimpact.options import Tolerances, whole_number
 
 Result = TypeVar("Result")
+
+BLOCK = 1 << 20  # cells that threads share at once: some 250 MB
 
 
 def worker_count(workers: int | None) -> int:
@@ -22,6 +27,67 @@ def worker_count(workers: int | None) -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def run_sweep(
+    engine: Backend,
+    cells: Cells,
+    window: ImpactWindow,
+    limits: Tolerances,
+    early_closing: bool,
+    names: tuple[str, ...],
+    workers: int,
+    stop: Event,
+) -> Iterator[tuple[Counts | slice, Outcome]]:
+    """Yield which cells have ended, and their indices, until all have or `stop` is set.
+
+    No cell depends on another, so neither does the sweep depend on `workers`.
+    """
+    if not isinstance(engine, SharesCells):
+        yield from run_tiles(
+            lambda part: engine.indices(cells[part], window, limits, early_closing, names),
+            tiles(len(cells), workers, engine.smallest_tile, engine.largest_tile),
+            workers,
+            stop,
+        )
+        return
+    for low in range(0, len(cells), BLOCK):
+        work = engine.share(cells[low : low + BLOCK], window, limits, early_closing, names)
+        for done, outcome in run_shared(work, workers, stop):
+            yield done + low, outcome
+
+
+def run_shared(work: Callable[[Callable[[], bool]], Iterator[Result]], workers: int, stop: Event) -> Iterator[Result]:
+    """Yield what the threads' shared work yields, as it comes."""
+    handed: SimpleQueue[Result | BaseException | None] = SimpleQueue()
+
+    def run() -> None:
+        try:
+            for result in work(stop.is_set):
+                handed.put(result)
+            handed.put(None)
+        except BaseException as error:
+            handed.put(error)
+
+    threads = [Thread(target=run, name=f"vibroimpact-{number}") for number in range(workers)]
+    for thread in threads:
+        thread.start()
+    try:
+        running = workers
+        while running:
+            result = handed.get()
+            if isinstance(result, BaseException):
+                raise result
+            if result is None:
+                running -= 1
+            else:
+                yield result
+    except BaseException:
+        stop.set()
+        raise
+    finally:
+        for thread in threads:
+            thread.join()
 
 
 def tiles(number: int, workers: int, smallest: int, largest: int) -> list[slice]:

@@ -26,8 +26,20 @@ INDICES: dict[str, Index] = {
         Index("mean_velocity", "mean impact velocity", "m/s", "<I>"),
         Index("max_velocity", "largest impact velocity", "m/s", "max I"),
         Index("impacts_per_period", "impacts per driving period", "1", "p/n"),
+        Index("lyapunov", "largest Lyapunov exponent", "1/s", "λ"),
+        Index("lyapunov_per_impact", "largest Lyapunov exponent per impact", "1", "λ per impact"),
+        Index("n_periods", "driving periods in a cycle", "1", "n", "int32", 0),
+        Index("n_impacts", "impacts in a cycle", "1", "p", "int32", 0),
+        Index("dissipation", "energy lost at the stop per driving period", "J", "E"),
+        Index("stick_fraction", "share of time at rest at the stop", "1", "stuck"),
+        Index("impact_phase_spread", "spread of the impact phases", "1", "spread"),
+        Index("grazing_margin", "gap left by the closest near-miss", "m", "margin"),
     )
 }
+
+
+# What sums over the impact velocities tell; everything else needs a tangent vector, phases and near-misses too.
+VELOCITY_INDICES = frozenset({"std", "mean_velocity", "max_velocity", "impacts_per_period"})
 
 
 def check_indices(names: Iterable[str]) -> tuple[str, ...]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from difflib import get_close_matches
 from importlib import import_module
 
 from vibroimpact.backends.base import Backend, Cells, ImpactWindow, Samples, StroboscopicWindow
+from vibroimpact.indices import INDICES
 
-__all__ = ["BACKENDS", "Backend", "Cells", "ImpactWindow", "Samples", "StroboscopicWindow", "get_backend"]
+__all__ = ["BACKENDS", "Backend", "Cells", "ImpactWindow", "Samples", "StroboscopicWindow", "check_told", "get_backend"]
 
 # name: module that defines `create(**options) -> Backend`
 BACKENDS = {
@@ -31,3 +33,13 @@ def get_backend(name: str, *, time_step: float | None = None) -> Backend:
     options = {} if time_step is None else {"time_step": time_step}
     backend: Backend = import_module(BACKENDS[name]).create(**options)
     return backend
+
+
+def check_told(indices: Iterable[str], backend: Backend) -> None:
+    """Refuse indices that a back end cannot tell."""
+    for name in indices:
+        if name not in backend.tells:
+            told = ", ".join(known for known in INDICES if known in backend.tells)
+            raise ValueError(
+                f"`indices` holds {name!r}; allowed with backend {backend.name!r} are {told}; choose another backend"
+            )

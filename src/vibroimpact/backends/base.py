@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vibroimpact.indices import VELOCITY_INDICES
 from vibroimpact.options import Tolerances
 
 Floats = NDArray[np.float64]
+Counts = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -104,25 +107,52 @@ def look_schedule(periods: float, phase: float, window: StroboscopicWindow) -> t
     return first + offset // window.per_period + whole, fraction - whole
 
 
+Outcome = dict[str, NDArray[Any]]
+
+
 class Backend(Protocol):
     """Two questions a back end answers about cells; neither ever raises because of a cell's physics.
 
     `largest_tile` is how many cells it should be asked about at once, so that progress and Ctrl-C are heard;
-    with fewer than `smallest_tile` part of the machine would stand idle.
+    with fewer than `smallest_tile` part of the machine would stand idle. `tells` are the indices it knows.
     """
 
     name: str
     smallest_tile: int
     largest_tile: int
+    tells: frozenset[str]
 
     def indices(
-        self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool = True
-    ) -> dict[str, NDArray[Any]]:
-        """Return every index of `vibroimpact.indices.INDICES` (NaN where it has no value), `status` (int8),
+        self,
+        cells: Cells,
+        window: ImpactWindow,
+        tolerances: Tolerances,
+        early_closing: bool = True,
+        names: Iterable[str] = VELOCITY_INDICES,
+    ) -> Outcome:
+        """Return at least the indices `names` (NaN where one has no value, 0 for a whole number), `status` (int8),
         `impacts` (recorded impacts computed, int64) and `steps` (int64), each of shape (n,).
         """
         ...
 
     def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
         """Return what the window sees of each cell."""
+        ...
+
+
+@runtime_checkable
+class SharesCells(Protocol):
+    """A back end of whose cells each thread takes the next one, so that all threads end together."""
+
+    def share(
+        self,
+        cells: Cells,
+        window: ImpactWindow,
+        tolerances: Tolerances,
+        early_closing: bool = True,
+        names: Iterable[str] = VELOCITY_INDICES,
+    ) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
+        """Return what each thread calls with a function that says when to stop; it yields which cells have ended, and
+        their indices as `indices` gives them.
+        """
         ...

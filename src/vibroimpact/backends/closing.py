@@ -12,11 +12,14 @@ import math
 
 from numba import njit
 
+from vibroimpact.backends.cycle import ALIKE, describe
+from vibroimpact.backends.lane_access import constants_of, state_of
 from vibroimpact.kernels import lanes as rows
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, advance
 from vibroimpact.kernels.cell import phase_of
 from vibroimpact.kernels.lanes import LANES, step_lane
 from vibroimpact.kernels.tangent import flow, product, saltation
+from vibroimpact.kernels.thorough_lanes import step_thorough_lane
 
 LONGEST = 4096  # impacts of the longest cycle that is closed
 SURE = 1e-10  # of V: the most that the remaining way may change an index
@@ -25,39 +28,14 @@ TURN = 2.0 * math.pi
 
 
 @njit(error_model="numpy")
-def _constants(lanes, i):
-    return (
-        lanes[rows.DAMP * LANES + i],
-        lanes[rows.STIFF * LANES + i],
-        lanes[rows.DRIVE * LANES + i],
-        lanes[rows.PRELOAD * LANES + i],
-        lanes[rows.TURN * LANES + i],
-        lanes[rows.TURN2 * LANES + i],
-        lanes[rows.REST * LANES + i],
-        lanes[rows.CUT * LANES + i],
-        lanes[rows.TAIL * LANES + i],
-        lanes[rows.SIN_R * LANES + i],
-        lanes[rows.COS_R * LANES + i],
-    )
-
-
-@njit(error_model="numpy")
-def _state(lanes, i):
-    return (
-        lanes[rows.U * LANES + i],
-        lanes[rows.P * LANES + i],
-        lanes[rows.S * LANES + i],
-        lanes[rows.C * LANES + i],
-        lanes[rows.N * LANES + i],
-    )
-
-
-@njit(error_model="numpy")
-def _to_start_of_cycle(lanes, i, transient, total, sticking, limit):
+def _to_start_of_cycle(lanes, i, transient, total, sticking, limit, facts):
     """Step on, observed, to the next release or recorded impact. Return the steps made, negative if it never came."""
     for made in range(1, limit + 1):
-        event = step_lane(lanes, i, transient, total)
-        if lanes[rows.COUNT * LANES + i] >= total:
+        if facts is None:
+            event = step_lane(lanes, i, transient, total)[0]
+        else:
+            event = step_thorough_lane(lanes, i, transient, total)
+        if lanes[rows.COUNT * LANES + i] >= total and (facts is None or sticking):
             return -made
         if event == (RELEASE if sticking else IMPACT):
             return made
@@ -71,8 +49,8 @@ def _walk_cycle(lanes, i, impacts, cycle, limit):
     Fill `cycle` with (n, s, c, v) of each recorded impact; return their number, the steps made, the tangent, its
     largest growth of a velocity, and the state at the end. A number of -1 says that no cycle ended within reach.
     """
-    C, K, A, G, th, Q, r, cut, tail, sr, cr = _constants(lanes, i)
-    u, p, s, c, n = _state(lanes, i)
+    C, K, A, G, th, Q, r, cut, tail, sr, cr = constants_of(lanes, i)
+    u, p, s, c, n = state_of(lanes, i)
     tangent = (1.0, 0.0, 0.0, 1.0)
     growth = 1.0
     number = 0
@@ -98,7 +76,7 @@ def _walk_cycle(lanes, i, impacts, cycle, limit):
 @njit(error_model="numpy")
 def _way_to_go(lanes, i, end, tangent, spread):
     """Return how far, in rate, the cycle's end still is from the periodic orbit; infinite if that is not stable."""
-    p, s, c = _state(lanes, i)[1:4]
+    p, s, c = state_of(lanes, i)[1:4]
     C, A, G, th = (
         lanes[rows.DAMP * LANES + i],
         lanes[rows.DRIVE * LANES + i],
@@ -141,6 +119,8 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
             lanes[rows.SUM1 * LANES + i] += times * (v - shift)
             lanes[rows.SUM2 * LANES + i] += times * (v - shift) ** 2
             lanes[rows.LARGEST * LANES + i] = max(lanes[rows.LARGEST * LANES + i], v)
+            lanes[rows.SUM_S * LANES + i] += times * cycle[j, 1]
+            lanes[rows.SUM_C * LANES + i] += times * cycle[j, 2]
     at = int(total - count - 1.0) % number
     round_ = math.floor((total - count - 1.0) / number)
     lanes[rows.N1 * LANES + i] = cycle[at, 0] + round_ * periods
@@ -151,16 +131,16 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
 
 
 @njit(error_model="numpy")
-def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle):
+def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle, facts):
     """Close lane i if its cycle is certain.
 
     Return the impacts and periods of the cycle (0 and 0 if it is not), the steps made, and the impacts that need not
     be computed. `scale` is V in lengths of a step. With `finish` the observers are brought to what `total` impacts
-    would give.
+    would give. Thorough lanes have the cycle's `facts` noted; of others that is None.
     """
-    sticking = lanes[rows.RELEASES * LANES + i] >= 2.0
     impacts = int(lanes[rows.CANDIDATE * LANES + i])
-    made = _to_start_of_cycle(lanes, i, transient, total, sticking, limit)
+    sticking = lanes[rows.RELEASES * LANES + i] >= 2.0
+    made = _to_start_of_cycle(lanes, i, transient, total, sticking, limit, facts)
     if made < 0:
         return 0, 0.0, -made, 0.0
     number, walked, tangent, growth, end = _walk_cycle(lanes, i, 0 if sticking else impacts, cycle, limit)
@@ -172,6 +152,7 @@ def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle):
     if number < 1:
         return 0, 0.0, made, 0.0
     periods = end[4] - lanes[rows.N * LANES + i]
+    way = 0.0
     if not sticking:
         turned = phase_of(end[2], end[3]) - phase_of(lanes[rows.S * LANES + i], lanes[rows.C * LANES + i])
         periods += 1.0 if turned < -0.5 else (-1.0 if turned > 0.5 else 0.0)
@@ -179,11 +160,14 @@ def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle):
         for j in range(number):
             weakest = min(weakest, cycle[j, 3])
         way = _way_to_go(lanes, i, end, tangent, growth)
-        left = min(1.0, (total - lanes[rows.COUNT * LANES + i]) / (total - transient))
+        # A cycle that is to be described must be near whatever its weight in the sums.
+        left = min(1.0, (total - lanes[rows.COUNT * LANES + i]) / (total - transient)) if facts is None else 1.0
         if not (way * left < SURE * scale and way < NOT_SMALL * weakest):
             return 0, 0.0, made, 0.0
+    if facts is not None and not sticking:
+        describe(lanes, i, number, periods, tangent, cycle, ALIKE * scale + 4.0 * way, facts)
     known = 0.0
-    if finish:
+    if finish and lanes[rows.COUNT * LANES + i] < total:
         known = max(total - lanes[rows.COUNT * LANES + i] - number, 0.0)
         sticks = _finish_sums(lanes, i, cycle, number, periods, transient, total)
         if sticking and sticks:

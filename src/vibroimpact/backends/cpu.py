@@ -3,35 +3,73 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.backends import recorder
-from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Samples, StroboscopicWindow, look_schedule
+from vibroimpact.backends.base import (
+    Cells,
+    Counts,
+    Floats,
+    ImpactWindow,
+    Outcome,
+    Samples,
+    StroboscopicWindow,
+    look_schedule,
+)
+from vibroimpact.backends.cycle import FACTS
 from vibroimpact.backends.lane_runner import (
     COLUMNS,
-    IMPACTS,
+    COUNTED,
+    CYCLE_IMPACTS,
+    CYCLE_PERIODS,
+    EXPONENT,
     KNOWN_WITHOUT,
     LARGEST,
+    LOSS,
     MEAN,
+    MISSED,
+    PER_IMPACT,
     RATE,
+    RESTING,
     SPAN,
+    SPREAD,
     STD,
     STEPS,
     STICKS,
+    THOROUGH_COLUMNS,
+    make_seat,
     run_cells,
 )
+from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.kernels.cell import DYING, FILLED, PINNED, QUIET, RUNNING, SPENT
+from vibroimpact.kernels.lanes import LANES
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 
 _ROOM = 4096  # rows of a recorder's buffer that is not known to fill
+_LOOKS = 2000  # at the lanes, some 20 ms, before a thread asks whether to stop
+_BATCH = 4096  # cells that end before they are handed on
+_COLUMNS = {
+    "std": STD,
+    "mean_velocity": MEAN,
+    "max_velocity": LARGEST,
+    "impacts_per_period": RATE,
+    "lyapunov": EXPONENT,
+    "lyapunov_per_impact": PER_IMPACT,
+    "n_periods": CYCLE_PERIODS,
+    "n_impacts": CYCLE_IMPACTS,
+    "dissipation": LOSS,
+    "stick_fraction": RESTING,
+    "impact_phase_spread": SPREAD,
+    "grazing_margin": MISSED,
+}
 
 
-def _ended(end: int, impacts: float) -> Status:
+def _ended(end: int, impacts: float | bool) -> Status:
     if end in (QUIET, DYING) and not impacts:
         return Status.NO_IMPACT
     return {
@@ -54,35 +92,67 @@ def limits(tolerances: Tolerances) -> tuple[float, float, float]:
     return tolerances.chatter, tolerances.flight_periods, float(tolerances.steps_per_impact)
 
 
-def outcomes(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> dict[str, NDArray[Any]]:
+def outcomes(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> Outcome:
     """Return what a back end promises of cells, from the columns that lanes hand out and why each cell ended."""
     full = ends == FILLED
-    columns = {"std": STD, "mean_velocity": MEAN, "max_velocity": LARGEST, "impacts_per_period": RATE}
-    return {name: np.where(full, results[:, column], np.nan) for name, column in columns.items()} | {
-        "status": np.array(
-            [_status(end, row, window) for end, row in zip(ends.tolist(), results.tolist(), strict=True)], np.int8
-        ),
-        "impacts": results[:, IMPACTS].astype(np.int64),
+    columns = _COLUMNS if results.shape[1] > COLUMNS else {name: _COLUMNS[name] for name in VELOCITY_INDICES}
+    table = {name: np.where(full, results[:, column], INDICES[name].fill) for name, column in columns.items()}
+    return {name: values.astype(INDICES[name].dtype) for name, values in table.items()} | {
+        "status": _statuses(results, ends, window),
+        "impacts": results[:, COUNTED].astype(np.int64),
         "steps": results[:, STEPS].astype(np.int64),
     }
 
 
+def _statuses(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> NDArray[np.int8]:
+    """Return the status of every cell: each of the few kinds of cells there are is judged once."""
+    flags = np.stack(
+        [results[:, COUNTED] > 0.0, results[:, STICKS] > 0.0, results[:, SPAN] < 10.0, results[:, KNOWN_WITHOUT] > 0.0],
+        axis=1,
+    )
+    kinds, which = np.unique(ends.astype(np.int64) * 16 + flags @ (8, 4, 2, 1), return_inverse=True)
+    judged = [_status(kind // 16, [bool(kind & bit) for bit in (8, 4, 2, 1)], window) for kind in kinds.tolist()]
+    return np.array(judged, np.int8)[which]
+
+
 class CpuBackend:
-    """Exact flights, certified contacts, closed-form chatter on one core; threads may share tiles."""
+    """Exact flights, certified contacts, closed-form chatter; threads share the cells of a sweep."""
 
     name = "cpu"
     smallest_tile = 64  # two rounds of lanes
     largest_tile = 4096
+    tells = frozenset(INDICES)
 
     def indices(
-        self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool = True
-    ) -> dict[str, NDArray[Any]]:
-        """Return every index, the status, the impacts computed and the certified steps of each cell."""
-        results = np.zeros((len(cells), COLUMNS))
-        ends = np.zeros(len(cells), dtype=np.int8)
-        total = float(window.transient + window.keep)
-        run_cells(table(cells), results, ends, float(window.transient), total, *limits(tolerances), early_closing)
-        return outcomes(results, ends, window)
+        self,
+        cells: Cells,
+        window: ImpactWindow,
+        tolerances: Tolerances,
+        early_closing: bool = True,
+        names: Iterable[str] = VELOCITY_INDICES,
+    ) -> Outcome:
+        """Return the indices, the status, the impacts computed and the certified steps of each cell."""
+        sweep = _Sweep(cells, window, tolerances, early_closing, names)
+        for _ in sweep.finished(lambda: False):
+            pass
+        return outcomes(sweep.results, sweep.ends, window)
+
+    def share(
+        self,
+        cells: Cells,
+        window: ImpactWindow,
+        tolerances: Tolerances,
+        early_closing: bool = True,
+        names: Iterable[str] = VELOCITY_INDICES,
+    ) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
+        """Return the work of a thread: cell after cell into its own lanes, until none is left."""
+        sweep = _Sweep(cells, window, tolerances, early_closing, names)
+
+        def work(stopped: Callable[[], bool]) -> Iterator[tuple[Counts, Outcome]]:
+            for done in sweep.finished(stopped):
+                yield done, outcomes(sweep.results[done], sweep.ends[done], window)
+
+        return work
 
     def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
         """Return what the window sees of each cell, one after the other."""
@@ -159,11 +229,38 @@ def _looks_status(row: Floats, periods: Floats, phase: Floats, looks: Floats, st
     return Status.STICKING if within.any() else Status.OK
 
 
-def _status(end: int, row: list[float], window: ImpactWindow) -> Status:
+def _status(end: int, flags: list[bool], window: ImpactWindow) -> Status:
+    hit, stuck, short, known = flags
     return window_status(
         sampled=window.keep if end == FILLED else 0,
         wanted=window.keep,
-        stuck=row[STICKS] > 0.0,
-        periods=row[SPAN],
-        ended=Status.CLOSED if row[KNOWN_WITHOUT] else _ended(end, row[IMPACTS]),
+        stuck=stuck,
+        periods=0.0 if short else math.inf,
+        ended=Status.CLOSED if known else _ended(end, hit),
     )
+
+
+class _Sweep:
+    """Cells that threads share, and what has become of them."""
+
+    def __init__(
+        self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool, names: Iterable[str]
+    ) -> None:
+        self.thorough = not VELOCITY_INDICES.issuperset(names)
+        self.cells = table(cells)
+        self.results = np.zeros((len(cells), THOROUGH_COLUMNS if self.thorough else COLUMNS))
+        self.ends = np.zeros(len(cells), dtype=np.int8)
+        self._tickets = np.zeros(1, dtype=np.int64)
+        total = float(window.transient + window.keep)
+        self._how = float(window.transient), total, *limits(tolerances), early_closing, _LOOKS
+
+    def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
+        """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
+        seat = make_seat()
+        ended = np.empty(_BATCH, dtype=np.int64)
+        facts = np.zeros((LANES, FACTS)) if self.thorough else None
+        busy = 1
+        while busy and not stopped():
+            number, busy = run_cells(self.cells, self.results, self.ends, self._tickets, seat, ended, *self._how, facts)
+            if number:
+                yield ended[:number].copy()

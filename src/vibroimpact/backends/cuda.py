@@ -6,6 +6,7 @@ The device contracts a b + c where the source leaves it free to, so statistics, 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib import import_module
 from importlib.util import find_spec
 from threading import BoundedSemaphore
@@ -14,10 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Samples, StroboscopicWindow
+from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Outcome, Samples, StroboscopicWindow
 from vibroimpact.backends.closing import LONGEST
 from vibroimpact.backends.cpu import CpuBackend, limits, outcomes, table
-from vibroimpact.backends.lane_runner import COLUMNS, NOTES
+from vibroimpact.backends.cycle import FACTS
+from vibroimpact.backends.lane_runner import COLUMNS, NOTES, THOROUGH_COLUMNS
+from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.compilation import config
 from vibroimpact.kernels.lanes import LANES, ROWS
@@ -30,7 +33,7 @@ LOOKS = 32  # between two compactions: some 1000 steps, a few milliseconds
 AT_ONCE = 2  # tiles on the device: one fills it while the last cells of the other finish
 SHARE = 0.25  # of the device's free memory that one tile may take
 CLOSERS = 2048  # cycles walked side by side
-CELL_BYTES = 8 * (11 + ROWS + NOTES + COLUMNS + 2)  # its row, lane, note, columns, place in lists
+CELL_BYTES = 8 * (11 + ROWS + NOTES + FACTS + THOROUGH_COLUMNS + 2)  # its row, lane, notes, columns, place in lists
 CYCLE_BYTES = 8 * 4 * LONGEST
 
 # The simulator runs one kernel at a time.
@@ -43,20 +46,27 @@ class CudaBackend:
     name = "cuda"
     smallest_tile = 16_384
     largest_tile = 131_072
+    tells = frozenset(INDICES)
 
     def indices(
-        self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool = True
-    ) -> dict[str, NDArray[Any]]:
-        """Return every index, the status, the impacts computed and the certified steps of each cell."""
+        self,
+        cells: Cells,
+        window: ImpactWindow,
+        tolerances: Tolerances,
+        early_closing: bool = True,
+        names: Iterable[str] = VELOCITY_INDICES,
+    ) -> Outcome:
+        """Return the indices, the status, the impacts computed and the certified steps of each cell."""
         rows = table(cells)
-        results = np.zeros((len(rows), COLUMNS))
+        thorough = not VELOCITY_INDICES.issuperset(names)
+        results = np.zeros((len(rows), THOROUGH_COLUMNS if thorough else COLUMNS))
         ends = np.zeros(len(rows), dtype=np.int8)
         low = 0
         while low < len(rows):
             with _turns:
                 size, closers = _room(len(rows) - low)
                 part = slice(low, low + size)
-                tile = _Tile(rows[part], closers, window, limits(tolerances))
+                tile = _Tile(rows[part], closers, window, limits(tolerances), thorough)
                 results[part], ends[part] = tile.run(early_closing)
             low += size
         return outcomes(results, ends, window)
@@ -99,12 +109,19 @@ def _room(cells: int) -> tuple[int, int]:
 class _Tile:
     """Cells on the device, and the launches that take them to their ends."""
 
-    def __init__(self, rows: Floats, closers: int, window: ImpactWindow, tolerances: tuple[float, float, float]):
+    def __init__(
+        self, rows: Floats, closers: int, window: ImpactWindow, tolerances: tuple[float, float, float], thorough: bool
+    ):
         from vibroimpact.backends import cuda_kernels
 
         cuda = _numba_cuda()
 
         self.kernels, self.closers, self.number = cuda_kernels, closers, len(rows)
+        self.step, self.close, self.hand_out = (
+            (cuda_kernels.step_thoroughly, cuda_kernels.close_thoroughly, cuda_kernels.hand_out_thoroughly)
+            if thorough
+            else (cuda_kernels.step, cuda_kernels.close, cuda_kernels.hand_out)
+        )
         self.transient, self.total = float(window.transient), float(window.transient + window.keep)
         self.stream = cuda.stream()
 
@@ -114,12 +131,13 @@ class _Tile:
         self.lanes = room(-(-self.number // LANES), ROWS * LANES)
         self.notes = room(self.number, NOTES)
         self.states = room(self.number, dtype=np.int8)
-        self.sums = self.lanes, self.notes, self.states
+        self.facts = room(self.number, FACTS)
+        self.sums = self.lanes, self.notes, self.facts, self.states
         self.listing = room(self.number, dtype=np.int64)
         self.cycles = room(closers, LONGEST, 4)
-        self.results = room(self.number, COLUMNS)
-        cells = cuda.to_device(rows, stream=self.stream)
-        self._launch(cuda_kernels.begin, self.number, cells, *self.sums, self.total, *tolerances)
+        self.results = room(self.number, THOROUGH_COLUMNS if thorough else COLUMNS)
+        self.cells = cuda.to_device(rows, stream=self.stream)
+        self._launch(cuda_kernels.begin, self.number, self.cells, *self.sums, self.total, *tolerances)
 
     def run(self, early_closing: bool) -> tuple[Floats, NDArray[np.int8]]:
         """Return the columns that cells hand out and why each ended.
@@ -129,18 +147,17 @@ class _Tile:
         running: Counts = np.arange(self.number)
         states = np.zeros(self.number, np.int8)
         while len(running):
-            self._launch_listed(self.kernels.step, running, LOOKS, self.transient, self.total)
+            self._launch_listed(self.step, running, LOOKS, self.transient, self.total)
             states = self._fetch(self.states)
             waiting = running[states[running] == self.kernels.CLOSES]
             for low in range(0, len(waiting), self.closers):
                 some = waiting[low : low + self.closers]
-                self._launch_listed(self.kernels.close, some, self.cycles, self.transient, self.total, early_closing)
+                self._launch_listed(self.close, some, self.cycles, self.transient, self.total, early_closing)
             if len(waiting):
                 states = self._fetch(self.states)
             running = running[states[running] == RUNNING]
-        self._launch(
-            self.kernels.hand_out, self.number, self.lanes, self.notes, self.results, self.total - self.transient
-        )
+        kept = self.total - self.transient
+        self._launch(self.hand_out, self.number, self.cells, self.lanes, self.notes, self.facts, self.results, kept)
         return self._fetch(self.results), states
 
     def _launch(self, kernel: Any, threads: int, *arguments: Any) -> None:

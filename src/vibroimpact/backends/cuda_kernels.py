@@ -12,10 +12,12 @@ import numpy as np
 from numba import cuda, njit
 
 from vibroimpact.backends import lane_runner
-from vibroimpact.backends.lane_runner import LOOK, MADE, ending_of, harvest, may_close
+from vibroimpact.backends.cycle import IMPACTS, PERIODS
+from vibroimpact.backends.lane_runner import LOOK, MADE, ending_of, harvest, harvest_thoroughly, may_close
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.compilation import cache_folder, config
 from vibroimpact.kernels.lanes import LANES, step_lane
+from vibroimpact.kernels.thorough_lanes import step_thorough_lane
 
 CLOSES = 100  # a cell that waits for its cycle to be walked; other codes are why a cell ended, or RUNNING
 SIMULATED = bool(config.ENABLE_CUDASIM)
@@ -48,7 +50,7 @@ _plain = np.asarray if SIMULATED else _as_it_is
 
 
 @_kernel
-def begin(cells, lanes, notes, states, total, chatter, flight_periods, steps_per_impact):
+def begin(cells, lanes, notes, facts, states, total, chatter, flight_periods, steps_per_impact):
     """Put every cell at its start."""
     j = cuda.grid(1)
     if j < len(cells):
@@ -62,11 +64,12 @@ def begin(cells, lanes, notes, states, total, chatter, flight_periods, steps_per
             flight_periods,
             steps_per_impact,
         )
+        facts[j, PERIODS], facts[j, IMPACTS] = 0.0, 0.0
         states[j] = RUNNING
 
 
 @_kernel
-def step(running, lanes, notes, states, looks, transient, total):
+def step(running, lanes, notes, facts, states, looks, transient, total):
     """Step each running cell until it ends, may close its cycle, or has been looked at `looks` times."""
     t = cuda.grid(1)
     if t < len(running):
@@ -77,26 +80,65 @@ def step(running, lanes, notes, states, looks, transient, total):
             for _ in range(LOOK):
                 step_lane(group, i, transient, total)
             note[MADE] += LOOK
-            state = CLOSES if may_close(group, i, note, total) else ending_of(group, i, note, total)
+            state = CLOSES if may_close(group, i, note, total, None) else ending_of(group, i, note, total)
             if state != RUNNING:
                 break
         states[j] = state
 
 
 @_kernel
-def close(waiting, lanes, notes, states, cycles, transient, total, early_closing):
+def step_thoroughly(running, lanes, notes, facts, states, looks, transient, total):
+    """Do what `step` does, with all observers."""
+    t = cuda.grid(1)
+    if t < len(running):
+        j = running[t]
+        group, i, note, told = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), _plain(facts[j])
+        state = RUNNING
+        for _ in range(looks):
+            for _ in range(LOOK):
+                step_thorough_lane(group, i, transient, total)
+            note[MADE] += LOOK
+            state = CLOSES if may_close(group, i, note, total, told) else ending_of(group, i, note, total)
+            if state != RUNNING:
+                break
+        states[j] = state
+
+
+@_kernel
+def close(waiting, lanes, notes, facts, states, cycles, transient, total, early_closing):
     """Walk the cycle of each waiting cell, and close it if it is certain."""
     t = cuda.grid(1)
     if t < len(waiting):
         j = waiting[t]
         group, i, note = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j])
-        lane_runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]))
+        lane_runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), None)
         states[j] = ending_of(group, i, note, total)
 
 
 @_kernel
-def hand_out(lanes, notes, results, keep):
+def close_thoroughly(waiting, lanes, notes, facts, states, cycles, transient, total, early_closing):
+    """Do what `close` does, and note what there is to tell of the cycle."""
+    t = cuda.grid(1)
+    if t < len(waiting):
+        j = waiting[t]
+        group, i, note, told = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), _plain(facts[j])
+        lane_runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), told)
+        states[j] = ending_of(group, i, note, total)
+
+
+@_kernel
+def hand_out(cells, lanes, notes, facts, results, keep):
     """Turn the sums of every cell into what it hands out."""
     j = cuda.grid(1)
     if j < len(results):
         harvest(_plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), keep, _plain(results[j]))
+
+
+@_kernel
+def hand_out_thoroughly(cells, lanes, notes, facts, results, keep):
+    """Do what `hand_out` does, with all indices."""
+    j = cuda.grid(1)
+    if j < len(results):
+        group, note, result = _plain(lanes[j // LANES]), _plain(notes[j]), _plain(results[j])
+        harvest(group, j % LANES, note, keep, result)
+        harvest_thoroughly(group, j % LANES, note, _plain(facts[j]), _plain(cells[j]), keep, result)

@@ -15,17 +15,16 @@ start to its last look.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import astuple, fields
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Samples, StroboscopicWindow, look_schedule
+from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Outcome, Samples, StroboscopicWindow, look_schedule
 from vibroimpact.backends.reference_flight import FreeMotion, State
-from vibroimpact.backends.sampled import samples_of, table_of_indices
-from vibroimpact.indices import INDICES
+from vibroimpact.backends.sampled import TOLD_BY_SAMPLES, energy_loss, impact_indices, samples_of, table_of_indices
+from vibroimpact.indices import VELOCITY_INDICES
 from vibroimpact.kernels.compilation import compiled
 from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import real_number
@@ -72,6 +71,7 @@ class Run:
     def __init__(self, cell: dict[str, float], time_step: float, tolerances: Tolerances) -> None:
         self.start = State(**{name: cell.pop(name) for name in ("clearance", "velocity", "periods", "phase")})
         self.restitution = cell.pop("restitution")
+        self.loss = energy_loss(cell["mass"], self.restitution)
         self.free = free = FreeMotion(**cell)
         self.h = time_step
         origin = self.start.phase * free.period
@@ -147,6 +147,11 @@ class Run:
         status = window_status(sampled=len(kept), wanted=window.keep, stuck=False, periods=span, ended=ended)
         return self._samples(kept, np.empty((0, 4)), status), self.count
 
+    def indices(self, window: ImpactWindow) -> tuple[Samples, int, dict[str, float]]:
+        """Return what an impact window keeps, the impacts recorded in all, and what the kept ones tell."""
+        seen, computed = self.impact_samples(window)
+        return seen, computed, impact_indices(seen, self.loss) if Status(seen.status).has_indices else {}
+
     def look_samples(self, window: StroboscopicWindow) -> Samples:
         """Return what a stroboscopic window sees."""
         periods, phase = look_schedule(self.start.periods, self.start.phase, window)
@@ -164,9 +169,14 @@ class Run:
 
 
 class FixedStepBackend:
-    """The paper's scheme behind the back-end protocol; every impact is computed, `early_closing` or not."""
+    """The paper's scheme behind the back-end protocol; every impact is computed, `early_closing` or not.
+
+    Seen at step ends only, no motion sticks, repeats to rounding or has a tangent: `tells` names the indices that have
+    a value.
+    """
 
     name = "fixed-step"
+    tells = TOLD_BY_SAMPLES
     smallest_tile = 1
     largest_tile = 1
 
@@ -174,11 +184,15 @@ class FixedStepBackend:
         self.time_step = time_step
 
     def indices(
-        self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool = True
-    ) -> dict[str, NDArray[Any]]:
-        """Return every index, the status, the impacts computed and the steps of each cell."""
-        runs = [run.impact_samples(window) for run in self._each(cells, tolerances)]
-        return table_of_indices(tuple(INDICES), runs)
+        self,
+        cells: Cells,
+        window: ImpactWindow,
+        tolerances: Tolerances,
+        early_closing: bool = True,
+        names: Iterable[str] = VELOCITY_INDICES,
+    ) -> Outcome:
+        """Return every index, named or not, the status, the impacts computed and the steps of each cell."""
+        return table_of_indices([run.indices(window) for run in self._each(cells, tolerances)])
 
     def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
         """Return what the window sees of each cell."""

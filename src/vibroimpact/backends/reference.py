@@ -9,18 +9,17 @@ impact. To audit a cell, read `reference_motion.motion`: it is the whole physics
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import astuple, dataclass, field, fields
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Samples, StroboscopicWindow, look_schedule
+from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Outcome, Samples, StroboscopicWindow, look_schedule
 from vibroimpact.backends.reference_flight import FreeMotion, State
+from vibroimpact.backends.reference_indices import Account, Ledger
 from vibroimpact.backends.reference_motion import Contact, Rest, motion, time_between
-from vibroimpact.backends.sampled import samples_of, table_of_indices
-from vibroimpact.indices import INDICES
+from vibroimpact.backends.sampled import energy_loss, impact_indices, samples_of, table_of_indices
+from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 
@@ -48,22 +47,35 @@ class ReferenceCell:
     def __init__(self, cell: dict[str, float], tolerances: Tolerances) -> None:
         self.start = State(**{name: cell.pop(name) for name in ("clearance", "velocity", "periods", "phase")})
         self.restitution = cell.pop("restitution")
+        self.loss = energy_loss(cell["mass"], self.restitution)
         self.free = free = FreeMotion(**cell)
         force = max(free.drive, abs(free.preload))
         own_speed = math.hypot(self.start.velocity, free.natural * self.start.clearance)
         self.unforced_at_stop = force == 0.0
-        self.cut = tolerances.chatter * (force / free.natural if force > 0.0 else own_speed)
+        self.speed_scale = force / free.natural if force > 0.0 else own_speed
+        self.cut = tolerances.chatter * self.speed_scale
         slowest = min(free.omega, free.natural)
         self.longest_flight = tolerances.flight_periods * 2.0 * math.pi / slowest
         self.steps_per_impact = tolerances.steps_per_impact * free.fastest / slowest
 
-    def impacts(self, window: ImpactWindow) -> tuple[Samples, int]:
-        """Return the impacts that a window keeps, and how many were recorded in all."""
+    def indices(self, window: ImpactWindow) -> tuple[Samples, int, dict[str, float]]:
+        """Return the impacts that a window keeps, how many were recorded in all, and the indices."""
+        ledger = Ledger(self.free)
+        seen, computed = self.impacts(window, ledger)
+        if not Status(seen.status).has_indices:
+            return seen, computed, {}
+        account = Account(ledger, self.restitution, self.speed_scale, self.loss)
+        return seen, computed, impact_indices(seen, self.loss) | account.indices(window.transient)
+
+    def impacts(self, window: ImpactWindow, ledger: Ledger | None = None) -> tuple[Samples, int]:
+        """Return the impacts that a window keeps, and how many were recorded in all; a ledger takes down the rest."""
         seen = Witness()
         wanted = window.transient + window.keep
         state, age, weak = self.start, 0.0, False
         for event in motion(self.free, self.restitution, self.start, self.cut):
             seen.steps += 1
+            if ledger is not None:
+                ledger.write(event)
             if isinstance(event, Contact):
                 state, age = event.after, 0.0
                 if event.counts:
@@ -171,14 +183,20 @@ class ReferenceBackend:
     """The witness behind the back-end protocol; `early_closing` means nothing to it: every impact is computed."""
 
     name = "reference"
+    tells = frozenset(INDICES)
     smallest_tile = 1
     largest_tile = 1
 
     def indices(
-        self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool = True
-    ) -> dict[str, NDArray[Any]]:
-        """Return every index, the status, the impacts computed and the events of each cell."""
-        return table_of_indices(tuple(INDICES), [cell.impacts(window) for cell in _each(cells, tolerances)])
+        self,
+        cells: Cells,
+        window: ImpactWindow,
+        tolerances: Tolerances,
+        early_closing: bool = True,
+        names: Iterable[str] = VELOCITY_INDICES,
+    ) -> Outcome:
+        """Return every index, named or not, the status, the impacts computed and the events of each cell."""
+        return table_of_indices([cell.indices(window) for cell in _each(cells, tolerances)])
 
     def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
         """Return what the window sees of each cell."""

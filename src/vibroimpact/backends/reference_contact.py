@@ -91,7 +91,7 @@ def _first_within(
     """Return time and speed of the first contact on an interval, or None; a graze to within rounding."""
     found = verdict(free, start, end, span)
     if found == BOWL:
-        span, end = _root(free, start, span, 1)
+        span, end = root(free, start, span, 1)
         found = CONTACT if end[0] <= 0.0 else CLEAR
     if found == DOUBT and halvings > 0:
         half = 0.5 * span
@@ -103,11 +103,11 @@ def _first_within(
         return None if late is None else (half + late[0], late[1])
     if found == CLEAR or end[0] > 0.0:
         return None
-    time, there = _root(free, start, span, 0)
+    time, there = root(free, start, span, 0)
     return time, max(-float(there[1]), 0.0)
 
 
-def _root(free: FreeMotion, start: Floats, span: float, order: int) -> tuple[float, Floats]:
+def root(free: FreeMotion, start: Floats, span: float, order: int) -> tuple[float, Floats]:
     """Return when u (order 0, from above) or u' (order 1, from below) passes zero on its interval, and x there.
 
     Newton's method inside a bracket, from the root of the parabola or line that starts alike.

@@ -146,7 +146,7 @@ class FreeMotion:
         phase = turn % 1.0
         return State(0.0, 0.0, state.periods + (phase <= state.phase), phase)
 
-    def bounds(self, x: Floats, span: float) -> tuple[Any, Any, Any, Any]:
+    def bounds(self, x: Floats, span: float | Floats) -> tuple[Any, Any, Any, Any]:
         """Return bounds of |u''|, |u'''|, |u''''|, |u^(5)| on the time `span` after states x.
 
         sqrt(y'^2 + (k/m) y^2) grows at most at the rate f/m, since damping only takes energy out.

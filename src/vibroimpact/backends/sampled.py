@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Floats, Samples
+from vibroimpact.backends.base import Floats, Outcome, Samples
+from vibroimpact.indices import INDICES
 from vibroimpact.status import Status
 
 
@@ -46,29 +45,49 @@ def samples_of(
     )
 
 
-def impact_indices(velocity: Floats, time: Floats) -> dict[str, float]:
-    """Return every index of the table from kept impact velocities and their times in driving periods."""
+TOLD_BY_SAMPLES = frozenset(
+    {"std", "mean_velocity", "max_velocity", "impacts_per_period", "dissipation", "impact_phase_spread"}
+)
+
+
+def impact_indices(seen: Samples, loss: float) -> dict[str, float]:
+    """Return the indices that kept impacts tell alone; an impact of speed v costs `loss` v^2, m (1 - r^2) v^2/2.
+
+    The energy is what the impacts after the first one cost: they and the flights before them make up the span. The
+    phases' spread is 1 - |mean of exp(2 pi i phase)|.
+    """
+    velocity, last = seen.impact_velocity, len(seen.impact_velocity) - 1
     # Shifted by the first sample: nearly equal velocities keep the digits of their differences.
     shifted = velocity - velocity[0]
-    last = len(velocity) - 1
-    return {
+    angle = 2.0 * math.pi * seen.impact_phase
+    found = {
         "std": float(np.std(shifted)),
         "mean_velocity": float(velocity[0] + shifted.mean()),
         "max_velocity": float(velocity.max()),
-        "impacts_per_period": last / float(time[-1]) if last else math.nan,
+        "impact_phase_spread": max(1.0 - math.hypot(float(np.cos(angle).mean()), float(np.sin(angle).mean())), 0.0),
+    }
+    if last == 0:
+        return found
+    span = float((seen.impact_periods[-1] - seen.impact_periods[0]) + (seen.impact_phase[-1] - seen.impact_phase[0]))
+    return found | {
+        "impacts_per_period": last / span,
+        "dissipation": loss * float((velocity[1:] ** 2).sum()) / span,
     }
 
 
-def table_of_indices(names: Sequence[str], runs: Sequence[tuple[Samples, int]]) -> dict[str, NDArray[Any]]:
-    """Return the arrays that `Backend.indices` promises from (samples, impacts computed) of each cell."""
-    table: dict[str, NDArray[Any]] = {name: np.full(len(runs), np.nan) for name in names}
-    for i, (seen, _) in enumerate(runs):
-        if Status(seen.status).has_indices:
-            since_first = (seen.impact_periods - seen.impact_periods[0]) + (seen.impact_phase - seen.impact_phase[0])
-            for name, value in impact_indices(seen.impact_velocity, since_first).items():
-                table[name][i] = value
+def energy_loss(mass: float, restitution: float) -> float:
+    """Return m (1 - r^2)/2: what an impact of unit speed costs."""
+    return 0.5 * mass * (1.0 - restitution) * (1.0 + restitution)
+
+
+def table_of_indices(runs: Sequence[tuple[Samples, int, Mapping[str, float]]]) -> Outcome:
+    """Return the arrays that `Backend.indices` promises from (samples, impacts computed, indices) of each cell."""
+    table: Outcome = {
+        index.name: np.array([found.get(index.name, index.fill) for _, _, found in runs], dtype=index.dtype)
+        for index in INDICES.values()
+    }
     return table | {
-        "status": np.array([seen.status for seen, _ in runs], dtype=np.int8),
-        "impacts": np.array([impacts for _, impacts in runs], dtype=np.int64),
-        "steps": np.array([seen.steps for seen, _ in runs], dtype=np.int64),
+        "status": np.array([seen.status for seen, _, _ in runs], dtype=np.int8),
+        "impacts": np.array([impacts for _, impacts, _ in runs], dtype=np.int64),
+        "steps": np.array([seen.steps for seen, _, _ in runs], dtype=np.int64),
     }

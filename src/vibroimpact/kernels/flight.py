@@ -80,6 +80,17 @@ def evaluate(a, x):
 
 
 @njit(inline="always", error_model="numpy")
+def evaluate_roughly(a, x):
+    """Return u and du/dx at x to 2.4^15/15! < 4e-7 of the motion's size, for half the price."""
+    y, d = fma(a[14], x, a[13]), a[14]
+    y, d = fma(y, x, a[12]), fma(d, x, y)
+    y, d = _horner4(y, d, x, a[11], a[10], a[9], a[8])
+    y, d = _horner4(y, d, x, a[7], a[6], a[5], a[4])
+    y, d = _horner4(y, d, x, a[3], a[2], a[1], a[0])
+    return y, d
+
+
+@njit(inline="always", error_model="numpy")
 def sine_cosine(angle):
     """Return sin and cos of an angle up to REACH radians, by their power series."""
     z = angle * angle

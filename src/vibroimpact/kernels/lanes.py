@@ -19,12 +19,17 @@ U, P, S, C, N = range(5)
 DAMP, STIFF, DRIVE, PRELOAD, TURN, TURN2, REST, CUT, TAIL, SIN_R, COS_R = range(5, 16)
 COUNT, SHIFT, SUM1, SUM2, LARGEST, N0, S0, C0, N1, S1, C1, STUCK_SEEN, AGE = range(16, 29)
 RELEASES, REF_V, REF_COUNT, REF_NEXT, NEAR, CANDIDATE = range(29, 35)
-ROWS = 35
+# What thorough lanes keep beside it.
+DU, DP, FOLDS, SIZE0, FOLDS0, SIZE1, FOLDS1, SUM_S, SUM_C, MARGIN, LET_GO = range(35, 46)
+ROWS = 46
 
 
 @njit(inline="always", error_model="numpy")
 def step_lane(lanes, i, transient, total):
-    """Make one certified step in lane i; impacts past `total` no longer count. Return the event."""
+    """Make one certified step in lane i; impacts past `total` no longer count.
+
+    Return the event, whether it is a kept impact, the first and the last of them, its speed, and the steps passed.
+    """
     u, p, s, c, n, event, v, x = advance(
         lanes[U * LANES + i],
         lanes[P * LANES + i],
@@ -93,7 +98,7 @@ def step_lane(lanes, i, transient, total):
     lanes[REF_COUNT * LANES + i] = ref_count
     lanes[REF_NEXT * LANES + i] = ref_next
     lanes[CANDIDATE * LANES + i] = candidate
-    return event
+    return event, kept, first, last, v, x
 
 
 @njit(error_model="numpy", forceinline=True)

@@ -1,0 +1,104 @@
+"""What is told of a cycle that is certain: its name, its growth, what it loses, its rest, its closest near-miss."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from vibroimpact.backends.lane_access import constants_of, state_of
+from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, advance
+from vibroimpact.kernels.cell import phase_of
+from vibroimpact.kernels.chatter import tail_duration
+from vibroimpact.kernels.near_miss import NONE, least_gap_exactly
+
+ALIKE = 1e-8  # of V: two impacts of a cycle that are one and the same
+HOP = 0.2  # of a step: a flight from contact to contact as short as this has no dip
+# What is noted: periods, impacts (-1 of a complete chatter), ln of the spectral radius, the sum of the squared speeds,
+# periods at rest, the closest near-miss; speeds and gaps in steps. PERIODS is 0 while no cycle is known.
+PERIODS, IMPACTS, LOG_RADIUS, SQUARES, RESTS, MISS = range(6)
+FACTS = 6
+
+
+@njit(error_model="numpy")
+def fewest_impacts(cycle, number, periods, blur):
+    """Return the least number of impacts after which a cycle of `number` repeats itself, within a speed `blur`."""
+    for fewer in range(1, number):
+        if number % fewer or periods * fewer % number != 0.0:
+            continue
+        same = True
+        for j in range(number - fewer):
+            _, s, c, v = cycle[j]
+            _, s1, c1, v1 = cycle[j + fewer]
+            close = abs(v1 - v) < blur and abs(s1 * c - c1 * s) * max(v, v1) < blur and s1 * s + c1 * c > 0.0
+            if not close:
+                same = False
+                break
+        if same:
+            return fewer
+    return number
+
+
+@njit(error_model="numpy")
+def log_spectral_radius(tangent):
+    """Return ln of the larger modulus of a 2 x 2 matrix's eigenvalues, given row by row."""
+    a, b, d, e = tangent
+    half, determinant = 0.5 * (a + e), a * e - b * d
+    discriminant = half * half - determinant
+    radius = math.sqrt(determinant) if discriminant < 0.0 else abs(half) + math.sqrt(discriminant)
+    return math.log(radius) if radius > 0.0 else -math.inf
+
+
+@njit(error_model="numpy")
+def describe(lanes, i, number, periods, tangent, cycle, blur, facts):
+    """Note the facts of the certain cycle of lane i, which starts at the lane's state; the lane is not moved."""
+    fewest = fewest_impacts(cycle, number, periods, blur)
+    facts[PERIODS], facts[IMPACTS] = periods * fewest / number, fewest
+    facts[LOG_RADIUS] = log_spectral_radius(tangent) * fewest / number
+    squares = 0.0
+    for j in range(fewest):
+        squares += cycle[j, 3] * cycle[j, 3]
+    facts[SQUARES], facts[RESTS] = squares, 0.0
+    facts[MISS] = _closest_miss(lanes, i, fewest)
+
+
+@njit(error_model="numpy")
+def _closest_miss(lanes, i, impacts):
+    """Walk one cycle; return the least gap between two contacts."""
+    C, K, A, G, th, Q, r, cut, tail, sr, cr = constants_of(lanes, i)
+    u, p, s, c, n = state_of(lanes, i)
+    least = NONE
+    number = 0
+    while number < impacts:
+        u1, p1, s1, c1, n1, event, _, x = advance(u, p, s, c, n, C, K, A, G, th, Q, r, cut, tail, sr, cr)
+        least = min(least, least_gap_exactly(u, p, s, c, C, K, A, G, th, Q, x))
+        u, p, s, c, n = u1, p1, s1, c1, n1
+        number += event == IMPACT
+    return least
+
+
+@njit(error_model="numpy")
+def describe_turn(lanes, i, limit, facts):
+    """Note the facts of a motion that sticks: those of the turn from its release to the next one.
+
+    No cycle is known if none comes within `limit` steps.
+    """
+    C, K, A, G, th, Q, r, cut, tail, sr, cr = constants_of(lanes, i)
+    u, p, s, c, n = 0.0, 0.0, sr, cr, 0.0
+    squares, hits, rests, least, settling = 0.0, 0.0, 0.0, NONE, 0.0
+    facts[PERIODS], facts[IMPACTS] = 0.0, 0.0
+    for _ in range(limit):
+        u1, p1, s1, c1, n1, event, v, x = advance(u, p, s, c, n, C, K, A, G, th, Q, r, cut, tail, sr, cr)
+        if event == RELEASE:
+            turned = phase_of(s1, c1) - phase_of(s, c)
+            rests = turned + (1.0 if turned <= 0.0 else 0.0) - settling
+            facts[PERIODS], facts[IMPACTS] = n1, (-1.0 if r > 0.0 else hits)
+            break
+        if x > HOP or u > 0.0 or u1 > 0.0:
+            least = min(least, least_gap_exactly(u, p, s, c, C, K, A, G, th, Q, x))
+        settling = tail_duration(v, s1, c1, C, A, G, th, tail) * th / (2.0 * math.pi) if event == CHATTER else 0.0
+        if event == IMPACT:
+            hits += 1.0
+            squares += v * v
+        u, p, s, c, n = u1, p1, s1, c1, n1
+    facts[LOG_RADIUS], facts[SQUARES], facts[RESTS], facts[MISS] = -math.inf, squares, rests, least

@@ -1,0 +1,70 @@
+"""Near-misses: where the gap has a least value in flight and no contact follows.
+
+The rate p(x) of the gap rises through zero there. Its root is estimated, and the least gap is u - p^2/(2 u'') by the
+step's own series near it.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from vibroimpact.kernels.arithmetic import fma, select
+from vibroimpact.kernels.flight import evaluate, evaluate_roughly, rotate, series
+
+NONE = 1e300  # stands for "no near-miss"
+PIECES = 16  # of a step that is searched to rounding: 0.15 radians of the fastest rate each
+
+
+@njit(inline="always", error_model="numpy")
+def least_gap(a, x, p1, q1, lands):
+    """Return the least gap within a flight of x steps from its coefficients, or NONE if there is none.
+
+    `p1`, `q1` are the first and second derivative at its end, without meaning where it `lands` there. Good to about
+    1e-5 of the motion's size; a dip of less than half a step may be overlooked.
+    """
+    half = 0.5 * x
+    p0, middle = a[1], evaluate_roughly(a, half)[1]
+    early = (p0 < 0.0) & (middle > 0.0)
+    late = (middle < 0.0) & (p1 > 0.0) & (lands == False)  # noqa: E712
+    # In its half the rate is taken as the parabola through both ends, with the slope at the outer one.
+    outer = select(early, p0, p1)
+    slope = half * select(early, 2.0 * a[2], -q1)
+    bend = middle - outer - slope
+    t = outer / (outer - middle)
+    inverse = 1.0 / fma(2.0 * t, bend, slope)
+    better = fma(-fma(t, fma(t, bend, slope), outer), inverse, t)
+    sound = (better > 0.0) & (better < 1.0)
+    t = half * select(sound, better, t)
+    u, p = evaluate_roughly(a, select(early, t, x - t))
+    lower = fma(-0.5 * p * p, half * select(sound, abs(inverse), 0.0), u)
+    return select((early | late) & (lower > 0.0), lower, NONE)
+
+
+@njit(error_model="numpy")
+def least_gap_exactly(u, p, s, c, C, K, A, G, th, Q, x):
+    """Return the least gap within a flight of x steps, to rounding, or NONE; the step is searched in pieces."""
+    a = series(u, p, s, c, C, K, A, G, th, Q, False)
+    least = NONE
+    before = p
+    for piece in range(PIECES):
+        low, high = x * piece / PIECES, x * (piece + 1.0) / PIECES
+        after = evaluate(a, high)[1]
+        if before < 0.0 and after > 0.0:
+            at = low + (high - low) * before / (before - after)
+            for _ in range(60):
+                value, rate = evaluate(a, at)
+                if rate > 0.0:
+                    high = at
+                else:
+                    low = at
+                s1, _ = rotate(s, c, th * at)
+                curvature = fma(-C, rate, fma(-K, value, fma(-A, s1, G)))
+                better = at - rate / curvature if curvature > 0.0 else 0.5 * (low + high)
+                if not low <= better <= high:
+                    better = 0.5 * (low + high)
+                if abs(better - at) <= 1e-15 * x:
+                    break
+                at = better
+            least = min(least, evaluate(a, at)[0])
+        before = after
+    return least
