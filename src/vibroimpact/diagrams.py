@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
+from dataclasses import fields, replace
 from threading import Event
 from typing import Any
 
@@ -12,10 +12,19 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibroimpact.axes import check_axes
-from vibroimpact.backends import Backend, Cells, ImpactWindow, Samples, StroboscopicWindow, get_backend
+from vibroimpact.backends import (
+    Backend,
+    Cells,
+    ImpactWindow,
+    Samples,
+    StroboscopicWindow,
+    check_told,
+    get_backend,
+)
 from vibroimpact.backends.starts import check_start, make_cells
-from vibroimpact.dataset import impact_speed, provenance, status_variable, variable
-from vibroimpact.distributed import run_tiles, worker_count
+from vibroimpact.dataset import impact_speed, missing, provenance, status_variable, variable
+from vibroimpact.distributed import run_sweep, run_tiles, worker_count
+from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.progress import Report, reporter
@@ -38,6 +47,7 @@ def bifurcation_diagram(
     phase: float = 0.0,
     transient_periods: int = 200,
     sample_periods: int = 500,
+    indices: Iterable[str] = (),
     start: State | None = None,
     tolerances: Tolerances | None = None,
     workers: int | None = None,
@@ -63,6 +73,9 @@ def bifurcation_diagram(
         When to look (section "stroboscopic").
     transient_periods, sample_periods : int, >= 0 and >= 1
         Periods left out, then kept (section "stroboscopic").
+    indices : names
+        Indices of `parameter_map` to tell of each value too, over `transient_impacts` and `sample_impacts` from the
+        same start; none by default.
     start : State, optional
         The start of every value, or of the first one; None is at rest at min(0, gap), time 0.
     tolerances : Tolerances, optional
@@ -79,7 +92,7 @@ def bifurcation_diagram(
     -------
     xarray.Dataset
         Dims (axis, `impact`) with `velocity` (m/s, before contact) and `phase`, or (axis, `period`) with `displacement`
-        (m) and `velocity` (m/s); NaN-padded, with `count` and `status` over the axis.
+        (m) and `velocity` (m/s); NaN-padded, with `count`, `status` and the indices asked for over the axis.
 
     Raises
     ------
@@ -116,10 +129,12 @@ def bifurcation_diagram(
     else:
         window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, section_phase(phase))
     threads = worker_count(workers)
+    chosen = check_indices(indices) if indices else ()
     engine = get_backend(backend, time_step=time_step)
+    check_told(chosen, engine)
     cells = make_cells(osc, start, grid)
     limits = tolerances or Tolerances()
-    dataset = _empty_diagram(grid, section, window.keep)
+    dataset = _empty_diagram(grid, section, window.keep, chosen)
     arguments = {
         "section": section,
         "direction": direction,
@@ -127,6 +142,7 @@ def bifurcation_diagram(
         "time_step": time_step,
         "start": start,
         "window": window,
+        "indices": chosen,
     }
     dataset.attrs |= provenance("bifurcation_diagram", osc, arguments)
 
@@ -135,11 +151,16 @@ def bifurcation_diagram(
         columns = _fresh(engine, cells, window, limits, threads, stop)
     else:
         columns = _carried(engine, cells, window, limits, stop, upward=direction == "up")
+    begun: list[tuple[int, Cells]] = []
     with reporter(progress, "values") as report:
-        for done, (at, seen) in enumerate(columns, start=1):
+        for done, (at, cell, seen) in enumerate(columns, start=1):
             _fill(dataset, section, at, seen)
+            begun.append((at, cell))
             if report(done, len(cells), dataset) is False:
                 stop.set()
+    if chosen and begun:
+        impacts = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
+        _fill_indices(dataset, engine, begun, impacts, limits, chosen, threads)
     return dataset.isel({_along(section): slice(0, max(int(dataset["count"].max()), 1))})
 
 
@@ -159,10 +180,10 @@ def _fresh(
     limits: Tolerances,
     threads: int,
     stop: Event,
-) -> Iterator[tuple[int, Samples]]:
+) -> Iterator[tuple[int, Cells, Samples]]:
     parts = [slice(at, at + 1) for at in range(len(cells))]
     for part, (seen,) in run_tiles(lambda part: engine.samples(cells[part], window, limits), parts, threads, stop):
-        yield part.start, seen
+        yield part.start, cells[part], seen
 
 
 def _carried(
@@ -173,7 +194,7 @@ def _carried(
     stop: Event,
     *,
     upward: bool,
-) -> Iterator[tuple[int, Samples]]:
+) -> Iterator[tuple[int, Cells, Samples]]:
     order = range(len(cells)) if upward else range(len(cells) - 1, -1, -1)
     before: Samples | None = None
     for at in order:
@@ -190,10 +211,12 @@ def _carried(
             )
         (seen,) = engine.samples(cell, window, limits)
         before = None if seen.status == Status.BUDGET else seen
-        yield at, seen
+        yield at, cell, seen
 
 
-def _empty_diagram(grid: dict[str, NDArray[np.float64]], section: str, keep: int) -> xr.Dataset:
+def _empty_diagram(
+    grid: dict[str, NDArray[np.float64]], section: str, keep: int, indices: tuple[str, ...]
+) -> xr.Dataset:
     ((name, values),) = grid.items()
     dims, shape = (name, _along(section)), (len(values), keep)
     first, second = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -206,6 +229,7 @@ def _empty_diagram(grid: dict[str, NDArray[np.float64]], section: str, keep: int
             **points,
             "count": variable("count", name, np.zeros(len(values), np.int64)),
             "status": status_variable(name, np.full(len(values), Status.INTERRUPTED)),
+            **{index: variable(index, name, missing(index, len(values))) for index in indices},
         },
         coords={name: variable(name, name, values)},
     )
@@ -220,3 +244,20 @@ def _fill(dataset: xr.Dataset, section: str, at: int, seen: Samples) -> None:
         dataset[name].values[at, : len(column)] = column
     dataset["count"].values[at] = len(column)
     dataset["status"].values[at] = seen.status
+
+
+def _fill_indices(
+    dataset: xr.Dataset,
+    engine: Backend,
+    begun: list[tuple[int, Cells]],
+    window: ImpactWindow,
+    limits: Tolerances,
+    names: tuple[str, ...],
+    threads: int,
+) -> None:
+    """Tell the indices of every value from the start that its section had."""
+    where = np.array([at for at, _ in begun])
+    columns = {field.name: np.concatenate([getattr(cell, field.name) for _, cell in begun]) for field in fields(Cells)}
+    for which, result in run_sweep(engine, Cells(**columns), window, limits, True, names, threads, Event()):
+        for name in names:
+            dataset[name].values[where[which]] = result[name]
