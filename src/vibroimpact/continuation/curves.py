@@ -1,0 +1,183 @@
+"""All boundaries of orbits with one impact in a plane of two parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from vibroimpact.continuation.boundary import Range, boundary_system, plane_names
+from vibroimpact.continuation.branch import bifurcation_point
+from vibroimpact.continuation.request import check_range, check_step
+from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary
+from vibroimpact.continuation.sticking import ends_on_line, sticking_boundary
+from vibroimpact.continuation.tracing import trace_boundary
+from vibroimpact.continuation.walking import both_ways, branch_system
+from vibroimpact.options import whole_number
+from vibroimpact.orbits.building import make_orbit
+from vibroimpact.orbits.closed_form import impact_1_orbits
+from vibroimpact.orbits.equations import Cycle, Floats
+from vibroimpact.orbits.sticking_end import StickingEnd
+from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.progress import Report, reporter
+
+SEEDS = 60  # orbits looked at along a line
+SAME = 2.0  # steps: points of one kind nearer than this to a curve lie on it
+
+
+def boundary_curves(
+    osc: ImpactOscillator,
+    parameters: tuple[str, str],
+    ranges: tuple[Range, Range],
+    *,
+    n_periods: Sequence[int] = (1, 2),
+    kinds: Sequence[str] = KINDS,
+    lines: int = 5,
+    step: float = 0.01,
+    progress: bool | Report = False,
+) -> list[Boundary]:
+    r"""Return the boundaries of period-n impact-1 orbits, and of period-n sticking, in a plane of two parameters.
+
+    On lines across the plane, along either parameter, the orbits known in closed form are followed and their folds,
+    period doublings and grazes collected, and so are the ends of sticking; each that lies on no curve yet is followed
+    through the plane,
+
+    .. math:: 1 \mp \operatorname{tr} M + \det M = 0, \qquad u(t_*) = \dot u(t_*) = 0 \ \text{or}\ v = 0, \qquad
+              t_\infty = t_r.
+
+    Parameters
+    ----------
+    osc : ImpactOscillator
+        The other five numbers.
+    parameters : tuple of two str
+        The plane.
+    ranges : tuple of two pairs of float
+        Lowest and highest value of each.
+    n_periods : sequence of int, >= 1
+        Which n.
+    kinds : sequence of {"fold", "period_doubling", "grazing", "end_of_sticking"}
+        Which boundaries.
+    lines : int, >= 2
+        Lines along each parameter, spread evenly, the plane's edges included.
+    step : float, 0 to 0.5
+        Longest step along a curve, where 1 is a whole range, a driving period, or the orbit's speed.
+    progress : bool or callable
+        True shows a bar; a callable gets (lines done, lines in all, curves so far) and stops by returning False.
+
+    Returns
+    -------
+    list of Boundary
+        Those parts of the curves on which the mass moves along the orbit, in the order in which they were met.
+
+    Raises
+    ------
+    ValueError
+        An argument is out of its range.
+
+    Notes
+    -----
+    A curve that crosses none of the lines is not found: an island smaller than their spacing, or a part that a graze
+    cuts off. Those found are exact. Some seconds for a plane of the paper.
+
+    Examples
+    --------
+    >>> curves = boundary_curves(ImpactOscillator(), ("omega", "restitution"), ((2, 3), (0.5, 0.9)), lines=3)
+    >>> sorted({(curve.kind, curve.orbits[0].n_periods) for curve in curves})
+    [('period_doubling', 1)]
+    """
+    names = plane_names(parameters)
+    first, second = ranges
+    box = check_range(names[0], first, first[0]), check_range(names[1], second, second[0])
+    count, longest = whole_number("lines", lines, 2), check_step(step)
+    lengths = [whole_number("n_periods", n, 1) for n in n_periods]
+    wanted = _checked_kinds(kinds)
+    sticking = "end_of_sticking" in wanted
+    work = [
+        (n, along, value) for n in lengths for along in (0, 1) for value in np.linspace(*box[1 - along], count).tolist()
+    ]
+    curves: list[Boundary] = []
+    with reporter(progress, "lines") as report:
+        for done, (n, along, value) in enumerate(work):
+            line = osc.replace(**{names[1 - along]: value})
+            for point in _on_line(line, n, names[along], box[along], longest):
+                curves += _curve(point, names, box, longest, curves) if point.kind in wanted else []
+            for end in ends_on_line(line, names[along], box[along], [n], SEEDS) if sticking else ():
+                curves += _curve(end, names, box, longest, curves)
+            if report(done + 1, len(work), curves) is False:
+                break
+    return curves
+
+
+def _checked_kinds(kinds: Any) -> frozenset[str]:
+    wanted = frozenset([kinds] if isinstance(kinds, str) else kinds)
+    if not wanted or not wanted <= set(KINDS):
+        raise ValueError(f"`kinds` is {kinds!r}; allowed are {', '.join(KINDS)}; name at least one")
+    return wanted
+
+
+def _on_line(osc: ImpactOscillator, n: int, parameter: str, range: Range, longest: float) -> Iterator[BifurcationPoint]:
+    """Yield the special points of the period-n impact-1 orbits along a line, each branch followed once."""
+    cycle = Cycle(n, 1)
+    covered: list[Floats] = []
+    for value in np.linspace(*range, SEEDS).tolist():
+        here = osc.replace(**{parameter: value})
+        for z in impact_1_orbits(here, n)[0]:
+            if _covered(covered, value, z):
+                continue
+            orbit = make_orbit(here, cycle, z)
+            if not orbit.admissible:
+                continue
+            system, x = branch_system(orbit, parameter, range)
+            for way in both_ways(system, x, longest, virtual=False):
+                covered.append(np.array([[*system.values(p.x), p.x[0], *system.solution(p.x)[1:]] for p in way.points]))
+                yield from (bifurcation_point(special, parameter) for special in way.special)
+
+
+def _covered(branches: Iterable[Floats], value: float, z: Floats) -> bool:
+    """Whether an orbit lies on a branch already followed: between two of its points, with their velocity."""
+    for rows in branches:
+        values, speeds = rows[:, 0], rows[:, 2]
+        around = np.flatnonzero((values[:-1] - value) * (values[1:] - value) <= 0.0)
+        for j in around:
+            low, high = sorted((speeds[j], speeds[j + 1]))
+            slack = 0.25 * (high - low) + 1e-6 * high
+            if low - slack <= z[1] <= high + slack:
+                return True
+    return False
+
+
+def _curve(
+    point: BifurcationPoint | StickingEnd,
+    names: tuple[str, str],
+    box: tuple[Range, Range],
+    longest: float,
+    known: list[Boundary],
+) -> list[Boundary]:
+    """Return the curve through a point, or nothing if the point lies on a known one or cannot be followed."""
+    if any(_lies_on(point, curve, box, longest) for curve in known):
+        return []
+    if isinstance(point, StickingEnd):
+        return [sticking_boundary(point, names, box, longest)]
+    system, x = boundary_system(point, names, box)
+    try:
+        return [trace_boundary(system, x, point.kind, longest, virtual=False)]
+    except ValueError:  # two boundaries meet in the point: the other lines cross them apart
+        return []
+
+
+def _lies_on(point: BifurcationPoint | StickingEnd, curve: Boundary, box: tuple[Range, Range], longest: float) -> bool:
+    orbit = point.orbit
+    if orbit is None or (curve.kind, curve.orbits[0].n_periods) != (point.kind, orbit.n_periods):
+        return False
+
+    def place(orbits: Sequence[Any]) -> Floats:
+        spans = [high - low for low, high in box]
+        rows = [[getattr(q.oscillator, name) for name in curve.parameters] for q in orbits]
+        speeds = [max(q.velocities, default=0.0) / q.oscillator.velocity_scale for q in orbits]
+        return np.column_stack([np.array(rows) / spans, speeds])
+
+    at, on = place([orbit])[0], place(curve.orbits)
+    distance = np.abs(on[:, :2] - at[:2]).max(axis=1)
+    near = distance < SAME * longest
+    return bool((near & (np.abs(on[:, 2] - at[2]) < 0.1 * (1.0 + at[2]))).any())

@@ -1,0 +1,213 @@
+"""What continuation returns: branches, special points and boundaries, and their datasets."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from vibroimpact.dataset import provenance, variable
+from vibroimpact.orbits.orbit import Orbit
+
+KINDS = ("fold", "period_doubling", "grazing", "end_of_sticking")
+KIND_WORDS = ("fold", "period doubling", "grazing", "end of sticking")
+
+
+@dataclass(frozen=True)
+class BifurcationPoint:
+    """Where a branch changes: the kind, the parameter and its value, and the orbit there.
+
+    Parameters
+    ----------
+    kind : {"fold", "period_doubling", "grazing", "end_of_sticking"}
+        A multiplier is 1; a multiplier is -1; the orbit touches the stop, or one of its impacts has velocity zero;
+        the end of a chatter meets the release.
+    parameter : str
+        The parameter that varied along the branch.
+    value : float
+        Its value here.
+    orbit : Orbit
+        The orbit here.
+    residual : float
+        By how much it misses its flights and its defining condition, in parts of its own size.
+    touch_phase : float
+        Driving phase of the graze, in [0, 1); NaN for other kinds.
+    """
+
+    kind: str
+    parameter: str
+    value: float
+    orbit: Orbit
+    residual: float = 0.0
+    touch_phase: float = math.nan
+
+    @property
+    def message(self) -> str:
+        """The point in a sentence."""
+        words = KIND_WORDS[KINDS.index(self.kind)]
+        touch = "" if math.isnan(self.touch_phase) else f" at phase {self.touch_phase:.6g}"
+        return f"{words} of the {self.orbit.name} orbit{touch}: {self.parameter} = {self.value:.12g}"
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """The orbits of one name along a parameter, in the order of the curve.
+
+    Attributes
+    ----------
+    parameter : str
+        Which one varies.
+    orbits : list of Orbit
+        Along the branch; the impacts keep their order.
+    special : list of BifurcationPoint
+        Folds, period doublings and grazings on it, in its order; their orbits are among `orbits`.
+    outcome : tuple of two str
+        Why it ends at its first and at its last orbit: "range", "grazing", "inadmissible", "period_doubling",
+        "closed", "impacts_merge", "lost", "budget" or "stopped".
+    message : str
+        The same in sentences.
+    """
+
+    parameter: str
+    orbits: list[Orbit]
+    special: list[BifurcationPoint]
+    outcome: tuple[str, str]
+    message: str
+    arguments: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def values(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """The parameter at each orbit."""
+        return np.array([getattr(orbit.oscillator, self.parameter) for orbit in self.orbits])
+
+    @property
+    def dataset(self) -> xr.Dataset:
+        """The branch as a labelled dataset over `point`, its special points over `special`."""
+        p = max(orbit.n_impacts for orbit in self.orbits)
+        multipliers = np.array([orbit.multipliers for orbit in self.orbits])
+        content = orbit_variables(self.orbits, p, "point") | {
+            "multiplier_real": number(("point", "multiplier"), multipliers.real, "real part of multiplier"),
+            "multiplier_imag": number(("point", "multiplier"), multipliers.imag, "imaginary part of multiplier"),
+            "special_kind": kind_variable("special", [point.kind for point in self.special]),
+            "special_value": variable(self.parameter, "special", np.array([point.value for point in self.special])),
+            "special_residual": number(
+                "special", [point.residual for point in self.special], "miss of the defining condition"
+            ),
+            "special_touch_phase": variable("phase", "special", np.array([q.touch_phase for q in self.special])),
+        }
+        ragged = [(list(point.orbit.velocities), list(point.orbit.phases)) for point in self.special]
+        content["special_velocity"] = speeds(("special", "impact"), _rows([v for v, _ in ragged], p))
+        content["special_phase"] = variable("phase", ("special", "impact"), _rows([s for _, s in ragged], p))
+        name = {"n_periods": self.orbits[0].n_periods, "n_impacts": self.orbits[0].n_impacts}
+        ends = {"outcome": " ".join(self.outcome), "message": self.message}
+        arguments = {"parameter": self.parameter, **name, **self.arguments}
+        attrs = provenance("continue_orbit", self.orbits[0].oscillator, arguments) | name | ends
+        return xr.Dataset(content, coords={self.parameter: variable(self.parameter, "point", self.values)}, attrs=attrs)
+
+
+@dataclass(frozen=True, eq=False)
+class Boundary:
+    """A fold, period-doubling, grazing or end-of-sticking curve in two parameters.
+
+    Attributes
+    ----------
+    kind : str
+        As of a `BifurcationPoint`.
+    parameters : tuple of two str
+        The plane.
+    orbits : list of Orbit
+        Along the curve, each on the boundary.
+    residuals : list of float
+        By how much each misses its flights and its defining condition, in parts of its own size.
+    touch_phases : list of float
+        Driving phase of the graze, or of the release that an end of sticking meets; NaN for other kinds.
+    outcome : tuple of two str
+        Why it ends at its first and at its last point: "range", "closed", "inadmissible", "impacts_merge", "lost",
+        "budget" or "stopped".
+    message : str
+        The same in sentences.
+    """
+
+    kind: str
+    parameters: tuple[str, str]
+    orbits: list[Orbit]
+    residuals: list[float]
+    touch_phases: list[float]
+    outcome: tuple[str, str]
+    message: str
+    arguments: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def values(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """The two parameters at each point, shape (points, 2)."""
+        return np.array([[getattr(orbit.oscillator, name) for name in self.parameters] for orbit in self.orbits])
+
+    @property
+    def dataset(self) -> xr.Dataset:
+        """The curve as a labelled dataset over `point`."""
+        first, values = self.orbits[0], self.values
+        width = max(len(orbit.velocities) for orbit in self.orbits)
+        content = orbit_variables(self.orbits, width, "point") | {
+            "kind": kind_variable((), self.kind),
+            "residual": number("point", self.residuals, "miss of the defining condition"),
+            "touch_phase": variable("phase", "point", np.array(self.touch_phases)),
+            "trace": number("point", [orbit.trace for orbit in self.orbits], "trace of the cycle's Jacobian"),
+            "determinant": number(
+                "point", [orbit.determinant for orbit in self.orbits], "determinant of the cycle's Jacobian"
+            ),
+        }
+        name = {"n_periods": first.n_periods, "n_impacts": first.n_impacts}
+        ends = {"outcome": " ".join(self.outcome), "message": self.message}
+        arguments = {"kind": self.kind, "parameters": self.parameters, **name, **self.arguments}
+        return xr.Dataset(
+            content,
+            coords={name: variable(name, "point", values[:, j]) for j, name in enumerate(self.parameters)},
+            attrs=provenance("continue_boundary", first.oscillator, arguments) | name | ends,
+        )
+
+
+def orbit_variables(orbits: Sequence[Orbit], p: int, dim: str) -> dict[str, xr.Variable]:
+    """Return velocities, phases, stability and admissibility of orbits as variables."""
+    return {
+        "velocity": speeds((dim, "impact"), _rows([orbit.velocities for orbit in orbits], p)),
+        "phase": variable("phase", (dim, "impact"), _rows([orbit.phases for orbit in orbits], p)),
+        "stable": flags(dim, [orbit.stable for orbit in orbits], "whether neighbours approach", "unstable stable"),
+        "admissible": flags(
+            dim, [orbit.admissible for orbit in orbits], "whether the mass moves so", "inadmissible admissible"
+        ),
+    }
+
+
+def speeds(dims: Any, data: Any) -> xr.Variable:
+    """Return velocities of impacts, labelled."""
+    return variable("velocity", dims, data, long_name="impact velocity", symbol="I")
+
+
+def number(dims: Any, data: Any, long_name: str) -> xr.Variable:
+    """Return plain numbers, labelled."""
+    return xr.Variable(dims, np.asarray(data, dtype=np.float64), {"long_name": long_name, "units": "1"})
+
+
+def flags(dims: Any, data: Any, long_name: str, meanings: str) -> xr.Variable:
+    """Return small whole numbers with their CF meanings."""
+    values = np.arange(len(meanings.split()), dtype=np.int8)
+    attrs = {"long_name": long_name, "flag_values": values, "flag_meanings": meanings}
+    return xr.Variable(dims, np.asarray(data, dtype=np.int8), attrs)
+
+
+def kind_variable(dims: Any, kinds: Any) -> xr.Variable:
+    """Return kinds of special points as flags."""
+    codes = KINDS.index(kinds) if isinstance(kinds, str) else [KINDS.index(kind) for kind in kinds]
+    return flags(dims, codes, "kind of boundary", " ".join(KINDS))
+
+
+def _rows(rows: Sequence[Sequence[float]], width: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return rows of one width, padded with NaN."""
+    table = np.full((len(rows), width), np.nan)
+    for i, row in enumerate(rows):
+        table[i, : len(row)] = row
+    return table

@@ -1,0 +1,138 @@
+"""Whether the mass really moves along an orbit: the engine's certified contacts, and near-misses in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vibroimpact.backends import Cells, ImpactWindow, Samples, get_backend
+from vibroimpact.backends.base import Floats
+from vibroimpact.options import Tolerances
+from vibroimpact.orbits.equations import TURN, Cycle, flight_of, parameters_of
+from vibroimpact.orbits.flights import Flight
+from vibroimpact.oscillator import ImpactOscillator
+
+SAME = 1e-7  # of a period and of the orbit's speed: contacts nearer than this are one
+ROUNDING = 1e-12  # of the orbit's size: a gap this small may go either way
+LOWEST = 3  # sampled near-misses that are looked at closely
+
+
+@dataclass(frozen=True)
+class NearMiss:
+    """Where a flight comes closest to the stop between its ends: flight, turns, gap in m (negative: beyond)."""
+
+    flight: int
+    turns: float
+    gap: float
+
+
+def surface_cells(osc: ImpactOscillator, phases: Floats, velocities: Floats) -> Cells:
+    """Return cells that start with an impact at each phase and velocity."""
+    like = np.ones(len(phases))
+    whole = np.floor(phases)
+    m, c, k, f, w, r, g = (value * like for value in parameters_of(osc))
+    # A whisker below 1 rounds up to 1.
+    return Cells(m, c, k, f, w, r, g, 0.0 * like, velocities, whole, np.minimum(phases - whole, 1.0 - 2.0**-53))
+
+
+def contacts(osc: ImpactOscillator, phases: Floats, velocities: Floats, following: int) -> list[Samples]:
+    """Return the impacts that follow one at each phase and velocity, itself the first of them."""
+    cells = surface_cells(osc, np.asarray(phases, float), np.asarray(velocities, float))
+    return get_backend("cpu").samples(cells, ImpactWindow(0, following + 1), Tolerances())
+
+
+def orbit_size(osc: ImpactOscillator, z: Floats) -> float:
+    """Return a length in m against which a gap along the orbit is small or not."""
+    fastest = max(osc.omega, osc.natural_frequency)
+    return float(np.abs(z[len(z) // 2 :]).max()) / fastest + osc.velocity_scale / osc.natural_frequency
+
+
+def nearest_misses(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> list[NearMiss]:
+    """Return the closest near-miss of each flight that has one."""
+    flight, found = flight_of(parameters_of(osc)), []
+    for i in range(cycle.n_impacts):
+        begin, end = cycle.span(z, i)
+        if end <= begin:
+            continue
+        rate, tau = osc.restitution * float(z[cycle.n_impacts + i]), (end - begin) * osc.period
+        lowest = _lowest(flight, TURN * begin, rate, tau)
+        if lowest is not None:
+            found.append(NearMiss(i, begin + lowest[0] / osc.period, lowest[1]))
+    return found
+
+
+def _lowest(flight: Flight, angle: float, rate: float, tau: float) -> tuple[float, float] | None:
+    """Return time and gap of the lowest local minimum of the gap inside a flight."""
+    times, gaps, rates = flight.sampled(angle, rate, tau)
+    turns = np.flatnonzero((rates[:-1] < 0.0) & (rates[1:] >= 0.0))
+    likely = turns[np.argsort(np.minimum(gaps[turns], gaps[turns + 1]))[:LOWEST]]
+    minima = [_minimum(flight, angle, rate, float(times[j]), float(times[j + 1])) for j in likely]
+    return min(minima, key=lambda minimum: minimum[1], default=None)
+
+
+def _minimum(flight: Flight, angle: float, rate: float, low: float, high: float) -> tuple[float, float]:
+    """Return where the rate passes zero upwards between two times, and the gap there: Newton kept inside a bracket."""
+    time = 0.5 * (low + high)
+    for _ in range(60):
+        gap, slope = flight.after(angle, rate, time)
+        low, high = (time, high) if slope < 0.0 else (low, time)
+        bend = flight.bend(angle + flight.omega * time, gap, slope)
+        better = time - slope / bend if bend > 0.0 else low
+        if not low < better < high:
+            better = 0.5 * (low + high)
+        if abs(better - time) <= 1e-15 * abs(time) or high - low <= 1e-15 * high:
+            break
+        time = better
+    return time, flight.after(angle, rate, time)[0]
+
+
+def objection(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
+    """Return why the mass does not move along this orbit, or nothing if it does.
+
+    Each flight is followed by the engine from its impact: its next certified contact must be the orbit's next impact.
+    Only a near-miss, or an impact, within rounding of a graze is believed against it.
+    """
+    p = cycle.n_impacts
+    speeds, fastest = z[p:], max(float(np.abs(z[p:]).max()), osc.velocity_scale)
+    away = np.flatnonzero(speeds < -ROUNDING * fastest)
+    if away.size:
+        i = int(away[0])
+        return f"impact {i + 1} would have velocity {speeds[i]:.3g} m/s, away from the stop"
+    if speeds.min() <= ROUNDING * fastest:
+        return _beyond(osc, cycle, z)
+    for i, seen in enumerate(contacts(osc, z[:p], speeds, 1)):
+        begin, end = cycle.span(z, i)
+        wrong = _first_difference(seen, end - begin, float(speeds[(i + 1) % p]), fastest)
+        if wrong and not _grazes(osc, cycle, z):
+            return f"after impact {i + 1} {wrong}"
+    return ""
+
+
+def _beyond(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
+    """Return where the flights pass the stop between their ends, or nothing."""
+    for miss in nearest_misses(osc, cycle, z):
+        if miss.gap < -ROUNDING * orbit_size(osc, z):
+            return f"after impact {miss.flight + 1} the mass would be beyond the stop at phase {miss.turns % 1.0:.6g}"
+    return ""
+
+
+def _first_difference(seen: Samples, turns: float, velocity: float, largest: float) -> str:
+    """Return what the engine meets before an impact expected some turns later, or nothing."""
+    if len(seen.stick_phase):
+        return f"the mass comes to rest at the stop at phase {seen.stick_phase[0]:.6g}"
+    if len(seen.impact_phase) < 2:
+        return "the mass never reaches the stop again"
+    later = (seen.impact_periods[1] - seen.impact_periods[0]) + (seen.impact_phase[1] - seen.impact_phase[0])
+    if abs(later - turns) <= SAME * max(turns, 1.0) and abs(seen.impact_velocity[1] - velocity) <= SAME * largest:
+        return ""
+    return (
+        f"the mass first hits the stop at phase {seen.impact_phase[1]:.6g} "
+        f"with {seen.impact_velocity[1]:.3g} m/s, not where the orbit's next impact would be"
+    )
+
+
+def _grazes(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> bool:
+    """Whether the lowest near-miss lies within rounding of a graze."""
+    lowest = min((miss.gap for miss in nearest_misses(osc, cycle, z)), default=np.inf)
+    return abs(lowest) <= ROUNDING * orbit_size(osc, z)

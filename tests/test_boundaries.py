@@ -1,0 +1,275 @@
+"""Fold, period-doubling and grazing curves: identities, closed forms, and how the motion changes across them."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from vibroimpact.continuation import BifurcationPoint, boundary_curves, continue_boundary, continue_orbit
+from vibroimpact.motion import recognise
+from vibroimpact.orbits import find_orbit
+from vibroimpact.orbits.sticking_end import end_of_sticking
+from vibroimpact.storage import load, save
+
+PLANES = {  # the second axis of the paper's maps; omega is the first
+    "mass": (0.1, 5.0),
+    "damping": (0.005, 1.0),
+    "stiffness": (0.1, 5.0),
+    "amplitude": (0.1, 5.0),
+    "restitution": (0.1, 0.99),
+}
+OMEGA = (0.025, 5.0)
+IMPACTING = ("fold", "period_doubling", "grazing")
+OSC = vi.ImpactOscillator()
+
+
+@pytest.fixture(scope="module")
+def curves():
+    """Return the curves of a plane, computed once."""
+    known = {}
+
+    def of(name):
+        if name not in known:
+            box, lengths = ((OMEGA, PLANES[name]), (1, 2)) if name != "gap" else (((1.5, 4.0), (-1.0, 1.0)), (1,))
+            known[name] = boundary_curves(
+                vi.ImpactOscillator(), ("omega", name), box, n_periods=lengths, kinds=IMPACTING, lines=2, step=0.04
+            )
+        return known[name]
+
+    return of
+
+
+def kinds_of(found):
+    return {(curve.kind, curve.orbits[0].n_periods) for curve in found}
+
+
+@pytest.mark.parametrize("name", [*PLANES, "gap"])
+def test_every_point_of_every_curve_satisfies_its_own_condition(curves, name):
+    for curve in curves(name):
+        assert max(curve.residuals) < 1e-10
+        assert all(orbit.admissible for orbit in curve.orbits)
+
+
+@pytest.mark.parametrize("name", PLANES)
+def test_each_plane_of_the_paper_has_its_doubling_and_grazing_curves_and_no_fold(curves, name):
+    expected = {("period_doubling", 1), ("period_doubling", 2), ("grazing", 1), ("grazing", 2)}
+    assert kinds_of(curves(name)) == expected
+
+
+@pytest.mark.parametrize("name", PLANES)
+def test_doublings_obey_the_closed_form_of_the_trace(curves, name):
+    """-2 r E cos(wd n T) + (1 + r)(q/v)(f sin(phase) - k g)/m = -1 - r^2 E^2, with E = exp(-c n T/2m)."""
+    for curve in curves(name):
+        if curve.kind != "period_doubling":
+            continue
+        for orbit in curve.orbits[::5]:
+            o, time = orbit.oscillator, orbit.period
+            half = o.damping / (2 * o.mass)
+            wd = np.sqrt(complex(o.natural_frequency**2 - half**2))
+            fade, turned = math.exp(-half * time), np.cos(wd * time).real
+            q = fade * (np.sin(wd * time) / wd).real
+            force = o.amplitude * math.sin(2 * math.pi * orbit.phases[0]) - o.stiffness * o.gap
+            trace = -2 * o.restitution * fade * turned + (1 + o.restitution) * q * force / (
+                o.mass * orbit.velocities[0]
+            )
+            assert trace == pytest.approx(-1 - (o.restitution * fade) ** 2, abs=1e-10)
+
+
+def test_the_curves_pass_through_the_values_known_with_50_digits(values):
+    known = [float(point["w"]) for point in values["period_doubling_w_of_n=1"]]
+    for w in known:
+        (orbit,) = find_orbit(vi.ImpactOscillator(omega=w + 1e-3))
+        point = min(
+            continue_orbit(orbit, "omega", (w - 0.01, w + 0.01), step=0.1).special, key=lambda p: abs(p.value - w)
+        )
+        curve = continue_boundary(point, ("omega", "restitution"), ((0.5, 4.0), (0.8, 0.9)), step=0.05)
+        at = int(np.argmin(np.abs(curve.values[:, 1] - 0.8) + np.abs(curve.values[:, 0] - w)))
+        assert curve.values[at] == pytest.approx((w, 0.8), rel=1e-12)
+
+
+def test_without_a_gap_the_force_only_scales_the_motion_so_no_curve_bends(curves):
+    for curve in curves("amplitude"):
+        assert np.ptp(curve.values[:, 0]) < 1e-11
+        scaled = [orbit.velocities[0] / orbit.oscillator.amplitude for orbit in curve.orbits]
+        assert np.array(scaled) == pytest.approx(scaled[0], rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("name", "pace"), [("mass", lambda o: math.sqrt(o.mass)), ("stiffness", lambda o: 1 / math.sqrt(o.stiffness))]
+)
+def test_curves_over_mass_and_stiffness_are_curves_over_damping_in_another_unit_of_time(curves, name, pace):
+    """(m/s^2, c/s, k, f, s w) moves alike in time t/s, and (m, c, k) by a common factor moves alike at all."""
+    for curve in curves(name):
+        for orbit in curve.orbits[::10]:
+            o = orbit.oscillator
+            s = pace(o)
+            twin = vi.ImpactOscillator(omega=s * o.omega, damping=o.damping / math.sqrt(o.mass * o.stiffness))
+            (same,) = find_orbit(twin, n_periods=orbit.n_periods)
+            assert same.phases[0] == pytest.approx(orbit.phases[0], abs=1e-10)
+            assert same.trace == pytest.approx(orbit.trace, abs=1e-9)
+
+
+def test_folds_with_a_gap_obey_their_closed_form(curves):
+    """g^2 = R^2 (1 + (alpha w/beta)^2): the discriminant of the quadratic for the velocity of one impact vanishes."""
+    folds = [curve for curve in curves("gap") if curve.kind == "fold"]
+    assert len(folds) == 2
+    for curve in folds:
+        for orbit in curve.orbits[::3]:
+            o, time = orbit.oscillator, orbit.period
+            half = o.damping / (2 * o.mass)
+            wd = math.sqrt(o.natural_frequency**2 - half**2)
+            fade = math.exp(-half * time)
+            q = fade * math.sin(wd * time) / wd
+            p = fade * math.cos(wd * time) + half * q
+            delta = 1 - 2 * fade * math.cos(wd * time) + fade**2
+            alpha, beta = (1 + o.restitution) * q / delta, -o.restitution - (1 + o.restitution) * (p - 1) / delta
+            expected = o.steady_amplitude * math.sqrt(1 + (alpha * o.omega / beta) ** 2)
+            assert abs(o.gap) == pytest.approx(expected, rel=1e-9)
+
+
+def test_one_impact_grazes_with_velocity_zero_exactly_where_the_free_motion_touches_the_stop(curves):
+    touching = [
+        curve
+        for curve in curves("gap")
+        if curve.kind == "grazing" and max(o.velocities[0] for o in curve.orbits) < 1e-9
+    ]
+    assert touching
+    for curve in touching:
+        for orbit in curve.orbits:
+            assert orbit.oscillator.gap == pytest.approx(orbit.oscillator.steady_amplitude, rel=1e-11)
+
+
+def test_on_a_grazing_curve_the_engine_sees_the_mass_touch_the_stop(curves):
+    """Just before and after the touch the gap is as small as the bend allows, and no impact is in between."""
+    for curve in curves("restitution"):
+        if curve.kind != "grazing":
+            continue
+        orbit = curve.orbits[len(curve.orbits) // 2]
+        o, touch = orbit.oscillator, curve.touch_phases[len(curve.orbits) // 2]
+        ahead = ((touch - orbit.phases[0]) % 1) * o.period
+        flight = vi.simulate(o, start=orbit.start, periods=1.02 * ahead / o.period, samples_per_period=20000)
+        near = np.abs(flight["time"].values - orbit.start.time - ahead) < 2e-3 * o.period
+        assert np.abs(flight["displacement"].values[near]).max() < 1e-4
+        assert flight["displacement"].values[near].max() > -1e-8
+
+
+@pytest.mark.parametrize("name", [*PLANES, "gap"])
+def test_the_motion_changes_across_every_curve(curves, name):
+    """Sampled in the middle of each curve, as near to it as the strip is narrow in which the orbit attracts.
+
+    On one side the engine stays on the period-n impact-1 orbit, on the other it goes elsewhere. Curves beside which
+    no orbit attracts, where a graze follows a period doubling, are no boundary of an attractor.
+    """
+    seen = set()
+    for curve in curves(name):
+        for share in (0.3, 0.6):
+            sides = sampled_sides(curve, ("omega", name), share)
+            if sides is None:
+                continue
+            stays, leaves = sides
+            own = f"period-{curve.orbits[0].n_periods} impact-1"
+            assert stays == own
+            assert leaves != own
+            seen.add((curve.kind, curve.orbits[0].n_periods))
+    assert {("period_doubling", 1)} <= seen
+    assert name == "gap" or ("period_doubling", 2) in seen
+    assert name not in ("damping", "restitution") or ("grazing", 1) in seen
+    assert name != "gap" or ("fold", 1) in seen
+
+
+def sampled_sides(curve, names, share):
+    """Return what the engine calls the motion on the side where the orbit attracts, and on the other."""
+    spans = np.ptp(curve.values, axis=0)
+    spans[spans < 1e-6] = 1.0
+    places = curve.values / spans
+    i = int(share * len(places))
+    if not 0 < i < len(places) - 1:
+        return None
+    along = places[i + 1] - places[i - 1]
+    normal = np.array([-along[1], along[0]]) / np.hypot(*along)
+    at = curve.orbits[i]
+    for distance in (1e-2, 3e-3, 1e-3, 3e-4):
+        found = []
+        for side in (-distance, distance):
+            values = (places[i] + side * normal) * spans
+            osc = at.oscillator.replace(**dict(zip(names, values, strict=True)))
+            orbits = find_orbit(osc, n_periods=at.n_periods)
+            near = min(
+                orbits, key=lambda orbit: (not orbit.stable, abs(orbit.velocities[0] - at.velocities[0])), default=None
+            )
+            found.append((near is not None and near.stable and near.admissible, osc, near or at))
+        if found[0][0] != found[1][0]:
+            (_, *good), (_, *bad) = sorted(found, key=lambda side: not side[0])
+            return motion(*good), motion(*bad)
+    return None
+
+
+def motion(osc, orbit):
+    start = vi.State(osc.gap, orbit.velocities[0] * (1 + 1e-4), orbit.phases[0] * osc.period)
+    return recognise(vi.impact_section(osc, start=start, transient_impacts=6000, sample_impacts=300)).name
+
+
+def test_the_dataset_of_a_boundary_is_labelled_and_survives_storage(tmp_path, curves):
+    curve = curves("restitution")[0]
+    data = curve.dataset
+    assert data["omega"].attrs["units"] == "rad/s"
+    assert data["restitution"].dims == ("point",)
+    assert float(data["residual"].max()) < 1e-10
+    for ending in ("zarr", "nc"):
+        vi.save(data, tmp_path / f"curve.{ending}")
+        assert vi.load(tmp_path / f"curve.{ending}").identical(data)
+    vi.save(data, tmp_path / "curve.csv")
+
+
+def test_a_boundary_may_leave_the_motions_of_the_mass_and_says_so():
+    (point,) = continue_orbit(find_orbit(vi.ImpactOscillator(omega=2.6))[0], "omega", (2.5, 2.7), step=0.1).special
+    plane, box = ("omega", "gap"), ((1.5, 4.0), (-1.0, 1.0))
+    whole = continue_boundary(point, plane, box, step=0.03)
+    real = continue_boundary(point, plane, box, step=0.03, virtual=False)
+    assert len(real.orbits) < len(whole.orbits)
+    assert "inadmissible" in real.outcome
+    assert "no motion of the mass" in real.message
+    assert not all(orbit.admissible for orbit in whole.orbits)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ((("omega",), ((1, 3),)), "`parameters` is"),
+        ((("omega", "omega"), ((1, 3), (1, 3))), "two different ones"),
+        ((("omega", "frequency"), ((1, 3), (0.1, 3))), "two different ones"),
+        ((("omega", "mas"), ((1, 3), (0.1, 3))), "`parameter` is 'mas'"),
+        ((("omega", "mass"), ((1, 2), (0.1, 3))), "`range` is"),
+        ((("omega", "mass"), ((1, 3),)), "`ranges` is"),
+    ],
+)
+def test_a_wrong_plane_is_refused_by_name(arguments, named):
+    (point,) = continue_orbit(find_orbit(vi.ImpactOscillator(omega=2.6))[0], "omega", (2.5, 2.7), step=0.1).special
+    with pytest.raises(ValueError, match=named):
+        continue_boundary(point, *arguments)
+
+
+def test_a_point_that_is_no_boundary_is_refused():
+    (orbit,) = find_orbit(vi.ImpactOscillator(omega=2.6))
+    for kind in ("fold", "period_doubling", "grazing"):
+        with pytest.raises(ValueError, match="`point` is no"):
+            continue_boundary(BifurcationPoint(kind, "omega", 2.6, orbit), ("omega", "mass"), ((2, 3), (0.5, 2)))
+    with pytest.raises(ValueError, match="`point` is 3"):
+        continue_boundary(3, ("omega", "mass"), ((2, 3), (0.5, 2)))
+
+
+def test_an_end_of_sticking_is_a_boundary_like_the_others(tmp_path):
+    ranges = (0.3, 0.5), (0.6, 0.85)  # a second tongue lies above
+    (curve,) = boundary_curves(
+        OSC, ("omega", "restitution"), ranges, n_periods=[1], kinds=["end_of_sticking"], lines=2, step=0.04
+    )
+    assert max(curve.residuals) < 1e-10
+    assert {orbit.name for orbit in curve.orbits if orbit.velocities} == {"period-1 sticking"}
+    point = end_of_sticking(OSC, "omega", (0.3, 0.4))
+    alone = continue_boundary(point, ("omega", "restitution"), ranges)
+    # One and the same curve, sampled at other points.
+    low, high = (np.array(sorted(map(tuple, c.values[:, ::-1]))) for c in (curve, alone))
+    np.testing.assert_allclose(np.interp(high[:, 0], *low.T), high[:, 1], atol=2e-3)
+    for path in (tmp_path / "curve.zarr", tmp_path / "curve.nc"):
+        assert load(save(curve.dataset, path)).equals(curve.dataset)
