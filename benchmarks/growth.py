@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from statistics import median
 from typing import Any
 
@@ -13,6 +14,7 @@ from benchmarks.measure import Cores, Job, interleaved, ratio
 from benchmarks.ours import TRANSIENT
 from benchmarks.problem import OSCILLATOR, Floats, frequencies
 from vibroimpact.distributed import worker_count
+from vibroimpact.indices import INDICES
 
 STIFFNESSES = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # w / w_n
 
@@ -20,8 +22,8 @@ STIFFNESSES = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # w / w_n
 class Sweep:
     """A sweep without closing; called, it runs, and it remembers its counts."""
 
-    def __init__(self, omega: Floats, impacts: int, workers: int = 1) -> None:
-        self.omega, self.impacts, self.workers = omega, impacts, workers
+    def __init__(self, omega: Floats, impacts: int, workers: int = 1, indices: Iterable[str] = ("std",)) -> None:
+        self.omega, self.impacts, self.workers, self.indices = omega, impacts, workers, tuple(indices)
         self.steps_an_impact = float("nan")
         self.cores_got: list[float] = []
 
@@ -29,7 +31,8 @@ class Sweep:
         transient = min(TRANSIENT, self.impacts - 1)
         kept = {"transient_impacts": transient, "sample_impacts": self.impacts - transient}
         watch = Cores()
-        seen = vi.parameter_map(OSCILLATOR, omega=self.omega, workers=self.workers, early_closing=False, **kept)
+        how = {"workers": self.workers, "early_closing": False, "indices": self.indices}
+        seen = vi.parameter_map(OSCILLATOR, omega=self.omega, **how, **kept)
         self.cores_got.append(watch.got())
         impacts = int(seen.attrs["impacts_computed"])
         self.steps_an_impact = seen.attrs["steps_computed"] / impacts
@@ -62,6 +65,17 @@ def threads(effort: Effort) -> list[dict[str, Any]]:
         }
         for count in counts
     ]
+
+
+def indices(effort: Effort) -> float:
+    """Return how many times as much all indices cost as Std alone, one thread, no closing."""
+    omega = frequencies("spread", effort.cells)
+    jobs: dict[str, Job] = {
+        "std": Sweep(omega, effort.impacts),
+        "all": Sweep(omega, effort.impacts, indices=INDICES),
+    }
+    cost = interleaved(jobs, effort.rounds)
+    return ratio(cost["all"], cost["std"])
 
 
 def impacts(effort: Effort) -> list[dict[str, Any]]:

@@ -31,6 +31,8 @@ def measure(effort: Effort) -> dict[str, Any]:
         "contenders": contest.hold(effort),
         "maps": maps.measure(effort),
         "threads": growth.threads(effort),
+        "all_indices_over_std": growth.indices(effort),
+        "basins_seconds": maps.basins(effort),
         "growth": {
             "impacts": growth.impacts(effort),
             "cells": growth.cells(effort),

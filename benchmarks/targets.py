@@ -62,6 +62,10 @@ def _mass_map(result: Result) -> float | None:
     return result["maps"]["without_closing"]["seconds"] if result["maps"]["points"] == 200 else None
 
 
+def _portrait(result: Result) -> float | None:
+    return result["basins_seconds"] if result["maps"]["points"] == 200 else None
+
+
 def _gpu_rate(result: Result) -> float | None:
     return float(result["gpu"]["every_impact"]["impacts_computed_per_s"]) if result["gpu"] else None
 
@@ -77,6 +81,8 @@ TARGETS = (
     Target("heyoka one orbit / ours, w = 2.8", "", 50, _cost("heyoka, one orbit", "chaotic", "ratio"), 90, True),
     Target("the paper's scheme / ours, w = 2.8", "", 500, _cost("the paper's scheme", "chaotic", "ratio"), None, True),
     Target("two threads over one", "", 1.9, _two_threads, 1.95, True),
+    Target("all indices over Std alone, no closing", "", 1.8, lambda result: result["all_indices_over_std"]),
+    Target("400 x 400 basin portrait, w = 3, two cores", "s", 20, _portrait),
     Target("import of the engine", "s", 1.0, lambda result: result["startup"]["import_engine"]),
     Target("`vibroimpact --help`", "s", 0.35, lambda result: result["startup"]["help"]),
     Target("first map, warm cache", "s", 1.5, lambda result: result["startup"]["first_map_warm_cache"]),
