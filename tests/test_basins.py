@@ -1,0 +1,356 @@
+"""Attractors that coexist, and which starts lead to which."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from vibroimpact.coexistence import Attractor, attractors, basins
+from vibroimpact.coexistence.matching import apart
+from vibroimpact.coexistence.walking import Walk, same_chaos, same_cycle
+from vibroimpact.motion import recognise
+from vibroimpact.orbits import find_orbit
+from vibroimpact.orbits.sticking import find_sticking_orbit
+from vibroimpact.status import Status
+
+TWO = vi.ImpactOscillator(omega=3.0)  # a cycle and a sticking orbit
+CYCLES = vi.ImpactOscillator(omega=1.45)  # period-1 impact-1 and period-3 impact-4
+CHAOS = vi.ImpactOscillator(omega=3.0, restitution=0.9, gap=0.05)  # chaos and period-4 impact-3
+PHASE, VELOCITY = np.linspace(0.0, 1.0, 41), np.linspace(0.0, 3.0, 41)
+
+
+@pytest.fixture(scope="module")
+def portrait():
+    return basins(TWO, phase=PHASE, velocity=VELOCITY)
+
+
+def names(found):
+    """Return the name of the attractor of every start."""
+    meanings = np.array(found["attractor"].attrs["flag_meanings"].split())
+    return meanings[found["attractor"].values + 1]
+
+
+def at(osc, phase, velocity):
+    return vi.State(osc.gap, velocity, phase * osc.period)
+
+
+def test_at_omega_3_a_cycle_coexists_with_a_motion_that_sticks_from_one_start_in_eight():
+    cycle, sticking = attractors(TWO)
+    assert (cycle.name, sticking.name) == ("period-2 impact-2", "period-6 sticking")
+    assert cycle.share + sticking.share == 1.0
+    assert sticking.share == pytest.approx(1 / 8, abs=0.02)
+    assert (cycle.status, sticking.status) == (Status.CLOSED, Status.STICKING)
+    assert cycle.lyapunov < 0.0
+    assert sticking.lyapunov == -math.inf
+
+
+def test_a_finer_portrait_at_omega_3_says_the_same(portrait):
+    assert portrait["attractor"].dims == ("phase", "velocity")
+    assert portrait["attractor"].attrs["flag_meanings"] == "undecided period-2_impact-2 period-6_sticking"
+    assert float(portrait["share"].sum()) == 1.0
+    assert float(portrait["share"][1]) == pytest.approx(1 / 8, abs=0.01)
+    counted = [(portrait["attractor"] == number).mean() for number in (0, 1)]
+    np.testing.assert_array_equal(portrait["share"], counted)
+
+
+def test_a_start_on_a_cycle_costs_some_600_steps(portrait):
+    assert portrait.attrs["steps_computed"] / portrait["attractor"].size < 700
+
+
+@pytest.mark.parametrize("osc", [TWO, CYCLES], ids=["sticking", "cycles"])
+def test_every_impact_of_an_attractor_leads_to_it(osc):
+    for known in attractors(osc):
+        starts = [at(osc, *hit) for hit in zip(known.phases, known.velocities, strict=True) if hit[1] > 1e-4]
+        for found in (attractors(osc, starts), attractors(osc, [known.start])):
+            assert [(one.name, one.share) for one in found] == [(known.name, 1.0)]
+            np.testing.assert_allclose(found[0].velocities, known.velocities, rtol=0, atol=1e-9)
+
+
+def test_cycles_are_those_that_newton_finds():
+    for known in attractors(CYCLES):
+        orbits = find_orbit(
+            CYCLES, n_periods=known.n_periods, n_impacts=known.n_impacts, near=(known.phases[0], known.velocities[0])
+        )
+        np.testing.assert_allclose(known.velocities, orbits[0].velocities, rtol=0, atol=1e-11)
+        np.testing.assert_allclose(known.phases, orbits[0].phases, rtol=0, atol=1e-11)
+        assert known.lyapunov == pytest.approx(orbits[0].lyapunov, rel=1e-8)
+        lost = 0.5 * (1 - CYCLES.restitution**2) * sum(v * v for v in orbits[0].velocities) / known.n_periods
+        assert known.dissipation == pytest.approx(lost, rel=1e-9)
+        assert (known.max_velocity, known.mean_velocity) == (max(known.velocities), np.mean(known.velocities))
+
+
+def test_the_sticking_attractor_is_the_one_sticking_orbit():
+    sticking = attractors(TWO)[1]
+    (orbit,) = find_sticking_orbit(TWO)
+    assert sticking.n_periods == orbit.n_periods
+    hardest = int(np.argmax(orbit.velocities))
+    np.testing.assert_allclose(sticking.velocities, np.roll(orbit.velocities, -hardest), rtol=0, atol=1e-9)
+    assert sticking.start == orbit.start
+
+
+def test_a_start_and_the_same_start_one_period_later_share_their_attractor():
+    for y, v, t in itertools.product((-1.0, -0.3), (-0.7, 0.4), (0.0, 0.9)):
+        one, later = (attractors(TWO, [vi.State(y, v, t + turns * TWO.period)])[0] for turns in (0, 1))
+        assert (one.kind, one.n_periods, one.n_impacts) == (later.kind, later.n_periods, later.n_impacts)
+        np.testing.assert_allclose(one.velocities, later.velocities, rtol=0, atol=1e-9)
+
+
+def test_phase_0_and_phase_1_are_the_same_starts(portrait):
+    np.testing.assert_array_equal(portrait["attractor"][0], portrait["attractor"][-1])
+
+
+@pytest.mark.parametrize("osc", [TWO, CHAOS], ids=["sticking", "chaos"])
+def test_a_finer_grid_keeps_what_becomes_of_the_starts_they_share(osc):
+    fine = basins(osc, phase=PHASE, velocity=VELOCITY[::2])
+    coarse = basins(osc, phase=PHASE[::4], velocity=VELOCITY[::4])
+    np.testing.assert_array_equal(names(fine)[::4, ::2], names(coarse))
+    np.testing.assert_array_equal(fine["status"][::4, ::2], coarse["status"])
+
+
+def test_neither_threads_nor_the_order_of_axes_change_a_bit(portrait):
+    turned = basins(TWO, velocity=VELOCITY, phase=PHASE, workers=1)
+    assert turned["attractor"].dims == ("velocity", "phase")
+    assert turned.transpose("phase", ...).equals(portrait.transpose("phase", ...))
+    assert turned.attrs == portrait.attrs
+
+
+def test_a_portrait_scales_with_force_and_gap():
+    scaled = CHAOS.replace(amplitude=2.0, gap=2.0 * CHAOS.gap)
+    one = basins(CHAOS, phase=PHASE[::4], velocity=VELOCITY[::4])
+    two = basins(scaled, phase=PHASE[::4], velocity=2.0 * VELOCITY[::4])
+    np.testing.assert_array_equal(one["attractor"], two["attractor"].values)
+    np.testing.assert_array_equal(2.0 * one["max_velocity"], two["max_velocity"])
+    np.testing.assert_array_equal(4.0 * one["dissipation"], two["dissipation"])
+
+
+def test_the_attractor_of_a_start_is_the_motion_recognised_in_its_impacts(portrait):
+    told = names(portrait)
+    for i, j in itertools.product(range(3, 41, 9), range(0, 41, 8)):
+        section = vi.impact_section(TWO, start=at(TWO, PHASE[i], VELOCITY[j]), sample_impacts=1500)
+        assert recognise(section).name.replace(" ", "_") == told[i, j]
+
+
+def test_states_in_front_of_the_stop_lead_where_their_impacts_lead():
+    y, v = np.linspace(-2.0, 0.0, 5), np.linspace(-1.0, 1.0, 4)
+    found = basins(TWO, displacement=y, velocity=v, phase=0.25)
+    assert found["attractor"].dims == ("displacement", "velocity")
+    for i, j in itertools.product(range(5), range(4)):
+        (one,) = attractors(TWO, [vi.State(y[i], v[j], 0.25 * TWO.period)])
+        assert one.name.replace(" ", "_") == names(found)[i, j]
+
+
+def test_a_portrait_marks_where_its_attractors_lie(portrait):
+    cycle = attractors(TWO)[0]
+    np.testing.assert_allclose(portrait["point_phase"][0, :2], cycle.phases, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(portrait["point_velocity"][0, :2], cycle.velocities, rtol=0, atol=1e-9)
+    assert int(portrait["point_phase"][0].count()) == 2
+    look = basins(TWO, displacement=[-1.0, -0.5], velocity=[0.0, 0.5], phase=0.25)
+    there = names(look)[0, 0].replace("_", " ")
+    known = next(one for one in attractors(TWO) if one.name == there)
+    row = look.isel(attractor_id=int(look["attractor"][0, 0]))
+    y, v = (row[name].dropna("point").values for name in ("point_displacement", "point_velocity"))
+    assert len(y) == known.n_periods
+    leads = attractors(TWO, [vi.State(a, b, 0.25 * TWO.period) for a, b in zip(y, v, strict=True)])
+    assert [one.name for one in leads] == [there]
+
+
+def test_chaos_is_one_attractor_and_keeps_its_exponent():
+    chaos, cycle = attractors(CHAOS)
+    assert (chaos.name, cycle.name) == ("chaotic", "period-4 impact-3")
+    assert chaos.lyapunov > 0.2
+    assert chaos.velocities == ()
+    assert chaos.share + cycle.share == 1.0
+    (again,) = attractors(CHAOS, [chaos.start])
+    assert again.name == "chaotic"
+    assert again.mean_velocity == pytest.approx(chaos.mean_velocity, rel=0.02)
+
+
+def test_chaos_that_does_not_last_is_not_believed():
+    osc = vi.ImpactOscillator(omega=2.9)  # chaotic for hundreds of impacts, until a chatter is complete
+    first = vi.impact_section(osc, start=at(osc, 0.5, 0.9), sample_impacts=100)
+    assert recognise(first, longest=32).kind in ("aperiodic", "undetermined")
+    found = basins(osc, phase=np.linspace(0.0, 0.9, 10), velocity=np.linspace(0.3, 3.0, 10))
+    assert found["attractor"].attrs["flag_meanings"] == "undecided period-206_sticking"
+    assert float(found["share"][0]) == 1.0
+
+
+def test_a_start_that_sticks_once_has_the_fate_of_the_release():
+    """Chaos that rarely sticks: the release comes back after thousands of periods, later than most starts are run."""
+    osc = vi.ImpactOscillator(mass=0.605, damping=0.0, stiffness=0.1645, omega=2.116, restitution=0.9, gap=0.5)
+    sticking, chaos = attractors(osc)
+    assert (sticking.kind, chaos.kind) == ("sticking", "chaotic")
+    assert sticking.share + chaos.share == 1.0
+    waiting = vi.impact_section(osc, start=at(osc, 0.25, 0.0), transient_impacts=0, sample_impacts=6000)
+    assert recognise(waiting).name == sticking.name
+    assert sticking.n_periods > 1000
+
+
+def test_cycles_approached_slowly_are_waited_for():
+    osc = vi.ImpactOscillator(omega=5.0)  # within 1e-10 V after 3000 impacts
+    cycle, sticking = attractors(osc, [at(osc, 0.3, 1.0), at(osc, 0.1, 1.7), at(osc, 0.5, 0.001)])
+    assert (cycle.name, sticking.name) == ("period-6 impact-4", "period-3 sticking")
+
+
+def quiet(name, **changes):
+    osc = vi.ImpactOscillator().replace(**changes)
+    (found,) = attractors(osc)
+    assert (found.name, found.share) == (name, 1.0)
+    assert math.isnan(found.mean_velocity)
+    (again,) = attractors(osc, [found.start])
+    assert again.name == name
+    return found
+
+
+def test_behind_a_wide_gap_the_mass_never_hits():
+    osc = vi.ImpactOscillator(omega=3.0, gap=30.0)
+    found = quiet("no impact", omega=3.0, gap=30.0)
+    orbit = vi.simulate(osc, start=found.start, periods=50)
+    assert float(orbit["displacement"].max()) == pytest.approx(osc.steady_amplitude, rel=1e-3)
+    assert float(orbit["displacement"][-1]) == pytest.approx(found.start.displacement, abs=1e-10)
+
+
+def test_a_mass_pressed_too_hard_stays_for_ever():
+    quiet("stuck for ever", gap=-3.0)
+
+
+@pytest.mark.parametrize("gap", [-1.0, 0.0, 1.0])
+def test_unforced_every_start_comes_to_rest(gap):
+    assert quiet("at rest", amplitude=0.0, gap=gap).start == vi.State(min(0.0, gap))
+
+
+def test_without_rebound_every_start_sticks():
+    (found,) = attractors(vi.ImpactOscillator(restitution=0.0))
+    assert (found.name, found.n_impacts, found.share) == ("period-1 sticking", 1, 1.0)
+    assert len(found.velocities) == 1
+
+
+def test_without_any_loss_nothing_attracts():
+    osc = vi.ImpactOscillator(omega=3.0, restitution=1.0, damping=0.0)
+    starts = [at(osc, phase, speed) for phase, speed in ((0.2, 1.0), (0.7, 2.0))]
+    assert attractors(osc, starts) == []
+    found = basins(osc, phase=[0.2, 0.7], velocity=[1.0, 2.0])
+    assert (found["attractor"] == -1).all()
+    assert found.sizes["attractor_id"] == 0
+
+
+def test_a_start_out_of_budget_is_undecided_and_says_so():
+    found = basins(CHAOS, phase=[0.2, 0.7], velocity=[1.0, 2.0], tolerances=vi.Tolerances(steps_per_impact=1))
+    assert (found["attractor"] == -1).all()
+    assert (found["status"] == Status.BUDGET).all()
+
+
+def test_a_sweep_that_is_stopped_returns_what_it_has():
+    told = []
+
+    def stop(done, total, partial):
+        told.append((done, total, partial["status"].shape))
+        return False
+
+    found = basins(TWO, phase=np.linspace(0, 1, 300), velocity=np.linspace(0.1, 3, 300), workers=1, progress=stop)
+    done, total, shape = told[0]
+    assert 0 < done < total == 90_000
+    assert shape == (300, 300)
+    interrupted = found["status"] == Status.INTERRUPTED
+    assert (found["attractor"].values[interrupted] == -1).all()
+    assert float(found["share"].sum()) == pytest.approx(1.0 - float(interrupted.mean()), abs=1e-12)
+    assert 0.0 < float(interrupted.mean()) < 1.0
+
+
+@pytest.mark.parametrize("ending", [".zarr", ".nc"])
+def test_a_portrait_comes_back_from_disk_as_it_was(portrait, tmp_path, ending):
+    assert vi.load(vi.save(portrait, tmp_path / f"basins{ending}")).identical(portrait)
+
+
+def test_a_portrait_is_written_as_a_table(portrait, tmp_path):
+    table = vi.save(portrait, tmp_path / "basins.csv").read_text().splitlines()
+    assert sum(not line.startswith("#") for line in table) > portrait["attractor"].size
+
+
+def test_the_witness_finds_the_same_attractors():
+    starts = [at(CYCLES, 0.3, 1.0), at(CYCLES, 0.0, 2.2)]
+    fast, witness = (
+        attractors(CYCLES, starts, backend=name, transient_impacts=60, sample_impacts=80)
+        for name in ("cpu", "reference")
+    )
+    assert [one.name for one in fast] == [one.name for one in witness]
+    for one, other in zip(fast, witness, strict=True):
+        np.testing.assert_allclose(one.velocities, other.velocities, rtol=0, atol=1e-8)
+
+
+def test_cycles_are_compared_from_whichever_of_their_impacts_they_are_told():
+    one = Walk(np.array([2.0, 1.0, 2.0]), np.array([0.1, 0.5, 0.999999999]))
+    assert same_cycle(one, Walk(np.roll(one.velocity, 1), np.roll(one.phase, 1)), 1.0)
+    assert same_cycle(one, Walk(one.velocity, np.array([0.1, 0.5, 0.0])), 1.0)
+    assert not same_cycle(one, Walk(one.velocity, np.array([0.1, 0.500001, 0.0])), 1.0)
+    assert not same_cycle(one, Walk(one.velocity[:2], one.phase[:2]), 1.0)
+
+
+def test_chaos_is_told_apart_by_where_its_impacts_lie():
+    whole = vi.impact_section(vi.ImpactOscillator(omega=2.8), sample_impacts=8000)
+    first, second = (
+        Walk(whole["velocity"].values[part], whole["phase"].values[part])
+        for part in (slice(None, 4000), slice(4000, None))
+    )
+    assert same_chaos(first, second)
+    assert not same_chaos(first, Walk(second.velocity, (second.phase + 0.3) % 1.0))
+
+
+def test_values_part_where_any_column_leaves_a_gap():
+    energy, exponent = np.array([1.0, 1.0, 1.0, 5.0]), np.array([0.0, 0.3, 0.01, 0.0])
+    groups = [group.tolist() for group in apart([(energy, 0.1), (exponent, 0.1)])]
+    assert groups == [[0, 2], [1], [3]]
+
+
+def test_attractors_of_one_name_are_told_apart_by_letters():
+    from vibroimpact.coexistence.attractor import distinct_names
+
+    assert distinct_names([Attractor("chaotic")] * 2 + [Attractor("no_impact")]) == [
+        "chaotic a",
+        "chaotic b",
+        "no impact",
+    ]
+
+
+GRID = {"phase": [0.1, 0.2], "velocity": [0.5, 1.0]}
+
+
+@pytest.mark.parametrize(
+    ("axes", "message"),
+    [
+        ({"phase": [0.1, 0.2]}, "the starts are given by `phase`; allowed are .*give one of these pairs"),
+        ({}, "the starts are given by no axis; allowed are"),
+        (GRID | {"displacement": [0.0]}, "given by `phase`, `velocity`, `displacement`; allowed are"),
+        (GRID | {"gap": [0.0]}, "`gap` is no coordinate of a start; allowed are displacement, velocity, phase"),
+        (GRID | {"phase": [0.1, 1.2]}, "`phase` holds 1.2; allowed is a number from 0 to 1; give"),
+        (GRID | {"velocity": [-0.1, 1.2]}, "`velocity` holds -0.1; allowed is a number >= 0; an impact"),
+        (GRID | {"velocity": [1.0, 0.5]}, "`velocity` goes from 1 to 0.5; allowed are strictly increasing values"),
+        (GRID | {"velocity": []}, "`velocity` is \\[\\]; allowed is a one-dimensional, non-empty list"),
+        (GRID | {"velocity": "fast"}, "`velocity` is 'fast'; allowed is a one-dimensional"),
+        (GRID | {"velocity": [0.5, math.nan]}, "`velocity` is .*; allowed is .* finite numbers"),
+        ({"displacement": [-1.0, 0.5], "velocity": [0.0, 1.0]}, "`displacement` holds 0.5; allowed is at most the gap"),
+        ({"displacement": [-1.0, 0.0], "velocity": [0.0], "phase": 1.0}, "`phase` is 1.0; allowed is a number from 0"),
+        (GRID | {"workers": 0}, "`workers` is 0; allowed"),
+        (GRID | {"sample_impacts": 0}, "`sample_impacts` is 0; allowed"),
+        (GRID | {"backend": "fixed-step"}, "`backend` is 'fixed-step', which cannot name cycles; allowed are"),
+    ],
+)
+def test_a_wrong_request_for_basins_is_refused(axes, message):
+    with pytest.raises(ValueError, match=message):
+        basins(TWO, **axes)
+
+
+@pytest.mark.parametrize(
+    ("starts", "message"),
+    [
+        ([], "`starts` is empty; allowed is a list of State"),
+        (vi.State(-1.0), "`starts` is one State; allowed is a list of State"),
+        (3, "`starts` is 3; allowed is a list of State"),
+        ([0.3], "`starts` holds 0.3; allowed is a list of State"),
+        ([vi.State(0.1)], "`starts` holds State.*, beyond the stop at 0; allowed"),
+    ],
+)
+def test_wrong_starts_are_refused(starts, message):
+    with pytest.raises(ValueError, match=message):
+        attractors(TWO, starts)

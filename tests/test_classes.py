@@ -1,0 +1,197 @@
+"""Classes of motion: what the rule says of known cells, and that exponents and cycles tell one story."""
+
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import vibroimpact as vi
+from vibroimpact.classes import CERTAIN_GROWTH, MotionClass, classify
+from vibroimpact.dataset import provenance, status_variable, variable
+from vibroimpact.motion import recognise
+
+OSC = vi.ImpactOscillator()
+CYCLES = ("lyapunov_per_impact", "n_periods", "n_impacts")
+SPREAD = np.linspace(0.06, 5.0, 120)
+
+
+def motion_at(osc=OSC, **settings):
+    cell = classify(vi.parameter_map(osc, omega=[osc.omega], **({"indices": CYCLES} | settings))).isel(omega=0)
+    return MotionClass(int(cell["motion"])), int(cell["n_periods"]), int(cell["n_impacts"])
+
+
+def cells(per_impact, n_periods, n_impacts, status, sample_impacts=1000):
+    """Return a sweep that tells this of its cells."""
+    told = {"lyapunov_per_impact": per_impact, "n_periods": n_periods, "n_impacts": n_impacts}
+    axis = np.arange(1.0, len(status) + 1.0)
+    return xr.Dataset(
+        {name: variable(name, "omega", data) for name, data in told.items()}
+        | {"status": status_variable("omega", status)},
+        coords={"omega": variable("omega", "omega", axis)},
+        attrs=provenance("parameter_map", OSC, {"sample_impacts": sample_impacts}),
+    )
+
+
+@pytest.fixture(scope="module")
+def spread():
+    indices = (*CYCLES, "lyapunov", "impacts_per_period")
+    return vi.parameter_map(OSC, omega=SPREAD, start=vi.State(-1.0), indices=indices)
+
+
+@pytest.mark.parametrize(
+    ("omega", "known"),
+    [
+        (0.1, (MotionClass.STICKING, 1, -1)),
+        (0.95, (MotionClass.PERIODIC, 1, 2)),
+        (2.0, (MotionClass.PERIODIC, 1, 1)),
+        (2.8, (MotionClass.CHAOTIC, 0, 0)),
+    ],
+)
+def test_known_motions_have_their_class_and_name(omega, known):
+    assert motion_at(OSC.replace(omega=omega)) == known
+
+
+def test_a_stop_out_of_reach_is_no_impact():
+    assert motion_at(OSC.replace(gap=50.0)) == (MotionClass.NO_IMPACT, 0, 0)
+
+
+def test_a_mass_pressed_for_ever_makes_no_impact():
+    assert motion_at(OSC.replace(gap=-2.0)) == (MotionClass.NO_IMPACT, 0, 0)
+
+
+def test_a_plastic_hit_that_rests_is_sticking_with_its_count():
+    kind, n_periods, n_impacts = motion_at(OSC.replace(restitution=0.0, omega=0.4))
+    assert (kind, n_periods) == (MotionClass.STICKING, 1)
+    assert n_impacts > 0
+
+
+def test_a_motion_that_loses_nothing_is_neither_periodic_nor_chaotic_but_undecided():
+    """Without loss at the stop and in the damper neighbours of a regular orbit part in proportion to time."""
+    elastic = OSC.replace(restitution=1.0, damping=0.0, omega=3.3)
+    assert motion_at(elastic, start=vi.State(-0.4)) == (MotionClass.UNDECIDED, 0, 0)
+
+
+def test_a_mass_that_rests_once_and_not_again_is_undecided_until_that_rest_is_left_out():
+    """The orbit from at rest at y = -1 sticks at 43 s and no more within 5000 impacts."""
+    osc, settings = OSC.replace(omega=SPREAD[7]), {"start": vi.State(-1.0), "indices": CYCLES}
+    (rest,) = vi.impact_section(osc, start=vi.State(-1.0))["stick_time"].values
+    assert rest < 50.0
+    assert motion_at(osc, **settings) == (MotionClass.UNDECIDED, 0, 0)
+    assert motion_at(osc, **settings, transient_impacts=200) == (MotionClass.CHAOTIC, 0, 0)
+
+
+def test_each_rule_decides_where_the_ones_before_it_do_not():
+    inf, certain = math.inf, 1.01 * CERTAIN_GROWTH / 1000
+    sweep = cells(
+        [math.nan, math.nan, math.nan, -inf, -inf, -0.1, certain, 0.97 * certain, certain, -0.01, certain],
+        [0, 0, 0, 1, 0, 3, 0, 0, 0, 0, 0],
+        [0, 0, 0, -1, 0, 2, 0, 0, 0, 0, -1],
+        [
+            vi.Status.STOPPED_IMPACTING,
+            vi.Status.BUDGET,
+            vi.Status.INTERRUPTED,
+            vi.Status.STICKING,
+            vi.Status.STICKING,
+            vi.Status.CLOSED,
+            vi.Status.OK,
+            vi.Status.OK,
+            vi.Status.SHORT_WINDOW,
+            vi.Status.OK,
+            vi.Status.OK,
+        ],
+    )
+    words = [MotionClass(code).word for code in classify(sweep)["motion"].values]
+    assert words == [
+        "no_impact",
+        "undecided",
+        "undecided",
+        "sticking",
+        "undecided",
+        "periodic",
+        "chaotic",
+        "undecided",
+        "undecided",
+        "undecided",
+        "chaotic",
+    ]
+    assert classify(sweep)["n_impacts"].values[-1] == 0, "without a cycle no impacts are counted"
+
+
+def test_positive_exponents_and_motions_that_never_repeat_are_one_thing(spread):
+    motion = classify(spread)["motion"]
+    grows, cycle = spread["lyapunov"] > 0, spread["n_periods"] > 0
+    assert not bool((grows & cycle).any())
+    decided = motion != MotionClass.UNDECIDED
+    np.testing.assert_array_equal(grows.values[decided], ~cycle.values[decided])
+    np.testing.assert_array_equal(motion.values[decided] == MotionClass.CHAOTIC, grows.values[decided])
+    assert float(decided.mean()) > 0.95
+    assert {MotionClass.PERIODIC, MotionClass.STICKING, MotionClass.CHAOTIC} <= set(motion.values.tolist())
+
+
+def test_classes_agree_with_the_names_read_off_the_impacts(spread):
+    words = {MotionClass.PERIODIC: "periodic", MotionClass.STICKING: "sticking", MotionClass.CHAOTIC: "aperiodic"}
+    for at in range(0, len(SPREAD), 6):
+        kind = MotionClass(int(classify(spread)["motion"][at]))
+        section = vi.impact_section(OSC.replace(omega=SPREAD[at]), start=vi.State(-1.0), transient_impacts=3000)
+        if kind in words:
+            assert recognise(section).kind == words[kind], SPREAD[at]
+
+
+def test_the_exponent_per_time_decides_as_the_one_per_impact(spread):
+    by_impact = classify(spread.drop_vars(["lyapunov", "impacts_per_period"]))
+    by_time = classify(spread.drop_vars("lyapunov_per_impact"))
+    np.testing.assert_array_equal(by_impact["motion"], by_time["motion"])
+    in_hertz = spread.drop_vars("lyapunov_per_impact").rename(omega="frequency")
+    in_hertz = in_hertz.assign_coords(frequency=variable("frequency", "frequency", SPREAD / (2 * math.pi)))
+    np.testing.assert_array_equal(classify(in_hertz)["motion"], by_impact["motion"])
+
+
+def test_a_map_of_three_axes_is_classified_cell_by_cell():
+    axes = {"omega": [0.1, 2.0, 2.8], "mass": [0.9, 1.0], "gap": [0.0, 50.0]}
+    cube = classify(vi.parameter_map(OSC, **axes, indices=CYCLES, sample_impacts=1000))
+    assert cube["motion"].dims == ("omega", "mass", "gap")
+    assert bool((cube["motion"].sel(gap=50.0) == MotionClass.NO_IMPACT).all())
+    line = [MotionClass(code).word for code in cube["motion"].sel(gap=0.0, mass=1.0).values]
+    assert line == ["sticking", "periodic", "chaotic"]
+
+
+@pytest.mark.parametrize("direction", ["fresh", "down"])
+def test_a_diagram_that_tells_the_indices_along_its_axis_is_classified(direction):
+    values = {"omega": [0.1, 2.0, 2.8], "sample_impacts": 1000, "indices": CYCLES}
+    classes = classify(vi.bifurcation_diagram(OSC, **values, direction=direction))
+    assert classes["motion"].dims == ("omega",)
+    assert [MotionClass(code).word for code in classes["motion"].values] == ["sticking", "periodic", "chaotic"]
+
+
+def test_classes_come_back_from_a_file_as_they_were(tmp_path, spread):
+    classes = classify(spread)
+    vi.save(classes, tmp_path / "classes.nc")
+    xr.testing.assert_identical(vi.load(tmp_path / "classes.nc")["motion"], classes["motion"])
+
+
+def test_a_class_is_labelled_by_flags_and_keeps_what_it_was_made_from(spread):
+    classes = classify(spread)
+    assert classes["motion"].attrs["flag_meanings"] == "undecided no_impact periodic sticking chaotic"
+    np.testing.assert_array_equal(classes["motion"].attrs["flag_values"], range(5))
+    assert classes.attrs["oscillator"] == spread.attrs["oscillator"]
+    np.testing.assert_array_equal(classes["omega"], SPREAD)
+
+
+@pytest.mark.parametrize(
+    ("sweep", "told"),
+    [
+        ([1.0], "`sweep` is a list; allowed is a Dataset"),
+        (cells([0.1], [0], [0], [0]).drop_vars("n_periods"), "`sweep` lacks n_periods; allowed is a sweep that tells"),
+        (
+            vi.parameter_map(OSC, omega=[2.0], sample_impacts=50),
+            "`sweep` lacks lyapunov_per_impact, n_periods, n_impacts; allowed is a sweep that tells exponents and "
+            "cycles; run parameter_map with indices=('lyapunov_per_impact', 'n_periods', 'n_impacts')",
+        ),
+        (cells([0.1], [0], [0], [0]).drop_attrs(), "`sweep` does not tell how many impacts were sampled; allowed is"),
+    ],
+)
+def test_a_sweep_that_cannot_be_judged_is_refused_with_what_to_ask_for(sweep, told):
+    with pytest.raises(ValueError) as caught:  # noqa: PT011
+        classify(sweep)
+    assert told in str(caught.value)
