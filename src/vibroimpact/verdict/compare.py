@@ -1,0 +1,227 @@
+"""Two designs side by side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from vibroimpact.dataset import VARIABLES, provenance, status_variable, variable
+from vibroimpact.indices import INDICES
+from vibroimpact.options import Tolerances
+from vibroimpact.oscillator import PARAMETERS, ImpactOscillator
+from vibroimpact.progress import Report, reporter
+from vibroimpact.status import Status
+from vibroimpact.verdict.describe import Verdict, describe
+from vibroimpact.verdict.edges import KIND_WORDS, Edge
+from vibroimpact.verdict.reach import reach_of
+from vibroimpact.verdict.words import advice_words
+
+KINDS = tuple(KIND_WORDS)
+ROUNDING = 1e-9  # of the hardest hit: a spread this small is none
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Two verdicts side by side; `str()` is a table.
+
+    Attributes
+    ----------
+    names : tuple of two str
+        What the designs are called.
+    verdicts : tuple of two Verdict
+        What `describe` tells of each.
+    """
+
+    names: tuple[str, str]
+    verdicts: tuple[Verdict, Verdict]
+
+    def __str__(self) -> str:
+        rows = [("", *self.names), *self._rows()]
+        widths = [max(len(row[column]) for row in rows) for column in range(2)]
+        table = [f"{row[0]:<{widths[0]}}  {row[1]:<{widths[1]}}  {row[2]}".rstrip() for row in rows]
+        return "\n".join([*table, *self._advice()])
+
+    def _rows(self) -> Iterator[tuple[str, str, str]]:
+        """Yield label and both cells; a star marks parameters that differ."""
+        first, second = self.verdicts
+        for name in PARAMETERS:
+            a, b = (getattr(verdict.oscillator, name) for verdict in self.verdicts)
+            yield _labelled(name) + (" *" if a != b else ""), _number(a), _number(b)
+        yield "motion", first.motion.name, second.motion.name
+        yield "hardest hit, settled [m/s]", _number(first.max_velocity), _number(second.max_velocity)
+        for name in INDICES:
+            yield _labelled(name), _index(first, name), _index(second, name)
+        yield "mean power lost [W]", _number(first.power), _number(second.power)
+        for a, b in zip(first.boundaries, second.boundaries, strict=False):
+            side = "below" if a.direction < 0 else "above"
+            yield f"{a.parameter}, boundary {side}", _boundary(first, a), _boundary(second, b)
+        yield "coexisting motions", _others(first), _others(second)
+
+    def _advice(self) -> Iterator[str]:
+        for name, verdict in zip(self.names, self.verdicts, strict=True):
+            if verdict.advice:
+                yield f"to calm {name}: {advice_words(verdict.oscillator, verdict.advice[0])}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return both verdicts as plain dictionaries, ready for JSON."""
+        return {name: verdict.to_dict() for name, verdict in zip(self.names, self.verdicts, strict=True)}
+
+    @property
+    def dataset(self) -> xr.Dataset:
+        """Parameters, indices and boundaries as a labelled dataset over `design`."""
+        oscillators = [verdict.oscillator for verdict in self.verdicts]
+        content: dict[str, Any] = {
+            name: variable(name, "design", [getattr(osc, name) for osc in oscillators]) for name in PARAMETERS
+        }
+        for name, index in INDICES.items():
+            values = np.array([verdict.indices[name] for verdict in self.verdicts])
+            content[name] = variable(name, "design", values.astype(index.dtype))
+        content["power"] = xr.Variable(
+            "design", [verdict.power for verdict in self.verdicts], {"long_name": "mean power lost", "units": "W"}
+        )
+        content["motion"] = xr.Variable(
+            "design", _texts(verdict.motion.name for verdict in self.verdicts), {"long_name": "name of the motion"}
+        )
+        content["status"] = status_variable("design", [Status[v.status.upper()] for v in self.verdicts])
+        edges = [_table(verdict.boundaries) for verdict in self.verdicts]
+        varied = [edge.parameter for edge in self.verdicts[0].boundaries[::2]]
+        if all(len(table) == len(varied) for table in edges):
+            content |= _boundary_variables(edges)
+        arguments = {"names": self.names, "oscillators": [asdict(osc) for osc in oscillators]}
+        return xr.Dataset(
+            content,
+            coords={"design": _texts(self.names), "parameter": _texts(varied), "direction": np.array([-1, 1], np.int8)},
+            attrs=provenance("compare", oscillators[0], arguments),
+        )
+
+
+def _texts(words: Iterable[str]) -> np.ndarray[Any, Any]:
+    """Return text as stores keep it: of any length."""
+    return np.array(list(words), dtype=object)
+
+
+def _table(edges: tuple[Edge, ...]) -> list[tuple[Edge, Edge]]:
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def _boundary_variables(tables: list[list[tuple[Edge, Edge]]]) -> dict[str, xr.Variable]:
+    dims = ("design", "parameter", "direction")
+
+    def numbers(name: str, long_name: str) -> xr.Variable:
+        values = [[[getattr(edge, name) for edge in row] for row in table] for table in tables]
+        shape = (len(tables), len(tables[0]), 2)
+        return xr.Variable(dims, np.array(values, dtype=np.float64).reshape(shape), {"long_name": long_name})
+
+    kinds = np.array([[[KINDS.index(edge.kind) for edge in row] for row in table] for table in tables], np.int8)
+    return {
+        "boundary": numbers("value", "nearest boundary, in the parameter's unit"),
+        "boundary_change": numbers("change", "relative change to the nearest boundary"),
+        "boundary_half_width": numbers("half_width", "uncertainty of the nearest boundary; 0 where exact"),
+        "boundary_kind": xr.Variable(
+            dims,
+            kinds.reshape(len(tables), len(tables[0]), 2),
+            {
+                "long_name": "kind of the nearest boundary",
+                "flag_values": np.arange(len(KINDS), dtype=np.int8),
+                "flag_meanings": " ".join(KINDS),
+            },
+        ),
+    }
+
+
+def _labelled(name: str) -> str:
+    long_name, units, _ = VARIABLES[name]
+    return long_name if units == "1" else f"{long_name} [{units}]"
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.6g}"
+
+
+def _index(verdict: Verdict, name: str) -> str:
+    value = verdict.indices[name]
+    return "0" if name == "std" and value < ROUNDING * verdict.max_velocity else _number(value)
+
+
+def _boundary(verdict: Verdict, edge: Edge) -> str:
+    if not edge.found:
+        return f"none to {edge.searched_to:.4g}"
+    change = reach_of(verdict.oscillator, edge.parameter, 1.0).percent(edge.value)
+    what = edge.beyond or KIND_WORDS[edge.kind] if edge.kind == "change" else KIND_WORDS[edge.kind]
+    return f"{edge.value:.6g} ({'-' if edge.direction < 0 else '+'}{change}, {what})"
+
+
+def _others(verdict: Verdict) -> str:
+    others = [f"{100.0 * m.share:.3g} % {m.name}" for m in verdict.attractors if not m.from_rest]
+    return ", ".join(others) or "none"
+
+
+def compare(
+    a: ImpactOscillator,
+    b: ImpactOscillator,
+    *,
+    names: tuple[str, str] = ("A", "B"),
+    parameters: Iterable[str] | None = None,
+    within: float = 3.0,
+    tolerances: Tolerances | None = None,
+    workers: int | None = None,
+    progress: bool | Report = False,
+) -> Comparison:
+    """Set two designs side by side: parameters, motion, every index, boundaries, what would calm each.
+
+    Parameters
+    ----------
+    a, b : ImpactOscillator
+        The two designs.
+    names : tuple of two str
+        What they are called; not the same.
+    parameters, within, tolerances, workers
+        As of `describe`.
+    progress : bool or callable
+        True shows a bar; a callable gets (parts done, parts in all, None) and stops by returning False.
+
+    Returns
+    -------
+    Comparison
+        `str()` is a table in which a star marks the parameters that differ; `dataset` holds it over `design`.
+
+    Raises
+    ------
+    ValueError
+        An argument is out of its range.
+
+    Notes
+    -----
+    Costs two verdicts. `vibroimpact.plotting.comparison_figure` draws it.
+
+    Examples
+    --------
+    >>> told = compare(ImpactOscillator(omega=1.4), ImpactOscillator(omega=2.0), names=("slow", "fast"), parameters=[])
+    >>> str(told).splitlines()[5].split()
+    ['angular', 'driving', 'frequency', '[rad/s]', '*', '1.4', '2']
+    """
+    first, second = _two_names(names)
+    varied = None if parameters is None else tuple(parameters)
+    verdicts = []
+    with reporter(progress, "parts") as report:
+        for before, osc in enumerate((a, b)):
+
+            def tell(done: int, total: int, _: Any, before: int = before) -> Any:
+                return report(before * total + done, 2 * total, None)
+
+            verdicts.append(
+                describe(osc, parameters=varied, within=within, tolerances=tolerances, workers=workers, progress=tell)
+            )
+    return Comparison((first, second), (verdicts[0], verdicts[1]))
+
+
+def _two_names(names: Any) -> tuple[str, str]:
+    pair = tuple(names) if isinstance(names, (tuple, list)) else ()
+    if len(pair) != 2 or not all(isinstance(name, str) and name for name in pair) or pair[0] == pair[1]:
+        raise ValueError(f'`names` is {names!r}; allowed are two different words; give for example ("old", "new")')
+    return pair[0], pair[1]

@@ -1,0 +1,201 @@
+"""A verdict in words, line by line."""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from vibroimpact.dataset import VARIABLES
+from vibroimpact.oscillator import PARAMETERS, ImpactOscillator
+from vibroimpact.status import Status
+from vibroimpact.verdict.edges import KIND_WORDS, Edge
+from vibroimpact.verdict.reach import reach_of
+
+if TYPE_CHECKING:
+    from vibroimpact.verdict.advice import Advice
+    from vibroimpact.verdict.describe import Verdict
+
+MARGIN, WIDTH = 12, 110
+KNOWN = 1e-6  # of the motion's size: how well a state is known whose future is foretold
+TOLD = 3  # pieces of advice
+LISTED = 4  # impacts of a cycle
+SHOWN = 12  # coexisting motions
+_TIED = "\u00a0"
+
+
+def lines(verdict: Verdict) -> Iterator[str]:
+    """Yield the lines of a verdict."""
+    parts: list[tuple[str, Iterable[str]]] = [
+        ("oscillator", [parameters_line(verdict.oscillator)]),
+        ("motion", _motion(verdict)),
+        ("hits", _hits(verdict)),
+        ("energy", _energy(verdict)),
+        ("at rest", _rest(verdict)),
+        ("stability", _stability(verdict)),
+        ("boundaries", _boundaries(verdict)),
+        ("coexisting", _coexisting(verdict)),
+        ("to calm it", _advice(verdict)),
+    ]
+    for title, told in parts:
+        for i, line in enumerate(told):
+            head = (title if i == 0 else "").ljust(MARGIN)
+            yield from _wrapped(head, line)
+    if not verdict.complete:
+        yield "stopped".ljust(MARGIN) + "before the end; run it again for what is missing"
+
+
+def _wrapped(head: str, line: str) -> Iterator[str]:
+    """Yield a line, broken where it is too long but not between a number and its unit."""
+    kept = re.sub(r"(?<=\d) (?=%|[a-zA-Z/]+\b)", _TIED, line)
+    for part in textwrap.wrap(kept, WIDTH, initial_indent=head, subsequent_indent=" " * (MARGIN + 2)):
+        yield part.replace(_TIED, " ")
+
+
+def parameters_line(osc: ImpactOscillator) -> str:
+    """Return the seven numbers in a line."""
+    return ", ".join(f"{name} {quantity(name, getattr(osc, name), 6)}" for name in PARAMETERS)
+
+
+def quantity(name: str, value: float, digits: int = 4) -> str:
+    """Return a value with its unit."""
+    units = VARIABLES[name][1]
+    return f"{value:.{digits}g}" + ("" if units == "1" else f" {units}")
+
+
+def _motion(verdict: Verdict) -> Iterator[str]:
+    osc, motion = verdict.oscillator, verdict.motion
+    if verdict.kind in ("periodic", "sticking") and motion.n_periods:
+        yield f"{motion.name}, repeats each {motion.n_periods * osc.period:.4g} s"
+    elif verdict.kind == "chaotic":
+        yield "chaotic, the impacts never repeat"
+    elif verdict.kind == "undecided":
+        yield "aperiodic as far as was looked, neither a cycle nor certain chaos"
+    else:
+        yield f"{motion.name}: {Status[verdict.status.upper()].sentence}"
+    if verdict.kind == "no_impact" and math.isfinite(osc.steady_amplitude):
+        yield (
+            f"it swings by {osc.steady_amplitude:.4g} m and stays {osc.gap - osc.steady_amplitude:.3g} m clear of the "
+            "stop"
+        )
+    if verdict.kind == "stuck_forever":
+        yield f"the preload -k g = {abs(osc.stiffness * osc.gap):.4g} N against the force f = {osc.amplitude:.4g} N"
+
+
+def _hits(verdict: Verdict) -> Iterator[str]:
+    motion, rate = verdict.motion, verdict.indices["impacts_per_period"]
+    if not math.isfinite(verdict.max_velocity) or verdict.max_velocity == 0.0:
+        return
+    hardest = f"{verdict.max_velocity:.5g} m/s"
+    if verdict.kind == "sticking":
+        at = f" at phase {motion.phases[0]:.3g}" if motion.phases else ""
+        some = f"{motion.n_impacts} in a cycle" if motion.n_impacts > 0 else "then ever weaker and faster, a chatter"
+        yield f"hardest {hardest}{at}, {some}"
+    elif verdict.kind == "periodic" and motion.velocities:
+        often = "once a period" if rate == 1.0 else f"{rate:.4g} times a period"
+        pairs = list(zip(motion.velocities, motion.phases, strict=True))
+        told = ", ".join(f"{speed:.5g} m/s at phase {phase:.3g}" for speed, phase in pairs[:LISTED])
+        more = f", and {len(pairs) - LISTED} softer or equal" if len(pairs) > LISTED else ""
+        yield f"{often}: {told}{more}"
+    else:
+        yield (
+            f"{rate:.3g} times a period on average, hardest {hardest}, mean {verdict.indices['mean_velocity']:.3g} "
+            f"m/s; phases spread {verdict.indices['impact_phase_spread']:.2g} (0 one phase, 1 all alike)"
+        )
+
+
+def _energy(verdict: Verdict) -> Iterator[str]:
+    lost = verdict.indices["dissipation"]
+    if math.isfinite(lost):
+        yield f"{lost:.4g} J lost at the stop a period, {verdict.power:.4g} W on average"
+
+
+def _rest(verdict: Verdict) -> Iterator[str]:
+    share = verdict.indices["stick_fraction"]
+    if verdict.kind == "sticking" and math.isfinite(share):
+        yield f"{100.0 * share:.3g} % of the time at rest at the stop"
+
+
+def _stability(verdict: Verdict) -> Iterator[str]:
+    period, exponent = verdict.oscillator.period, verdict.indices["lyapunov"]
+    if verdict.orbit is not None and verdict.kind == "periodic":
+        exponent = verdict.orbit.lyapunov
+    if math.isnan(exponent):
+        return
+    if math.isinf(exponent):
+        yield "a rest at the stop erases all memory: neighbouring motions become one (exponent -inf)"
+    elif verdict.kind == "chaotic":
+        ahead = -math.log(KNOWN) / exponent / period
+        yield (
+            f"neighbouring motions diverge, doubling their distance every {math.log(2.0) / exponent:.3g} s "
+            f"(exponent {exponent:.4g} 1/s): a state known to {KNOWN:g} of its size is predictable for about "
+            f"{ahead:.2g} periods"
+        )
+    elif exponent < 0.0 and verdict.kind == "periodic":
+        half = -math.log(2.0) / exponent
+        yield (
+            f"neighbouring motions approach by half every {half:.3g} s, {half / period:.2g} periods (exponent "
+            f"{exponent:.4g} 1/s)"
+        )
+    else:
+        yield f"neighbouring motions hardly approach or diverge (exponent {exponent:.2g} 1/s)"
+
+
+def _boundaries(verdict: Verdict) -> Iterator[str]:
+    for down, up in zip(verdict.boundaries[::2], verdict.boundaries[1::2], strict=True):
+        if not (down.found or up.found):
+            span = " to ".join(f"{edge.searched_to:.4g}" for edge in (down, up))
+            yield f"{down.parameter}: none from {span}"
+        else:
+            yield f"{down.parameter}: {edge_words(verdict.oscillator, down)}; {edge_words(verdict.oscillator, up)}"
+
+
+def edge_words(osc: ImpactOscillator, edge: Edge) -> str:
+    """Return a boundary in words, such as 'up 3.1 % to 2.693 rad/s (period doubling, then period-2 impact-2)'."""
+    way = "down" if edge.direction < 0 else "up"
+    if not edge.found:
+        return f"{way} none to {edge.searched_to:.4g}"
+    change = reach_of(osc, edge.parameter, 1.0).percent(edge.value)
+    place = quantity(edge.parameter, edge.value, 6 if edge.exact else 5)
+    what = KIND_WORDS[edge.kind]
+    if edge.kind == "change":
+        what = edge.beyond or what
+    elif edge.beyond:
+        what += f", then {edge.beyond}"
+    return f"{way} {change} to {place} ({what}{'' if edge.exact else f'; {edge.accuracy}'})"
+
+
+def _coexisting(verdict: Verdict) -> Iterator[str]:
+    undecided = 1.0 - sum(motion.share for motion in verdict.attractors)
+    if len(verdict.attractors) == 1 and undecided < 1e-9:
+        yield "none: all starts that were tried settle to this motion"
+        return
+    for motion in verdict.attractors[:SHOWN]:
+        hit = f", hardest hit {motion.max_velocity:.3g} m/s" if motion.max_velocity > 0.0 else ""
+        here = " (this motion)" if motion.from_rest else ""
+        yield f"{100.0 * motion.share:.3g} % of the starts: {motion.name}{here}{hit}"
+    if len(verdict.attractors) > SHOWN:
+        yield f"and {len(verdict.attractors) - SHOWN} more"
+    if verdict.attractors and undecided >= 1e-9:
+        yield f"{100.0 * undecided:.3g} % of the starts: not decided"
+
+
+def _advice(verdict: Verdict) -> Iterator[str]:
+    for i, advice in enumerate(verdict.advice[:TOLD]):
+        yield ("or " if i else "") + advice_words(verdict.oscillator, advice)
+    if verdict.complete and not verdict.advice:
+        yield "nothing to calm" if verdict.max_velocity == 0.0 else "no change of one parameter within reach does"
+
+
+def advice_words(osc: ImpactOscillator, advice: Advice) -> str:
+    """Return a piece of advice in words."""
+    change = reach_of(osc, advice.parameter, 1.0).percent(advice.value)
+    verb = "raise" if advice.change > 0.0 else "lower"
+    head = f"{verb} {advice.parameter} by {change} to {quantity(advice.parameter, advice.value, 6)}: "
+    if advice.benefit == "no_impact":
+        return f"{head}{advice.motion}"
+    softer = 100.0 * (1.0 - advice.max_velocity / advice.before)
+    size = f"{abs(softer):.2g} % {'softer' if softer > 0.0 else 'harder'}"
+    return f"{head}{advice.motion}, hardest hit {advice.max_velocity:.4g} instead of {advice.before:.4g} m/s ({size})"

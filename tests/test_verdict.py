@@ -1,0 +1,392 @@
+"""What a verdict says is true: against 50-digit values, closed forms, and what other functions of the package find."""
+
+import json
+import math
+from dataclasses import asdict
+
+import matplotlib
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from vibroimpact.continuation import continue_orbit
+from vibroimpact.indices import INDICES
+from vibroimpact.motion import recognise
+from vibroimpact.oscillator import PARAMETERS
+from vibroimpact.plotting.comparison import comparison_figure
+from vibroimpact.verdict import compare, describe
+from vibroimpact.verdict.reach import reach_of
+from vibroimpact.verdict.readings import Laboratory, Start
+
+matplotlib.use("agg")
+END_OF_STICKING = 0.34718041326569626  # of the default oscillator, rad/s
+
+
+@pytest.fixture(scope="module")
+def fast():
+    return describe(vi.ImpactOscillator(omega=2.0))
+
+
+@pytest.fixture(scope="module")
+def chaotic():
+    return describe(vi.ImpactOscillator(omega=2.8))
+
+
+def edge(verdict, parameter, direction):
+    return next(e for e in verdict.boundaries if (e.parameter, e.direction) == (parameter, direction))
+
+
+def hardest_hit(osc, start=None):
+    section = vi.impact_section(osc, start=start, transient_impacts=3000, sample_impacts=4000)
+    return float(section["velocity"].max()) if section.sizes["impact"] else 0.0
+
+
+# What it does
+
+
+def test_the_motion_at_w_2_is_named_with_its_50_digit_velocity_and_phase(fast, values):
+    known = values["period_n_impact_1"]["w=2.0,n=1"]
+    assert fast.motion.name == "period-1 impact-1"
+    assert fast.motion.velocities == pytest.approx((float(known["v"]),), rel=1e-13)
+    assert fast.motion.phases == pytest.approx((float(known["phase_frac"]),), rel=1e-13)
+    assert "once a period: 6.2264 m/s at phase 0.499" in str(fast)
+
+
+def test_the_energy_lost_is_that_of_the_impact_and_the_power_that_over_the_period(fast):
+    """E = m (1 - r^2) v^2 / 2."""
+    (v,) = fast.motion.velocities
+    assert fast.indices["dissipation"] == pytest.approx(0.5 * (1 - 0.8**2) * v**2, rel=1e-9)
+    assert fast.power == pytest.approx(0.5 * (1 - 0.8**2) * v**2 / fast.oscillator.period, rel=1e-9)
+
+
+def test_neighbours_approach_at_the_rate_of_the_50_digit_multiplier(fast, values):
+    largest = float(values["period_n_impact_1"]["w=2.0,n=1"]["mult1"][0])
+    halving = -math.log(2.0) / math.log(largest)
+    assert abs(fast.orbit.multipliers[0]) == pytest.approx(largest, rel=1e-9)
+    assert f"{halving:.2g} periods" in str(fast)
+
+
+def test_at_w_0_1_the_mass_rests_for_the_50_digit_share_of_the_time(values):
+    known = values["sticking_w=0.1"]
+    verdict = describe(vi.ImpactOscillator(omega=0.1), parameters=[])
+    assert verdict.kind == "sticking"
+    share = float(known["stuck_duration"]) / float(known["T"])
+    assert verdict.indices["stick_fraction"] == pytest.approx(share, abs=1e-9)
+    assert verdict.max_velocity == pytest.approx(float(known["max_v"]), rel=1e-11)
+    assert f"{100 * share:.3g} % of the time at rest" in str(verdict)
+    assert "erases all memory" in str(verdict)
+
+
+def test_chaos_at_w_2_8_is_told_with_its_exponent_and_how_far_one_can_foresee(chaotic, values):
+    known = float(values["lyapunov_w=2.8"]["lam_per_time_mean_se"][0])
+    assert chaotic.kind == "chaotic"
+    assert chaotic.indices["lyapunov"] == pytest.approx(known, rel=0.05)
+    periods = math.log(1e6) / chaotic.indices["lyapunov"] / chaotic.oscillator.period
+    assert f"predictable for about {periods:.2g} periods" in str(chaotic)
+    assert str(chaotic).splitlines()[2].startswith("motion      chaotic")
+
+
+def test_every_index_is_that_of_parameter_map(fast):
+    sweep = vi.parameter_map(vi.ImpactOscillator(), indices=tuple(INDICES), omega=[2.0])
+    for name in INDICES:
+        assert fast.indices[name] == float(sweep[name][0])
+
+
+# How far it is from something else
+
+
+def test_the_period_doubling_below_w_1_4_is_the_50_digit_one(values):
+    known = max(float(row["w"]) for row in values["period_doubling_w_of_n=1"] if float(row["w"]) < 1.4)
+    down = edge(describe(vi.ImpactOscillator(omega=1.4), parameters=["omega"]), "omega", -1)
+    assert (down.kind, down.accuracy, down.beyond) == ("period_doubling", "exact", "period-2 impact-2")
+    assert down.value == pytest.approx(known, rel=1e-13)
+    assert down.change == pytest.approx(known / 1.4 - 1.0, rel=1e-11)
+
+
+def test_the_grazing_above_w_0_95_is_the_50_digit_one(values):
+    verdict = describe(vi.ImpactOscillator(omega=0.95), parameters=["omega"])
+    up = edge(verdict, "omega", 1)
+    assert verdict.motion.name == "period-1 impact-2"
+    assert (up.kind, up.accuracy) == ("grazing", "exact")
+    assert up.value == pytest.approx(float(values["grazing_w_of_n=1"][0]["w"]), rel=1e-12)
+
+
+def test_sticking_at_w_0_1_ends_upwards_at_the_end_of_sticking():
+    up = edge(describe(vi.ImpactOscillator(omega=0.1), parameters=["omega"]), "omega", 1)
+    assert (up.kind, up.accuracy) == ("end_of_sticking", "exact")
+    assert up.value == pytest.approx(END_OF_STICKING, rel=1e-12)
+
+
+def test_the_boundaries_of_an_orbit_are_the_nearest_special_points_of_its_branch(fast):
+    for parameter in ("mass", "stiffness", "gap"):
+        reach = reach_of(fast.oscillator, parameter, 3.0)
+        branch = continue_orbit(fast.orbit, parameter, (reach.low, reach.high), virtual=False)
+        below = [point.value for point in branch.special if point.value < reach.value]
+        above = [point.value for point in branch.special if point.value > reach.value]
+        assert edge(fast, parameter, -1).value == pytest.approx(max(below), rel=1e-11)
+        assert edge(fast, parameter, 1).value == pytest.approx(min(above), rel=1e-11)
+
+
+def test_at_gap_zero_the_force_only_changes_the_size(fast):
+    assert not edge(fast, "amplitude", -1).found
+    assert not edge(fast, "amplitude", 1).found
+
+
+def test_scaling_the_oscillator_scales_its_boundaries():
+    """(s m, s c, s k, s f) leaves y: with s a power of two, bit for bit."""
+    plain = vi.ImpactOscillator(omega=1.4, gap=-0.1)
+    heavy = plain.replace(mass=4.0, damping=0.04, stiffness=4.0, amplitude=4.0)
+    for one, other in zip(*(describe(osc, parameters=["omega"]).boundaries for osc in (plain, heavy)), strict=True):
+        assert (one.kind, one.beyond) == (other.kind, other.beyond)
+        assert one.value == pytest.approx(other.value, rel=1e-12, nan_ok=True)
+
+
+def test_a_bisected_boundary_parts_motions_of_different_names(chaotic):
+    laboratory, seen = Laboratory(), 0
+    for boundary in chaotic.boundaries:
+        if boundary.kind == "change" and boundary.parameter in ("omega", "restitution"):
+            assert 0.0 < boundary.half_width < 1e-5
+            assert boundary.accuracy.startswith("to within")
+            there = chaotic.oscillator.replace(**{boundary.parameter: boundary.beyond_at})
+            readings = laboratory.read([there] * 4, [Start(0.0, 0.3, phase) for phase in (0.1, 0.35, 0.6, 0.85)])
+            assert boundary.beyond in {reading.name for reading in readings}
+            seen += 1
+    assert seen == 4
+
+
+def test_without_impacts_the_motion_first_touches_the_stop_where_its_amplitude_is_the_gap():
+    osc = vi.ImpactOscillator(gap=0.5)
+    verdict = describe(osc)
+    assert verdict.kind == "no_impact"
+    found = [boundary for boundary in verdict.boundaries if boundary.found]
+    assert {boundary.parameter for boundary in found} == {"mass", "stiffness", "amplitude", "omega", "gap"}
+    for boundary in found:
+        assert boundary.kind == "first_contact"
+        there = osc.replace(**{boundary.parameter: boundary.value})
+        assert there.steady_amplitude == pytest.approx(there.gap, rel=1e-12)
+    assert f"stays {0.5 - osc.steady_amplitude:.3g} m clear" in str(verdict)
+    assert edge(verdict, "gap", -1).value == pytest.approx(osc.steady_amplitude, rel=1e-14)
+
+
+def test_a_mass_pressed_for_ever_is_lifted_off_where_the_force_is_the_preload():
+    verdict = describe(vi.ImpactOscillator(gap=-2.0))
+    lifted = {b.parameter: b.value for b in verdict.boundaries if b.found}
+    assert verdict.kind == "stuck_forever"
+    assert lifted == pytest.approx({"stiffness": 0.5, "amplitude": 2.0, "gap": -1.0}, rel=1e-14)
+
+
+# What coexists, and what would calm it
+
+
+def test_at_w_3_a_sticking_motion_coexists_with_a_periodic_one():
+    verdict = describe(vi.ImpactOscillator(omega=3.0), parameters=[])
+    mine, other = verdict.attractors
+    assert (mine.name, mine.from_rest) == ("period-6 sticking", True)
+    assert (other.name, other.from_rest) == ("period-2 impact-2", False)
+    assert mine.share + other.share == pytest.approx(1.0)
+    assert 0.05 < mine.share < 0.25  # about one start in eight
+    assert "period-6 sticking (this motion)" in str(verdict)
+
+
+@pytest.mark.parametrize("omega", [2.0, 1.4, 2.8, 0.1])
+def test_advice_that_is_followed_does_what_it_says(omega):
+    osc = vi.ImpactOscillator(omega=omega)
+    verdict = describe(osc, parameters=["omega", "mass", "gap"])
+    now = hardest_hit(osc)
+    assert verdict.advice
+    for advice in verdict.advice:
+        changed = osc.replace(**{advice.parameter: advice.value})
+        then = hardest_hit(changed)
+        assert then <= advice.max_velocity * (1.0 + 1e-6 if "chaotic" not in advice.motion else 1.02)
+        if advice.benefit == "softer":
+            assert then <= 0.801 * now
+        elif advice.benefit == "no_chaos":
+            assert recognise(vi.impact_section(changed, transient_impacts=3000)).kind in ("periodic", "sticking")
+        else:
+            assert then == 0.0
+    changes = [abs(advice.change) for advice in verdict.advice]
+    assert changes == sorted(changes)
+
+
+def test_the_smallest_change_that_softens_the_hits_is_no_smaller_than_needed():
+    """Period-1 impact-1 has a closed form: half the advised change of w must not soften the hits by a fifth."""
+    osc = vi.ImpactOscillator(omega=2.0)
+    (advice,) = describe(osc, parameters=["omega"]).advice
+    between = osc.replace(omega=2.0 + 0.95 * (advice.value - 2.0))
+    assert hardest_hit(between) > 0.8 * hardest_hit(osc)
+
+
+def test_where_nothing_hits_there_is_nothing_to_calm():
+    verdict = describe(vi.ImpactOscillator(gap=0.5), parameters=["omega"])
+    assert verdict.advice == ()
+    assert "nothing to calm" in str(verdict)
+
+
+# Hard cases
+
+
+@pytest.mark.parametrize(
+    ("numbers", "kind"),
+    [
+        ({"gap": 0.5}, "no_impact"),
+        ({"amplitude": 0.0, "gap": 1.0}, "no_impact"),
+        ({"gap": -2.0}, "stuck_forever"),
+        ({"amplitude": 0.0}, "stuck_forever"),
+        ({"amplitude": 0.0, "gap": -0.1}, "stuck_forever"),
+        ({"restitution": 0.0}, "sticking"),
+        ({"restitution": 0.0, "omega": 0.5, "gap": -0.3}, "sticking"),
+        ({"restitution": 1.0}, "periodic"),
+        ({"restitution": 1.0, "damping": 0.0}, "undecided"),
+        ({"damping": 0.0, "omega": 1.0, "gap": 1.0}, "periodic"),
+        ({"omega": 2.8, "gap": -0.2}, None),
+    ],
+)
+def test_every_hard_case_has_a_verdict_that_can_be_read_and_stored(numbers, kind):
+    verdict = describe(vi.ImpactOscillator(**numbers), parameters=["gap", "amplitude"])
+    assert kind is None or verdict.kind == kind
+    assert len(verdict.boundaries) == 4
+    assert str(verdict).startswith("oscillator")
+    assert "nan" not in str(verdict)
+    stored = json.loads(json.dumps(verdict.to_dict(), allow_nan=False))
+    assert stored["motion"]["name"] == verdict.motion.name
+
+
+def test_a_motion_that_outlasts_its_budget_is_told_as_such():
+    hasty = vi.Tolerances(flight_periods=1.0, steps_per_impact=1)
+    verdict = describe(vi.ImpactOscillator(omega=2.8), parameters=["omega"], tolerances=hasty)
+    assert verdict.kind == "budget"
+    assert "raise `flight_periods` or `steps_per_impact`" in " ".join(str(verdict).split())
+
+
+def test_units_a_million_times_off_change_no_words():
+    """Metres and seconds against micrometres and milliseconds: the same shares, kinds and percentages."""
+    plain = vi.ImpactOscillator(omega=1.4)
+    small = vi.ImpactOscillator(mass=1.0, damping=10.0, stiffness=1e6, amplitude=1.0, omega=1400.0)
+    one, other = (describe(osc, parameters=["omega"]) for osc in (plain, small))
+    assert one.motion.name == other.motion.name
+    for a, b in zip(one.boundaries, other.boundaries, strict=True):
+        assert (a.kind, a.beyond) == (b.kind, b.beyond)
+        assert a.change == pytest.approx(b.change, rel=1e-9)
+
+
+def test_progress_counts_parts_and_can_stop():
+    told = []
+    whole = describe(
+        vi.ImpactOscillator(), parameters=["omega"], progress=lambda done, total, _: told.append((done, total))
+    )
+    assert whole.complete
+    assert told == [(i, 4) for i in (1, 2, 3, 4)]
+    partial = describe(vi.ImpactOscillator(), parameters=["omega"], progress=lambda done, total, _: False)
+    assert not partial.complete
+    assert partial.motion.name == "period-1 impact-1"
+    assert "before the end" in str(partial)
+
+
+def test_the_work_of_a_verdict_is_bounded(fast, chaotic):
+    assert fast.cells <= 1200
+    assert chaotic.cells <= 1500
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"parameters": ["omga"]}, "did you mean 'omega'"),
+        ({"parameters": ["gap", "gap"]}, "drop the repeated one"),
+        ({"within": 0.0}, "`within` is 0.0"),
+        ({"within": "far"}, "`within` is 'far'"),
+    ],
+)
+def test_a_wrong_request_names_the_argument_and_the_remedy(arguments, words):
+    with pytest.raises(ValueError, match="`") as refused:
+        describe(vi.ImpactOscillator(), **arguments)
+    assert words in str(refused.value)
+
+
+def test_only_an_oscillator_is_described():
+    with pytest.raises(ValueError, match="`osc` is 3; allowed is an ImpactOscillator"):
+        describe(3)
+
+
+# Two designs
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    a, b = vi.ImpactOscillator(omega=1.4), vi.ImpactOscillator(omega=2.0, gap=0.5)
+    return compare(a, b, names=("old", "new"), parameters=["omega"])
+
+
+def test_the_table_is_aligned_and_stars_what_differs(comparison):
+    lines = str(comparison).splitlines()
+    assert lines[0].split() == ["old", "new"]
+    second = lines[0].index("new")
+    starred = [line for line in lines if " *" in line[: lines[0].index("old")]]
+    assert [line.split(" [")[0] for line in starred] == ["angular driving frequency", "gap"]
+    assert all(line[second - 1] == " " and line[second] != " " for line in lines[:20])
+    assert any(line.startswith("motion") and "period-1 impact-1" in line and "no impact" in line for line in lines)
+
+
+def test_a_comparison_holds_both_verdicts(comparison):
+    data = comparison.dataset
+    assert data["design"].values.tolist() == ["old", "new"]
+    assert data["gap"].values.tolist() == [0.0, 0.5]
+    for i, verdict in enumerate(comparison.verdicts):
+        assert verdict.to_dict() == describe(verdict.oscillator, parameters=["omega"]).to_dict()
+        for name in INDICES:
+            np.testing.assert_equal(float(data[name][i]), verdict.indices[name])
+        down = float(data["boundary"].sel(parameter="omega", direction=-1)[i])
+        assert down == edge(verdict, "omega", -1).value
+    assert data["power"].attrs["units"] == "W"
+    assert set(comparison.to_dict()) == {"old", "new"}
+
+
+@pytest.mark.parametrize("ending", ["nc", "zarr"])
+def test_a_comparison_is_stored_and_loaded(comparison, tmp_path, ending):
+    path = tmp_path / f"designs.{ending}"
+    vi.save(comparison.dataset, path)
+    assert vi.load(path).equals(comparison.dataset)
+
+
+def test_two_designs_need_two_names():
+    osc = vi.ImpactOscillator()
+    for names in (("A", "A"), ("A",), "AB", (1, 2)):
+        with pytest.raises(ValueError, match="`names` is"):
+            compare(osc, osc, names=names)
+
+
+def test_the_figure_shows_both_designs_from_either_kind_of_input(comparison):
+    figures = [
+        comparison_figure(comparison.dataset),
+        comparison_figure([verdict.oscillator for verdict in comparison.verdicts], names=("old", "new")),
+    ]
+    for figure in figures:
+        assert len(figure.axes) == 6
+        titles = [ax.get_title() for ax in figure.axes[:2]]
+        assert titles[0].startswith("old: period-1 impact-1")
+        assert titles[1].startswith("new: no impact")
+        assert figure.axes[2].get_xlim() == figure.axes[3].get_xlim()
+        matplotlib.pyplot.close(figure)
+
+
+def test_the_figure_refuses_what_is_no_pair_of_designs():
+    with pytest.raises(ValueError, match="`designs` is a ImpactOscillator"):
+        comparison_figure(vi.ImpactOscillator())
+
+
+def test_a_reach_holds_the_present_value_and_stays_within_what_is_allowed():
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        osc = vi.ImpactOscillator(
+            damping=float(rng.choice([0.0, 0.1])),
+            amplitude=float(rng.choice([0.0, 1.0])),
+            restitution=float(rng.choice([0.0, 0.5, 1.0])),
+            gap=float(rng.choice([0.0, -3.0, 0.2])),
+        )
+        for name in PARAMETERS:
+            reach = reach_of(osc, name, float(rng.uniform(0.1, 5.0)))
+            assert reach.low <= asdict(osc)[name] <= reach.high
+            for direction in (-1, 1):
+                path = reach.path(direction, 12)
+                assert path == sorted(path, reverse=direction < 0)
+                for value in path:
+                    reach.at(osc, value)
