@@ -11,13 +11,21 @@ import xarray as xr
 SAMPLE_DIMS = ("impact", "period")
 
 
-def _holding(value: Any) -> str:
+def holding(value: Any) -> str:
+    """Return what a wrong argument is or holds, in words that follow its name."""
     if not isinstance(value, xr.Dataset):
         return f"is a {type(value).__name__}"
     maker = value.attrs.get("function")
     held = ", ".join(map(str, value.data_vars)) or "no variable"
     over = ", ".join(map(str, value.dims)) or "no dimension"
     return f"{f'comes from {maker} and ' if maker else ''}holds {held} over {over}"
+
+
+def datasets_of(given: Any) -> list[Any]:
+    """Return as a list what was given alone or in a sequence; each that has a `dataset` as that dataset."""
+    alone = isinstance(given, xr.Dataset) or hasattr(given, "dataset") or not isinstance(given, Iterable)
+    each = [given] if alone else list(given)
+    return [one if isinstance(one, xr.Dataset) else getattr(one, "dataset", one) for one in each]
 
 
 def check_result(argument: str, value: Any, maker: str, needed: dict[str, str]) -> xr.Dataset:
@@ -31,7 +39,7 @@ def check_result(argument: str, value: Any, maker: str, needed: dict[str, str]) 
         return value
     wanted = ", ".join(f"{name} over {dim}" for name, dim in needed.items())
     raise ValueError(
-        f"`{argument}` {_holding(value)}; allowed is a result of {maker} ({wanted}); "
+        f"`{argument}` {holding(value)}; allowed is a result of {maker} ({wanted}); "
         f"pass what vibroimpact.{maker} returns"
     )
 
@@ -44,7 +52,7 @@ def check_diagram(argument: str, value: Any) -> tuple[xr.Dataset, str, str]:
         if len(axes) == 1 and len(samples) == 1 and axes[0] in value.coords:
             return value, axes[0], samples[0]
     raise ValueError(
-        f"`{argument}` {_holding(value)}; allowed is a result of bifurcation_diagram (velocity over its axis and "
+        f"`{argument}` {holding(value)}; allowed is a result of bifurcation_diagram (velocity over its axis and "
         "impact or period); pass what vibroimpact.bifurcation_diagram returns"
     )
 
@@ -54,7 +62,7 @@ def check_sweep(argument: str, value: Any, index: str, n_axes: int) -> xr.DataAr
     words = {1: "one axis", 2: "two axes"}[n_axes]
     allowed = f"allowed is a parameter_map over {words}"
     if not isinstance(value, xr.Dataset) or "status" not in value or set(value.dims) & set(SAMPLE_DIMS):
-        raise ValueError(f"`{argument}` {_holding(value)}; {allowed}; pass what vibroimpact.parameter_map returns")
+        raise ValueError(f"`{argument}` {holding(value)}; {allowed}; pass what vibroimpact.parameter_map returns")
     field = _index_of(value, index)
     axes = [str(dim) for dim in field.dims]
     if len(axes) == n_axes:

@@ -46,13 +46,13 @@ def _points(axis: Floats, columns: Floats) -> tuple[Floats, Floats]:
     return axis[np.nonzero(kept)[0]], columns[kept]
 
 
-def _draw_diagram(ax: Axes, diagram: xr.Dataset, axis: str, samples: str, quantity: str) -> Floats:
+def draw_samples(ax: Axes, diagram: xr.Dataset, axis: str, samples: str, quantity: str, color: str = BLUE) -> Floats:
     """Draw the samples and label the axes; return the heights drawn."""
     columns = diagram[quantity].transpose(axis, samples).values
     x, y = _points(diagram[axis].values, columns)
     dots = min(3.0, max(0.9, 550.0 / max(1, len(columns))))
     look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0, "rasterized": True}
-    ax.plot(x, y, color=BLUE, markersize=dots, label=f"{words(diagram[quantity])[0]}, one dot a sample", **look)
+    ax.plot(x, y, color=color, markersize=dots, label=f"{words(diagram[quantity])[0]}, one dot a sample", **look)
     low, high = float(diagram[axis].min()), float(diagram[axis].max())
     ax.set_xlim(low, high if high > low else low + 1.0)
     ax.set_xlabel(label(diagram[axis]))
@@ -60,13 +60,14 @@ def _draw_diagram(ax: Axes, diagram: xr.Dataset, axis: str, samples: str, quanti
     return y
 
 
-def _mark_empty(ax: Axes, diagram: xr.Dataset, axis: str) -> None:
+def mark_empty(ax: Axes, diagram: xr.Dataset, axis: str) -> None:
+    """Mark along the bottom the columns without a sample, by their status."""
     if "status" in diagram:
         empty = diagram["velocity"].isnull().all([dim for dim in SAMPLE_DIMS if dim in diagram.dims])
         mark_missing(ax, diagram[axis].values, diagram["status"].values, empty.values)
 
 
-def _set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) -> None:
+def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) -> None:
     """Set the upright limits: speeds from zero, a phase from 0 to 1, the rest around what is drawn."""
     osc = reference(diagram)
     speed = osc.velocity_scale if osc else 1.0
@@ -123,9 +124,9 @@ def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Ax
     offered = [name for name in ("displacement", "velocity", "phase") if name in diagram]
     chosen = offered[0] if quantity is None else check_choice("quantity", quantity, offered)
     ax = new_axes(ax, (8.0, 4.4), title(diagram))
-    heights = _draw_diagram(ax, diagram, axis, samples, chosen)
-    _mark_empty(ax, diagram, axis)
-    _set_height(ax, diagram, chosen, heights)
+    heights = draw_samples(ax, diagram, axis, samples, chosen)
+    mark_empty(ax, diagram, axis)
+    set_height(ax, diagram, chosen, heights)
     handles = ax.get_legend_handles_labels()[0]
     if len(handles) > 1:
         legend_below(ax, handles)
@@ -199,10 +200,10 @@ def diagram_with_index(
         )
     factor = check_number("scale", scale)
     ax = new_axes(ax, (8.0, 4.4), title(diagram))
-    heights = _draw_diagram(ax, diagram, axis, samples, "velocity")
+    heights = draw_samples(ax, diagram, axis, samples, "velocity")
     line = _draw_index(ax, field, factor)
-    _mark_empty(ax, diagram, axis)
-    _set_height(ax, diagram, "velocity", np.concatenate([heights, line[np.isfinite(line)]]))
+    mark_empty(ax, diagram, axis)
+    set_height(ax, diagram, "velocity", np.concatenate([heights, line[np.isfinite(line)]]))
     legend_below(ax)
     return ax
 

@@ -39,7 +39,7 @@ COLORS = "viridis"
 LEVEL_OF_V = 0.05  # the default boundary of Std, as a part of the velocity scale V
 
 
-def _grid(field: xr.DataArray) -> tuple[Floats, Floats, Floats]:
+def grid_of(field: xr.DataArray) -> tuple[Floats, Floats, Floats]:
     """Return x, y and values of shape (len(y), len(x)): the map's first axis lies along x."""
     x, y = (field[dim].values.astype(float) for dim in field.dims)
     return x, y, field.values.astype(float).T
@@ -94,7 +94,7 @@ def boundary_lines(sweep: xr.Dataset, index: str, level: float) -> list[Floats]:
     >>> [line.shape[1] for line in boundary_lines(sweep, "std", 0.05)][:1]
     [2]
     """
-    x, y, values = _grid(check_sweep("sweep", sweep, index, 2))
+    x, y, values = grid_of(check_sweep("sweep", sweep, index, 2))
     height = check_number("level", level)
     # A plateau at the very level, such as p/n = 1, would else be crossed wherever its last digits waver.
     values = np.where(np.isclose(values, height, rtol=1e-6, atol=0.0), height + 1e-5 * abs(height), values)
@@ -102,7 +102,7 @@ def boundary_lines(sweep: xr.Dataset, index: str, level: float) -> list[Floats]:
     return [np.asarray(line) for line in generator.lines(height)]
 
 
-def _boundary_level(sweep: xr.Dataset, field: xr.DataArray, level: float | None) -> tuple[float, str]:
+def boundary_level(sweep: xr.Dataset, field: xr.DataArray, level: float | None) -> tuple[float, str]:
     """Return the level of the boundary and how the legend explains it."""
     units = unit_suffix(words(field)[1], " {}")
     if level is not None:
@@ -156,9 +156,9 @@ def _draw_references(ax: Axes, field: xr.DataArray, values: Mapping[str, float])
                     **where)  # fmt: skip
 
 
-def _draw_missing(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
+def draw_missing(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
     """Colour cells without a value by their status; return legend entries that say why."""
-    x, y, values = _grid(field)
+    x, y, values = grid_of(field)
     codes = sweep["status"].transpose(*field.dims).values.T
     missing = ~np.isfinite(values)
     entries, shade = [], np.zeros((*values.shape, 4))
@@ -171,6 +171,15 @@ def _draw_missing(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patc
     if entries:
         ax.pcolormesh(x, y, shade, shading="nearest", rasterized=True, zorder=1)
     return entries
+
+
+def frame_plane(ax: Axes, field: xr.DataArray) -> None:
+    """Limit and label the axes by the two axes of a map."""
+    x, y = (field[dim] for dim in field.dims)
+    ax.set_xlim(float(x[0]), float(x[-1]))
+    ax.set_ylim(float(y[0]), float(y[-1]))
+    ax.set_xlabel(label(x))
+    ax.set_ylabel(label(y))
 
 
 def index_contour(
@@ -226,11 +235,11 @@ def index_contour(
     'mass $m$ [kg]'
     """
     field = check_sweep("sweep", sweep, index, 2)
-    height, told = _boundary_level(sweep, field, level)
+    height, told = boundary_level(sweep, field, level)
     marked = _reference_values(sweep, field, reference)
     ax = new_axes(ax, (7.2, 5.4), title(sweep))
     ax.grid(visible=False)
-    x, y, values = _grid(field)
+    x, y, values = grid_of(field)
     mesh = ax.pcolormesh(
         x,
         y,
@@ -241,16 +250,13 @@ def index_contour(
         cmap=COLORS,
         norm=_shades(values),
     )
-    missing = _draw_missing(ax, sweep, field)
+    missing = draw_missing(ax, sweep, field)
     halo: list[AbstractPathEffect] = [withStroke(linewidth=1.9, foreground=INK)]
     lines = LineCollection(boundary_lines(sweep, index, height), colors="white", linewidths=0.8, zorder=4)
     lines.set_path_effects(halo)
     ax.add_collection(lines, autolim=False)
     _draw_references(ax, field, marked)
-    ax.set_xlim(x[0], x[-1])
-    ax.set_ylim(y[0], y[-1])
-    ax.set_xlabel(label(field[field.dims[0]]))
-    ax.set_ylabel(label(field[field.dims[1]]))
+    frame_plane(ax, field)
     bar = ax.get_figure().colorbar(mesh, ax=ax, pad=0.02)  # type: ignore[union-attr]
     bar.set_label(label(field))
     symbol = math(words(field)[2] or str(field.name))
@@ -303,7 +309,7 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
             f"`ax` is flat ({ax.name}); allowed are three-dimensional axes; make them with subplot projection='3d'"
         )
     solid: Any = new_axes(ax, (7.2, 5.6), title(sweep), projection="3d")
-    x, y, values = _grid(field)
+    x, y, values = grid_of(field)
     low, high = _value_range(values)
     surface = solid.plot_surface(
         *np.meshgrid(x, y), values, rcount=len(y), ccount=len(x), cmap=COLORS, norm=_shades(values),

@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 
 # Okabe and Ito's palette: the hues stay apart for colour-blind readers and in print.
 BLUE, RED, GREEN, INK, WALL = "#0072b2", "#d55e00", "#009e73", "#222222", "#b8b8b8"
+STICKING = "#f0e442"  # in every map that shows where the mass comes to rest at the stop
 
 STATUS_COLORS: dict[Status, str] = {
     Status.NO_IMPACT: "#cfcfcf",
@@ -57,6 +58,11 @@ _MATH = {
     "Std": r"\mathrm{Std}",
     "<I>": r"\langle I\,\rangle",
     "max I": r"\max\,I",
+    "λ": r"\lambda",
+    "λ per impact": r"\lambda_\mathrm{impact}",
+    "stuck": r"\mathrm{stuck}",
+    "spread": r"\mathrm{spread}",
+    "margin": r"\mathrm{margin}",
 }
 
 
@@ -129,7 +135,8 @@ def title(dataset: xr.Dataset) -> str:
     osc = reference(dataset)
     if osc is None:
         return ""
-    swept = {"omega" if dim == "frequency" else dim for dim in dataset.dims}
+    varied = [str(name) for name, coord in dataset.coords.items() if coord.ndim]
+    swept = {"omega" if name == "frequency" else name for name in varied}
     return ",  ".join(value_text(name, getattr(osc, name)) for name in PARAMETERS if name not in swept)
 
 
@@ -180,8 +187,11 @@ def _legible(handle: Any) -> Any:
     return Line2D([], [], linestyle="none", marker="o", markersize=4, markeredgewidth=0, color=color, label=name)
 
 
-def legend_below(ax: Axes, handles: list[Any] | None = None) -> None:
-    """Put the legend under the axis label, where it hides no data and leaves the title alone."""
+def legend_below(ax: Axes, handles: list[Any] | None = None, columns: int | None = None) -> None:
+    """Put the legend under the axis label, where it hides no data and leaves the title alone.
+
+    Without `columns` there are as many as fit if all entries were as long as the longest.
+    """
     handles = ax.get_legend_handles_labels()[0] if handles is None else handles
     if not handles:
         return
@@ -190,7 +200,7 @@ def legend_below(ax: Axes, handles: list[Any] | None = None) -> None:
     ax.legend(
         handles=[_legible(handle) for handle in handles],
         loc="upper center",
-        ncols=max(1, min(len(handles), 84 // (longest + 6))),
+        ncols=columns or max(1, min(len(handles), 84 // (longest + 6))),
         bbox_to_anchor=(0.5, 0.0),
         bbox_transform=ax.transAxes + under_label,
         frameon=False,

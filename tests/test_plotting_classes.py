@@ -1,0 +1,303 @@
+"""Maps of motions and exponents: each cell has its colour, the legend names what is shown, boundaries lie right."""
+
+from collections import Counter
+from itertools import combinations
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+
+import vibroimpact as vi
+from vibroimpact.classes import MotionClass, motion_variable
+from vibroimpact.continuation import boundary_curves
+from vibroimpact.dataset import provenance, status_variable, variable
+from vibroimpact.plotting import index_contour
+from vibroimpact.plotting.boundaries import KINDS, boundaries
+from vibroimpact.plotting.classes import COLORS, OTHER_PERIODIC, PALETTE, USUAL, motion_map, name_colors
+from vibroimpact.plotting.exponents import exponent_map
+from vibroimpact.plotting.style import STATUS_COLORS, STICKING
+from vibroimpact.status import Status
+
+mpl.use("Agg")
+OSC = vi.ImpactOscillator()
+OMEGA, MASS = np.linspace(1.0, 3.0, 20), np.linspace(0.5, 2.5, 30)
+LABELS = (r"angular driving frequency $\omega$ [rad/s]", "mass $m$ [kg]")
+
+
+@pytest.fixture
+def ax():
+    return Figure(layout="constrained").add_subplot()
+
+
+@pytest.fixture(scope="module")
+def curves():
+    return boundary_curves(OSC, ("omega", "mass"), ((1.0, 3.0), (0.5, 2.5)), lines=3)
+
+
+def plane(**content):
+    coords = {"omega": variable("omega", "omega", OMEGA), "mass": variable("mass", "mass", MASS)}
+    return xr.Dataset(content, coords=coords, attrs=provenance("parameter_map", OSC, {"sample_impacts": 5000}))
+
+
+def classes(rows):
+    """Return a map whose columns of omega have the given (class, n_periods, n_impacts), the last one to the end."""
+    motion, n, p = (np.empty((20, 30), int) for _ in range(3))
+    for at, (kind, periods, impacts) in enumerate(rows):
+        motion[at:], n[at:], p[at:] = kind, periods, impacts
+    dims = ("omega", "mass")
+    return plane(
+        motion=motion_variable(dims, motion),
+        n_periods=variable("n_periods", dims, n),
+        n_impacts=variable("n_impacts", dims, p),
+        status=status_variable(dims, np.zeros((20, 30), int)),
+    )
+
+
+def exponents(values, status=None):
+    status = np.zeros((20, 30), int) if status is None else status
+    return plane(
+        lyapunov=variable("lyapunov", ("omega", "mass"), values), status=status_variable(("omega", "mass"), status)
+    )
+
+
+def legend_texts(ax):
+    return [text.get_text().replace("\u2007", "") for text in ax.get_legend().get_texts()]
+
+
+def meshes(ax):
+    return [artist for artist in ax.collections if isinstance(artist, QuadMesh)]
+
+
+P, S, C, N, U = (MotionClass[name] for name in ("PERIODIC", "STICKING", "CHAOTIC", "NO_IMPACT", "UNDECIDED"))
+
+
+def test_each_motion_has_its_colour_in_its_place_and_the_legend_its_share(ax):
+    motion_map(
+        classes([(S, 1, -1), (C, 0, 0), (N, 0, 0), (U, 0, 0), (P, 1, 1), (P, 1, 1), (P, 7, 9), (P, 2, 1)]), ax=ax
+    )
+    shade = meshes(ax)[0].get_array()
+    assert shade.shape == (30, 20, 3)
+    for column, color in enumerate(
+        [STICKING, COLORS[C], COLORS[N], COLORS[U], USUAL[1, 1], USUAL[1, 1], PALETTE[-2], USUAL[2, 1]]
+    ):
+        np.testing.assert_allclose(shade[:, column], np.tile(to_rgb(color), (30, 1)))
+    assert legend_texts(ax) == [
+        "65.0 %   period-2 impact-1",
+        "10.0 %   period-1 impact-1",
+        "5.0 %   period-7 impact-9",
+        "5.0 %   sticking",
+        "5.0 %   chaotic",
+        "5.0 %   no impact",
+        "5.0 %   undecided",
+    ]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == LABELS
+
+
+def test_rare_names_share_a_colour_and_shares_sum_to_all_cells(ax):
+    names = [(P, n, p) for n in range(1, 13) for p in (1,)]
+    motion_map(classes(names), ax=ax)
+    told = dict(text.split(" %   ")[::-1] for text in legend_texts(ax))
+    assert len(told) == len(PALETTE) + 1
+    assert sum(map(float, told.values())) == pytest.approx(100.0, abs=0.5)
+    assert float(told["other periodic"]) == pytest.approx(100 * 4 / 20)
+    shade = meshes(ax)[0].get_array()
+    assert (np.abs(shade - to_rgb(OTHER_PERIODIC)).max(axis=-1) < 1e-12).sum() == 4 * 30
+
+
+def test_usual_names_keep_their_colours_and_no_two_names_share_one():
+    counts = Counter({(9, 9): 50, (1, 1): 40, (8, 8): 30, (6, 6): 20, (5, 5): 15, (2, 1): 10, (7, 7): 1})
+    chosen = name_colors(counts, 166)
+    assert list(chosen)[:3] == [(9, 9), (1, 1), (8, 8)]
+    assert (chosen[1, 1], chosen[2, 1]) == (USUAL[1, 1], USUAL[2, 1])
+    assert len(set(chosen.values())) == len(chosen)
+
+
+# Colours as seen without the long, the middle or the short cones: Machado, Oliveira and Fernandes (2009), table 1.
+SIGHT = {
+    "all cones": np.eye(3),
+    "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+    "tritanopia": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+}
+
+
+def seen(color, sight):
+    """Return a colour in CIE L*a*b* as the eye sees it."""
+    rgb = np.array(to_rgb(color))
+    light = np.clip(
+        np.array(SIGHT[sight]) @ np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4), 0, 1
+    )
+    to_xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+    xyz = to_xyz @ light / np.array([0.9505, 1.0, 1.089])
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("sight", SIGHT)
+def test_colours_stay_apart_for_colour_blind_readers(sight):
+    motions = [*PALETTE, OTHER_PERIODIC, *COLORS.values()]
+    lines = [color for color, _ in KINDS.values()]
+    for colors in (motions, lines):
+        apart = [np.linalg.norm(seen(a, sight) - seen(b, sight)) for a, b in combinations(colors, 2)]
+        assert min(apart) > 14.0  # neighbouring steps of a fine scale are 2 or 3 apart
+
+
+def test_a_sweep_is_classified_on_the_way_to_its_map(ax):
+    sweep = vi.parameter_map(
+        OSC,
+        omega=[0.1, 2.0, 2.8],
+        gap=[0.0, 50.0],
+        indices=("lyapunov_per_impact", "n_periods", "n_impacts"),
+        sample_impacts=500,
+    )
+    motion_map(sweep, ax=ax)
+    assert legend_texts(ax) == [
+        "16.7 %   period-1 impact-1",
+        "16.7 %   sticking",
+        "16.7 %   chaotic",
+        "50.0 %   no impact",
+    ]
+
+
+def test_maps_of_motions_refuse_other_results_with_the_way_out():
+    row = classes([(P, 1, 1)]).isel(mass=0)
+    with pytest.raises(ValueError, match="`sweep` has 1 axis"):
+        motion_map(row)
+    with pytest.raises(ValueError, match="`sweep` lacks lyapunov_per_impact, n_periods, n_impacts"):
+        motion_map(vi.parameter_map(OSC, omega=[2.0, 3.0], mass=[1.0, 2.0], sample_impacts=50))
+    with pytest.raises(ValueError, match="`index` is 'std'; allowed are lyapunov, lyapunov_per_impact"):
+        exponent_map(row, "std")
+    with pytest.raises(ValueError, match="`index` is 'lyapunov'; allowed are motion"):
+        exponent_map(classes([(P, 1, 1)]))
+
+
+def test_zero_is_the_middle_of_the_colours_whatever_the_exponents(ax):
+    values = np.linspace(-0.3, 0.1, 600).reshape(20, 30)
+    exponent_map(exponents(values), ax=ax)
+    norm = meshes(ax)[0].norm
+    assert norm(0.0) == 0.5
+    assert -norm.vmin == norm.vmax == pytest.approx(np.percentile(np.abs(values), 99))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == LABELS
+    assert ax.get_figure().axes[1].get_ylabel() == r"largest Lyapunov exponent $\lambda$ [1/s]"
+
+
+def test_a_few_extreme_exponents_do_not_wash_out_the_others(ax):
+    values = np.full((20, 30), -0.1)
+    values[0, :3] = -40.0
+    exponent_map(exponents(values), ax=ax)
+    assert meshes(ax)[0].norm.vmax == pytest.approx(0.1)
+
+
+def test_sticking_cells_have_a_colour_of_their_own_and_holes_their_status(ax):
+    values, status = np.full((20, 30), -0.1), np.zeros((20, 30), int)
+    values[:2], values[5, 7], status[5, 7] = -np.inf, np.nan, Status.BUDGET
+    exponent_map(exponents(values, status), ax=ax)
+    finite, sticking, holes = meshes(ax)
+    assert finite.get_array().mask.sum() == 61
+    np.testing.assert_array_equal(~sticking.get_array().mask, np.isneginf(values.T))
+    assert sticking.cmap(0.0)[:3] == to_rgb(STICKING)
+    np.testing.assert_allclose(holes.get_array()[7, 5], (*to_rgb(STATUS_COLORS[Status.BUDGET]), 1.0))
+    assert holes.get_array()[..., 3].sum() == 1.0, "nothing but the hole is covered"
+    first, second = legend_texts(ax)
+    assert first == r"sticking: $\lambda = -\infty$ (10.0 % of the cells)"
+    assert second.startswith("budget: ")
+
+
+def test_exponents_of_cells_that_all_stick_still_draw(ax):
+    exponent_map(exponents(np.full((20, 30), -np.inf)), ax=ax)
+    ax.get_figure().draw_without_rendering()
+    assert legend_texts(ax) == [r"sticking: $\lambda = -\infty$ (100.0 % of the cells)"]
+
+
+def test_boundaries_are_drawn_point_by_point_and_named_by_kind_and_orbit(curves, ax):
+    boundaries(curves, ax=ax)
+    for line, curve in zip(ax.lines, curves, strict=True):
+        np.testing.assert_array_equal(line.get_xydata(), curve.values)
+        assert line.get_color() == KINDS[curve.kind][0]
+    words = {curve.kind: curve.kind.replace("_", " ") for curve in curves} | {"end_of_sticking": "end"}
+    expected = {f"{words[curve.kind]} of {curve.orbits[0].name}" for curve in curves}
+    assert len(expected) >= 2
+    assert sorted(legend_texts(ax)) == sorted(expected)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == LABELS
+    assert "m$" not in ax.get_title(), "what varies has no place in the title"
+
+
+def test_orbits_of_other_periods_have_other_dashes(curves, ax):
+    boundaries(curves, ax=ax)
+    dashes = {curve.orbits[0].n_periods: line.is_dashed() for curve, line in zip(curves, ax.lines, strict=True)}
+    assert dashes == {1: False, 2: True}
+
+
+def test_boundaries_lie_over_a_map_of_their_plane_in_either_order(curves):
+    std = np.arange(600.0).reshape(20, 30)
+    sweep = plane(
+        std=variable("std", ("omega", "mass"), std),
+        status=status_variable(("omega", "mass"), np.zeros((20, 30), int)),
+    )
+    turned = sweep.transpose("mass", "omega")
+    first = curves[0]
+    for drawn, columns in (
+        (boundaries(curves, sweep, ax=Figure().add_subplot()), (0, 1)),
+        (boundaries(first, turned, ax=Figure().add_subplot()), (1, 0)),
+        (boundaries([first.dataset], ax=index_contour(turned, reference={}, ax=Figure().add_subplot())), (1, 0)),
+    ):
+        np.testing.assert_array_equal(drawn.lines[0].get_xydata(), first.values[:, columns])
+        x = (OMEGA, MASS)[columns[0]]
+        assert drawn.get_xlim() == (x[0], x[-1]), "the map keeps its limits"
+        assert legend_texts(drawn)[0].startswith("boundary: $")
+        assert len(legend_texts(drawn)) > 1
+
+
+def test_the_legend_of_a_map_of_motions_stays_beside_it(curves, ax):
+    boundaries(curves, ax=motion_map(classes([(P, 1, 1)]), ax=ax))
+    assert all(" of period-" in text for text in legend_texts(ax))
+    kept = [artist for artist in ax.artists if isinstance(artist, mpl.legend.Legend)]
+    assert kept[0].get_texts()[0].get_text().endswith("period-1 impact-1")
+    assert not kept[0].get_clip_on(), "it would be cut off outside the axes"
+
+
+def test_period_one_loses_its_name_across_its_period_doubling(curves):
+    """The curve is where the classes change: beyond it the orbit of period 1 is not seen."""
+    doubling = next(c for c in curves if c.kind == "period_doubling" and c.orbits[0].n_periods == 1)
+    omega, mass = doubling.values[len(doubling.orbits) // 2]
+    orbit = doubling.orbits[len(doubling.orbits) // 2]
+    names = set()
+    for step in (-1e-3, 1e-3):
+        told = vi.parameter_map(
+            OSC.replace(mass=mass),
+            omega=[omega + step],
+            start=orbit.start,
+            indices=("lyapunov_per_impact", "n_periods", "n_impacts"),
+        )
+        names.add((int(told["n_periods"][0]), int(told["n_impacts"][0])))
+    assert (1, 1) in names
+    assert len(names) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (([],), "`curves` is empty; allowed is one boundary or more"),
+        (([3.0],), "`curves` is a float; allowed are boundaries"),
+        ((classes([(P, 1, 1)]),), "`curves` comes from parameter_map and holds motion, n_periods"),
+    ],
+)
+def test_what_is_no_boundary_is_refused(arguments, told):
+    with pytest.raises(ValueError) as caught:  # noqa: PT011
+        boundaries(*arguments)
+    assert told in str(caught.value)
+
+
+def test_boundaries_of_another_plane_are_refused(curves, ax):
+    other = curves[0].dataset.rename(mass="gap")
+    with pytest.raises(ValueError, match="`curves` lie in the planes omega and mass, omega and gap; allowed is one"):
+        boundaries([curves[0], other])
+    with pytest.raises(ValueError, match="`sweep` runs over omega and mass and `curves` over omega and gap; allowed"):
+        boundaries(other, classes([(P, 1, 1)]))
+    motion_map(classes([(P, 1, 1)]), ax=ax)
+    with pytest.raises(ValueError, match="`ax` shows angular driving frequency .* `curves` lie over omega and gap"):
+        boundaries(other, ax=ax)
