@@ -288,3 +288,20 @@ def test_hysteresis_shows_in_the_names_of_up_and_down_sweeps():
         for direction in ("up", "down")
     ]
     assert (names[0] != names[1]).any()
+
+
+def test_exponents_of_cycles_are_those_of_the_orbits_that_newton_finds(spread):
+    compared = 0
+    for at in range(0, len(SPREAD), 2):
+        cell = spread[True].isel(omega=at)
+        n, p = int(cell["n_periods"]), int(cell["n_impacts"])
+        if not 0 < n <= 4 or not 0 < p <= 4:
+            continue
+        osc = OSC.replace(omega=SPREAD[at])
+        hits = vi.impact_section(osc, start=vi.State(-1.0), transient_impacts=3000, sample_impacts=1)
+        (orbit,) = find_orbit(
+            osc, n_periods=n, n_impacts=p, near=(float(hits["phase"][0]), float(hits["velocity"][0]))
+        )
+        assert float(cell["lyapunov"]) == pytest.approx(orbit.lyapunov, abs=1e-8), (osc.omega, n, p)
+        compared += 1
+    assert compared >= 10

@@ -143,6 +143,7 @@ def bifurcation_diagram(
         "start": start,
         "window": window,
         "indices": chosen,
+        "sample_impacts": sampling.sample_impacts,
     }
     dataset.attrs |= provenance("bifurcation_diagram", osc, arguments)
 
