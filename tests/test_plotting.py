@@ -11,7 +11,9 @@ from matplotlib.figure import Figure
 
 from vibroimpact import ImpactOscillator, plotting
 from vibroimpact.dataset import impact_speed, provenance, status_variable, variable
+from vibroimpact.orbits import find_orbit
 from vibroimpact.status import Status
+from vibroimpact.trajectory import simulate
 
 mpl.use("Agg")
 OSC = ImpactOscillator(mass=2.0, omega=2.0, gap=0.5)
@@ -120,6 +122,14 @@ def test_the_phase_portrait_breaks_the_line_at_impacts_and_joins_it_by_the_law_o
     np.testing.assert_allclose(dy[breaks + 1], -OSC.restitution * np.array([2.0, 1.5]))
     np.testing.assert_allclose(y[breaks + 1], OSC.gap)
     np.testing.assert_allclose(bars(ax, "impacts"), [[[0.5, 2.0], [0.5, -1.6]], [[0.5, 1.5], [0.5, -1.2]]])
+
+
+def test_a_sample_that_falls_on_an_impact_draws_no_loop_behind_the_stop(ax):
+    osc = ImpactOscillator(omega=2.0)
+    start = find_orbit(osc)[0].start  # at its impact, so that each hundredth sample falls on one
+    plotting.phase_portrait(simulate(osc, start=start, periods=5, samples_per_period=100), ax=ax)
+    (flight,) = (line for line in ax.lines if line.get_label() == "flight")
+    assert np.nanmax(flight.get_xdata()) < 1e-9
 
 
 def test_few_samples_of_a_smooth_motion_draw_no_polygon(ax):

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from numpy.typing import NDArray
 
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.plotting.checks import check_result
@@ -40,12 +41,26 @@ def _broken_orbit(simulation: xr.Dataset, gap: float, restitution: float) -> tup
     """
     times, speeds = simulation["impact_time"].values, simulation["impact_velocity"].values
     jump = np.column_stack([speeds, np.full_like(speeds, np.nan), -restitution * speeds]).ravel()
-    t = np.concatenate([np.repeat(times, 3), simulation["time"].values])
-    y = np.concatenate([np.where(np.isnan(jump), np.nan, gap), simulation["displacement"].values])
-    dy = np.concatenate([jump, simulation["velocity"].values])
-    # Stable, and impacts first: a sample at an impact's own time holds the state after it.
+    sampled = simulation["time"].values
+    # A sample at an impact holds the state after it, but rounding may put its time before: the impact says it all.
+    own = ~_beside(sampled, times)
+    t = np.concatenate([np.repeat(times, 3), sampled[own]])
+    y = np.concatenate([np.where(np.isnan(jump), np.nan, gap), simulation["displacement"].values[own]])
+    dy = np.concatenate([jump, simulation["velocity"].values[own]])
     order = np.argsort(t, kind="stable")
     return _rounded(t[order], y[order], dy[order])
+
+
+def _beside(sampled: Floats, times: Floats) -> NDArray[np.bool_]:
+    """Return which samples lie at an impact, to a millionth of the sampling."""
+    if times.size == 0 or sampled.size < 2:
+        return np.zeros(sampled.shape, dtype=bool)
+    following = np.searchsorted(times, sampled)
+    nearest = np.minimum(
+        np.abs(times[np.clip(following, 0, times.size - 1)] - sampled),
+        np.abs(times[np.clip(following - 1, 0, times.size - 1)] - sampled),
+    )
+    return np.asarray(nearest < 1e-6 * (sampled[1] - sampled[0]))
 
 
 def _rounded(t: Floats, y: Floats, dy: Floats, parts: int = 6) -> tuple[Floats, Floats, Floats]:
