@@ -5,13 +5,18 @@ from vibroimpact.continuation.branch import continue_orbit
 from vibroimpact.continuation.curves import boundary_curves
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, Branch
 from vibroimpact.continuation.switching import switch_branch
+from vibroimpact.continuation.window_matches import compare_windows
+from vibroimpact.continuation.windows import follow_all, stable_windows
 
 __all__ = [
     "BifurcationPoint",
     "Boundary",
     "Branch",
     "boundary_curves",
+    "compare_windows",
     "continue_boundary",
     "continue_orbit",
+    "follow_all",
+    "stable_windows",
     "switch_branch",
 ]

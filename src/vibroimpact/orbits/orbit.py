@@ -34,6 +34,13 @@ class Orbit:
         Driving phases, in [0, 1), at which the mass comes to rest at the stop and leaves it; NaN where it does not.
     stuck_time : float
         Time at rest in a cycle, in s.
+
+    Examples
+    --------
+    >>> from vibroimpact import ImpactOscillator, find_orbit
+    >>> orbit = find_orbit(ImpactOscillator(omega=2.0))[0]
+    >>> orbit.name, orbit.stable, round(orbit.velocities[0], 6)
+    ('period-1 impact-1', True, 6.226413)
     """
 
     oscillator: ImpactOscillator

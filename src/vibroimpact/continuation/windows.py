@@ -1,0 +1,261 @@
+"""Windows of a parameter in which a motion is stable: those that continuation finds, those that a sweep shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import groupby, pairwise
+
+import numpy as np
+import xarray as xr
+
+from vibroimpact.continuation.branch import continue_orbit
+from vibroimpact.continuation.results import Branch
+from vibroimpact.continuation.switching import switch_branch
+from vibroimpact.orbits.orbit import Orbit
+from vibroimpact.orbits.search import find_orbit
+
+SAME = 1e-6  # of an orbit's fastest impact: one whose velocities agree so far is the same
+NEEDED = ("velocity", "count", "status", "n_periods", "n_impacts", "lyapunov_per_impact")
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Values of a parameter over which one motion is stable (continuation) or seen (sweep).
+
+    Parameters
+    ----------
+    parameter : str
+        What varies.
+    n_periods, n_impacts : int
+        The motion's name.
+    low, high : float
+        Ends of the window; in a sweep the first and the last value that show the motion.
+    ends : tuple of two str
+        What ends it: "fold", "period_doubling", "grazing", or the outcome of the branch; "grid" in a sweep.
+    orbits : tuple of Orbit
+        Along it, from continuation; empty in a sweep.
+    """
+
+    parameter: str
+    n_periods: int
+    n_impacts: int
+    low: float
+    high: float
+    ends: tuple[str, str]
+    orbits: tuple[Orbit, ...] = field(default=(), repr=False)
+
+    @property
+    def name(self) -> str:
+        """The motion in two or three words."""
+        return motion_name(self.n_periods, self.n_impacts)
+
+    def orbits_at(self, value: float) -> list[Orbit]:
+        """Return the stable orbits that Newton's method reaches at a value from the two nearest ones of the window."""
+        nearest = sorted(self.orbits, key=lambda orbit: abs(_value(orbit, self.parameter) - value))
+        return [found for orbit in nearest[:2] for found in _moved(orbit, self.parameter, value) if _lasts(found)]
+
+
+def motion_name(n_periods: int, n_impacts: int) -> str:
+    """Return what a cycle is called."""
+    return f"period-{n_periods} " + ("sticking" if n_impacts == -1 else f"impact-{n_impacts}")
+
+
+def follow_all(
+    orbits: Iterable[Orbit],
+    parameter: str,
+    range: tuple[float, float],
+    *,
+    longest: int = 4,
+    most: int = 4,
+    step: float = 0.02,
+) -> list[Branch]:
+    """Follow each orbit that lies on no branch yet, and the orbits that are born at period doublings on the way.
+
+    Parameters
+    ----------
+    orbits : iterable of Orbit
+        Where to begin; those that are no motion of the mass, and those that rest at the stop, are passed over.
+    parameter, range, step
+        As of `continue_orbit`.
+    longest, most : int, >= 1
+        Largest n_periods and n_impacts of doubled orbits.
+
+    Returns
+    -------
+    list of Branch
+        Each once, up to where it ceases to be a motion of the mass.
+
+    Notes
+    -----
+    An orbit born at a fold is on no branch unless one of its kind is given. A tenth of a second a branch.
+
+    Examples
+    --------
+    >>> from vibroimpact.oscillator import ImpactOscillator
+    >>> branches = follow_all(find_orbit(ImpactOscillator(omega=2.5)), "omega", (2.0, 2.7))
+    >>> [(branch.orbits[0].name, branch.outcome) for branch in branches]
+    [('period-1 impact-1', ('range', 'range')), ('period-2 impact-2', ('period_doubling', 'range'))]
+    """
+    branches: list[Branch] = []
+    waiting = list(orbits)[::-1]
+    while waiting:
+        orbit = waiting.pop()
+        if not orbit.admissible or orbit.sticks or any(_lies_on(orbit, branch) for branch in branches):
+            continue
+        branches.append(continue_orbit(orbit, parameter, range, step=step, virtual=False))
+        if 2 * orbit.n_periods <= longest and 2 * orbit.n_impacts <= most:
+            waiting += _doubled(branches[-1], range)
+    return branches
+
+
+def _doubled(branch: Branch, range: tuple[float, float]) -> Iterator[Orbit]:
+    for point in branch.special:
+        if point.kind != "period_doubling" or point.orbit.n_periods < branch.orbits[0].n_periods:
+            continue  # a doubled branch ends at the doubling of the orbit it comes from
+        try:
+            orbit = switch_branch(point)
+        except ValueError:  # another boundary is met there
+            continue
+        if range[0] <= _value(orbit, branch.parameter) <= range[1]:
+            yield orbit
+
+
+def _lies_on(orbit: Orbit, branch: Branch) -> bool:
+    """Whether Newton's method leads from the branch's next orbits to this one."""
+    first = branch.orbits[0]
+    if (first.n_periods, first.n_impacts) != (orbit.n_periods, orbit.n_impacts):
+        return False
+    value = _value(orbit, branch.parameter)
+    apart = branch.values - value
+    around = np.flatnonzero(apart[:-1] * apart[1:] <= 0.0)
+    nearest = {int(j if abs(apart[j]) < abs(apart[j + 1]) else j + 1) for j in around}
+    found = (same for j in nearest for same in _moved(branch.orbits[j], branch.parameter, value))
+    return any(alike(same, orbit.velocities) for same in found)
+
+
+def stable_windows(branches: Branch | Iterable[Branch]) -> list[Window]:
+    r"""Return the windows of the parameter over which the orbits of branches are stable and motions of the mass.
+
+    Inside, both Floquet multipliers obey :math:`|\mu| < 1`, and each flight ends at the orbit's next impact; their
+    ends are the branch's folds, period doublings and grazes, exact to rounding.
+
+    Parameters
+    ----------
+    branches : Branch or iterable of Branch
+        What `continue_orbit` or `follow_all` returned.
+
+    Returns
+    -------
+    list of Window
+        From low to high.
+
+    Examples
+    --------
+    >>> from vibroimpact.oscillator import ImpactOscillator
+    >>> (orbit,) = find_orbit(ImpactOscillator(omega=2.5))
+    >>> (window,) = stable_windows(continue_orbit(orbit, "omega", (2.0, 3.0), step=0.05))
+    >>> window.name, window.low, round(window.high, 9), window.ends
+    ('period-1 impact-1', 2.0, 2.65392352, ('range', 'period_doubling'))
+    """
+    given = [branches] if isinstance(branches, Branch) else list(branches)
+    return sorted((window for branch in given for window in _branch_windows(branch)), key=lambda window: window.low)
+
+
+def _branch_windows(branch: Branch) -> Iterator[Window]:
+    parameter = branch.parameter
+    special = {point.value: point.kind for point in branch.special}
+    orbits = _looked_between(branch, special)
+    for lasting, run in groupby(range(len(orbits)), key=lambda i: _lasts(orbits[i])):
+        where = list(run)
+        low, high = sorted([_end(branch, orbits, special, where[0], -1), _end(branch, orbits, special, where[-1], 1)])
+        if lasting and low[0] < high[0]:
+            inside = tuple(orbits[i] for i in where)
+            name = inside[0].n_periods, inside[0].n_impacts
+            yield Window(parameter, *name, low[0], high[0], (low[1], high[1]), inside)
+
+
+def _looked_between(branch: Branch, special: dict[float, str]) -> list[Orbit]:
+    """Return the branch's orbits, with one between each two special points that follow each other."""
+    orbits = [branch.orbits[0]]
+    for a, b in pairwise(branch.orbits):
+        low, high = sorted((_value(a, branch.parameter), _value(b, branch.parameter)))
+        if low in special and high in special and low < high:
+            orbits += _moved(a, branch.parameter, 0.5 * (low + high))[:1]
+        orbits.append(b)
+    return orbits
+
+
+def _end(branch: Branch, orbits: list[Orbit], special: dict[float, str], at: int, way: int) -> tuple[float, str]:
+    """Return where a run of orbits ends, and why: at a special point on or beside its last one, or with the branch."""
+    here, beside = _value(orbits[at], branch.parameter), at + way
+    if here in special:
+        return here, special[here]
+    if 0 <= beside < len(orbits):
+        there = _value(orbits[beside], branch.parameter)
+        return there, special.get(there, "lost")
+    why = branch.outcome[0 if way < 0 else 1]
+    if why == "period_doubling" and branch.special:  # of the orbit it comes from, which is none of its own
+        return branch.special[0 if way < 0 else -1].value, why
+    return here, why
+
+
+def swept_windows(sweep: xr.Dataset) -> list[Window]:
+    """Return the longest runs of values at which a diagram names one cycle.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+        From `bifurcation_diagram` with `indices` n_periods, n_impacts and lyapunov_per_impact.
+
+    Returns
+    -------
+    list of Window
+        From low to high, down to single values; cycles that stick (n_impacts = -1) are among them.
+
+    Raises
+    ------
+    ValueError
+        The sweep lacks what names a motion.
+
+    Examples
+    --------
+    >>> import vibroimpact as vi
+    >>> sweep = vi.bifurcation_diagram(vi.ImpactOscillator(), omega=[1.9, 2.0, 2.8], sample_impacts=200,
+    ...                                indices=("n_periods", "n_impacts", "lyapunov_per_impact"))
+    >>> [(window.name, window.low, window.high) for window in swept_windows(sweep)]
+    [('period-1 impact-1', 1.9, 2.0)]
+    """
+    missing = [name for name in NEEDED if name not in sweep]
+    if missing or "impact" not in sweep.dims or sweep["count"].ndim != 1:
+        raise ValueError(
+            f"`sweep` lacks {', '.join(missing) or 'impacts'}; allowed is a diagram of impacts that names its motions; "
+            "run bifurcation_diagram with indices=('n_periods', 'n_impacts', 'lyapunov_per_impact')"
+        )
+    parameter = str(sweep["count"].dims[0])
+    values = sweep[parameter].values.tolist()
+    names = list(zip(sweep["n_periods"].values.tolist(), sweep["n_impacts"].values.tolist(), strict=True))
+    runs = [(name, list(run)) for name, run in groupby(range(len(values)), key=names.__getitem__) if name[0] > 0]
+    return [Window(parameter, *name, values[run[0]], values[run[-1]], ("grid", "grid")) for name, run in runs]
+
+
+def alike(orbit: Orbit, velocities: Iterable[float]) -> bool:
+    """Whether these are the velocities of the orbit, from whichever of its impacts on."""
+    own, seen = np.array(orbit.velocities), np.array([*velocities])
+    if own.size != seen.size:
+        return False
+    misses = [np.abs(np.roll(own, shift) - seen).max() for shift in range(own.size)]
+    return bool(min(misses) <= SAME * max(orbit.oscillator.velocity_scale, own.max()))
+
+
+def _value(orbit: Orbit, parameter: str) -> float:
+    return float(getattr(orbit.oscillator, parameter))
+
+
+def _lasts(orbit: Orbit) -> bool:
+    return orbit.stable and orbit.admissible
+
+
+def _moved(orbit: Orbit, parameter: str, value: float) -> list[Orbit]:
+    osc = orbit.oscillator.replace(**{parameter: value})
+    return find_orbit(osc, n_periods=orbit.n_periods, n_impacts=orbit.n_impacts, near=orbit)
