@@ -9,8 +9,10 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
+import xarray as xr
 
 import vibroimpact as vi
+from vibroimpact.continuation.windows import follow_all
 from vibroimpact.motion import recognise
 
 DOCS = Path(__file__).parent
@@ -69,6 +71,79 @@ def _starts(ax: plt.Axes, osc: vi.ImpactOscillator) -> None:
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize=9)
 
 
+def plane() -> xr.Dataset:
+    """Return Std, exponents and names of motions over driving frequency and mass."""
+    names = ("std", "lyapunov", "lyapunov_per_impact", "n_periods", "n_impacts")
+    axes = {"omega": np.linspace(0.5, 5, 300), "mass": np.linspace(0.1, 5, 200)}
+    return vi.parameter_map(vi.ImpactOscillator(), **axes, indices=names, sample_impacts=1000)
+
+
+def orbits() -> plt.Figure:
+    """Draw three orbits: one impact, a stable and an unstable one beside each other, and one that sticks."""
+    figure, axes = plt.subplots(1, 3, figsize=(12.5, 4.4), layout="constrained")
+    osc = vi.ImpactOscillator()
+    (one,) = vi.find_orbit(osc.replace(omega=1.4))
+    (sticking,) = vi.find_orbit(osc.replace(omega=0.1), n_impacts=-1)
+    stable, unstable = vi.find_orbit(osc.replace(omega=1.3), n_periods=2, n_impacts=3)
+    for ax, orbit in zip(axes, (one, stable, sticking), strict=True):
+        vi.plotting.phase_portrait(_cycle(orbit), ax=ax)
+        ax.set_title(
+            f"w = {orbit.oscillator.omega:g}: {orbit.name}\nmultipliers {abs(orbit.multipliers[0]):.2g} in size"
+        )
+        ax.get_legend().remove()
+        ax.locator_params(axis="x", nbins=5)
+    beside = _cycle(unstable)
+    axes[1].plot(beside["displacement"], beside["velocity"], "--", color="#d55e00", linewidth=1)
+    axes[1].set_title("w = 1.3: period-2 impact-3, stable (blue)\nand unstable (red, dashed)")
+    return figure
+
+
+def _cycle(orbit: vi.Orbit) -> xr.Dataset:
+    return vi.simulate(orbit.oscillator, start=orbit.start, periods=orbit.n_periods, samples_per_period=2000)
+
+
+def continuation() -> plt.Figure:
+    """Draw branches over a swept diagram, and boundaries over driving frequency and restitution."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5.2), layout="constrained")
+    osc = vi.ImpactOscillator()
+    orbits = [*vi.find_orbit(osc.replace(omega=2.5)), *vi.find_orbit(osc.replace(omega=3.25), n_periods=2)]
+    branches = follow_all(orbits, "omega", (2.4, 3.6), longest=2, most=2)
+    sweep = vi.bifurcation_diagram(
+        osc, omega=np.linspace(2.4, 3.6, 300), direction="up", transient_impacts=500, sample_impacts=50
+    )
+    vi.plotting.branch_diagram(branches, sweep, ax=left)
+    box = (1.0, 4.0), (0.3, 0.95)
+    curves = vi.boundary_curves(osc, ("omega", "restitution"), box)
+    cells = {"omega": np.linspace(*box[0], 200), "restitution": np.linspace(*box[1], 120)}
+    vi.plotting.boundaries(curves, vi.parameter_map(osc, **cells, sample_impacts=1000), ax=right)
+    return figure
+
+
+def coexistence() -> plt.Figure:
+    """Draw the basins of two motions, and how up and down sweeps part."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(13, 5.4), layout="constrained")
+    osc = vi.ImpactOscillator()
+    grid = {"phase": np.linspace(0, 1, 241), "velocity": np.linspace(0, 3, 181)}
+    vi.plotting.basin_portrait(vi.basins(osc.replace(omega=3.0), **grid), ax=left)
+    left.set_title("w = 3: starts at the stop")
+    for direction, colour, size in (("up", "#d55e00", 3.0), ("down", "#0072b2", 1.2)):
+        sweep = vi.bifurcation_diagram(
+            osc, omega=np.linspace(1.1, 1.5, 300), direction=direction, transient_impacts=1000, sample_impacts=60
+        )
+        omega, velocity = np.broadcast_arrays(sweep["omega"].values[:, None], sweep["velocity"].values)
+        right.plot(omega.ravel(), velocity.ravel(), ".", color=colour, markersize=size, label=f"sweep {direction}")
+    right.set(xlabel=r"angular driving frequency $\omega$ [rad/s]", ylabel="impact velocity $I$ [m/s]", ylim=(0, None))
+    right.set_title("one oscillator, up and down")
+    right.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, markerscale=4)
+    return figure
+
+
+def verdict() -> plt.Figure:
+    """Draw two designs side by side."""
+    osc = vi.ImpactOscillator()
+    return vi.plotting.comparison_figure([osc.replace(omega=1.4), osc.replace(omega=2.8)], size=(8.4, 8.8))
+
+
 def main() -> None:
     """Draw all pictures into docs/images/."""
     IMAGES.mkdir(exist_ok=True)
@@ -77,6 +152,15 @@ def main() -> None:
     results = tube["hardest_hits"](osc), tube["pass_through"](osc, "up"), tube["pass_through"](osc, "down")
     pictures = {"stability-map": stability_map(), "std": std(), "tube-in-support": tube["draw"](osc, *results)}
     pictures["model"] = vi.plotting.oscillator_sketch().get_figure()
+    cells = plane()
+    pictures |= {
+        "exponents": vi.plotting.exponent_map(cells).get_figure(),
+        "classes": vi.plotting.motion_map(cells).get_figure(),
+        "orbits": orbits(),
+        "continuation": continuation(),
+        "coexistence": coexistence(),
+        "verdict": verdict(),
+    }
     for name, figure in pictures.items():
         vi.plotting.save_figure(figure, IMAGES / f"{name}.png", dpi=110, overwrite=True)
 
