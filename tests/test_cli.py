@@ -12,7 +12,10 @@ import xarray as xr
 
 import vibroimpact as vi
 
-COMMANDS = ("simulate", "section", "diagram", "map", "plot", "reproduce")
+COMMANDS = (
+    "simulate", "section", "diagram", "map", "orbit", "continue", "boundary", "basins", "describe", "compare", "plot",
+    "reproduce",
+)  # fmt: skip
 
 
 def names(folder):

@@ -29,9 +29,6 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-# Help
-
-
 # Wrong requests
 
 
@@ -81,6 +78,33 @@ def names(folder):
         ("map --x omega=1:2:3 --level high", "`--level` is 'high'"),
         ("section --size 8", "`--size` is '8'; allowed is width x height"),
         ("section --dpi 0", "`--dpi` is '0'"),
+        ("orbit", "`out` is 'result.png'; allowed are .zarr, .nc, .csv, .mat, .json"),
+        ("continue", "`axes` are none; allowed is exactly one"),
+        ("continue --x omega=2", "`--x` is 'omega=2'; allowed is name=from:to; write for example --x omega=0.8:3"),
+        ("continue --x omega=3:4", "the orbit is looked for at 2; allowed is a range that holds it"),
+        ("continue --x omega=3:1", "`omega` is from 3 to 1"),
+        ("continue --x omega=1:3 --step 2", "`step` is 2"),
+        ("continue --x omega=1:3 --doublings -1", "`doublings` is -1"),
+        ("continue -p omega=0.1 --impacts -1 --x omega=0.05:0.3", "boundary --kind end-of-sticking"),
+        ("boundary --x omega=1:3", "`axes` are omega; allowed is exactly two"),
+        ("boundary --x omega=1:3 --y omega=1:2", "the second axis omega"),
+        ("boundary --x omega=1:3 --y r=0.5:0.9 --kind hopf", "`--kind` is 'hopf'; allowed are fold"),
+        ("boundary --x omega=1:3 --y r=0.5:0.9 --periods 1,x", "`n_periods` is 'x'"),
+        ("boundary --x omega=1:3 --y r=0.5:0.9 --lines 1", "`lines` is 1"),
+        ("boundary --x omega=1:3 --y r=0.5:0.9 --over none.zarr", "nothing is there"),
+        ("boundary -p omega=5 --impacts 2 --x omega=1:3 --y r=0.5:0.9", "looked for at 5"),
+        ("basins --x phase=0:1", "`--x` is 'phase=0:1'; allowed is name=from:to:points"),
+        ("basins --x phase=0:2:10", "`phase` holds 2"),
+        ("basins --x omega=0:2:10 --y velocity=0:1:5", "`omega` is no coordinate of a start"),
+        ("basins --x displacement=0:1:5 --y velocity=0:1:5", "`displacement` holds 1; allowed is at most the gap"),
+        ("basins --x phase=0:1:1", "`phase.points` is 1"),
+        ("basins --x phase=0:nan:4", "`phase` is nan"),
+        ("basins --x phase=0:1:4 --phase 0.2", "`--phase` is given for impacts"),
+        ("basins --x phase=0:1:4 --backend fixed-step", "cannot name cycles"),
+        ("compare", "Missing argument 'A.toml'"),
+        ("compare none.toml none.toml", "`study` is 'none.toml', which cannot be read"),
+        ("map --x w=1:2:3 --y r=0.5:0.9:2 --figure motion-map --indices std", "`--indices` lack lyapunov_per_impact"),
+        ("diagram --x omega=1:2:3 --index std", "`--index` is 'std'; allowed here are none"),
         ("plot none.zarr", "nothing is there"),
         ("plot none.csv", "allowed are .zarr and .nc"),
         ("plot", "Missing argument 'FILE'"),
@@ -191,7 +215,8 @@ def interrupted_early(monkeypatch):
     monkeypatch.setattr(Meter, "__call__", stop)
 
 
-BIG = "map --x w=1.5:2.5:30 --y m=1:2:30 --sample-impacts 20 --workers 1"
+# Cells that have ended are handed on some twenty times a second.
+BIG = "map --x w=1.5:2.5:200 --y m=1:2:200 --sample-impacts 500 --workers 1"
 
 
 @pytest.mark.usefixtures("interrupted_early")
@@ -211,7 +236,7 @@ def test_an_interrupted_map_never_replaces_a_complete_one(run, tmp_path):
     assert code == 130
     assert "map.zarr is as it was" in complaints[-1]
     assert vi.load(tmp_path / "map.zarr").sizes == {"omega": 1}
-    assert vi.load(tmp_path / "map.partial.zarr").sizes == {"omega": 30, "mass": 30}
+    assert vi.load(tmp_path / "map.partial.zarr").sizes == {"omega": 200, "mass": 200}
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a child cannot be sent Ctrl-C alone")

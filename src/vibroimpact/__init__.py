@@ -7,12 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from vibroimpact import plotting
+    from vibroimpact.classes import classify
+    from vibroimpact.coexistence import attractors, basins
+    from vibroimpact.continuation import boundary_curves, continue_boundary, continue_orbit, switch_branch
     from vibroimpact.diagrams import bifurcation_diagram
     from vibroimpact.options import Tolerances
+    from vibroimpact.orbits import Orbit, find_orbit
+    from vibroimpact.orbits.sticking_end import end_of_sticking
     from vibroimpact.oscillator import ImpactOscillator, State
     from vibroimpact.sections import impact_section, stroboscopic_section
     from vibroimpact.sweeps import parameter_map
     from vibroimpact.trajectory import simulate
+    from vibroimpact.verdict import compare, describe
 
 # Names are handed on when first used, so that importing vibroimpact costs nothing.
 _HOMES = {
@@ -25,6 +31,18 @@ _HOMES = {
     "stroboscopic_section": "sections",
     "bifurcation_diagram": "diagrams",
     "parameter_map": "sweeps",
+    "classify": "classes",
+    "Orbit": "orbits",
+    "find_orbit": "orbits",
+    "end_of_sticking": "orbits.sticking_end",
+    "continue_orbit": "continuation",
+    "switch_branch": "continuation",
+    "continue_boundary": "continuation",
+    "boundary_curves": "continuation",
+    "attractors": "coexistence",
+    "basins": "coexistence",
+    "describe": "verdict",
+    "compare": "verdict",
     "save": "storage",
     "load": "storage",
 }
@@ -32,10 +50,21 @@ _MODULES = ("plotting",)
 
 __all__ = [
     "ImpactOscillator",
+    "Orbit",
     "State",
     "Status",
     "Tolerances",
+    "attractors",
+    "basins",
     "bifurcation_diagram",
+    "boundary_curves",
+    "classify",
+    "compare",
+    "continue_boundary",
+    "continue_orbit",
+    "describe",
+    "end_of_sticking",
+    "find_orbit",
     "impact_section",
     "load",
     "parameter_map",
@@ -43,6 +72,7 @@ __all__ = [
     "save",
     "simulate",
     "stroboscopic_section",
+    "switch_branch",
 ]
 
 

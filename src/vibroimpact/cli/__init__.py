@@ -18,6 +18,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from typer.main import get_command
 
         from vibroimpact.cli.app import app
+        from vibroimpact.cli.finding import Nothing
         from vibroimpact.cli.request import Interrupted, WrongRequest
 
         try:
@@ -31,6 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _tell(str(error), WRONG_REQUEST)
         except Interrupted as error:
             return _tell(str(error), INTERRUPTED)
+        except Nothing as error:
+            return _tell(str(error), FAILED)
         except Abort:
             return _tell("interrupted", INTERRUPTED)
         except Exception as error:

@@ -26,7 +26,7 @@ def orbit(function: str, options: Mapping[str, Any]) -> None:
     began = perf_counter()
     with asked():
         dataset = _call(function, study)
-    _hand_on(dataset, options, perf_counter() - began, study)
+    hand_on(dataset, options, perf_counter() - began, study)
 
 
 def section(options: Mapping[str, Any]) -> None:
@@ -37,19 +37,30 @@ def section(options: Mapping[str, Any]) -> None:
 
 def sweep(function: str, options: Mapping[str, Any]) -> None:
     """Compute a diagram or a map, told of while it runs."""
-    study = read_request(options)
+    study = read_request(_with_needed(options))
     axes = study.grid()
     if not axes or (function == "bifurcation_diagram" and len(axes) > 1):
         given = f"are {', '.join(axes)}" if axes else "are none"
         wanted = "exactly one" if function == "bifurcation_diagram" else "one or more"
         raise WrongRequest(f"`axes` {given}; allowed is {wanted}; write for example --x omega=0.025:5:200")
-    output.check(options, function, study.run.indices or ("std",), len(axes))
+    usual = ("std",) if function == "parameter_map" else ()
+    output.check(options, function, study.run.indices or usual, len(axes))
     with Meter("diagram" if function == "bifurcation_diagram" else "map") as meter, asked():
         dataset = _call(function, study, progress=meter, **axes)
     if not meter.stopped:
-        _hand_on(dataset, options, meter.seconds, study)
+        hand_on(dataset, options, meter.seconds)
         return
-    _keep_finished(dataset, options, meter.seconds)
+    from vibroimpact.status import Status
+
+    keep_finished(dataset, options, meter.seconds, empty=bool((dataset["status"] == Status.INTERRUPTED).all()))
+
+
+def _with_needed(options: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the options, with the indices that the figure is drawn from where none are given."""
+    needed = output.NEEDS.get(options.get("figure") or "")
+    if needed is None or options.get("indices") is not None or not output.is_figure(options):
+        return options
+    return {**options, "indices": ",".join(needed)}
 
 
 def _call(function: str, study: Study, **more: Any) -> xr.Dataset:
@@ -59,11 +70,17 @@ def _call(function: str, study: Study, **more: Any) -> xr.Dataset:
     return dataset
 
 
-def _hand_on(dataset: xr.Dataset, options: Mapping[str, Any], seconds: float, study: Study | None = None) -> None:
+def hand_on(
+    dataset: xr.Dataset,
+    options: Mapping[str, Any],
+    seconds: float,
+    study: Study | None = None,
+    over: xr.Dataset | None = None,
+) -> None:
     """Write the result where it shall go, or tell it in words."""
     out = options.get("out")
     if out is not None:
-        output.write(dataset, options, out)
+        output.write(dataset, options, out, over)
         typer.echo(f"wrote {out} ({seconds:.2g} s)")
         return
     from vibroimpact.cli.words import describe
@@ -74,16 +91,22 @@ def _hand_on(dataset: xr.Dataset, options: Mapping[str, Any], seconds: float, st
         typer.echo(f"settles to: {next(describe(_call('impact_section', study)))}")
 
 
-def _keep_finished(dataset: xr.Dataset, options: Mapping[str, Any], seconds: float) -> NoReturn:
-    """Hand on what an interrupted sweep had finished, without replacing anything complete."""
-    from vibroimpact.status import Status
-
-    if (dataset["status"] == Status.INTERRUPTED).all():
+def keep_finished(
+    dataset: xr.Dataset | None,
+    options: Mapping[str, Any],
+    seconds: float,
+    *,
+    empty: bool = False,
+    over: xr.Dataset | None = None,
+) -> NoReturn:
+    """Hand on what an interrupted command had finished, without replacing anything complete."""
+    if empty or dataset is None:
         raise Interrupted("interrupted before anything was finished; nothing was written")
     out: Path | None = options.get("out")
-    told = "interrupted; what was finished is kept, the rest has status interrupted"
+    marked = ", the rest has status interrupted" if "status" in dataset else ""
+    told = f"interrupted; what was finished is kept{marked}"
     if out is not None and out.exists():
         told += f"; {out} is as it was"
         out = out.with_name(f"{out.stem}.partial{out.suffix}")
-    _hand_on(dataset, {**options, "out": out}, seconds)
+    hand_on(dataset, {**options, "out": out}, seconds, over=over)
     raise Interrupted(told)

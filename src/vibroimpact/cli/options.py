@@ -49,6 +49,7 @@ def _sampling(metavar: str, text: str) -> object:
 
 TransientImpacts = Annotated[_Text, _sampling("N", "Impacts left out first. (default: 100)")]
 SampleImpacts = Annotated[_Text, _sampling("N", "Impacts kept after that. (default: 5000)")]
+BasinImpacts = Annotated[_Text, _sampling("N", "Impacts kept after that, in the first of three rounds. (default: 500)")]
 TransientPeriods = Annotated[_Text, _sampling("N", "Driving periods left out first. (default: 200)")]
 SamplePeriods = Annotated[_Text, _sampling("N", "Driving periods kept after that. (default: 500)")]
 Phase = Annotated[_Text, _sampling("PHI", "When in a period to look, from 0 to below 1. (default: 0)")]
@@ -78,7 +79,9 @@ Indices = Annotated[
     _Text,
     Option(
         metavar="NAMES", rich_help_panel="What to compute",
-        help="Comma-separated: std, mean_velocity, max_velocity, impacts_per_period. (default: std)",
+        help="Comma-separated: std, mean_velocity, max_velocity, impacts_per_period, lyapunov, lyapunov_per_impact, "
+        "n_periods, n_impacts, dissipation, stick_fraction, impact_phase_spread, grazing_margin; or all. "
+        "(default: std; of a diagram: none)",
     ),
 ]  # fmt: skip
 _SECTIONS = "impact: velocity and phase of impacts; stroboscopic: displacement and velocity once a driving period."
@@ -116,7 +119,7 @@ Size = Annotated[_Text, _output("--size", metavar="WxH", text="Size of a figure 
 Dpi = Annotated[_Text, _output("--dpi", metavar="N", text="Dots an inch of a figure. (default: 150)")]
 Figure = Annotated[_Text, _output("--figure", metavar="KIND", text="Kind of figure, as for `vibroimpact plot --kind`.")]
 Index = Annotated[
-    _Text, _output("--index", metavar="NAME", text="Index a figure of a sweep shows. (default: the first)")
+    _Text, _output("--index", metavar="NAME", text="Index a figure shows: of a sweep the first, of a diagram none.")
 ]
 Level = Annotated[
     _Text, _output("--level", metavar="X", text="Where a contour draws the boundary, in the unit of the index.")
@@ -126,10 +129,104 @@ PlotKind = Annotated[
     _output(
         "--kind", metavar="KIND",
         text="time-history, phase-portrait, impact-map, stroboscopic-map, bifurcation-diagram, index-curve, "
-        "index-contour or index-surface. (default: what suits the result)",
+        "index-contour, index-surface, motion-map, exponent-map, branch-diagram, boundaries, basin-portrait or "
+        "comparison. (default: what suits the result)",
     ),
 ]  # fmt: skip
 SweepFile = Annotated[
     Path | None,
     _output("--sweep", metavar="FILE", text="A saved map over the axis of the diagram FILE: draws its index on top."),
 ]
+
+
+def _orbit(*names: str, metavar: str, text: str) -> object:
+    return Option(*names, metavar=metavar, rich_help_panel="Which orbits", help=text)
+
+
+OrbitPeriods = Annotated[_Text, _orbit("--periods", metavar="N", text="Driving periods in a cycle. (default: 1)")]
+OrbitImpacts = Annotated[
+    _Text,
+    _orbit("--impacts", metavar="P", text="Impacts in a cycle; -1 for one that sticks after a chatter. (default: 1)"),
+]
+Near = Annotated[
+    _Text,
+    _orbit(
+        "--near", metavar="PHASE,VELOCITY",
+        text="Phase, 0 to 1, and velocity in m/s of an impact to begin the search at. (default: from rest and a grid)",
+    ),
+]  # fmt: skip
+PeriodsList = Annotated[
+    _Text, _orbit("--periods", metavar="N,N", text="Driving periods in a cycle, one or several. (default: 1,2)")
+]
+Kinds = Annotated[
+    _Text,
+    _orbit(
+        "--kind", metavar="KINDS",
+        text="Comma-separated: fold, period-doubling, grazing, end-of-sticking. (default: all)",
+    ),
+]  # fmt: skip
+
+
+def _span(*names: str, text: str) -> object:
+    return Option(*names, metavar="NAME=FROM:TO", rich_help_panel="Axes", help=text)
+
+
+Span = Annotated[
+    _Text,
+    _span("--x", text="The parameter to vary and its range: omega=0.8:3, or omega=0.8:3:400 with --diagram."),
+]
+SpanX = Annotated[_Text, _span("--x", text="The first parameter of the plane and its range: omega=0.025:5.")]
+SpanY = Annotated[_Text, _span("--y", text="The second one: mass=0.1:5.")]
+StartX = Annotated[
+    _Text,
+    _axis("--x", text="phase=0:1:200 of impacts, or displacement=-3:0:200 of states. (default: phases 0 to 1)"),
+]
+StartY = Annotated[_Text, _axis("--y", text="velocity=0:3:200, in m/s. (default: 0 to 4 max(f, k|g|)/sqrt(km))")]
+StartPhase = Annotated[
+    _Text,
+    Option("--phase", metavar="PHI", rich_help_panel="Axes", help="Of all states, with displacement. (default: 0)"),
+]
+Step = Annotated[
+    _Text, _how("X", "Longest step along a curve, in parts of the ranges and of a driving period. (default: 0.01)")
+]
+Lines = Annotated[_Text, _how("N", "Lines across the plane, each way, that boundaries are looked for on. (default: 5)")]
+Doublings = Annotated[
+    _Text, _how("N", "How often to go on along the doubled orbits born at period doublings. (default: 0)")
+]
+OverDiagram = Annotated[
+    bool,
+    Option(
+        "--diagram", rich_help_panel="Output",
+        help="Draw the figure over the bifurcation diagram of the settled motion. (400 values, or those of --x)",
+    ),
+]  # fmt: skip
+OverMap = Annotated[
+    Path | None,
+    _output("--over", metavar="FILE", text="A saved map over the same plane, drawn beneath the boundaries."),
+]
+OrbitOut = Annotated[
+    Path | None,
+    _output("--out", "-o", metavar="FILE", text="Data: .json .csv .zarr .nc .mat. Without it: a table in words."),
+]
+Json = Annotated[bool, Option("--json", rich_help_panel="Output", help="Tell it as JSON.")]
+Vary = Annotated[
+    _Text,
+    Option(
+        "--vary", metavar="NAMES", rich_help_panel="What to compute",
+        help="Comma-separated: the parameters varied in search of boundaries and remedies. (default: all seven)",
+    ),
+]  # fmt: skip
+Within = Annotated[
+    _Text,
+    Option(
+        "--within", metavar="X", rich_help_panel="What to compute",
+        help="How far: from value/(1+X) to value*(1+X). (default: 3)",
+    ),
+]  # fmt: skip
+CompareOut = Annotated[
+    Path | None,
+    _output(
+        "--out", "-o", metavar="FILE",
+        text="A figure (.png .svg .pdf) or data (.zarr .nc .csv .mat .json). The table is told in any case.",
+    ),
+]  # fmt: skip

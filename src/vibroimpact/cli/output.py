@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,8 +18,16 @@ _FIGURES = {
     "impact_section": ("impact-map",),
     "stroboscopic_section": ("stroboscopic-map",),
     "bifurcation_diagram": ("bifurcation-diagram",),
+    "continue_orbit": ("branch-diagram",),
+    "boundary_curves": ("boundaries",),
+    "basins": ("basin-portrait",),
+    "compare": ("comparison",),
 }
-_FIGURES_OF_SWEEPS = {1: ("index-curve",), 2: ("index-contour", "index-surface")}
+_FIGURES_OF_SWEEPS = {1: ("index-curve",), 2: ("index-contour", "index-surface", "motion-map", "exponent-map")}
+# indices that figures are drawn from
+NEEDS = {"motion-map": ("lyapunov_per_impact", "n_periods", "n_impacts"), "exponent-map": ("lyapunov",)}
+EXPONENTS = ("lyapunov", "lyapunov_per_impact")
+MOTION = "motion"  # in place of an index: the names of motions
 _INCHES, _DOTS = (0.5, 100.0), (10.0, 2400.0)
 
 
@@ -30,7 +39,12 @@ def check(options: Mapping[str, Any], function: str, indices: tuple[str, ...] = 
     if figure is not None and figure not in kinds:
         raise WrongRequest(f"`--figure` is {figure!r}; allowed here are {', '.join(kinds) or 'none'}; choose one")
     if index is not None and index not in indices:
-        raise WrongRequest(f"`--index` is {index!r}; allowed here are {', '.join(indices)}; add it to --indices")
+        held = ", ".join(indices) or "none"
+        raise WrongRequest(f"`--index` is {index!r}; allowed here are {held}; add it to --indices")
+    if missing := [name for name in NEEDS.get(figure or "", ()) if name not in indices]:
+        raise WrongRequest(
+            f"`--indices` lack {', '.join(missing)}; allowed for a {figure} are those and more; leave --indices out"
+        )
     out = options.get("out")
     if out is not None and out.suffix.lower() in FIGURE_ENDINGS and not kinds:
         raise WrongRequest(
@@ -38,18 +52,52 @@ def check(options: Mapping[str, Any], function: str, indices: tuple[str, ...] = 
         )
 
 
-def check_looks(options: Mapping[str, Any]) -> None:
-    """Refuse a place that cannot be written to, and sizes and levels that are no numbers."""
+def check_looks(options: Mapping[str, Any], endings: tuple[str, ...] = FIGURE_ENDINGS) -> None:
+    """Refuse a place that cannot be written to, and sizes and levels that are no numbers.
+
+    `endings` are those allowed besides the formats of data.
+    """
     _size(options), _dpi(options), level_of(options)
     if options.get("out") is not None:
         from vibroimpact.storage import DATA_ENDINGS, check_output
 
         with asked(OSError):
-            check_output(options["out"], overwrite=options["overwrite"], endings=DATA_ENDINGS + FIGURE_ENDINGS)
+            check_output(options["out"], overwrite=options["overwrite"], endings=DATA_ENDINGS + endings)
 
 
-def write(dataset: xr.Dataset, options: Mapping[str, Any], path: Path) -> None:
-    """Write data or a figure to `path`, as its ending says."""
+def is_figure(options: Mapping[str, Any]) -> bool:
+    """Return whether a figure shall be written."""
+    out = options.get("out")
+    return out is not None and out.suffix.lower() in FIGURE_ENDINGS
+
+
+def read(options: Mapping[str, Any], name: str) -> xr.Dataset | None:
+    """Return the saved result that an option names, which only a figure shows."""
+    if options.get(name) is None:
+        return None
+    if not is_figure(options):
+        raise WrongRequest(f"`--{name}` is given without a figure; allowed is it with one; write --out figure.png")
+    from vibroimpact.storage import load
+
+    with asked(OSError):
+        return load(options[name])
+
+
+def write_json(content: Any, options: Mapping[str, Any], path: Path) -> None:
+    """Write plain lists, dictionaries, numbers and text."""
+    from vibroimpact.storage import replacing
+
+    with replacing(path, overwrite=options["overwrite"]) as part:
+        part.write_text(as_json(content) + "\n", encoding="utf-8")
+
+
+def as_json(content: Any) -> str:
+    """Return plain content as JSON text, readable."""
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+
+
+def write(dataset: xr.Dataset, options: Mapping[str, Any], path: Path, over: xr.Dataset | None = None) -> None:
+    """Write data, or a figure drawn over another result, to `path`, as its ending says."""
     if path.suffix.lower() not in FIGURE_ENDINGS:
         from vibroimpact.storage import save
 
@@ -58,14 +106,19 @@ def write(dataset: xr.Dataset, options: Mapping[str, Any], path: Path) -> None:
     import matplotlib as mpl
 
     mpl.use("Agg")  # no window is ever opened
+    import matplotlib.pyplot as plt
+
     from vibroimpact import plotting
 
-    with asked(OSError):
-        axes = draw(dataset, options)
-    plotting.save_figure(axes, path, size=_size(options), dpi=_dpi(options), overwrite=options["overwrite"])
+    try:
+        with asked(OSError):
+            drawn = draw(dataset, options, over)
+        plotting.save_figure(drawn, path, size=_size(options), dpi=_dpi(options), overwrite=options["overwrite"])
+    finally:
+        plt.close("all")
 
 
-def draw(dataset: xr.Dataset, options: Mapping[str, Any]) -> Any:
+def draw(dataset: xr.Dataset, options: Mapping[str, Any], over: xr.Dataset | None = None) -> Any:
     """Return the Axes of the figure asked for, or of the one that shows the result best."""
     from vibroimpact import plotting
 
@@ -73,17 +126,52 @@ def draw(dataset: xr.Dataset, options: Mapping[str, Any]) -> Any:
         from vibroimpact.storage import load
 
         return plotting.diagram_with_index(dataset, load(options["sweep"]), index=options.get("index") or "std")
-    kind = options.get("figure") or plotting.default_kind(dataset)
+    index = options.get("index")
+    kind = options.get("figure") or _kind_for(index, plotting.default_kind(dataset))
     if kind not in plotting.KINDS:
         raise ValueError(f"`--kind` is {kind!r}; allowed are {', '.join(plotting.KINDS)}; choose one of them")
+    if over is not None and kind not in ("boundaries", "branch-diagram"):
+        raise ValueError(f"`--over` is given for a {kind}; allowed is it for boundaries and branches; leave it out")
     more: dict[str, Any] = {}
     if kind.startswith("index-"):
-        from vibroimpact.indices import INDICES
-
-        more["index"] = options.get("index") or next((name for name in INDICES if name in dataset), "std")
+        more["index"] = index or _first_index(dataset)
     if kind == "index-contour":
         more["level"] = level_of(options)
+    if kind == "exponent-map":
+        more["index"] = index or next((name for name in EXPONENTS if name in dataset), EXPONENTS[0])
+    if kind == "branch-diagram":
+        more["diagram"] = over
+    if kind == "boundaries" and over is not None:
+        more |= _beneath_boundaries(over, index or _first_index(over))
+    if kind == "bifurcation-diagram" and index is not None:
+        if index not in dataset:
+            raise ValueError(f"`--index` is {index!r}; allowed are indices the diagram holds; add it to --indices")
+        return plotting.diagram_with_index(dataset, dataset[[index, "status"]], index=index)
     return plotting.KINDS[kind](dataset, **more)
+
+
+def _kind_for(index: str | None, usual: str) -> str:
+    """Return the figure of an index over two axes: exponents and names of motions have their own."""
+    if usual not in ("index-contour", "exponent-map") or index is None:
+        return usual
+    return "motion-map" if index == MOTION else "exponent-map" if index in EXPONENTS else "index-contour"
+
+
+def _beneath_boundaries(over: xr.Dataset, index: str) -> dict[str, Any]:
+    """Return what draws a map beneath boundaries: its names of motions, its exponents, or contours of another index."""
+    from vibroimpact import plotting
+
+    if index == MOTION:
+        return {"ax": plotting.motion_map(over)}
+    if index in EXPONENTS:
+        return {"ax": plotting.exponent_map(over, index)}
+    return {"sweep": over, "index": index}
+
+
+def _first_index(dataset: xr.Dataset) -> str:
+    from vibroimpact.indices import INDICES
+
+    return next((name for name in INDICES if name in dataset), "std")
 
 
 def _size(options: Mapping[str, Any]) -> tuple[float, float] | None:

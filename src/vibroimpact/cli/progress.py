@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 
+SECONDS = 5.0  # between plain lines about work whose end is not known
+
+
 class Meter:
     """The callable a sweep reports to, within a `with` block."""
 
@@ -42,9 +45,11 @@ class Meter:
             signal.signal(signal.SIGINT, self._before)
         self.seconds = perf_counter() - self._began
 
-    def __call__(self, done: int, total: int, partial: Any) -> bool:
-        """Tell how far the sweep is; say whether it shall go on."""
+    def __call__(self, done: int, total: int | None, partial: Any) -> bool:
+        """Tell how far the sweep is, where its end is known or not; say whether it shall go on."""
         seconds = perf_counter() - self._began
+        if total is None:
+            return self._count(done, seconds)
         impacts = getattr(partial, "attrs", {}).get("impacts_computed", 0)
         detail = partial if isinstance(partial, str) else speed(impacts, seconds)
         if self._bar is not None:
@@ -54,6 +59,15 @@ class Meter:
             left = f"{seconds * (total - done) / done:.0f} s left" if done < total else f"{seconds:.1f} s"
             told = [f"{self.label}: {100 * done / total:.0f} % of {total}", detail, left]
             print(", ".join(part for part in told if part), file=sys.stderr, flush=True)
+        return not self.stopped
+
+    def _count(self, done: int, seconds: float) -> bool:
+        """Tell how many are done of nobody knows how many."""
+        if self._bar is not None:
+            self._bar.update(self._task, completed=done)
+        elif seconds >= self._told + SECONDS:
+            self._told = seconds
+            print(f"{self.label}: {done}, {seconds:.0f} s", file=sys.stderr, flush=True)
         return not self.stopped
 
     def _stop(self, signal_number: int, frame: FrameType | None) -> None:

@@ -13,6 +13,12 @@ _SAMPLING = (
     "transient_impacts", "sample_impacts", "transient_periods", "sample_periods", "phase", "periods",
     "samples_per_period",
 )  # fmt: skip
+_FORMS = {  # of an axis, and an example of each
+    "grid": ("name=from:to:points", "omega=0.025:5:200"),
+    "span": ("name=from:to", "omega=0.8:3"),
+    "starts": ("name=from:to:points", "phase=0:1:200"),
+}
+MOST_STARTS = 100_000  # along an axis
 _RUN = ("backend", "time_step", "workers", "section", "direction")
 
 
@@ -41,10 +47,13 @@ def asked(*refusals: type[OSError]) -> Iterator[None]:
         raise WrongRequest(str(error)) from error
 
 
-def read_request(options: Mapping[str, Any]) -> Study:
-    """Return the request that the study file and the options make together."""
+def read_request(options: Mapping[str, Any], *, axes: str = "grid") -> Study:
+    """Return the request that the study file and the options make together.
+
+    `axes` tells what --x and --y are: "grid" (from:to:points), "span" (from:to), or "starts", which are no part of it.
+    """
     with asked(OSError):
-        changes = _tables({name: value for name, value in options.items() if value not in (None, (), [])})
+        changes = _tables({name: value for name, value in options.items() if value not in (None, (), [])}, axes)
         from vibroimpact.study import make_study, read_study
 
         if options.get("study") is None:
@@ -62,16 +71,42 @@ def number(text: str) -> int | float | str:
     return text
 
 
-def _tables(given: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def numbers(option: str, text: str, count: int, example: str) -> tuple[int | float | str, ...]:
+    """Return the numbers, or texts, of a comma-separated list; `count` 0 allows any length."""
+    parts = tuple(number(part.strip()) for part in text.split(","))
+    if (count and len(parts) != count) or "" in parts:
+        raise WrongRequest(f"`{option}` is {text!r}; allowed is {example}; separate numbers by commas")
+    return parts
+
+
+def start_axes(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the axes of starts typed as --x and --y: values of phase, displacement or velocity by name."""
+    from vibroimpact.options import whole_number
+    from vibroimpact.oscillator import real_number
+
+    values: dict[str, Any] = {}
+    with asked():
+        given = {name: text for name, text in options.items() if text is not None}
+        for name, axis in _axes(given, "starts").items():
+            ends = [real_number(name, axis[end]) for end in ("from", "to")]
+            points = whole_number(f"{name}.points", axis["points"], 2)
+            if points > MOST_STARTS:
+                raise ValueError(f"`{name}.points` is {points}; allowed is at most {MOST_STARTS}; take fewer")
+            values[name] = [ends[0] + (ends[1] - ends[0]) * at / (points - 1) for at in range(points)]
+            values[name][-1] = ends[1]
+    return values
+
+
+def _tables(given: Mapping[str, Any], axes: str) -> dict[str, dict[str, Any]]:
     run: dict[str, Any] = {name: given[name] for name in _RUN if name in given}
     run |= {name: number(run[name]) for name in ("time_step", "workers") if name in run}
     if "indices" in given:
-        run["indices"] = [name.strip() for name in given["indices"].split(",")]
+        run["indices"] = _indices(given["indices"])
     if given.get("every_impact"):
         run["early_closing"] = False
     return {
         "oscillator": _pairs(given.get("parameter", ())),
-        "axes": _axes(given),
+        "axes": {} if axes == "starts" else _axes(given, axes),
         "sampling": {name: number(given[name]) for name in _SAMPLING if name in given},
         "start": _start(given["start"]) if "start" in given else {},
         "tolerances": {"chatter": number(given["chatter"])} if "chatter" in given else {},
@@ -91,20 +126,27 @@ def _pairs(texts: list[str]) -> dict[str, Any]:
     return pairs
 
 
-def _axes(given: Mapping[str, Any]) -> dict[str, Any]:
+def _indices(text: str) -> list[str]:
+    if text.strip() == "all":
+        from vibroimpact.indices import INDICES
+
+        return list(INDICES)
+    return [name.strip() for name in text.split(",")]
+
+
+def _axes(given: Mapping[str, Any], kind: str) -> dict[str, Any]:
     typed = [(f"--{key}", given[key]) for key in ("x", "y") if key in given]
     typed += [("--axis", text) for text in given.get("axis", ())]
     axes: dict[str, Any] = {}
     for option, text in typed:
         name, _, values = (part.strip() for part in text.partition("="))
         ends = values.split(":")
-        if not name or len(ends) != 3:
-            raise ValueError(
-                f"`{option}` is {text!r}; allowed is name=from:to:points; write for example {option} omega=0.025:5:200"
-            )
+        if not name or len(ends) not in ((2, 3) if kind == "span" else (3,)):
+            form, example = _FORMS[kind]
+            raise ValueError(f"`{option}` is {text!r}; allowed is {form}; write for example {option} {example}")
         if name in axes:
             raise ValueError(f"`{option}` is {text!r}, the second axis {name}; allowed is each once; drop one")
-        axes[name] = dict(zip(("from", "to", "points"), map(number, ends), strict=True))
+        axes[name] = dict(zip(("from", "to", "points"), map(number, [*ends, "2"][:3]), strict=True))
     return axes
 
 

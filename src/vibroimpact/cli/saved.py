@@ -21,13 +21,14 @@ def show(options: Mapping[str, Any]) -> None:
     output.check_looks(options)
     with asked(OSError):
         dataset = load(options["file"])
+        over = output.read(options, "over")
         lines = list(describe(dataset))
     out: Path | None = options.get("out")
     if out is None:
         for line in lines:
             typer.echo(line)
         return
-    output.write(dataset, options, out)
+    output.write(dataset, options, out, over)
     typer.echo(f"wrote {out}")
 
 

@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vibroimpact.classes import NEEDED, MotionClass, classify
+from vibroimpact.cli.orbit_words import tell_basins, tell_boundaries, tell_branches, tell_comparison, tell_orbits
+from vibroimpact.cli.phrases import axis_range, counted, span
 from vibroimpact.cli.progress import speed
 from vibroimpact.dataset import oscillator_of
 from vibroimpact.indices import INDICES
-from vibroimpact.motion import cycle_length, recognise, recurrence
+from vibroimpact.motion import Motion, cycle_length, recognise, recurrence
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
 
 _STRETCHES = 12  # of a diagram, told at most
+_MOTIONS = 8  # of a map, told at most
 
 
 def describe(dataset: xr.Dataset, seconds: float | None = None) -> Iterator[str]:
     """Yield the lines that sum a result up; `seconds` is what it took to compute."""
-    teller = {
-        "simulate": _simulation,
-        "impact_section": _impacts,
-        "stroboscopic_section": _looks,
-        "bifurcation_diagram": _diagram,
-        "parameter_map": _map,
-    }.get(dataset.attrs.get("function", ""))
+    teller = _TELLERS.get(dataset.attrs.get("function", ""))
     if teller is None:
         raise ValueError("`file` holds no result of vibroimpact; allowed is what this package saved; choose another")
     yield from teller(dataset)
@@ -43,12 +41,12 @@ def _simulation(dataset: xr.Dataset) -> Iterator[str]:
     if len(time):
         periods = f"{(time[-1] - time[0]) / period:.4g} driving periods of {period:.4g} s"
         yield f"{periods}, {time[0]:.4g} to {time[-1]:.4g} s"
-        yield f"displacement {_range(dataset['displacement'])}"
+        yield f"displacement {span(dataset['displacement'])}"
     if len(speeds):
         at = dataset["impact_time"].values[speeds.argmax()]
-        yield f"{_count(len(speeds), 'impact')}, the hardest at {speeds.max():.4g} m/s after {at:.4g} s"
+        yield f"{counted(len(speeds), 'impact')}, the hardest at {speeds.max():.4g} m/s after {at:.4g} s"
     if rests := dataset.sizes.get("stick", 0):
-        yield f"comes to rest at the stop {_count(rests, 'time')}"
+        yield f"comes to rest at the stop {counted(rests, 'time')}"
     yield from _ending(dataset)
 
 
@@ -56,8 +54,8 @@ def _impacts(dataset: xr.Dataset) -> Iterator[str]:
     yield recognise(dataset).sentence(oscillator_of(dataset).period)
     if speeds := dataset["velocity"].values.tolist():
         mean, std = np.mean(speeds), np.std(speeds)
-        kept = f"{_count(len(speeds), 'impact')} kept"
-        yield f"{kept}, {_range(dataset['velocity'])}, mean {mean:.4g}, standard deviation {std:.4g} m/s"
+        kept = f"{counted(len(speeds), 'impact')} kept"
+        yield f"{kept}, {span(dataset['velocity'])}, mean {mean:.4g}, standard deviation {std:.4g} m/s"
         yield from _ending(dataset)
 
 
@@ -69,7 +67,7 @@ def _looks(dataset: xr.Dataset) -> Iterator[str]:
         yield f"period-{n}, repeats each {n * oscillator_of(dataset).period:.3g} s"
     for name in ("displacement", "velocity"):
         if dataset[name].size:
-            yield f"{name} {_range(dataset[name])}"
+            yield f"{name} {span(dataset[name])}"
     yield from _ending(dataset)
 
 
@@ -82,10 +80,10 @@ def _ending(dataset: xr.Dataset) -> Iterator[str]:
 def _diagram(dataset: xr.Dataset) -> Iterator[str]:
     (axis,) = dataset["status"].dims
     values = dataset[axis].values
-    yield f"{_count(len(values), 'value')} of {_axis(dataset, str(axis))}"
+    yield f"{counted(len(values), 'value')} of {axis_range(dataset, str(axis))}"
     for name in ("displacement", "velocity"):
         if name in dataset and np.isfinite(dataset[name]).any():
-            yield f"{dataset[name].attrs['long_name']} {_range(dataset[name])}"
+            yield f"{dataset[name].attrs['long_name']} {span(dataset[name])}"
     labels = [_row(dataset.isel({axis: i})) for i in range(len(values))]
     runs = [(label, [i for i, _ in group]) for label, group in groupby(enumerate(labels), lambda pair: pair[1])]
     longest = sorted(sorted(runs, key=lambda run: -len(run[1]))[:_STRETCHES], key=lambda run: run[1][0])
@@ -93,7 +91,7 @@ def _diagram(dataset: xr.Dataset) -> Iterator[str]:
         ends = f"{values[at[0]]:.4g}" + (f" to {values[at[-1]]:.4g}" if len(at) > 1 else "")
         yield f"  {axis} {ends}: {label}"
     if len(runs) > len(longest):
-        yield f"  and {_count(len(runs) - len(longest), 'shorter stretch', 'es')}"
+        yield f"  and {counted(len(runs) - len(longest), 'shorter stretch', 'es')}"
 
 
 def _row(row: xr.Dataset) -> str:
@@ -108,38 +106,63 @@ def _row(row: xr.Dataset) -> str:
     if status == Status.STICKING:
         return "sticking"
     if p := cycle_length(kept["velocity"], kept["phase"]):
-        return f"{_count(p, 'impact')} a cycle"
+        return f"{counted(p, 'impact')} a cycle"
     return "too short a sample to tell" if status == Status.SHORT_WINDOW else "aperiodic"
 
 
 def _map(dataset: xr.Dataset) -> Iterator[str]:
     axes = [str(dim) for dim in dataset["status"].dims]
     shape = " x ".join(str(dataset.sizes[axis]) for axis in axes)
-    yield f"{shape} cells: " + "; ".join(_axis(dataset, axis) for axis in axes)
+    yield f"{shape} cells: " + "; ".join(axis_range(dataset, axis) for axis in axes)
     for name in (name for name in INDICES if name in dataset):
-        field = dataset[name]
-        if not np.isfinite(field).any():
-            yield f"{field.attrs['long_name']} ({name}): no cell has a value"
-            continue
-        peak = field.isel({str(dim): int(at) for dim, at in field.argmax(...).items()})
-        place = ", ".join(f"{axis} = {float(peak[axis]):.4g}" for axis in axes)
-        yield f"{field.attrs['long_name']} ({name}): {_range(field)}, largest at {place}"
+        yield _index(dataset[name], axes)
+    if set(NEEDED) <= set(map(str, dataset.data_vars)):
+        yield from _motions(classify(dataset))
     codes, counts = np.unique(dataset["status"].values, return_counts=True)
     for code, count in sorted(zip(codes, counts, strict=True), key=lambda pair: -pair[1]):
         status = Status(int(code))
         yield f"  {100 * count / dataset['status'].size:.3g} % {status.word}: {status.sentence}"
 
 
-def _axis(dataset: xr.Dataset, name: str) -> str:
-    return f"{dataset[name].attrs['long_name']} {_range(dataset[name])}"
+def _index(field: xr.DataArray, axes: list[str]) -> str:
+    """Return range and largest value of an index, and how often it has none or an infinite one."""
+    told = f"{field.attrs['long_name']} ({field.name})"
+    values = field.where(np.isfinite(field))
+    if not np.isfinite(field).any():
+        return f"{told}: no cell has a finite value"
+    peak = field.isel({str(dim): int(at) for dim, at in values.argmax(...).items()})
+    place = ", ".join(f"{axis} = {float(peak[axis]):.4g}" for axis in axes)
+    infinite = 100.0 * float(np.isinf(field).mean())
+    more = f"; infinite in {infinite:.3g} % of the cells" if infinite else ""
+    return f"{told}: {span(values.assign_attrs(field.attrs))}, largest at {place}{more}"
 
 
-def _range(values: xr.DataArray) -> str:
-    low, high = float(values.min()), float(values.max())
-    ends = f"{low:.4g}" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g}"
-    units = values.attrs.get("units", "1")
-    return ends if units == "1" else f"{ends} {units}"
+def _motions(classes: xr.Dataset) -> Iterator[str]:
+    """Yield the commonest motions of a map."""
+    kind, n, p = (classes[name].values.ravel() for name in ("motion", "n_periods", "n_impacts"))
+    rows, counts = np.unique(np.column_stack([kind, n, np.where(kind == MotionClass.PERIODIC, p, 0)]), axis=0,
+                             return_counts=True)  # fmt: skip
+    order = np.argsort(-counts, kind="stable")
+    for at in order[:_MOTIONS]:
+        code, periods, impacts = rows[at].tolist()
+        name = MotionClass(code).word.replace("_", " ")
+        if code in (MotionClass.PERIODIC, MotionClass.STICKING):
+            name = Motion(name, periods, impacts or -1).name
+        yield f"  {100 * counts[at] / kind.size:.3g} % {name}"
+    if len(order) > _MOTIONS:
+        rest = 100 * counts[order[_MOTIONS:]].sum() / kind.size
+        yield f"  {rest:.3g} % {counted(len(order) - _MOTIONS, 'other motion')}"
 
 
-def _count(number: int, noun: str, plural: str = "s") -> str:
-    return f"{number} {noun}{'' if number == 1 else plural}"
+_TELLERS: dict[str, Callable[[xr.Dataset], Iterator[str]]] = {
+    "simulate": _simulation,
+    "impact_section": _impacts,
+    "stroboscopic_section": _looks,
+    "bifurcation_diagram": _diagram,
+    "parameter_map": _map,
+    "find_orbit": tell_orbits,
+    "continue_orbit": tell_branches,
+    "boundary_curves": tell_boundaries,
+    "basins": tell_basins,
+    "compare": tell_comparison,
+}

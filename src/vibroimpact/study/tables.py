@@ -25,16 +25,20 @@ from vibroimpact.options import Sampling, Tolerances, whole_number
 from vibroimpact.oscillator import ImpactOscillator, State, parameter_value, real_number
 from vibroimpact.study.axis import Floats, axis_values
 
-# what of [sampling] and [run] each public function takes, besides start, tolerances, backend and time_step
+# what of a study each public function takes, besides its oscillator and axes
+_MOTION = ("start", "tolerances", "backend", "time_step")
 _TAKES = {
-    "simulate": ("periods", "samples_per_period"),
-    "impact_section": ("transient_impacts", "sample_impacts"),
-    "stroboscopic_section": ("phase", "transient_periods", "sample_periods"),
+    "simulate": (*_MOTION, "periods", "samples_per_period"),
+    "impact_section": (*_MOTION, "transient_impacts", "sample_impacts"),
+    "stroboscopic_section": (*_MOTION, "phase", "transient_periods", "sample_periods"),
     "bifurcation_diagram": (
-        "transient_impacts", "sample_impacts", "phase", "transient_periods", "sample_periods",
-        "section", "direction", "workers",
+        *_MOTION, "transient_impacts", "sample_impacts", "phase", "transient_periods", "sample_periods",
+        "section", "direction", "indices", "workers",
     ),
-    "parameter_map": ("transient_impacts", "sample_impacts", "indices", "early_closing", "workers"),
+    "parameter_map": (*_MOTION, "transient_impacts", "sample_impacts", "indices", "early_closing", "workers"),
+    "basins": ("tolerances", "backend", "transient_impacts", "sample_impacts", "workers"),
+    "describe": ("tolerances", "workers"),
+    "compare": ("tolerances", "workers"),
 }  # fmt: skip
 
 
@@ -240,14 +244,12 @@ class Study(Table):
 
     def arguments(self, function: str) -> dict[str, Any]:
         """Return the keyword arguments that the study has for a public function, axes left out."""
-        names = {*_TAKES[function], "backend", "time_step"}
         given = {**self.sampling.model_dump(exclude_none=True), **self.run.model_dump(exclude_none=True)}
-        chosen = {name: value for name, value in given.items() if name in names}
         if self.start is not None:
-            chosen["start"] = State(**self.start.model_dump())
+            given["start"] = State(**self.start.model_dump())
         if tolerances := self.tolerances.model_dump(exclude_none=True):
-            chosen["tolerances"] = Tolerances(**tolerances)
-        return chosen
+            given["tolerances"] = Tolerances(**tolerances)
+        return {name: value for name, value in given.items() if name in _TAKES[function]}
 
 
 def nearest(name: Any, allowed: Mapping[str, Any]) -> str:

@@ -1,0 +1,114 @@
+"""Several curves or branches in one dataset, and back: their points one behind another, a number telling whose."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+NAMES = {"boundary_curves": "curve", "continue_orbit": "branch"}  # what each function's results are called
+LAID_OUT = ("point", "special")  # dims along which the parts follow one another
+TOLD = ("outcome", "message", "arguments")  # attributes of each part, kept as lists
+
+
+def bundle(parts: Sequence[xr.Dataset], function: str, provenance: Mapping[str, str]) -> xr.Dataset:
+    """Return one dataset that holds several curves of a plane, or several branches along a parameter.
+
+    Parameters
+    ----------
+    parts : sequence of xarray.Dataset
+        The `dataset` of each, all in one plane or along one parameter.
+    function : {"boundary_curves", "continue_orbit"}
+        Whose results they are.
+    provenance : mapping
+        Attributes that say which call made them all.
+
+    Returns
+    -------
+    xarray.Dataset
+        Variables over `point` (and `special`), with the number of each point's part in `curve` or `branch`; what
+        belongs to a whole part, over `curve_id` or `branch_id`.
+
+    Notes
+    -----
+    Rows of impacts are padded with NaN to the longest; `count` tells how many there are.
+
+    Examples
+    --------
+    >>> from vibroimpact import ImpactOscillator, boundary_curves
+    >>> curves = boundary_curves(ImpactOscillator(), ("omega", "restitution"), ((2, 3), (0.5, 0.9)), lines=2)
+    >>> joined = bundle([curve.dataset for curve in curves], "boundary_curves", {})
+    >>> len(unbundle(joined)) == len(curves)
+    True
+    """
+    name = NAMES[function]
+    wide = max(part.sizes["impact"] for part in parts)
+    padded = [part.pad(impact=(0, wide - part.sizes["impact"])) for part in parts]
+    rows: dict[str, Any] = {}
+    for dim in LAID_OUT:
+        if dim in parts[0].dims:
+            rows |= _in_a_row(padded, dim, name)
+    told = {key: json.dumps([str(part.attrs.get(key, "")) for part in parts]) for key in TOLD}
+    attrs = {**provenance, "function": function} | {f"{name}_{key}": text for key, text in told.items()}
+    return xr.Dataset(rows | _of_each(parts, f"{name}_id"), attrs=attrs).set_coords(list(parts[0].coords))
+
+
+def _in_a_row(parts: Sequence[xr.Dataset], dim: str, name: str) -> dict[str, Any]:
+    """Return what lies along `dim`, the parts one behind another, and whose each entry is."""
+    keys = [str(key) for key, variable in parts[0].variables.items() if dim in variable.dims]
+    join: Any = xr.Variable.concat
+    rows = {key: join([part[key].variable for part in parts], dim) for key in keys}
+    owner = np.repeat(np.arange(len(parts)), [part.sizes[dim] for part in parts]).astype(np.int32)
+    rows[_owner(dim, name)] = xr.Variable(dim, owner, {"long_name": f"number of the {name}", "units": "1"})
+    if dim == "point":
+        kept = np.isfinite(rows["velocity"].transpose("point", "impact").values).sum(axis=1)
+        rows["count"] = xr.Variable("point", kept, {"long_name": "number of impacts told", "units": "1", "symbol": "N"})
+    return rows
+
+
+def _of_each(parts: Sequence[xr.Dataset], dim: str) -> dict[str, Any]:
+    """Return what belongs to whole parts, over the parts."""
+    words = {"n_periods": "driving periods in a cycle", "n_impacts": "impacts in a cycle", dim: "number"}
+    columns = {
+        str(key): xr.Variable(dim, np.array([part[key].item() for part in parts], variable.dtype), variable.attrs)
+        for key, variable in parts[0].data_vars.items()
+        if not variable.dims
+    }
+    for key, long_name in words.items():
+        numbers = range(len(parts)) if key == dim else [part.attrs[key] for part in parts]
+        columns[key] = xr.Variable(dim, np.array(numbers, np.int32), {"long_name": long_name, "units": "1"})
+    return columns
+
+
+def _owner(dim: str, name: str) -> str:
+    return name if dim == "point" else f"{dim}_{name}"
+
+
+def unbundle(dataset: xr.Dataset) -> list[xr.Dataset]:
+    """Return the curves or branches that a dataset holds, each as it was; a single one is returned as it is."""
+    name = next((name for name in NAMES.values() if f"{name}_id" in dataset.dims), None)
+    if name is None:
+        return [_in_order(dataset)]
+    told = {key: json.loads(dataset.attrs[f"{name}_{key}"]) for key in TOLD}
+    parts = []
+    for number in range(dataset.sizes[f"{name}_id"]):
+        part = dataset.isel({f"{name}_id": number})
+        for dim in LAID_OUT:
+            if (owner := _owner(dim, name)) in part:
+                part = part.isel({dim: np.flatnonzero(part[owner].values == number)}).drop_vars(owner)
+        own = {key: int(part[key]) for key in ("n_periods", "n_impacts")}
+        attrs = {key: value for key, value in dataset.attrs.items() if not key.startswith(f"{name}_")}
+        part = part.isel(impact=slice(0, int(part["count"].max()))).drop_vars([f"{name}_id", "count", *own])
+        part.attrs = attrs | own | {key: values[number] for key, values in told.items()}
+        parts.append(_in_order(part))
+    return parts
+
+
+def _in_order(part: xr.Dataset) -> xr.Dataset:
+    """Return a curve with its plane's parameters in the order given; stores put them into that of the alphabet."""
+    names = json.loads(part.attrs.get("arguments", "{}")).get("parameters", ())
+    held = [name for name in names if name in part.coords]
+    return part.drop_vars(held).assign_coords({name: part[name].variable for name in held})
