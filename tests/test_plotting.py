@@ -13,6 +13,7 @@ from vibroimpact import ImpactOscillator, plotting
 from vibroimpact.dataset import impact_speed, provenance, status_variable, variable
 from vibroimpact.orbits import find_orbit
 from vibroimpact.status import Status
+from vibroimpact.sweeps import parameter_map
 from vibroimpact.trajectory import simulate
 
 mpl.use("Agg")
@@ -242,6 +243,14 @@ def test_an_index_curve_breaks_where_there_is_no_value_and_says_why(ax):
     np.testing.assert_array_equal(ax.lines[0].get_ydata(), [0.1, np.nan, 0.3])
     np.testing.assert_array_equal(ax.lines[1].get_ydata(), [0.1, 0.3])
     assert legend_texts(ax)[0].startswith("stopped_impacting: impacts ceased")
+
+
+def test_a_negative_exponent_is_drawn_whole_with_a_line_at_zero(ax):
+    omega = np.array([1.4, 2.0, 2.8])
+    sweep = parameter_map(ImpactOscillator(), omega=omega, indices=["lyapunov"], sample_impacts=300)
+    plotting.index_curve(sweep, "lyapunov", ax=ax)
+    assert ax.get_ylim()[0] < float(sweep["lyapunov"].min()) < 0.0 < float(sweep["lyapunov"].max()) < ax.get_ylim()[1]
+    assert any(len(set(line.get_ydata())) == 1 for line in ax.lines)
 
 
 def test_a_missing_label_falls_back_on_the_table_and_a_pure_number_has_no_unit(ax):

@@ -75,7 +75,8 @@ def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) ->
         ax.set_ylim(-0.03, 1.0)
     elif quantity == "velocity" and "impact" in diagram[quantity].dims:
         top = float(np.nanmax(heights, initial=0.0)) or speed
-        ax.set_ylim(-0.03 * top, 1.05 * top)
+        low = float(np.nanmin(heights, initial=0.0))  # an exponent drawn over the speeds may be negative
+        ax.set_ylim(low - 0.03 * (top - low), top + 0.05 * (top - low))
     else:
         per_speed = osc.natural_frequency if osc and quantity == "displacement" else 1.0
         ax.set_ylim(*view(heights, magnitude(heights, speed / per_speed)))
@@ -245,9 +246,13 @@ def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -
     ax = new_axes(ax, (8.0, 4.0), title(sweep))
     values = _draw_index(ax, field, 1.0)
     mark_missing(ax, axis.values, sweep["status"].values, ~np.isfinite(values))
-    top = float(np.nanmax(values, initial=0.0)) or 1.0
+    finite = values[np.isfinite(values)]
+    low, high = finite.min(initial=0.0), finite.max(initial=0.0)
+    span = float(high - low) or 1.0
+    if low < 0.0:
+        ax.axhline(0.0, color=INK, linewidth=0.6, linestyle=":", zorder=1)
     ax.set_xlim(float(axis.min()), float(axis.max()))
-    ax.set_ylim(-0.03 * top, 1.05 * top)
+    ax.set_ylim(low - 0.03 * span, high + 0.05 * span)
     ax.set_xlabel(label(axis))
     ax.set_ylabel(label(field))
     handles = ax.get_legend_handles_labels()[0]
