@@ -109,14 +109,25 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
         raise FileNotFoundError(f"`path` is {str(path)!r}; nothing is there; check the spelling")
     try:
         with xr.open_dataset(source, **_OPEN[ending]) as stored:
-            dataset = stored.load()
+            return _as_it_was(stored.load())
     except Exception as error:  # each library under xarray has its own words for a damaged file
         raise OSError(
             f"`path` is {str(path)!r}, which cannot be read ({_first_line(error)}); give a result this package saved"
         ) from error
+
+
+def load_lazily(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Open a Zarr store as `load` does, but read from disk what is looked at, when it is."""
+    import xarray as xr
+
+    return _as_it_was(xr.open_dataset(Path(path), **_OPEN[".zarr"]))
+
+
+def _as_it_was(dataset: xr.Dataset) -> xr.Dataset:
     for variable in dataset.variables.values():
-        if "flag_values" in variable.attrs:  # JSON knows lists only
-            variable.attrs["flag_values"] = np.asarray(variable.attrs["flag_values"], dtype=variable.dtype)
+        if "flag_values" in variable.attrs:  # JSON knows lists only, NetCDF makes a number of a list of one
+            values = np.asarray(variable.attrs["flag_values"], dtype=variable.dtype)
+            variable.attrs["flag_values"] = np.atleast_1d(values)
         variable.encoding = {}
     return dataset
 
@@ -201,7 +212,7 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
             _move(part, target, old=scratch.with_suffix(".old"))
             shutil.rmtree(scratch)
         except BaseException:
-            _remove(scratch)
+            remove_folder(scratch)
             raise
     except OSError as error:
         if str(error).startswith("`out`"):
@@ -210,7 +221,7 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
         raise OSError(error.errno, message) from error
 
 
-def _remove(folder: Path) -> None:
+def remove_folder(folder: Path) -> None:
     """Remove a folder that threads of a failed writer may still be filling, or making anew, for a moment."""
     quiet = 0
     for _ in range(100):

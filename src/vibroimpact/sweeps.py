@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
+from contextlib import closing
 from threading import Event
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -13,13 +15,18 @@ from numpy.typing import ArrayLike, NDArray
 from vibroimpact.axes import check_axes
 from vibroimpact.backends import ImpactWindow, check_told, get_backend
 from vibroimpact.backends.starts import check_start, make_cells
+from vibroimpact.cluster import check_cluster, in_memory, on_cluster
 from vibroimpact.dataset import missing, provenance, status_variable, variable
 from vibroimpact.distributed import run_sweep, worker_count
 from vibroimpact.indices import check_indices
-from vibroimpact.options import Sampling, Tolerances
+from vibroimpact.options import Sampling, Tolerances, whole_number
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
+from vibroimpact.stores import SweepRequest, in_threads, run_into_store
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 
 def parameter_map(
@@ -34,6 +41,9 @@ def parameter_map(
     early_closing: bool = True,
     tolerances: Tolerances | None = None,
     workers: int | None = None,
+    store: str | os.PathLike[str] | None = None,
+    tile: int | None = None,
+    cluster: Client | str | None = None,
     progress: bool | Report = False,
     **axes: ArrayLike,
 ) -> xr.Dataset:
@@ -66,6 +76,16 @@ def parameter_map(
         How small is small.
     workers : int, optional
         Threads; None is one a core. The result does not depend on it.
+    store : path, optional
+        A folder ending in .zarr into which tiles are written as they finish. Where the same study stands there, what
+        it lacks is computed and the rest is taken as it is, once its checksums are verified; another study is refused.
+        The Dataset returned reads from it. Memory is bounded by the tiles in flight.
+    tile : int, >= 1, optional
+        Cells of a tile in a store or on a cluster, about; 4096 by default. A store keeps the tiles it was made with.
+    cluster : dask.distributed.Client or str, optional
+        Computes on the workers of a Dask cluster instead of here: a client, `tcp://HOST:PORT` of a running scheduler,
+        or `local:N` for N processes of this machine. Workers may come, go and die; those that see the store write
+        their tiles there themselves. The result does not depend on them.
     progress : bool or callable
         True shows a bar; a callable gets (cells done, cells in all, Dataset so far) and stops the sweep by returning
         False: the Dataset so far is returned, unfinished cells `interrupted`.
@@ -82,7 +102,9 @@ def parameter_map(
     ------
     ValueError
         No axis, an axis that is empty, unsorted, misnamed or out of range, an unknown index or back end, a start
-        beyond the stop anywhere on the grid.
+        beyond the stop anywhere on the grid, another study in the store, `workers` together with `cluster`.
+    OSError
+        The store cannot be read or written, or another process writes to it; no scheduler answers.
 
     Notes
     -----
@@ -117,9 +139,18 @@ def parameter_map(
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     threads = worker_count(workers)
-    engine = get_backend(backend, time_step=time_step)
-    check_told(chosen, engine)
+    if cluster is not None:
+        _check_place(cluster, workers)
+    if cluster is None or backend != "cuda":  # the GPUs are those of the workers
+        check_told(chosen, get_backend(backend, time_step=time_step))
     limits = tolerances or Tolerances()
+    request = SweepRequest(osc, grid, chosen, window, limits, start, backend, time_step, early_closing)
+    size = None if tile is None else whole_number("tile", tile, 1)
+    if store is not None:
+        make_cells(osc, start, {name: values for name, values in grid.items() if name == "gap"})  # refuses a bad start
+        execute = in_threads(threads) if cluster is None else on_cluster(cluster)
+        with reporter(progress, "cells") as report:
+            return run_into_store(request, store, execute, report, size)
     cells = make_cells(osc, start, grid)
 
     dataset, flat = _empty_map(osc, grid, chosen)
@@ -138,8 +169,14 @@ def parameter_map(
         },
     )
     done, stop = 0, Event()
-    with reporter(progress, "cells") as report:
-        for which, result in run_sweep(engine, cells, window, limits, early_closing, chosen, threads, stop):
+    parts: Any
+    if cluster is None:
+        engine = get_backend(backend, time_step=time_step)
+        parts = run_sweep(engine, cells, window, limits, early_closing, chosen, threads, stop)
+    else:
+        parts = in_memory(cluster, request, size, stop)
+    with reporter(progress, "cells") as report, closing(parts):
+        for which, result in parts:
             for name in (*chosen, "status"):
                 flat[name][which] = result[name]
             for count in ("impacts", "steps"):
@@ -148,6 +185,15 @@ def parameter_map(
             if report(done, len(cells), dataset) is False:
                 stop.set()
     return dataset
+
+
+def _check_place(cluster: Client | str, workers: int | None) -> None:
+    check_cluster(cluster)
+    if workers is not None:
+        raise ValueError(
+            f"`workers` is {workers!r} with `cluster`; allowed is one of the two; leave `workers` out, or give it as "
+            f"cluster='local:{workers}'"
+        )
 
 
 def _empty_map(

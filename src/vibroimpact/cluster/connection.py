@@ -1,0 +1,109 @@
+"""From what a user gives to a client of a Dask cluster."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+PATIENCE = 5  # seconds within which a scheduler must answer
+LOCAL = re.compile(r"local:([1-9]\d{0,3})")
+REMOTE = re.compile(r"(tcp|tls)://[^/\s]+:\d{1,5}")
+ALLOWED = "a dask.distributed.Client, 'tcp://HOST:PORT' of a running scheduler, or 'local:N' for N processes here"
+
+
+@contextmanager
+def connect(cluster: Client | str) -> Iterator[Client]:
+    """Yield a client of a cluster; close in the end what was opened here, and nothing else.
+
+    Parameters
+    ----------
+    cluster : dask.distributed.Client or str
+        A client, which stays open; `tcp://HOST:PORT` or `tls://HOST:PORT` of a running scheduler; or `local:N`, which
+        starts N processes of one thread each on this machine and ends them at the end.
+
+    Yields
+    ------
+    dask.distributed.Client
+        A client that is connected.
+
+    Raises
+    ------
+    ValueError
+        It is neither, or a client that is asynchronous or closed.
+    ImportError
+        Dask is not installed.
+    ConnectionError
+        No scheduler answers there within five seconds.
+    RuntimeError
+        The processes of `local:N` did not start.
+
+    Examples
+    --------
+    >>> with connect("tcp://10.0.0.1") as client:
+    ...     pass
+    Traceback (most recent call last):
+    ValueError: `cluster` is 'tcp://10.0.0.1'; allowed is a dask.distributed.Client, ...
+    """
+    from distributed import Client
+
+    check_cluster(cluster)
+    if isinstance(cluster, Client):
+        yield cluster
+        return
+    opened = _local(int(local[1])) if (local := LOCAL.fullmatch(cluster)) else nullcontext(cluster)
+    with opened as scheduler, _reach(scheduler) as client:
+        yield client
+
+
+def check_cluster(cluster: Any) -> None:
+    """Refuse what is no cluster, before anything is computed or started."""
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise ImportError(
+            f"`cluster` needs Dask, which is not installed ({error}); "
+            "install it with `pip install 'vibroimpact[cluster]'`"
+        ) from None
+    if isinstance(cluster, Client):
+        if cluster.asynchronous:
+            raise ValueError("`cluster` is an asynchronous Client; allowed is a synchronous one; make one without that")
+        if cluster.status != "running":
+            raise ValueError(f"`cluster` is a Client that is {cluster.status}; allowed is an open one; make a new one")
+    elif not isinstance(cluster, str) or not (LOCAL.fullmatch(cluster) or REMOTE.fullmatch(cluster)):
+        raise ValueError(f"`cluster` is {cluster!r}; allowed is {ALLOWED}; give one of them")
+
+
+def _local(processes: int) -> Any:
+    from distributed import LocalCluster
+
+    try:
+        return LocalCluster(
+            n_workers=processes,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",
+            silence_logs=logging.ERROR,
+        )
+    except RuntimeError as error:
+        raise RuntimeError(
+            f"`cluster` is 'local:{processes}', whose processes did not start ({error}); each of them imports the "
+            "script that starts it, so put what the script does below `if __name__ == '__main__':`"
+        ) from error
+
+
+def _reach(scheduler: Any) -> Client:
+    from distributed import Client
+
+    try:
+        return Client(scheduler, timeout=PATIENCE, set_as_default=False)
+    except Exception as error:  # what answers there may be anything
+        raise ConnectionError(
+            f"`cluster` is {scheduler!r}, where no scheduler answers within {PATIENCE} seconds "
+            f"({type(error).__name__}); start one there with `dask scheduler`, or check address, port and firewall"
+        ) from error

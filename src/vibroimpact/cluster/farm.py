@@ -1,0 +1,154 @@
+"""Giving work to a Dask cluster whose workers come, go, die and dawdle."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from threading import Event
+from typing import TYPE_CHECKING, Any, TypeVar
+from uuid import uuid4
+
+from vibroimpact.cluster.census import Census
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+Result = TypeVar("Result")
+Task = Callable[[], Result]
+
+IN_FLIGHT = 3  # tasks a worker thread: one is computed, one waits beside it, one is on its way
+ATTEMPTS = 4  # times a task is handed out; each time, Dask itself gives it to up to four workers that die
+LOOK = 0.005  # seconds between two looks at what has finished
+
+
+def farm_out(
+    client: Client, task: Callable[[int], Task[Result]], numbers: Iterable[int], stop: Event
+) -> Iterator[tuple[int, Result]]:
+    """Yield each number with what its task returned, as they finish, until all have or `stop` is set.
+
+    Parameters
+    ----------
+    client : dask.distributed.Client
+        Where tasks go, a few a worker thread at a time.
+    task : callable
+        Makes the task of a number: small when pickled, never returning None, the same however often it is run.
+    numbers : iterable of int
+        What is to be done.
+    stop : Event
+        Once it is set nothing more is handed out, and what has not finished is cancelled.
+
+    Yields
+    ------
+    tuple of int and result
+        In the order in which they finish; one that is slow keeps no other waiting.
+
+    Raises
+    ------
+    RuntimeError
+        A task lost its worker too often.
+    ConnectionError
+        The scheduler has gone.
+    Exception
+        Whatever a task raised.
+    """
+    field = _Field(client)
+    waiting = deque(numbers)
+    losses: Counter[int] = Counter()
+    try:
+        while waiting or field.running:
+            _check_scheduler(client)
+            if stop.is_set():
+                waiting.clear()
+                field.cancel()
+            chosen = [waiting.popleft() for _ in range(min(field.room(), len(waiting)))]
+            field.hand_out([(number, losses[number], task(number)) for number in chosen])
+            for number, result, error in field.finished():
+                if error is None:
+                    yield number, result
+                    continue
+                losses[number] += 1
+                _check_hope(losses[number], error)
+                waiting.append(number)
+    finally:
+        field.cancel()
+
+
+class _Field:
+    """The tasks that have been handed out."""
+
+    def __init__(self, client: Client) -> None:
+        self.client = client
+        self.name = f"vibroimpact-{uuid4().hex}"
+        self.running: dict[Future[Any], int] = {}
+        self.census = Census(client)
+
+    def room(self) -> int:
+        return max(IN_FLIGHT * max(self.census.threads(), 1) - len(self.running), 0)
+
+    def hand_out(self, tasks: list[tuple[int, int, Task[Any]]]) -> None:
+        if tasks:
+            # A key of its own for every attempt: Dask remembers a key by how it ended.
+            keys = [(self.name, number, attempt) for number, attempt, _ in tasks]
+            futures = self.client.map(_call, [task for *_, task in tasks], key=keys, pure=False)
+            self.running |= {future: number for future, (number, *_) in zip(futures, tasks, strict=True)}
+
+    def finished(self) -> Iterator[tuple[int, Any, BaseException | None]]:
+        """Yield numbers with result or error: those that have finished by now, fetched at once."""
+        ended = [future for future in self.running if future.done()]
+        if not ended:
+            time.sleep(LOOK)
+            return
+        try:
+            results = self.client.gather(dict(enumerate(ended)), errors="skip")
+        except OSError:  # the scheduler has gone for a moment, or for good: then the futures will tell
+            time.sleep(LOOK)
+            return
+        for place, future in enumerate(ended):
+            result = results.get(place)
+            error = _error(future) if result is None else None
+            yield self.running.pop(future), result, error
+
+    def cancel(self) -> None:
+        """Give up what has not finished."""
+        unfinished = [future for future in self.running if not future.done()]
+        for future in unfinished:
+            del self.running[future]
+        if unfinished and self.client.status == "running":
+            with suppress(Exception):  # the scheduler may be gone, and its work with it
+                self.client.cancel(unfinished)
+
+
+def _call(task: Task[Result]) -> Result:
+    return task()
+
+
+def _error(future: Future[Any]) -> BaseException:
+    try:
+        future.result()
+    except Exception as error:
+        return error
+    return RuntimeError("a task returned nothing")
+
+
+def _check_hope(losses: int, error: BaseException) -> None:
+    """Raise unless the task was lost with its worker or on the way, and not too often."""
+    from distributed import CancelledError, KilledWorker
+    from distributed.comm.core import CommClosedError
+
+    if not isinstance(error, (KilledWorker, CancelledError, CommClosedError)):
+        raise error
+    if losses >= ATTEMPTS:
+        raise RuntimeError(
+            f"`cluster` has lost a tile with its workers {losses} times ({error}); what a store holds is safe; give "
+            "the workers more memory or time, or a new sweep a smaller `tile`, and run the same again"
+        ) from error
+
+
+def _check_scheduler(client: Client) -> None:
+    if client.status not in ("running", "connecting"):
+        raise ConnectionError(
+            "`cluster` has lost its scheduler, which does not answer any more; what a store holds is safe; "
+            "start a scheduler and workers, and run the same again"
+        )

@@ -1,0 +1,181 @@
+"""Processes that sweep into a store and come to harm: run as `python store_driver.py COMMAND FOLDER ...`."""
+
+import json
+import os
+import random
+import resource
+import signal
+import sys
+import time
+from pathlib import Path
+
+import filelock
+import numpy as np
+import xarray as xr
+
+import vibroimpact as vi
+from vibroimpact.backends import ImpactWindow
+from vibroimpact.options import Tolerances
+from vibroimpact.stores import StoreBusy, SweepRequest
+from vibroimpact.stores.store import SweepStore
+
+OSC = vi.ImpactOscillator()
+# Tiles at the far edges are smaller; two kinds of numbers; many kinds of motions.
+STUDY = {
+    "omega": np.linspace(0.3, 4.0, 31),
+    "gap": np.linspace(-2.0, 1.5, 20),
+    "indices": ("std", "n_periods"),
+    "sample_impacts": 100,
+}
+TILE, TILES = 36, 24
+
+
+def sweep(store, **options):
+    """Run the study into a store; return it."""
+    return vi.parameter_map(OSC, store=store, tile=TILE, workers=2, **STUDY | options)
+
+
+def warm_up():
+    """Load kernels and libraries, in this thread alone: a process with threads must not fork."""
+    xr.Variable("x", [0.0]), xr.backends.list_engines(), filelock.FileLock
+    axes = {name: STUDY[name][:2] for name in ("omega", "gap")}
+    SweepRequest(OSC, axes, STUDY["indices"], ImpactWindow(0, 10), Tolerances()).compute((slice(2), slice(2)))
+
+
+def slow_down(seconds):
+    """Let every tile take a while longer, in which its thread hears no signal."""
+    compute = SweepRequest.compute
+
+    def slowly(request, part):
+        time.sleep(seconds)
+        return compute(request, part)
+
+    SweepRequest.compute = slowly
+
+
+def forked(job):
+    """Run a job in a copy of this process; return the copy's number."""
+    child = os.fork()
+    if child:
+        return child
+    code = 1
+    try:
+        job()
+        code = 0
+    except KeyboardInterrupt:
+        code = 130
+    except StoreBusy:
+        code = 3
+    finally:
+        os._exit(code)
+
+
+def ended(child):
+    """Wait for a child; return its exit code, negative for a signal."""
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def harm(folder, wanted, name):
+    """Sweep into one store after the other, each ended by a signal again and again, then left alone."""
+    chance, sent = random.Random(20), signal.Signals[name]
+    began = time.perf_counter()
+    code = ended(forked(lambda: sweep(folder / "whole.zarr")))
+    whole = time.perf_counter() - began
+    stores, codes, unborn = 0, [], 0
+    while len([hit for hit in codes if hit]) < int(wanted):
+        store = folder / f"{stores}.zarr"
+        for turn in range(8):
+            child = forked(lambda store=store: sweep(store))
+            time.sleep(whole * (chance.uniform(0.0, 0.35) if turn < 2 else chance.uniform(0.25, 0.9)))
+            os.kill(child, sent)
+            codes.append(ended(child))
+            unborn += not store.exists()
+            if not codes[-1]:
+                break
+        code |= ended(forked(lambda store=store: sweep(store)))
+        stores += 1
+    return {"stores": stores, "codes": codes, "unborn": unborn, "code": code}
+
+
+def race(folder, times):
+    """Let two processes begin the same store at the same moment, again and again."""
+
+    def run(store, told):
+        calls = []
+        try:
+            sweep(store, progress=lambda *news: calls.append(news))
+        finally:
+            os.write(told, json.dumps(len(calls) - 1).encode() + b"\n")
+
+    outcomes = []
+    for number in range(int(times)):
+        read, told = os.pipe()
+        children = [forked(lambda told=told, number=number: run(folder / f"{number}.zarr", told)) for _ in range(2)]
+        codes = sorted(map(ended, children))
+        os.close(told)
+        with os.fdopen(read) as counts:
+            outcomes.append({"codes": codes, "computed": sum(max(json.loads(line), 0) for line in counts)})
+    return outcomes
+
+
+def interrupted(folder):
+    """Sweep slowly until Ctrl-C; tell whether anything is written after control is back."""
+    slow_down(0.4)
+    try:
+        sweep(folder, progress=lambda *news: print("tile", flush=True))
+    except KeyboardInterrupt:
+        store = SweepStore(folder)
+        seen = store.records()
+        with store.writing():  # another may write at once
+            time.sleep(1.0)
+        return {"done": int((seen[:, 0] > 0).sum()), "quiet": bool(np.array_equal(seen, store.records()))}
+    return {}
+
+
+def slow(folder):
+    """Sweep slowly, telling when each tile is done."""
+    slow_down(0.2)
+    sweep(folder, progress=lambda *news: print("tile", flush=True))
+    return {}
+
+
+def clock(folder):
+    """Sweep while the clock on the wall jumps back and forth by years."""
+    chance = random.Random(5)
+    time.time = lambda: chance.uniform(-1e9, 4e9)
+    time.time_ns = lambda: int(1e9 * time.time())
+    calls = []
+    sweep(folder, progress=lambda *news: calls.append(news) or len(calls) < 6)
+    for file in folder.rglob("*"):
+        os.utime(file, (4e9, 4e9))
+    sweep(folder)
+    return {}
+
+
+def small_files(folder):
+    """Sweep into a store that stands, where no file may grow beyond a few bytes."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (40, 40))
+    try:
+        sweep(folder)
+    except OSError as error:
+        return {"errno": error.errno, "told": error.strerror}
+    return {}
+
+
+def large(folder):
+    """Begin a map of 16 million cells; tell the memory that it took at most, in MB."""
+    sides = {"omega": np.linspace(0.3, 4.0, 4000), "mass": np.linspace(0.5, 2.0, 4000)}
+    calls = []
+    dataset = vi.parameter_map(
+        OSC, **sides, sample_impacts=20, store=folder, progress=lambda *news: calls.append(news) or len(calls) < 6
+    )
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return {"MB": used / (1024.0 if sys.platform == "linux" else 1024.0**2), "missing": dataset.attrs["cells_missing"]}
+
+
+COMMANDS = {job.__name__: job for job in (harm, race, interrupted, slow, clock, small_files, large)}
+
+if __name__ == "__main__":
+    command, place, *rest = sys.argv[1:]
+    warm_up()
+    print(json.dumps(COMMANDS[command](Path(place), *rest)), flush=True)

@@ -1,0 +1,292 @@
+"""Sweeps on a Dask cluster: one machine's bits, whoever computes them, dies, joins, dawdles or cannot see the store."""
+
+import functools
+import os
+import random
+import signal
+import socket
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from vibroimpact.cluster import connect, connection, farm, tiles
+from vibroimpact.stores.store import SweepStore
+from vibroimpact.stores.writer import TileWriter
+
+dask = pytest.importorskip("dask", reason="needs the extra [cluster]")
+distributed = pytest.importorskip("distributed", reason="needs the extra [cluster]")
+
+AXES = {"omega": np.linspace(0.1, 5.0, 24), "mass": np.linspace(0.2, 3.0, 10)}
+NAMES = ("std", "lyapunov", "n_periods")
+
+
+def sweep(**settings):
+    given = {"indices": NAMES, "transient_impacts": 20, "sample_impacts": 60, "tile": 16, **AXES, **settings}
+    return vi.parameter_map(vi.ImpactOscillator(), **given)
+
+
+def long_sweep(**settings):
+    """Return a sweep of some seconds."""
+    return sweep(sample_impacts=3000, early_closing=False, tile=4, **settings)
+
+
+def assert_same(one, other):
+    for name in (*NAMES, "status"):
+        assert np.array_equal(one[name].values, other[name].values, equal_nan=True), name
+    assert one.attrs["impacts_computed"] == other.attrs["impacts_computed"]
+
+
+@pytest.fixture(scope="module")
+def client():
+    """Return a client of two workers; Dask gives a tile up at the first worker that dies with it."""
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0}), connect("local:2") as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return sweep(tile=None)
+
+
+@pytest.fixture(scope="module")
+def long_whole():
+    return long_sweep()
+
+
+def test_a_cluster_gives_the_bits_of_one_machine(client, whole):
+    assert_same(sweep(cluster=client), whole)
+
+
+@pytest.mark.parametrize("backend", ["reference", "fixed-step"])
+def test_workers_compute_with_any_back_end(client, backend):
+    axes = {"omega": [1.0, 2.0, 2.8], "mass": [1.0, 1.1]}
+    asked = {"backend": backend, "indices": ("std",), "transient_impacts": 2, "sample_impacts": 3, "tile": 2, **axes}
+    here = vi.parameter_map(vi.ImpactOscillator(), **asked)
+    there = vi.parameter_map(vi.ImpactOscillator(), cluster=client, **asked)
+    assert np.array_equal(here["std"].values, there["std"].values)
+
+
+def test_workers_that_see_the_store_write_to_it_themselves(client, whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(TileWriter, "write", lambda *arguments: pytest.fail("the client wrote a tile"))
+    stored = sweep(cluster=client, store=tmp_path / "run.zarr")
+    assert_same(stored, whole)
+    assert SweepStore(tmp_path / "run.zarr").damaged() == []
+
+
+def test_a_relative_path_is_found_by_workers_in_another_folder(client, whole, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert_same(sweep(cluster=client, store="run.zarr"), whole)
+
+
+def test_tiles_of_workers_that_do_not_see_the_store_are_written_by_the_client(client, whole, tmp_path):
+    client.run(_look_for, "another mark")
+    try:
+        stored = sweep(cluster=client, store=tmp_path / "run.zarr")
+    finally:
+        client.run(_look_for, tiles.MARK)
+    assert_same(stored, whole)
+    assert SweepStore(tmp_path / "run.zarr").damaged() == []
+
+
+def _look_for(mark):
+    tiles.MARK = mark
+
+
+def test_an_older_copy_of_the_same_study_at_the_same_path_is_not_taken_for_the_store(tmp_path):
+    sweep(store=tmp_path / "run.zarr", progress=lambda done, total, partial: False)
+    store = SweepStore(tmp_path / "run.zarr")
+    before = store.records()
+    with tiles.marked(store.path) as mark:
+        assert tiles.sees(str(store.path), mark)
+        assert not tiles.sees(str(store.path), "the mark of a run elsewhere")
+    assert not tiles.sees(str(store.path), mark)  # a worker that comes late writes nothing either
+    assert np.array_equal(store.records(), before)
+
+
+@pytest.mark.parametrize("stored", [True, False])
+def test_workers_killed_in_mid_sweep_leave_no_trace_in_the_result(client, long_whole, tmp_path, stored):
+    rng = random.Random(5)
+    reported, ended, kills = threading.Event(), threading.Event(), []
+
+    def kill_now_and_then():
+        reported.wait(60)
+        while not ended.wait(rng.uniform(0.02, 0.4)) and len(kills) < 3:
+            pid = rng.choice([worker["pid"] for worker in _workers(client)] or [None])
+            if pid:
+                os.kill(pid, signal.SIGKILL)
+                kills.append(pid)
+                _await(lambda pid=pid: ended.is_set() or pid not in {w["pid"] for w in _workers(client)})
+
+    killer = threading.Thread(target=kill_now_and_then)
+    killer.start()
+    try:
+        store = {"store": tmp_path / "run.zarr"} if stored else {}
+        result = long_sweep(cluster=client, progress=lambda *told: reported.set(), **store)
+    finally:
+        ended.set()
+        killer.join()
+    assert kills
+    assert_same(result, long_whole)
+    if stored:
+        assert result.attrs["cells_missing"] == 0
+        assert SweepStore(tmp_path / "run.zarr").damaged() == []
+
+
+def _workers(client):
+    """Return pid and address of the workers that the scheduler knows."""
+    found = client.run_on_scheduler(_addresses)
+    pids = client.run(os.getpid, workers=found, on_error="ignore") if found else {}
+    return [{"address": address, "pid": pid} for address, pid in pids.items()]
+
+
+def _addresses(dask_scheduler):
+    return list(dask_scheduler.workers)
+
+
+def _await(condition, seconds=30):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_a_tile_whose_worker_dies_every_time_is_told_of_in_the_end(client, monkeypatch):
+    monkeypatch.setattr(farm, "ATTEMPTS", 2)
+    with pytest.raises(RuntimeError, match=r"^`cluster` has lost a tile with its workers 2 times .* more memory"):
+        list(farm.farm_out(client, lambda number: _die, [0], threading.Event()))
+
+
+def _die():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_what_a_task_raises_is_raised_here(client):
+    with pytest.raises(ZeroDivisionError):
+        list(farm.farm_out(client, lambda number: functools.partial(divmod, 1, number), [1, 0, 1], threading.Event()))
+
+
+def test_a_slow_worker_keeps_the_others_from_nothing(client):
+    _await(lambda: len(_workers(client)) == 2)
+    naps = [1.0, *[0.01] * 30]
+    order = [n for n, _ in farm.farm_out(client, lambda n: functools.partial(_nap, naps[n]), range(31), _never())]
+    assert order.index(0) >= 29  # beside it, one task at most waits for the slow worker
+    assert sorted(order) == list(range(31))
+
+
+def _nap(seconds):
+    time.sleep(seconds)
+    return os.getpid()
+
+
+def _never():
+    return threading.Event()
+
+
+def test_a_worker_that_joins_later_gets_its_share(client):
+    stop, workers = threading.Event(), set()
+    for number, pid in farm.farm_out(client, lambda number: functools.partial(_nap, 0.05), range(2000), stop):
+        if number == 0:
+            client.cluster.scale(3)
+        workers.add(pid)
+        if len(workers) == 3:
+            stop.set()
+    client.cluster.scale(2)
+    assert len(workers) == 3
+
+
+def test_a_few_tiles_a_thread_are_on_their_way_and_no_more(client):
+    made = []
+
+    def task(number):
+        made.append(number)
+        return functools.partial(_nap, 0.02)
+
+    for finished, _ in enumerate(farm.farm_out(client, task, range(40), _never()), 1):
+        assert len(made) - finished < farm.IN_FLIGHT * 4
+    assert made == list(range(40))
+
+
+@pytest.mark.parametrize("stored", [True, False])
+def test_a_sweep_that_is_stopped_keeps_what_is_done_and_goes_on_later(client, whole, tmp_path, stored):
+    store = {"store": tmp_path / "run.zarr"} if stored else {}
+    part = sweep(cluster=client, progress=lambda done, total, partial: done < 40, **store)
+    missing = part["status"].values == vi.Status.INTERRUPTED
+    assert 0 < missing.sum() < missing.size
+    assert np.array_equal(part["std"].values[~missing], whole["std"].values[~missing], equal_nan=True)
+    if stored:
+        assert part.attrs["cells_missing"] == missing.sum()
+        assert_same(sweep(cluster=client, **store), whole)
+
+
+def test_a_finished_store_needs_no_cluster(whole, tmp_path):
+    sweep(store=tmp_path / "run.zarr")
+    assert_same(sweep(store=tmp_path / "run.zarr", cluster="tcp://127.0.0.1:1"), whole)
+
+
+def test_a_client_that_was_given_stays_open_and_one_made_here_is_closed(client):
+    with connect(client) as same:
+        assert same is client
+    assert client.status == "running"
+    with connect("local:1") as made:
+        assert sum(made.nthreads().values()) == 1
+    assert made.status == made.cluster.status.name == "closed"
+
+
+def test_a_running_scheduler_is_reached_by_its_address(client, whole):
+    with connect(client.cluster.scheduler_address) as reached:
+        assert_same(sweep(cluster=reached), whole)
+    assert reached.status == "closed"
+    assert client.status == "running"
+
+
+@pytest.mark.parametrize("wrong", ["local", "local:0", "local:two", "10.0.0.1:8786", "tcp://host", "", 8786, None])
+def test_what_is_no_cluster_is_refused(wrong):
+    with pytest.raises(ValueError, match=r"^`cluster` is .*; allowed is .*; give"), connect(wrong):
+        pass
+
+
+def test_threads_here_and_a_cluster_at_once_are_refused():
+    with pytest.raises(ValueError, match=r"^`workers` is 3 with `cluster`; allowed .*cluster='local:3'"):
+        sweep(workers=3, cluster="local:2")
+
+
+def test_a_closed_client_is_refused(client):
+    with connect(client.cluster.scheduler_address) as closed:
+        pass
+    with pytest.raises(ValueError, match="`cluster` is a Client that is closed"):
+        sweep(cluster=closed)
+
+
+@pytest.mark.parametrize("listening", [True, False])
+def test_an_address_where_no_scheduler_answers_is_told_of_within_seconds(listening):
+    with socket.socket() as deaf:
+        deaf.bind(("127.0.0.1", 0))
+        if listening:
+            deaf.listen()
+        began = time.monotonic()
+        with pytest.raises(ConnectionError, match=r"^`cluster` is .* no scheduler answers .*`dask scheduler`"):
+            sweep(cluster=f"tcp://127.0.0.1:{deaf.getsockname()[1]}")
+        assert time.monotonic() - began < 15
+
+
+def test_without_dask_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "distributed", None)
+    with pytest.raises(ImportError, match=r"pip install 'vibroimpact\[cluster\]'"):
+        sweep(cluster="local:2")
+
+
+def test_a_worker_with_another_version_is_refused(client, monkeypatch):
+    monkeypatch.setattr("vibroimpact.cluster.tiles.package_version", lambda: "0.0.1")
+    with pytest.raises(RuntimeError, match=r"here it is 0\.0\.1; allowed is one version"):
+        sweep(cluster=client)
+
+
+@pytest.mark.parametrize("what", ["scheduler", "client"])
+def test_a_cluster_that_goes_away_is_told_of(what, monkeypatch):
+    monkeypatch.setattr(connection, "PATIENCE", 2)
+    with connect("local:1") as made, pytest.raises(ConnectionError, match="lost its scheduler"):
+        for _ in farm.farm_out(made, lambda number: functools.partial(_nap, 0.05), range(100), _never()):
+            (made.cluster if what == "scheduler" else made).close()

@@ -1,0 +1,385 @@
+"""Stored sweeps come to harm, for real: killed, interrupted, out of disk, damaged, written by two at once."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import store_driver as driver
+import vibroimpact as vi
+from vibroimpact.stores import StoreBusy, SweepStore
+
+posix = pytest.mark.skipif(os.name == "nt", reason="signals and forks are those of POSIX")
+DRIVER = [sys.executable, str(Path(driver.__file__))]
+
+
+@pytest.fixture(scope="module")
+def whole():
+    """Return the study as computed in memory."""
+    return vi.parameter_map(driver.OSC, workers=1, **driver.STUDY)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """Return a finished store, to be copied."""
+    store = tmp_path_factory.mktemp("stores") / "finished.zarr"
+    driver.sweep(store)
+    return store
+
+
+@pytest.fixture
+def store(finished, tmp_path):
+    """Return a finished store of one's own."""
+    return Path(shutil.copytree(finished, tmp_path / "run.zarr"))
+
+
+def told_by(command: str, folder: Path, *arguments: object) -> dict:
+    """Run the driver; return what it tells."""
+    done = subprocess.run([*DRIVER, command, folder, *map(str, arguments)], capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def started(command: str, folder: Path) -> subprocess.Popen:
+    """Start the driver; return once it has told of a tile."""
+    process = subprocess.Popen([*DRIVER, command, folder], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    for _ in range(2):  # the first line tells of what stood there
+        assert process.stdout.readline() == "tile\n"
+    return process
+
+
+def assert_whole(store: Path, whole: xr.Dataset) -> None:
+    """Check that a store holds the bits of the uninterrupted sweep, nothing else, and is free to be written."""
+    found = SweepStore(store)
+    assert found.is_whole()
+    with xr.open_zarr(store, consolidated=False, chunks=None) as dataset:
+        assert set(dataset.variables) == {"omega", "gap", "std", "n_periods", "status"}
+        for name in dataset.variables:
+            assert dataset[name].values.tobytes() == whole[name].values.tobytes(), name
+    assert not list(store.rglob("*.partial"))
+    assert not list(store.parent.glob(".*"))
+    with found.writing():
+        pass
+
+
+def resumed(store: Path) -> int:
+    """Run the study again; return how many tiles it computed."""
+    news = []
+    driver.sweep(store, progress=lambda *told: news.append(told[2].attrs["tiles_skipped"]))
+    assert len(news) - 1 == driver.TILES - news[0]
+    return len(news) - 1
+
+
+# Killed and interrupted
+
+
+@posix
+@pytest.mark.parametrize(("sent", "times", "code"), [("SIGKILL", 32, -9), ("SIGINT", 12, 130)])
+def test_a_sweep_ended_at_random_moments_is_in_the_end_the_uninterrupted_one(tmp_path, whole, sent, times, code):
+    told = told_by("harm", tmp_path, times, sent)
+    assert told["code"] == 0
+    assert set(told["codes"]) <= {0, code}
+    assert told["codes"].count(code) >= times
+    assert 0 < told["unborn"] < times  # some while the store was made, some later
+    names = {"whole.zarr", *(f"{number}.zarr" for number in range(told["stores"]))}
+    assert {entry.name for entry in tmp_path.iterdir()} == names
+    for name in names:
+        assert_whole(tmp_path / name, whole)
+
+
+@posix
+@pytest.mark.parametrize("presses", [1, 2])
+def test_after_ctrl_c_nothing_more_is_written_and_finished_tiles_are_kept(tmp_path, whole, presses):
+    store = tmp_path / "run.zarr"
+    process = started("interrupted", store)
+    for _ in range(presses):
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.1)
+    out, complaints = process.communicate(timeout=60)
+    assert (process.returncode, complaints) == (0, "")
+    told = json.loads(out.splitlines()[-1])
+    assert told["quiet"]
+    assert 1 <= told["done"] < driver.TILES
+    assert resumed(store) == driver.TILES - told["done"]
+    assert_whole(store, whole)
+
+
+# Two on one store
+
+
+@posix
+def test_two_that_begin_a_store_at_the_same_moment_never_both_compute_a_tile(tmp_path, whole):
+    for number, outcome in enumerate(told_by("race", tmp_path, 6)):
+        assert outcome["codes"] in ([0, 0], [0, 3])  # both had a whole store in the end, or one was refused
+        assert outcome["computed"] == driver.TILES
+        assert_whole(tmp_path / f"{number}.zarr", whole)
+
+
+@posix
+def test_a_second_writer_is_refused_until_the_first_is_gone_even_if_it_was_killed(tmp_path, whole):
+    store = tmp_path / "run.zarr"
+    process = started("slow", store)
+    try:
+        with pytest.raises(StoreBusy, match=r"`store` is '.*run.zarr', to which another process writes; .*; wait"):
+            driver.sweep(store)
+        assert 0 < SweepStore(store).dataset().attrs["cells_missing"] < 620  # reading is always allowed
+    finally:
+        process.kill()
+        process.communicate()
+    driver.sweep(store)
+    assert_whole(store, whole)
+
+
+def test_a_sweep_that_writes_a_store_is_refused_to_its_own_process_too(tmp_path):
+    refused = []
+
+    def begin_again(done, total, partial):
+        with pytest.raises(StoreBusy):
+            driver.sweep(tmp_path / "run.zarr")
+        refused.append(done)
+        return len(refused) < 3
+
+    driver.sweep(tmp_path / "run.zarr", progress=begin_again)
+    assert len(refused) >= 3
+
+
+# Out of disk, not allowed
+
+
+@posix
+def test_where_files_cannot_grow_the_error_says_what_to_do_and_finished_tiles_stay(tmp_path, whole):
+    store = tmp_path / "run.zarr"
+    calls = []
+    driver.sweep(store, progress=lambda *news: calls.append(news) or len(calls) < 6)
+    before = SweepStore(store).records()
+    told = told_by("small_files", store)
+    assert "`store` is" in told["told"]
+    assert "File too large); finished tiles are kept; make room there" in told["told"]
+    assert np.array_equal(before, SweepStore(store).records())
+    assert resumed(store) == driver.TILES - int((before[:, 0] > 0).sum())
+    assert_whole(store, whole)
+
+
+@contextmanager
+def small_disk(folder: Path, size: str):
+    """Yield a disk of its own, in memory; or skip."""
+    folder.mkdir()
+    if sys.platform != "linux" or os.geteuid() != 0:
+        pytest.skip("only root can mount a small disk")
+    made = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", folder], capture_output=True)
+    if made.returncode:
+        pytest.skip(f"a small disk cannot be mounted here: {made.stderr.decode().strip()}")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "-l", folder], check=True)
+
+
+def remount(folder: Path, options: str) -> None:
+    subprocess.run(["mount", "-o", f"remount,{options}", folder], check=True)
+
+
+def test_a_full_disk_ends_the_sweep_in_words_and_more_room_lets_it_go_on(tmp_path, whole):
+    with small_disk(tmp_path / "disk", "220k") as disk:
+        store = disk / "run.zarr"
+        with pytest.raises(OSError, match="No space left on device.; finished tiles are kept; make room there"):
+            driver.sweep(store)
+        done = int((SweepStore(store).records()[:, 0] > 0).sum())
+        assert 0 < done < driver.TILES
+        remount(disk, "size=4m")
+        assert resumed(store) == driver.TILES - done
+        assert_whole(store, whole)
+
+
+def test_a_store_for_which_there_is_no_room_at_all_leaves_nothing_behind(tmp_path, whole):
+    with small_disk(tmp_path / "disk", "20k") as disk:
+        with pytest.raises(OSError, match="could not be made .No space left on device.; nothing was changed"):
+            driver.sweep(disk / "run.zarr")
+        assert list(disk.iterdir()) == []
+
+
+def test_where_nothing_can_be_written_a_sweep_is_refused_but_a_finished_one_is_returned(tmp_path, finished, whole):
+    with small_disk(tmp_path / "disk", "4m") as disk:
+        shutil.copytree(finished, disk / "finished.zarr")
+        calls = []
+        driver.sweep(disk / "begun.zarr", progress=lambda *news: calls.append(news) or len(calls) < 6)
+        remount(disk, "ro")
+        with pytest.raises(OSError, match="new.zarr', which could not be made .Read-only file system"):
+            driver.sweep(disk / "new.zarr")
+        with pytest.raises(PermissionError, match="begun.zarr', which cannot be written to .Read-only file system"):
+            driver.sweep(disk / "begun.zarr")
+        news = []
+        again = driver.sweep(disk / "finished.zarr", progress=lambda *told: news.append(told[:2]))
+        assert news == [(620, 620)]
+        xr.testing.assert_equal(again.load(), whole)
+        again.close()
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="permissions bind all but root")
+def test_a_folder_that_may_not_be_written_is_refused(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(PermissionError, match="could not be made .Permission denied"):
+        driver.sweep(tmp_path / "run.zarr")
+
+
+def test_a_store_that_is_removed_while_it_is_written_ends_the_sweep_in_words(tmp_path):
+    store, calls = tmp_path / "run.zarr", []
+
+    def remove(done, total, partial):
+        calls.append(done)
+        if len(calls) == 4:
+            store.rename(tmp_path / "away.zarr")
+
+    with pytest.raises(OSError, match="has been closed or removed; run the same again"):
+        driver.sweep(store, progress=remove)
+
+
+# Damaged
+
+
+def flip(file: Path, place: int = -1) -> None:
+    """Alter one bit of a file."""
+    content = bytearray(file.read_bytes())
+    content[place] ^= 1
+    file.write_bytes(content)
+
+
+HARMS = {
+    "truncated": lambda file, other: file.write_bytes(file.read_bytes()[:-5]),
+    "emptied": lambda file, other: file.write_bytes(b""),
+    "deleted": lambda file, other: file.unlink(),
+    "altered by a bit": lambda file, other: flip(file),
+    "replaced by another tile's": lambda file, other: shutil.copy(other, file),
+    "replaced by text": lambda file, other: file.write_text("moved to archive"),
+}
+# A tile in the middle and the one in the far corner, which is smaller and where nothing hits: its std is all NaN.
+FILES = {
+    "std, middle": ("std/c/2/1", "std/c/1/1"),
+    "std, corner": ("std/c/5/3", "std/c/0/1"),
+    "n_periods": ("n_periods/c/5/3", "n_periods/c/1/1"),
+    "status": ("status/c/2/1", "status/c/4/3"),
+    "record": ("progress/tiles/c/9/0", "progress/tiles/c/10/0"),
+}
+
+
+@pytest.mark.parametrize("harm", HARMS)
+@pytest.mark.parametrize("file", FILES)
+def test_a_damaged_tile_is_found_and_computed_again(store, whole, harm, file):
+    damaged, other = (store / name for name in FILES[file])
+    assert damaged.read_bytes() != other.read_bytes()
+    HARMS[harm](damaged, other)
+    found = SweepStore(store)
+    records = found.records()
+    assert len(found.damaged(records)) + int((records[:, 0] == 0).sum()) == 1
+    assert not found.is_whole()
+    assert resumed(store) == 1
+    assert_whole(store, whole)
+
+
+def test_whichever_bit_of_a_tile_is_altered_its_numbers_are_refused_or_the_same(store):
+    found, number = SweepStore(store), 9
+    records, before = found.records(), found.read(number)
+    refused = 0
+    for name in ("std/c/2/1", "status/c/2/1"):
+        content = (store / name).read_bytes()
+        for place in range(0, len(content), 2):
+            flip(store / name, place)
+            if number in found.damaged(records):
+                refused += 1
+            else:
+                assert all(np.array_equal(found.read(number)[key], before[key], equal_nan=True) for key in before)
+            (store / name).write_bytes(content)
+    assert refused > 50
+
+
+def test_a_tile_copied_with_its_record_to_another_place_is_not_believed(store, whole):
+    for name in ("std", "n_periods", "status"):
+        shutil.copy(store / name / "c" / "1" / "1", store / name / "c" / "2" / "1")
+    shutil.copy(store / "progress/tiles/c/5/0", store / "progress/tiles/c/9/0")
+    assert SweepStore(store).records()[9].sum() == 0
+    assert resumed(store) == 1
+    assert_whole(store, whole)
+
+
+def test_a_tile_of_another_study_is_not_believed(store, tmp_path, whole):
+    driver.sweep(tmp_path / "other.zarr", sample_impacts=101)
+    for file in (tmp_path / "other.zarr").rglob("c/*/*"):
+        if file.is_file():
+            shutil.copy(file, store / file.relative_to(tmp_path / "other.zarr"))
+    assert resumed(store) == driver.TILES
+    shutil.rmtree(tmp_path / "other.zarr")
+    assert_whole(store, whole)
+
+
+def test_a_damaged_tile_that_is_not_computed_again_yet_reads_as_missing(store):
+    flip(store / "std/c/2/1")
+    partly = driver.sweep(store, progress=lambda *news: False).load()
+    missing = partly["status"] == vi.Status.INTERRUPTED
+    assert int(missing.sum()) == partly.attrs["cells_missing"] == 36
+    assert np.isnan(partly["std"].values[missing]).all()
+
+
+def test_a_plain_reader_is_refused_an_altered_tile_instead_of_given_wrong_numbers(store):
+    flip(store / "std/c/2/1")
+    with xr.open_zarr(store, consolidated=False, chunks=None) as dataset:
+        float(dataset["std"][0, 0])
+        with pytest.raises(RuntimeError, match="decompression"):
+            dataset["std"].load()
+    with pytest.raises(OSError, match="cannot be read"):
+        vi.load(store)
+
+
+@pytest.mark.parametrize("harm", HARMS)
+def test_a_damaged_axis_is_refused_to_readers_and_written_anew(store, whole, harm):
+    HARMS[harm](store / "omega/c/0", store / "gap/c/0")
+    with pytest.raises(OSError, match="the values along omega are damaged; run the same sweep again"):
+        SweepStore(store).dataset()
+    assert resumed(store) == 0
+    assert_whole(store, whole)
+
+
+@pytest.mark.parametrize("name", ["zarr.json", "std/zarr.json", "status/zarr.json", "progress/tiles/zarr.json"])
+@pytest.mark.parametrize("harm", ["truncated", "emptied", "deleted"])
+def test_a_store_whose_description_is_damaged_is_no_store_and_is_left_alone(store, name, harm):
+    HARMS[harm](store / name, store)
+    before = sorted(store.rglob("*"))
+    with pytest.raises(OSError, match="`store` is '.*run.zarr', which is no stored sweep, or a damaged one"):
+        driver.sweep(store)
+    assert sorted(store.rglob("*")) == before
+
+
+def test_a_store_whose_study_was_altered_is_refused(store):
+    text = (store / "zarr.json").read_text()
+    (store / "zarr.json").write_text(text.replace('\\"sample_impacts\\": 100', '\\"sample_impacts\\": 101'))
+    with pytest.raises(OSError, match="a damaged one"):
+        driver.sweep(store, sample_impacts=101)
+
+
+def test_what_killed_writers_left_in_a_store_is_swept_up(store, whole):
+    (store / "std" / "c" / "2" / "0.0123.partial").write_bytes(b"half")
+    (store / "progress" / "word-to-workers").write_text("write here")
+    (store.parent / ".run.zarr.part" / "run.zarr").mkdir(parents=True)
+    (store.parent / ".run.zarr.part" / "run.zarr" / "zarr.json").write_text("{")
+    assert resumed(store) == 0
+    assert not (store / "progress" / "word-to-workers").exists()
+    assert_whole(store, whole)
+
+
+# The clock, and names
+
+
+@posix
+def test_nothing_depends_on_the_clock_on_the_wall(tmp_path, whole):
+    told_by("clock", tmp_path / "run.zarr")
+    assert_whole(tmp_path / "run.zarr", whole)
