@@ -221,22 +221,60 @@ BIG = "map --x w=1.5:2.5:200 --y m=1:2:200 --sample-impacts 500 --workers 1"
 
 @pytest.mark.usefixtures("interrupted_early")
 def test_an_interrupted_map_keeps_what_is_finished(run, tmp_path):
-    code, _, complaints = run(f"{BIG} --out map.zarr")
+    code, _, complaints = run(f"{BIG} --out map.nc")
     assert code == 130
     assert "what was finished is kept" in complaints[-1]
-    status = vi.load(tmp_path / "map.zarr")["status"]
+    status = vi.load(tmp_path / "map.nc")["status"]
     unfinished = int((status == vi.Status.INTERRUPTED).sum())
     assert 0 < unfinished < status.size
 
 
 @pytest.mark.usefixtures("interrupted_early")
 def test_an_interrupted_map_never_replaces_a_complete_one(run, tmp_path):
-    vi.save(vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], sample_impacts=20), tmp_path / "map.zarr")
-    code, _, complaints = run(f"{BIG} --out map.zarr --overwrite")
+    vi.save(vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], sample_impacts=20), tmp_path / "map.nc")
+    code, _, complaints = run(f"{BIG} --out map.nc --overwrite")
     assert code == 130
-    assert "map.zarr is as it was" in complaints[-1]
-    assert vi.load(tmp_path / "map.zarr").sizes == {"omega": 1}
-    assert vi.load(tmp_path / "map.partial.zarr").sizes == {"omega": 200, "mass": 200}
+    assert "map.nc is as it was" in complaints[-1]
+    assert vi.load(tmp_path / "map.nc").sizes == {"omega": 1}
+    assert vi.load(tmp_path / "map.partial.nc").sizes == {"omega": 200, "mass": 200}
+
+
+@pytest.mark.usefixtures("interrupted_early")
+def test_an_interrupted_store_keeps_its_tiles_and_the_same_command_goes_on(run, tmp_path, monkeypatch):
+    code, _, complaints = run(f"{BIG} --tile 4000 --out map.zarr")
+    assert code == 130
+    assert "the same command goes on" in complaints[-1]
+    status = vi.load(tmp_path / "map.zarr")["status"]
+    assert int((status == vi.Status.INTERRUPTED).sum()) > 0
+    monkeypatch.undo()
+    monkeypatch.chdir(tmp_path)
+    code, words, complaints = run(f"{BIG} --out map.zarr")
+    assert code == 0
+    assert "going on" in complaints[0]
+    assert int((vi.load(tmp_path / "map.zarr")["status"] == vi.Status.INTERRUPTED).sum()) == 0
+    told = " ".join(run("info map.zarr")[1])
+    assert "100% of 40,000 cells" in told
+    assert "go on with" not in told
+
+
+def test_another_study_on_a_store_is_refused_with_the_difference_and_nothing_is_touched(run, tmp_path):
+    small = "map --x w=1.5:2.5:9 --sample-impacts 20"
+    assert run(f"{small} --out map.zarr")[0] == 0
+    code, _, complaints = run("map --x w=1.5:2.5:9 --sample-impacts 30 --out map.zarr")
+    assert code == 2
+    assert "sample_impacts is 20 there, 30 here" in complaints[-1]
+    code, _, complaints = run(f"{small} -p gap=-1 --start 0,0,0 --out map.zarr --overwrite")
+    assert code == 2
+    assert vi.load(tmp_path / "map.zarr").sizes == {"omega": 9}
+    assert names(tmp_path) == ["map.zarr"]
+
+
+def test_a_plain_result_is_no_store_to_go_on_with(run, tmp_path):
+    vi.save(vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], sample_impacts=20), tmp_path / "map.zarr")
+    code, _, complaints = run("map --x w=1.5:2.5:9 --sample-impacts 20 --out map.zarr")
+    assert code == 2
+    assert "exists" in complaints[-1]
+    assert run("info map.zarr")[0] == 2
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a child cannot be sent Ctrl-C alone")

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from vibroimpact.cli import output
+from vibroimpact.cli import output, stored
 from vibroimpact.cli.progress import Meter
-from vibroimpact.cli.request import Interrupted, WrongRequest, asked, read_request
+from vibroimpact.cli.request import Interrupted, WrongRequest, asked, number, read_request
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -44,15 +44,38 @@ def sweep(function: str, options: Mapping[str, Any]) -> None:
         wanted = "exactly one" if function == "bifurcation_diagram" else "one or more"
         raise WrongRequest(f"`axes` {given}; allowed is {wanted}; write for example --x omega=0.025:5:200")
     usual = ("std",) if function == "parameter_map" else ()
-    output.check(options, function, study.run.indices or usual, len(axes))
+    held, chosen = stored.wanted(function, options), study.run.indices or usual
+    stored.check_cluster(options)
+    if not (held and stored.stands(options)):
+        output.check(options, function, chosen, len(axes))
+    more: dict[str, Any] = dict(axes)
+    if options.get("cluster") is not None:
+        more["cluster"] = options["cluster"]
+    if options.get("tile") is not None:
+        more["tile"] = number(options["tile"])
+    if held:
+        _into_store(study, options, more)
+        return
     with Meter("diagram" if function == "bifurcation_diagram" else "map") as meter, asked():
-        dataset = _call(function, study, progress=meter, **axes)
+        dataset = _call(function, study, progress=meter, **more)
     if not meter.stopped:
         hand_on(dataset, options, meter.seconds)
         return
     from vibroimpact.status import Status
 
     keep_finished(dataset, options, meter.seconds, empty=bool((dataset["status"] == Status.INTERRUPTED).all()))
+
+
+def _into_store(study: Study, options: Mapping[str, Any], more: dict[str, Any]) -> None:
+    from vibroimpact.stores import StoreBusy
+
+    out = options["out"]
+    with Meter("map") as meter, stored.making_room(options), asked(StoreBusy):
+        _call("parameter_map", study, progress=meter, store=out, **more)
+    told = stored.told(out, meter.seconds)
+    if meter.stopped:
+        raise Interrupted(f"interrupted; {told}; the same command goes on")
+    typer.echo(f"wrote {told}")
 
 
 def _with_needed(options: Mapping[str, Any]) -> Mapping[str, Any]:

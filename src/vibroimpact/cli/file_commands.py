@@ -38,6 +38,21 @@ def plot(
     show(context.params)
 
 
+def info(
+    context: typer.Context,
+    file: Annotated[Path, typer.Argument(metavar="STORE", help="A map written tile by tile, as a .zarr.")],
+) -> None:
+    """How far a stored map is, what it cost and found, and how to go on.
+
+    For example:
+
+      vibroimpact info map.zarr
+    """
+    from vibroimpact.cli.stored import info as tell
+
+    tell(context.params)
+
+
 def reproduce(
     context: typer.Context,
     out: o.Folder,

@@ -121,6 +121,8 @@ def parameter_map(
     chatter: o.Chatter = None,
     every_impact: o.EveryImpact = False,
     workers: o.Workers = None,
+    cluster: o.Cluster = None,
+    tile: o.Tile = None,
     out: o.Out = None,
     overwrite: o.Overwrite = False,
     figure: o.Figure = None,
@@ -131,8 +133,9 @@ def parameter_map(
 ) -> None:
     """Stability map: an index of the impacts over one, two or more parameters.
 
-    Axes given here take the place of all those in the study file.
-    Ctrl-C keeps what is finished.
+    Axes given here take the place of all those in the study file. Ctrl-C
+    keeps what is finished; a map that goes to a .zarr is written tile by
+    tile, and the same command goes on where it stopped.
 
     For example:
 

@@ -69,6 +69,10 @@ Chatter = Annotated[
     _Text, _how("X", "Impacts slower than this times max(f, k|g|)/sqrt(km) are not counted. (default: 1e-9)")
 ]
 Workers = Annotated[_Text, _how("N", "Threads. (default: all cores)")]
+Cluster = Annotated[
+    _Text, _how("WHERE", "Compute on a Dask cluster: tcp://HOST:PORT of its scheduler, or local:N processes here.")
+]
+Tile = Annotated[_Text, _how("N", "Cells of a stored tile, about. (default: 4096)")]
 EveryImpact = Annotated[
     bool,
     Option(
