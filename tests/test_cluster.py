@@ -40,10 +40,17 @@ def assert_same(one, other):
 
 
 @pytest.fixture(scope="module")
-def client():
+def shared():
     """Return a client of two workers; Dask gives a tile up at the first worker that dies with it."""
     with dask.config.set({"distributed.scheduler.allowed-failures": 0}), connect("local:2") as client:
         yield client
+
+
+@pytest.fixture
+def client(shared):
+    """Return the client, once those workers are there again that an earlier test has killed."""
+    shared.wait_for_workers(2, timeout=60)
+    return shared
 
 
 @pytest.fixture(scope="module")
@@ -160,6 +167,7 @@ def test_a_tile_whose_worker_dies_every_time_is_told_of_in_the_end(client, monke
 
 
 def _die():
+    time.sleep(0.3)  # a worker that ends in its first moments is not started anew
     os.kill(os.getpid(), signal.SIGKILL)
 
 
@@ -169,7 +177,6 @@ def test_what_a_task_raises_is_raised_here(client):
 
 
 def test_a_slow_worker_keeps_the_others_from_nothing(client):
-    _await(lambda: len(_workers(client)) == 2)
     naps = [1.0, *[0.01] * 30]
     order = [n for n, _ in farm.farm_out(client, lambda n: functools.partial(_nap, naps[n]), range(31), _never())]
     assert order.index(0) >= 29  # beside it, one task at most waits for the slow worker

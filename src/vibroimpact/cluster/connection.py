@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import logging
 import re
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -45,7 +47,7 @@ def connect(cluster: Client | str) -> Iterator[Client]:
 
     Examples
     --------
-    >>> with connect("tcp://10.0.0.1") as client:
+    >>> with connect("tcp://10.0.0.1") as client:  # doctest: +ELLIPSIS
     ...     pass
     Traceback (most recent call last):
     ValueError: `cluster` is 'tcp://10.0.0.1'; allowed is a dask.distributed.Client, ...
@@ -101,9 +103,21 @@ def _reach(scheduler: Any) -> Client:
     from distributed import Client
 
     try:
+        if isinstance(scheduler, str):
+            _knock(scheduler)
         return Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except Exception as error:  # what answers there may be anything
         raise ConnectionError(
             f"`cluster` is {scheduler!r}, where no scheduler answers within {PATIENCE} seconds "
             f"({type(error).__name__}); start one there with `dask scheduler`, or check address, port and firewall"
         ) from error
+
+
+def _knock(address: str) -> None:
+    """Raise unless something that sounds like a scheduler answers; a client would wait for ever for a silent one."""
+    scheme, host, port = urlsplit(address).scheme, urlsplit(address).hostname, urlsplit(address).port
+    with socket.create_connection((host, port), PATIENCE) as line:
+        if scheme == "tcp":  # the scheduler speaks first: how long its greeting is, in eight bytes
+            length = int.from_bytes(line.recv(8, socket.MSG_WAITALL), "little")
+            if not 0 < length < 1 << 20:
+                raise ConnectionError("something else answers")

@@ -84,7 +84,7 @@ def boundary_curves(
     --------
     >>> curves = boundary_curves(ImpactOscillator(), ("omega", "restitution"), ((2, 3), (0.5, 0.9)), lines=3)
     >>> sorted({(curve.kind, curve.orbits[0].n_periods) for curve in curves})
-    [('period_doubling', 1)]
+    [('end_of_sticking', 2), ('period_doubling', 1)]
     """
     names = plane_names(parameters)
     first, second = ranges
