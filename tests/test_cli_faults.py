@@ -248,7 +248,7 @@ def test_an_interrupted_store_keeps_its_tiles_and_the_same_command_goes_on(run, 
     assert int((status == vi.Status.INTERRUPTED).sum()) > 0
     monkeypatch.undo()
     monkeypatch.chdir(tmp_path)
-    code, words, complaints = run(f"{BIG} --out map.zarr")
+    code, _, complaints = run(f"{BIG} --out map.zarr")
     assert code == 0
     assert "going on" in complaints[0]
     assert int((vi.load(tmp_path / "map.zarr")["status"] == vi.Status.INTERRUPTED).sum()) == 0

@@ -120,7 +120,7 @@ def test_workers_killed_in_mid_sweep_leave_no_trace_in_the_result(client, long_w
 
     def kill_now_and_then():
         reported.wait(60)
-        while not ended.wait(rng.uniform(0.02, 0.4)) and len(kills) < 3:
+        while not ended.wait(rng.uniform(0.02, 0.4)) and len(kills) < (3 if stored else 2):
             pid = rng.choice([worker["pid"] for worker in _workers(client)] or [None])
             if pid:
                 os.kill(pid, signal.SIGKILL)
@@ -268,7 +268,8 @@ def test_a_closed_client_is_refused(client):
 
 
 @pytest.mark.parametrize("listening", [True, False])
-def test_an_address_where_no_scheduler_answers_is_told_of_within_seconds(listening):
+def test_an_address_where_no_scheduler_answers_is_told_of_within_seconds(listening, monkeypatch):
+    monkeypatch.setattr(connection, "PATIENCE", 1)
     with socket.socket() as deaf:
         deaf.bind(("127.0.0.1", 0))
         if listening:
@@ -276,7 +277,7 @@ def test_an_address_where_no_scheduler_answers_is_told_of_within_seconds(listeni
         began = time.monotonic()
         with pytest.raises(ConnectionError, match=r"^`cluster` is .* no scheduler answers .*`dask scheduler`"):
             sweep(cluster=f"tcp://127.0.0.1:{deaf.getsockname()[1]}")
-        assert time.monotonic() - began < 15
+        assert time.monotonic() - began < 5
 
 
 def test_without_dask_the_extra_is_named(monkeypatch):
@@ -294,6 +295,9 @@ def test_a_worker_with_another_version_is_refused(client, monkeypatch):
 @pytest.mark.parametrize("what", ["scheduler", "client"])
 def test_a_cluster_that_goes_away_is_told_of(what, monkeypatch):
     monkeypatch.setattr(connection, "PATIENCE", 2)
-    with connect("local:1") as made, pytest.raises(ConnectionError, match="lost its scheduler"):
-        for _ in farm.farm_out(made, lambda number: functools.partial(_nap, 0.05), range(100), _never()):
-            (made.cluster if what == "scheduler" else made).close()
+    with connect("local:1") as made:
+        results = farm.farm_out(made, lambda number: functools.partial(_nap, 0.05), range(100), _never())
+        next(results)
+        (made.cluster if what == "scheduler" else made).close()
+        with pytest.raises(ConnectionError, match="lost its scheduler"):
+            list(results)

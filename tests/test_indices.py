@@ -299,9 +299,7 @@ def test_exponents_of_cycles_are_those_of_the_orbits_that_newton_finds(spread):
             continue
         osc = OSC.replace(omega=SPREAD[at])
         hits = vi.impact_section(osc, start=vi.State(-1.0), transient_impacts=3000, sample_impacts=1)
-        (orbit,) = find_orbit(
-            osc, n_periods=n, n_impacts=p, near=(float(hits["phase"][0]), float(hits["velocity"][0]))
-        )
+        (orbit,) = find_orbit(osc, n_periods=n, n_impacts=p, near=(float(hits["phase"][0]), float(hits["velocity"][0])))
         assert float(cell["lyapunov"]) == pytest.approx(orbit.lyapunov, abs=1e-8), (osc.omega, n, p)
         compared += 1
     assert compared >= 10

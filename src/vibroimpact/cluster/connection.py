@@ -44,13 +44,6 @@ def connect(cluster: Client | str) -> Iterator[Client]:
         No scheduler answers there within five seconds.
     RuntimeError
         The processes of `local:N` did not start.
-
-    Examples
-    --------
-    >>> with connect("tcp://10.0.0.1") as client:  # doctest: +ELLIPSIS
-    ...     pass
-    Traceback (most recent call last):
-    ValueError: `cluster` is 'tcp://10.0.0.1'; allowed is a dask.distributed.Client, ...
     """
     from distributed import Client
 

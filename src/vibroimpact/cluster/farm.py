@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import suppress
 from threading import Event
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -25,7 +25,7 @@ LOOK = 0.005  # seconds between two looks at what has finished
 
 def farm_out(
     client: Client, task: Callable[[int], Task[Result]], numbers: Iterable[int], stop: Event
-) -> Iterator[tuple[int, Result]]:
+) -> Generator[tuple[int, Result]]:
     """Yield each number with what its task returned, as they finish, until all have or `stop` is set.
 
     Parameters

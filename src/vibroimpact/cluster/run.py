@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from vibroimpact.cluster.connection import connect
 from vibroimpact.cluster.farm import farm_out
-from vibroimpact.cluster.tiles import WritableTile, cut_out, marked
+from vibroimpact.cluster.tiles import WritableTile, cut_out, marked, wait_for_writers
 from vibroimpact.stores.records import Record
 from vibroimpact.stores.request import SweepRequest
 from vibroimpact.stores.run import Executor, _StoredTile
@@ -31,20 +32,32 @@ def on_cluster(cluster: Client | str) -> Executor:
     def run(job: Callable[[int], Any], numbers: list[int], stop: Event) -> Iterator[tuple[int, Any]]:
         if not isinstance(job, _StoredTile):
             raise TypeError(f"a cluster computes the tiles of a store, not {job!r}")
-        tiling, writer = job.tiling, job.writer
-        if not numbers or stop.is_set():
-            return
-        folder = os.path.abspath(writer.path)
-        with connect(cluster) as client, marked(writer.path) as mark:
+        if numbers and not stop.is_set():
+            with connect(cluster) as client:
+                yield from _into_store(client, job, numbers, stop)
+
+    return run
+
+
+def _into_store(client: Client, job: _StoredTile, numbers: list[int], stop: Event) -> Iterator[tuple[int, Record]]:
+    tiling, writer = job.tiling, job.writer
+    folder = os.path.abspath(writer.path)
+    left = len(numbers)
+    try:
+        with marked(writer.path) as mark:
 
             def task(number: int) -> WritableTile:
                 part = tiling[number]
                 return WritableTile(cut_out(job.request, part), number, part, folder, mark)
 
-            for number, told in farm_out(client, task, numbers, stop):
-                yield number, told if isinstance(told, Record) else writer.write(number, tiling[number], *told)
-
-    return run
+            with closing(farm_out(client, task, numbers, stop)) as finished:
+                for number, told in finished:
+                    yield number, told if isinstance(told, Record) else writer.write(number, tiling[number], *told)
+                    left -= 1
+    finally:
+        if left:  # workers whose tiles were cancelled finish what they are writing before the store is handed back
+            with suppress(Exception):  # what cannot be reached is lost, and finds no mark
+                client.run(wait_for_writers, on_error="ignore")
 
 
 def in_memory(
@@ -52,9 +65,12 @@ def in_memory(
 ) -> Iterator[tuple[NDArray[np.int64], dict[str, NDArray[Any]]]]:
     """Yield which cells, counted along the grid, have ended, and their indices, until all have or `stop` is set."""
     tiling = cut(request.shape, cells or CELLS)
-    with connect(cluster) as client:
-        tiles = farm_out(client, lambda number: cut_out(request, tiling[number]), range(len(tiling)), stop)
-        for number, (result, _) in tiles:
+
+    def task(number: int) -> Any:
+        return cut_out(request, tiling[number])
+
+    with connect(cluster) as client, closing(farm_out(client, task, range(len(tiling)), stop)) as finished:
+        for number, (result, _) in finished:
             places = np.ix_(*(np.arange(along.start, along.stop) for along in tiling[number]))
             which = np.ravel_multi_index(places, request.shape).ravel()
             yield which, {name: values.ravel() for name, values in result.items()}

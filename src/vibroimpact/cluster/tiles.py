@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from threading import Lock
 from typing import Any
 from uuid import uuid4
 
@@ -20,6 +21,7 @@ from vibroimpact.stores.writer import TileWriter
 
 Computed = tuple[dict[str, NDArray[Any]], float]
 Part = tuple[slice, ...]
+_writing = Lock()  # held from looking for the mark until the tile is whole
 MARK = "cluster"  # the file, beside a store's flags, that tells workers that it is this store
 
 
@@ -59,12 +61,19 @@ class WritableTile:
     def __call__(self) -> Record | Computed:
         """Compute it and write it, where this machine sees the store; else return its numbers."""
         result, seconds = self.tile()
-        if not sees(self.folder, self.mark):
-            return result, seconds
-        try:
-            return _writer(self.folder, self.mark).write(self.number, self.part, result, seconds)
-        except OSError:  # it sees the store and may not write; the client may, or knows how to say what is wrong
-            return result, seconds
+        with _writing:
+            if not sees(self.folder, self.mark):
+                return result, seconds
+            try:
+                return _writer(self.folder, self.mark).write(self.number, self.part, result, seconds)
+            except OSError:  # it sees the store and may not write; the client may, or knows how to say what is wrong
+                return result, seconds
+
+
+def wait_for_writers() -> None:
+    """Return once the tile that this process is writing, if any, is whole."""
+    with _writing:
+        pass
 
 
 @contextmanager
