@@ -138,6 +138,22 @@ def coexistence() -> plt.Figure:
     return figure
 
 
+def refinement() -> plt.Figure:
+    """Draw a refined map of motions, and which of its cells were computed."""
+    axes_of_plane = {"omega": np.linspace(0.5, 5, 65), "mass": np.linspace(0.1, 5, 65)}
+    plane_ = vi.refined_map(vi.ImpactOscillator(), refine=3, along_curves=True, sample_impacts=2000, **axes_of_plane)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(14, 5.4), layout="constrained")
+    vi.plotting.motion_map(plane_, ax=left)
+    left.set_title(f"{plane_.sizes['omega']} x {plane_.sizes['mass']} cells")
+    levels = np.ma.masked_less(plane_["level"].transpose("mass", "omega").values, 0)
+    colours = mpl.colormaps["viridis_r"].resampled(4)
+    mesh = right.pcolormesh(plane_["omega"], plane_["mass"], levels, cmap=colours, vmin=-0.5, vmax=3.5, rasterized=True)
+    right.set(xlabel=left.get_xlabel(), title=f"{plane_.attrs['fraction_computed']:.0%} of them computed")
+    right.grid(visible=False)
+    figure.colorbar(mesh, ax=right, ticks=range(4), label="level at which a cell was computed; white: filled in")
+    return figure
+
+
 def verdict() -> plt.Figure:
     """Draw two designs side by side."""
     osc = vi.ImpactOscillator()
@@ -159,6 +175,7 @@ def main() -> None:
         "orbits": orbits(),
         "continuation": continuation(),
         "coexistence": coexistence(),
+        "refinement": refinement(),
         "verdict": verdict(),
     }
     for name, figure in pictures.items():

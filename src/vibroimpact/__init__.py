@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from vibroimpact.orbits import Orbit, find_orbit
     from vibroimpact.orbits.sticking_end import end_of_sticking
     from vibroimpact.oscillator import ImpactOscillator, State
+    from vibroimpact.refinement import refined_map, to_uniform
     from vibroimpact.sections import impact_section, stroboscopic_section
     from vibroimpact.sweeps import parameter_map
     from vibroimpact.trajectory import simulate
@@ -31,6 +32,8 @@ _HOMES = {
     "stroboscopic_section": "sections",
     "bifurcation_diagram": "diagrams",
     "parameter_map": "sweeps",
+    "refined_map": "refinement",
+    "to_uniform": "refinement",
     "classify": "classes",
     "Orbit": "orbits",
     "find_orbit": "orbits",
@@ -69,10 +72,12 @@ __all__ = [
     "load",
     "parameter_map",
     "plotting",
+    "refined_map",
     "save",
     "simulate",
     "stroboscopic_section",
     "switch_branch",
+    "to_uniform",
 ]
 
 

@@ -44,6 +44,9 @@ def parameter_map(
     store: str | os.PathLike[str] | None = None,
     tile: int | None = None,
     cluster: Client | str | None = None,
+    refine: int | None = None,
+    jump: float | None = None,
+    along_curves: bool = False,
     progress: bool | Report = False,
     **axes: ArrayLike,
 ) -> xr.Dataset:
@@ -86,6 +89,9 @@ def parameter_map(
         Computes on the workers of a Dask cluster instead of here: a client, `tcp://HOST:PORT` of a running scheduler,
         or `local:N` for N processes of this machine. Workers may come, go and die; those that see the store write
         their tiles there themselves. The result does not depend on them.
+    refine, jump, along_curves : int, float, bool, optional
+        Halve the intervals of two axes `refine` times, but compute only where the motion, or an index by more than
+        `jump`, changes; see `refined_map`.
     progress : bool or callable
         True shows a bar; a callable gets (cells done, cells in all, Dataset so far) and stops the sweep by returning
         False: the Dataset so far is returned, unfinished cells `interrupted`.
@@ -129,6 +135,14 @@ def parameter_map(
     >>> float(sweep["std"].sel(omega=2.0, mass=1.0)) < 1e-9
     True
     """
+    if refine is not None:
+        _check_refined(cluster, tile)
+        from vibroimpact.refinement import refined_map
+
+        how: dict[str, Any] = {"transient_impacts": transient_impacts, "sample_impacts": sample_impacts, "start": start}
+        how |= {"backend": backend, "time_step": time_step, "early_closing": early_closing, "tolerances": tolerances}
+        how |= {"workers": workers, "store": store, "progress": progress, "indices": indices}
+        return refined_map(osc, refine=refine, jump=jump, along_curves=along_curves, **how, **axes)
     check_start(start)
     chosen = check_indices(indices)
     grid = check_axes(axes)
@@ -185,6 +199,12 @@ def parameter_map(
             if report(done, len(cells), dataset) is False:
                 stop.set()
     return dataset
+
+
+def _check_refined(cluster: Any, tile: Any) -> None:
+    for name, value in (("cluster", cluster), ("tile", tile)):
+        if value is not None:
+            raise ValueError(f"`{name}` stands beside `refine`; allowed is one of the two; leave one out")
 
 
 def _check_place(cluster: Client | str, workers: int | None) -> None:

@@ -53,6 +53,8 @@ def sweep(function: str, options: Mapping[str, Any]) -> None:
         more["cluster"] = options["cluster"]
     if options.get("tile") is not None:
         more["tile"] = number(options["tile"])
+    if options.get("refine") is not None:
+        more |= {"refine": number(options["refine"]), "along_curves": bool(options.get("along_curves"))}
     if held:
         _into_store(study, options, more)
         return

@@ -123,6 +123,8 @@ def parameter_map(
     workers: o.Workers = None,
     cluster: o.Cluster = None,
     tile: o.Tile = None,
+    refine: o.Refine = None,
+    along_curves: o.AlongCurves = False,
     out: o.Out = None,
     overwrite: o.Overwrite = False,
     figure: o.Figure = None,

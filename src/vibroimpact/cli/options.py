@@ -73,6 +73,17 @@ Cluster = Annotated[
     _Text, _how("WHERE", "Compute on a Dask cluster: tcp://HOST:PORT of its scheduler, or local:N processes here.")
 ]
 Tile = Annotated[_Text, _how("N", "Cells of a stored tile, about. (default: 4096)")]
+Refine = Annotated[
+    _Text, _how("L", "Halve the intervals of both axes L times, and compute only where the motion changes.")
+]
+AlongCurves = Annotated[
+    bool,
+    Option(
+        "--along-curves",
+        rich_help_panel="How to compute",
+        help="With --refine over two of w, m, k: a third of the cells, twice the error.",
+    ),
+]
 EveryImpact = Annotated[
     bool,
     Option(

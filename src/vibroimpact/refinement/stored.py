@@ -1,0 +1,139 @@
+"""A refined map on disk: chunks of computed cells as they end, the filled picture when all have.
+
+Beside the picture's tiles, laid out as those of any sweep, the store has a group of points: row `number` of each array
+is a chunk of computed cells, in the order in which refinement asks for them, which depends on the request alone. A
+chunk's record holds a checksum of its numbers and of where they lie on the fine grid.
+"""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import xarray as xr
+import zarr
+
+from vibroimpact.refinement.lattice import Places
+from vibroimpact.refinement.picture import FILLED, Picture, level_variable
+from vibroimpact.refinement.points import CHUNK
+from vibroimpact.refinement.request import RefinedRequest
+from vibroimpact.storage import load_lazily
+from vibroimpact.stores.layout import PACKING, PROGRESS, RECORDS
+from vibroimpact.stores.records import CHECKSUM, COLUMNS, DONE, Arrays, Record, checksum, place_of
+from vibroimpact.stores.store import SweepStore, open_or_create
+from vibroimpact.stores.writer import TileWriter, told
+
+POINTS = "points"
+LEVEL_MARK = "level_checksum"
+MOST = 1 << 20  # chunks; those never written take no room
+TILE = 1 << 18  # cells of the picture in a file
+
+
+def open_refined(path: str | os.PathLike[str], request: RefinedRequest) -> SweepStore:
+    """Return the store of a refined map: the one that stands there, or a new one."""
+    return open_or_create(path, request, TILE)
+
+
+def finished(store: SweepStore) -> xr.Dataset | None:
+    """Return the map if all of it stands there, undamaged."""
+    root: Any = zarr.open_group(store.path, mode="r", zarr_format=3)
+    if LEVEL_MARK not in root[PROGRESS].attrs or not store.is_whole():
+        return None
+    try:
+        whole = zlib.crc32(np.asarray(root["level"][:]).tobytes()) == root[PROGRESS].attrs[LEVEL_MARK]
+    except Exception:  # a damaged file
+        return None
+    return load_lazily(store.path) if whole else None
+
+
+@contextmanager
+def keeping(store: SweepStore, request: RefinedRequest) -> Iterator[StoredPoints]:
+    """Yield what keeps computed cells in a store; no second process is let in meanwhile."""
+    with store.writing() as writer:
+        writer.sweep_up()
+        for name in store.damaged_axes():
+            writer.write_axis(name, request.axes[name])
+        with told(store.path):
+            kept = StoredPoints(store, writer, request)
+        yield kept
+
+
+class StoredPoints:
+    """Keeps computed cells, and the picture made of them."""
+
+    def __init__(self, store: SweepStore, writer: TileWriter, request: RefinedRequest) -> None:
+        self.store, self.writer = store, writer
+        root: Any = zarr.open_group(store.path, mode="r+", zarr_format=3)
+        self.root = root
+        kinds = {name: np.dtype(root[name].dtype) for name in (*request.indices, "status")}
+        kinds |= {"impacts": np.dtype("int64"), "steps": np.dtype("int64")}
+        group = root[PROGRESS].require_group(POINTS)
+        rows = {"shape": (MOST, CHUNK), "chunks": (1, CHUNK), "fill_value": 0}
+        self.points = {name: _array(group, name, dtype=kind, **rows) for name, kind in kinds.items()}
+        self.records = _array(
+            group, RECORDS, shape=(MOST, COLUMNS), chunks=(1, COLUMNS), fill_value=0, dtype=np.dtype("int64")
+        )
+        level = level_variable(tuple(request.axes), np.zeros((1, 1), np.int8))
+        self.level = _array(
+            root, "level", shape=request.shape, chunks=store.tiling.tile, fill_value=FILLED, dtype=level.dtype,
+            dimension_names=list(request.axes), attributes=level.attrs,
+        )  # fmt: skip
+
+    def recall(self, number: int, at: Places) -> Arrays | None:
+        """Return a chunk of cells if it was kept, for these cells, and has not been altered since."""
+        try:
+            record = self.records[number]
+            if not record[DONE]:
+                return None
+            kept = {name: np.asarray(array[number])[: len(at)] for name, array in self.points.items()}
+            mark = checksum(kept | {"cell": at}, place_of(self.store.key, number))
+        except Exception:  # a damaged file: computed anew
+            return None
+        return kept if mark == record[CHECKSUM] else None
+
+    def keep(self, number: int, at: Places, result: Arrays, seconds: float) -> None:
+        """Write a chunk of cells, then that it is done."""
+        place = place_of(self.store.key, number)
+        impacts, steps = int(result["impacts"].sum()), int(result["steps"].sum())
+        record = Record.of(result | {"cell": at}, impacts, steps, seconds, place)
+        with told(self.store.path):
+            for name, array in self.points.items():
+                row = np.zeros(CHUNK, array.dtype)
+                row[: len(at)] = result[name]
+                array[number] = row
+            self.records[number] = record.row(place)
+
+    def draw(self, picture: Picture, attrs: dict[str, Any], *, complete: bool) -> xr.Dataset:
+        """Write the filled picture, a complete one with its records, and return it, read from disk."""
+        none = {name: np.zeros(1, np.int64) for name in ("impacts", "steps")}  # counts stand beside the points
+        tiling = self.store.tiling
+        with told(self.store.path):
+            for number in range(len(tiling)):
+                part = tiling[number]
+                tile = {name: values[part] for name, values in picture.values.items()}
+                self.level[part] = picture.level[part]
+                if complete:
+                    self.writer.write(number, part, tile | none, 0.0)
+                else:
+                    for name, values in tile.items():
+                        self.root[name][part] = values
+            self.root.attrs.update(attrs)
+            if complete:
+                self.root[PROGRESS].attrs[LEVEL_MARK] = zlib.crc32(picture.level.tobytes())
+        return load_lazily(self.store.path)
+
+
+def _array(group: Any, name: str, **layout: Any) -> Any:
+    """Return an array of a group, made where it is not there, that writes chunks of zeros too."""
+    if name not in group:
+        labels = {key: _plain(value) for key, value in layout.pop("attributes", {}).items()}
+        group.create_array(name, compressors=PACKING, attributes=labels, **layout)
+    return group[name].with_config({"write_empty_chunks": True})
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
