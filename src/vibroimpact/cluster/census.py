@@ -21,7 +21,8 @@ class Census:
         self.client = client
         self._number = 0
         self._counted = -INTERVAL
-        self._seen: float | None = time.monotonic()
+        self._empty_since: float | None = None
+        self._told = False
 
     def threads(self) -> int:
         """Return how many threads there are, give or take a second."""
@@ -37,9 +38,11 @@ class Census:
     def _tell(self, now: float) -> None:
         """Warn once each time the last worker has been gone for long."""
         if self._number:
-            self._seen = now
-        elif self._seen is not None and now - self._seen > LONELY:
-            self._seen = None
+            self._empty_since, self._told = None, False
+        elif self._empty_since is None:
+            self._empty_since = now
+        elif now - self._empty_since > LONELY and not self._told:
+            self._told = True
             address = getattr(self.client.scheduler, "address", "ADDRESS")
             warnings.warn(
                 f"`cluster` has no worker; the sweep waits for one: start it with `dask worker {address}`", stacklevel=2

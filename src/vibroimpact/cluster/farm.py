@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 Result = TypeVar("Result")
+Coming = concurrent.futures.Future[dict[int, Any]]
 Task = Callable[[], Result]
 
 IN_FLIGHT = 3  # tasks a worker thread: one is computed, one waits beside it, one is on its way
@@ -57,7 +60,7 @@ def farm_out(
     waiting = deque(numbers)
     losses: Counter[int] = Counter()
     try:
-        while waiting or field.running:
+        while waiting or len(field):
             _check_scheduler(client)
             if stop.is_set():
                 waiting.clear()
@@ -72,20 +75,25 @@ def farm_out(
                 _check_hope(losses[number], error)
                 waiting.append(number)
     finally:
-        field.cancel()
+        field.clear()
 
 
 class _Field:
-    """The tasks that have been handed out."""
+    """The tasks that have been handed out, and the results on their way back."""
 
     def __init__(self, client: Client) -> None:
         self.client = client
         self.name = f"vibroimpact-{uuid4().hex}"
         self.running: dict[Future[Any], int] = {}
+        # Fetched beside the loop: where a worker has died with results, Dask tries for half a minute to reach it.
+        self.coming: dict[Coming, dict[Future[Any], int]] = {}
         self.census = Census(client)
 
+    def __len__(self) -> int:
+        return len(self.running) + sum(map(len, self.coming.values()))
+
     def room(self) -> int:
-        return max(IN_FLIGHT * max(self.census.threads(), 1) - len(self.running), 0)
+        return max(IN_FLIGHT * max(self.census.threads(), 1) - len(self), 0)
 
     def hand_out(self, tasks: list[tuple[int, int, Task[Any]]]) -> None:
         if tasks:
@@ -95,29 +103,42 @@ class _Field:
             self.running |= {future: number for future, (number, *_) in zip(futures, tasks, strict=True)}
 
     def finished(self) -> Iterator[tuple[int, Any, BaseException | None]]:
-        """Yield numbers with result or error: those that have finished by now, fetched at once."""
-        ended = [future for future in self.running if future.done()]
-        if not ended:
+        """Yield numbers with result or error: those that have come by now."""
+        self._fetch()
+        come = [results for results in self.coming if results.done()]
+        if not come:
             time.sleep(LOOK)
-            return
-        try:
-            results = self.client.gather(dict(enumerate(ended)), errors="skip")
-        except OSError:  # the scheduler has gone for a moment, or for good: then the futures will tell
-            time.sleep(LOOK)
-            return
-        for place, future in enumerate(ended):
-            result = results.get(place)
-            error = _error(future) if result is None else None
-            yield self.running.pop(future), result, error
+        for results in come:
+            futures = self.coming.pop(results)
+            if results.cancelled() or isinstance(results.exception(), OSError):  # the scheduler is away
+                self.running |= futures
+                time.sleep(LOOK)
+                continue
+            for place, (future, number) in enumerate(futures.items()):
+                result = results.result().get(place)
+                yield number, result, _error(future) if result is None else None
+
+    def _fetch(self) -> None:
+        ended = {future: number for future, number in self.running.items() if future.done()}
+        if ended:
+            fetched = self.client.gather(dict(enumerate(ended)), errors="skip", asynchronous=True)
+            loop = self.client.loop.asyncio_loop  # type: ignore[union-attr]
+            self.coming[asyncio.run_coroutine_threadsafe(fetched, loop)] = ended
+            self.running = {future: number for future, number in self.running.items() if future not in ended}
 
     def cancel(self) -> None:
         """Give up what has not finished."""
         unfinished = [future for future in self.running if not future.done()]
-        for future in unfinished:
-            del self.running[future]
+        self.running = {future: number for future, number in self.running.items() if future.done()}
         if unfinished and self.client.status == "running":
             with suppress(Exception):  # the scheduler may be gone, and its work with it
                 self.client.cancel(unfinished)
+
+    def clear(self) -> None:
+        """Give up everything."""
+        for results in self.coming:
+            results.cancel()
+        self.cancel()
 
 
 def _call(task: Task[Result]) -> Result:
