@@ -141,8 +141,8 @@ def parameter_map(
 
         how: dict[str, Any] = {"transient_impacts": transient_impacts, "sample_impacts": sample_impacts, "start": start}
         how |= {"backend": backend, "time_step": time_step, "early_closing": early_closing, "tolerances": tolerances}
-        how |= {"workers": workers, "store": store, "progress": progress, "indices": indices}
-        return refined_map(osc, refine=refine, jump=jump, along_curves=along_curves, **how, **axes)
+        how |= {"workers": workers, "store": store, "progress": progress, "indices": indices, **axes}
+        return refined_map(osc, refine=refine, jump=jump, along_curves=along_curves, **how)
     check_start(start)
     chosen = check_indices(indices)
     grid = check_axes(axes)
