@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -82,6 +83,7 @@ def stick_times(osc: ImpactOscillator, seen: Any) -> dict[str, xr.Variable]:
     }
 
 
+@cache
 def package_version() -> str:
     """Return the installed version of vibroimpact."""
     try:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from vibroimpact.cli.explore_command import explore
 from vibroimpact.cli.file_commands import info, plot, reproduce
 from vibroimpact.cli.motion_commands import diagram, parameter_map, section, simulate
 from vibroimpact.cli.orbit_commands import basins, boundary, compare, describe, follow, orbit
@@ -68,6 +69,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
     "Motions and sweeps": {"simulate": simulate, "section": section, "diagram": diagram, "map": parameter_map},
     "Orbits and boundaries": {"orbit": orbit, "continue": follow, "boundary": boundary, "basins": basins},
     "Verdicts": {"describe": describe, "compare": compare},
+    "Explorer": {"explore": explore},
     "Files": {"plot": plot, "info": info, "reproduce": reproduce},
 }
 for panel, commands in _COMMANDS.items():

@@ -1,0 +1,179 @@
+"""How fast the explorer answers: a page load, clicks, sliders, twenty pages, and a soak, in headless Chromium."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import re
+import shutil
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+         "--disable-component-update", "--disable-sync"]  # fmt: skip
+SERVE = "from vibroimpact.explorer import explore; explore(port=0, browser=False)"
+TARGETS = {  # ms, MB
+    "load": 2500.0, "click, median": 80.0, "click, 95 %": 200.0, "slider to 64 x 64": 400.0,
+    "slider to 256 x 256": 4000.0, "twenty pages, click, median": 500.0, "soak, growth": 50.0,
+}  # fmt: skip
+# from the moment the finger leaves the button until the frame after the one in which all four plots were painted
+CLICK = """async ([x, y]) => { const e = window.explorer, before = e.drawn; window.up = 0;
+  document.addEventListener("pointerup", () => { window.up = performance.now(); }, { capture: true, once: true }); }"""
+
+
+@contextmanager
+def serving() -> Any:
+    process = subprocess.Popen([sys.executable, "-c", SERVE], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        found = re.search(r"http://\S+", process.stdout.readline())
+        assert found is not None
+        yield found.group(), process.pid
+    finally:
+        process.terminate()
+        process.communicate(timeout=10)
+
+
+def memory(pid: int) -> float:
+    """Return the resident memory of a process in MB."""
+    with open(f"/proc/{pid}/status") as file:
+        return float(re.search(r"VmRSS:\s+(\d+)", file.read()).group(1)) / 1024.0  # type: ignore[union-attr]
+
+
+def load(page: Any, address: str) -> float:
+    begun = time.perf_counter()
+    page.goto(address)
+    page.wait_for_function("window.explorer && window.explorer.ready > 0 && window.explorer.drawn > 0", timeout=60_000)
+    return 1e3 * (time.perf_counter() - begun)
+
+
+def settle(page: Any) -> None:
+    page.wait_for_function("window.explorer.planes.some(p => p[0] === 256)", timeout=60_000)
+    page.wait_for_timeout(2500)
+
+
+def places(page: Any, rng: random.Random) -> Any:
+    box = page.locator("#plane-plot").bounding_box()
+    while True:
+        yield box["x"] + 90 + rng.random() * (box["width"] - 220), box["y"] + 20 + rng.random() * (box["height"] - 90)
+
+
+def click(page: Any, place: tuple[float, float]) -> float:
+    before = page.evaluate("window.explorer.drawn")
+    page.mouse.move(*place)
+    page.evaluate(CLICK, list(place))
+    page.mouse.click(*place)
+    page.wait_for_function(f"window.explorer.drawn > {before}", timeout=20_000)
+    return float(page.evaluate("window.explorer.drawn_at - window.up"))
+
+
+def clicks(page: Any, number: int, pause: float = 300.0) -> list[float]:
+    spots = places(page, random.Random(1))
+    times = []
+    for _ in range(number):
+        page.wait_for_timeout(pause)
+        times.append(click(page, next(spots)))
+    return times
+
+
+def slides(page: Any, number: int) -> tuple[list[float], list[float]]:
+    coarse, fine = [], []
+    for at in range(number):
+        page.evaluate(
+            "value => { window.explorer.planes.length = 0; window.slid = performance.now();"
+            " Bokeh.documents[0].get_model_by_name('slider_damping').value = value; }",
+            0.02 + 0.01 * at,
+        )
+        page.wait_for_function("window.explorer.planes.some(p => p[0] === 256)", timeout=60_000)
+        for side, times in ((64, coarse), (256, fine)):
+            times.append(page.evaluate(f"window.explorer.planes.find(p => p[0] === {side})[1] - window.slid"))
+    return coarse, fine
+
+
+def crowd(browser: Any, address: str, pages: int, rounds: int) -> list[float]:
+    """Return the times of pages that click once a second each, in turns."""
+    open_pages = []
+    for _ in range(pages):
+        page = browser.new_page(viewport={"width": 1366, "height": 768})
+        load(page, address)
+        open_pages.append((page, places(page, random.Random(len(open_pages)))))
+    open_pages[-1][0].wait_for_timeout(3000)
+    arm = """() => { window.times = window.times || []; const e = window.explorer, before = e.drawn;
+      document.addEventListener("pointerup", () => { const up = performance.now(); const look = () => {
+        if (e.drawn > before) window.times.push(e.drawn_at - up); else setTimeout(look, 5); }; look(); },
+        { capture: true, once: true }); }"""
+    for _ in range(rounds):
+        begun = time.perf_counter()
+        for number, (page, spots) in enumerate(open_pages):
+            page.evaluate(arm)
+            page.mouse.click(*next(spots))
+            wait = begun + (number + 1) / pages - time.perf_counter()
+            if wait > 0.0:
+                time.sleep(wait)
+    open_pages[-1][0].wait_for_timeout(3000)
+    times = [value for page, _ in open_pages for value in page.evaluate("window.times")]
+    for page, _ in open_pages:
+        page.close()
+    return times
+
+
+def soak(page: Any, pid: int, seconds: float) -> float:
+    """Return by how many MB the server grows under a scripted user, after a first tenth of the time."""
+    spots, begun, first = places(page, random.Random(3)), time.perf_counter(), 0.0
+    while (gone := time.perf_counter() - begun) < seconds:
+        if not first and gone > 0.1 * seconds:
+            first = memory(pid)
+        page.mouse.click(*next(spots))
+        page.wait_for_timeout(300)
+        page.keyboard.press(random.choice(["+", "-", "h", "m", "g", "p", "u", "d", "ArrowLeft", "Control+z"]))
+        page.wait_for_timeout(700)
+    return memory(pid) - first
+
+
+def main() -> None:
+    from playwright.sync_api import sync_playwright
+
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--clicks", type=int, default=60)
+    parser.add_argument("--pages", type=int, default=20)
+    parser.add_argument("--soak", type=float, default=60.0, help="seconds")
+    asked = parser.parse_args()
+    measured: dict[str, float] = {}
+    with serving() as (address, pid), sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        loads = []
+        for _ in range(4):
+            page = browser.new_page(viewport={"width": 1366, "height": 768})
+            loads.append(load(page, address))
+            page.close()
+            time.sleep(5.0)
+        measured["load"] = float(np.median(loads))
+        page = browser.new_page(viewport={"width": 1366, "height": 768})
+        load(page, address)
+        settle(page)
+        times = clicks(page, asked.clicks)
+        measured["click, median"], measured["click, 95 %"] = map(float, np.percentile(times, [50, 95]))
+        settle(page)
+        coarse, fine = slides(page, 5)
+        measured["slider to 64 x 64"] = float(np.median(coarse))
+        measured["slider to 256 x 256"] = float(np.median(fine))
+        if asked.soak > 0.0:
+            measured["soak, growth"] = soak(page, pid, asked.soak)
+        page.close()
+        if asked.pages > 0:
+            measured["twenty pages, click, median"] = float(np.median(crowd(browser, address, asked.pages, 5)))
+        browser.close()
+    for name, value in measured.items():
+        verdict = "met" if value < TARGETS[name] else "MISSED"
+        print(f"{name:30s} {value:8.0f}   must be below {TARGETS[name]:.0f}   {verdict}")
+    print(json.dumps(measured))
+
+
+if __name__ == "__main__":
+    main()

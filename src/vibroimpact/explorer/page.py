@@ -1,0 +1,197 @@
+"""A page: views and controls around a session; it computes nothing."""
+
+from __future__ import annotations
+
+import base64
+import json
+import threading
+from collections.abc import Callable
+from itertools import count
+from typing import TYPE_CHECKING, Any
+
+from bokeh.events import DoubleTap, RangesUpdate, Tap
+from bokeh.models import TextInput
+
+from vibroimpact.explorer.address import to_query
+from vibroimpact.explorer.controls import Controls
+from vibroimpact.explorer.export import KINDS, export
+from vibroimpact.explorer.plane import Plane
+from vibroimpact.explorer.plane_view import PlaneView
+from vibroimpact.explorer.point_view import PointView
+from vibroimpact.explorer.pool import Pool
+from vibroimpact.explorer.session import Explorer
+from vibroimpact.explorer.state import View
+
+if TYPE_CHECKING:
+    from bokeh.document import Document
+
+NUDGE = 1.0 / 64.0  # of the plane, an arrow key
+ZOOM = 0.5
+RESENT = 8  # letters that are sent again, for a browser that was not there yet when they came
+
+
+class Page:
+    """All that one open tab shows; made ahead, without a document, so that a tab need not wait for it.
+
+    Parameters
+    ----------
+    pool : Pool
+        The threads that compute.
+    """
+
+    def __init__(self, pool: Pool) -> None:
+        view = View()
+        self.explorer = Explorer(view, pool, self._hear)
+        self._inbox: list[tuple[str, Any]] = []
+        self._lock = threading.Lock()
+        self._serial = count()
+        self._sent: list[dict[str, Any]] = []
+        self.plane, self.point = PlaneView(view), PointView()
+        self.controls = Controls(self.explorer, None, self.export)
+        self.mail = TextInput(value="", name="mail")
+        self.command = TextInput(value="", name="command")
+        self.command.on_change("value", self._obey)
+        # no root shows these, and the script in the page reads them
+        self.command.tags = [self.point.facts, *(parcel.source for parcel in self.point.parcels.values())]
+
+    def open(
+        self, doc: Document, view: View, complaint: str = "", stored: Callable[[View], Plane | None] | None = None
+    ) -> None:
+        """Fill the document of a tab with a view, say what there is to complain of, and begin to compute.
+
+        `stored` is as for `Explorer`.
+        """
+        self.doc = doc
+        self.explorer.view, self.explorer.stored = view, stored
+        self.controls.fit(view)
+        self._apply([("view", view), *([("message", complaint)] if complaint else [])])
+        self._events()
+        roots = {
+            "preset": self.controls.preset, "buttons": self.controls.buttons, "controls": self.controls.column,
+            "plane_head": self.plane.head, "plane": self.plane.figure, "legend": self.plane.legend,
+            "line": self.plane.line.figure, **self.point.figures, "mail": self.mail, "command": self.command,
+        }  # fmt: skip
+        with doc.models.freeze():  # else every root looks through all models again
+            for name, model in roots.items():
+                model.name = name
+                doc.add_root(model)
+        # Not before the session stands: what threads tell until then would be lost.
+        doc.add_next_tick_callback(self.explorer.start)
+
+    def _events(self) -> None:
+        for tap in (Tap, DoubleTap):  # a second click soon after is a click, too
+            self.plane.figure.on_event(tap, lambda event: self.explorer.click(event.x, event.y))
+        self.plane.figure.on_event(RangesUpdate, self._zoomed)
+        self.plane.line.figure.on_event(Tap, self._line_clicked)
+        self.doc.on_session_destroyed(lambda context: self.explorer.close())
+
+    # ---- what a person did
+
+    def _zoomed(self, event: RangesUpdate) -> None:
+        self.explorer.zoom((event.x0, event.x1), (event.y0, event.y1))
+
+    def _line_clicked(self, event: Tap) -> None:
+        view = self.explorer.view
+        self.explorer.set_parameter(view.along[0], event.x)
+
+    def _obey(self, attr: str, old: str, new: str) -> None:
+        """Do what a key asks for."""
+        word, explorer, view = new.split(" ")[0], self.explorer, self.explorer.view
+        simple: dict[str, Callable[[], Any]] = {
+            "undo": explorer.undo,
+            "redo": explorer.redo,
+            "pin": explorer.pin,
+            "unpin": explorer.unpin,
+            "home": self.controls.home,
+            "boundaries": lambda: explorer.set(boundaries=not view.boundaries),
+            "log": lambda: explorer.set(log=not view.log),
+            "line": lambda: explorer.set(line="y" if view.line == "x" else "x"),
+            "motion": lambda: explorer.set(index="motion" if view.index != "motion" else "std"),
+            "left": lambda: self._nudge(-1, 0),
+            "right": lambda: self._nudge(1, 0),
+            "up": lambda: self._nudge(0, 1),
+            "down": lambda: self._nudge(0, -1),
+            "in": lambda: self._scale(ZOOM),
+            "out": lambda: self._scale(1.0 / ZOOM),
+        }
+        if word in simple:
+            simple[word]()
+
+    def _nudge(self, right: int, up: int) -> None:
+        view = self.explorer.view
+        (x0, x1), (y0, y1) = view.x_range, view.y_range
+        self.explorer.click(
+            view.osc_value("x") + right * NUDGE * (x1 - x0), view.osc_value("y") + up * NUDGE * (y1 - y0)
+        )
+
+    def _scale(self, factor: float) -> None:
+        """Zoom about the point, or about the middle where the point lies outside."""
+        view, ranges = self.explorer.view, []
+        for axis in ("x", "y"):
+            low, high = getattr(view, f"{axis}_range")
+            middle = view.osc_value(axis)
+            middle = middle if low <= middle <= high else 0.5 * (low + high)
+            ranges.append((middle - factor * (middle - low), middle + factor * (high - middle)))
+        self.explorer.zoom(ranges[0], ranges[1])
+
+    def export(self, kind: str) -> None:
+        """Make a file of the view and let the browser keep it."""
+        if kind not in KINDS:
+            return
+
+        def job() -> None:
+            try:
+                self._hear("file", export(kind, self.explorer))
+            except (ValueError, OSError) as error:
+                self._hear("message", str(error))
+
+        self.explorer.run("export", job)
+
+    # ---- what the session answers
+
+    def _hear(self, what: str, content: Any) -> None:
+        """Take a message from any thread; the page shows it when it is its turn."""
+        with self._lock:
+            self._inbox.append((what, content))
+            first = len(self._inbox) == 1
+        if first:
+            try:
+                self.doc.add_next_tick_callback(self._read)
+            except RuntimeError:  # the tab was closed meanwhile
+                self.explorer.close()
+
+    def _read(self) -> None:
+        with self._lock:
+            told, self._inbox = self._inbox, []
+        latest = {what: number for number, (what, _) in enumerate(told)}
+        self._apply([(what, content) for number, (what, content) in enumerate(told) if latest[what] == number])
+
+    def _apply(self, told: list[tuple[str, Any]]) -> None:
+        letters: list[dict[str, Any]] = []
+        for what, content in told:
+            if what == "view":
+                self.plane.show_view(content)
+                self.controls.show_view(content)
+                letters.append({"address": to_query(content)})
+            elif what == "plane":
+                self.plane.show_plane(content)
+            elif what == "point":
+                self.point.show_point(content, self.explorer.view)
+            elif what == "line":
+                self.plane.line.show(content)
+            elif what == "curves":
+                self.plane.show_curves(content)
+            elif what == "others":
+                self.point.show_others(content)
+                self.controls.show_others(content)
+            elif what == "pins":
+                self.point.show_pins(content)
+            elif what == "message":
+                letters.append({"message": content})
+            elif what == "file":
+                encoded = base64.b64encode(content.content).decode()
+                letters.append({"file": {"name": content.name, "type": content.type, "base64": encoded}})
+        if letters:
+            sent = [letter for letter in self._sent if "file" not in letter][-RESENT:]
+            self._sent = [*sent, *({"serial": next(self._serial), **letter} for letter in letters)]
+            self.mail.value = json.dumps(self._sent)

@@ -1,0 +1,233 @@
+"""The server: pages on loopback, from nothing but this machine."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import ipaddress
+import logging
+import os
+import socket
+import sys
+import webbrowser
+from collections.abc import Iterable
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlencode
+
+if TYPE_CHECKING:
+    from bokeh.document import Document
+    from bokeh.server.server import Server
+
+    from vibroimpact.explorer.spares import Spares
+    from vibroimpact.explorer.state import View
+
+MOST_PAGES = 64
+PORTS = range(5006, 5026)  # tried in turn where none is asked for
+MOST_BYTES = 1 << 20  # of a message from a page
+KEEP_ALIVE, UNUSED, LOOK = 15_000, 4_000, 2_000  # ms: of a connection; until a closed tab's work stops; between looks
+_ASSETS = Path(__file__).parent / "assets"
+
+
+def explore(
+    store: str | os.PathLike[str] | None = None,
+    *,
+    port: int | None = None,
+    host: str = "127.0.0.1",
+    browser: bool = True,
+) -> None:
+    """Serve the explorer until Ctrl-C: a page with the stability map and the motion at the point that is clicked.
+
+    Parameters
+    ----------
+    store : path, optional
+        A stored sweep over two or more parameters to begin with: a `.zarr` folder or an `.nc` file.
+    port : int, 0 to 65535, optional
+        Where to listen; None is the first free one from 5006 on, 0 any free one.
+    host : str
+        The address to listen at. Any other than this machine's own lets others on the network in: a warning tells.
+    browser : bool
+        Whether to open the page.
+
+    Raises
+    ------
+    ValueError
+        `store` is no sweep that can be shown, or `port` is taken or out of its range.
+    ImportError
+        The extra `[web]` is not installed.
+
+    Notes
+    -----
+    Nothing is loaded from outside. Pages share the machine's cores; at most 64 may be open. See docs/explorer.md.
+    """
+    server, address = make_server(store, port=port, host=host)
+    print(f"The explorer is at {address} (Ctrl-C ends it)", flush=True)
+    if browser:
+        server.io_loop.call_later(0.1, lambda: webbrowser.open(address))
+    try:
+        server.run_until_shutdown()
+    except KeyboardInterrupt:
+        server.stop()
+
+
+def make_server(
+    store: str | os.PathLike[str] | None = None, *, port: int | None = None, host: str = "127.0.0.1"
+) -> tuple[Server, str]:
+    """Return a server that listens, and its address; `explore` runs it."""
+    try:
+        from bokeh.application import Application
+        from bokeh.application.handlers.function import FunctionHandler
+        from bokeh.server.server import Server
+    except ImportError as error:
+        raise ImportError(
+            "the explorer needs the extra [web]; install it with: pip install 'vibroimpact[web]'"
+        ) from error
+    from vibroimpact.explorer.pool import Pool
+    from vibroimpact.explorer.state import View
+
+    address = check_host(host)
+    view, look = View(), None
+    if store is not None:
+        from vibroimpact.explorer.stored import open_study
+
+        view, look = open_study(store)
+    from vibroimpact.explorer.spares import Spares
+
+    pool = Pool()
+    pages: set[Document] = set()
+    spares = Spares(pool)
+
+    def begin(doc: Document) -> None:
+        _begin(doc, view, look, spares, pages)
+
+    logging.getLogger("bokeh").setLevel(logging.ERROR)
+    logging.getLogger("tornado.access").setLevel(logging.ERROR)
+    fault: OSError | None = None
+    for number in _ports(port, address):
+        try:
+            _try(address, number)
+            server = Server(
+                {"/": Application(FunctionHandler(begin))},
+                port=number,
+                address=address,
+                allow_websocket_origin=origins(address, number),
+                keep_alive_milliseconds=KEEP_ALIVE,
+                unused_session_lifetime_milliseconds=UNUSED,
+                check_unused_sessions_milliseconds=LOOK,
+                websocket_max_message_size=MOST_BYTES,
+            )
+        except OSError as error:
+            fault = error
+            continue
+        server.start()
+        return server, f"http://{'localhost' if is_loopback(address) else _outer(address)}:{number}/"
+    pool.close()
+    told = port if port is not None else f"{PORTS[0]} to {PORTS[-1]}"
+    raise ValueError(
+        f"`port` is {told}, which cannot be listened at ({fault.strerror if fault else 'none is free'}); allowed is a "
+        "free port; give another with --port"
+    )
+
+
+def _begin(doc: Document, view: View, look: Any, spares: Spares, pages: set[Document]) -> None:
+    """Fill the document of a tab that was just opened."""
+    from vibroimpact.explorer.address import from_query
+
+    doc.title = "vibroimpact explorer"
+    if len(pages) >= MOST_PAGES:
+        doc.template = _template("full.html")
+        return
+    pages.add(doc)
+    doc.on_session_destroyed(lambda context: pages.discard(doc))
+    complaint = ""
+    context = doc.session_context
+    request: Any = context.request if context is not None else None
+    query = (
+        ""
+        if request is None
+        else urlencode([(k, v.decode("utf-8", "replace")) for k, vs in request.arguments.items() for v in vs])
+    )
+    if query:
+        try:
+            view, look = from_query(query), look
+        except ValueError as error:
+            complaint = f"This link cannot be shown: {error}. You see the usual view instead."
+    doc.template = _template("page.html")
+    doc.template_variables.update(
+        page_css=_asset("page.css"),
+        page_js=_asset("page.js"),
+        help_html=_asset("help.html"),
+        bokeh_version=version("bokeh"),
+    )
+    spares.take().open(doc, view, complaint, look)
+
+
+@functools.cache
+def _asset(name: str) -> str:
+    return (_ASSETS / name).read_text(encoding="utf-8")
+
+
+@functools.cache
+def _template(name: str) -> Any:
+    from bokeh.core.templates import get_env
+
+    return get_env().from_string(_asset(name))
+
+
+def is_loopback(address: str) -> bool:
+    """Whether only this machine reaches an address."""
+    return ipaddress.ip_address(address).is_loopback
+
+
+def check_host(host: str) -> str:
+    """Return the address to listen at; warn where it is not this machine's own."""
+    try:
+        address = "127.0.0.1" if host == "localhost" else str(ipaddress.ip_address(socket.gethostbyname(host)))
+    except (OSError, ValueError) as error:
+        raise ValueError(
+            f"`host` is {host!r}, which is no address of a machine; allowed is a name or an IPv4 address; "
+            "leave it out to serve this machine alone"
+        ) from error
+    if not is_loopback(address):
+        print(
+            f"Warning: with --host {host} anyone who reaches this machine on the network can open the explorer and use "
+            "its processors; there is no password",
+            file=sys.stderr,
+            flush=True,
+        )
+    return address
+
+
+def _outer(address: str) -> str:
+    return socket.gethostname() if address == "0.0.0.0" else address
+
+
+def origins(address: str, port: int) -> list[str]:
+    """Return the pages whose scripts may talk to the server: its own, under each name that it has."""
+    names = {"localhost", "127.0.0.1", address}
+    if not is_loopback(address):
+        names |= {socket.gethostname(), socket.getfqdn()}
+        with contextlib.suppress(OSError):
+            names |= set(socket.gethostbyname_ex(socket.gethostname())[2])
+    return sorted(f"{name}:{port}" for name in names if name != "0.0.0.0")
+
+
+def _try(address: str, port: int) -> None:
+    """Raise `OSError` if a port cannot be listened at."""
+    with socket.socket() as tried:
+        if sys.platform != "win32":
+            tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        tried.bind((address, port))
+
+
+def _ports(port: int | None, address: str) -> Iterable[int]:
+    if port is None:
+        return PORTS
+    if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port <= 65535:
+        raise ValueError(f"`port` is {port!r}; allowed is a whole number from 0 to 65535; 5006 is usual")
+    if port == 0:
+        with socket.socket() as free:
+            free.bind((address, 0))
+            return (free.getsockname()[1],)
+    return (port,)

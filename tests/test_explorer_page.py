@@ -1,0 +1,284 @@
+"""The explorer's page in a real browser: what a person does, and what the page asks for."""
+
+import contextlib
+import http.client
+import re
+import shutil
+import subprocess
+import sys
+import time
+from urllib.parse import urlsplit
+
+import pytest
+
+playwright_api = pytest.importorskip("playwright.sync_api", reason="no playwright: install the extra [web-test]")
+pytest.importorskip("bokeh", reason="no Bokeh: install the extra [web]")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+         "--disable-component-update", "--disable-sync"]  # fmt: skip
+SERVE = "from vibroimpact.explorer import explore; explore({store!r}, port=0, browser=False)"
+QUICK = "m=1&c=0.01&k=1&f=1&w=2&r=0.8&g=0&x=w,1.8,2.2&y=m,0.9,1.1&index=std&n=200"
+
+
+@contextlib.contextmanager
+def serving(store=None):
+    process = subprocess.Popen([sys.executable, "-c", SERVE.format(store=store)], stdout=subprocess.PIPE, text=True)
+    try:
+        line = process.stdout.readline()
+        yield re.search(r"http://\S+", line).group()
+    finally:
+        process.terminate()
+        process.communicate(timeout=10)
+
+
+@pytest.fixture(scope="module")
+def address():
+    with serving() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if CHROMIUM is None:
+        pytest.skip("no Chromium: install Debian's package chromium")
+    with playwright_api.sync_playwright() as driver:
+        started = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def tab(browser, address):
+    """A tab that notes every request and every complaint; both are judged at the end of every test."""
+    page = browser.new_page(viewport={"width": 1366, "height": 768}, accept_downloads=True)
+    complaints, requests = [], []
+    page.on("console", lambda message: message.type in ("error", "warning") and complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("request", lambda request: requests.append(request.url))
+    page.address = address
+    yield page
+    page.close()
+    outside = [
+        url for url in requests if not url.startswith((address, address.replace("http", "ws"), "blob:", "data:"))
+    ]
+    assert not outside
+    assert not complaints
+
+
+def load(page, query=QUICK, side=256):
+    page.goto(f"{page.address}?{query}")
+    page.wait_for_function("window.explorer && window.explorer.ready > 0 && window.explorer.drawn > 0", timeout=30_000)
+    page.wait_for_function(f"window.explorer.planes.some(p => p[0] >= {side})", timeout=30_000)
+
+
+def drawn(page):
+    return page.evaluate("window.explorer.drawn")
+
+
+def click(page, right, down):
+    """Click a place in the frame of the plane, given as shares, and wait until the motion is drawn."""
+    before = drawn(page)
+    box = page.locator("#plane-plot").bounding_box()
+    page.mouse.click(box["x"] + 80 + right * (box["width"] - 180), box["y"] + 10 + down * (box["height"] - 60))
+    page.wait_for_function(f"window.explorer.drawn > {before}", timeout=10_000)
+
+
+def until(page, condition):
+    page.wait_for_function(condition, timeout=15_000)
+
+
+def test_the_page_shows_plane_point_and_numbers(tab):
+    load(tab)
+    assert "Period-1 impact-1, stable, hits hardest at 6.23 m/s once a period" in tab.inner_text("#sentence")
+    assert "6.2264" in tab.inner_text("#numbers")
+    assert tab.evaluate("Bokeh.documents[0].get_model_by_name('history_0').data.time.length") > 1000
+
+
+def test_a_click_shows_another_motion_and_the_address_tells_it(tab, browser):
+    load(tab)
+    click(tab, 0.2, 0.3)
+    assert "w=2&" not in tab.url
+    there = tab.inner_text("#numbers")
+    other = browser.new_page()
+    other.address = tab.address
+    load(other, urlsplit(tab.url).query)
+    assert other.inner_text("#numbers") == there
+    other.close()
+
+
+def test_a_slider_renews_the_plane(tab):
+    load(tab)
+    tab.evaluate(
+        "window.explorer.planes.length = 0; Bokeh.documents[0].get_model_by_name('slider_damping').value = 0.1"
+    )
+    until(tab, "window.explorer.planes.some(p => p[0] === 256)")
+    assert "c=0.1&" in tab.url
+    tab.keyboard.press("Control+z")
+    until(tab, "location.search.includes('c=0.01&')")
+
+
+def test_a_typed_number_out_of_range_is_answered(tab):
+    load(tab)
+    tab.evaluate("Bokeh.documents[0].get_model_by_name('number_restitution').value = 3")
+    until(tab, "document.getElementById('message').textContent.includes('`restitution` is 3')")
+    until(tab, "Bokeh.documents[0].get_model_by_name('number_restitution').value === 0.8")
+
+
+def test_scrolling_zooms_and_computes_what_is_seen(tab):
+    load(tab)
+    box = tab.locator("#plane-plot").bounding_box()
+    tab.mouse.move(box["x"] + 200, box["y"] + 150)
+    tab.evaluate("window.explorer.planes.length = 0")
+    for _ in range(3):
+        tab.mouse.wheel(0, -300)
+    until(tab, "window.explorer.planes.some(p => p[0] === 256)")
+    low, high = map(float, re.search(r"x=w,([^,&]+),([^,&]+)", tab.url).groups())
+    assert high - low < 0.35
+    tab.keyboard.press("h")
+    until(tab, "location.search.includes('x=w,0.025,5')")
+
+
+def test_zoom_ends_where_double_precision_does_and_says_so(tab):
+    load(tab, "w=2&x=w,1.9999999999,2.0000000001&y=m,0.9999999999,1.0000000001&n=200&c=0.01&m=1&k=1&f=1&r=0.8&g=0")
+    for _ in range(12):
+        tab.keyboard.press("+")
+        tab.wait_for_timeout(60)
+    until(tab, "document.getElementById('message').textContent.includes('double precision')")
+    low, high = map(float, re.search(r"x=w,([^,&]+),([^,&]+)", tab.url).groups())
+    assert 0.0 < high - low < 1e-11
+
+
+def test_presets_set_everything(tab):
+    load(tab)
+    tab.locator(".preset select").select_option(label="Relief valve on its seat")
+    until(tab, "location.search.includes('m=0.5&c=4&k=20000')")
+    until(tab, "document.getElementById('controls').innerText !== undefined")
+    assert tab.get_by_text("Hos and Champneys").count() == 1
+    assert tab.get_by_text("Idealised:").count() == 1
+
+
+def test_two_pins_are_compared(tab):
+    load(tab)
+    for right, down in ((0.2, 0.3), (0.7, 0.6)):
+        click(tab, right, down)
+        tab.keyboard.press("p")
+    until(tab, "document.getElementById('numbers').innerText.includes('B')")
+    assert tab.url.count("pin=") == 2
+    tab.keyboard.press("u")
+    until(tab, "!location.search.includes('pin=')")
+
+
+def test_the_motion_plays(tab):
+    load(tab)
+    tab.click("#play")
+    first = tab.evaluate("document.getElementById('play-canvas').toDataURL()")
+    tab.wait_for_timeout(300)
+    assert tab.evaluate("document.getElementById('play-canvas').toDataURL()") != first
+    tab.click("#play")
+
+
+@pytest.mark.parametrize(("item", "name", "holds"), [("Python lines (.py)", "view.py", b"parameter_map"),
+                                                     ("Study file (.toml)", "study.toml", b"[axes]"),
+                                                     ("Picture (.png)", "view.png", b"PNG")])  # fmt: skip
+def test_exports_are_files(tab, item, name, holds):
+    load(tab)
+    tab.locator(".buttons").get_by_text("Export").click()
+    with tab.expect_download() as waiting:
+        tab.get_by_text(item).click()
+    assert waiting.value.suggested_filename == name
+    with open(waiting.value.path(), "rb") as file:
+        assert holds in file.read()
+
+
+@pytest.mark.parametrize(
+    "query", ["w=<script>alert(1)</script>", "w=1e400", "x=w,5,1", "pin=a", "n=99999999", "a" * 3000]
+)
+def test_hostile_addresses_give_a_message_and_the_usual_view(tab, query):
+    load(tab, query, side=64)
+    assert "allowed" in tab.inner_text("#message")
+    assert tab.locator("#message script").count() == 0
+
+
+def test_two_tabs_do_not_disturb_each_other(tab, browser):
+    load(tab)
+    other = browser.new_page()
+    other.address = tab.address
+    load(other, QUICK.replace("w=2&", "w=2.1&"))
+    click(tab, 0.3, 0.3)
+    assert "w=2.1&" in other.url
+    assert other.inner_text("#numbers") != tab.inner_text("#numbers")
+    other.close()
+
+
+def test_a_stored_study_opens(browser, tmp_path):
+    import numpy as np
+
+    import vibroimpact as vi
+
+    path = tmp_path / "run.zarr"
+    vi.parameter_map(
+        vi.ImpactOscillator(), omega=np.linspace(1.9, 2.1, 6), mass=[0.9, 1.0, 1.1], sample_impacts=50, store=path
+    )
+    with serving(str(path)) as found:
+        page = browser.new_page()
+        page.address = found
+        page.goto(found)
+        until(page, "window.explorer && window.explorer.planes.length > 0")
+        page.get_by_text("stored study run.zarr").wait_for(timeout=10_000)
+        page.close()
+
+
+def test_other_pages_may_not_open_the_websocket(address):
+    place = urlsplit(address)
+    for origin, status in (("http://evil.example", 403), (f"http://localhost:{place.port}", 101)):
+        connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=10)
+        token = _token(connection)
+        connection.request(
+            "GET", "/ws", headers={"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
+                                   "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Origin": origin,
+                                   "Sec-WebSocket-Protocol": f"bokeh, {token}", "Host": f"localhost:{place.port}"},
+        )  # fmt: skip
+        assert connection.getresponse().status == status
+        connection.close()
+
+
+def _token(connection):
+    connection.request("GET", "/")
+    return re.search(r'"token":"([^"]+)"', connection.getresponse().read().decode()).group(1)
+
+
+def test_the_server_listens_on_loopback_alone(address):
+    from vibroimpact.explorer.serve import check_host, is_loopback, origins
+
+    assert is_loopback(check_host("localhost"))
+    assert origins("127.0.0.1", 5006) == ["127.0.0.1:5006", "localhost:5006"]
+
+
+def test_a_host_that_lets_others_in_is_warned_of(capsys):
+    from vibroimpact.explorer.serve import check_host
+
+    assert check_host("0.0.0.0") == "0.0.0.0"
+    assert "anyone" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="`host`"):
+        check_host("no such machine")
+
+
+def test_a_port_that_is_taken_is_refused_in_words(address):
+    from vibroimpact.explorer.serve import make_server
+
+    for port in (urlsplit(address).port, 70_000, -1):
+        with pytest.raises(ValueError, match="`port`"):
+            make_server(port=port)
+
+
+def test_closing_a_tab_ends_its_session(browser, address):
+    page = browser.new_page()
+    page.address = address
+    load(page, QUICK)
+    page.close()
+    time.sleep(0.1)
+    again = browser.new_page()
+    again.address = address
+    load(again, QUICK)
+    again.close()

@@ -1,0 +1,328 @@
+"""The explorer without its page: what is computed when, what is not, and what stops."""
+
+import json
+import threading
+import time
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from vibroimpact.explorer.export import KINDS, export, python_lines, study_file
+from vibroimpact.explorer.plane import SIDES, Plane, bands, lattice, positions
+from vibroimpact.explorer.point import compute_point
+from vibroimpact.explorer.pool import Pool, Urgency
+from vibroimpact.explorer.session import Explorer
+from vibroimpact.explorer.shades import shades
+from vibroimpact.explorer.state import FINEST, View
+from vibroimpact.oscillator import ImpactOscillator
+
+SMALL = View(x_range=(1.8, 2.2), y_range=(0.9, 1.1), samples=200)
+
+
+@pytest.fixture
+def heard():
+    return []
+
+
+@pytest.fixture
+def explorer(heard):
+    made = Explorer(SMALL, listener=lambda what, content: heard.append((what, content)))
+    yield made
+    made.close()
+
+
+def told(heard, kind):
+    return [content for what, content in heard if what == kind]
+
+
+def test_each_cell_is_computed_once_and_all_are():
+    counts = np.zeros((FINEST, FINEST), int)
+    for side in SIDES:
+        for columns, rows in bands(side):
+            counts[np.ix_(columns, rows)] += 1
+        inner = lattice(side)
+        assert (counts[np.ix_(inner, inner)] == 1).all()
+        assert counts.sum() == side * side
+    assert (counts == 1).all()
+
+
+def test_cells_are_those_of_parameter_map(explorer):
+    explorer.start()
+    assert explorer.wait(60)
+    plane = explorer.plane
+    assert plane.side == FINEST
+    cells = np.array([0, 77, 255])
+    sweep = vi.parameter_map(
+        SMALL.osc, omega=positions(1.8, 2.2, cells), mass=positions(0.9, 1.1, cells), indices=["std", "lyapunov"],
+        sample_impacts=200,
+    )  # fmt: skip
+    for name in ("std", "lyapunov"):
+        assert (plane.values[name][np.ix_(cells, cells)] == sweep[name].values).all()
+
+
+def test_the_picture_comes_coarse_first_and_then_finer(explorer, heard):
+    explorer.start()
+    assert explorer.wait(60)
+    assert explorer.plane.side == FINEST
+    kinds = [what for what, _ in heard]
+    assert kinds.count("plane") == len(SIDES)
+    assert kinds.index("point") < kinds.index("plane") or kinds.count("point") == 1
+
+
+def test_a_click_tells_a_motion_and_leaves_the_plane_alone(explorer, heard):
+    explorer.start()
+    assert explorer.wait(60)
+    plane = explorer.plane
+    heard.clear()
+    assert explorer.click(2.1, 1.05)
+    explorer.wait(60)
+    assert explorer.click(2.0, 1.0)
+    explorer.wait(60)
+    other, point = told(heard, "point")
+    assert other.osc.omega == 2.1
+    assert point.name == "period-1 impact-1"
+    assert "hits hardest at 6.23 m/s once a period" in point.sentence
+    assert not told(heard, "plane")
+    assert explorer.plane is plane
+
+
+def test_changing_the_index_computes_nothing(explorer, heard):
+    explorer.start()
+    assert explorer.wait(60)
+    before = explorer.plane.values["std"].copy()
+    heard.clear()
+    explorer.set(index="lyapunov")
+    explorer.set(index="motion")
+    assert [plane.side for plane in told(heard, "plane")] == [FINEST, FINEST]
+    assert (explorer.plane.values["std"] == before).all()
+
+
+def test_a_change_cancels_what_runs(heard):
+    slow = View(osc=ImpactOscillator(restitution=0.99), samples=5000)
+    explorer = Explorer(slow, listener=lambda what, content: heard.append((what, content)))
+    explorer.start()
+    time.sleep(0.1)
+    begun = time.monotonic()
+    explorer.show(SMALL)
+    while not told(heard, "plane") and time.monotonic() - begun < 30.0:
+        time.sleep(0.005)
+    first = told(heard, "plane")[0]
+    assert first.view.x_range == SMALL.x_range
+    explorer.close()
+
+
+def test_closing_stops_all_work(heard):
+    explorer = Explorer(View(osc=ImpactOscillator(restitution=0.99), samples=5000), pool=(pool := Pool()))
+    explorer.start()
+    time.sleep(0.05)
+    explorer.close()
+    assert explorer.wait(20.0)
+    assert not pool.queued
+    pool.close()
+
+
+def test_what_is_refused_is_told_and_changes_nothing(explorer, heard):
+    assert not explorer.set_parameter("restitution", 2.0)
+    assert not explorer.set_parameter("mass", None)
+    assert not explorer.set_parameter("omega", 1e9)
+    assert not explorer.set(index="os.system")
+    assert not explorer.click(float("nan"), 1.0)
+    assert explorer.view == SMALL
+    assert len(told(heard, "message")) == 5
+    assert all("allowed" in message for message in told(heard, "message"))
+
+
+def test_undo_and_redo_walk_through_views(explorer):
+    first = explorer.view
+    explorer.set(index="motion")
+    explorer.click(2.1, 1.0)
+    last = explorer.view
+    assert explorer.undo()
+    assert explorer.view == replace(first, index="motion")
+    assert explorer.undo()
+    assert explorer.view == first
+    assert not explorer.undo()
+    assert explorer.redo()
+    assert explorer.redo()
+    assert explorer.view == last
+
+
+def test_one_drag_of_a_slider_is_undone_at_once(explorer):
+    for value in np.linspace(0.01, 0.05, 9):
+        explorer.set_parameter("damping", float(value))
+    assert explorer.undo()
+    assert explorer.view == SMALL
+
+
+def test_two_pins_are_kept_and_the_older_one_goes(explorer):
+    for omega in (1.9, 2.0, 2.1):
+        explorer.click(omega, 1.0)
+        explorer.pin()
+    assert [pin.omega for pin in explorer.view.pins] == [2.0, 2.1]
+    explorer.wait(60)
+    assert [point.osc.omega for point in explorer.pins] == [2.0, 2.1]
+
+
+def test_coexisting_motions_are_found_and_can_be_followed(explorer):
+    explorer.show(replace(SMALL, osc=ImpactOscillator(omega=1.45), x_range=(1.4, 1.5)))
+    assert explorer.wait(60)
+    assert {other.name for other in explorer.others} == {"period-1 impact-1", "period-3 impact-4"}
+    rare = next(other for other in explorer.others if other.name == "period-3 impact-4")
+    explorer.follow(rare)
+    assert explorer.wait(60)
+    assert explorer.point.name == "period-3 impact-4"
+
+
+def test_the_history_shows_both_sides_of_every_impact_and_never_passes_the_stop():
+    for omega in (0.1, 0.9, 2.0, 2.8):
+        point = compute_point(View(osc=ImpactOscillator(omega=omega)))
+        assert (np.diff(point.history["time"]) >= 0.0).all()
+        assert point.history["displacement"].max() <= 1e-12
+        at_stop = point.history["displacement"] == 0.0
+        assert point.history["velocity"][at_stop].max() == point.impacts["velocity"].max()
+
+
+@pytest.mark.parametrize(
+    ("osc", "words"),
+    [
+        (ImpactOscillator(omega=2.0), ("Period-1 impact-1", "stable", "once a period")),
+        (ImpactOscillator(omega=0.1), ("sticking", "comes to rest at the stop")),
+        (ImpactOscillator(omega=2.8), ("Chaotic", "never repeat", "disturbances double")),
+        (ImpactOscillator(gap=9.0, omega=3.0, damping=0.1), ("It swings by 0.125 m",)),
+        (ImpactOscillator(gap=-2.0), ("stop",)),
+    ],
+)
+def test_a_sentence_tells_the_motion(osc, words):
+    sentence = compute_point(View(osc=osc, x="damping", x_range=(0.0, 0.2), samples=1000)).sentence
+    for word in words:
+        assert word.lower() in sentence.lower()
+
+
+def test_no_allowed_point_takes_long():
+    """The slowest corners of what is allowed, each well below a second."""
+    for osc in (
+        ImpactOscillator(omega=99.0, gap=-1.0, amplitude=1e3), ImpactOscillator(omega=0.0011),
+        ImpactOscillator(damping=190.0), ImpactOscillator(restitution=1.0, damping=0.0, omega=3.3),
+        ImpactOscillator(amplitude=0.0, gap=-1.0, restitution=1.0),
+        ImpactOscillator(restitution=0.0), ImpactOscillator(omega=90.0, restitution=0.999, damping=0.0),
+    ):  # fmt: skip
+        view = View(osc=osc, x="gap", x_range=(-1.0, 1.0), y="amplitude", y_range=(1.0, 2.0))
+        begun = time.monotonic()
+        compute_point(view)
+        assert time.monotonic() - begun < 10.0
+
+
+def test_colours_have_room_for_every_value():
+    plane = Plane.unknown(View(x_range=(0.1, 5.0)))
+    for columns, rows in bands(SIDES[0]):
+        assert plane.fill(columns[:8], rows[:4], lambda: True)
+    plane.side = SIDES[0]
+    for index in ("motion", "std", "lyapunov", "n_periods", "grazing_margin", "stick_fraction"):
+        for log in (False, True):
+            plane.view = replace(plane.view, index=index, log=log)
+            seen = shades(plane)
+            assert seen.shade.dtype == np.float32
+            assert seen.high > seen.low
+            assert seen.shade.shape == seen.value.shape == seen.name.shape == (64, 64)
+
+
+def test_the_page_that_waited_longest_is_served_first():
+    pool, order, gate = Pool(1), [], threading.Event()
+    pool.submit("a", Urgency.FINE, gate.wait)
+    time.sleep(0.05)
+    for _ in range(3):
+        pool.submit("a", Urgency.FINE, lambda: order.append("a"))
+    for _ in range(3):
+        pool.submit("b", Urgency.FINE, lambda: order.append("b"))
+    gate.set()
+    deadline = time.monotonic() + 5.0
+    while len(order) < 6 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert order == ["b", "a", "b", "a", "b", "a"]
+    pool.close()
+
+
+def test_a_click_does_not_wait_for_planes():
+    pool, gate, clicked = Pool(1), threading.Event(), threading.Event()
+    pool.submit("a", Urgency.FINE, lambda: gate.wait(5.0))
+    pool.submit("b", Urgency.CLICK, clicked.set)
+    assert clicked.wait(2.0)
+    gate.set()
+    pool.close()
+
+
+def test_a_job_that_fails_is_told_and_stops_nothing(explorer, heard):
+    explorer.run("bad", lambda: 1 / 0)
+    assert explorer.wait(20)
+    assert "could not be computed" in told(heard, "message")[0]
+    explorer.click(2.1, 1.0)
+    assert explorer.wait(20)
+    assert told(heard, "point")
+
+
+def test_exports_hold_the_view(explorer, tmp_path):
+    explorer.start()
+    assert explorer.wait(60)
+    files = {kind: export(kind, explorer) for kind in KINDS}
+    assert files["png"].content.startswith(b"\x89PNG")
+    (tmp_path / "plane.nc").write_bytes(files["nc"].content)
+    loaded = vi.load(tmp_path / "plane.nc")
+    assert loaded["std"].dims == ("omega", "mass")
+    assert json.loads(loaded.attrs["oscillator"])["omega"] == 2.0
+    assert vi.classify(loaded)["motion"].equals(vi.classify(explorer.plane.dataset())["motion"])
+    study = tomllib.loads(files["toml"].content.decode())
+    assert study["axes"]["omega"]["points"] == FINEST
+    assert files["csv"].content.count(b"\n") > 1000
+
+
+def test_the_study_file_is_one_that_the_command_reads(tmp_path):
+    from vibroimpact.study import read_study
+
+    path = tmp_path / "study.toml"
+    path.write_text(study_file(SMALL))
+    study = read_study(path, {})
+    assert study is not None
+
+
+def test_the_python_lines_run(tmp_path, monkeypatch):
+    import matplotlib
+
+    matplotlib.use("agg")
+    monkeypatch.chdir(tmp_path)
+    lines = python_lines(replace(SMALL, index="motion")).replace(f", {FINEST})", ", 6)")
+    exec(compile(lines.replace("print(vi.describe(osc))", ""), "view.py", "exec"), {})
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "plane.png", "history.png", "portrait.png", "impact_map.png", "poincare_map.png"
+    }  # fmt: skip
+
+
+def test_a_stored_study_is_shown_as_it_is_and_computed_on_where_one_zooms(tmp_path, heard):
+    from vibroimpact.explorer.stored import open_study
+
+    path = tmp_path / "run.zarr"
+    vi.parameter_map(
+        ImpactOscillator(), omega=np.linspace(1.9, 2.1, 6), mass=np.linspace(0.9, 1.1, 5), indices=["std"],
+        sample_impacts=50, store=path,
+    )  # fmt: skip
+    view, look = open_study(path)
+    explorer = Explorer(view, listener=lambda what, content: heard.append((what, content)), stored=look)
+    explorer.start()
+    assert explorer.wait(60)
+    assert explorer.plane.stored.startswith("run.zarr, 6 × 5")
+    assert len(np.unique(explorer.plane.values["std"])) <= 30
+    explorer.zoom((1.99, 2.01), (0.99, 1.01))
+    assert explorer.wait(60)
+    assert not explorer.plane.stored
+    explorer.close()
+
+
+def test_what_is_no_study_is_refused(tmp_path):
+    from vibroimpact.explorer.stored import open_study
+
+    path = tmp_path / "orbit.nc"
+    vi.save(vi.simulate(ImpactOscillator()), path)
+    with pytest.raises(ValueError, match="allowed is a sweep over two or more"):
+        open_study(path)
