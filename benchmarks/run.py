@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks import contest, growth, maps, startup
+from benchmarks import cluster, contest, growth, maps, startup, stores
 from benchmarks.effort import FULL, QUICK, Effort
 from benchmarks.measure import ROOT, child_result, machine
 from benchmarks.ours import gpu_note
@@ -33,6 +33,8 @@ def measure(effort: Effort) -> dict[str, Any]:
         "threads": growth.threads(effort),
         "all_indices_over_std": growth.indices(effort),
         "basins_seconds": maps.basins(effort),
+        "stores": stores.measure(effort),
+        "cluster": cluster.measure(effort),
         "growth": {
             "impacts": growth.impacts(effort),
             "cells": growth.cells(effort),

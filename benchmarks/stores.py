@@ -1,4 +1,4 @@
-"""What it costs to keep a sweep on disk, take it up again and spread it: `python -m benchmarks.stores [points]`."""
+"""What it costs to keep a sweep on disk and to take it up again: `python -m benchmarks.stores [points]`."""
 
 from __future__ import annotations
 
@@ -61,28 +61,6 @@ def a_tile(folder: Path, tiles: int) -> float:
     )
 
 
-def workers(points: int, rounds: int) -> dict[str, float]:
-    """Return the seconds of a map on one and on two processes of a Dask cluster, in turns, and how they scale."""
-    from vibroimpact.cluster import connect
-
-    osc, grid = vi.ImpactOscillator(), axes(points)
-    found: dict[int, list[float]] = {1: [], 2: []}
-    with connect("local:1") as one, connect("local:2") as two:
-        for client in (one, two):
-            vi.parameter_map(osc, cluster=client, tile=64, **axes(16))  # starts, imports, loads kernels
-        for _ in range(rounds):
-            for number, client in ((1, one), (2, two)):
-                found[number].append(seconds(lambda client=client: vi.parameter_map(osc, cluster=client, **grid)))
-        tiny = axes(120)
-        handing_out = seconds(lambda: vi.parameter_map(osc, cluster=two, tile=16, **TINY, **tiny)) / 900
-    return {
-        "schedule_ms": 1e3 * handing_out,
-        "one_s": median(found[1]),
-        "two_s": median(found[2]),
-        "speed_up": median(a / b for a, b in zip(found[1], found[2], strict=True)),
-    }
-
-
 def run(points: int) -> dict[str, Any]:
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -91,7 +69,7 @@ def run(points: int) -> dict[str, Any]:
             **overhead(folder, points, 3 if points < 1000 else 1),
             "tile_ms": a_tile(folder, 900),
         }
-    return {**found, "workers": workers(max(points // 3, 30), 3), "peak_memory_mb": peak_memory()}
+    return {**found, "peak_memory_mb": peak_memory()}
 
 
 def measure(effort: Effort) -> dict[str, Any]:

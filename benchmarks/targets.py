@@ -66,6 +66,10 @@ def _portrait(result: Result) -> float | None:
     return result["basins_seconds"] if result["maps"]["points"] == 200 else None
 
 
+def _taking_up(result: Result) -> float | None:
+    return result["stores"]["taking_up_s"] if result["stores"]["points"] == 1000 else None
+
+
 def _gpu_rate(result: Result) -> float | None:
     return float(result["gpu"]["every_impact"]["impacts_computed_per_s"]) if result["gpu"] else None
 
@@ -83,6 +87,10 @@ TARGETS = (
     Target("two threads over one", "", 1.9, _two_threads, 1.95, True),
     Target("all indices over Std alone, no closing", "", 1.8, lambda result: result["all_indices_over_std"]),
     Target("400 x 400 basin portrait, w = 3, two cores", "s", 20, _portrait),
+    Target("a stored map over one in memory, beyond one", "", 0.05, lambda result: result["stores"]["overhead"]),
+    Target("taking up a finished store of 1e6 cells", "s", 2.0, _taking_up),
+    Target("handing out a tile by Dask", "ms", 3.0, lambda result: result["cluster"]["milliseconds_a_tile"]),
+    Target("two Dask workers over one", "", 1.8, lambda result: result["cluster"]["speed_up"], None, True),
     Target("import of the engine", "s", 1.0, lambda result: result["startup"]["import_engine"]),
     Target("`vibroimpact --help`", "s", 0.35, lambda result: result["startup"]["help"]),
     Target("first map, warm cache", "s", 1.5, lambda result: result["startup"]["first_map_warm_cache"]),

@@ -74,22 +74,28 @@ def check_cluster(cluster: Any) -> None:
         raise ValueError(f"`cluster` is {cluster!r}; allowed is {ALLOWED}; give one of them")
 
 
-def _local(processes: int) -> Any:
+@contextmanager
+def _local(processes: int) -> Iterator[Any]:
+    from dask import config
     from distributed import LocalCluster
 
-    try:
-        return LocalCluster(
-            n_workers=processes,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address="127.0.0.1:0",
-            silence_logs=logging.ERROR,
-        )
-    except RuntimeError as error:
-        raise RuntimeError(
-            f"`cluster` is 'local:{processes}', whose processes did not start ({error}); each of them imports the "
-            "script that starts it, so put what the script does below `if __name__ == '__main__':`"
-        ) from error
+    # On a busy machine, a killed process may take longer to be there again than Dask would wait before it drops it.
+    with config.set({"distributed.deploy.lost-worker-timeout": "1 day"}):
+        try:
+            cluster = LocalCluster(
+                n_workers=processes,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.ERROR,
+            )
+        except RuntimeError as error:
+            raise RuntimeError(
+                f"`cluster` is 'local:{processes}', whose processes did not start ({error}); each of them imports the "
+                "script that starts it, so put what the script does below `if __name__ == '__main__':`"
+            ) from error
+        with cluster:
+            yield cluster
 
 
 def _reach(scheduler: Any) -> Client:

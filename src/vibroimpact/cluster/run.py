@@ -16,7 +16,7 @@ from vibroimpact.cluster.farm import farm_out
 from vibroimpact.cluster.tiles import WritableTile, cut_out, marked, wait_for_writers
 from vibroimpact.stores.records import Record
 from vibroimpact.stores.request import SweepRequest
-from vibroimpact.stores.run import Executor, _StoredTile
+from vibroimpact.stores.run import Executor, StoredTile
 from vibroimpact.stores.tiling import CELLS, cut
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def on_cluster(cluster: Client | str) -> Executor:
     """
 
     def run(job: Callable[[int], Any], numbers: list[int], stop: Event) -> Iterator[tuple[int, Any]]:
-        if not isinstance(job, _StoredTile):
+        if not isinstance(job, StoredTile):
             raise TypeError(f"a cluster computes the tiles of a store, not {job!r}")
         if numbers and not stop.is_set():
             with connect(cluster) as client:
@@ -39,7 +39,7 @@ def on_cluster(cluster: Client | str) -> Executor:
     return run
 
 
-def _into_store(client: Client, job: _StoredTile, numbers: list[int], stop: Event) -> Iterator[tuple[int, Record]]:
+def _into_store(client: Client, job: StoredTile, numbers: list[int], stop: Event) -> Iterator[tuple[int, Record]]:
     tiling, writer = job.tiling, job.writer
     folder = os.path.abspath(writer.path)
     left = len(numbers)

@@ -224,16 +224,20 @@ class Explorer:
 
         def job() -> None:
             try:
-                self.point = self._motion(view)
+                point = self._motion(view)
             finally:
                 if tell_view:
                     self._tell("view", view)
-            self._tell("point", self.point)
+            with self._lock:
+                if _asked(view) != _asked(self.view):  # a later job is on its way, or was quicker
+                    return
+                self.point = point
+            self._tell("point", point)
 
         self._work.submit("point", Urgency.CLICK, job)
 
     def _motion(self, view: View, osc: ImpactOscillator | None = None) -> Point:
-        key = (osc or view.osc, view.start if osc is None else None, view.settled, view.samples)
+        key = _asked(view) if osc is None else (osc, None, view.settled, view.samples)
         if key not in self._known:
             while len(self._known) >= POINTS:
                 self._known.pop(next(iter(self._known)), None)
@@ -244,8 +248,12 @@ class Explorer:
         view = self.view
 
         def job() -> None:
-            self.pins = [self._motion(view, pin) for pin in view.pins]
-            self._tell("pins", self.pins)
+            pins = [self._motion(view, pin) for pin in view.pins]
+            with self._lock:
+                if view.pins != self.view.pins:  # a later job is on its way, or was quicker
+                    return
+                self.pins = pins
+            self._tell("pins", pins)
 
         self._work.submit("pins", Urgency.CLICK, job)
 
@@ -338,3 +346,8 @@ class Explorer:
     def _tell(self, what: str, content: Any) -> None:
         if self._listener is not None and not self.closed:
             self._listener(what, content)
+
+
+def _asked(view: View) -> Hashable:
+    """Return what a view asks of its point."""
+    return view.osc, view.start, view.settled, view.samples

@@ -54,7 +54,7 @@ def run_into_store(
         stop = Event()
         if report(tally.cells, tally.total, tally.dataset) is False:
             stop.set()
-        tiles = execute(_StoredTile(request, store.tiling, writer), waiting, stop)
+        tiles = execute(StoredTile(request, store.tiling, writer), waiting, stop)
         # What still computes must end before the store is handed to others, also where this loop is left by Ctrl-C.
         stack.callback(getattr(tiles, "close", lambda: None))
         for number, record in tiles:
@@ -76,13 +76,14 @@ def _mend(store: SweepStore, writer: TileWriter, request: SweepRequest) -> Rows:
     return records
 
 
-class _StoredTile:
+class StoredTile:
     """Computes a tile and writes it, wherever that is done."""
 
     def __init__(self, request: SweepRequest, tiling: Tiling, writer: TileWriter) -> None:
         self.request, self.tiling, self.writer = request, tiling, writer
 
     def __call__(self, number: int) -> Any:
+        """Compute tile `number`, write it, and return its record."""
         part = self.tiling[number]
         result, seconds = self.request.compute(part)
         return self.writer.write(number, part, result, seconds)
