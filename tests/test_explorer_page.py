@@ -164,7 +164,7 @@ def test_two_pins_are_compared(tab):
         click(tab, right, down)
         tab.keyboard.press("p")
     until(tab, "document.getElementById('numbers').innerText.includes('B')")
-    assert tab.url.count("pin=") == 2
+    tab.wait_for_function("() => location.href.split('pin=').length === 3")
     tab.keyboard.press("u")
     until(tab, "!location.search.includes('pin=')")
 
