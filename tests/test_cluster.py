@@ -257,6 +257,19 @@ def test_a_running_scheduler_is_reached_by_its_address(client, whole):
     assert client.status == "running"
 
 
+def test_a_worker_gone_before_it_was_known_to_be_there_does_not_keep_a_cluster_from_closing():
+    with connect("local:1") as made:
+        made.run_on_scheduler(_report_gone, "tcp://127.0.0.1:1")
+        made.cluster.scale(2)  # the watch over the workers goes on
+        _await(lambda: len(made.cluster.scheduler_info["workers"]) == 2)
+    assert made.cluster.status.name == "closed"
+
+
+def _report_gone(address, dask_scheduler):
+    (watch,) = [plugin for name, plugin in dask_scheduler.plugins.items() if "worker-status" in name]
+    watch.remove_worker(dask_scheduler, address)
+
+
 @pytest.mark.parametrize("wrong", ["local", "local:0", "local:two", "10.0.0.1:8786", "tcp://host", "", 8786, None])
 def test_what_is_no_cluster_is_refused(wrong):
     with pytest.raises(ValueError, match=r"^`cluster` is .*; allowed is .*; give"), connect(wrong):

@@ -79,10 +79,17 @@ def _local(processes: int) -> Iterator[Any]:
     from dask import config
     from distributed import LocalCluster
 
+    class Processes(LocalCluster):
+        def _update_worker_status(self, op: str, message: Any) -> None:
+            # A worker killed in its first moments may be reported gone without ever having been reported there, over
+            # which Dask stops watching its workers and cannot close.
+            if op == "add" or message in self.scheduler_info["workers"]:
+                super()._update_worker_status(op, message)
+
     # On a busy machine, a killed process may take longer to be there again than Dask would wait before it drops it.
     with config.set({"distributed.deploy.lost-worker-timeout": "1 day"}):
         try:
-            cluster = LocalCluster(
+            cluster = Processes(
                 n_workers=processes,
                 threads_per_worker=1,
                 processes=True,
