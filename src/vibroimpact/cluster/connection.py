@@ -84,12 +84,12 @@ def _local(processes: int) -> Iterator[Any]:
             # A worker killed in its first moments may be reported gone without ever having been reported there, over
             # which Dask stops watching its workers and cannot close.
             if op == "add" or message in self.scheduler_info["workers"]:
-                super()._update_worker_status(op, message)
+                super()._update_worker_status(op, message)  # type: ignore[no-untyped-call]
 
     # On a busy machine, a killed process may take longer to be there again than Dask would wait before it drops it.
     with config.set({"distributed.deploy.lost-worker-timeout": "1 day"}):
         try:
-            cluster = Processes(
+            cluster = Processes(  # type: ignore[no-untyped-call]
                 n_workers=processes,
                 threads_per_worker=1,
                 processes=True,
