@@ -1,5 +1,8 @@
 """How much work the engine does: counted, never timed, so that a change that makes it do more is seen."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
@@ -69,3 +72,11 @@ def test_memory_is_taken_once_a_tile_and_never_by_an_impact():
     allocations(10)
     few, many = allocations(10), allocations(500)
     assert many == few
+
+
+def test_a_first_map_waits_for_neither_zarr_nor_dask():
+    code = (
+        "import sys, vibroimpact as vi; vi.parameter_map(vi.ImpactOscillator(), omega=[2.8], sample_impacts=10); "
+        "print('heavy:', {'zarr', 'dask.array', 'distributed', 'matplotlib'} & set(sys.modules))"
+    )
+    assert "heavy: set()" in subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout

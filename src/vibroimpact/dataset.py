@@ -44,7 +44,13 @@ SYMBOLS = {symbol: name for name, (_, _, symbol) in VARIABLES.items() if name in
 def variable(name: str, dims: str | Sequence[str], data: Any, **attrs: Any) -> xr.Variable:
     """Return `data` labelled with the long name, unit and symbol that the name stands for."""
     long_name, units, symbol = VARIABLES[name]
-    return xr.Variable(dims, data, {"long_name": long_name, "units": units, "symbol": symbol, **attrs})
+    return plain_variable(dims, data, {"long_name": long_name, "units": units, "symbol": symbol, **attrs})
+
+
+def plain_variable(dims: str | Sequence[str], data: Any, attrs: dict[str, Any]) -> xr.Variable:
+    """Return an array of numbers with its attributes."""
+    # Without `fastpath`, xarray asks whether the array is one of Dask's, and imports Dask for that.
+    return xr.Variable(dims, np.asarray(data), attrs, fastpath=True)
 
 
 def missing(index: str, shape: int | tuple[int, ...]) -> NDArray[Any]:
@@ -59,7 +65,7 @@ def impact_speed(dims: str | Sequence[str], data: Any) -> xr.Variable:
 
 def status_variable(dims: str | Sequence[str], codes: Any) -> xr.Variable:
     """Return status codes with their CF flag values and meanings."""
-    return xr.Variable(
+    return plain_variable(
         dims,
         np.asarray(codes, dtype=np.int8),
         {

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from vibroimpact.axes import check_axes
 from vibroimpact.backends import ImpactWindow, check_told, get_backend
 from vibroimpact.backends.starts import check_start, make_cells
-from vibroimpact.cluster import check_cluster, in_memory, on_cluster
 from vibroimpact.dataset import missing, provenance, status_variable, variable
 from vibroimpact.distributed import run_sweep, worker_count
 from vibroimpact.indices import check_indices
@@ -23,10 +22,11 @@ from vibroimpact.options import Sampling, Tolerances, whole_number
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
-from vibroimpact.stores import SweepRequest, in_threads, run_into_store
 
 if TYPE_CHECKING:
     from distributed import Client
+
+    from vibroimpact.stores import SweepRequest
 
 
 def parameter_map(
@@ -158,13 +158,12 @@ def parameter_map(
     if cluster is None or backend != "cuda":  # the GPUs are those of the workers
         check_told(chosen, get_backend(backend, time_step=time_step))
     limits = tolerances or Tolerances()
-    request = SweepRequest(osc, grid, chosen, window, limits, start, backend, time_step, early_closing)
+    asked = (osc, grid, chosen, window, limits, start, backend, time_step, early_closing)
     size = None if tile is None else whole_number("tile", tile, 1)
     if store is not None:
         make_cells(osc, start, {name: values for name, values in grid.items() if name == "gap"})  # refuses a bad start
-        execute = in_threads(threads) if cluster is None else on_cluster(cluster)
         with reporter(progress, "cells") as report:
-            return run_into_store(request, store, execute, report, size)
+            return _run_into_store(_request(*asked), store, cluster, threads, size, report)
     cells = make_cells(osc, start, grid)
 
     dataset, flat = _empty_map(osc, grid, chosen)
@@ -188,7 +187,9 @@ def parameter_map(
         engine = get_backend(backend, time_step=time_step)
         parts = run_sweep(engine, cells, window, limits, early_closing, chosen, threads, stop)
     else:
-        parts = in_memory(cluster, request, size, stop)
+        from vibroimpact.cluster import in_memory
+
+        parts = in_memory(cluster, _request(*asked), size, stop)
     with reporter(progress, "cells") as report, closing(parts):
         for which, result in parts:
             for name in (*chosen, "status"):
@@ -208,12 +209,38 @@ def _check_refined(cluster: Any, tile: Any) -> None:
 
 
 def _check_place(cluster: Client | str, workers: int | None) -> None:
+    from vibroimpact.cluster import check_cluster
+
     check_cluster(cluster)
     if workers is not None:
         raise ValueError(
             f"`workers` is {workers!r} with `cluster`; allowed is one of the two; leave `workers` out, or give it as "
             f"cluster='local:{workers}'"
         )
+
+
+# Imported where a store or a cluster is asked for: the first map of a session does not wait for Zarr and Dask.
+def _request(*asked: Any) -> SweepRequest:
+    from vibroimpact.stores import SweepRequest
+
+    return SweepRequest(*asked)
+
+
+def _run_into_store(
+    request: SweepRequest,
+    store: str | os.PathLike[str],
+    cluster: Client | str | None,
+    threads: int,
+    size: int | None,
+    report: Report,
+) -> xr.Dataset:
+    from vibroimpact.stores import in_threads, run_into_store
+
+    if cluster is None:
+        return run_into_store(request, store, in_threads(threads), report, size)
+    from vibroimpact.cluster import on_cluster
+
+    return run_into_store(request, store, on_cluster(cluster), report, size)
 
 
 def _empty_map(
