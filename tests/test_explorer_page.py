@@ -92,7 +92,16 @@ def test_the_page_shows_plane_point_and_numbers(tab):
     load(tab)
     assert "Period-1 impact-1, stable, hits hardest at 6.23 m/s once a period" in tab.inner_text("#sentence")
     assert "6.2264" in tab.inner_text("#numbers")
-    assert tab.evaluate("Bokeh.documents[0].get_model_by_name('history_0').data.time.length") > 1000
+    ends = tab.evaluate("""["time", "displacement", "velocity", "speeds", "phases"].map((name) => {
+      const values = [...Motion.motions[0][name]];
+      return [values.length, Math.min(...values), Math.max(...values)]; })""")
+    (samples, _, _), (_, low, high), (_, slow, fast), speeds, phases = ends
+    assert samples > 1000
+    assert -6.0 < low < -5.0
+    assert high == 0.0
+    assert (slow, fast) == pytest.approx((-0.8 * 6.2264, 6.2264), rel=1e-4)
+    assert speeds[1:] == pytest.approx([6.2264, 6.2264], rel=1e-4)
+    assert 0.0 <= phases[1] <= phases[2] < 1.0
 
 
 def test_a_click_shows_another_motion_and_the_address_tells_it(tab, browser):
@@ -167,6 +176,34 @@ def test_two_pins_are_compared(tab):
     tab.wait_for_function("() => location.href.split('pin=').length === 3")
     tab.keyboard.press("u")
     until(tab, "!location.search.includes('pin=')")
+
+
+def test_a_click_below_the_plane_moves_the_point_along_the_line(tab):
+    load(tab)
+    box = tab.locator("#line").bounding_box()
+    before = drawn(tab)
+    tab.mouse.click(box["x"] + 74 + 0.25 * (box["width"] - 166), box["y"] + 40)
+    tab.wait_for_function(f"window.explorer.drawn > {before}", timeout=10_000)
+    until(tab, "Math.abs(new URLSearchParams(location.search).get('w') - 1.9) < 0.005")
+
+
+def test_a_plot_of_the_motion_zooms_pans_and_comes_back(tab):
+    load(tab)
+    picture = "document.getElementById('portrait').toDataURL()"
+    home = tab.evaluate(picture)
+    box = tab.locator("#portrait").bounding_box()
+    middle = box["x"] + 0.5 * box["width"], box["y"] + 0.4 * box["height"]
+    tab.mouse.move(*middle)
+    assert re.fullmatch(r"−?[\d.]+, −?[\d.]+", tab.locator(".plot output").nth(1).inner_text())
+    tab.mouse.wheel(0, -200)
+    until(tab, f"{picture} !== {home!r}")
+    zoomed = tab.evaluate(picture)
+    tab.mouse.down()
+    tab.mouse.move(middle[0] + 30, middle[1] + 10)
+    tab.mouse.up()
+    assert tab.evaluate(picture) not in (home, zoomed)
+    tab.mouse.dblclick(*middle)
+    until(tab, f"{picture} === {home!r}")
 
 
 def test_the_motion_plays(tab):

@@ -15,8 +15,9 @@ from vibroimpact.explorer.state import View
 
 Floats = NDArray[np.float64]
 
-VALUES = 240  # along the line
-IMPACTS = 64  # of each
+VALUES = 200  # along the line
+IMPACTS = 48  # of each
+GRAIN = 10_000  # velocities told apart, of the largest
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ def compute_line(view: View, going: Callable[[], bool]) -> Line | None:
     axis: dict[str, Any] = {parameter: values}
     diagram = vi.bifurcation_diagram(
         view.osc,
-        transient_impacts=2 * TRANSIENT,
+        transient_impacts=TRANSIENT,
         sample_impacts=IMPACTS,
         tolerances=TOLERANCES,
         workers=1,
@@ -45,8 +46,9 @@ def compute_line(view: View, going: Callable[[], bool]) -> Line | None:
     if not going():
         return None
     velocity = diagram["velocity"].values
-    digits = np.round(velocity / max(float(np.nanmax(velocity, initial=0.0)), 1e-300), 4)
-    kept = np.isfinite(velocity)
-    rows = np.broadcast_to(np.arange(len(values))[:, None], velocity.shape)
-    _, first = np.unique(np.stack([rows[kept], digits[kept]]), axis=1, return_index=True)
-    return Line(parameter, values[rows[kept][first]], velocity[kept][first])
+    finite = np.isfinite(velocity)
+    most = float(velocity[finite].max(initial=0.0)) or 1.0
+    grains = np.round(velocity[finite] * (GRAIN / most)).astype(np.int64)
+    rows = np.broadcast_to(np.arange(len(values))[:, None], velocity.shape)[finite]
+    _, first = np.unique(rows * (GRAIN + 1) + grains, return_index=True)
+    return Line(parameter, values[rows[first]], velocity[finite][first])

@@ -15,12 +15,14 @@ from bokeh.models import TextInput
 from vibroimpact.explorer.address import to_query
 from vibroimpact.explorer.controls import Controls
 from vibroimpact.explorer.export import KINDS, export
+from vibroimpact.explorer.line_view import LineView
+from vibroimpact.explorer.parcel import Parcel
 from vibroimpact.explorer.plane import Plane
 from vibroimpact.explorer.plane_view import PlaneView
 from vibroimpact.explorer.point_view import PointView
 from vibroimpact.explorer.pool import Pool
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import View
+from vibroimpact.explorer.state import View, rounded
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -46,13 +48,15 @@ class Page:
         self._lock = threading.Lock()
         self._serial = count()
         self._sent: list[dict[str, Any]] = []
-        self.plane, self.point = PlaneView(view), PointView()
+        self.plane, self.point, self.line = PlaneView(view), PointView(), LineView()
         self.controls = Controls(self.explorer, None, self.export)
         self.mail = TextInput(value="", name="mail")
         self.command = TextInput(value="", name="command")
         self.command.on_change("value", self._obey)
         # no root shows these, and the script in the page reads them
-        self.command.tags = [self.point.facts, *(parcel.source for parcel in self.point.parcels.values())]
+        self.view = Parcel("view")
+        parcels = (self.view, *self.point.parcels.values(), *self.line.parcels.values())
+        self.command.tags = [parcel.source for parcel in parcels]
 
     def open(
         self, doc: Document, view: View, complaint: str = "", stored: Callable[[View], Plane | None] | None = None
@@ -69,7 +73,7 @@ class Page:
         roots = {
             "preset": self.controls.preset, "buttons": self.controls.buttons, "controls": self.controls.column,
             "plane_head": self.plane.head, "plane": self.plane.figure, "legend": self.plane.legend,
-            "line": self.plane.line.figure, **self.point.figures, "mail": self.mail, "command": self.command,
+            "mail": self.mail, "command": self.command,
         }  # fmt: skip
         with doc.models.freeze():  # else every root looks through all models again
             for name, model in roots.items():
@@ -82,7 +86,6 @@ class Page:
         for tap in (Tap, DoubleTap):  # a second click soon after is a click, too
             self.plane.figure.on_event(tap, lambda event: self.explorer.click(event.x, event.y))
         self.plane.figure.on_event(RangesUpdate, self._zoomed)
-        self.plane.line.figure.on_event(Tap, self._line_clicked)
         self.doc.on_session_destroyed(lambda context: self.explorer.close())
 
     # ---- what a person did
@@ -90,13 +93,10 @@ class Page:
     def _zoomed(self, event: RangesUpdate) -> None:
         self.explorer.zoom((event.x0, event.x1), (event.y0, event.y1))
 
-    def _line_clicked(self, event: Tap) -> None:
-        view = self.explorer.view
-        self.explorer.set_parameter(view.along[0], event.x)
-
     def _obey(self, attr: str, old: str, new: str) -> None:
-        """Do what a key asks for."""
-        word, explorer, view = new.split(" ")[0], self.explorer, self.explorer.view
+        """Do what a key, or a click below the plane, asks for."""
+        explorer, view = self.explorer, self.explorer.view
+        word, *rest = new.split(" ")
         simple: dict[str, Callable[[], Any]] = {
             "undo": explorer.undo,
             "redo": explorer.redo,
@@ -116,6 +116,16 @@ class Page:
         }
         if word in simple:
             simple[word]()
+        elif word == "along":
+            self._go_along("".join(rest))
+
+    def _go_along(self, place: str) -> None:
+        parameter, ends = self.explorer.view.along
+        try:
+            value = rounded(float(place), ends)
+        except ValueError:  # the page's own script sends numbers
+            return
+        self.explorer.set_parameter(parameter, value)
 
     def _nudge(self, right: int, up: int) -> None:
         view = self.explorer.view
@@ -168,17 +178,19 @@ class Page:
 
     def _apply(self, told: list[tuple[str, Any]]) -> None:
         letters: list[dict[str, Any]] = []
-        for what, content in told:
+        for what, content in sorted(told, key=lambda one: one[0] != "point"):  # the motion first: eyes wait for it
             if what == "view":
-                self.plane.show_view(content)
+                self.plane.show_view(content, self.view)
+                self.line.show_view(content, self.view)
+                self.view.pack("address", query=to_query(content))
+                self.view.send()
                 self.controls.show_view(content)
-                letters.append({"address": to_query(content)})
             elif what == "plane":
                 self.plane.show_plane(content)
             elif what == "point":
-                self.point.show_point(content, self.explorer.view)
+                self.point.show_point(content)
             elif what == "line":
-                self.plane.line.show(content)
+                self.line.show(content)
             elif what == "curves":
                 self.plane.show_curves(content)
             elif what == "others":

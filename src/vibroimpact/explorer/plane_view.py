@@ -1,4 +1,4 @@
-"""The plane and the diagram below it, as Bokeh shows them."""
+"""The plane, as Bokeh shows it."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from bokeh.models import (
 from bokeh.palettes import RdBu11, Viridis256, interp_palette
 from bokeh.plotting import figure
 
-from vibroimpact.explorer.line import Line
+from vibroimpact.explorer.parcel import Parcel
 from vibroimpact.explorer.plane import Plane
 from vibroimpact.explorer.searches import Curves
 from vibroimpact.explorer.shades import NOTHING, Shades, shades
 from vibroimpact.explorer.state import Range, View, offset, parameter_label
-from vibroimpact.plotting.style import BLUE, GREEN, INK, RED, STICKING
+from vibroimpact.plotting.style import GREEN, INK, RED, STICKING
 
 PINS = (RED, GREEN)
 LETTERS = ("A", "B")
 CURVES = {"fold": "#e7298a", "period_doubling": "#ffffff", "grazing": "#ff9d2e", "end_of_sticking": "#f0e442"}
-LEFT, RIGHT = 74, 92  # pixels beside the plane and the diagram below it, whose axes stand over each other
+LEFT, RIGHT = 74, 92  # pixels beside the plane, and beside the diagram below it
 _NAME = """
 const kind = Math.floor(value / 1e10), rest = value - kind * 1e10, n = Math.floor(rest / 1e5), p = rest - n * 1e5 - 1;
 return ["undecided", "no impact", `period-${n} impact-${p}`, `period-${n} sticking`, "chaotic"][kind];
@@ -105,13 +105,14 @@ def label_axis(axis: Any, parameter: str, ends: Range) -> None:
 
 
 class PlaneView:
-    """The plane, its legend, and the diagram along a line through the point."""
+    """The plane and its legend."""
 
     def __init__(self, view: View) -> None:
         self.x_range, self.y_range = range_of(view.x_range), range_of(view.y_range)
         self.source = ColumnDataSource(_picture(None), name="plane_source")
-        self.point = ColumnDataSource({"x": [], "y": []})
-        self.pins = ColumnDataSource({"x": [], "y": [], "color": [], "letter": []})
+        # what the page's script alone changes, as parcels tell it
+        self.mark = ColumnDataSource({"x": [], "y": []}, name="mark")
+        self.pins = ColumnDataSource({"x": [], "y": [], "color": [], "letter": []}, name="pins")
         self.curves = ColumnDataSource({"xs": [], "ys": [], "color": [], "words": []})
         self.head = Div(text="", sizing_mode="stretch_width", margin=(0, 4, 0, 4), styles={"min-height": "18px"})
         self.legend = Div(text="", sizing_mode="stretch_width", margin=(0, 4, 0, 4))
@@ -119,7 +120,6 @@ class PlaneView:
         self._signed = list(interp_palette(RdBu11, 255))
         self.figure = self._plane()
         self._legend = ""
-        self.line = LineView()
 
     def _plane(self) -> Any:
         plot = style(
@@ -153,10 +153,11 @@ class PlaneView:
             },
         )  # fmt: skip
         plot.add_tools(self._hover)
-        self.across = Span(
-            location=0.0, dimension="width", line_dash="dashed", line_color="#ffffff", line_width=1.2, level="overlay"
-        )
-        plot.add_layout(self.across)
+        across = Span(
+            location=0.0, dimension="width", line_dash="dashed", line_color="#ffffff", line_width=1.2, level="overlay",
+            name="across",
+        )  # fmt: skip
+        plot.add_layout(across)
         plot.add_glyph(
             self.pins, Scatter(x="x", y="y", size=17, fill_color="color", line_color="white", line_width=1.5)
         )
@@ -167,7 +168,7 @@ class PlaneView:
         )  # fmt: skip
         for color, width in (("white", 4.0), (INK, 1.8)):
             plot.add_glyph(
-                self.point,
+                self.mark,
                 Scatter(
                     x="x", y="y", size=15, marker="circle_cross", fill_color=None, line_color=color, line_width=width
                 ),
@@ -175,22 +176,23 @@ class PlaneView:
             )
         return plot
 
-    def show_view(self, view: View) -> None:
+    def show_view(self, view: View, parcel: Parcel) -> None:
         """Put ranges, labels, the point and the pins where the view has them."""
         self.x_range.update(start=view.x_range[0], end=view.x_range[1])
         self.y_range.update(start=view.y_range[0], end=view.y_range[1])
         label_axis(self.figure.xaxis[0], view.x, view.x_range)
         label_axis(self.figure.yaxis[0], view.y, view.y_range)
-        self.point.data = {"x": [view.osc_value("x")], "y": [view.osc_value("y")]}
-        self.pins.data = {
+        upright = view.line != "x"
+        place = {"x": view.osc_value("x"), "y": view.osc_value("y")}
+        parcel.pack("=mark", data={axis: [value] for axis, value in place.items()})
+        parcel.pack("=across", dimension="height" if upright else "width", location=place["x" if upright else "y"])
+        pins = {
             "x": [getattr(pin, view.x) for pin in view.pins],
             "y": [getattr(pin, view.y) for pin in view.pins],
             "color": list(PINS[: len(view.pins)]),
             "letter": list(LETTERS[: len(view.pins)]),
         }
-        self.across.dimension = "width" if view.line == "x" else "height"
-        self.across.location = view.osc_value("y" if view.line == "x" else "x")
-        self.line.show_view(view)
+        parcel.pack("=pins", data=pins)
 
     def show_plane(self, plane: Plane) -> None:
         """Show a plane as far as it is known."""
@@ -248,40 +250,6 @@ class PlaneView:
             "words": curves.words,
         }
         self._show_legend()
-
-
-class LineView:
-    """Impact velocities along a line through the point."""
-
-    def __init__(self) -> None:
-        self.x_range, self.y_range = range_of((0.0, 1.0)), range_of((0.0, 1.0))
-        self.source = ColumnDataSource({"x": [], "y": []})
-        plot = figure(
-            x_range=self.x_range, y_range=self.y_range, sizing_mode="stretch_both", tools="save",
-            toolbar_location=None, name="line", lod_threshold=None,
-        )  # fmt: skip
-        self.figure = style(plot)
-        plot.min_border_left, plot.min_border_right = LEFT, RIGHT
-        self.figure.yaxis.axis_label = "impact velocity [m/s]"
-        self.here = Span(
-            location=0.0, dimension="height", line_dash="dashed", line_color=BLUE, line_width=1.2, level="overlay"
-        )
-        self.figure.add_layout(self.here)
-        dot = Scatter(x="x", y="y", marker="square", size=1.6, line_color=None, fill_color=INK)
-        self.figure.add_glyph(self.source, dot)
-
-    def show_view(self, view: View) -> None:
-        """Put range and label where the view has them."""
-        parameter, (low, high) = view.along
-        self.x_range.update(start=low, end=high)
-        self.here.location = getattr(view.osc, parameter)
-        label_axis(self.figure.xaxis[0], parameter, (low, high))
-
-    def show(self, line: Line) -> None:
-        """Draw a diagram."""
-        most = float(line.velocities.max(initial=0.0)) or 1.0
-        self.source.data = {"x": line.values, "y": line.velocities.astype(np.float32)}
-        self.y_range.update(start=-0.02 * most, end=1.05 * most)
 
 
 def _picture(plane: Plane | None, seen: Shades | None = None) -> dict[str, Any]:

@@ -156,6 +156,8 @@ def _begin(doc: Document, view: View, look: Any, spares: Spares, pages: set[Docu
     doc.template = _template("page.html")
     doc.template_variables.update(
         page_css=_asset("page.css"),
+        plots_js=_asset("plots.js"),
+        motion_js=_asset("motion.js"),
         page_js=_asset("page.js"),
         help_html=_asset("help.html"),
         bokeh_version=version("bokeh"),

@@ -1,0 +1,129 @@
+// The motion at the point: four plots, the mass against its stop, and the diagram along a line below the plane.
+window.Motion = (() => {
+  "use strict";
+  const byId = (id) => document.getElementById(id);
+  const { Plot } = window.Plots;
+  const motions = [], order = [1, 2, 0];  // the present motion lies on top
+  let facts = { gap: 0, period: 1, force: 0, low: -1, begin: [], end: [], colors: [] };
+  let line = { x: [], y: [], here: 0, color: "#000" };
+  let playing = false, clock = 0, before = 0;
+  const each = (draw) => { for (const slot of order) if (motions[slot]) draw(motions[slot], facts.colors[slot], slot === 0); };
+  const empty = () => !motions[0] || !motions[0].time.length;
+
+  // ---- the plots
+  const phase = (name, title, draw) => new Plot(name, {
+    title, x: "displacement y [m]", y: "velocity [m/s]",
+    paint: (plot) => { plot.stop(facts.gap, false); each((motion, color, first) => draw(plot, motion, color, first)); },
+  });
+  const plots = {
+    history: new Plot("history", {
+      title: "Time history", x: "time [s]", y: "displacement y [m]",
+      paint: (plot) => {
+        plot.stop(facts.gap, true);
+        each((motion, color, first) => {
+          plot.line(motion.time, motion.displacement, color, first ? 1.4 : 1.2);
+          plot.marks(motion.hits, motion.gap, color);
+        });
+        plot.bars(facts.begin, facts.end, facts.gap, "#e0c800");
+        if (playing && !empty()) plot.upright(now(), "#d55e00");
+      },
+    }),
+    portrait: phase("portrait", "Phase portrait", (plot, motion, color, first) => plot.line(motion.displacement, motion.velocity, color, first ? 1.4 : 1.2)),
+    poincare: phase("poincare", "Poincaré map: once a driving period", (plot, motion, color) => plot.dots(motion.looks_y, motion.looks_v, color)),
+    impact_map: new Plot("impact_map", {
+      title: "Impact map: when and how hard", x: "phase of the driving period", y: "impact velocity [m/s]",
+      paint: (plot) => each((motion, color) => plot.dots(motion.phases, motion.speeds, color)),
+    }),
+  };
+  const below = new Plot("line", {
+    x: "", y: "impact velocity [m/s]", fixed: [74, 92],  // as the plane above it
+    paint: (plot) => { plot.dots(line.x, line.y, "#222", 1.6); plot.upright(line.here, line.color, [6, 4]); },
+  });
+
+  // ---- the mass against its stop
+  const canvas = byId("play-canvas"), pen = canvas.getContext("2d");
+  const now = () => {
+    const { time } = motions[0], first = time[0], last = time[time.length - 1];
+    return last > first ? first + (clock * facts.period) % (last - first) : first;
+  };
+  const position = (time, y, t) => {
+    let low = 0, high = time.length - 1;
+    while (high - low > 1) { const mid = (low + high) >> 1; if (time[mid] <= t) low = mid; else high = mid; }
+    const span = time[high] - time[low];
+    return span > 0 ? y[low] + (y[high] - y[low]) * (t - time[low]) / span : y[low];
+  };
+  const draw_mass = () => {
+    if (empty()) return;
+    const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+    if (canvas.width !== Math.round(width * ratio)) { canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio); }
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.clearRect(0, 0, width, height);
+    const time = now(), at = position(motions[0].time, motions[0].displacement, time);
+    const side = 13, left = 96, right = width - 130, middle = height / 2;
+    const x = left + (at - facts.low) * (right - left) / Math.max(facts.gap - facts.low, 1e-300);
+    const trace = (color, wide, path) => { pen.strokeStyle = pen.fillStyle = color; pen.lineWidth = wide; pen.beginPath(); path(); pen.stroke(); };
+    trace("#5b6470", 1.3, () => {
+      pen.moveTo(12, 6); pen.lineTo(12, height - 6);
+      pen.moveTo(12, middle);
+      const from = 20, to = x - 2 * side;
+      for (let i = 0; i <= 16; i++) pen.lineTo(from + (to - from) * i / 16, middle + (i % 2 ? 7 : -7) * (i > 0 && i < 16));
+      pen.lineTo(to, middle);
+    });
+    pen.fillStyle = "#0072b2"; pen.fillRect(x - 2 * side, middle - side, 2 * side, 2 * side);
+    pen.fillStyle = "#444"; pen.fillRect(right, 4, 3, height - 8);
+    trace("#999", 1, () => { for (let i = 4; i < height - 4; i += 6) { pen.moveTo(right + 3, i + 5); pen.lineTo(right + 9, i); } });
+    const push = facts.force * Math.sin(2 * Math.PI * time / facts.period) * 26, tip = x - side + push, above = middle - side - 4;
+    trace("#d55e00", 2, () => { pen.moveTo(x - side, above); pen.lineTo(tip, above); });
+    if (Math.abs(push) > 3) { pen.beginPath(); pen.moveTo(tip + 4 * Math.sign(push), above); pen.lineTo(tip, above - 4); pen.lineTo(tip, above + 4); pen.fill(); }
+    pen.fillStyle = "#222"; pen.font = "12px Arial, sans-serif";
+    pen.fillText(`t = ${time.toPrecision(4)} s`, right + 18, middle - 3);
+    pen.fillText(`y = ${at.toPrecision(3)} m`, right + 18, middle + 13);
+  };
+  const tick = (stamp) => {
+    if (!playing) return;
+    if (stamp - before > 30) {
+      clock += Math.min(stamp - before, 200) / 1000 * Number(byId("speed").value);
+      before = stamp;
+      draw_mass();
+      plots.history.draw();
+    }
+    requestAnimationFrame(tick);
+  };
+  const play = () => {
+    playing = !playing;
+    byId("play").textContent = playing ? "❚❚ Pause" : "▶ Play";
+    before = performance.now();
+    plots.history.draw();
+    if (playing) requestAnimationFrame(tick);
+  };
+  byId("play").addEventListener("click", play);
+  window.addEventListener("resize", draw_mass);
+
+  // ---- what the server tells
+  const takes = {
+    motion: ({ slot, gap, begin, lengths, values }) => {
+      const motion = { gap };
+      let at = 0;
+      for (const [name, length] of Object.entries(lengths)) {
+        const part = new Float32Array(values.buffer, values.byteOffset + 4 * at, length);  // Bokeh's arrays have no subarray
+        motion[name] = name === "time" || name === "hits" ? Float64Array.from(part, (time) => begin + time) : part;
+        at += length;
+      }
+      motions[slot] = at > 0 ? motion : null;
+    },
+    facts: (told) => { facts = told; },
+    home: (told) => { for (const [name, [x, y]] of Object.entries(told)) plots[name].fit(x, y); },
+    line: (told) => { line = { ...line, ...told }; },
+    line_home: ({ x, y, label }) => { if (label) below.x = label; below.fit(x || below.home.x, y || below.home.y); },
+  };
+  // Take parts of what is shown, by name; draw once what they change.
+  const take = (parts) => {
+    for (const [name, told] of parts) takes[name.replace(/_\d$/, "")](told);
+    const names = parts.map(([name]) => name);
+    if (names.some((name) => name.startsWith("line"))) below.draw();
+    if (names.some((name) => !name.startsWith("line"))) { for (const plot of Object.values(plots)) plot.draw(); if (!playing) draw_mass(); }
+  };
+  // Tell where along the line somebody clicked.
+  const on_line = (tell) => byId("line").addEventListener("click", (event) => tell(below.at(event).x));
+  return { take, play, on_line, motions };
+})();

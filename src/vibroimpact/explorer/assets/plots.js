@@ -1,0 +1,225 @@
+// Small plots on canvases of their own. Bokeh takes a tenth of a second to lay out and draw four figures; these take a
+// few milliseconds, so that the motion is there with the click.
+window.Plots = (() => {
+  "use strict";
+  const INK = "#222", FRAME = "#555", GRID = "#e8e8e8", STEPS = [1, 2, 5, 10];
+  const minus = (text) => text.replace(/-/g, "−");
+
+  // Round places within [low, high], and how to write them; what is far from zero is told from a round base.
+  const ticks = (low, high, room) => {
+    const span = high - low, size = Math.max(Math.abs(low), Math.abs(high));
+    if (!(span > 0) || !Number.isFinite(size)) return { at: [], word: String, base: 0 };
+    const ten = 10 ** Math.floor(Math.log10(span / Math.max(room, 1)));
+    const step = ten * STEPS.find((one) => ten * one >= 0.7 * span / Math.max(room, 1));
+    const base = size / span > 1e4 ? Number(low.toPrecision(Math.ceil(Math.log10(size / span)))) : 0;
+    const at = [];
+    for (let k = Math.ceil((low - base) / step); k * step <= high - base && at.length < 50; k++) at.push(k * step);
+    const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+    const plain = digits <= 5 && size < 1e5;
+    const word = (value) => minus(plain ? value.toFixed(digits) : value === 0 ? "0" : String(Number(value.toPrecision(3))));
+    return { at: at.map((value) => base + value), word: (value) => word(value - base), base };
+  };
+
+  class Plot {
+    // `paint(plot)` draws what the plot is about, in its units, with `plot.line`, `dots`, `bar` and `hatch`.
+    constructor(id, { title = "", x, y, paint, fixed = null }) {
+      Object.assign(this, { x, y, title, paint, fixed });
+      this.canvas = document.getElementById(id);
+      this.pen = this.canvas.getContext("2d");
+      this.place = this.canvas.parentElement.appendChild(document.createElement("output"));
+      this.home = { x: [0, 1], y: [0, 1] };
+      this.reset();
+      new ResizeObserver(() => this.draw()).observe(this.canvas);
+      this.listen();
+    }
+
+    reset() { this.range = { x: [...this.home.x], y: [...this.home.y] }; }
+
+    fit(x, y) { this.home = { x: [...x], y: [...y] }; this.reset(); }
+
+    // ---- the person
+    listen() {
+      const { canvas } = this;
+      let held = null;
+      canvas.addEventListener("pointerdown", (event) => {
+        if (event.button || this.fixed) return;
+        held = { x: event.offsetX, y: event.offsetY, range: structuredClone(this.range) };
+        canvas.setPointerCapture(event.pointerId);
+      });
+      canvas.addEventListener("pointermove", (event) => {
+        if (held) {
+          const { x, y } = held.range, across = (event.offsetX - held.x) / this.width * (x[1] - x[0]);
+          const up = (held.y - event.offsetY) / this.height * (y[1] - y[0]);
+          this.range = { x: x.map((one) => one - across), y: y.map((one) => one - up) };
+          this.draw();
+        }
+        this.tell(event);
+      });
+      for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { held = null; });
+      canvas.addEventListener("pointerleave", () => { this.place.textContent = ""; });
+      canvas.addEventListener("dblclick", () => { if (!this.fixed) { this.reset(); this.draw(); } });
+      canvas.addEventListener("wheel", (event) => {
+        if (this.fixed) return;
+        event.preventDefault();
+        const factor = 1.2 ** Math.sign(event.deltaY), at = this.at(event);
+        for (const axis of ["x", "y"]) {
+          const ends = this.range[axis].map((end) => at[axis] + (end - at[axis]) * factor);
+          const size = Math.max(Math.abs(ends[0]), Math.abs(ends[1]));
+          if (ends[1] - ends[0] > 1e-7 * size && ends[1] - ends[0] < 1e3 * (this.home[axis][1] - this.home[axis][0])) this.range[axis] = ends;
+        }
+        this.draw();
+      }, { passive: false });
+    }
+
+    at(event) {
+      const { x, y } = this.range;
+      return { x: x[0] + (event.offsetX - this.left) / this.width * (x[1] - x[0]), y: y[1] - (event.offsetY - this.top) / this.height * (y[1] - y[0]) };
+    }
+
+    tell(event) {
+      const { x, y } = this.at(event), inside = event.offsetX >= this.left && event.offsetY <= this.top + this.height;
+      this.place.textContent = inside ? minus(`${Number(x.toPrecision(5))}, ${Number(y.toPrecision(5))}`) : "";
+    }
+
+    // ---- drawing
+    px(x) { return this.left + (x - this.range.x[0]) / (this.range.x[1] - this.range.x[0]) * this.width; }
+
+    py(y) { return this.top + (this.range.y[1] - y) / (this.range.y[1] - this.range.y[0]) * this.height; }
+
+    draw() {
+      const { canvas, pen } = this, ratio = window.devicePixelRatio || 1, wide = canvas.clientWidth, high = canvas.clientHeight;
+      if (!wide || !high) return;
+      const [w, h] = [Math.round(wide * ratio), Math.round(high * ratio)];
+      if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
+      pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+      pen.fillStyle = "#fff";
+      pen.fillRect(0, 0, wide, high);
+      const letter = window.innerWidth >= 1700 ? 13 : 11;
+      pen.font = `${letter}px Arial, Helvetica, sans-serif`;
+      this.top = this.title ? letter + 10 : 6;
+      this.height = Math.max(high - this.top - 2 * letter - 16, 1);
+      const rows = ticks(...this.range.y, this.height / 32), words = rows.at.map(rows.word);
+      const labels = Math.max(0, ...words.map((word) => pen.measureText(word).width));
+      this.left = this.fixed ? this.fixed[0] : labels + letter + 18;
+      this.width = Math.max(wide - this.left - (this.fixed ? this.fixed[1] : 12), 1);
+      const columns = ticks(...this.range.x, this.width / 56);
+      this.frame(columns, rows, words, letter, high);
+      pen.save();
+      pen.beginPath();
+      pen.rect(this.left, this.top, this.width, this.height);
+      pen.clip();
+      this.paint(this);
+      pen.restore();
+    }
+
+    frame(columns, rows, words, letter, high) {
+      const { pen, left, top, width, height } = this, bottom = top + height, sharp = (value) => Math.round(value) + 0.5;
+      const stroke = (color, path) => { pen.strokeStyle = color; pen.lineWidth = 1; pen.beginPath(); path(); pen.stroke(); };
+      const label = (text, base) => base ? text.replace(/( \[|$)/, ` − ${minus(String(base))}$1`) : text;
+      stroke(GRID, () => {
+        for (const x of columns.at) { pen.moveTo(sharp(this.px(x)), top); pen.lineTo(sharp(this.px(x)), bottom); }
+        for (const y of rows.at) { pen.moveTo(left, sharp(this.py(y))); pen.lineTo(left + width, sharp(this.py(y))); }
+      });
+      stroke(FRAME, () => {
+        pen.moveTo(sharp(left), top); pen.lineTo(sharp(left), sharp(bottom)); pen.lineTo(left + width, sharp(bottom));
+        for (const x of columns.at) { pen.moveTo(sharp(this.px(x)), bottom); pen.lineTo(sharp(this.px(x)), bottom + 5); }
+        for (const y of rows.at) { pen.moveTo(left, sharp(this.py(y))); pen.lineTo(left - 5, sharp(this.py(y))); }
+      });
+      pen.fillStyle = INK;
+      pen.textAlign = "center";
+      pen.textBaseline = "top";
+      for (const x of columns.at) pen.fillText(columns.word(x), this.px(x), bottom + 7);
+      pen.fillText(label(this.x, columns.base), left + width / 2, high - letter - 2);
+      pen.textBaseline = "middle";
+      pen.textAlign = "right";
+      rows.at.forEach((y, k) => pen.fillText(words[k], left - 8, this.py(y)));
+      pen.textAlign = "left";
+      if (this.title) pen.fillText(this.title, left, letter / 2 + 4);
+      pen.save();
+      pen.translate(letter / 2 + 2, top + height / 2);
+      pen.rotate(-Math.PI / 2);
+      pen.textAlign = "center";
+      pen.fillText(label(this.y, rows.base), 0, 0);
+      pen.restore();
+    }
+
+    line(x, y, color, width = 1.4) {
+      const { pen } = this;
+      Object.assign(pen, { strokeStyle: color, lineWidth: width, lineJoin: "round" });
+      pen.beginPath();
+      for (let k = 0; k < x.length; k++) pen.lineTo(this.px(x[k]), this.py(y[k]));
+      pen.stroke();
+    }
+
+    dots(x, y, color, size = 4) {
+      const { pen } = this, half = size / 2, seen = new Set();
+      pen.fillStyle = color;
+      pen.beginPath();
+      for (let k = 0; k < x.length; k++) {
+        const a = this.px(x[k]), b = this.py(y[k]), place = Math.round(2 * a) * 16384 + Math.round(2 * b);
+        if (seen.has(place)) continue;  // a cycle comes back to the same places
+        seen.add(place);
+        if (size < 2) pen.fillRect(a - half, b - half, size, size);
+        else { pen.moveTo(a + half, b); pen.arc(a, b, half, 0, 7); }
+      }
+      pen.fill();
+    }
+
+    // Small triangles that point down at the places along a height.
+    marks(x, y, color) {
+      const { pen } = this, b = this.py(y);
+      Object.assign(pen, { fillStyle: color, strokeStyle: "#fff", lineWidth: 1 });
+      pen.beginPath();
+      let last = -Infinity;
+      for (const one of x) {
+        const a = this.px(one);
+        if (a - last < 2 || a < this.left - 4 || a > this.left + this.width + 4) continue;  // a chatter has thousands
+        pen.moveTo(a - 4, b - 3); pen.lineTo(a + 4, b - 3); pen.lineTo(a, b + 4); pen.lineTo(a - 4, b - 3);
+        last = a;
+      }
+      pen.stroke();
+      pen.fill();
+    }
+
+    // Thick strokes from begin to end along a height.
+    bars(begin, end, y, color) {
+      const { pen } = this;
+      Object.assign(pen, { strokeStyle: color, lineWidth: 5 });
+      pen.beginPath();
+      for (let k = 0; k < begin.length; k++) { pen.moveTo(this.px(begin[k]), this.py(y)); pen.lineTo(this.px(end[k]), this.py(y)); }
+      pen.stroke();
+    }
+
+    upright(x, color, dash = []) {
+      const { pen } = this;
+      Object.assign(pen, { strokeStyle: color, lineWidth: 1.2 });
+      pen.setLineDash(dash);
+      pen.beginPath();
+      pen.moveTo(this.px(x), this.top);
+      pen.lineTo(this.px(x), this.top + this.height);
+      pen.stroke();
+      pen.setLineDash([]);
+    }
+
+    // What lies behind the stop: above it in time, right of it in the plane of states.
+    stop(gap, across) {
+      const { pen } = this, right = this.left + this.width;
+      const x = across ? this.left : Math.max(this.px(gap), this.left), bottom = across ? Math.min(this.py(gap), this.top + this.height) : this.top + this.height;
+      if (x >= right || bottom <= this.top) return;
+      pen.save();
+      pen.beginPath();
+      pen.rect(x, this.top, right - x, bottom - this.top);
+      pen.clip();
+      pen.fillStyle = "#e2e2e2";
+      pen.fillRect(x, this.top, right - x, bottom - this.top);
+      Object.assign(pen, { strokeStyle: "#b8b8b8", lineWidth: 1 });
+      pen.beginPath();
+      const tall = bottom - this.top;
+      for (let a = x - tall - ((x - tall) % 6); a < right; a += 6) { pen.moveTo(a, bottom); pen.lineTo(a + tall, this.top); }
+      pen.stroke();
+      pen.restore();
+    }
+  }
+
+  return { Plot };
+})();
