@@ -182,7 +182,7 @@ def test_a_click_below_the_plane_moves_the_point_along_the_line(tab):
     load(tab)
     box = tab.locator("#line").bounding_box()
     before = drawn(tab)
-    tab.mouse.click(box["x"] + 74 + 0.25 * (box["width"] - 166), box["y"] + 40)
+    tab.mouse.click(box["x"] + 62 + 0.25 * (box["width"] - 128), box["y"] + 40)
     tab.wait_for_function(f"window.explorer.drawn > {before}", timeout=10_000)
     until(tab, "Math.abs(new URLSearchParams(location.search).get('w') - 1.9) < 0.005")
 

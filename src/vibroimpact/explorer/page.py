@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 import threading
 from collections.abc import Callable
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
-from bokeh.events import DoubleTap, RangesUpdate, Tap
 from bokeh.models import TextInput
 
 from vibroimpact.explorer.address import to_query
@@ -48,14 +48,15 @@ class Page:
         self._lock = threading.Lock()
         self._serial = count()
         self._sent: list[dict[str, Any]] = []
-        self.plane, self.point, self.line = PlaneView(view), PointView(), LineView()
+        self.plane, self.point, self.line = PlaneView(), PointView(), LineView()
         self.controls = Controls(self.explorer, None, self.export)
         self.mail = TextInput(value="", name="mail")
         self.command = TextInput(value="", name="command")
         self.command.on_change("value", self._obey)
         # no root shows these, and the script in the page reads them
         self.view = Parcel("view")
-        parcels = (self.view, *self.point.parcels.values(), *self.line.parcels.values())
+        views: tuple[Any, ...] = (self.plane, self.point, self.line)
+        parcels = [self.view, *(parcel for view in views for parcel in view.parcels.values())]
         self.command.tags = [parcel.source for parcel in parcels]
 
     def open(
@@ -69,10 +70,9 @@ class Page:
         self.explorer.view, self.explorer.stored = view, stored
         self.controls.fit(view)
         self._apply([("view", view), *([("message", complaint)] if complaint else [])])
-        self._events()
+        self.doc.on_session_destroyed(lambda context: self.explorer.close())
         roots = {
             "preset": self.controls.preset, "buttons": self.controls.buttons, "controls": self.controls.column,
-            "plane_head": self.plane.head, "plane": self.plane.figure, "legend": self.plane.legend,
             "mail": self.mail, "command": self.command,
         }  # fmt: skip
         with doc.models.freeze():  # else every root looks through all models again
@@ -82,19 +82,10 @@ class Page:
         # Not before the session stands: what threads tell until then would be lost.
         doc.add_next_tick_callback(self.explorer.start)
 
-    def _events(self) -> None:
-        for tap in (Tap, DoubleTap):  # a second click soon after is a click, too
-            self.plane.figure.on_event(tap, lambda event: self.explorer.click(event.x, event.y))
-        self.plane.figure.on_event(RangesUpdate, self._zoomed)
-        self.doc.on_session_destroyed(lambda context: self.explorer.close())
-
     # ---- what a person did
 
-    def _zoomed(self, event: RangesUpdate) -> None:
-        self.explorer.zoom((event.x0, event.x1), (event.y0, event.y1))
-
     def _obey(self, attr: str, old: str, new: str) -> None:
-        """Do what a key, or a click below the plane, asks for."""
+        """Do what the page's script asks for: a word, and numbers behind some."""
         explorer, view = self.explorer, self.explorer.view
         word, *rest = new.split(" ")
         simple: dict[str, Callable[[], Any]] = {
@@ -116,16 +107,19 @@ class Page:
         }
         if word in simple:
             simple[word]()
-        elif word == "along":
-            self._go_along("".join(rest))
+        elif word in ("click", "zoom", "along"):
+            with contextlib.suppress(ValueError, TypeError):  # the page's own script sends as many numbers as are due
+                getattr(self, f"_{word}")(*map(float, rest[:-1]))
 
-    def _go_along(self, place: str) -> None:
+    def _click(self, x: float, y: float) -> None:
+        self.explorer.click(x, y)
+
+    def _zoom(self, x0: float, x1: float, y0: float, y1: float) -> None:
+        self.explorer.zoom((x0, x1), (y0, y1))
+
+    def _along(self, value: float) -> None:
         parameter, ends = self.explorer.view.along
-        try:
-            value = rounded(float(place), ends)
-        except ValueError:  # the page's own script sends numbers
-            return
-        self.explorer.set_parameter(parameter, value)
+        self.explorer.set_parameter(parameter, rounded(value, ends))
 
     def _nudge(self, right: int, up: int) -> None:
         view = self.explorer.view

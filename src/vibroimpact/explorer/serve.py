@@ -158,6 +158,7 @@ def _begin(doc: Document, view: View, look: Any, spares: Spares, pages: set[Docu
         page_css=_asset("page.css"),
         plots_js=_asset("plots.js"),
         motion_js=_asset("motion.js"),
+        plane_js=_asset("plane.js"),
         page_js=_asset("page.js"),
         help_html=_asset("help.html"),
         bokeh_version=version("bokeh"),

@@ -2,7 +2,7 @@
 window.Motion = (() => {
   "use strict";
   const byId = (id) => document.getElementById(id);
-  const { Plot } = window.Plots;
+  const { Plot, MARGINS } = window.Plots;
   const motions = [], order = [1, 2, 0];  // the present motion lies on top
   let facts = { gap: 0, period: 1, force: 0, low: -1, begin: [], end: [], colors: [] };
   let line = { x: [], y: [], here: 0, color: "#000" };
@@ -25,7 +25,7 @@ window.Motion = (() => {
           plot.marks(motion.hits, motion.gap, color);
         });
         plot.bars(facts.begin, facts.end, facts.gap, "#e0c800");
-        if (playing && !empty()) plot.upright(now(), "#d55e00");
+        if (playing && !empty()) plot.rule("x", now(), "#d55e00");
       },
     }),
     portrait: phase("portrait", "Phase portrait", (plot, motion, color, first) => plot.line(motion.displacement, motion.velocity, color, first ? 1.4 : 1.2)),
@@ -36,8 +36,8 @@ window.Motion = (() => {
     }),
   };
   const below = new Plot("line", {
-    x: "", y: "impact velocity [m/s]", fixed: [74, 92],  // as the plane above it
-    paint: (plot) => { plot.dots(line.x, line.y, "#222", 1.6); plot.upright(line.here, line.color, [6, 4]); },
+    x: "", y: "impact velocity [m/s]", fixed: MARGINS, still: true,
+    paint: (plot) => { plot.dots(line.x, line.y, "#222", 1.6); plot.rule("x", line.here, line.color, [6, 4]); },
   });
 
   // ---- the mass against its stop
@@ -118,12 +118,10 @@ window.Motion = (() => {
   };
   // Take parts of what is shown, by name; draw once what they change.
   const take = (parts) => {
-    for (const [name, told] of parts) takes[name.replace(/_\d$/, "")](told);
-    const names = parts.map(([name]) => name);
+    const names = parts.map(([name]) => name).filter((name) => name.replace(/_\d$/, "") in takes);
+    for (const [name, told] of parts) if (names.includes(name)) takes[name.replace(/_\d$/, "")](told);
     if (names.some((name) => name.startsWith("line"))) below.draw();
     if (names.some((name) => !name.startsWith("line"))) { for (const plot of Object.values(plots)) plot.draw(); if (!playing) draw_mass(); }
   };
-  // Tell where along the line somebody clicked.
-  const on_line = (tell) => byId("line").addEventListener("click", (event) => tell(below.at(event).x));
-  return { take, play, on_line, motions };
+  return { take, play, below, motions };
 })();

@@ -71,38 +71,29 @@
       const content = plain(contents[i]), name = names[i].slice(1);
       if (names[i] === "address") history.replaceState(null, "", `?${content.query}`);
       else if (names[i].startsWith("#")) byId(name).innerHTML = content.html;
-      else if (names[i].startsWith("=")) model(name).setv(content, { sync: false });
       else parts.push([names[i], content]);
     }
-    if (parts.length) Motion.take(parts);
+    Plane.take(parts);
+    Motion.take(parts);
     if (!names.includes("motion_0")) return;
     requestAnimationFrame(() => requestAnimationFrame(() => { told.drawn += 1; told.drawn_at = performance.now(); }));
   };
 
-  Motion.on_line((value) => command(`along ${value}`));
+  Motion.below.clicked = ({ x }) => command(`along ${x}`);
+  Plane.listen(command);
 
   // ---- when the page stands
-  const told = window.explorer = { ready: 0, drawn: 0, drawn_at: 0, planes: [] };
-  // Bokeh asks the style sheet for each colour and width at each stroke, a third of all time of drawing; there are none.
-  // It also asks for the size of the page's letters at each label of an axis: once is enough.
-  try {
-    Bokeh.require("core/visuals/visual").VisualProperties.prototype._get_css_value = () => "";
-    const size = parseFloat(getComputedStyle(document.body).fontSize) || 13;
-    Object.defineProperty(Bokeh.require("models/plots/plot").PlotView.prototype, "base_font_size", { get: () => size, configurable: true });
-  } catch { /* it draws all the same, slower */ }
+  const told = window.explorer;
   const begin = () => {
     doc = window.Bokeh && window.Bokeh.documents[0];
     if (!doc || !model("mail")) { setTimeout(begin, 10); return; }
     model("mail").properties.value.change.connect(read);
     read();
-    for (const name of ["view", "point", "pins", "others", "line"].map((one) => `${one}_parcel`)) {
+    for (const name of ["view", "point", "plane", "curves", "pins", "others", "line"].map((one) => `${one}_parcel`)) {
       const parcel = model(name);
       parcel.properties.data.change.connect(() => unpack(parcel));
       unpack(parcel);
     }
-    const side = () => { const seen = model("plane_source").data.side; if (seen && seen.length) told.planes.push([seen[0], performance.now()]); };
-    model("plane_source").properties.data.change.connect(side);
-    side();
     told.ready = performance.now();
   };
   begin();

@@ -21,9 +21,10 @@ window.Plots = (() => {
   };
 
   class Plot {
-    // `paint(plot)` draws what the plot is about, in its units, with `plot.line`, `dots`, `bar` and `hatch`.
-    constructor(id, { title = "", x, y, paint, fixed = null }) {
-      Object.assign(this, { x, y, title, paint, fixed });
+    // `paint(plot)` draws what the plot is about, in its units; `fixed` are pixels left and right of the frame; `still`
+    // plots neither pan nor zoom; `clicked(place)` and `moved()` are told what a person did.
+    constructor(id, { title = "", x, y, paint, fixed = null, still = false, clicked = () => {}, moved = () => {} }) {
+      Object.assign(this, { x, y, title, paint, fixed, still, clicked, moved, held: null, deepest: 1e-7 });
       this.canvas = document.getElementById(id);
       this.pen = this.canvas.getContext("2d");
       this.place = this.canvas.parentElement.appendChild(document.createElement("output"));
@@ -40,35 +41,57 @@ window.Plots = (() => {
     // ---- the person
     listen() {
       const { canvas } = this;
-      let held = null;
       canvas.addEventListener("pointerdown", (event) => {
-        if (event.button || this.fixed) return;
-        held = { x: event.offsetX, y: event.offsetY, range: structuredClone(this.range) };
+        if (event.button) return;
+        this.held = { x: event.offsetX, y: event.offsetY, range: structuredClone(this.range), box: event.shiftKey, far: false };
         canvas.setPointerCapture(event.pointerId);
       });
-      canvas.addEventListener("pointermove", (event) => {
-        if (held) {
-          const { x, y } = held.range, across = (event.offsetX - held.x) / this.width * (x[1] - x[0]);
-          const up = (held.y - event.offsetY) / this.height * (y[1] - y[0]);
-          this.range = { x: x.map((one) => one - across), y: y.map((one) => one - up) };
-          this.draw();
-        }
-        this.tell(event);
-      });
-      for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { held = null; });
-      canvas.addEventListener("pointerleave", () => { this.place.textContent = ""; });
-      canvas.addEventListener("dblclick", () => { if (!this.fixed) { this.reset(); this.draw(); } });
-      canvas.addEventListener("wheel", (event) => {
-        if (this.fixed) return;
-        event.preventDefault();
-        const factor = 1.2 ** Math.sign(event.deltaY), at = this.at(event);
-        for (const axis of ["x", "y"]) {
-          const ends = this.range[axis].map((end) => at[axis] + (end - at[axis]) * factor);
-          const size = Math.max(Math.abs(ends[0]), Math.abs(ends[1]));
-          if (ends[1] - ends[0] > 1e-7 * size && ends[1] - ends[0] < 1e3 * (this.home[axis][1] - this.home[axis][0])) this.range[axis] = ends;
-        }
+      canvas.addEventListener("pointermove", (event) => { this.drag(event); this.tell(event); });
+      canvas.addEventListener("pointerup", (event) => {
+        const held = this.held;
+        this.held = null;
+        if (!held) return;
+        if (!held.far) { if (this.inside(event)) this.clicked(this.at(event)); return; }
+        if (held.box) this.range = this.boxed(held, event);
         this.draw();
-      }, { passive: false });
+        this.moved();
+      });
+      canvas.addEventListener("pointercancel", () => { this.held = null; });
+      canvas.addEventListener("pointerleave", () => { this.place.textContent = ""; });
+      if (this.still) return;
+      canvas.addEventListener("dblclick", () => { this.reset(); this.draw(); });
+      canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.zoom(1.2 ** Math.sign(event.deltaY), this.at(event)); }, { passive: false });
+    }
+
+    drag(event) {
+      const { held } = this;
+      if (!held || this.still) return;
+      held.far = held.far || Math.hypot(event.offsetX - held.x, event.offsetY - held.y) > 3;
+      if (!held.far) return;
+      held.now = [event.offsetX, event.offsetY];
+      if (!held.box) {
+        const { x, y } = held.range, across = (event.offsetX - held.x) / this.width * (x[1] - x[0]);
+        const up = (held.y - event.offsetY) / this.height * (y[1] - y[0]);
+        this.range = { x: x.map((one) => one - across), y: y.map((one) => one - up) };
+      }
+      this.draw();
+    }
+
+    boxed(held, event) {
+      const from = this.at({ offsetX: held.x, offsetY: held.y }), to = this.at(event);
+      return { x: [from.x, to.x].sort((a, b) => a - b), y: [from.y, to.y].sort((a, b) => a - b) };
+    }
+
+    zoom(factor, at) {
+      const range = {};
+      for (const axis of ["x", "y"]) {
+        range[axis] = this.range[axis].map((end) => at[axis] + (end - at[axis]) * factor);
+        const [low, high] = range[axis], size = Math.max(Math.abs(low), Math.abs(high));
+        if (high - low < this.deepest * size || high - low > 1e3 * (this.home[axis][1] - this.home[axis][0])) return;
+      }
+      this.range = range;
+      this.draw();
+      this.moved();
     }
 
     at(event) {
@@ -76,9 +99,20 @@ window.Plots = (() => {
       return { x: x[0] + (event.offsetX - this.left) / this.width * (x[1] - x[0]), y: y[1] - (event.offsetY - this.top) / this.height * (y[1] - y[0]) };
     }
 
+    inside(event) {
+      const right = event.offsetX - this.left, down = event.offsetY - this.top;
+      return right >= 0 && right <= this.width && down >= 0 && down <= this.height;
+    }
+
+    // A value with as many digits as its axis tells apart.
+    written(axis, value) {
+      const [low, high] = this.range[axis], apart = Math.max(Math.abs(low), Math.abs(high)) / (high - low);
+      return minus(String(Number(value.toPrecision(Math.min(Math.max(Math.ceil(Math.log10(apart)) + 4, 4), 17)))));
+    }
+
     tell(event) {
-      const { x, y } = this.at(event), inside = event.offsetX >= this.left && event.offsetY <= this.top + this.height;
-      this.place.textContent = inside ? minus(`${Number(x.toPrecision(5))}, ${Number(y.toPrecision(5))}`) : "";
+      const at = this.at(event);
+      this.place.textContent = this.inside(event) ? `${this.written("x", at.x)}, ${this.written("y", at.y)}` : "";
     }
 
     // ---- drawing
@@ -109,6 +143,12 @@ window.Plots = (() => {
       pen.rect(this.left, this.top, this.width, this.height);
       pen.clip();
       this.paint(this);
+      if (this.held && this.held.box && this.held.now) {
+        Object.assign(pen, { strokeStyle: INK, lineWidth: 1, fillStyle: "rgba(255, 255, 255, .3)" });
+        const box = [this.held.x, this.held.y, this.held.now[0] - this.held.x, this.held.now[1] - this.held.y];
+        pen.fillRect(...box);
+        pen.strokeRect(...box);
+      }
       pen.restore();
     }
 
@@ -190,13 +230,14 @@ window.Plots = (() => {
       pen.stroke();
     }
 
-    upright(x, color, dash = []) {
+    // A line through the whole frame at a value of an axis.
+    rule(axis, value, color, dash = []) {
       const { pen } = this;
       Object.assign(pen, { strokeStyle: color, lineWidth: 1.2 });
       pen.setLineDash(dash);
       pen.beginPath();
-      pen.moveTo(this.px(x), this.top);
-      pen.lineTo(this.px(x), this.top + this.height);
+      if (axis === "x") { pen.moveTo(this.px(value), this.top); pen.lineTo(this.px(value), this.top + this.height); }
+      else { pen.moveTo(this.left, this.py(value)); pen.lineTo(this.left + this.width, this.py(value)); }
       pen.stroke();
       pen.setLineDash([]);
     }
@@ -221,5 +262,8 @@ window.Plots = (() => {
     }
   }
 
-  return { Plot };
+  // pixels beside the plane and beside the diagram below it, whose axes stand over each other
+  const MARGINS = [62, 66];
+
+  return { Plot, MARGINS, minus };
 })();

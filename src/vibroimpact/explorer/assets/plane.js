@@ -1,0 +1,143 @@
+// The plane: a picture of a value for every pair of two parameters, and what lies over it.
+window.Plane = (() => {
+  "use strict";
+  const { Plot, MARGINS, minus } = window.Plots;
+  const INK = "#222", REST = 150;  // ms after the last turn of the wheel, before the server hears of it
+  const KINDS = ["undecided", "no impact", "", "", "chaotic"];
+  let picture = null, curves = { lengths: [], places: [], colors: [], words: [] }, pending = null;
+  let marks = { x: 0, y: 0, along: "x", pins: [] };
+  let names = { x: "", y: "" };
+  const tip = document.getElementById("tip"), image = document.createElement("canvas");
+
+  const disc = (pen, x, y, radius, fill, edge, width) => {
+    Object.assign(pen, { fillStyle: fill, strokeStyle: edge, lineWidth: width });
+    pen.beginPath(); pen.arc(x, y, radius, 0, 7);
+    if (fill) pen.fill();
+    pen.stroke();
+  };
+  const cross = (pen, x, y, color, width) => {
+    disc(pen, x, y, 7.5, null, color, width);
+    pen.beginPath();
+    pen.moveTo(x - 7.5, y); pen.lineTo(x + 7.5, y); pen.moveTo(x, y - 7.5); pen.lineTo(x, y + 7.5);
+    pen.stroke();
+  };
+  const each_curve = (draw) => {
+    let at = 0;
+    curves.lengths.forEach((length, number) => { draw(at, at + length, number); at += length; });
+  };
+  const paint = (plot) => {
+    const { pen } = plot;
+    pen.fillStyle = "#eef0f2";
+    pen.fillRect(plot.left, plot.top, plot.width, plot.height);
+    if (picture) {
+      const { x, y } = picture, left = plot.px(x[0]), top = plot.py(y[1]);
+      pen.imageSmoothingEnabled = false;
+      pen.drawImage(image, left, top, plot.px(x[1]) - left, plot.py(y[0]) - top);
+    }
+    for (const wide of [2.6, 0.8]) each_curve((from, to, number) => {
+      Object.assign(pen, { strokeStyle: wide > 1 ? curves.colors[number] : INK, lineWidth: wide, lineJoin: "round" });
+      pen.beginPath();
+      for (let k = from; k < to; k++) pen.lineTo(plot.px(curves.places[2 * k]), plot.py(curves.places[2 * k + 1]));
+      pen.stroke();
+    });
+    plot.rule(marks.along === "x" ? "y" : "x", marks.along === "x" ? marks.y : marks.x, "#fff", [6, 4]);
+    for (const [x, y, color, letter] of marks.pins) {
+      disc(pen, plot.px(x), plot.py(y), 8.5, color, "#fff", 1.5);
+      Object.assign(pen, { fillStyle: "#fff", textAlign: "center", textBaseline: "middle", font: "bold 11px Arial, sans-serif" });
+      pen.fillText(letter, plot.px(x), plot.py(y) + 0.5);
+    }
+    for (const [color, width] of [["#fff", 4], [INK, 1.8]]) cross(pen, plot.px(marks.x), plot.py(marks.y), color, width);
+  };
+
+  class PlanePlot extends Plot {
+    draw() {
+      super.draw();
+      if (picture && picture.ticks.length && this.height > 20) this.bar();
+    }
+
+    // The colours beside the plane, and what they stand for.
+    bar() {
+      const { pen, top, height } = this, { colors, ticks, low, high } = picture, left = this.left + this.width + 6, step = height / colors.length;
+      colors.forEach((color, number) => { pen.fillStyle = color; pen.fillRect(left, top + height - (number + 1) * step, 10, step + 0.6); });
+      Object.assign(pen, { fillStyle: INK, textAlign: "left", textBaseline: "middle" });
+      for (const [value, word] of ticks) {
+        const y = top + height * (high - value) / (high - low);
+        pen.fillRect(left + 10, y - 0.5, 3, 1);
+        pen.fillText(word, left + 16, y);
+      }
+    }
+
+    tell(event) {
+      const lines = this.inside(event) && !(this.held && this.held.far) ? this.words(event) : [];
+      tip.hidden = !lines.length;
+      if (!lines.length) return;
+      tip.replaceChildren(...lines.map((line) => Object.assign(document.createElement("div"), { textContent: line })));
+      const flip = event.offsetX > this.left + 0.6 * this.width;
+      tip.style.transform = `translate(${event.offsetX + (flip ? -14 : 14)}px, ${event.offsetY + 12}px) translateX(${flip ? -100 : 0}%)`;
+    }
+
+    words(event) {
+      const at = this.at(event), lines = [`${names.x} ${this.written("x", at.x)}`, `${names.y} ${this.written("y", at.y)}`];
+      const near = this.nearest(event);
+      if (near) lines.push(near);
+      if (!picture) return lines;
+      const [rows, columns] = picture.shape, { x, y } = picture;
+      const column = Math.floor((at.x - x[0]) / (x[1] - x[0]) * columns), row = Math.floor((at.y - y[0]) / (y[1] - y[0]) * rows);
+      if (column < 0 || column >= columns || row < 0 || row >= rows) return lines;
+      const value = picture.values[row * columns + column], code = picture.names[row * columns + column];
+      if (picture.index) lines.push(`${picture.index} ${minus(Number.isNaN(value) ? "no value" : Number.isFinite(value) ? String(Number(value.toPrecision(9))) : value < 0 ? "-∞" : "none")}`);
+      const kind = Math.floor(code / 1e10), rest = code - kind * 1e10, n = Math.floor(rest / 1e5), p = rest - n * 1e5 - 1;
+      lines.push(kind === 2 ? `period-${n} impact-${p}` : kind === 3 ? `period-${n} sticking` : KINDS[kind]);
+      return lines;
+    }
+
+    // What the boundary below the pointer is.
+    nearest(event) {
+      let best = 25, word = "";
+      each_curve((from, to, number) => {
+        for (let k = from; k < to; k++) {
+          const across = this.px(curves.places[2 * k]) - event.offsetX, down = this.py(curves.places[2 * k + 1]) - event.offsetY;
+          if (across * across + down * down < best) { best = across * across + down * down; word = curves.words[number]; }
+        }
+      });
+      return word;
+    }
+  }
+
+  let report = () => {};
+  const plot = new PlanePlot("plane-canvas", {
+    x: "", y: "", fixed: MARGINS, paint,
+    clicked: ({ x, y }) => report(`click ${x} ${y}`),
+    moved: () => {
+      clearTimeout(pending);
+      pending = setTimeout(() => { pending = null; report(`zoom ${[...plot.range.x, ...plot.range.y].join(" ")}`); }, REST);
+    },
+  });
+  plot.deepest = 0;  // the server says where double precision ends
+  plot.canvas.addEventListener("pointerleave", () => { tip.hidden = true; });
+
+  // ---- what the server tells
+  const takes = {
+    plane: (told) => {
+      const [rows, columns] = told.shape, { buffer, byteOffset } = told.pixels;
+      picture = told;
+      image.width = columns;
+      image.height = rows;
+      image.getContext("2d").putImageData(new ImageData(new Uint8ClampedArray(buffer, byteOffset, 4 * rows * columns), columns, rows), 0, 0);
+      window.explorer.planes.push([told.side, performance.now()]);
+    },
+    plane_home: ({ x, y, labels, symbols }) => {
+      [plot.x, plot.y] = labels;
+      [names.x, names.y] = symbols;
+      if (!plot.held && pending === null) plot.fit(x, y);
+    },
+    marks: (told) => { marks = told; },
+    curves: (told) => { curves = told; },
+  };
+  const take = (parts) => {
+    const mine = parts.filter(([name]) => name in takes);
+    for (const [name, told] of mine) takes[name](told);
+    if (mine.length) plot.draw();
+  };
+  return { take, listen: (tell) => { report = tell; }, plot };
+})();
