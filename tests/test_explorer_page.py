@@ -148,6 +148,47 @@ def test_scrolling_zooms_and_computes_what_is_seen(tab):
     until(tab, "location.search.includes('x=w,0.025,5')")
 
 
+def test_a_box_drawn_with_shift_becomes_the_plane_and_a_drag_moves_it(tab):
+    load(tab)
+
+    def drag():
+        tab.mouse.move(*(middle[axis] - 50 for axis in (0, 1)))
+        tab.mouse.down()
+        tab.mouse.move(middle[0], middle[1])
+        tab.mouse.move(*(middle[axis] + 50 for axis in (0, 1)))
+        tab.mouse.up()
+
+    def width():
+        low, high = map(float, re.search(r"x=w,([^,&]+),([^,&]+)", tab.url).groups())
+        return high - low
+
+    box = tab.locator("#plane-canvas").bounding_box()
+    middle = box["x"] + 62 + 0.5 * (box["width"] - 128), box["y"] + 150
+    tab.keyboard.down("Shift")
+    drag()
+    tab.keyboard.up("Shift")
+    tab.wait_for_function("!location.search.includes('x=w,1.8,2.2')")
+    boxed = width()
+    assert boxed == pytest.approx(0.4 * 100 / (box["width"] - 128), rel=0.02)
+    before = tab.url
+    drag()
+    tab.wait_for_function(f"location.href !== {before!r}")
+    assert width() == pytest.approx(boxed, rel=1e-6)
+    assert "w=2&" in tab.url  # neither was a click
+
+
+def test_the_pointer_over_the_plane_tells_value_and_name_of_the_cell(tab):
+    load(tab)
+    box = tab.locator("#plane-canvas").bounding_box()
+    tab.mouse.move(box["x"] + 62 + 0.5 * (box["width"] - 128), box["y"] + 150)
+    told = tab.inner_text("#tip").split("\n")
+    assert re.fullmatch(r"ω (2|2\.00\d*|1\.99\d*)", told[0])
+    assert re.fullmatch(r"std \d\S*", told[2])
+    assert told[3] == "period-1 impact-1"
+    tab.mouse.move(5, 5)
+    assert not tab.locator("#tip").is_visible()
+
+
 def test_zoom_ends_where_double_precision_does_and_says_so(tab):
     load(tab, "w=2&x=w,1.9999999999,2.0000000001&y=m,0.9999999999,1.0000000001&n=200&c=0.01&m=1&k=1&f=1&r=0.8&g=0")
     for _ in range(12):
