@@ -180,6 +180,7 @@ def main() -> None:
     }
     for name, figure in pictures.items():
         vi.plotting.save_figure(figure, IMAGES / f"{name}.png", dpi=110, overwrite=True)
+    runpy.run_path(str(DOCS / "explorer_picture.py"), run_name="__main__")
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ def explore(
 ) -> None:
     """A page in the browser: turn the seven numbers, see the stability map, click a point, watch its motion.
 
-    Needs the extra [web]. Nothing is loaded from outside; only this machine
+    Needs the extra \\[web]. Nothing is loaded from outside; only this machine
     reaches the page unless --host is given. Ctrl-C ends it.
 
     For example:

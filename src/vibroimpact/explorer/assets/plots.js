@@ -136,7 +136,9 @@ window.Plots = (() => {
       const labels = Math.max(0, ...words.map((word) => pen.measureText(word).width));
       this.left = this.fixed ? this.fixed[0] : labels + letter + 18;
       this.width = Math.max(wide - this.left - (this.fixed ? this.fixed[1] : 12), 1);
-      const columns = ticks(...this.range.x, this.width / 56);
+      let columns = ticks(...this.range.x, this.width / 56);
+      const widest = Math.max(1, ...columns.at.map((x) => pen.measureText(columns.word(x)).width));
+      if (columns.at.length * (widest + 10) > this.width) columns = ticks(...this.range.x, 0.7 * this.width / (widest + 10));
       this.frame(columns, rows, words, letter, high);
       pen.save();
       pen.beginPath();
