@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from vibroimpact.dataset import provenance, variable
+from vibroimpact.dataset import impact_speed, provenance, variable
 from vibroimpact.orbits.orbit import Orbit
 
 KINDS = ("fold", "period_doubling", "grazing", "end_of_sticking")
@@ -100,7 +100,7 @@ class Branch:
             "special_touch_phase": variable("phase", "special", np.array([q.touch_phase for q in self.special])),
         }
         ragged = [(list(point.orbit.velocities), list(point.orbit.phases)) for point in self.special]
-        content["special_velocity"] = speeds(("special", "impact"), _rows([v for v, _ in ragged], p))
+        content["special_velocity"] = impact_speed(("special", "impact"), _rows([v for v, _ in ragged], p))
         content["special_phase"] = variable("phase", ("special", "impact"), _rows([s for _, s in ragged], p))
         name = {"n_periods": self.orbits[0].n_periods, "n_impacts": self.orbits[0].n_impacts}
         ends = {"outcome": " ".join(self.outcome), "message": self.message}
@@ -173,18 +173,13 @@ class Boundary:
 def orbit_variables(orbits: Sequence[Orbit], p: int, dim: str) -> dict[str, xr.Variable]:
     """Return velocities, phases, stability and admissibility of orbits as variables."""
     return {
-        "velocity": speeds((dim, "impact"), _rows([orbit.velocities for orbit in orbits], p)),
+        "velocity": impact_speed((dim, "impact"), _rows([orbit.velocities for orbit in orbits], p)),
         "phase": variable("phase", (dim, "impact"), _rows([orbit.phases for orbit in orbits], p)),
         "stable": flags(dim, [orbit.stable for orbit in orbits], "whether neighbours approach", "unstable stable"),
         "admissible": flags(
             dim, [orbit.admissible for orbit in orbits], "whether the mass moves so", "inadmissible admissible"
         ),
     }
-
-
-def speeds(dims: Any, data: Any) -> xr.Variable:
-    """Return velocities of impacts, labelled."""
-    return variable("velocity", dims, data, long_name="impact velocity", symbol="I")
 
 
 def number(dims: Any, data: Any, long_name: str) -> xr.Variable:
