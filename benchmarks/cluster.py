@@ -8,13 +8,14 @@ from functools import partial
 from statistics import median
 from threading import Event
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
 import vibroimpact as vi
 from benchmarks.effort import Effort
 from benchmarks.measure import Job, child_result, interleaved, ratio
-from vibroimpact.cluster import connect
+from vibroimpact.cluster import connect, parcels
 from vibroimpact.cluster.farm import farm_out
 
 WORKERS = (1, 2)
@@ -31,16 +32,25 @@ def compare(rounds: int, points: int) -> dict[str, Any]:
 
     with connect(f"local:{WORKERS[0]}") as one, connect(f"local:{WORKERS[1]}") as two:
         jobs: dict[str, Job] = {"one": partial(draw, one), "two": partial(draw, two)}
-        for job in jobs.values():
-            job()  # every worker loads its kernels
+        for client, job in zip((one, two), jobs.values(), strict=True):
+            client.run(_load)
+            job()
         cost = interleaved(jobs, rounds)
         nothing = [_nothing_but_the_way(two) for _ in range(rounds)]
+        with patch.object(parcels, "MOST", 1):  # as tiles travel that take long
+            alone = [_nothing_but_the_way(two) for _ in range(rounds)]
     return {
         "points": points,
         "ns_an_impact": {name: median(values) for name, values in cost.items()},
         "speed_up": ratio(cost["one"], cost["two"]),
         "milliseconds_a_tile": median(nothing),
+        "milliseconds_a_tile_alone": median(alone),
     }
+
+
+def _load() -> None:
+    """Load the kernels into a worker: a small sweep has too few tiles for every one to get some."""
+    vi.parameter_map(vi.ImpactOscillator(), omega=[2.0, 2.8], workers=1)
 
 
 def _nothing_but_the_way(client: Any) -> float:

@@ -5,6 +5,8 @@ import os
 import random
 import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 
@@ -12,7 +14,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.cluster import connect, connection, farm, tiles
+from vibroimpact.cluster import connect, connection, farm, parcels, tiles
 from vibroimpact.stores.store import SweepStore
 from vibroimpact.stores.writer import TileWriter
 
@@ -224,6 +226,57 @@ def test_a_few_tiles_a_thread_are_on_their_way_and_no_more(client):
     assert made == list(range(40))
 
 
+def test_quick_tasks_travel_together_and_each_is_done_once(client, monkeypatch):
+    journeys, expect = [], farm._Field._expect
+    monkeypatch.setattr(
+        farm._Field, "_expect", lambda self, future, parcel: journeys.append(parcel) or expect(self, future, parcel)
+    )
+    results = dict(farm.farm_out(client, lambda number: functools.partial(abs, -number), range(600), _never()))
+    assert results == {number: number for number in range(600)}
+    assert sorted(number for parcel in journeys for number in parcel) == list(range(600))
+    assert len(journeys) < 200
+    assert max(map(len, journeys)) <= parcels.MOST
+
+
+def test_no_more_travel_together_than_are_worth_a_journey():
+    waiting = parcels.Waiting(range(100_000))
+    assert waiting.take(2) == (0,)  # nothing is known yet
+    waiting.learn(parcels.WORTH / 4.0, 1)
+    assert waiting.take(2) == (1, 2, 3, 4)
+    waiting.learn(parcels.WORTH * 8.0, 1)  # one that is long counts as much as one of many
+    assert waiting.take(2) == (5,)
+
+
+def test_the_scheduler_of_many_threads_has_time_for_each():
+    waiting = parcels.Waiting(range(1_000_000))
+    waiting.learn(parcels.WORTH, 1)
+    assert len(waiting.take(2)) == 1
+    assert len(waiting.take(200)) == round(200 * parcels.WORTH_A_THREAD / parcels.WORTH)
+
+
+def test_the_last_ones_travel_alone_so_that_all_threads_end_together():
+    waiting, sizes = parcels.Waiting(range(1000)), []
+    waiting.learn(1e-4, 1)
+    while waiting:
+        sizes.append(len(waiting.take(2)))
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[0] == parcels.MOST
+    assert sizes[-2 * parcels.CUT :] == [1] * (2 * parcels.CUT)
+    assert sum(sizes) == 1000
+
+
+def test_what_was_lost_on_the_way_travels_alone():
+    waiting = parcels.Waiting(range(10_000))
+    waiting.learn(parcels.WORTH / 4.0, 1)
+    waiting.put_back(waiting.take(2))
+    left = []
+    while waiting:
+        left.append(waiting.take(2))
+    assert left[-4:] == [(0,), (1,), (2,), (3,)]
+    assert sorted(number for parcel in left for number in parcel) == list(range(10_000))
+    assert [waiting.losses[number] for number in range(5)] == [1, 1, 1, 1, 0]
+
+
 @pytest.mark.parametrize("stored", [True, False])
 def test_a_sweep_that_is_stopped_keeps_what_is_done_and_goes_on_later(client, whole, tmp_path, stored):
     store = {"store": tmp_path / "run.zarr"} if stored else {}
@@ -322,3 +375,25 @@ def test_a_cluster_that_goes_away_is_told_of(what, monkeypatch):
         (made.cluster if what == "scheduler" else made).close()
         with pytest.raises(ConnectionError, match="lost its scheduler"):
             list(results)
+
+
+def test_a_scheduler_that_is_killed_is_told_of(monkeypatch):
+    monkeypatch.setattr(connection, "PATIENCE", 2)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    how = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(port)]
+    with subprocess.Popen([*how, "--no-dashboard"], stderr=subprocess.DEVNULL) as scheduler:
+        try:
+            _await(lambda: _listens(port))
+            with connect(f"tcp://127.0.0.1:{port}") as client:
+                threading.Timer(0.5, scheduler.kill).start()
+                with pytest.raises(ConnectionError, match="lost its scheduler"):
+                    list(farm.farm_out(client, lambda number: functools.partial(abs, number), range(10), _never()))
+        finally:
+            scheduler.kill()
+
+
+def _listens(port):
+    with socket.socket() as line:
+        return line.connect_ex(("127.0.0.1", port)) == 0

@@ -16,6 +16,14 @@ if TYPE_CHECKING:
 PATIENCE = 5  # seconds within which a scheduler must answer
 LOCAL = re.compile(r"local:([1-9]\d{0,3})")
 REMOTE = re.compile(r"(tcp|tls)://[^/\s]+:\d{1,5}")
+# Watching itself costs Dask a tenth of a core beside two workers, and sweeps have little to show: here no stack is
+# sampled, and loops, memory and system are looked at every second or two instead of every 10 to 500 ms.
+QUIET = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.worker.memory.monitor-interval": "1s",
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "2s",
+}
 ALLOWED = "a dask.distributed.Client, 'tcp://HOST:PORT' of a running scheduler, or 'local:N' for N processes here"
 
 
@@ -87,7 +95,7 @@ def _local(processes: int) -> Iterator[Any]:
                 super()._update_worker_status(op, message)  # type: ignore[no-untyped-call]
 
     # On a busy machine, a killed process may take longer to be there again than Dask would wait before it drops it.
-    with config.set({"distributed.deploy.lost-worker-timeout": "1 day"}):
+    with config.set({**QUIET, "distributed.deploy.lost-worker-timeout": "1 day"}):
         try:
             cluster = Processes(  # type: ignore[no-untyped-call]
                 n_workers=processes,

@@ -4,26 +4,29 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
-import time
-from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import suppress
+from queue import Empty, SimpleQueue
 from threading import Event
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar
 from uuid import uuid4
 
 from vibroimpact.cluster.census import Census
+from vibroimpact.cluster.parcels import Waiting
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
 Result = TypeVar("Result")
-Coming = concurrent.futures.Future[dict[int, Any]]
 Task = Callable[[], Result]
+Parcel = tuple[int, ...]
+Come = tuple[list[Any], float]  # what the tasks of a parcel returned, and the seconds they took
+Coming = concurrent.futures.Future[Come | None]
 
-IN_FLIGHT = 3  # tasks a worker thread: one is computed, one waits beside it, one is on its way
+IN_FLIGHT = 3  # parcels a worker thread: one is computed, one waits beside it, one is on its way
 ATTEMPTS = 4  # times a task is handed out; each time, Dask itself gives it to up to four workers that die
-LOOK = 0.005  # seconds between two looks at what has finished
+LOOK = 0.1  # seconds, at most, between two looks at whether to stop, and at the scheduler and its workers
 
 
 def farm_out(
@@ -34,7 +37,7 @@ def farm_out(
     Parameters
     ----------
     client : dask.distributed.Client
-        Where tasks go, a few a worker thread at a time.
+        Where tasks go, a few a worker thread at a time; quick ones several together.
     task : callable
         Makes the task of a number: small when pickled, never returning None, the same however often it is run.
     numbers : iterable of int
@@ -57,92 +60,113 @@ def farm_out(
         Whatever a task raised.
     """
     field = _Field(client)
-    waiting = deque(numbers)
-    losses: Counter[int] = Counter()
+    waiting = Waiting(numbers)
     try:
         while waiting or len(field):
             _check_scheduler(client)
             if stop.is_set():
                 waiting.clear()
                 field.cancel()
-            chosen = [waiting.popleft() for _ in range(min(field.room(), len(waiting)))]
-            field.hand_out([(number, losses[number], task(number)) for number in chosen])
-            for number, result, error in field.finished():
-                if error is None:
-                    yield number, result
+            field.hand_out(waiting, task)
+            for parcel, come in field.finished():
+                if isinstance(come, BaseException):
+                    waiting.put_back(parcel)
+                    _check_hope(waiting.losses[parcel[0]], come)
                     continue
-                losses[number] += 1
-                _check_hope(losses[number], error)
-                waiting.append(number)
+                results, seconds = come
+                waiting.learn(seconds, len(parcel))
+                yield from zip(parcel, results, strict=True)
     finally:
         field.clear()
 
 
 class _Field:
-    """The tasks that have been handed out, and the results on their way back."""
+    """The parcels that have been handed out, each with what will come of it."""
 
     def __init__(self, client: Client) -> None:
         self.client = client
         self.name = f"vibroimpact-{uuid4().hex}"
-        self.running: dict[Future[Any], int] = {}
-        # Fetched beside the loop: where a worker has died with results, Dask tries for half a minute to reach it.
-        self.coming: dict[Coming, dict[Future[Any], int]] = {}
+        self.coming: dict[Coming, tuple[Future[Any], Parcel]] = {}
+        self.arrived: SimpleQueue[Coming] = SimpleQueue()
         self.census = Census(client)
 
     def __len__(self) -> int:
-        return len(self.running) + sum(map(len, self.coming.values()))
+        return len(self.coming)
 
-    def room(self) -> int:
-        return max(IN_FLIGHT * max(self.census.threads(), 1) - len(self), 0)
+    def hand_out(self, waiting: Waiting, task: Callable[[int], Task[Any]]) -> None:
+        """Hand out as much as there is room for."""
+        threads = max(self.census.threads(), 1)
+        parcels: list[Parcel] = []
+        while waiting and len(parcels) + len(self) < IN_FLIGHT * threads:
+            parcels.append(waiting.take(threads))
+        if not parcels:
+            return
+        # A key of its own for every attempt: Dask remembers a key by how it ended.
+        keys = [(self.name, parcel[0], waiting.losses[parcel[0]]) for parcel in parcels]
+        tasks = [tuple(map(task, parcel)) for parcel in parcels]
+        for future, parcel in zip(self.client.map(_call, tasks, key=keys, pure=False), parcels, strict=True):
+            self._expect(future, parcel)
 
-    def hand_out(self, tasks: list[tuple[int, int, Task[Any]]]) -> None:
-        if tasks:
-            # A key of its own for every attempt: Dask remembers a key by how it ended.
-            keys = [(self.name, number, attempt) for number, attempt, _ in tasks]
-            futures = self.client.map(_call, [task for *_, task in tasks], key=keys, pure=False)
-            self.running |= {future: number for future, (number, *_) in zip(futures, tasks, strict=True)}
+    def _expect(self, future: Future[Any], parcel: Parcel) -> None:
+        # Each by itself: where a worker has died with results, Dask tries for half a minute to reach it.
+        loop = self.client.loop.asyncio_loop  # type: ignore[union-attr]
+        coming: Coming = asyncio.run_coroutine_threadsafe(_fetch(self.client, future), loop)
+        self.coming[coming] = future, parcel
+        coming.add_done_callback(self.arrived.put)
 
-    def finished(self) -> Iterator[tuple[int, Any, BaseException | None]]:
-        """Yield numbers with result or error: those that have come by now."""
-        self._fetch()
-        come = [results for results in self.coming if results.done()]
-        if not come:
-            time.sleep(LOOK)
-        for results in come:
-            futures = self.coming.pop(results)
-            if results.cancelled() or isinstance(results.exception(), OSError):  # the scheduler is away
-                self.running |= futures
-                time.sleep(LOOK)
+    def finished(self) -> Iterator[tuple[Parcel, Come | BaseException]]:
+        """Yield parcels with what has come of them by now, or comes in a moment."""
+        for come in self._arrivals():
+            if come not in self.coming:  # given up
                 continue
-            for place, (future, number) in enumerate(futures.items()):
-                result = results.result().get(place)
-                yield number, result, _error(future) if result is None else None
+            future, parcel = self.coming.pop(come)
+            if come.cancelled():  # with somebody else's fetching, which Dask had joined to this one
+                _check_scheduler(self.client)
+                self._expect(future, parcel)
+                continue
+            yield parcel, come.result() or _error(future)
 
-    def _fetch(self) -> None:
-        ended = {future: number for future, number in self.running.items() if future.done()}
-        if ended:
-            fetched = self.client.gather(dict(enumerate(ended)), errors="skip", asynchronous=True)
-            loop = self.client.loop.asyncio_loop  # type: ignore[union-attr]
-            self.coming[asyncio.run_coroutine_threadsafe(fetched, loop)] = ended
-            self.running = {future: number for future, number in self.running.items() if future not in ended}
+    def _arrivals(self) -> list[Coming]:
+        come = []
+        with suppress(Empty):
+            come.append(self.arrived.get(timeout=LOOK))
+            while True:
+                come.append(self.arrived.get_nowait())
+        return come
 
     def cancel(self) -> None:
         """Give up what has not finished."""
-        unfinished = [future for future in self.running if not future.done()]
-        self.running = {future: number for future, number in self.running.items() if future.done()}
+        unfinished = {coming: future for coming, (future, _) in self.coming.items() if not future.done()}
+        self.coming = {coming: told for coming, told in self.coming.items() if coming not in unfinished}
+        for coming in unfinished:
+            coming.cancel()
         if unfinished and self.client.status == "running":
             with suppress(Exception):  # the scheduler may be gone, and its work with it
-                self.client.cancel(unfinished)
+                self.client.cancel(list(unfinished.values()))
 
     def clear(self) -> None:
         """Give up everything."""
-        for results in self.coming:
-            results.cancel()
         self.cancel()
+        for coming in self.coming:
+            coming.cancel()
 
 
-def _call(task: Task[Result]) -> Result:
-    return task()
+async def _fetch(client: Client, future: Future[Any]) -> Come | None:
+    """Return what a task returned, once it has; None where it failed."""
+    while True:
+        try:
+            results = await client.gather([future], errors="skip", asynchronous=True)
+        except Exception as error:
+            if client.status == "running" and not isinstance(error, OSError):
+                raise
+            await asyncio.sleep(LOOK)  # the scheduler is away, for a moment or for good
+            continue
+        return results[0] if results else None
+
+
+def _call(tasks: tuple[Task[Any], ...]) -> Come:
+    began = perf_counter()
+    return [task() for task in tasks], perf_counter() - began
 
 
 def _error(future: Future[Any]) -> BaseException:
