@@ -202,9 +202,9 @@ def test_zoom_ends_where_double_precision_does_and_says_so(tab):
 def test_presets_set_everything(tab):
     load(tab)
     tab.locator(".preset select").select_option(label="Relief valve on its seat")
-    until(tab, "location.search.includes('m=0.5&c=4&k=20000')")
+    until(tab, "location.search.includes('m=0.04&c=3.7&k=34590') && location.search.includes('case=valve')")
     until(tab, "document.getElementById('controls').innerText !== undefined")
-    assert tab.get_by_text("Hos and Champneys").count() == 1
+    assert tab.get_by_text("Wu, Li and Deng").count() == 1
     assert tab.get_by_text("Idealised:").count() == 1
 
 
@@ -360,3 +360,15 @@ def test_closing_a_tab_ends_its_session(browser, address):
     again.address = address
     load(again, QUICK)
     again.close()
+
+
+def test_boundaries_that_are_cut_short_are_told_of_in_the_status_line(browser, monkeypatch):
+    hasty = "from vibroimpact.explorer import searches; searches.MOST_SECONDS = 0.0; "
+    monkeypatch.setattr(sys.modules[__name__], "SERVE", hasty + SERVE)
+    with serving() as found:
+        page = browser.new_page()
+        page.address = found
+        load(page, side=64)
+        page.keyboard.press("b")
+        until(page, "document.getElementById('message').textContent === 'boundaries incomplete: stopped after 0 s'")
+        page.close()

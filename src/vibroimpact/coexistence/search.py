@@ -9,11 +9,12 @@ from vibroimpact.backends import get_backend
 from vibroimpact.backends.base import Backend
 from vibroimpact.coexistence.attractor import Attractor
 from vibroimpact.coexistence.matching import match
-from vibroimpact.coexistence.settling import NEEDED, Runner, rounds, settle
+from vibroimpact.coexistence.settling import NEEDED, Runner, Settled, rounds, settle
 from vibroimpact.coexistence.starts import spread_cells, state_cells
 from vibroimpact.distributed import worker_count
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.progress import Report, reporter
 
 SPREAD = 256  # starts where none are given
 
@@ -27,6 +28,7 @@ def attractors(
     backend: str = "cpu",
     tolerances: Tolerances | None = None,
     workers: int | None = None,
+    progress: bool | Report = False,
 ) -> list[Attractor]:
     r"""Return the attractors that starts lead to: the motions that coexist.
 
@@ -49,6 +51,9 @@ def attractors(
         How small is small.
     workers : int, optional
         Threads; None is one a core. The result does not depend on it.
+    progress : bool or callable
+        True shows a bar; a callable gets (starts decided, starts in all, their `status` so far) and stops by returning
+        False: what the starts decided by then lead to is returned.
 
     Returns
     -------
@@ -81,7 +86,15 @@ def attractors(
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     windows = rounds(osc, sampling.transient_impacts, sampling.sample_impacts)
     runner = Runner(osc, naming_backend(backend), tolerances or Tolerances(), worker_count(workers), Event())
-    return [basin.attractor for basin in match(runner, cells, settle(runner, cells, windows), windows[-1])]
+    with reporter(progress, "starts") as tell:
+
+        def report(settled: Settled, undecided: int) -> None:
+            stopped = runner.stop.is_set()  # what had ended by then still comes in
+            if not stopped and tell(len(cells) - undecided, len(cells), settled.status) is False:
+                runner.stop.set()
+
+        settled = settle(runner, cells, windows, report=report)
+    return [basin.attractor for basin in match(runner, cells, settled, windows[-1])]
 
 
 def naming_backend(name: str) -> Backend:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,8 @@ def boundary_curves(
     step : float, 0 to 0.5
         Longest step along a curve, where 1 is a whole range, a driving period, or the orbit's speed.
     progress : bool or callable
-        True shows a bar; a callable gets (lines done, lines in all, curves so far) and stops by returning False.
+        True shows a bar; a callable gets (lines done, lines in all, curves so far), several times a line, and stops by
+        returning False: the curves that were finished by then are returned.
 
     Returns
     -------
@@ -97,16 +99,26 @@ def boundary_curves(
         (n, along, value) for n in lengths for along in (0, 1) for value in np.linspace(*box[1 - along], count).tolist()
     ]
     curves: list[Boundary] = []
-    with reporter(progress, "lines") as report:
-        for done, (n, along, value) in enumerate(work):
+    done = 0
+
+    def look() -> None:
+        if report(done, len(work), curves) is False:
+            raise _Stopped
+
+    with reporter(progress, "lines") as report, suppress(_Stopped):
+        for n, along, value in work:
             line = osc.replace(**{names[1 - along]: value})
-            for point in _on_line(line, n, names[along], box[along], longest):
-                curves += _curve(point, names, box, longest, curves) if point.kind in wanted else []
-            for end in ends_on_line(line, names[along], box[along], [n], SEEDS) if sticking else ():
-                curves += _curve(end, names, box, longest, curves)
-            if report(done + 1, len(work), curves) is False:
-                break
+            for point in _on_line(line, n, names[along], box[along], longest, look):
+                curves += _curve(point, names, box, longest, curves, look) if point.kind in wanted else []
+            for end in ends_on_line(line, names[along], box[along], [n], SEEDS, look) if sticking else ():
+                curves += _curve(end, names, box, longest, curves, look)
+            done += 1
+            look()
     return curves
+
+
+class _Stopped(Exception):
+    """The search is no longer wanted."""
 
 
 def _checked_kinds(kinds: Any) -> frozenset[str]:
@@ -116,11 +128,14 @@ def _checked_kinds(kinds: Any) -> frozenset[str]:
     return wanted
 
 
-def _on_line(osc: ImpactOscillator, n: int, parameter: str, range: Range, longest: float) -> Iterator[BifurcationPoint]:
+def _on_line(
+    osc: ImpactOscillator, n: int, parameter: str, range: Range, longest: float, look: Callable[[], None]
+) -> Iterator[BifurcationPoint]:
     """Yield the special points of the period-n impact-1 orbits along a line, each branch followed once."""
     cycle = Cycle(n, 1)
     covered: list[Floats] = []
     for value in np.linspace(*range, SEEDS).tolist():
+        look()
         here = osc.replace(**{parameter: value})
         for z in impact_1_orbits(here, n)[0]:
             if _covered(covered, value, z):
@@ -129,7 +144,7 @@ def _on_line(osc: ImpactOscillator, n: int, parameter: str, range: Range, longes
             if not orbit.admissible:
                 continue
             system, x = branch_system(orbit, parameter, range)
-            for way in both_ways(system, x, longest, virtual=False):
+            for way in both_ways(system, x, longest, virtual=False, report=lambda *_: look()):
                 covered.append(np.array([[*system.values(p.x), p.x[0], *system.solution(p.x)[1:]] for p in way.points]))
                 yield from (bifurcation_point(special, parameter) for special in way.special)
 
@@ -153,15 +168,16 @@ def _curve(
     box: tuple[Range, Range],
     longest: float,
     known: list[Boundary],
+    look: Callable[[], None],
 ) -> list[Boundary]:
     """Return the curve through a point, or nothing if the point lies on a known one or cannot be followed."""
     if any(_lies_on(point, curve, box, longest) for curve in known):
         return []
     if isinstance(point, StickingEnd):
-        return [sticking_boundary(point, names, box, longest)]
-    system, x = boundary_system(point, names, box)
+        return [sticking_boundary(point, names, box, longest, look)]
     try:
-        return [trace_boundary(system, x, point.kind, longest, virtual=False)]
+        system, x = boundary_system(point, names, box)
+        return [trace_boundary(system, x, point.kind, longest, virtual=False, report=lambda *_: look())]
     except ValueError:  # two boundaries meet in the point: the other lines cross them apart
         return []
 

@@ -39,6 +39,8 @@ def to_query(view: View) -> str:
         pairs.append(("from", "start"))
     if view.start is not None:
         pairs.append(("start", _numbers((view.start.displacement, view.start.velocity, view.start.time))))
+    if view.case:
+        pairs.append(("case", view.case))
     pairs += [("pin", _numbers(getattr(pin, name) for name in PARAMETERS)) for pin in view.pins]
     return urlencode(pairs, safe=",")
 
@@ -66,7 +68,7 @@ def from_query(query: str) -> View:
     told: dict[str, list[str]] = {}
     for name, text in pairs:
         told.setdefault(name, []).append(text)
-    known = {*_SYMBOL.values(), *_FLAGS, "x", "y", "index", "line", "n", "from", "start", "pin"}
+    known = {*_SYMBOL.values(), *_FLAGS, "x", "y", "index", "line", "n", "from", "start", "case", "pin"}
     for name, texts in told.items():
         if name not in known:
             raise ValueError(f"`{_cut(name)}` is no part of a view; allowed are {', '.join(sorted(known))}; drop it")
@@ -82,7 +84,7 @@ def _view(told: dict[str, str], pins: list[str]) -> View:
     for axis in ("x", "y"):
         if axis in told:
             content[axis], content[f"{axis}_range"] = _axis(axis, told[axis])
-    for name in ("index", "line"):
+    for name in ("index", "line", "case"):
         if name in told:
             content[name] = _cut(told[name])
     for key, name in _FLAGS.items():

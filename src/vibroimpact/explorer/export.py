@@ -120,6 +120,10 @@ def _data(explorer: Explorer) -> File:
     import vibroimpact as vi
 
     plane = _known_plane(explorer)
+    if plane.stored:  # each of its cells stands for the nearest stored one
+        raise ValueError(
+            f"the plane is taken from {plane.stored}; allowed is what was computed here; take it from there, or zoom"
+        )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "plane.nc"
         vi.save(plane.dataset(), path)

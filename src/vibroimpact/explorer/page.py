@@ -49,7 +49,7 @@ class Page:
         self._serial = count()
         self._sent: list[dict[str, Any]] = []
         self.plane, self.point, self.line = PlaneView(), PointView(), LineView()
-        self.controls = Controls(self.explorer, None, self.export)
+        self.controls = Controls(self.explorer, self.export)
         self.mail = TextInput(value="", name="mail")
         self.command = TextInput(value="", name="command")
         self.command.on_change("value", self._obey)

@@ -12,18 +12,16 @@ from numpy.typing import NDArray
 
 import vibroimpact as vi
 from vibroimpact.classes import MotionClass
+from vibroimpact.explorer.limits import granted
 from vibroimpact.explorer.state import FINEST, View
 from vibroimpact.indices import INDICES
-from vibroimpact.options import Tolerances
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.int64]
 
 SIDES = (64, 128, 256)  # of the lattices; each holds the one before
-BAND = 2048  # cells a job, about
+BAND, USUAL = 2048, 500  # cells a job, about, where so many impacts a cell are sampled; fewer where more are
 TRANSIENT = 100
-# a tenth of the usual budget: a plane may be slow, it may not hang
-TOLERANCES = Tolerances(steps_per_impact=100, flight_periods=100.0)
 NAMES = (*INDICES, "motion", "status")
 
 
@@ -38,9 +36,9 @@ def positions(low: float, high: float, cells: Cells) -> Floats:
     return np.asarray(low + (cells + 0.5) * ((high - low) / FINEST), dtype=np.float64)
 
 
-def bands(side: int) -> list[tuple[Cells, Cells]]:
+def bands(side: int, samples: int = USUAL) -> list[tuple[Cells, Cells]]:
     """Return the cells that a lattice adds to the one before, as rectangles small enough for a job."""
-    here = lattice(side)
+    here, most = lattice(side), BAND * USUAL / max(samples, USUAL)
     if side == SIDES[0]:
         parts = [(here, here)]
     else:
@@ -50,7 +48,7 @@ def bands(side: int) -> list[tuple[Cells, Cells]]:
     return [
         (columns, rows)
         for columns, all_rows in parts
-        for rows in np.array_split(all_rows, max(1, round(len(columns) * len(all_rows) / BAND)))
+        for rows in np.array_split(all_rows, max(1, round(len(columns) * len(all_rows) / most)))
     ]
 
 
@@ -86,7 +84,7 @@ class Plane:
             indices=tuple(INDICES),
             transient_impacts=TRANSIENT,
             sample_impacts=view.samples,
-            tolerances=TOLERANCES,
+            tolerances=granted(view.stiffness, TRANSIENT + view.samples),
             workers=1,
             progress=lambda done, total, partial: going(),
             **axes,
@@ -114,7 +112,8 @@ class Plane:
         one: dict[str, Any] = {view.x: [view.osc_value("x")], view.y: [view.osc_value("y")]}
         sweep = vi.parameter_map(
             view.osc, indices=tuple(INDICES), transient_impacts=TRANSIENT, sample_impacts=view.samples,
-            tolerances=TOLERANCES, workers=1, progress=lambda done, total, partial: False,
+            tolerances=granted(view.stiffness, TRANSIENT + view.samples), workers=1,
+            progress=lambda done, total, partial: False,
             **one,
         )  # fmt: skip
         axes = {name: (name, self.axis(axis), sweep[name].attrs) for axis, name in zip("xy", dims, strict=True)}

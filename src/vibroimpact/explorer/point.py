@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 import vibroimpact as vi
 from vibroimpact.classes import MotionClass
-from vibroimpact.explorer.plane import TOLERANCES, TRANSIENT, motion_word
+from vibroimpact.explorer.limits import granted, stiffness
+from vibroimpact.explorer.plane import TRANSIENT, motion_word
 from vibroimpact.explorer.state import View
 from vibroimpact.indices import INDICES
 from vibroimpact.oscillator import ImpactOscillator, State
@@ -48,19 +49,24 @@ def compute_point(view: View, osc: ImpactOscillator | None = None) -> Point:
     start = view.start if osc is None else None
     osc = osc or view.osc
     slow = max(1.0, osc.natural_frequency / osc.omega)  # free oscillations a driving period
+    stiff = stiffness(osc)
     hits = vi.impact_section(
-        osc, start=start, transient_impacts=TRANSIENT, sample_impacts=IMPACTS, tolerances=TOLERANCES
+        osc,
+        start=start,
+        transient_impacts=TRANSIENT,
+        sample_impacts=IMPACTS,
+        tolerances=granted(stiff, TRANSIENT + IMPACTS),
     )
     looks = vi.stroboscopic_section(
         osc,
         start=start,
         transient_periods=max(20, int(LEAD / slow)),
         sample_periods=max(20, int(LOOKS / slow)),
-        tolerances=TOLERANCES,
+        tolerances=granted(stiff, LEAD + LOOKS),
     )
     one = vi.parameter_map(
         osc, indices=tuple(INDICES), start=start, transient_impacts=TRANSIENT, sample_impacts=view.samples,
-        tolerances=TOLERANCES, workers=1, omega=[osc.omega],
+        tolerances=granted(stiff, TRANSIENT + view.samples), workers=1, omega=[osc.omega],
     )  # fmt: skip
     indices = {name: float(one[name][0]) for name in INDICES}
     status = Status(int(one["status"][0]))
@@ -99,7 +105,8 @@ def _history(osc: ImpactOscillator, begin: State | None, slow: float) -> tuple[d
     """Return displacement and velocity over time, with both sides of every impact, and the rests at the stop."""
     density = min(max(60, math.ceil(24 * slow)), HISTORY)
     periods = max(2.0, min(40.0, HISTORY / density))
-    seen = vi.simulate(osc, start=begin, periods=periods, samples_per_period=density, tolerances=TOLERANCES)
+    limits = granted(stiffness(osc), math.ceil(periods))
+    seen = vi.simulate(osc, start=begin, periods=periods, samples_per_period=density, tolerances=limits)
     hit_time, hit_speed = seen["impact_time"].values, seen["impact_velocity"].values
     kept = hit_speed > 1e-6 * float(hit_speed.max(initial=0.0))
     hit_time, hit_speed = hit_time[kept][:HISTORY], hit_speed[kept][:HISTORY]

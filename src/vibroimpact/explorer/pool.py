@@ -34,12 +34,14 @@ class _Waiting:
 
 
 class Pool:
-    """Threads that run the jobs of many owners; one of them runs nothing but clicks.
+    """Threads that run the jobs of many owners; one more runs nothing but clicks, and one nothing but searches.
+
+    So no click waits for planes, and no plane for searches, which may take many seconds.
 
     Parameters
     ----------
     workers : int, optional
-        Threads besides that one; None is one a core.
+        Threads besides those two; None is one a core.
     """
 
     def __init__(self, workers: int | None = None) -> None:
@@ -49,10 +51,11 @@ class Pool:
         self._numbers = count()
         self._changed = threading.Condition()
         self._open = True
-        lowest = [Urgency.SEARCH] * self.workers + [Urgency.CLICK]
+        plain = (Urgency.CLICK, Urgency.COARSE, Urgency.LINE, Urgency.FINE)
+        duties = [plain] * self.workers + [(Urgency.CLICK,), (Urgency.SEARCH,)]
         self._threads = [
-            threading.Thread(target=self._work, args=(worst,), name=f"explorer-{number}", daemon=True)
-            for number, worst in enumerate(lowest)
+            threading.Thread(target=self._work, args=(duty,), name=f"explorer-{number}", daemon=True)
+            for number, duty in enumerate(duties)
         ]
         for thread in self._threads:
             thread.start()
@@ -86,17 +89,18 @@ class Pool:
         for thread in self._threads:
             thread.join(5.0)
 
-    def _work(self, worst: Urgency) -> None:
-        while (job := self._next(worst)) is not None:
+    def _work(self, duty: tuple[Urgency, ...]) -> None:
+        while (job := self._next(duty)) is not None:
             try:
                 job()
             except Exception:
                 log.exception("a job of the explorer failed")
+            del job  # it knows its page, which may be gone before the next one comes
 
-    def _next(self, worst: Urgency) -> Job | None:
+    def _next(self, duty: tuple[Urgency, ...]) -> Job | None:
         with self._changed:
             while self._open:
-                ready = [waiting for waiting in self._waiting if waiting.urgency <= worst]
+                ready = [waiting for waiting in self._waiting if waiting.urgency in duty]
                 if ready:
                     best = min(ready, key=self._rank)
                     self._waiting.remove(best)

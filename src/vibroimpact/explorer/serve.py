@@ -84,10 +84,10 @@ def make_server(
             "the explorer needs the extra [web]; install it with: pip install 'vibroimpact[web]'"
         ) from error
     from vibroimpact.explorer.pool import Pool
-    from vibroimpact.explorer.state import View
+    from vibroimpact.explorer.presets import PRESETS
 
     address = check_host(host)
-    view, look = View(), None
+    view, look = PRESETS[0].view, None
     if store is not None:
         from vibroimpact.explorer.stored import open_study
 

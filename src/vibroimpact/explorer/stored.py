@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,9 +15,9 @@ import xarray as xr
 from vibroimpact.classes import NEEDED, classify
 from vibroimpact.dataset import oscillator_of
 from vibroimpact.explorer.plane import Plane, positions
-from vibroimpact.explorer.state import FINEST, SAMPLES, View
+from vibroimpact.explorer.state import FINEST, MOTION, SAMPLES, View
 from vibroimpact.indices import INDICES
-from vibroimpact.oscillator import PARAMETERS
+from vibroimpact.oscillator import PARAMETERS, ImpactOscillator, parameter_value
 
 Look = Callable[[View], Plane | None]
 
@@ -32,9 +33,14 @@ def open_study(path: str | os.PathLike[str]) -> tuple[View, Look]:
     Raises
     ------
     ValueError
-        It holds no sweep over two parameters of the oscillator.
+        It holds no sweep over two parameters of the oscillator, or one beyond what a page may ask for.
     OSError
         It cannot be read.
+
+    Notes
+    -----
+    What is shown is read at once, 256 x 256 cells at most: the store may go away, or go on growing, while pages are
+    open.
     """
     sweep = _read(path)
     status = sweep.get("status")
@@ -47,18 +53,18 @@ def open_study(path: str | os.PathLike[str]) -> tuple[View, Look]:
         )
     for name in dims[2:]:
         sweep = sweep.isel({name: sweep.sizes[name] // 2})
-    osc = oscillator_of(sweep).replace(**{name: float(sweep[name]) for name in dims[2:]})
+    osc = _oscillator(path, sweep).replace(**{name: float(sweep[name]) for name in dims[2:]})
     x, y = dims[:2]
-    ranges = {name: _edges(sweep[name].values) for name in (x, y)}
+    ranges = {name: _edges(name, sweep[name].values) for name in (x, y)}
     middle = {name: float(np.clip(getattr(osc, name), *ranges[name])) for name in (x, y)}
     view = View(
         osc=osc.replace(**middle), x=x, y=y, x_range=ranges[x], y_range=ranges[y], index=str(told[0]),
-        samples=SAMPLES[1],
+        samples=_samples(sweep),
     )  # fmt: skip
-    plane = _plane(view, sweep.transpose(x, y, ...), Path(path).name)
+    plane, known = _plane(view, sweep.transpose(x, y, ...), Path(path).name)
 
     def look(wanted: View) -> Plane | None:
-        if wanted.plane_key != view.plane_key:
+        if wanted.plane_key != view.plane_key or wanted.index not in known:
             return None
         return replace(plane, view=wanted)
 
@@ -70,36 +76,78 @@ def _read(path: str | os.PathLike[str]) -> xr.Dataset:
         from vibroimpact.stores import SweepStore
 
         try:
-            return SweepStore(path).dataset()
+            store = SweepStore(path)
         except OSError:
             pass  # a result that was saved whole
+        else:
+            return store.dataset()
     from vibroimpact.storage import load
 
     return load(path)
 
 
-def _edges(values: Any) -> tuple[float, float]:
-    """Return the outer edges of the first and the last cell, within what parameters may be."""
+def _oscillator(path: str | os.PathLike[str], sweep: xr.Dataset) -> ImpactOscillator:
+    try:
+        return oscillator_of(sweep)
+    except (ValueError, TypeError) as error:
+        raise ValueError(
+            f"`store` is {os.fspath(path)!r}, whose oscillator cannot be read ({error}); allowed is a sweep as "
+            "`vibroimpact map --out` writes it; make it again"
+        ) from error
+
+
+def _samples(sweep: xr.Dataset) -> int:
+    """Return the allowed number of sampled impacts that is nearest to the study's."""
+    try:
+        wanted = float(json.loads(sweep.attrs["arguments"])["sample_impacts"])
+    except (KeyError, TypeError, ValueError):
+        return View.samples
+    return min(SAMPLES, key=lambda samples: abs(samples - wanted))
+
+
+def _edges(name: str, values: Any) -> tuple[float, float]:
+    """Return the outer edges of the first and the last cell, within what the parameter may be."""
     if len(values) < 2:
-        raise ValueError("`store` has an axis with one value; allowed are two or more; store a wider sweep")
+        raise ValueError(f"`store` has one value of {name}; allowed are two or more; store a wider sweep")
+    if values.dtype.kind not in "fiu" or not (np.diff(values) > 0.0).all():
+        raise ValueError(f"`store` has values of {name} that do not increase; allowed is an increasing axis; sort it")
     low, high = values[0] - 0.5 * (values[1] - values[0]), values[-1] + 0.5 * (values[-1] - values[-2])
-    return float(low if low > 0.0 or values[0] <= 0.0 else values[0]), float(high)
+    return _within(name, low, values[0]), _within(name, high, values[-1])
 
 
-def _plane(view: View, sweep: xr.Dataset, name: str) -> Plane:
-    """Return the sweep on the finest lattice, each cell that of the nearest stored value."""
+def _within(name: str, edge: float, value: float) -> float:
+    """Return the edge of a cell, or the cell's value where the edge is no value that the parameter may have."""
+    try:
+        return parameter_value(name, edge)
+    except ValueError:
+        return float(value)
+
+
+def _nearest(values: Any, places: Any) -> Any:
+    """Return which of increasing values is nearest to each place."""
+    after = np.searchsorted(values, places).clip(1, len(values) - 1)
+    return after - (places - values[after - 1] <= values[after] - places)
+
+
+def _plane(view: View, sweep: xr.Dataset, name: str) -> tuple[Plane, frozenset[str]]:
+    """Return the sweep on the finest lattice, each cell that of the nearest stored value, and what it tells."""
     cells = np.arange(FINEST)
     where = [
-        np.abs(sweep[axis].values[None, :] - positions(*ends, cells)[:, None]).argmin(axis=1)
+        _nearest(sweep[axis].values, positions(*ends, cells))
         for axis, ends in ((view.x, view.x_range), (view.y, view.y_range))
     ]
-    near = sweep.isel({view.x: where[0], view.y: where[1]}).load()
+    try:
+        near = sweep.isel({view.x: where[0], view.y: where[1]}).load()
+    except RuntimeError as error:  # how a damaged tile shows
+        raise OSError(f"`store` is {name!r}, in which a tile cannot be read ({error}); run the sweep again") from error
     plane = Plane.unknown(view)
     growth = {"lyapunov_per_impact"} <= set(near) or {"lyapunov", "impacts_per_period"} <= set(near)
     if growth and set(NEEDED[1:]) <= set(map(str, near.variables)):
         near = near.assign(motion=classify(near)["motion"])
     for key, array in plane.values.items():
-        if key in near:
+        if key in near and near[key].dtype.kind in "fiub":
             array[...] = near[key].values
-    plane.side, plane.stored = FINEST, f"{name}, {len(sweep[view.x])} × {len(sweep[view.y])} cells"
-    return plane
+    missing = int(sweep.attrs.get("cells_missing", 0))
+    plane.stored = f"{name}, {len(sweep[view.x])} × {len(sweep[view.y])} cells" + f", {missing} missing" * bool(missing)
+    plane.side = FINEST
+    return plane, frozenset(map(str, near.data_vars)) & {MOTION, *INDICES}

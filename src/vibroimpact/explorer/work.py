@@ -50,7 +50,7 @@ class Work:
             if self.closed:
                 return
             self._running[kind] = self._running.get(kind, 0) + 1
-        self.pool.submit(self, urgency, partial(self._run, kind, stamp, job))
+            self.pool.submit(self, urgency, partial(self._run, kind, stamp, job))
 
     def later(self, kind: str, seconds: float, renew: Callable[[], None]) -> None:
         """Call `renew` after a rest; what there is of the kind is out of date at once."""

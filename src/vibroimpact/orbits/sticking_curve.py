@@ -74,6 +74,7 @@ class _Plane:
     names: tuple[str, str]
     ranges: tuple[Point, Point]
     n_periods: int
+    look: Callable[[], object]
     why: str = field(default="", init=False)
 
     @property
@@ -99,6 +100,7 @@ class _Plane:
 
     def stick(self, at: Point) -> Stick | None:
         """Return the stick that closes a cycle of at most so many periods, or None."""
+        self.look()
         return from_release(self.oscillator(at), self.n_periods)
 
     def stuck(self, at: Point) -> float:
@@ -231,6 +233,7 @@ def continue_end_of_sticking(
     parameters: tuple[str, str],
     ranges: tuple[tuple[float, float], tuple[float, float]],
     step: float | None = None,
+    look: Callable[[], object] = bool,
 ) -> StickingEndCurve:
     """Follow an end of sticking to both sides as a curve in two parameters.
 
@@ -244,6 +247,8 @@ def continue_end_of_sticking(
         From where to where, each; the start lies inside.
     step : float, 0 < step <= 0.2, optional
         Longest distance between points, as a share of the ranges; 0.02 by default, shorter where the curve turns.
+    look : callable, optional
+        Called before every walk from the release; what it raises ends the search.
 
     Returns
     -------
@@ -269,7 +274,7 @@ def continue_end_of_sticking(
     >>> curve.outcome, bool(curve.residual.max() < 1e-10)
     ('complete', True)
     """
-    plane = _plane(point, parameters, ranges)
+    plane = _plane(point, parameters, ranges, look)
     longest = 0.02 if step is None else real_number("step", step, "a number above 0 and up to 0.2")
     if not 0.0 < longest <= 0.2:
         raise ValueError(f"`step` is {step!r}; allowed is a number above 0 and up to 0.2; 0.02 is usual")
@@ -289,7 +294,9 @@ def continue_end_of_sticking(
     return _curve(plane, points, outcome, "; ".join(message for _, _, message in ways))
 
 
-def _plane(point: StickingEnd, parameters: tuple[str, str], ranges: tuple[Point, Point]) -> _Plane:
+def _plane(
+    point: StickingEnd, parameters: tuple[str, str], ranges: tuple[Point, Point], look: Callable[[], object]
+) -> _Plane:
     if not point.found:
         raise ValueError(f"`point` is {point.outcome!r}; allowed is one that was found; {point.message}")
     try:
@@ -301,13 +308,13 @@ def _plane(point: StickingEnd, parameters: tuple[str, str], ranges: tuple[Point,
     if first == second:
         raise ValueError(f"`parameters` are {parameters!r}; allowed are two different ones; change one")
     box = checked_interval(first, one, "ranges"), checked_interval(second, two, "ranges")
-    return _Plane(point.oscillator, (first, second), box, point.n_periods)
+    return _Plane(point.oscillator, (first, second), box, point.n_periods, look)
 
 
 def _curve(plane: _Plane, points: list[Point], outcome: str, message: str) -> StickingEndCurve:
     x, y = (np.array(column) for column in zip(*map(plane.values, points), strict=True))
     oscillators = [plane.oscillator(at) for at in points]
-    sticks = [from_release(osc, plane.n_periods) for osc in oscillators]
+    sticks = [plane.stick(at) for at in points]
     fraction = np.array([stick.fraction if stick else math.nan for stick in sticks])
     return StickingEndCurve(
         parameters=plane.names,

@@ -1,0 +1,142 @@
+"""Stored sweeps in the explorer: shown as they are, computed on where they end, refused where they are none."""
+
+import shutil
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import vibroimpact as vi
+from vibroimpact.explorer.export import export
+from vibroimpact.explorer.session import Explorer
+from vibroimpact.explorer.state import FINEST
+from vibroimpact.explorer.stored import open_study
+from vibroimpact.oscillator import ImpactOscillator
+
+OMEGA, MASS = np.linspace(1.9, 2.1, 6), np.linspace(0.9, 1.1, 5)
+
+
+@pytest.fixture(scope="module")
+def sweep():
+    return vi.parameter_map(ImpactOscillator(), omega=OMEGA, mass=MASS, indices=["std"], sample_impacts=1900)
+
+
+@pytest.fixture
+def study(tmp_path, sweep):
+    """Write a changed sweep to a file."""
+
+    def written(change=lambda sweep: sweep):
+        path = tmp_path / "study.nc"
+        vi.save(change(sweep.copy()), path)
+        return path
+
+    return written
+
+
+def test_a_study_is_seen_with_the_sampling_and_the_cells_that_it_has(study, sweep):
+    view, look = open_study(study())
+    assert view.samples == 2000  # the nearest that a page may ask for
+    assert (view.x_range, view.y_range) == ((pytest.approx(1.88), pytest.approx(2.12)), (0.875, 1.125))
+    plane = look(view)
+    shown = plane.values["std"][FINEST // 12 :: FINEST // 6, FINEST // 10 :: FINEST // 5][:6, :5]
+    assert (shown == sweep["std"].values).all()
+
+
+def test_the_cells_of_a_study_are_not_exported_as_if_they_were_computed_here(study):
+    view, look = open_study(study())
+    explorer = Explorer(view, stored=look)
+    explorer.start()
+    assert explorer.wait(60)
+    with pytest.raises(ValueError, match=r"taken from study\.nc, 6 × 5 cells; allowed"):
+        export("nc", explorer)
+    assert export("png", explorer).content
+    explorer.close()
+
+
+def test_edges_of_cells_stay_where_parameters_may_be(tmp_path):
+    path = tmp_path / "edges.nc"
+    axes = {"restitution": np.linspace(0.0, 1.0, 5), "damping": np.linspace(0.0, 0.1, 5)}
+    vi.save(vi.parameter_map(ImpactOscillator(), **axes, indices=["std"], sample_impacts=20), path)
+    view, _ = open_study(path)
+    assert view.x_range == (0.0, 1.0)
+    assert view.y_range == (0.0, pytest.approx(0.1125))
+
+
+def test_a_store_that_vanishes_is_shown_all_the_same(tmp_path):
+    path = tmp_path / "run.zarr"
+    vi.parameter_map(ImpactOscillator(), omega=OMEGA, mass=MASS, indices=["std"], sample_impacts=20, store=path)
+    view, look = open_study(path)
+    shutil.rmtree(path)
+    explorer = Explorer(view, stored=look)
+    explorer.start()
+    assert explorer.wait(60)
+    assert explorer.plane.stored == "run.zarr, 6 × 5 cells"
+    assert np.isfinite(explorer.plane.values["std"]).all()
+    explorer.close()
+
+
+def test_an_index_that_the_study_does_not_tell_is_computed(study):
+    view, look = open_study(study())
+    explorer = Explorer(view, stored=look)
+    explorer.start()
+    assert explorer.wait(60)
+    assert explorer.plane.stored
+    explorer.set(index="lyapunov")
+    assert explorer.wait(60)
+    assert not explorer.plane.stored
+    assert np.isfinite(explorer.plane.values["lyapunov"]).any()
+    explorer.close()
+
+
+def test_an_axis_of_a_hundred_thousand_values_needs_no_gigabyte(study, sweep):
+    count = 100_000
+    axes = {"omega": np.linspace(1.0, 2.0, count), "mass": [1.0, 2.0]}
+    zeros = {
+        name: (("omega", "mass"), np.zeros((count, 2), dtype)) for name, dtype in (("std", "f8"), ("status", "i1"))
+    }
+    long = xr.Dataset(zeros, coords=axes, attrs=sweep.attrs)
+    view, look = open_study(study(lambda _: long))
+    assert look(view).stored == "study.nc, 100000 × 2 cells"
+
+
+@pytest.mark.parametrize("change", [
+    lambda sweep: sweep.assign_attrs(oscillator="{not json"),
+    lambda sweep: sweep.assign_attrs(oscillator='{"colour": 1}'),
+    lambda sweep: sweep.assign_attrs(oscillator="[1]"),
+    lambda sweep: sweep.assign_attrs(oscillator='{"mass": -1}'),
+    lambda sweep: sweep.assign_coords(omega=[1.9, np.nan, 2.0, 2.01, 2.02, 2.1]),
+    lambda sweep: sweep.assign_coords(omega=[1.9, 2.1, 1.95, 2.0, 2.05, 2.2]),
+    lambda sweep: sweep.assign_coords(omega=np.linspace(1e5, 1e6, 6)),
+    lambda sweep: sweep.assign_coords(omega=2.0 + np.arange(6) * 1e-15),
+    lambda sweep: sweep.isel(omega=slice(None, None, -1)),
+    lambda sweep: sweep.isel(omega=slice(0, 1)),
+    lambda sweep: sweep.isel(omega=0, drop=True),
+    lambda sweep: sweep.drop_vars("std"),
+    lambda sweep: sweep.drop_vars("status"),
+    lambda sweep: sweep.rename(omega="colour"),
+    lambda sweep: xr.Dataset(),
+])  # fmt: skip
+def test_a_study_that_cannot_be_shown_is_refused_in_words(study, change):
+    with pytest.raises(ValueError, match="allowed"):
+        open_study(study(change))
+
+
+@pytest.mark.parametrize(("name", "content"), [
+    ("nothing.zarr", None), ("nothing.nc", None), ("garbage.nc", b"\x00garbage" * 50), ("empty.nc", b""),
+    ("file.zarr", b"hi"), ("table.csv", b"a,b"), ("no_ending", b""),
+])  # fmt: skip
+def test_what_is_no_study_at_all_is_refused(tmp_path, name, content):
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises((ValueError, OSError)):
+        open_study(path)
+
+
+def test_a_damaged_tile_is_refused_and_not_shown(tmp_path):
+    path = tmp_path / "run.zarr"
+    vi.parameter_map(ImpactOscillator(), omega=OMEGA, mass=MASS, indices=["std"], sample_impacts=20, store=path)
+    tile = next(file for file in sorted((path / "std").rglob("*")) if file.is_file() and file.name != "zarr.json")
+    tile.write_bytes(b"\xff broken")
+    with pytest.raises(OSError, match=r"run\.zarr"):
+        open_study(path)

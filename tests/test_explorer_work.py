@@ -1,0 +1,280 @@
+"""Many pages on few threads: what is cancelled, what is cut short and said so, and who is served when."""
+
+import gc
+import threading
+import time
+import weakref
+from dataclasses import replace
+
+import pytest
+
+import vibroimpact as vi
+from vibroimpact.explorer import answers, line, refining, searches
+from vibroimpact.explorer.export import export
+from vibroimpact.explorer.limits import granted
+from vibroimpact.explorer.line import compute_line
+from vibroimpact.explorer.plane import SIDES, bands
+from vibroimpact.explorer.pool import Pool, Urgency
+from vibroimpact.explorer.searches import find_curves, find_others
+from vibroimpact.explorer.session import Explorer
+from vibroimpact.explorer.state import FINEST, View
+from vibroimpact.oscillator import ImpactOscillator
+
+SMALL = View(x_range=(1.8, 2.2), y_range=(0.9, 1.1), samples=200)
+
+
+@pytest.fixture
+def pool():
+    made = Pool(1)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def heard():
+    return []
+
+
+@pytest.fixture
+def explorer(heard, pool):
+    made = Explorer(SMALL, pool, listener=lambda what, content: heard.append((what, content)))
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def no_rest(monkeypatch):
+    monkeypatch.setattr(answers, "REST", 0.0)
+    monkeypatch.setattr(answers, "LINE_REST", 0.0)
+
+
+def told(heard, kind):
+    return [content for what, content in heard if what == kind]
+
+
+def until(condition, seconds=20.0):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+class Endless:
+    """Stands for a search that only stops when it is told to."""
+
+    def __init__(self, monkeypatch, name):
+        self.begun, self.stopped, self.oscillators = threading.Event(), threading.Event(), []
+        monkeypatch.setattr(vi, name, self)
+
+    def __call__(self, osc, *args, progress, **options):
+        self.oscillators.append(osc)
+        self.begun.set()
+        while progress(0, 10, None) is not False:
+            time.sleep(0.002)
+        self.stopped.set()
+        return []
+
+
+@pytest.mark.parametrize("change", [
+    lambda page: page.click(2.1, 1.0), lambda page: page.set_parameter("damping", 0.02), lambda page: page.close(),
+    lambda page: page.undo(),
+])  # fmt: skip
+def test_the_search_for_coexisting_motions_stops_when_the_point_moves(explorer, heard, monkeypatch, no_rest, change):
+    search = Endless(monkeypatch, "attractors")
+    assert explorer.click(2.05, 1.0)
+    assert search.begun.wait(10.0)
+    heard.clear()
+    change(explorer)
+    assert search.stopped.wait(10.0)
+    assert not any(told(heard, "others"))
+
+
+def test_the_search_for_coexisting_motions_goes_on_when_only_colours_change(explorer, monkeypatch, no_rest):
+    search = Endless(monkeypatch, "attractors")
+    explorer.click(2.05, 1.0)
+    assert search.begun.wait(10.0)
+    explorer.set(index="motion")
+    explorer.pin()
+    assert not search.stopped.wait(0.1)
+
+
+@pytest.mark.parametrize("change", [lambda page: page.zoom((1.9, 2.0), (1.0, 1.1)), lambda page: page.close(),
+                                    lambda page: page.set(boundaries=False)])  # fmt: skip
+def test_the_search_for_boundaries_stops_when_the_plane_changes(explorer, heard, monkeypatch, no_rest, change):
+    search = Endless(monkeypatch, "boundary_curves")
+    explorer.set(boundaries=True)
+    assert search.begun.wait(10.0)
+    heard.clear()
+    change(explorer)
+    assert search.stopped.wait(10.0)
+    assert not any(told(heard, "curves"))
+
+
+def test_boundaries_that_are_cut_short_say_so(explorer, heard, monkeypatch, no_rest):
+    monkeypatch.setattr(searches, "MOST_SECONDS", 0.0)
+    explorer.set(boundaries=True)
+    until(lambda: told(heard, "message"))
+    assert told(heard, "message") == ["boundaries incomplete: stopped after 0 s"]
+    assert not explorer.curves.complete
+
+
+def test_coexisting_motions_that_are_cut_short_say_so(explorer, heard, monkeypatch, no_rest):
+    monkeypatch.setattr(searches, "MOST_SECONDS", 0.0)
+    explorer.click(2.8, 1.0)
+    until(lambda: told(heard, "message"))
+    assert told(heard, "message") == ["coexisting motions incomplete: stopped after 0 s"]
+
+
+def test_a_diagram_that_is_cut_short_says_so(explorer, heard, monkeypatch, no_rest):
+    monkeypatch.setattr(line, "MOST_SECONDS", 0.0)
+    explorer.click(2.0, 1.05)
+    until(lambda: told(heard, "message"))
+    assert told(heard, "message") == ["diagram incomplete: stopped after 0 s"]
+    assert explorer.line.values.max() < 1.9
+
+
+def test_searches_that_come_to_their_end_say_nothing(heard, no_rest):
+    curves = find_curves(
+        replace(SMALL, x="restitution", x_range=(0.5, 0.9), y="gap", y_range=(-0.1, 0.1)), lambda: True
+    )
+    assert curves.complete
+    others, complete = find_others(SMALL, lambda: True)
+    assert complete
+    assert [other.name for other in others] == ["period-1 impact-1"]
+    assert compute_line(SMALL, lambda: True).complete
+
+
+def test_what_is_not_wanted_is_not_returned():
+    assert find_curves(SMALL, lambda: False) is None
+    assert find_others(SMALL, lambda: False) is None
+    assert compute_line(SMALL, lambda: False) is None
+
+
+def test_the_search_for_attractors_stops_where_it_is_told_to():
+    asked = []
+    vi.attractors(ImpactOscillator(omega=2.8), workers=1, progress=lambda *told: asked.append(told))
+    assert len(asked) > 3
+    assert {(total, len(status)) for _, total, status in asked} == {(256, 256)}
+    few = []
+    vi.attractors(ImpactOscillator(omega=2.8), workers=1, progress=lambda *told: few.append(told) or len(few) < 2)
+    assert len(few) == 2
+
+
+def test_a_slow_boundary_is_asked_between_its_points_whether_to_go_on():
+    osc = ImpactOscillator(omega=0.5)
+    plane = ("omega", "restitution"), ((0.3, 0.4), (0.7, 0.9))
+    asked = []
+    vi.boundary_curves(osc, *plane, n_periods=[1], kinds=["end_of_sticking"], lines=2,
+                       progress=lambda done, total, curves: asked.append(done))  # fmt: skip
+    assert len(asked) > 20 * asked[-1]
+    few = []
+    vi.boundary_curves(osc, *plane, n_periods=[1], kinds=["end_of_sticking"], lines=2,
+                       progress=lambda done, total, curves: few.append(done) or len(few) < 50)  # fmt: skip
+    assert few == asked[:50]
+
+
+def test_a_plane_that_takes_too_long_is_given_up_and_told_of_once(explorer, heard, monkeypatch):
+    monkeypatch.setattr(refining, "MOST_SECONDS", 0.0)
+    explorer.start()
+    assert explorer.wait(20)
+    messages = told(heard, "message")
+    assert len(messages) == 1
+    assert "takes more than 0 s; zoom in" in messages[0]
+    assert explorer.plane is None
+
+
+def test_a_plane_that_cannot_be_computed_is_told_of_once(explorer, heard, monkeypatch):
+    def fault(*args, **options):
+        raise RuntimeError
+
+    monkeypatch.setattr(vi, "parameter_map", fault)
+    explorer.zoom((1.9, 2.1), (0.9, 1.0))
+    assert explorer.wait(20)
+    assert [message for message in told(heard, "message") if "plane" in message] == [
+        "The plane could not be computed; change the view, or tell us how to reach it."
+    ]
+
+
+def test_what_was_computed_for_one_plane_is_never_shown_as_another(explorer, heard, pool):
+    explorer.start()
+    assert explorer.wait(60)
+    gate = threading.Event()
+    pool.submit("somebody else", Urgency.COARSE, lambda: gate.wait(20.0))
+    heard.clear()
+    assert explorer.zoom((1.9, 2.0), (1.0, 1.1))
+    assert explorer.set(index="motion")
+    assert not told(heard, "plane")
+    with pytest.raises(ValueError, match="not computed yet"):
+        export("nc", explorer)
+    gate.set()
+    assert explorer.wait(60)
+    assert {(plane.view.x_range, plane.view.index) for plane in told(heard, "plane")} == {((1.9, 2.0), "motion")}
+
+
+def test_a_search_holds_up_neither_planes_nor_clicks(pool):
+    gate, done = threading.Event(), {urgency: threading.Event() for urgency in Urgency}
+    pool.submit("a", Urgency.SEARCH, lambda: gate.wait(20.0))
+    pool.submit("a", Urgency.SEARCH, lambda: gate.wait(20.0))
+    for urgency in (Urgency.CLICK, Urgency.COARSE, Urgency.LINE, Urgency.FINE):
+        pool.submit("b", urgency, done[urgency].set)
+        assert done[urgency].wait(5.0)
+    gate.set()
+
+
+def test_pages_share_one_pool_and_all_get_what_they_asked_for(pool):
+    heard = [[] for _ in range(6)]
+    pages = [
+        Explorer(replace(SMALL, x_range=(1.8 + 0.01 * i, 2.2)), pool, lambda w, c, i=i: heard[i].append((w, c)))
+        for i in range(6)
+    ]
+    for page in pages:
+        page.start()
+    until(lambda: all(told(words, "point") for words in heard))
+    until(lambda: all(told(words, "plane") for words in heard), 60.0)
+    # none is whole before all have their first picture
+    assert all(plane.side < FINEST for words in heard for plane in told(words, "plane")[:1])
+    assert not any(told(words, "message") for words in heard)
+    for page in pages:
+        page.close()
+
+
+def test_a_page_that_asks_for_much_does_not_hold_up_one_that_asks_for_little(pool):
+    much = View(osc=ImpactOscillator(restitution=0.99), samples=5000)
+    heard = [], []
+    heavy, light = (Explorer(v, pool, lambda w, c, own=h: own.append((w, c))) for v, h in zip((much, SMALL), heard, strict=True))  # fmt: skip # noqa: E501
+    heavy.start()
+    time.sleep(0.05)
+    light.start()
+    until(lambda: told(heard[1], "plane"), 60.0)
+    assert FINEST not in {plane.side for plane in told(heard[0], "plane")}
+    heavy.close()
+    light.close()
+
+
+def test_jobs_are_smaller_where_more_impacts_are_sampled():
+    for side in SIDES:
+        cells = [len(columns) * len(rows) for columns, rows in bands(side, 5000)]
+        assert max(cells) <= 512
+        assert sum(cells) == sum(len(columns) * len(rows) for columns, rows in bands(side))
+
+
+def test_a_closed_page_leaves_nothing_behind(pool):
+    def visit():
+        page = Explorer(SMALL, pool)
+        page.start()
+        page.click(2.1, 1.0)
+        until(lambda: page.plane is not None)
+        page.close()
+        assert page.wait(20.0)
+        return weakref.ref(page)
+
+    gone = visit()
+    until(lambda: gc.collect() is not None and gone() is None)
+    assert not pool.queued
+
+
+def test_a_budget_is_at_least_what_fast_driving_needs():
+    for stiff in (1.0, 10.0, 100.0, 1000.0):
+        for count in (40, 600, 900, 5100):
+            assert granted(stiff, count).steps_per_impact * stiff >= min(300.0, 100.0 * stiff)
+            assert granted(stiff, count).steps_per_impact * stiff * count <= 6e6
