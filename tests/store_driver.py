@@ -14,10 +14,14 @@ import numpy as np
 import xarray as xr
 
 import vibroimpact as vi
+from vibroimpact import distributed
 from vibroimpact.backends import ImpactWindow
+from vibroimpact.cli import main
 from vibroimpact.options import Tolerances
+from vibroimpact.refinement import request
 from vibroimpact.stores import StoreBusy, SweepRequest
 from vibroimpact.stores.store import SweepStore
+from vibroimpact.stores.writer import TileWriter
 
 OSC = vi.ImpactOscillator()
 # Tiles at the far edges are smaller; two kinds of numbers; many kinds of motions.
@@ -46,9 +50,9 @@ def slow_down(seconds):
     """Let every tile take a while longer, in which its thread hears no signal."""
     compute = SweepRequest.compute
 
-    def slowly(request, part):
+    def slowly(request, part, *stop):
         time.sleep(seconds)
-        return compute(request, part)
+        return compute(request, part, *stop)
 
     SweepRequest.compute = slowly
 
@@ -95,6 +99,35 @@ def harm(folder, wanted, name):
         code |= ended(forked(lambda store=store: sweep(store)))
         stores += 1
     return {"stores": stores, "codes": codes, "unborn": unborn, "code": code}
+
+
+REFINED = {"omega": np.linspace(1.5, 3.5, 13), "mass": np.linspace(0.5, 1.5, 13), "sample_impacts": 200}
+
+
+def refined(store, **options):
+    """Refine a plane into a store, kept in chunks of a hundred cells; return it."""
+    request.CHUNK = 100
+    return vi.parameter_map(OSC, refine=2, store=store, **{"workers": 2} | REFINED | options)
+
+
+def harm_refined(folder, wanted):
+    """Kill the refinement of a plane again and again, then leave it alone."""
+    chance = random.Random(6)
+    began = time.perf_counter()
+    code = ended(forked(lambda: refined(folder / "whole.zarr")))
+    whole, codes, stores = time.perf_counter() - began, [], 0
+    while codes.count(-signal.SIGKILL) < int(wanted):
+        store = folder / f"{stores}.zarr"
+        for turn in range(6):
+            child = forked(lambda store=store: refined(store))
+            time.sleep(whole * chance.uniform(0.05, 0.3 if turn < 3 else 0.9))
+            os.kill(child, signal.SIGKILL)
+            codes.append(ended(child))
+            if not codes[-1]:
+                break
+        code |= ended(forked(lambda store=store: refined(store)))
+        stores += 1
+    return {"stores": stores, "codes": codes, "code": code}
 
 
 def race(folder, times):
@@ -173,7 +206,24 @@ def large(folder):
     return {"MB": used / (1024.0 if sys.platform == "linux" else 1024.0**2), "missing": dataset.attrs["cells_missing"]}
 
 
-COMMANDS = {job.__name__: job for job in (harm, race, interrupted, slow, clock, small_files, large)}
+def typed(folder, patience, *words):
+    """Run the command line as typed, with another patience for what runs when it is stopped, and with slow disks."""
+    distributed.GRACE = float(patience)
+    array = TileWriter._array
+
+    def slow_array(writer, name):
+        time.sleep(0.1)
+        return array(writer, name)
+
+    TileWriter._array = slow_array
+    os.chdir(folder)
+    sys.argv = ["vibroimpact", *words]
+    sys.exit(main())
+
+
+COMMANDS = {
+    job.__name__: job for job in (harm, harm_refined, race, interrupted, slow, clock, small_files, large, typed)
+}
 
 if __name__ == "__main__":
     command, place, *rest = sys.argv[1:]

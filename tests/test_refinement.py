@@ -1,6 +1,7 @@
 """Fine pictures computed where motions change and filled in elsewhere."""
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -191,6 +192,23 @@ def test_a_sweep_stopped_on_its_first_cells_says_which_are_missing():
     plane = refined_map(OSC, refine=2, progress=lambda *seen: False, **BRIEF, **HARD)
     assert plane.attrs["complete"] == 0
     assert set(np.unique(plane["status"])) >= {vi.Status.INTERRUPTED}
+
+
+@pytest.mark.parametrize("curves", [False, True])
+def test_memory_is_that_of_the_picture_and_little_more(curves, monkeypatch):
+    for place, number in (("request.CHUNK", 256), ("curves.PORTION", 2048), ("picture.BAND", 8)):
+        monkeypatch.setattr(f"vibroimpact.refinement.{place}", number)  # what is taken at a time is next to nothing
+    plane = {"along_curves": curves, "omega": np.linspace(1.5, 2.5, 33), "mass": np.linspace(0.5, 1.5, 33)}
+    refined_map(OSC, refine=1, sample_impacts=50, **plane)  # compiles
+    tracemalloc.start()
+    try:
+        fine = refined_map(OSC, refine=4, sample_impacts=50, **plane)
+        most = tracemalloc.get_traced_memory()[1] / fine["level"].size
+    finally:
+        tracemalloc.stop()
+    kept = sum(array.dtype.itemsize for array in fine.data_vars.values()) + 4  # the names of the motions
+    assert kept == 30
+    assert most < 40.0  # 35; 1 MB in all is not of the picture
 
 
 def test_a_refined_map_is_drawn_and_resampled(hard):

@@ -197,20 +197,60 @@ def test_a_write_that_breaks_off_leaves_what_was_there_and_nothing_else(tmp_path
 
 def test_an_old_store_comes_back_if_the_new_one_cannot_be_moved(tmp_path, monkeypatch):
     path = vi.save(sweep(1.0), tmp_path / "map.zarr")
-    rename, calls = os.rename, []
+    replace = os.replace
 
-    def fail_second(source: Path, target: Path) -> None:
-        calls.append(source)
-        if len(calls) == 2:
+    def fail_where_nothing_is(source: Path, target: Path) -> None:
+        if target == path and not path.exists():
             raise OSError(5, "Input/output error")
-        rename(source, target)
+        replace(source, target)
 
-    monkeypatch.setattr(storage.os, "rename", fail_second)
+    monkeypatch.setattr(storage.os, "replace", fail_where_nothing_is)
     with pytest.raises(OSError, match="nothing was changed"):
         vi.save(sweep(2.0), path, overwrite=True)
     monkeypatch.undo()
     assert vi.load(path)["std"][0, 0] == 1.0
     assert [p.name for p in tmp_path.iterdir()] == ["map.zarr"]
+
+
+REPLACING = """
+import sys
+from pathlib import Path
+from vibroimpact.storage import replacing
+print("ready", flush=True)
+folder, number = sys.stdin.readline().split()
+for turn in range(300):
+    for path in (Path(folder, "map.zarr"), Path(folder, "map.nc")):
+        with replacing(path, overwrite=True) as part:
+            files = [part / "zarr.json", part / "0"] if path.suffix == ".zarr" else [part]
+            for file in files:
+                file.parent.mkdir(exist_ok=True)
+                file.write_text(number * 1000)
+refused = 0
+try:
+    with replacing(Path(folder, "once.zarr")) as part:
+        part.mkdir()
+        (part / "zarr.json").write_text(number)
+except FileExistsError as error:
+    refused = "which exists by now; choose another name" in str(error)
+print(int(refused))
+"""
+
+
+def test_of_outputs_put_in_one_place_at_the_same_moment_one_is_there_whole(tmp_path):
+    told = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    children = [subprocess.Popen([sys.executable, "-c", REPLACING], **told) for _ in range(3)]
+    for child in children:
+        assert child.stdout.readline() == "ready\n"
+    for number, child in enumerate(children):
+        child.stdin.write(f"{tmp_path} {number}\n")
+        child.stdin.flush()
+    outcomes = [(*child.communicate(timeout=120), child.returncode) for child in children]
+    assert all((complaint, code) == ("", 0) for _, complaint, code in outcomes), outcomes
+    assert sum(int(refused) for refused, *_ in outcomes) == 2  # of three that may not overwrite
+    words = {file.read_text() for file in (tmp_path / "map.zarr").iterdir()}
+    assert len(words) == 1
+    assert {len(text) for text in (*words, (tmp_path / "map.nc").read_text())} == {1000}
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["map.nc", "map.zarr", "once.zarr"]
 
 
 FULL_DISK = """

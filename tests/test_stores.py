@@ -319,10 +319,10 @@ def test_a_tile_is_a_number_of_cells(tmp_path, tile):
 def test_a_failing_back_end_ends_the_sweep_and_frees_the_store(tmp_path, monkeypatch):
     compute = driver.SweepRequest.compute
 
-    def fail(request, part):
+    def fail(request, part, *stop):
         if part[0].start:
             raise MemoryError("no room for the cells")
-        return compute(request, part)
+        return compute(request, part, *stop)
 
     with monkeypatch.context() as patched:
         patched.setattr(driver.SweepRequest, "compute", fail)

@@ -27,7 +27,7 @@ from vibroimpact.distributed import run_sweep, run_tiles, worker_count
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, State
-from vibroimpact.progress import Report, reporter
+from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.sections import section_phase
 from vibroimpact.status import Status
 
@@ -147,7 +147,7 @@ def bifurcation_diagram(
     }
     dataset.attrs |= provenance("bifurcation_diagram", osc, arguments)
 
-    stop = Event()
+    stop = Stop(progress)
     if direction == "fresh":
         columns = _fresh(engine, cells, window, limits, threads, stop)
     else:

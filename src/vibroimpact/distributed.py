@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import os
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from itertools import islice
+from itertools import islice, takewhile
 from queue import SimpleQueue
 from threading import Event, Thread
 from typing import Any, TypeVar
+
+import numpy as np
 
 from vibroimpact.backends import Backend, Cells, ImpactWindow
 from vibroimpact.backends.base import Counts, Outcome, SharesCells
@@ -18,6 +21,13 @@ from vibroimpact.options import Tolerances, whole_number
 Result = TypeVar("Result")
 
 BLOCK = 1 << 20  # cells that threads share at once: some 250 MB
+LOOK = 0.1  # seconds between two looks at whether to stop
+GRACE = 10.0  # seconds that running tiles are waited for once a sweep is to stop; later ones are given up
+THREADS = "vibroimpact"  # how names of threads that compute begin
+
+
+class GivenUp(Exception):
+    """A sweep was stopped before these cells had ended."""
 
 
 def worker_count(workers: int | None) -> int:
@@ -27,6 +37,15 @@ def worker_count(workers: int | None) -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def check_alone(workers: int | None) -> None:
+    """Refuse threads here beside a cluster."""
+    if workers is not None:
+        raise ValueError(
+            f"`workers` is {workers!r} with `cluster`; allowed is one of the two; leave `workers` out, or give it as "
+            f"cluster='local:{workers}'"
+        )
 
 
 def run_sweep(
@@ -57,6 +76,40 @@ def run_sweep(
             yield done + low, outcome
 
 
+def run_here(
+    engine: Backend,
+    cells: Cells,
+    window: ImpactWindow,
+    limits: Tolerances,
+    early_closing: bool,
+    names: tuple[str, ...],
+    stop: Event,
+) -> Outcome:
+    """Return the cells' indices, computed by the calling thread.
+
+    Raises
+    ------
+    GivenUp
+        `stop` was set before all had ended.
+    """
+    parts: Iterator[tuple[Counts | slice, Outcome]]
+    if isinstance(engine, SharesCells):
+        parts = engine.share(cells, window, limits, early_closing, names)(stop.is_set)
+    else:
+        whole = tiles(len(cells), 1, engine.largest_tile, engine.largest_tile)
+        going = takewhile(lambda part: not stop.is_set(), whole)
+        parts = ((part, engine.indices(cells[part], window, limits, early_closing, names)) for part in going)
+    outcome: Outcome = {}
+    ended = 0
+    for which, found in parts:
+        for name, values in found.items():
+            outcome.setdefault(name, np.empty(len(cells), values.dtype))[which] = values
+        ended += len(found["status"])
+    if ended < len(cells):
+        raise GivenUp
+    return outcome
+
+
 def run_shared(work: Callable[[Callable[[], bool]], Iterator[Result]], workers: int, stop: Event) -> Iterator[Result]:
     """Yield what the threads' shared work yields, as it comes."""
     handed: SimpleQueue[Result | BaseException | None] = SimpleQueue()
@@ -69,7 +122,7 @@ def run_shared(work: Callable[[Callable[[], bool]], Iterator[Result]], workers: 
         except BaseException as error:
             handed.put(error)
 
-    threads = [Thread(target=run, name=f"vibroimpact-{number}") for number in range(workers)]
+    threads = [Thread(target=run, name=f"{THREADS}-{number}") for number in range(workers)]
     for thread in threads:
         thread.start()
     try:
@@ -107,22 +160,28 @@ def run_tiles(
 ) -> Iterator[tuple[slice, Result]]:
     """Yield each tile with its result, as they finish; no tile is begun once `stop` is set.
 
-    What a tile returns cannot depend on the others, so neither can the sweep depend on `workers`.
+    What a tile returns cannot depend on the others, so neither can the sweep depend on `workers`. Tiles that still run
+    GRACE seconds after `stop` was set, or after the sweep was left, are left to end by themselves, unheard.
     """
     waiting: Iterator[slice] = iter(parts)
-    with ThreadPoolExecutor(workers, thread_name_prefix="vibroimpact") as pool:
-        running: dict[Future[Any], slice] = {}
-        try:
-            while True:
-                if stop.is_set():
-                    running = {future: part for future, part in running.items() if not future.cancel()}
-                room = 0 if stop.is_set() else 2 * workers - len(running)
-                running |= {pool.submit(job, part): part for part in islice(waiting, max(room, 0))}
-                if not running:
-                    return
-                finished, _ = wait(running, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    yield running.pop(future), future.result()
-        finally:
-            for future in running:
-                future.cancel()
+    pool = ThreadPoolExecutor(workers, thread_name_prefix=THREADS)
+    running: dict[Future[Any], slice] = {}
+    deadline = math.inf
+    try:
+        while time.monotonic() < deadline:
+            if stop.is_set():
+                running = {future: part for future, part in running.items() if not future.cancel()}
+                deadline = min(deadline, time.monotonic() + GRACE)
+            room = 0 if stop.is_set() else 2 * workers - len(running)
+            running |= {pool.submit(job, part): part for part in islice(waiting, max(room, 0))}
+            if not running:
+                return
+            finished, _ = wait(running, LOOK, return_when=FIRST_COMPLETED)
+            for future in finished:
+                yield running.pop(future), future.result()
+    except BaseException:
+        stop.set()
+        wait([future for future in running if not future.cancel()], GRACE)
+        raise
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)

@@ -5,10 +5,29 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Event
 from typing import Any
 
 # Called with cells done, cells in all, and the result so far; False asks to stop.
 Report = Callable[[int, int, Any], Any]
+
+
+class Stop(Event):
+    """Whether a sweep shall stop: because it was set, or because whoever it reports to wants it between two reports.
+
+    Parameters
+    ----------
+    progress : bool or callable
+        What the sweep reports to; a callable may have an attribute `stopped`, true once it wants the sweep to stop.
+    """
+
+    def __init__(self, progress: bool | Report) -> None:
+        super().__init__()
+        self._progress = progress
+
+    def is_set(self) -> bool:
+        """Return whether to stop."""
+        return super().is_set() or getattr(self._progress, "stopped", False) is True
 
 
 @contextmanager

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DATA_ENDINGS = tuple(WRITERS)
+MOVES = 1000  # times that one output is tried to be put in the place of others that are put there meanwhile
 
 
 def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
@@ -208,8 +210,8 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
             part = scratch / target.name
             yield part
             if os.path.lexists(target) and not overwrite:
-                raise FileExistsError(f"`out` is {str(path)!r}, which exists by now; choose another name")
-            _move(part, target, old=scratch.with_suffix(".old"))
+                raise _exists_by_now(target)
+            _move(part, target, old=scratch.with_suffix(".old"), overwrite=overwrite)
             shutil.rmtree(scratch)
         except BaseException:
             remove_folder(scratch)
@@ -232,18 +234,47 @@ def remove_folder(folder: Path) -> None:
         time.sleep(0.02)
 
 
-def _move(part: Path, target: Path, *, old: Path) -> None:
-    """Put `part` in the place of `target`; a folder cannot be replaced in one step, so the old one steps aside."""
-    if not target.is_dir() or target.is_symlink():
-        os.replace(part, target)
-        return
-    os.rename(target, old)
+def _move(part: Path, target: Path, *, old: Path, overwrite: bool) -> None:
+    """Put `part` in the place of `target`; a folder cannot be replaced in one step, so the old one steps aside.
+
+    Other processes may do the same at the same moment: whoever finds the place taken, or what stood there gone, looks
+    again. In the end the last one's output stands there, whole.
+    """
+    aside: list[Path] = []
     try:
-        os.rename(part, target)
+        for turn in range(MOVES):
+            if _moved(part, target):
+                return
+            if not overwrite:
+                raise _exists_by_now(target)
+            with suppress(FileNotFoundError):  # somebody else has set it aside
+                os.rename(target, old.with_name(f"{old.name}{turn}"))
+                aside.append(old.with_name(f"{old.name}{turn}"))
+        raise OSError(errno.EBUSY, "others keep writing there")
     except BaseException:
-        os.rename(old, target)
+        if aside and not os.path.lexists(target):
+            with suppress(OSError):  # somebody else's stands there by now
+                os.rename(aside.pop(), target)
         raise
-    shutil.rmtree(old)
+    finally:
+        for folder in aside:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _moved(part: Path, target: Path) -> bool:
+    """Move `part` to `target`, unless a folder stands there that holds something; return whether it was moved."""
+    try:
+        os.replace(part, target)
+    except OSError as error:
+        taken = error.errno in (errno.ENOTEMPTY, errno.EEXIST) or (target.is_dir() and not target.is_symlink())
+        if not taken or not part.exists():
+            raise
+        return False
+    return True
+
+
+def _exists_by_now(target: Path) -> FileExistsError:
+    return FileExistsError(f"`out` is {str(target)!r}, which exists by now; choose another name")
 
 
 def _is_store(folder: Path) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from contextlib import closing
-from threading import Event
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,11 +15,11 @@ from vibroimpact.axes import check_axes
 from vibroimpact.backends import ImpactWindow, check_told, get_backend
 from vibroimpact.backends.starts import check_start, make_cells
 from vibroimpact.dataset import missing, provenance, status_variable, variable
-from vibroimpact.distributed import run_sweep, worker_count
+from vibroimpact.distributed import check_alone, run_sweep, worker_count
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances, whole_number
 from vibroimpact.oscillator import ImpactOscillator, State
-from vibroimpact.progress import Report, reporter
+from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -84,7 +83,8 @@ def parameter_map(
         it lacks is computed and the rest is taken as it is, once its checksums are verified; another study is refused.
         The Dataset returned reads from it. Memory is bounded by the tiles in flight.
     tile : int, >= 1, optional
-        Cells of a tile in a store or on a cluster, about; 4096 by default. A store keeps the tiles it was made with.
+        Cells of a tile in a store or on a cluster, about; 4096 by default, 4 with the slow back ends "reference" and
+        "fixed-step". A store keeps the tiles it was made with.
     cluster : dask.distributed.Client or str, optional
         Computes on the workers of a Dask cluster instead of here: a client, `tcp://HOST:PORT` of a running scheduler,
         or `local:N` for N processes of this machine. Workers may come, go and die; those that see the store write
@@ -136,12 +136,12 @@ def parameter_map(
     True
     """
     if refine is not None:
-        _check_refined(cluster, tile)
         from vibroimpact.refinement import refined_map
 
         how: dict[str, Any] = {"transient_impacts": transient_impacts, "sample_impacts": sample_impacts, "start": start}
         how |= {"backend": backend, "time_step": time_step, "early_closing": early_closing, "tolerances": tolerances}
-        how |= {"workers": workers, "store": store, "progress": progress, "indices": indices, **axes}
+        how |= {"workers": workers, "store": store, "tile": tile, "cluster": cluster, "indices": indices, **axes}
+        how |= {"progress": progress}
         return refined_map(osc, refine=refine, jump=jump, along_curves=along_curves, **how)
     check_start(start)
     chosen = check_indices(indices)
@@ -181,7 +181,7 @@ def parameter_map(
             "tolerances": limits,
         },
     )
-    done, stop = 0, Event()
+    done, stop = 0, Stop(progress)
     parts: Any
     if cluster is None:
         engine = get_backend(backend, time_step=time_step)
@@ -189,7 +189,8 @@ def parameter_map(
     else:
         from vibroimpact.cluster import in_memory
 
-        parts = in_memory(cluster, _request(*asked), size, stop)
+        request = _request(*asked)
+        parts = in_memory(cluster, request, size or request.usual_tile, stop)
     with reporter(progress, "cells") as report, closing(parts):
         for which, result in parts:
             for name in (*chosen, "status"):
@@ -202,21 +203,11 @@ def parameter_map(
     return dataset
 
 
-def _check_refined(cluster: Any, tile: Any) -> None:
-    for name, value in (("cluster", cluster), ("tile", tile)):
-        if value is not None:
-            raise ValueError(f"`{name}` stands beside `refine`; allowed is one of the two; leave one out")
-
-
 def _check_place(cluster: Client | str, workers: int | None) -> None:
     from vibroimpact.cluster import check_cluster
 
     check_cluster(cluster)
-    if workers is not None:
-        raise ValueError(
-            f"`workers` is {workers!r} with `cluster`; allowed is one of the two; leave `workers` out, or give it as "
-            f"cluster='local:{workers}'"
-        )
+    check_alone(workers)
 
 
 # Imported where a store or a cluster is asked for: the first map of a session does not wait for Zarr and Dask.

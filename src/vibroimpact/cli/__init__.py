@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 from collections.abc import Sequence
 
 __all__ = ["main"]
@@ -13,6 +14,13 @@ WRONG_REQUEST, FAILED, INTERRUPTED = 2, 1, 130
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code: 0, 1 (it failed), 2 (wrong request) or 130 (interrupted)."""
+    code = _run(arguments)
+    if code == INTERRUPTED and arguments is None:
+        _leave_threads(code)
+    return code
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     try:
         from typer import Abort
         from typer.main import get_command
@@ -60,3 +68,12 @@ def _tell(message: str, code: int) -> int:
     text = head + " | ".join(lines[1:] if head else lines)
     print(f"vibroimpact: {text}", file=sys.stderr)
     return code
+
+
+def _leave_threads(code: int) -> None:
+    """End at once where cells that were given up still compute: Python would wait for their threads."""
+    sweeps = sys.modules.get("vibroimpact.distributed")
+    if sweeps and any(thread.name.startswith(sweeps.THREADS) for thread in threading.enumerate()):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)

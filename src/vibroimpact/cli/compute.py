@@ -58,7 +58,9 @@ def sweep(function: str, options: Mapping[str, Any]) -> None:
     if held:
         _into_store(study, options, more)
         return
-    with Meter("diagram" if function == "bifurcation_diagram" else "map") as meter, asked():
+    from vibroimpact.distributed import GRACE
+
+    with Meter("diagram" if function == "bifurcation_diagram" else "map", patience=GRACE) as meter, asked():
         dataset = _call(function, study, progress=meter, **more)
     if not meter.stopped:
         hand_on(dataset, options, meter.seconds)
@@ -69,10 +71,11 @@ def sweep(function: str, options: Mapping[str, Any]) -> None:
 
 
 def _into_store(study: Study, options: Mapping[str, Any], more: dict[str, Any]) -> None:
-    from vibroimpact.stores import StoreBusy
+    from vibroimpact.distributed import GRACE
+    from vibroimpact.stores import StoreBusy, settle
 
     out = options["out"]
-    with Meter("map") as meter, stored.making_room(options), asked(StoreBusy):
+    with Meter("map", patience=GRACE, settle=settle) as meter, stored.making_room(options), asked(StoreBusy):
         _call("parameter_map", study, progress=meter, store=out, **more)
     told = stored.told(out, meter.seconds)
     if meter.stopped:

@@ -72,7 +72,9 @@ Workers = Annotated[_Text, _how("N", "Threads. (default: all cores)")]
 Cluster = Annotated[
     _Text, _how("WHERE", "Compute on a Dask cluster: tcp://HOST:PORT of its scheduler, or local:N processes here.")
 ]
-Tile = Annotated[_Text, _how("N", "Cells of a tile in a store or on a cluster, about. (default: 4096)")]
+Tile = Annotated[
+    _Text, _how("N", "Cells of a tile in a store or on a cluster, about. (default: 4096; 4 with slow back ends)")
+]
 Refine = Annotated[
     _Text, _how("L", "Halve the intervals of both axes L times, and compute only where the motion changes.")
 ]

@@ -6,6 +6,8 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Callable
+from queue import SimpleQueue
 from time import perf_counter
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -15,22 +17,43 @@ if TYPE_CHECKING:
 
 
 SECONDS = 5.0  # between plain lines about work whose end is not known
+SWITCH = 1e-4  # seconds after which cells that are computed in Python make way for whoever winds a stopped sweep up
 
 
 class Meter:
-    """The callable a sweep reports to, within a `with` block."""
+    """The callable a sweep reports to, within a `with` block.
 
-    def __init__(self, label: str, *, keeps: bool = True) -> None:
-        self.label = label
-        self.keeps = keeps  # whether what is finished outlives an interruption
-        self.stopped = False
+    Parameters
+    ----------
+    label : str
+        What is computed.
+    keeps : bool
+        Whether what is finished outlives an interruption.
+    patience : float, optional
+        Seconds, at most, for which a sweep that is stopped waits for what runs.
+    settle : callable, optional
+        Makes whole what is being written to a store; called before the process is ended at once.
+    """
+
+    def __init__(
+        self,
+        label: str,
+        *,
+        keeps: bool = True,
+        patience: float | None = None,
+        settle: Callable[[], None] | None = None,
+    ) -> None:
+        self.label, self.keeps, self.patience, self.settle = label, keeps, patience, settle
+        self.stopped = False  # a sweep looks at it between two reports, too
         self._bar: Progress | None = None
         self._told = 0.0
         self._before: Any = None
+        self._end: SimpleQueue[bool] = SimpleQueue()  # a signal may break into anything but its `put`
 
     def __enter__(self) -> Self:
         self._began = perf_counter()
         if threading.current_thread() is threading.main_thread():
+            threading.Thread(target=self._end_at_once, daemon=True).start()
             self._before = signal.signal(signal.SIGINT, self._stop)
         if sys.stderr.isatty():
             self._bar = _bar()
@@ -43,6 +66,7 @@ class Meter:
             self._bar.stop()
         if self._before is not None:
             signal.signal(signal.SIGINT, self._before)
+            self._end.put(False)
         self.seconds = perf_counter() - self._began
 
     def __call__(self, done: int, total: int | None, partial: Any) -> bool:
@@ -74,13 +98,23 @@ class Meter:
         # os.write: a print here could meet one that the signal broke into
         if not self.stopped:
             self.stopped = True
+            sys.setswitchinterval(SWITCH)
             kept = "; what is finished is kept" if self.keeps else ""
-            os.write(2, f"\nstopping{kept} (Ctrl-C again to stop at once)\n".encode())
-        elif self.keeps:  # a sweep has no file open, and its threads would be waited for
-            os.write(2, b"\nvibroimpact: stopped at once, nothing was kept\n")
-            os._exit(130)
+            limit = f", what runs is given up after {self.patience:.0f} s" if self.patience else ""
+            os.write(2, f"\nstopping{limit}{kept} (Ctrl-C again to stop at once)\n".encode())
+        elif self.keeps:  # a sweep's threads would be waited for
+            self._end.put(True)
         else:
             raise KeyboardInterrupt
+
+    def _end_at_once(self) -> None:
+        """Wait until it is asked for, then end the process, in a thread of its own."""
+        if self._end.get():
+            if self.settle is not None:
+                self.settle()
+            kept = "finished tiles are kept" if self.settle else "nothing was kept"
+            os.write(2, f"\nvibroimpact: stopped at once, {kept}\n".encode())
+            os._exit(130)
 
 
 def speed(impacts: int, seconds: float) -> str:

@@ -67,7 +67,8 @@ def info(options: Mapping[str, Any]) -> None:
         store = SweepStore(path)
     identity = dict(store.identity)
     axes = [str(identity.pop(name)) for name in list(identity) if name.startswith("axis ")]
-    typer.echo(f"{path}: a parameter map of {identity.pop('indices')} over {' and '.join(axes)}")
+    kind = "refined map" if "refine" in identity else "parameter map"
+    typer.echo(f"{path}: a {kind} of {identity.pop('indices')} over {' and '.join(axes)}")
     typer.echo("  " + ", ".join(f"{name} {value}" for name, value in identity.items() if value is not None))
     for line in _progress(store):
         typer.echo(line)
@@ -95,6 +96,10 @@ def _complete(store: SweepStore) -> bool:
 
 def _progress(store: SweepStore) -> list[str]:
     """Return how far a sweep is, what it cost, and how its cells ended, a line each."""
+    if "refine" in store.identity:
+        from vibroimpact.cli.refined import tell_refined
+
+        return tell_refined(store)
     from vibroimpact.stores import summary
 
     found = summary(store.records(), store.tiling)

@@ -9,7 +9,7 @@ is finer than a cell across them is many cells long. So the computed cells of so
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -27,8 +27,8 @@ STRIDE = 4  # the quadtree hands over to the curves at this lattice
 REACH = 24  # rows on either side whose cells have a say
 PART = 4  # of the doubtful cells one in so many is computed at a time: each settles its neighbours along the curve
 SURVEYS = 4  # of all cells near boundaries; each may find what the ones before overlooked
-PORTION = 1 << 19  # cells looked at at a time, to save memory
-SHARE = 1 << 16  # cells that a thread looks up at once
+PORTION = 1 << 18  # cells looked at at a time, to save memory: some 30 MB
+SHARE = 1 << 14  # cells that a thread looks up at once
 FEW = 1e-4  # of the cells may stay in doubt
 
 
@@ -124,19 +124,32 @@ def _search(
     return found, distance
 
 
-def doubtful(picture: Picture, at: Places, parts: tuple[Floats, Floats], rule: Rule) -> Places:
-    """Return those of the cells `at` of which their neighbours along the curves disagree."""
-    return np.concatenate([ask(picture, some, parts).doubtful(picture, rule) for some in _portions(at)])
+def doubtful(picture: Picture, cells: Iterable[Places], parts: tuple[Floats, Floats], rule: Rule) -> Places:
+    """Return those of the cells of which their neighbours along the curves disagree."""
+    return np.concatenate([ask(picture, at, parts).doubtful(picture, rule) for at in cells])
 
 
-def fill(picture: Picture, at: Places, parts: tuple[Floats, Floats]) -> None:
-    """Fill the cells `at` in from computed ones along the curves."""
-    for some in _portions(at):
-        ask(picture, some, parts).fill(picture)
+def fill(picture: Picture, cells: Iterable[Places], parts: tuple[Floats, Floats]) -> None:
+    """Fill the cells in from computed ones along the curves."""
+    for at in cells:
+        ask(picture, at, parts).fill(picture)
 
 
-def _portions(at: Places) -> list[Places]:
-    return [at[low : low + PORTION] for low in range(0, max(len(at), 1), PORTION)]
+def unknown(picture: Picture, area: Flags) -> Iterator[Places]:
+    """Yield the cells of an area that are not computed, some rows at a time: all their places would fill the memory."""
+    width = picture.shape[1]
+    rows = max(PORTION // width, 1)
+    for low in range(0, picture.shape[0], rows):
+        band = slice(low, low + rows)
+        yield low * width + np.flatnonzero(area[band] & (picture.level[band] < 0))
+
+
+def still_unknown(picture: Picture, at: Places) -> Iterator[Places]:
+    """Yield those of the cells `at` that are not computed, some at a time."""
+    level = picture.level.ravel()
+    for low in range(0, max(len(at), 1), PORTION):
+        part = at[low : low + PORTION]
+        yield part[level[part] < 0]
 
 
 def thinned(at: Places, turn: int) -> Places:

@@ -56,4 +56,7 @@ def points_of(squares: Flags) -> Flags:
 def places(points: Flags, step: int, shape: tuple[int, ...]) -> Places:
     """Return where marked points of a lattice lie on the fine grid, as flat indices in ascending order."""
     i, j = np.nonzero(points)
-    return step * (i * shape[1] + j)
+    at = i * shape[1]
+    at += j
+    at *= step
+    return at

@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibroimpact.classes import NEEDED, MotionClass, classify
-from vibroimpact.dataset import missing
+from vibroimpact.dataset import missing, plain_variable
 from vibroimpact.refinement.lattice import Places
 from vibroimpact.status import Status
 
@@ -95,4 +95,4 @@ def motion_codes(result: Arrays, sample_impacts: int) -> NDArray[np.uint32]:
 def level_variable(dims: tuple[str, ...], levels: NDArray[np.int8]) -> xr.Variable:
     """Return levels with their meaning."""
     meaning = f"level of refinement at which a cell was computed, {FILLED} where it was filled in"
-    return xr.Variable(dims, levels, {"long_name": meaning, "units": "1", "symbol": "level"})
+    return plain_variable(dims, levels, {"long_name": meaning, "units": "1", "symbol": "level"})

@@ -1,28 +1,33 @@
-"""Computing batches of scattered cells, or taking them from where they were kept."""
+"""Computing batches of scattered cells into a picture, or taking them from where they were kept."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from threading import Event
+from collections import Counter
+from collections.abc import Callable, Generator
+from contextlib import closing
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import get_backend
 from vibroimpact.dataset import missing
-from vibroimpact.distributed import run_sweep
+from vibroimpact.progress import Stop
+from vibroimpact.refinement.computing import Computer
 from vibroimpact.refinement.lattice import Places
 from vibroimpact.refinement.picture import Picture
 from vibroimpact.refinement.request import RefinedRequest
 
-CHUNK = 1 << 14  # cells kept together: a second or more of work
+COUNTS = ("impacts", "steps")
 Arrays = dict[str, NDArray[Any]]
 
 
 class Keeper(Protocol):
     """Keeps chunks of computed cells by number."""
+
+    def begin(self, turn: int, level: int, cells: int) -> None:
+        """Note how large batch `turn` is."""
+        ...
 
     def recall(self, number: int, at: Places) -> Arrays | None:
         """Return what was kept of these cells under that number, or None."""
@@ -34,7 +39,7 @@ class Keeper(Protocol):
 
 
 class Points:
-    """Computes batches of cells into a picture; each batch is handed to the back end as a whole.
+    """Computes batches of cells into a picture, each batch some chunks at a time.
 
     Parameters
     ----------
@@ -46,64 +51,96 @@ class Points:
         self,
         request: RefinedRequest,
         picture: Picture,
-        workers: int,
+        computer: Computer,
         told: Callable[[int, int, int, int], Any],
+        stop: Stop,
         keeper: Keeper | None = None,
     ) -> None:
-        self.request, self.picture, self.workers, self.told, self.keeper = request, picture, workers, told, keeper
-        self.engine = get_backend(request.backend, time_step=request.time_step)
-        self.stop = Event()
-        self.chunks = self.done = self.total = 0
-        self.counts = {"impacts": 0, "steps": 0}
+        self.request, self.picture, self.computer = request, picture, computer
+        self.told, self.stop, self.keeper = told, stop, keeper
+        self.turns = self.chunks = self.done = self.total = 0
+        self.counts = dict.fromkeys(COUNTS, 0)
 
     def __call__(self, at: Places, level: int) -> bool:
         """Compute the cells `at` of the fine grid; return whether all ended."""
         self.total += len(at)
-        result: Arrays = {name: missing(name, len(at)) for name in self.request.indices}
-        result |= {"status": np.zeros(len(at), np.int8)}
-        result |= {name: np.zeros(len(at), np.int64) for name in self.counts}
-        ended = np.zeros(len(at), bool)
-        for part, number in self._parts(len(at)):
-            kept = self.keeper.recall(number, at[part]) if self.keeper else None
-            for name, values in (kept or {}).items():
-                result[name][part] = values
-                ended[part] = True
-        self._tell(result, ended)
-        if not ended.all() and not self.stop.is_set():
-            self._run(at, result, ended)
-        self.chunks += -(-len(at) // CHUNK)
-        self.picture.put(at[ended], {name: values[ended] for name, values in result.items()}, level)
-        return bool(ended.all()) and not self.stop.is_set()
+        if self.keeper:
+            self.keeper.begin(self.turns, level, len(at))
+        self.turns += 1
+        whole, portion = True, self.computer.chunks * self.request.chunk  # which bounds the memory that it takes
+        for low in range(0, len(at), portion):
+            if self.stop.is_set():
+                return False
+            whole &= self._compute(at[low : low + portion], level)
+        return whole and not self.stop.is_set()
 
-    def _parts(self, number: int) -> list[tuple[slice, int]]:
-        """Return where a batch is cut into chunks, and their numbers."""
-        cuts = range(0, number, CHUNK)
-        return [(slice(low, min(low + CHUNK, number)), self.chunks + turn) for turn, low in enumerate(cuts)]
+    def _compute(self, at: Places, level: int) -> bool:
+        portion = _Portion(at, self.chunks, self.request)
+        self.chunks += len(portion.chunks)
+        recalled: Counter[str] = Counter()
+        for chunk, part in enumerate(portion.chunks):
+            kept = self.keeper.recall(*portion.chunk(chunk)) if self.keeper else None
+            if kept is not None:
+                recalled += portion.take(part, kept)
+        self._tell(recalled)
+        if not portion.ended.all() and not self.stop.is_set():
+            self._run(portion)
+        self.picture.put(*portion.known(), level)
+        return bool(portion.ended.all())
 
-    def _run(self, at: Places, result: Arrays, ended: NDArray[np.bool_]) -> None:
-        request, began = self.request, perf_counter()
-        waiting = np.flatnonzero(~ended)
-        left = np.bincount(waiting // CHUNK, minlength=-(-len(at) // CHUNK))
-        parts = self._parts(len(at))
-        how = request.window, request.tolerances, request.early_closing, request.indices
-        for which, outcome in run_sweep(self.engine, request.cells(at[waiting]), *how, self.workers, self.stop):
-            new = waiting[which]
-            for name, values in result.items():
-                values[new] = outcome[name]
-            ended[new] = True
-            ends = np.bincount(new // CHUNK, minlength=len(left))
-            left -= ends
-            for full in np.flatnonzero((left == 0) & (ends > 0)).tolist() if self.keeper else ():
-                part, number = parts[full]
-                now = perf_counter()
-                kept = {name: values[part] for name, values in result.items()}
-                self.keeper.keep(number, at[part], kept, now - began)  # type: ignore[union-attr]
-                began = now
-            self._tell({name: outcome[name] for name in self.counts}, None)
+    def _run(self, portion: _Portion) -> None:
+        waiting, began = np.flatnonzero(~portion.ended), perf_counter()
+        finished = cast("Generator[tuple[Any, Arrays]]", self.computer.run(portion.at[waiting], self.stop))
+        with closing(finished):
+            for which, outcome in finished:
+                new = waiting[which]
+                counts = portion.take(new, outcome)
+                if self.keeper:
+                    for chunk in portion.filled(new):
+                        began, before = perf_counter(), began
+                        self.keeper.keep(*portion.chunk(chunk), portion.of(chunk), began - before)
+                self._tell(counts)
 
-    def _tell(self, result: Arrays, ended: NDArray[np.bool_] | None) -> None:
-        for name in self.counts:
-            self.counts[name] += int(result[name].sum())
-        self.done += len(result["steps"]) if ended is None else int(ended.sum())
-        if self.told(self.done, self.total, self.counts["impacts"], self.counts["steps"]) is False:
+    def _tell(self, counts: Counter[str]) -> None:
+        self.done += counts["cells"]
+        for name in COUNTS:
+            self.counts[name] += counts[name]
+        if self.told(self.done, self.total, *self.counts.values()) is False:
             self.stop.set()
+
+
+class _Portion:
+    """Some chunks of a batch on their way."""
+
+    def __init__(self, at: Places, first: int, request: RefinedRequest) -> None:
+        self.at, self.first = at, first
+        self.result: Arrays = {name: missing(name, len(at)) for name in request.indices}
+        self.result |= {"status": np.zeros(len(at), np.int8)} | {name: np.zeros(len(at), np.int64) for name in COUNTS}
+        self.ended = np.zeros(len(at), bool)
+        self.chunks = [slice(low, min(low + request.chunk, len(at))) for low in range(0, len(at), request.chunk)]
+
+    def chunk(self, chunk: int) -> tuple[int, Places]:
+        """Return the number of a chunk, and where its cells lie."""
+        return self.first + chunk, self.at[self.chunks[chunk]]
+
+    def of(self, chunk: int) -> Arrays:
+        """Return the numbers of a chunk."""
+        return {name: values[self.chunks[chunk]] for name, values in self.result.items()}
+
+    def take(self, which: slice | Places, outcome: Arrays) -> Counter[str]:
+        """Write cells down; return how many, and what they took."""
+        for name, values in self.result.items():
+            values[which] = outcome[name]
+        self.ended[which] = True
+        return Counter({"cells": len(outcome["status"])} | {name: int(outcome[name].sum()) for name in COUNTS})
+
+    def filled(self, new: Places) -> list[int]:
+        """Return the chunks that have ended with these cells."""
+        touched = np.unique(new // self.chunks[0].stop)
+        return [chunk for chunk in touched.tolist() if self.ended[self.chunks[chunk]].all()]
+
+    def known(self) -> tuple[Places, Arrays]:
+        """Return where cells have ended, and their numbers."""
+        if self.ended.all():
+            return self.at, self.result
+        return self.at[self.ended], {name: values[self.ended] for name, values in self.result.items()}

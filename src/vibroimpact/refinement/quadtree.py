@@ -51,14 +51,14 @@ def _follow(
     """Halve intervals of ln(omega/omega_n) along the curves near boundaries until neighbours agree; fill the rest."""
     area = curves.doubtful_area(picture, stride, rule)
     for _ in range(curves.SURVEYS):
-        left = curves.doubtful(picture, np.flatnonzero(area & (picture.level < 0)), parts, rule)
+        left = curves.doubtful(picture, curves.unknown(picture, area), parts, rule)
         if len(left) < curves.FEW * picture.level.size:
             break
         for turn in range(curves.PART):
             if not compute(curves.thinned(left, turn), levels):
                 return False
-            left = curves.doubtful(picture, left[picture.level.ravel()[left] < 0], parts, rule)
-    curves.fill(picture, np.flatnonzero(area & (picture.level < 0)), parts)
+            left = curves.doubtful(picture, curves.still_unknown(picture, left), parts, rule)
+    curves.fill(picture, curves.unknown(picture, area), parts)
     return True
 
 

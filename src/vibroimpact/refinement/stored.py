@@ -19,7 +19,6 @@ import zarr
 
 from vibroimpact.refinement.lattice import Places
 from vibroimpact.refinement.picture import FILLED, Picture, level_variable
-from vibroimpact.refinement.points import CHUNK
 from vibroimpact.refinement.request import RefinedRequest
 from vibroimpact.storage import load_lazily
 from vibroimpact.stores.layout import PACKING, PROGRESS, RECORDS
@@ -28,6 +27,7 @@ from vibroimpact.stores.store import SweepStore, open_or_create
 from vibroimpact.stores.writer import TileWriter, told
 
 POINTS = "points"
+BATCHES = "batches"  # level and number of cells of each, in the order in which they are asked for
 LEVEL_MARK = "level_checksum"
 MOST = 1 << 20  # chunks; those never written take no room
 TILE = 1 << 18  # cells of the picture in a file
@@ -57,9 +57,20 @@ def keeping(store: SweepStore, request: RefinedRequest) -> Iterator[StoredPoints
         writer.sweep_up()
         for name in store.damaged_axes():
             writer.write_axis(name, request.axes[name])
+        yield _kept(store, writer, request)
+
+
+def _kept(store: SweepStore, writer: TileWriter, request: RefinedRequest) -> StoredPoints:
+    try:
         with told(store.path):
-            kept = StoredPoints(store, writer, request)
-        yield kept
+            return StoredPoints(store, writer, request)
+    except OSError:
+        raise
+    except Exception as error:
+        raise OSError(
+            f"`store` is {str(store.path)!r}, in which what describes the computed cells is damaged "
+            f"({type(error).__name__}); remove its folder {PROGRESS}/{POINTS}, and they are computed anew"
+        ) from error
 
 
 class StoredPoints:
@@ -72,7 +83,8 @@ class StoredPoints:
         kinds = {name: np.dtype(root[name].dtype) for name in (*request.indices, "status")}
         kinds |= {"impacts": np.dtype("int64"), "steps": np.dtype("int64")}
         group = root[PROGRESS].require_group(POINTS)
-        rows = {"shape": (MOST, CHUNK), "chunks": (1, CHUNK), "fill_value": 0}
+        self.group, self.chunk = group, request.chunk
+        rows = {"shape": (MOST, self.chunk), "chunks": (1, self.chunk), "fill_value": 0}
         self.points = {name: _array(group, name, dtype=kind, **rows) for name, kind in kinds.items()}
         self.records = _array(
             group, RECORDS, shape=(MOST, COLUMNS), chunks=(1, COLUMNS), fill_value=0, dtype=np.dtype("int64")
@@ -82,6 +94,13 @@ class StoredPoints:
             root, "level", shape=request.shape, chunks=store.tiling.tile, fill_value=FILLED, dtype=level.dtype,
             dimension_names=list(request.axes), attributes=level.attrs,
         )  # fmt: skip
+
+    def begin(self, turn: int, level: int, cells: int) -> None:
+        """Note how large a batch is, for those who ask how far the sweep is."""
+        known = list(self.group.attrs.get(BATCHES, []))
+        if known[turn : turn + 1] != [[level, cells]]:
+            with self.writer.passing():
+                self.group.attrs[BATCHES] = [*known[:turn], [level, cells]]
 
     def recall(self, number: int, at: Places) -> Arrays | None:
         """Return a chunk of cells if it was kept, for these cells, and has not been altered since."""
@@ -100,9 +119,9 @@ class StoredPoints:
         place = place_of(self.store.key, number)
         impacts, steps = int(result["impacts"].sum()), int(result["steps"].sum())
         record = Record.of(result | {"cell": at}, impacts, steps, seconds, place)
-        with told(self.store.path):
+        with self.writer.passing():
             for name, array in self.points.items():
-                row = np.zeros(CHUNK, array.dtype)
+                row = np.zeros(self.chunk, array.dtype)
                 row[: len(at)] = result[name]
                 array[number] = row
             self.records[number] = record.row(place)
@@ -111,16 +130,16 @@ class StoredPoints:
         """Write the filled picture, a complete one with its records, and return it, read from disk."""
         none = {name: np.zeros(1, np.int64) for name in ("impacts", "steps")}  # counts stand beside the points
         tiling = self.store.tiling
-        with told(self.store.path):
-            for number in range(len(tiling)):
-                part = tiling[number]
-                tile = {name: values[part] for name, values in picture.values.items()}
+        for number in range(len(tiling)):
+            part = tiling[number]
+            tile = {name: values[part] for name, values in picture.values.items()}
+            with self.writer.passing():
                 self.level[part] = picture.level[part]
-                if complete:
-                    self.writer.write(number, part, tile | none, 0.0)
-                else:
-                    for name, values in tile.items():
-                        self.root[name][part] = values
+                for name, values in () if complete else tile.items():
+                    self.root[name][part] = values
+            if complete:
+                self.writer.write(number, part, tile | none, 0.0)
+        with self.writer.passing():
             self.root.attrs.update(attrs)
             if complete:
                 self.root[PROGRESS].attrs[LEVEL_MARK] = zlib.crc32(picture.level.tobytes())

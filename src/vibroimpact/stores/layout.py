@@ -29,7 +29,7 @@ def lay_out(folder: Path, request: SweepRequest, tiling: Tiling, command: str) -
     identity = request.identity()
     root = zarr.open_group(folder, mode="w-", zarr_format=3)
     root.attrs.update(
-        provenance("parameter_map", request.oscillator, _arguments(request))
+        provenance("parameter_map", request.oscillator, request.arguments())
         | {"study": json.dumps(identity), "key": key_of(identity), "command": command, "tile": list(tiling.tile)}
     )
     dims = list(request.axes)
@@ -78,19 +78,6 @@ def _label(name: str) -> Any:
 
 def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else value
-
-
-def _arguments(request: SweepRequest) -> dict[str, Any]:
-    return {
-        "indices": request.indices,
-        "backend": request.backend,
-        "time_step": request.time_step,
-        "transient_impacts": request.window.transient,
-        "sample_impacts": request.window.keep,
-        "start": request.start,
-        "early_closing": request.early_closing,
-        "tolerances": request.tolerances,
-    }
 
 
 def unpacked(array: Path, place: tuple[int, ...], like: NDArray[Any]) -> NDArray[Any]:

@@ -5,19 +5,26 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict, dataclass
+from threading import Event
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import ImpactWindow, get_backend
+from vibroimpact.backends import Cells, ImpactWindow, get_backend
 from vibroimpact.backends.starts import make_cells
 from vibroimpact.dataset import package_version
+from vibroimpact.distributed import run_here
 from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.stores.tiling import CELLS
 
 Floats = NDArray[np.float64]
+Computed = tuple[dict[str, NDArray[Any]], float]
+
+SLOW = ("reference", "fixed-step")  # back ends that take up to seconds a cell
+FEW = 4  # cells of a tile with them
 
 
 @dataclass(frozen=True)
@@ -56,21 +63,49 @@ class SweepRequest:
             "early_closing": self.early_closing,
         }
 
+    def arguments(self) -> dict[str, Any]:
+        """Return the call in the words of the API, for the provenance of a result."""
+        return {
+            "indices": self.indices,
+            "backend": self.backend,
+            "time_step": self.time_step,
+            "transient_impacts": self.window.transient,
+            "sample_impacts": self.window.keep,
+            "start": self.start,
+            "early_closing": self.early_closing,
+            "tolerances": self.tolerances,
+        }
+
+    @property
+    def usual_tile(self) -> int:
+        """Cells of a tile unless told otherwise: no more than may be lost when a sweep ends at once."""
+        return FEW if self.backend in SLOW else CELLS
+
     @property
     def varied(self) -> set[str]:
         """The oscillator's parameters that the axes vary."""
         return {"omega" if name == "frequency" else name for name in self.axes}
 
-    def compute(self, part: tuple[slice, ...]) -> tuple[dict[str, NDArray[Any]], float]:
-        """Return indices, status, impacts and steps of a box of cells, each in its shape, and the seconds it took."""
+    def compute(self, part: tuple[slice, ...], stop: Event | None = None) -> Computed:
+        """Return indices, status, impacts and steps of a box of cells, each in its shape, and the seconds it took.
+
+        Raises
+        ------
+        GivenUp
+            `stop` was set before all cells had ended.
+        """
         began = perf_counter()
         axes = {name: values[along] for (name, values), along in zip(self.axes.items(), part, strict=True)}
         engine = get_backend(self.backend, time_step=self.time_step)
-        cells = make_cells(self.oscillator, self.start, axes)
-        result = engine.indices(cells, self.window, self.tolerances, self.early_closing, self.indices)
+        how = self.window, self.tolerances, self.early_closing, self.indices
+        result = run_here(engine, self.cells_of(axes), *how, stop or Event())
         box = tuple(len(values) for values in axes.values())
         kept = {name: result[name].reshape(box) for name in (*self.indices, "status", "impacts", "steps")}
         return kept, perf_counter() - began
+
+    def cells_of(self, axes: dict[str, Floats]) -> Cells:
+        """Return the cells that axes span."""
+        return make_cells(self.oscillator, self.start, axes)
 
 
 def key_of(identity: dict[str, Any]) -> str:

@@ -3,33 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from threading import Event
 from typing import Any, cast
 
 import numpy as np
 import xarray as xr
 
-from vibroimpact.distributed import run_tiles
-from vibroimpact.progress import Report
+from vibroimpact.distributed import GivenUp, run_tiles
+from vibroimpact.progress import Report, Stop
 from vibroimpact.stores.records import DONE, Rows
 from vibroimpact.stores.request import SweepRequest
 from vibroimpact.stores.store import StoreBusy, SweepStore, TileWriter, open_or_create
-from vibroimpact.stores.tiling import CELLS, Tiling
+from vibroimpact.stores.tiling import Tiling
 
 # Computes tiles somewhere and yields each with what came of it: (numbers, seconds), or the record of a stored tile.
 Executor = Callable[[Callable[[int], Any], list[int], Event], Iterator[tuple[int, Any]]]
 
 
 def in_threads(workers: int) -> Executor:
-    """Return an executor that computes tiles side by side in this process."""
+    """Return an executor that computes tiles side by side in this process; stopped, it gives up those that run."""
 
     def run(job: Callable[[int], Any], numbers: list[int], stop: Event) -> Iterator[tuple[int, Any]]:
+        def work(part: slice) -> Any:
+            with suppress(GivenUp):
+                return job(part.start)
+
         parts = [slice(number, number + 1) for number in numbers]
-        tiles = cast("Generator[tuple[slice, Any]]", run_tiles(lambda part: job(part.start), parts, workers, stop))
+        tiles = cast("Generator[tuple[slice, Any]]", run_tiles(work, parts, workers, stop))
         with closing(tiles):
             for part, result in tiles:
-                yield part.start, result
+                if result is not None:
+                    yield part.start, result
 
     return run
 
@@ -38,7 +43,7 @@ def run_into_store(
     request: SweepRequest, path: Any, execute: Executor, report: Report, cells: int | None = None
 ) -> xr.Dataset:
     """Compute the tiles that a store lacks and write them; return the sweep, read from disk where it is looked at."""
-    store = open_or_create(path, request, cells or CELLS)
+    store = open_or_create(path, request, cells or request.usual_tile)
     with ExitStack() as stack:
         try:
             writer = stack.enter_context(store.writing())
@@ -51,10 +56,10 @@ def run_into_store(
         records = _mend(store, writer, request)
         tally = _Tally(store.tiling, records)
         waiting = np.flatnonzero(records[:, DONE] == 0).tolist()
-        stop = Event()
+        stop = Stop(report)
         if report(tally.cells, tally.total, tally.dataset) is False:
             stop.set()
-        tiles = execute(StoredTile(request, store.tiling, writer), waiting, stop)
+        tiles = execute(StoredTile(request, store.tiling, writer, stop), waiting, stop)
         # What still computes must end before the store is handed to others, also where this loop is left by Ctrl-C.
         stack.callback(getattr(tiles, "close", lambda: None))
         for number, record in tiles:
@@ -79,13 +84,13 @@ def _mend(store: SweepStore, writer: TileWriter, request: SweepRequest) -> Rows:
 class StoredTile:
     """Computes a tile and writes it, wherever that is done."""
 
-    def __init__(self, request: SweepRequest, tiling: Tiling, writer: TileWriter) -> None:
-        self.request, self.tiling, self.writer = request, tiling, writer
+    def __init__(self, request: SweepRequest, tiling: Tiling, writer: TileWriter, stop: Event) -> None:
+        self.request, self.tiling, self.writer, self.stop = request, tiling, writer, stop
 
     def __call__(self, number: int) -> Any:
         """Compute tile `number`, write it, and return its record."""
         part = self.tiling[number]
-        result, seconds = self.request.compute(part)
+        result, seconds = self.request.compute(part, self.stop)
         return self.writer.write(number, part, result, seconds)
 
 

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Condition
-from typing import Any
+from typing import Any, ClassVar
+from weakref import WeakSet
 
 import numpy as np
 import zarr
@@ -16,6 +17,8 @@ from numpy.typing import NDArray
 from vibroimpact.stores.layout import PROGRESS, RECORDS
 from vibroimpact.stores.locks import LOCK
 from vibroimpact.stores.records import Arrays, Record, place_of
+
+SETTLING = 5.0  # seconds that a process about to end waits for files it is writing
 
 
 class TileWriter:
@@ -38,11 +41,17 @@ class TileWriter:
         kept = {name: values for name, values in result.items() if name not in ("impacts", "steps")}
         place = place_of(self._key, number)
         record = Record.of(kept, int(result["impacts"].sum()), int(result["steps"].sum()), seconds, place)
-        with self._gate.passed(self.path), told(self.path):
+        with self.passing():
             for name, values in kept.items():
                 self._array(name)[part] = values
             self._array(f"{PROGRESS}/{RECORDS}")[number] = record.row(place)
         return record
+
+    @contextmanager
+    def passing(self) -> Iterator[None]:
+        """Let the caller write files that belong together; it is waited for before the store is handed to others."""
+        with self._gate.passed(self.path), told(self.path):
+            yield
 
     def forget(self, number: int, place: tuple[int, ...], names: tuple[str, ...]) -> None:
         """Take a tile for not done and its numbers for missing; `place` counts tiles along each axis."""
@@ -92,11 +101,20 @@ def told(path: Path) -> Iterator[None]:
         raise kind(error.errno, message) from error
 
 
+def settle() -> None:
+    """Wait until what this process writes into stores is whole, and hold up what it would write next: it is to end."""
+    for gate in list(_Gate.all):
+        gate.hold()
+
+
 class _Gate:
     """Lets writers pass until it is closed; whoever closes it waits for those on their way."""
 
+    all: ClassVar[WeakSet[_Gate]] = WeakSet()
+
     def __init__(self) -> None:
-        self._changed, self._inside, self._open = Condition(), 0, True
+        self._changed, self._inside, self._open, self._held = Condition(), 0, True, False
+        _Gate.all.add(self)
 
     def __reduce__(self) -> tuple[type[_Gate], tuple[()]]:
         return _Gate, ()
@@ -104,6 +122,7 @@ class _Gate:
     @contextmanager
     def passed(self, path: Path) -> Iterator[None]:
         with self._changed:
+            self._changed.wait_for(lambda: not self._held)
             if not self._open or not (path / "zarr.json").exists():
                 raise OSError(f"`store` is {str(path)!r}, which has been closed or removed; run the same again")
             self._inside += 1
@@ -118,3 +137,8 @@ class _Gate:
         with self._changed:
             self._open = False
             self._changed.wait_for(lambda: not self._inside)
+
+    def hold(self) -> None:
+        with self._changed:
+            self._held = True
+            self._changed.wait_for(lambda: not self._inside, SETTLING)

@@ -1,0 +1,107 @@
+"""Refined maps on a Dask cluster: the bits of one machine, stored and in memory, stopped and taken up again."""
+
+import numpy as np
+import pytest
+import zarr
+
+import vibroimpact as vi
+from vibroimpact.backends.starts import make_cells
+from vibroimpact.refinement.request import RefinedRequest
+from vibroimpact.stores import SweepStore
+
+distributed = pytest.importorskip("distributed", reason="needs the extra [cluster]")
+
+from vibroimpact.cluster import connect  # noqa: E402
+
+pytestmark = pytest.mark.filterwarnings("ignore:`cluster` has no worker")
+
+OSC = vi.ImpactOscillator()
+PLANE = {"omega": np.linspace(1.5, 3.5, 9), "mass": np.linspace(0.5, 1.5, 7)}
+
+
+def plane(**options):
+    return vi.parameter_map(OSC, **{"refine": 2, "sample_impacts": 300, **PLANE, **options})
+
+
+def assert_same(one, other):
+    for name in (*one.data_vars, *one.coords):
+        assert one[name].values.tobytes() == other[name].values.tobytes(), name
+    for name in ("impacts_computed", "steps_computed", "cells_computed", "complete"):
+        assert one.attrs[name] == other.attrs[name], name
+
+
+@pytest.fixture(scope="module")
+def client():
+    with connect("local:2") as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return plane()
+
+
+def test_a_refined_map_on_a_cluster_has_the_bits_of_one_machine(client, whole, tmp_path):
+    assert_same(plane(cluster=client), whole)
+    assert_same(plane(cluster=client, tile=17, store=tmp_path / "r.zarr"), whole)
+
+
+def test_cells_judged_along_curves_are_the_same_on_a_cluster(client):
+    assert_same(plane(cluster=client, along_curves=True, refine=3), plane(along_curves=True, refine=3))
+
+
+def test_a_sweep_stopped_on_a_cluster_goes_on_here_and_the_other_way_round(client, whole, tmp_path, monkeypatch):
+    monkeypatch.setattr("vibroimpact.refinement.request.CHUNK", 32)
+    for first, then in (({"cluster": client}, {}), ({}, {"cluster": client})):
+        store = tmp_path / f"{len(first)}.zarr"
+        partial = plane(store=store, progress=lambda done, total, partial: done < 150, **first)
+        assert partial.attrs["complete"] == 0
+        begun = []
+        plane(store=store, progress=lambda done, total, partial, begun=begun: begun.append(done), **then)
+        assert begun[0] >= 32
+        root = zarr.open_group(store, mode="r")
+        for name in whole.data_vars:
+            assert np.array_equal(root[name][:], whole[name].values, equal_nan=True), name
+        assert SweepStore(store).damaged() == []
+
+
+def test_a_finished_refined_store_needs_no_cluster(whole, tmp_path):
+    plane(store=tmp_path / "r.zarr")
+    again = plane(store=tmp_path / "r.zarr", cluster="tcp://127.0.0.1:1")
+    assert again["std"].values.tobytes() == whole["std"].values.tobytes()
+
+
+def test_a_batch_travels_without_the_axes_and_spans_the_cells_of_the_grid():
+    axes = {"gap": np.linspace(0.4, 0.9, 5000), "frequency": np.linspace(0.5, 0.8, 4)}
+    start = vi.State(0.3, 0.1, 1.7)
+    request = RefinedRequest(OSC, axes, ("std",), None, vi.Tolerances(), start)
+    at = np.array([19_999, 0, 7, 8])
+    batch = request.batch(at)
+    assert batch.shape == (4,)
+    whole, some = make_cells(OSC.replace(gap=0.4), start, axes)[at], batch.cells_of(batch.axes)
+    assert all(np.array_equal(getattr(whole, name), getattr(some, name)) for name in vars(whole))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"cluster": "local"}, "`cluster` is 'local'; allowed is"),
+        ({"cluster": "local:2", "workers": 2}, "`workers` is 2 with `cluster`; allowed is one of the two"),
+        ({"tile": 100}, "`tile` is 100 with `refine`; allowed is one with `cluster` only"),
+        ({"cluster": "local:2", "tile": 0}, "`tile` is 0"),
+    ],
+)
+def test_a_wrong_place_is_refused_before_anything_is_started(wrong, words, tmp_path):
+    with pytest.raises(ValueError, match=words):
+        plane(store=tmp_path / "r.zarr", **wrong)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_line_refines_on_a_cluster(run, client, whole, tmp_path):
+    command = "map --x omega=1.5:3.5:9 --y mass=0.5:1.5:7 --sample-impacts 300 --refine 2 --out r.zarr"
+    code, told, complaints = run(f"{command} --cluster {client.cluster.scheduler_address}")
+    assert code == 0, complaints
+    assert f"finished: {whole.attrs['cells_computed']} cells computed" in told[0]
+    assert np.array_equal(vi.load(tmp_path / "r.zarr")["std"].values, whole["std"].values, equal_nan=True)
+    code, _, complaints = run(f"{command} --cluster local:2 --workers 2")
+    assert (code, len(complaints)) == (2, 1)
