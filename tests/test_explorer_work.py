@@ -1,6 +1,9 @@
 """Many pages on few threads: what is cancelled, what is cut short and said so, and who is served when."""
 
 import gc
+import os
+import queue
+import sys
 import threading
 import time
 import weakref
@@ -278,3 +281,27 @@ def test_a_budget_is_at_least_what_fast_driving_needs():
         for count in (40, 600, 900, 5100):
             assert granted(stiff, count).steps_per_impact * stiff >= min(300.0, 100.0 * stiff)
             assert granted(stiff, count).steps_per_impact * stiff * count <= 6e6
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only on Linux has a thread a niceness of its own")
+def test_what_may_wait_leaves_the_processor_to_clicks():
+    pool = Pool(workers=1)
+    told = queue.SimpleQueue()
+    waiting = threading.Barrier(2)
+
+    def tell(name):
+        told.put((name, os.getpriority(os.PRIO_PROCESS, threading.get_native_id())))
+
+    def hold():
+        tell("plane")
+        waiting.wait(10)
+
+    pool.submit("page", Urgency.FINE, hold)
+    while pool.queued:
+        time.sleep(0.01)
+    pool.submit("page", Urgency.CLICK, lambda: (tell("click"), waiting.wait(10)))
+    ours = os.getpriority(os.PRIO_PROCESS, 0)
+    seen = dict(told.get(timeout=10) for _ in range(2))
+    assert seen["click"] == ours
+    assert seen["plane"] > ours
+    pool.close()

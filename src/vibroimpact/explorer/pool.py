@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
+import math
+import os
+import sys
 import threading
+import time
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -12,6 +17,8 @@ from itertools import count
 from vibroimpact.distributed import worker_count
 
 Job = Callable[[], None]
+NICE = 10  # of threads that compute what may wait
+CALM = 1.0  # s without a click, before the last thread turns to what may wait
 log = logging.getLogger(__name__)
 
 
@@ -51,10 +58,13 @@ class Pool:
         self._numbers = count()
         self._changed = threading.Condition()
         self._open = True
+        self._clicked = -math.inf
         plain = (Urgency.CLICK, Urgency.COARSE, Urgency.LINE, Urgency.FINE)
         duties = [plain] * self.workers + [(Urgency.CLICK,), (Urgency.SEARCH,)]
         self._threads = [
-            threading.Thread(target=self._work, args=(duty,), name=f"explorer-{number}", daemon=True)
+            threading.Thread(
+                target=self._work, args=(duty, number == 0 < self.workers - 1), name=f"explorer-{number}", daemon=True
+            )
             for number, duty in enumerate(duties)
         ]
         for thread in self._threads:
@@ -64,6 +74,8 @@ class Pool:
         """Queue a job; whether it is still wanted, it must ask itself."""
         with self._changed:
             self._waiting.append(_Waiting(urgency, next(self._numbers), owner, job))
+            if urgency == Urgency.CLICK:
+                self._clicked = time.monotonic()
             self._changed.notify_all()
 
     def forget(self, owner: Hashable) -> list[Job]:
@@ -89,25 +101,37 @@ class Pool:
         for thread in self._threads:
             thread.join(5.0)
 
-    def _work(self, duty: tuple[Urgency, ...]) -> None:
-        while (job := self._next(duty)) is not None:
+    def _work(self, duty: tuple[Urgency, ...], spare: bool) -> None:
+        if duty != (Urgency.CLICK,):
+            _step_back()
+        while (job := self._next(duty, spare)) is not None:
             try:
                 job()
             except Exception:
                 log.exception("a job of the explorer failed")
             del job  # it knows its page, which may be gone before the next one comes
 
-    def _next(self, duty: tuple[Urgency, ...]) -> Job | None:
+    def _next(self, duty: tuple[Urgency, ...], spare: bool) -> Job | None:
+        """Return what to do next; while people click, a spare thread leaves its core to them and their browsers."""
         with self._changed:
             while self._open:
-                ready = [waiting for waiting in self._waiting if waiting.urgency in duty]
+                busy = spare and time.monotonic() - self._clicked < CALM
+                worst = Urgency.COARSE if busy else Urgency.SEARCH
+                ready = [waiting for waiting in self._waiting if waiting.urgency in duty and waiting.urgency <= worst]
                 if ready:
                     best = min(ready, key=self._rank)
                     self._waiting.remove(best)
                     self._served[best.owner] = next(self._numbers)
                     return best.job
-                self._changed.wait()
+                self._changed.wait(CALM if busy else None)
         return None
 
     def _rank(self, waiting: _Waiting) -> tuple[int, int, int]:
         return waiting.urgency, self._served.get(waiting.owner, -1), waiting.number
+
+
+def _step_back() -> None:
+    """Let clicks, the server and browsers on this machine have the processor before the calling thread."""
+    if sys.platform == "linux":  # elsewhere a thread has no niceness of its own
+        with contextlib.suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
