@@ -32,9 +32,9 @@ def explore(
     no_browser: _NoBrowser = False,
     host: _Host = "127.0.0.1",
 ) -> None:
-    """A page in the browser: turn the seven numbers, see the stability map, click a point, watch its motion.
+    r"""A page in the browser: turn the seven numbers, see the stability map, click a point, watch its motion.
 
-    Needs the extra \\[web]. Nothing is loaded from outside; only this machine
+    Needs the extra \[web]. Nothing is loaded from outside; only this machine
     reaches the page unless --host is given. Ctrl-C ends it.
 
     For example:
