@@ -56,6 +56,13 @@ def test_a_branch_is_parted_exactly_at_its_bifurcations(branch, values):
     assert sum(len(part.values) - 1 for part in parts) == len(branch.orbits) - 1
 
 
+@pytest.mark.parametrize("rounded", [0, 1])
+def test_how_rounding_falls_at_a_bifurcation_does_not_matter(branch, rounded):
+    data = branch.dataset.copy(deep=True)
+    data["stable"][np.isin(data["omega"], data["special_value"])] = rounded  # its multiplier is -1, or is it?
+    assert [part.look for part in split(data, "omega")] == [INADMISSIBLE, STABLE, UNSTABLE, STABLE, UNSTABLE]
+
+
 def test_stable_parts_are_solid_unstable_dashed_and_impossible_ones_dotted(branch, ax):
     branch_diagram(branch, ax=ax)
     looks = [LOOKS[look]["linestyle"] for look in (INADMISSIBLE, STABLE, UNSTABLE, STABLE, UNSTABLE)]

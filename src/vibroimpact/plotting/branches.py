@@ -117,11 +117,28 @@ def split(branch: xr.Dataset, parameter: str) -> Iterator[Part]:
     # Between two points: a special one leaves the word to its neighbour, for rounding decides on which side it is.
     left, right = looks[:-1], looks[1:]
     between = np.where(special[:-1], right, np.where(special[1:], left, np.maximum(left, right)))
+    # Between two special ones, the second tells: beyond it the word is known, and at it the word changes.
+    kinds = dict(zip(branch["special_value"].values.tolist(), _special_kinds(branch), strict=True))
+    for k in np.flatnonzero(special[:-1] & special[1:])[::-1]:
+        if k + 1 < len(between):
+            between[k] = _before(kinds[values[k + 1]], int(between[k + 1]), int(between[k]))
     cuts = np.flatnonzero(np.diff(between)) + 1
     ends = zip([0, *cuts], [*cuts, len(between)], strict=True) if len(between) else [(0, 0)]
     look_of: NDArray[Any] = between if len(between) else looks
     for i, j in ends:
         yield Part(int(look_of[i]), values[i : j + 1], velocities[i : j + 1])
+
+
+def _special_kinds(branch: xr.Dataset) -> list[str]:
+    kinds = str(branch["special_kind"].attrs["flag_meanings"]).split()
+    return [kinds[int(code)] for code in branch["special_kind"].values]
+
+
+def _before(kind: str, beyond: int, otherwise: int) -> int:
+    """Return the look before a special point from that beyond it."""
+    if kind == "grazing":
+        return otherwise if beyond == INADMISSIBLE else INADMISSIBLE
+    return {STABLE: UNSTABLE, UNSTABLE: STABLE}.get(beyond, beyond)
 
 
 def orbit_name(branch: xr.Dataset) -> str:
@@ -140,10 +157,8 @@ def _special_points(drawn: list[xr.Dataset]) -> Iterator[tuple[str, float, Float
     """Yield kind, parameter value, impact velocities and branch of the special points, each once."""
     met: list[tuple[str, float]] = []
     for branch in drawn:
-        kinds = str(branch["special_kind"].attrs["flag_meanings"]).split()
         rows = branch["special_velocity"].transpose("special", "impact").values
-        for code, value, row in zip(branch["special_kind"].values, branch["special_value"].values, rows, strict=True):
-            kind = kinds[int(code)]
+        for kind, value, row in zip(_special_kinds(branch), branch["special_value"].values, rows, strict=True):
             if not any(kind == other and np.isclose(value, at, rtol=1e-9, atol=0.0) for other, at in met):
                 met.append((kind, float(value)))
                 yield kind, float(value), row[np.isfinite(row)], branch
