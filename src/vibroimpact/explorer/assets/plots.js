@@ -11,7 +11,7 @@ window.Plots = (() => {
     if (!(span > 0) || !Number.isFinite(size)) return { at: [], word: String, base: 0 };
     const ten = 10 ** Math.floor(Math.log10(span / Math.max(room, 1)));
     const step = ten * STEPS.find((one) => ten * one >= 0.7 * span / Math.max(room, 1));
-    const base = size / span > 1e4 ? Number(low.toPrecision(Math.ceil(Math.log10(size / span)))) : 0;
+    const base = size / span > 1e4 ? Number((0.5 * (low + high)).toPrecision(Math.ceil(Math.log10(size / span)))) : 0;
     const at = [];
     for (let k = Math.ceil((low - base) / step); k * step <= high - base && at.length < 50; k++) at.push(k * step);
     const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
@@ -134,8 +134,9 @@ window.Plots = (() => {
       this.height = Math.max(high - this.top - 2 * letter - 16, 1);
       const rows = ticks(...this.range.y, this.height / 32), words = rows.at.map(rows.word);
       const labels = Math.max(0, ...words.map((word) => pen.measureText(word).width));
-      this.left = this.fixed ? this.fixed[0] : labels + letter + 18;
-      this.width = Math.max(wide - this.left - (this.fixed ? this.fixed[1] : 12), 1);
+      const more = 5 * (letter - 11);
+      this.left = this.fixed ? this.fixed[0] + more : labels + letter + 18;
+      this.width = Math.max(wide - this.left - (this.fixed ? this.fixed[1] + more : 12), 1);
       let columns = ticks(...this.range.x, this.width / 56);
       const widest = Math.max(1, ...columns.at.map((x) => pen.measureText(columns.word(x)).width));
       if (columns.at.length * (widest + 10) > this.width) columns = ticks(...this.range.x, 0.7 * this.width / (widest + 10));
