@@ -20,7 +20,8 @@ FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "-
 SERVE = "from vibroimpact.explorer import explore; explore(port=0, browser=False)"
 TARGETS = {  # ms, MB
     "load": 2500.0, "click, median": 80.0, "click, 95 %": 200.0, "slider to 64 x 64": 400.0,
-    "slider to 256 x 256": 4000.0, "twenty pages, click, median": 500.0, "soak, growth": 50.0,
+    "slider to 256 x 256": 4000.0, "twenty pages, click, median": 500.0, "the same, planes on their way": 500.0,
+    "soak, growth": 50.0,
 }  # fmt: skip
 # from the moment the finger leaves the button until the frame after the one in which all four plots were painted
 CLICK = """async ([x, y]) => { const e = window.explorer, before = e.drawn; window.up = 0;
@@ -96,13 +97,15 @@ def slides(page: Any, number: int) -> tuple[list[float], list[float]]:
     return coarse, fine
 
 
-def crowd(browser: Any, address: str, pages: int, rounds: int) -> list[float]:
-    """Return the times of pages that click once a second each, in turns."""
+def crowd(browser: Any, address: str, pages: int, rounds: int, settled: bool) -> list[float]:
+    """Return the times of pages that click once a second each, in turns; their first planes may still be computed."""
     open_pages = []
     for _ in range(pages):
         page = browser.new_page(viewport={"width": 1366, "height": 768})
         load(page, address)
         open_pages.append((page, places(page, random.Random(len(open_pages)))))
+    for page, _ in open_pages if settled else ():
+        settle(page)
     open_pages[-1][0].wait_for_timeout(3000)
     arm = """() => { window.times = window.times || []; const e = window.explorer, before = e.drawn;
       document.addEventListener("pointerup", () => { const up = performance.now(); const look = () => {
@@ -167,7 +170,9 @@ def main() -> None:
             measured["soak, growth"] = soak(page, pid, asked.soak)
         page.close()
         if asked.pages > 0:
-            measured["twenty pages, click, median"] = float(np.median(crowd(browser, address, asked.pages, 5)))
+            for name, settled in (("twenty pages, click, median", True), ("the same, planes on their way", False)):
+                measured[name] = float(np.median(crowd(browser, address, asked.pages, 5, settled)))
+                time.sleep(5.0)
         browser.close()
     for name, value in measured.items():
         verdict = "met" if value < TARGETS[name] else "MISSED"
