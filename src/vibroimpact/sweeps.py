@@ -21,11 +21,10 @@ from vibroimpact.options import Sampling, Tolerances, whole_number
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.status import Status
+from vibroimpact.stores import SweepRequest
 
 if TYPE_CHECKING:
     from distributed import Client
-
-    from vibroimpact.stores import SweepRequest
 
 
 def parameter_map(
@@ -158,29 +157,16 @@ def parameter_map(
     if cluster is None or backend != "cuda":  # the GPUs are those of the workers
         check_told(chosen, get_backend(backend, time_step=time_step))
     limits = tolerances or Tolerances()
-    asked = (osc, grid, chosen, window, limits, start, backend, time_step, early_closing)
+    request = SweepRequest(osc, grid, chosen, window, limits, start, backend, time_step, early_closing)
     size = None if tile is None else whole_number("tile", tile, 1)
     if store is not None:
         make_cells(osc, start, {name: values for name, values in grid.items() if name == "gap"})  # refuses a bad start
         with reporter(progress, "cells") as report:
-            return _run_into_store(_request(*asked), store, cluster, threads, size, report)
+            return _run_into_store(request, store, cluster, threads, size, report)
     cells = make_cells(osc, start, grid)
 
     dataset, flat = _empty_map(osc, grid, chosen)
-    dataset.attrs |= provenance(
-        "parameter_map",
-        osc,
-        {
-            "indices": chosen,
-            "backend": backend,
-            "time_step": time_step,
-            "transient_impacts": window.transient,
-            "sample_impacts": window.keep,
-            "start": start,
-            "early_closing": early_closing,
-            "tolerances": limits,
-        },
-    )
+    dataset.attrs |= provenance("parameter_map", osc, request.arguments())
     done, stop = 0, Stop(progress)
     parts: Any
     if cluster is None:
@@ -189,7 +175,6 @@ def parameter_map(
     else:
         from vibroimpact.cluster import in_memory
 
-        request = _request(*asked)
         parts = in_memory(cluster, request, size or request.usual_tile, stop)
     with reporter(progress, "cells") as report, closing(parts):
         for which, result in parts:
@@ -210,13 +195,7 @@ def _check_place(cluster: Client | str, workers: int | None) -> None:
     check_alone(workers)
 
 
-# Imported where a store or a cluster is asked for: the first map of a session does not wait for Zarr and Dask.
-def _request(*asked: Any) -> SweepRequest:
-    from vibroimpact.stores import SweepRequest
-
-    return SweepRequest(*asked)
-
-
+# What needs Zarr and Dask is imported where a store or a cluster is asked for: a first map does not wait for them.
 def _run_into_store(
     request: SweepRequest,
     store: str | os.PathLike[str],

@@ -44,12 +44,10 @@ def explore(
     """
     from vibroimpact.cli.request import WrongRequest, asked
 
-    try:
-        from vibroimpact.explorer import explore as serve
-    except ImportError as error:
-        raise WrongRequest(str(error)) from error
     with asked(OSError):
         try:
+            from vibroimpact.explorer import explore as serve
+
             serve(store, port=port, host=host, browser=not no_browser)
         except ImportError as error:
             raise WrongRequest(str(error)) from error

@@ -105,17 +105,16 @@ class Page:
             "in": lambda: self._scale(ZOOM),
             "out": lambda: self._scale(1.0 / ZOOM),
         }
+        placed: dict[str, Callable[..., Any]] = {
+            "click": explorer.click,
+            "zoom": lambda x0, x1, y0, y1: explorer.zoom((x0, x1), (y0, y1)),
+            "along": self._along,
+        }
         if word in simple:
             simple[word]()
-        elif word in ("click", "zoom", "along"):
+        elif word in placed:
             with contextlib.suppress(ValueError, TypeError):  # the page's own script sends as many numbers as are due
-                getattr(self, f"_{word}")(*map(float, rest[:-1]))
-
-    def _click(self, x: float, y: float) -> None:
-        self.explorer.click(x, y)
-
-    def _zoom(self, x0: float, x1: float, y0: float, y1: float) -> None:
-        self.explorer.zoom((x0, x1), (y0, y1))
+                placed[word](*map(float, rest[:-1]))
 
     def _along(self, value: float) -> None:
         parameter, ends = self.explorer.view.along
