@@ -23,7 +23,7 @@ from vibroimpact.backends import (
 )
 from vibroimpact.backends.starts import check_start, make_cells
 from vibroimpact.dataset import impact_speed, missing, provenance, status_variable, variable
-from vibroimpact.distributed import run_sweep, run_tiles, worker_count
+from vibroimpact.distributed import run_sweep, run_tiles, tiles, worker_count
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, State
@@ -33,6 +33,7 @@ from vibroimpact.status import Status
 
 SECTIONS = ("impact", "stroboscopic")
 DIRECTIONS = ("fresh", "up", "down")
+FEW, MANY = 32, 64  # values sampled at once, at least and at most: lanes are full, and progress is heard
 
 
 def bifurcation_diagram(
@@ -103,7 +104,7 @@ def bifurcation_diagram(
     Notes
     -----
     A carried state that could not be followed to the end (`budget`) is replaced by a fresh start at the next value.
-    About a microsecond an impact and core.
+    Fresh starts are followed side by side, at about 0.15 microseconds an impact and core; a carried state takes 0.7.
 
     References
     ----------
@@ -153,9 +154,10 @@ def bifurcation_diagram(
     else:
         columns = _carried(engine, cells, window, limits, stop, upward=direction == "up")
     begun: list[tuple[int, Cells]] = []
+    table = {str(name): values.values for name, values in dataset.data_vars.items()}
     with reporter(progress, "values") as report:
         for done, (at, cell, seen) in enumerate(columns, start=1):
-            _fill(dataset, section, at, seen)
+            _fill(table, section, at, seen)
             begun.append((at, cell))
             if report(done, len(cells), dataset) is False:
                 stop.set()
@@ -182,9 +184,10 @@ def _fresh(
     threads: int,
     stop: Event,
 ) -> Iterator[tuple[int, Cells, Samples]]:
-    parts = [slice(at, at + 1) for at in range(len(cells))]
-    for part, (seen,) in run_tiles(lambda part: engine.samples(cells[part], window, limits), parts, threads, stop):
-        yield part.start, cells[part], seen
+    parts = tiles(len(cells), threads, min(engine.smallest_tile, FEW), min(engine.largest_tile, MANY))
+    for part, column in run_tiles(lambda part: engine.samples(cells[part], window, limits), parts, threads, stop):
+        for at, seen in enumerate(column, start=part.start):
+            yield at, cells[at : at + 1], seen
 
 
 def _carried(
@@ -236,15 +239,15 @@ def _empty_diagram(
     )
 
 
-def _fill(dataset: xr.Dataset, section: str, at: int, seen: Samples) -> None:
+def _fill(table: dict[str, NDArray[Any]], section: str, at: int, seen: Samples) -> None:
     if section == "impact":
         points = {"velocity": seen.impact_velocity, "phase": seen.impact_phase}
     else:
         points = {"displacement": seen.look_displacement, "velocity": seen.look_velocity}
     for name, column in points.items():
-        dataset[name].values[at, : len(column)] = column
-    dataset["count"].values[at] = len(column)
-    dataset["status"].values[at] = seen.status
+        table[name][at, : len(column)] = column
+    table["count"][at] = len(column)
+    table["status"][at] = seen.status
 
 
 def _fill_indices(

@@ -58,7 +58,7 @@ def impact_section(
 
     Notes
     -----
-    Each impact is exact to rounding and to the growth of errors along the orbit. About a microsecond an impact.
+    Each impact is exact to rounding and to the growth of errors along the orbit. About 0.7 microseconds an impact.
 
     References
     ----------

@@ -57,7 +57,7 @@ def simulate(
     Notes
     -----
     Flights are exact power series, contacts are certified and found to rounding; errors grow along the orbit as the
-    motion itself lets them. About a microsecond an impact, plus a third of one a sample.
+    motion itself lets them. About 0.7 microseconds an impact, plus a third of one a sample.
 
     References
     ----------

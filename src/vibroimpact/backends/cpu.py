@@ -1,4 +1,4 @@
-"""The `cpu` back end: certified steps in vectorised lanes for indices, in a single loop for samples."""
+"""The `cpu` back end: certified steps in vectorised lanes for indices and for samples of many cells."""
 
 from __future__ import annotations
 
@@ -9,18 +9,9 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import recorder
-from vibroimpact.backends.base import (
-    Cells,
-    Counts,
-    Floats,
-    ImpactWindow,
-    Outcome,
-    Samples,
-    StroboscopicWindow,
-    look_schedule,
-)
+from vibroimpact.backends.base import Cells, Counts, Floats, ImpactWindow, Outcome, Samples, StroboscopicWindow
 from vibroimpact.backends.cycle import FACTS
+from vibroimpact.backends.endings import ended_as
 from vibroimpact.backends.lane_runner import (
     COLUMNS,
     COUNTED,
@@ -44,13 +35,13 @@ from vibroimpact.backends.lane_runner import (
     make_seat,
     run_cells,
 )
+from vibroimpact.backends.sampling import sample
 from vibroimpact.indices import INDICES, VELOCITY_INDICES
-from vibroimpact.kernels.cell import DYING, FILLED, PINNED, QUIET, RUNNING, SPENT
+from vibroimpact.kernels.cell import FILLED
 from vibroimpact.kernels.lanes import LANES
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 
-_ROOM = 4096  # rows of a recorder's buffer that is not known to fill
 _LOOKS = 2000  # at the lanes, some 20 ms, before a thread asks whether to stop
 _BATCH = 4096  # cells that end before they are handed on
 _COLUMNS = {
@@ -67,17 +58,6 @@ _COLUMNS = {
     "impact_phase_spread": SPREAD,
     "grazing_margin": MISSED,
 }
-
-
-def _ended(end: int, impacts: float | bool) -> Status:
-    if end in (QUIET, DYING) and not impacts:
-        return Status.NO_IMPACT
-    return {
-        QUIET: Status.STOPPED_IMPACTING,
-        PINNED: Status.STUCK_FOREVER,
-        DYING: Status.DECAYING,
-        SPENT: Status.BUDGET,
-    }.get(end, Status.OK)
 
 
 def table(cells: Cells) -> Floats:
@@ -155,78 +135,13 @@ class CpuBackend:
         return work
 
     def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
-        """Return what the window sees of each cell, one after the other."""
-        return [_record(row, window, tolerances) for row in table(cells)]
+        """Return what the window sees of each cell."""
+        return sample(table(cells), window, limits(tolerances))
 
 
 def create() -> CpuBackend:
     """Return the back end."""
     return CpuBackend()
-
-
-def _record(row: Floats, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> Samples:
-    look_periods = look_phase = np.empty(0)
-    first = (0.0, 0.0)
-    if isinstance(window, ImpactWindow):
-        transient, total, per_period, room = float(window.transient), window.transient + window.keep, 1, window.keep
-    else:
-        transient, total, per_period, room = 0.0, 0, window.per_period, _ROOM
-        look_periods, look_phase = look_schedule(row[9], row[10], window)
-        first = (look_periods[0], look_phase[0])
-    number = len(look_periods)
-    memory = np.zeros(recorder.MEMORY)
-    recorder.begin(row, memory)
-    parts: list[list[Floats]] = []
-    end = RUNNING
-    while end == RUNNING:
-        buffers = np.empty((room, 3)), np.empty((max(number, 1), 2)), np.empty((_ROOM, 4))
-        end, *filled = recorder.record(
-            row, memory, *buffers, transient, float(total), *first, float(per_period), number, limits(tolerances)
-        )
-        parts.append([buffer[:rows] for buffer, rows in zip(buffers, filled, strict=True)])
-    impacts, looks, sticks = (np.concatenate(part) for part in zip(*parts, strict=True))
-    ended = _ended(end, memory[recorder.COUNT])
-    if isinstance(window, ImpactWindow):
-        turns = impacts[:, 0] + impacts[:, 1]
-        span = turns[-1] - turns[0] if len(turns) else 0.0
-        status = window_status(
-            sampled=len(impacts), wanted=window.keep, stuck=len(sticks) > 0, periods=span, ended=ended
-        )
-        velocity, phase = recorder.place(row, memory)
-        last = (memory[recorder.U], velocity, memory[recorder.N], phase)
-    else:
-        status = _looks_status(row, look_periods, look_phase, looks, sticks, ended)
-        last = (looks[-1, 0], looks[-1, 1], look_periods[-1], look_phase[-1]) if len(looks) else (math.nan,) * 4
-    return Samples(
-        impact_periods=impacts[:, 0],
-        impact_phase=impacts[:, 1],
-        impact_velocity=impacts[:, 2],
-        look_periods=look_periods[: len(looks)],
-        look_phase=look_phase[: len(looks)],
-        look_displacement=row[6] - looks[:, 0],
-        look_velocity=looks[:, 1],
-        stick_periods=sticks[:, 0],
-        stick_phase=sticks[:, 1],
-        release_periods=sticks[:, 2],
-        release_phase=sticks[:, 3],
-        status=int(status),
-        last_clearance=last[0],
-        last_velocity=last[1],
-        last_periods=last[2],
-        last_phase=last[3],
-        steps=int(memory[recorder.STEPS]),
-    )
-
-
-def _looks_status(row: Floats, periods: Floats, phase: Floats, looks: Floats, sticks: Floats, ended: Status) -> Status:
-    if len(looks) < len(periods):
-        return ended
-    pressed_for_ever = row[2] * row[6] <= -row[3]
-    released = sticks[:, 2] + sticks[:, 3]
-    if len(sticks) and np.isnan(released[-1]) and pressed_for_ever:
-        return Status.STUCK_FOREVER
-    within = np.isnan(released) | (released > periods[0] + phase[0])
-    return Status.STICKING if within.any() else Status.OK
 
 
 def _status(end: int, flags: list[bool], window: ImpactWindow) -> Status:
@@ -236,7 +151,7 @@ def _status(end: int, flags: list[bool], window: ImpactWindow) -> Status:
         wanted=window.keep,
         stuck=stuck,
         periods=0.0 if short else math.inf,
-        ended=Status.CLOSED if known else _ended(end, hit),
+        ended=Status.CLOSED if known else ended_as(end, hit),
     )
 
 

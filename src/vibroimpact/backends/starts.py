@@ -11,6 +11,8 @@ import numpy as np
 from vibroimpact.backends.base import Cells, Floats
 from vibroimpact.oscillator import ImpactOscillator, State
 
+COUNTABLE = 2.0**53  # periods: the next whole number is the next number
+
 
 def make_cells(osc: ImpactOscillator, start: State | None, axes: Mapping[str, Floats] | None = None) -> Cells:
     """Return one cell a point of the axes' grid (the last axis fastest), all from the same start.
@@ -35,6 +37,7 @@ def make_cells(osc: ImpactOscillator, start: State | None, axes: Mapping[str, Fl
         _refuse_beyond(start, gap)
         clearance = gap - start.displacement
     turns = start.time * columns["omega"] / (2.0 * math.pi)
+    _refuse_endless(start, turns)
     whole = np.floor(turns)
     columns |= {
         "clearance": clearance,
@@ -51,6 +54,15 @@ def _refuse_beyond(start: State, gap: Floats) -> None:
         raise ValueError(
             f"`start` has displacement {start.displacement!r}; allowed is at most the gap, {nearest:g} here; "
             "start the mass in front of the stop"
+        )
+
+
+def _refuse_endless(start: State, turns: Floats) -> None:
+    most = float(np.max(np.abs(turns), initial=0.0))
+    if not most < COUNTABLE:
+        raise ValueError(
+            f"`start` has time {start.time!r}, {most:.3g} driving periods; allowed are less than 2^53, beyond which "
+            "periods cannot be counted; start nearer to time 0"
         )
 
 

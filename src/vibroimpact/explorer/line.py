@@ -17,7 +17,7 @@ from vibroimpact.explorer.state import View
 
 Floats = NDArray[np.float64]
 
-VALUES, PART = 200, 40  # along the line; at a time
+VALUES, PART = 200, 100  # along the line; at a time
 IMPACTS = 48  # of each
 MANY = 5000  # impacts for which a whole budget is granted: these few have but a share of it
 MOST_SECONDS = 10.0

@@ -56,18 +56,19 @@ def from_release(osc: ImpactOscillator, longest: int) -> Stick | None:
     if not lets_go(osc) or osc.restitution == 1.0:
         return None
     cell = table(make_cells(osc, State(osc.gap, 0.0, CREST * osc.period)))[0]
-    memory = np.zeros(recorder.MEMORY)
-    recorder.begin(cell, memory)
     steps = min(1000.0 / (1.0 - osc.restitution), _MOST_STEPS / (longest + 2))
     allowed = limits(Tolerances(chatter=FINEST, steps_per_impact=math.ceil(steps)))
+    # One look late in the last period ends a walk that never rests; room for one stick ends it at each.
+    window = 0.0, 0.0, 1.0, 1.0
+    memory = np.zeros(recorder.MEMORY)
+    recorder.begin(cell, memory, window, (float(longest), 0.999), allowed)
     parts: list[Floats] = []
     released = False
     while True:
-        # One look late in the last period ends a walk that never rests; room for one stick ends it at each.
         impacts, looks, sticks = np.empty((_ROOM, 3)), np.empty((1, 2)), np.empty((1, 4))
-        end, n_impacts, _, n_sticks = recorder.record(
-            cell, memory, impacts, looks, sticks, 0.0, 0.0, float(longest), 0.999, 1.0, 1, allowed
-        )
+        filled = np.zeros(3, np.int64)
+        end = recorder.record(memory, window, (impacts, looks, sticks), filled)
+        n_impacts, _, n_sticks = filled
         parts.append(impacts[:n_impacts])
         if n_sticks and released and math.isfinite(sticks[0, 2]):
             return _stick(sticks[0], np.concatenate(parts))
