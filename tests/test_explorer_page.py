@@ -247,6 +247,31 @@ def test_a_plot_of_the_motion_zooms_pans_and_comes_back(tab):
     until(tab, f"{picture} === {home!r}")
 
 
+def test_the_link_holds_speed_and_zoom_too(tab, browser):
+    load(tab)
+    tab.select_option("#speed", "2")
+    tab.evaluate("Motion.plots.portrait.zoom(0.25, { x: -2, y: 1 })")
+    until(tab, "location.hash.includes('portrait')")
+    seen = tab.evaluate("Motion.plots.portrait.part")
+    assert "#speed=2&portrait=" in tab.url
+    other = browser.new_page(viewport={"width": 1366, "height": 768})
+    other.goto(tab.url)
+    until(other, "window.explorer && window.explorer.drawn > 0 && Motion.plots.portrait.part")
+    assert other.evaluate("Motion.plots.portrait.part") == pytest.approx(seen, rel=1e-8)
+    assert other.input_value("#speed") == "2"
+    assert other.evaluate("Motion.plots.history.part") is None
+    other.close()
+    click(tab, 0.2, 0.3)  # another motion is seen whole
+    until(tab, "location.hash === '#speed=2'")
+
+
+def test_what_cannot_be_read_behind_the_address_is_left_out_in_words(tab):
+    tab.goto(f"{tab.address}?{QUICK}#portrait=1,0,nan,<b>")
+    until(tab, "document.getElementById('message').textContent.includes('cannot be read')")
+    assert tab.evaluate("location.hash") == ""
+    assert tab.locator("#message b").count() == 0
+
+
 def test_the_motion_plays(tab):
     load(tab)
     tab.click("#play")

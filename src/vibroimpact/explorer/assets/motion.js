@@ -112,7 +112,12 @@ window.Motion = (() => {
       motions[slot] = at > 0 ? motion : null;
     },
     facts: (told) => { facts = told; },
-    home: (told) => { for (const [name, [x, y]] of Object.entries(told)) plots[name].fit(x, y); },
+    home: (told) => {
+      for (const [name, [x, y]] of Object.entries(told)) {
+        const { home } = plots[name];
+        if (`${[home.x, home.y]}` !== `${[x, y]}`) plots[name].fit(x, y);  // what is as it was stays as a person zoomed it
+      }
+    },
     line: (told) => { line = { ...line, ...told }; },
     line_home: ({ x, y, label }) => { if (label) below.x = label; below.fit(x || below.home.x, y || below.home.y); },
   };
@@ -123,5 +128,5 @@ window.Motion = (() => {
     if (names.some((name) => name.startsWith("line"))) below.draw();
     if (names.some((name) => !name.startsWith("line"))) { for (const plot of Object.values(plots)) plot.draw(); if (!playing) draw_mass(); }
   };
-  return { take, play, below, motions };
+  return { take, play, below, motions, plots };
 })();

@@ -63,18 +63,49 @@
     }
   });
 
+  // ---- the part of the link that only the page knows, behind #: how fast the motion plays, what plots are zoomed to
+  const speed = byId("speed"), usual = speed.value;
+  const fragment = () => {
+    const parts = speed.value === usual ? [] : [`speed=${speed.value}`];
+    for (const [name, { part }] of Object.entries(Motion.plots)) if (part) parts.push(`${name}=${part.map((end) => Number(end.toPrecision(9)))}`);
+    return parts.length ? `#${parts.join("&")}` : "";
+  };
+  let writing = null, unread = true;
+  const write = (query = location.search) => {
+    clearTimeout(writing);
+    history.replaceState(null, "", location.pathname + query + (unread ? location.hash : fragment()));
+  };
+  const write_soon = () => { clearTimeout(writing); writing = setTimeout(write, 200); };
+  // Once the plots know what there is to see.
+  const follow_fragment = () => {
+    unread = false;
+    for (const [name, text] of new URLSearchParams(location.hash.slice(1))) {
+      const ends = text.split(",").map(Number), plot = Object.hasOwn(Motion.plots, name) ? Motion.plots[name] : null;
+      if (name === "speed" && [...speed.options].some((one) => one.value === text)) speed.value = text;
+      else if (plot && ends.length === 4 && ends.every(Number.isFinite) && ends[0] < ends[1] && ends[2] < ends[3]) plot.show(ends);
+      else say(`${name.slice(0, 40)}=${text.slice(0, 40)} behind # in the address cannot be read; it is left out.`);
+    }
+    write();
+  };
+  for (const plot of Object.values(Motion.plots)) plot.moved = write_soon;
+  speed.addEventListener("change", () => write());
+  window.addEventListener("hashchange", follow_fragment);
+
   // ---- what changes together, in one message
   const plain = (told) => (told instanceof Map ? Object.fromEntries([...told].map(([name, one]) => [name, plain(one)])) : told);
   const unpack = (parcel) => {
     const names = parcel.data.part || [], contents = parcel.data.content || [], parts = [];
+    let query;
     for (let i = 0; i < names.length; i++) {
       const content = plain(contents[i]), name = names[i].slice(1);
-      if (names[i] === "address") history.replaceState(null, "", `?${content.query}`);
+      if (names[i] === "address") query = `?${content.query}`;
       else if (names[i].startsWith("#")) byId(name).innerHTML = content.html;
       else parts.push([names[i], content]);
     }
     Plane.take(parts);
     Motion.take(parts);
+    if (names.includes("home") && unread) follow_fragment();
+    if (query || names.includes("home")) write(query);
     if (!names.includes("motion_0")) return;
     requestAnimationFrame(() => requestAnimationFrame(() => { told.drawn += 1; told.drawn_at = performance.now(); }));
   };

@@ -38,6 +38,14 @@ window.Plots = (() => {
 
     fit(x, y) { this.home = { x: [...x], y: [...y] }; this.reset(); }
 
+    // What is seen, as four numbers; nothing where all of it is.
+    get part() {
+      const all = ["x", "y"].every((axis) => this.range[axis].every((end, k) => end === this.home[axis][k]));
+      return all ? null : [...this.range.x, ...this.range.y];
+    }
+
+    show([left, right, low, high]) { this.range = { x: [left, right], y: [low, high] }; this.draw(); }
+
     // ---- the person
     listen() {
       const { canvas } = this;
@@ -59,7 +67,7 @@ window.Plots = (() => {
       canvas.addEventListener("pointercancel", () => { this.held = null; });
       canvas.addEventListener("pointerleave", () => { this.place.textContent = ""; });
       if (this.still) return;
-      canvas.addEventListener("dblclick", () => { this.reset(); this.draw(); });
+      canvas.addEventListener("dblclick", () => { this.reset(); this.draw(); this.moved(); });
       canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.zoom(1.2 ** Math.sign(event.deltaY), this.at(event)); }, { passive: false });
     }
 
