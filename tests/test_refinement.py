@@ -11,8 +11,9 @@ import vibroimpact as vi
 from vibroimpact.backends.starts import make_cells
 from vibroimpact.classes import MotionClass
 from vibroimpact.refinement import refined_map, to_uniform
-from vibroimpact.refinement.curves import heights
+from vibroimpact.refinement.curves import fill, heights
 from vibroimpact.refinement.lattice import finer
+from vibroimpact.refinement.picture import Picture
 from vibroimpact.refinement.request import RefinedRequest
 
 OSC = vi.ImpactOscillator()
@@ -58,6 +59,20 @@ def test_the_quadtree_misses_less_than_a_tenth_of_a_percent_of_the_hard_plane(ha
 def test_curves_need_a_third_of_the_cells_for_one_percent_more(hard):
     assert hard[1].attrs["fraction_computed"] < 0.135  # 0.126
     assert different(hard[1], hard[2]) < 0.014  # 0.0114
+
+
+def test_bands_thinner_than_a_cell_are_told_by_the_cells_along_them():
+    axes = {"omega": np.linspace(1.0, 2.0, 201), "mass": np.linspace(1.0, 2.0, 201)}
+    parts = heights(axes)
+    height = np.add.outer(*parts)
+    bands = np.floor(height / 0.003).astype(np.uint32)  # each 0.8 cells wide, and a motion of its own
+    picture = Picture(bands.shape, NAMED, 500)
+    computed = np.random.default_rng(1).random(bands.shape) < 0.1
+    picture.motion[computed], picture.level[computed] = bands[computed], 0
+    fill(picture, [np.flatnonzero(~computed)], parts)
+    inside = np.abs(height / 0.003 % 1.0 - 0.5) < 0.4  # of a band: not where two of them meet
+    inside[:40] = inside[-40:] = inside[:, :40] = inside[:, -40:] = False  # near the border few cells can tell
+    assert (picture.motion != bands)[inside].mean() < 0.003  # 0.0019
 
 
 def test_indices_filled_in_within_a_motion_err_as_the_square_of_the_coarse_step():

@@ -23,10 +23,11 @@ from vibroimpact.refinement.picture import Picture
 
 # The power of each parameter in omega/omega_n = omega sqrt(mass/stiffness).
 POWERS = {"omega": 1.0, "frequency": 1.0, "mass": 0.5, "stiffness": -0.5}
-STRIDE = 4  # the quadtree hands over to the curves at this lattice
-REACH = 24  # rows on either side whose cells have a say
+STRIDE = 8  # the quadtree hands over to the curves at this lattice
+REACH = 96  # rows on either side whose cells have a vote
+AGREED = 0.9  # of the votes: where no motion has as many, a cell is computed
 PART = 4  # of the doubtful cells one in so many is computed at a time: each settles its neighbours along the curve
-SURVEYS = 4  # of all cells near boundaries; each may find what the ones before overlooked
+SURVEYS = 4  # of all cells near boundaries; each finds what the ones before overlooked
 PORTION = 1 << 18  # cells looked at at a time, to save memory: some 30 MB
 SHARE = 1 << 14  # cells that a thread looks up at once
 FEW = 1e-4  # of the cells may stay in doubt
@@ -42,39 +43,40 @@ def heights(axes: Mapping[str, Floats]) -> tuple[Floats, Floats] | None:
 
 @dataclass(frozen=True)
 class Opinions:
-    """Of each doubtful place the nearest computed cells below and above its curve (-1: none), and how far off."""
+    """What computed cells say of some places: the nearest below and above the curve (-1: none) that show the motion
+    with most votes, how far off they are, and its share of the votes (0: nobody was found).
+    """
 
     at: Places
     found: Places
     distance: Floats
+    share: Floats
 
     def doubtful(self, picture: Picture, rule: Rule) -> Places:
-        """Return the places of which the two disagree, or that have none."""
+        """Return the places of which opinions differ, or nobody has one."""
         below, above = self.found
-        motion = picture.motion.ravel()
-        differ: Flags = motion[below] != motion[above]
+        differ: Flags = self.share < AGREED
         for name, most in rule.jumps.items():
             values = picture.values[name].ravel()
             with np.errstate(invalid="ignore"):
-                differ |= np.abs(values[below] - values[above]) > most
-        differ &= (below >= 0) & (above >= 0)
-        left: Places = self.at[differ | ((below < 0) & (above < 0))]
+                differ |= (below >= 0) & (above >= 0) & (np.abs(values[below] - values[above]) > most)
+        left: Places = self.at[differ]
         return left
 
     def fill(self, picture: Picture) -> None:
-        """Give every place the motion of the nearer cell, and indices in proportion where both agree."""
-        told = (self.found >= 0).any(axis=0)
+        """Give every place the motion with most votes, and indices in proportion between the nearest that show it."""
+        told = self.share > 0.0
         at, (below, above), (down, up) = self.at[told], self.found[:, told], self.distance[:, told]
         nearer = np.where(down <= up, below, above)
         motion = picture.motion.ravel()
-        same = (below >= 0) & (above >= 0) & (motion[below] == motion[above])
+        both = (below >= 0) & (above >= 0)
         with np.errstate(invalid="ignore"):
-            weight = np.where(same, down / (down + up), 0.0)
+            weight = np.where(both, down / (down + up), 0.0)
         for field in picture.values.values():
             flat = field.ravel()
             guess = flat[nearer]
             if flat.dtype.kind == "f":
-                between = same & np.isfinite(flat[below]) & np.isfinite(flat[above])
+                between = both & np.isfinite(flat[below]) & np.isfinite(flat[above])
                 low, high = flat[below[between]], flat[above[between]]
                 guess[between] = low + weight[between] * (high - low)
             flat[at] = guess
@@ -91,48 +93,71 @@ def doubtful_area(picture: Picture, stride: int, rule: Rule) -> Flags:
     return area
 
 
-def ask(picture: Picture, at: Places, parts: tuple[Floats, Floats]) -> Opinions:
-    """Return what the computed cells beside say of the cells `at`."""
-    first, second = parts
-    i, j = np.divmod(at, picture.shape[1])
-    steep = np.abs(np.gradient(first))[i] >= np.abs(np.gradient(second))[j]
-    found, distance = np.full((2, len(at)), -1, np.int64), np.full((2, len(at)), np.inf)
-    which = np.flatnonzero(steep)
-    (rows, columns), distance[:, which] = _search(picture.level, first, second, i[which], j[which])
-    found[:, which] = np.where(rows >= 0, rows * picture.shape[1] + columns, -1)
-    which = np.flatnonzero(~steep)
-    (columns, rows), distance[:, which] = _search(picture.level.T, second, first, j[which], i[which])
-    found[:, which] = np.where(rows >= 0, rows * picture.shape[1] + columns, -1)
-    return Opinions(at, found, distance)
+class Poll:
+    """Asks the computed cells of a picture, as they are now, about others."""
+
+    def __init__(self, picture: Picture, parts: tuple[Floats, Floats]) -> None:
+        self.picture, self.parts = picture, parts
+        self.across = np.ascontiguousarray(picture.level.T)  # neighbours in memory are looked through faster
+
+    def about(self, at: Places) -> Opinions:
+        """Return what the computed cells beside say of the cells `at`."""
+        first, second = self.parts
+        width = self.picture.shape[1]
+        i, j = np.divmod(at, width)
+        steep = np.abs(np.gradient(first))[i] >= np.abs(np.gradient(second))[j]
+        opinions = Opinions(at, *_nothing(len(at)))
+        ways = (
+            (steep, self.across, (width, 1), first, second, i, j),
+            (~steep, self.picture.level, (1, width), second, first, j, i),
+        )
+        for chosen, level, strides, height, along, rows, columns in ways:
+            which = np.flatnonzero(chosen)
+            answer = self._ask(level, strides, height, along, rows[which], columns[which])
+            for kept, told in zip((opinions.found, opinions.distance, opinions.share), answer, strict=True):
+                kept[..., which] = told
+        return opinions
+
+    def _ask(
+        self,
+        level: NDArray[np.int8],
+        strides: tuple[int, int],
+        height: Floats,
+        along: Floats,
+        rows: Places,
+        columns: Places,
+    ) -> tuple[Places, Floats, Floats]:
+        """Ask about cells in threads; rows are those along which the curves are steepest."""
+        from vibroimpact.refinement.neighbours import poll
+
+        number = len(rows)
+        answer = _nothing(number)
+        motion = self.picture.motion.ravel()
+
+        def ask(low: int) -> None:
+            poll(level, motion, strides, height, along, rows, columns, REACH, low, min(low + SHARE, number), *answer)
+
+        with ThreadPoolExecutor(worker_count(None)) as pool:
+            deque(pool.map(ask, range(0, number, SHARE)), maxlen=0)
+        return answer
 
 
-def _search(
-    level: NDArray[np.int8], height: Floats, along: Floats, rows: Places, columns: Places
-) -> tuple[NDArray[np.int64], Floats]:
-    """Return rows and columns of the nearest computed cells on both sides of the curves, and how far off they are."""
-    from vibroimpact.refinement.neighbours import nearest
-
-    number = len(rows)
-    found, distance = np.full((2, 2, number), -1, np.int64), np.full((2, number), np.inf)
-
-    def search(low: int) -> None:
-        high = min(low + SHARE, number)
-        nearest(level, height, along, rows, columns, REACH, low, high, found, distance)
-
-    with ThreadPoolExecutor(worker_count(None)) as pool:
-        deque(pool.map(search, range(0, number, SHARE)), maxlen=0)
-    return found, distance
+def _nothing(number: int) -> tuple[Places, Floats, Floats]:
+    """Return the opinions about so many cells of nobody: places found, distances, share."""
+    return np.full((2, number), -1, np.int64), np.full((2, number), np.inf), np.zeros(number)
 
 
 def doubtful(picture: Picture, cells: Iterable[Places], parts: tuple[Floats, Floats], rule: Rule) -> Places:
-    """Return those of the cells of which their neighbours along the curves disagree."""
-    return np.concatenate([ask(picture, at, parts).doubtful(picture, rule) for at in cells])
+    """Return those of the cells about which their neighbours along the curves disagree."""
+    poll = Poll(picture, parts)
+    return np.concatenate([poll.about(at).doubtful(picture, rule) for at in cells])
 
 
 def fill(picture: Picture, cells: Iterable[Places], parts: tuple[Floats, Floats]) -> None:
     """Fill the cells in from computed ones along the curves."""
+    poll = Poll(picture, parts)
     for at in cells:
-        ask(picture, at, parts).fill(picture)
+        poll.about(at).fill(picture)
 
 
 def unknown(picture: Picture, area: Flags) -> Iterator[Places]:
