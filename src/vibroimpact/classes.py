@@ -54,8 +54,9 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
        .. math:: N \lambda_\mathrm{impact} > 53 \ln 2 \approx 36.7,
 
        in a window of at least 10 driving periods;
-    6. *undecided*: all else: a motion that settles or grows too slowly, that came to rest once and not again, or a
-       `short_window`.
+    6. *undecided*: all else: a motion that settles or grows too slowly, that came to rest once and not again, or
+       irregularly (neighbours part by more than 1e13 between two rests, so that rounding decides when the next one
+       comes), or a `short_window`.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ class Motion:
         if self.kind == "periodic":
             return f"period-{self.n_periods} impact-{self.n_impacts}"
         if self.kind == "sticking":
-            return f"period-{self.n_periods} sticking"
+            return f"period-{self.n_periods} sticking" if self.n_periods else "irregular with rests"
         if self.kind in ("aperiodic", "undetermined"):
             return self.kind
         status = Status[self.kind.upper()]
@@ -73,6 +73,8 @@ class Motion:
             return f"{self.name}, {_hits(self.velocities)} {cycle}"
         if self.kind == "sticking":
             hardest = f", hardest hit {max(self.velocities):.3g} m/s" if self.velocities else ""
+            if not self.n_periods:
+                return f"{self.name}, comes to rest at the stop so seldom that rounding decides when{hardest}"
             return f"{self.name}, comes to rest at the stop {cycle}{hardest}"
         if self.kind == "aperiodic":
             return "aperiodic, the impacts do not repeat"

@@ -8,7 +8,17 @@ import numpy as np
 from numba import njit
 
 from vibroimpact.backends.closing import LONGEST, try_to_close
-from vibroimpact.backends.cycle import IMPACTS, LOG_RADIUS, MISS, PERIODS, RESTS, SQUARES, describe_turn
+from vibroimpact.backends.cycle import (
+    IMPACTS,
+    LOG_RADIUS,
+    MISS,
+    PARTING,
+    PERIODS,
+    RESTS,
+    SQUARES,
+    UNTOLD,
+    describe_turn,
+)
 from vibroimpact.backends.tickets import next_ticket
 from vibroimpact.kernels import lanes as rows
 from vibroimpact.kernels.cell import FILLED, RUNNING, budgets, cut_velocity, ending, pair_of, phase_of, prepare
@@ -120,7 +130,9 @@ def harvest_thoroughly(lanes, i, note, facts, cell, keep, result):
     if stuck:
         describe_turn(lanes, i, WALK if returns else PERHAPS, facts)
     period = 2.0 * math.pi / w
-    result[CYCLE_PERIODS], result[CYCLE_IMPACTS] = facts[PERIODS], facts[IMPACTS]
+    result[CYCLE_PERIODS], result[CYCLE_IMPACTS] = 0.0, 0.0
+    if facts[PARTING] < UNTOLD:
+        result[CYCLE_PERIODS], result[CYCLE_IMPACTS] = facts[PERIODS], facts[IMPACTS]
     length = math.hypot(lanes[rows.SUM_S * LANES + i], lanes[rows.SUM_C * LANES + i])
     result[SPREAD] = max(1.0 - length / keep, 0.0)
     lost = 0.5 * m * (1.0 - r) * (1.0 + r) / (h * h)

@@ -18,6 +18,7 @@ from vibroimpact.backends.reference_tangent import Tangent
 from vibroimpact.backends.reference_turns import closest_miss
 
 CLOSE = 1e-9  # of V, and of a radian: how well impacts must come back, and how near the periodic orbit must be
+UNTOLD = math.log(1e13)  # ln of the parting of neighbours by which rounding decides when a mass rests again
 NOT_SMALL = 1e-3  # of the cycle's weakest impact: a way to go as long as this may lead past a graze
 
 
@@ -83,12 +84,13 @@ class Account:
     def _of_cycle(self, cycle: Cycle) -> dict[str, float]:
         contacts = slice(cycle.first + 1, cycle.last + 1)
         recorded = self.counted[(self.counted > cycle.first) & (self.counted <= cycle.last)]
+        told = not self.superstable or self.tangent.parting(contacts.start, cycle.last) < UNTOLD
         number, time = len(recorded), cycle.periods * self.free.period
         return {
             "lyapunov": cycle.log_radius / time,
             "lyapunov_per_impact": cycle.log_radius / max(number, 1),
-            "n_periods": cycle.periods,
-            "n_impacts": -1 if self.superstable and self.restitution > 0.0 else number,
+            "n_periods": cycle.periods if told else 0,
+            "n_impacts": 0 if not told else -1 if self.superstable and self.restitution > 0.0 else number,
             "dissipation": self.loss * float((self.speed[recorded] ** 2).sum()) / cycle.periods,
             "stick_fraction": self.rests[-1][1] / time if self.superstable else 0.0,
             "grazing_margin": float(self.miss[contacts].min(initial=math.inf)),

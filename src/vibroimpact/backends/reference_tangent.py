@@ -58,6 +58,21 @@ class Tangent:
                 size_first = size + self._log_length(i, deviation)
         return size + self._log_length(last, deviation) - size_first
 
+    def parting(self, first: int, last: int) -> float:
+        """Return ln of the largest growth of a tangent vector between any two contacts from `first` to `last`.
+
+        It is `BEGIN` where the flight to contact `first` begins, and wherever it has shrunk to less than it was there.
+        """
+        fresh = np.array(BEGIN) / self.units / sum(BEGIN)
+        state, grown, most = fresh, 0.0, 0.0
+        for i in range(first, last + 1):
+            after = self.leaving[i] @ (self.arriving[i] @ state)
+            length = float(np.abs(self.units * after).sum())
+            grown += math.log(length) if length > 0.0 else -math.inf
+            state, grown = (after / length, grown) if grown > 0.0 else (fresh, 0.0)
+            most = max(most, grown)
+        return most
+
     def _log_length(self, contact: int, deviation: Floats) -> float:
         length = float(np.abs(self.units * (self.leaving[contact] @ deviation)).sum())
         return math.log(length) if length > 0.0 else -math.inf

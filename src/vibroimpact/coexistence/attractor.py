@@ -22,7 +22,7 @@ class Attractor:
         "periodic", "sticking", "chaotic", "no_impact" (the mass settles clear of the stop), "stuck_forever" (the force
         never lets it go) or "at_rest" (nothing drives it).
     n_periods : int
-        Driving periods in a cycle; 0 where there is none.
+        Driving periods in a cycle; 0 where there is none, also between rests so far apart that rounding decides.
     n_impacts : int
         Impacts in a cycle; -1 for a complete chatter, 0 where there is no cycle.
     velocities, phases : tuple of float

@@ -181,7 +181,7 @@ def _points(runner: Runner, found: Sequence[Basin], axes: tuple[str, ...], phase
 
 
 def _seen(runner: Runner, attractor: Attractor, axes: tuple[str, ...], phase: float) -> dict[str, Floats]:
-    periods = attractor.n_periods or (POINTS if attractor.kind == "chaotic" else 1)
+    periods = attractor.n_periods or (POINTS if attractor.kind in ("chaotic", "sticking") else 1)
     cell = state_cells(runner.osc, [attractor.start])
     at_impacts = "phase" in axes
     window = StroboscopicWindow(0, min(periods, POINTS) + at_impacts, None if at_impacts else phase)

@@ -43,6 +43,7 @@ NEEDED = (
     "n_periods",
     "n_impacts",
     "dissipation",
+    "stick_fraction",
     "grazing_margin",
 )
 
@@ -170,6 +171,7 @@ def judge(osc: ImpactOscillator, told: Outcome, kept: int) -> NDArray[np.int8]:
     """Return the fate of each cell from what a window of `kept` impacts told."""
     status, exponent = told["status"], told["lyapunov_per_impact"]
     cycle = told["n_periods"] > 0
+    returns = cycle | np.isfinite(told["stick_fraction"])  # if not with a period of its own: rounding decides when
     sampled = status <= Status.SHORT_WINDOW
     clear_of_stop = (status == Status.NO_IMPACT) | (status == Status.STOPPED_IMPACTING)
     stuck, dying = status == Status.STUCK_FOREVER, status == Status.DECAYING
@@ -177,7 +179,7 @@ def judge(osc: ImpactOscillator, told: Outcome, kept: int) -> NDArray[np.int8]:
     swings_on = dying & (not damped and osc.gap > 0.0)  # unforced and undamped, it ends just not touching the stop
     clear_of_stop = clear_of_stop & (driven or not damped) | swings_on
     fates = [
-        (Fate.STICKING, cycle & np.isneginf(exponent)),
+        (Fate.STICKING, returns & np.isneginf(exponent)),
         (Fate.PERIODIC, cycle & attracts(osc)),
         (Fate.CHAOTIC, sampled & ~cycle & (exponent * kept > PARTED) & attracts(osc)),
         (Fate.NO_IMPACT, clear_of_stop),

@@ -18,6 +18,7 @@ from vibroimpact.status import Status
 SAME = 1e-6  # of V: how well the impacts of two cycles must agree to be one cycle
 BOXES = 64  # along phase and along velocity
 SHARED = 0.5  # of the impacts of two chaotic motions in the same boxes: more, and they are one attractor
+WANDERING = 2000  # periods that are told of a motion whose rests have no period
 
 
 @dataclass(frozen=True)
@@ -91,22 +92,26 @@ def described(runner: Runner, settled: Settled, at: int, members: Counts, seen: 
 
 
 def sticking(runner: Runner, settled: Settled, at: int) -> Attractor:
-    """Return the one attractor that sticks: every release is the same state, sin = k g / f falling."""
+    """Return the one attractor that sticks: every release is the same state, sin = k g / f falling.
+
+    Where rounding decides when the mass rests again, it is told of by a long sample, as chaos is.
+    """
     osc, n_periods = runner.osc, int(settled.told["n_periods"][at])
     # At rest when the force presses most, the mass waits for its release.
     cell = cells_at(osc, np.zeros(1), np.zeros(1), np.array([CREST]))
-    (seen,) = runner.engine.samples(cell, StroboscopicWindow(0, n_periods + 2), runner.limits)
+    window = StroboscopicWindow(0, n_periods + 2 if n_periods else WANDERING)
+    (seen,) = runner.engine.samples(cell, window, runner.limits)
     release = seen.release_periods + seen.release_phase
     time = seen.impact_periods + seen.impact_phase
-    turn = (time > release[0]) & (time < release[0] + n_periods)
+    turn = (time > release[0]) & (time < release[0] + (n_periods or WANDERING))
     velocity, phase = seen.impact_velocity[turn], seen.impact_phase[turn]
     hardest = -int(velocity.argmax())
     return Attractor(
         kind="sticking",
         n_periods=n_periods,
         n_impacts=int(settled.told["n_impacts"][at]),
-        velocities=tuple(np.roll(velocity, hardest).tolist()),
-        phases=tuple(np.roll(phase, hardest).tolist()),
+        velocities=tuple(np.roll(velocity, hardest).tolist()) if n_periods else (),
+        phases=tuple(np.roll(phase, hardest).tolist()) if n_periods else (),
         **_statistics(velocity),
         lyapunov=-math.inf,
         dissipation=float(settled.told["dissipation"][at]),

@@ -152,6 +152,8 @@ def sentence(osc: ImpactOscillator, kind: MotionClass, status: Status, indices: 
         reach = osc.steady_amplitude
         swings = f" It swings by {reach:.3g} m before a stop at {osc.gap:.3g} m." if reach < osc.gap else ""
         return f"{status.sentence[0].upper()}{status.sentence[1:].split(';')[0]}.{swings}"
+    if kind == MotionClass.UNDECIDED and math.isinf(indices["lyapunov"]):
+        return f"Irregular with rests, {hardest}: it rests at the stop so seldom that rounding decides when."
     told = f", {hardest}" if math.isfinite(indices["max_velocity"]) else ""
     reason = status.sentence.split(";")[0] if not status.has_indices else "no cycle was found, and chaos is not certain"
     return f"Undecided{told}: {reason}; sample more impacts."

@@ -65,9 +65,13 @@ class Reading:
         return int(self.indices["n_impacts"])
 
     @property
+    def _hardly_repeats(self) -> bool:
+        return self.n_periods > HARDLY_EVER or (self.kind == "sticking" and not self.n_periods)
+
+    @property
     def group(self) -> tuple[str, int, int]:
         """What tells one class of motion from another; all that do not repeat, or hardly ever, are one."""
-        if self.kind in ("chaotic", "undecided") or self.n_periods > HARDLY_EVER:
+        if self.kind in ("chaotic", "undecided") or self._hardly_repeats:
             return "aperiodic", 0, 0
         return self.kind, self.n_periods, self.n_impacts
 
@@ -77,9 +81,7 @@ class Reading:
         if self.kind == "periodic":
             return f"period-{self.n_periods} impact-{self.n_impacts}"
         if self.kind == "sticking":
-            if self.n_periods > HARDLY_EVER:
-                return "irregular with rests"
-            return f"period-{self.n_periods} sticking" if self.n_periods else "sticking"
+            return "irregular with rests" if self._hardly_repeats else f"period-{self.n_periods} sticking"
         return _NAMES.get(self.kind, self.kind)
 
     @property
