@@ -20,6 +20,7 @@ from vibroimpact.distributed import worker_count
 from vibroimpact.refinement.lattice import Flags, Floats, Places, widen
 from vibroimpact.refinement.marking import Rule, mixed_squares
 from vibroimpact.refinement.picture import Picture
+from vibroimpact.refinement.scales import Curves
 
 # The power of each parameter in omega/omega_n = omega sqrt(mass/stiffness).
 POWERS = {"omega": 1.0, "frequency": 1.0, "mass": 0.5, "stiffness": -0.5}
@@ -52,33 +53,35 @@ class Opinions:
     distance: Floats
     share: Floats
 
-    def doubtful(self, picture: Picture, rule: Rule) -> Places:
+    def doubtful(self, picture: Picture, rule: Rule, curves: Curves) -> Places:
         """Return the places of which opinions differ, or nobody has one."""
         below, above = self.found
         differ: Flags = self.share < AGREED
         for name, most in rule.jumps.items():
-            values = picture.values[name].ravel()
+            values, here = picture.values[name].ravel(), curves.scale(name, self.at)
+            low, high = (values[side] / curves.scale(name, side) * here for side in (below, above))
             with np.errstate(invalid="ignore"):
-                differ |= (below >= 0) & (above >= 0) & (np.abs(values[below] - values[above]) > most)
+                differ |= (below >= 0) & (above >= 0) & (np.abs(low - high) > most)
         left: Places = self.at[differ]
         return left
 
-    def fill(self, picture: Picture) -> None:
-        """Give every place the motion with most votes, and indices in proportion between the nearest that show it."""
+    def fill(self, picture: Picture, curves: Curves) -> None:
+        """Give every place the motion with most votes; indices, in their scales, in proportion between the nearest."""
         told = self.share > 0.0
         at, (below, above), (down, up) = self.at[told], self.found[:, told], self.distance[:, told]
         nearer = np.where(down <= up, below, above)
         motion = picture.motion.ravel()
-        both = (below >= 0) & (above >= 0)
         with np.errstate(invalid="ignore"):
-            weight = np.where(both, down / (down + up), 0.0)
-        for field in picture.values.values():
+            weight = np.where((below >= 0) & (above >= 0), down / (down + up), 0.0)
+        for name, field in picture.values.items():
             flat = field.ravel()
             guess = flat[nearer]
             if flat.dtype.kind == "f":
-                between = both & np.isfinite(flat[below]) & np.isfinite(flat[above])
-                low, high = flat[below[between]], flat[above[between]]
+                guess = guess / curves.scale(name, nearer)
+                between = (below >= 0) & (above >= 0) & np.isfinite(flat[below]) & np.isfinite(flat[above])
+                low, high = (flat[side[between]] / curves.scale(name, side[between]) for side in (below, above))
                 guess[between] = low + weight[between] * (high - low)
+                guess *= curves.scale(name, at)
             flat[at] = guess
         motion[at] = motion[nearer]
 
@@ -96,8 +99,8 @@ def doubtful_area(picture: Picture, stride: int, rule: Rule) -> Flags:
 class Poll:
     """Asks the computed cells of a picture, as they are now, about others."""
 
-    def __init__(self, picture: Picture, parts: tuple[Floats, Floats]) -> None:
-        self.picture, self.parts = picture, parts
+    def __init__(self, picture: Picture, curves: Curves) -> None:
+        self.picture, self.parts = picture, curves.parts
         self.across = np.ascontiguousarray(picture.level.T)  # neighbours in memory are looked through faster
 
     def about(self, at: Places) -> Opinions:
@@ -147,17 +150,17 @@ def _nothing(number: int) -> tuple[Places, Floats, Floats]:
     return np.full((2, number), -1, np.int64), np.full((2, number), np.inf), np.zeros(number)
 
 
-def doubtful(picture: Picture, cells: Iterable[Places], parts: tuple[Floats, Floats], rule: Rule) -> Places:
+def doubtful(picture: Picture, cells: Iterable[Places], curves: Curves, rule: Rule) -> Places:
     """Return those of the cells about which their neighbours along the curves disagree."""
-    poll = Poll(picture, parts)
-    return np.concatenate([poll.about(at).doubtful(picture, rule) for at in cells])
+    poll = Poll(picture, curves)
+    return np.concatenate([poll.about(at).doubtful(picture, rule, curves) for at in cells])
 
 
-def fill(picture: Picture, cells: Iterable[Places], parts: tuple[Floats, Floats]) -> None:
+def fill(picture: Picture, cells: Iterable[Places], curves: Curves) -> None:
     """Fill the cells in from computed ones along the curves."""
-    poll = Poll(picture, parts)
+    poll = Poll(picture, curves)
     for at in cells:
-        poll.about(at).fill(picture)
+        poll.about(at).fill(picture, curves)
 
 
 def unknown(picture: Picture, area: Flags) -> Iterator[Places]:

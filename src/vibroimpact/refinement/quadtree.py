@@ -8,9 +8,10 @@ import numpy as np
 
 from vibroimpact.indices import INDICES
 from vibroimpact.refinement import curves
-from vibroimpact.refinement.lattice import Floats, Places, places
+from vibroimpact.refinement.lattice import Places, places
 from vibroimpact.refinement.marking import Rule, overlooked, wanted
 from vibroimpact.refinement.picture import NAMING, Picture
+from vibroimpact.refinement.scales import Curves
 
 # Computes cells and puts them into the picture at a level; returns whether it was let finish.
 Compute = Callable[[Places, int], bool]
@@ -22,7 +23,7 @@ def refine(
     jump: float | None,
     watched: tuple[str, ...],
     compute: Compute,
-    parts: tuple[Floats, Floats] | None = None,
+    along: Curves | None = None,
 ) -> bool:
     """Compute and fill the picture; return whether it is complete.
 
@@ -32,7 +33,7 @@ def refine(
     everywhere = np.ones(picture.level[::step, ::step].shape, bool)
     going = compute(places(everywhere, step, picture.shape), 0)
     rule = Rule({} if jump is None else _jumps(picture, step, jump, watched))
-    stride = 1 if parts is None else min(curves.STRIDE, step)
+    stride = 1 if along is None else min(curves.STRIDE, step)
     for level in range(1, levels + 1):
         step //= 2
         batch = wanted(picture, step, rule) if going and step >= stride else None
@@ -40,25 +41,23 @@ def refine(
         while batch is not None and len(batch):
             going = compute(batch, level)
             batch = overlooked(picture, step, rule) if going else None
-    if going and parts is not None:
-        return _follow(picture, levels, stride, rule, compute, parts)
+    if going and along is not None:
+        return _follow(picture, levels, stride, rule, compute, along)
     return going
 
 
-def _follow(
-    picture: Picture, levels: int, stride: int, rule: Rule, compute: Compute, parts: tuple[Floats, Floats]
-) -> bool:
+def _follow(picture: Picture, levels: int, stride: int, rule: Rule, compute: Compute, along: Curves) -> bool:
     """Halve intervals of ln(omega/omega_n) along the curves near boundaries until neighbours agree; fill the rest."""
     area = curves.doubtful_area(picture, stride, rule)
     for _ in range(curves.SURVEYS):
-        left = curves.doubtful(picture, curves.unknown(picture, area), parts, rule)
+        left = curves.doubtful(picture, curves.unknown(picture, area), along, rule)
         if len(left) < curves.FEW * picture.level.size:
             break
         for turn in range(curves.PART):
             if not compute(curves.thinned(left, turn), levels):
                 return False
-            left = curves.doubtful(picture, curves.still_unknown(picture, left), parts, rule)
-    curves.fill(picture, curves.unknown(picture, area), parts)
+            left = curves.doubtful(picture, curves.still_unknown(picture, left), along, rule)
+    curves.fill(picture, curves.unknown(picture, area), along)
     return True
 
 
