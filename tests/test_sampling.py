@@ -50,6 +50,22 @@ def test_a_diagram_shows_the_impacts_of_its_sections():
         assert np.array_equal(column, section["velocity"].values)
 
 
+def test_of_long_windows_few_values_are_sampled_at_once_and_a_stop_is_heard():
+    asked = []
+
+    def no(done, total, partial):
+        asked.append(done)
+        return False
+
+    values = np.linspace(1.9, 2.1, 40)
+    part = vi.bifurcation_diagram(
+        vi.ImpactOscillator(), omega=values, sample_impacts=100_000, transient_impacts=0, workers=1, progress=no
+    )
+    computed = int((part["status"] != vi.Status.INTERRUPTED).sum())
+    assert asked == [1]
+    assert 0 < computed <= 12  # three tiles of four
+
+
 def test_full_buffers_are_emptied_and_nothing_is_lost(monkeypatch):
     cells = make_cells(vi.ImpactOscillator(gap=-0.3, restitution=0.3), None, {"omega": np.linspace(0.3, 2.0, 40)})
     window, engine = StroboscopicWindow(skip_periods=0, keep=50, phase=0.5), get_backend("cpu")

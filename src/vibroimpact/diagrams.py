@@ -33,7 +33,9 @@ from vibroimpact.status import Status
 
 SECTIONS = ("impact", "stroboscopic")
 DIRECTIONS = ("fresh", "up", "down")
-FEW, MANY = 32, 64  # values sampled at once, at least and at most: lanes are full, and progress is heard
+# Values sampled at once, at least and at most: lanes are full, and progress is heard. Of long windows there are fewer,
+# no more than have AT_ONCE impacts or periods together, so that they are soon done and fit into memory.
+FEW, MANY, AT_ONCE = 32, 64, 400_000
 
 
 def bifurcation_diagram(
@@ -159,7 +161,7 @@ def bifurcation_diagram(
         for done, (at, cell, seen) in enumerate(columns, start=1):
             _fill(table, section, at, seen)
             begun.append((at, cell))
-            if report(done, len(cells), dataset) is False:
+            if not stop.is_set() and report(done, len(cells), dataset) is False:
                 stop.set()
     if chosen and begun:
         impacts = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
@@ -184,7 +186,9 @@ def _fresh(
     threads: int,
     stop: Event,
 ) -> Iterator[tuple[int, Cells, Samples]]:
-    parts = tiles(len(cells), threads, min(engine.smallest_tile, FEW), min(engine.largest_tile, MANY))
+    left_out = window.transient if isinstance(window, ImpactWindow) else window.skip_periods
+    most = min(max(AT_ONCE // (left_out + window.keep), 1), MANY, engine.largest_tile)
+    parts = tiles(len(cells), threads, min(engine.smallest_tile, FEW, most), most)
     for part, column in run_tiles(lambda part: engine.samples(cells[part], window, limits), parts, threads, stop):
         for at, seen in enumerate(column, start=part.start):
             yield at, cells[at : at + 1], seen

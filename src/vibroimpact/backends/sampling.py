@@ -63,8 +63,9 @@ class _Run:
         self.parts.append((impacts, looks, sticks))
 
     def samples(self) -> Samples:
-        """Return what was seen."""
-        impacts, looks, sticks = (np.concatenate(part) for part in zip(*self.parts, strict=True))
+        """Return what was seen, and keep it no longer."""
+        parts, self.parts = self.parts, []
+        impacts, looks, sticks = (np.concatenate(part) for part in zip(*parts, strict=True))
         ended = ended_as(self.end, self.memory[recorder.COUNT])
         if isinstance(self.window, ImpactWindow):
             turns = impacts[:, 0] + impacts[:, 1]
