@@ -130,6 +130,7 @@ def test_coexisting_motions_that_are_cut_short_say_so(explorer, heard, monkeypat
 
 def test_a_diagram_that_is_cut_short_says_so(explorer, heard, monkeypatch, no_rest):
     monkeypatch.setattr(line, "MOST_SECONDS", 0.0)
+    monkeypatch.setattr(line, "PART", 40)
     explorer.click(2.0, 1.05)
     until(lambda: told(heard, "message"))
     assert told(heard, "message") == ["diagram incomplete: stopped after 0 s"]

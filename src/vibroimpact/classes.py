@@ -45,8 +45,9 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
 
     1. *no impact*: the status is `no_impact`, `stopped_impacting`, `stuck_forever` or `decaying`;
     2. *undecided*: the status is `budget` or `interrupted`, there was nothing to judge;
-    3. *sticking*: a cycle was found, `n_periods` > 0, in which the mass comes to rest at the stop, which erases all
-       memory: :math:`\lambda = -\infty`, or complete chatter (`n_impacts` = -1);
+    3. *sticking*: the mass comes to rest at the stop again and again, which erases all memory: a cycle with
+       :math:`\lambda = -\infty`, or complete chatter (`n_impacts` = -1). `n_periods` = 0 beside it says that
+       neighbours part by more than 1e13 between two rests, so that rounding decides when the next one comes;
     4. *periodic*: another cycle was found;
     5. *chaotic*: no cycle, and over the N sampled impacts neighbours grew apart so far that the last binary digit of
        the start reached the size of the motion,
@@ -54,9 +55,8 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
        .. math:: N \lambda_\mathrm{impact} > 53 \ln 2 \approx 36.7,
 
        in a window of at least 10 driving periods;
-    6. *undecided*: all else: a motion that settles or grows too slowly, that came to rest once and not again, or
-       irregularly (neighbours part by more than 1e13 between two rests, so that rounding decides when the next one
-       comes), or a `short_window`.
+    6. *undecided*: all else: a motion that settles or grows too slowly, that came to rest once and not again, or a
+       `short_window`.
 
     Parameters
     ----------
@@ -96,8 +96,9 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
     growth = _growth(sweep).transpose(*dims).values
     n_periods, n_impacts = (sweep[name].transpose(*dims).values for name in ("n_periods", "n_impacts"))
     codes, cycle = status.values, n_periods > 0
-    n_impacts = np.where(cycle, n_impacts, 0)
-    sticks = cycle & (np.isneginf(growth) | (n_impacts == -1))
+    rests, chatters = np.isneginf(growth), n_impacts == -1
+    sticks = (cycle & rests) | (cycle & chatters) | (rests & chatters)
+    n_impacts = np.where(cycle | sticks, n_impacts, 0)
     chaotic = (growth > CERTAIN_GROWTH) & (codes != Status.SHORT_WINDOW)
     rules = [
         (np.isin(codes, QUIET), MotionClass.NO_IMPACT),

@@ -130,9 +130,9 @@ def harvest_thoroughly(lanes, i, note, facts, cell, keep, result):
     if stuck:
         describe_turn(lanes, i, WALK if returns else PERHAPS, facts)
     period = 2.0 * math.pi / w
-    result[CYCLE_PERIODS], result[CYCLE_IMPACTS] = 0.0, 0.0
-    if facts[PARTING] < UNTOLD:
-        result[CYCLE_PERIODS], result[CYCLE_IMPACTS] = facts[PERIODS], facts[IMPACTS]
+    result[CYCLE_PERIODS], result[CYCLE_IMPACTS] = facts[PERIODS], facts[IMPACTS]
+    if facts[PERIODS] > 0.0 and facts[PARTING] >= UNTOLD:  # it rests again, but rounding decides when
+        result[CYCLE_PERIODS], result[CYCLE_IMPACTS] = 0.0, -1.0
     length = math.hypot(lanes[rows.SUM_S * LANES + i], lanes[rows.SUM_C * LANES + i])
     result[SPREAD] = max(1.0 - length / keep, 0.0)
     lost = 0.5 * m * (1.0 - r) * (1.0 + r) / (h * h)

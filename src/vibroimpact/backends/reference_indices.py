@@ -90,7 +90,7 @@ class Account:
             "lyapunov": cycle.log_radius / time,
             "lyapunov_per_impact": cycle.log_radius / max(number, 1),
             "n_periods": cycle.periods if told else 0,
-            "n_impacts": 0 if not told else -1 if self.superstable and self.restitution > 0.0 else number,
+            "n_impacts": -1 if not told or (self.superstable and self.restitution > 0.0) else number,
             "dissipation": self.loss * float((self.speed[recorded] ** 2).sum()) / cycle.periods,
             "stick_fraction": self.rests[-1][1] / time if self.superstable else 0.0,
             "grazing_margin": float(self.miss[contacts].min(initial=math.inf)),

@@ -43,7 +43,6 @@ NEEDED = (
     "n_periods",
     "n_impacts",
     "dissipation",
-    "stick_fraction",
     "grazing_margin",
 )
 
@@ -171,7 +170,7 @@ def judge(osc: ImpactOscillator, told: Outcome, kept: int) -> NDArray[np.int8]:
     """Return the fate of each cell from what a window of `kept` impacts told."""
     status, exponent = told["status"], told["lyapunov_per_impact"]
     cycle = told["n_periods"] > 0
-    returns = cycle | np.isfinite(told["stick_fraction"])  # if not with a period of its own: rounding decides when
+    returns = cycle | (told["n_impacts"] == -1)  # if not with a period of its own: rounding decides when
     sampled = status <= Status.SHORT_WINDOW
     clear_of_stop = (status == Status.NO_IMPACT) | (status == Status.STOPPED_IMPACTING)
     stuck, dying = status == Status.STUCK_FOREVER, status == Status.DECAYING

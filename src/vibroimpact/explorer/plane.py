@@ -127,5 +127,5 @@ def motion_word(code: int, n_periods: int, n_impacts: int) -> str:
     if kind == MotionClass.PERIODIC:
         return f"period-{n_periods} impact-{n_impacts}"
     if kind == MotionClass.STICKING:
-        return f"period-{n_periods} sticking"
+        return f"period-{n_periods} sticking" if n_periods else "irregular with rests"
     return kind.word.replace("_", " ")

@@ -141,6 +141,8 @@ def sentence(osc: ImpactOscillator, kind: MotionClass, status: Status, indices: 
         growth = indices["lyapunov"] * osc.period
         calms = f"; disturbances halve in {_periods(-math.log(2.0) / growth)}" if -1e3 < growth < 0.0 else ""
         return f"{motion_word(kind, n, p)}, stable, {hardest} {often}{calms}."
+    if kind == MotionClass.STICKING and not n:
+        return f"Irregular with rests, {hardest}: it rests at the stop so seldom that rounding decides when."
     if kind == MotionClass.STICKING:
         rest = 100.0 * indices["stick_fraction"]
         resting = f"then comes to rest at the stop, {rest:.3g} % of the time"
@@ -152,8 +154,6 @@ def sentence(osc: ImpactOscillator, kind: MotionClass, status: Status, indices: 
         reach = osc.steady_amplitude
         swings = f" It swings by {reach:.3g} m before a stop at {osc.gap:.3g} m." if reach < osc.gap else ""
         return f"{status.sentence[0].upper()}{status.sentence[1:].split(';')[0]}.{swings}"
-    if kind == MotionClass.UNDECIDED and math.isinf(indices["lyapunov"]):
-        return f"Irregular with rests, {hardest}: it rests at the stop so seldom that rounding decides when."
     told = f", {hardest}" if math.isfinite(indices["max_velocity"]) else ""
     reason = status.sentence.split(";")[0] if not status.has_indices else "no cycle was found, and chaos is not certain"
     return f"Undecided{told}: {reason}; sample more impacts."

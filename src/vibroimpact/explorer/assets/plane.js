@@ -87,7 +87,7 @@ window.Plane = (() => {
       const value = picture.values[row * columns + column], code = picture.names[row * columns + column];
       if (picture.index) lines.push(`${picture.index} ${minus(Number.isNaN(value) ? "no value" : Number.isFinite(value) ? String(Number(value.toPrecision(9))) : value < 0 ? "-∞" : "none")}`);
       const kind = Math.floor(code / 1e10), rest = code - kind * 1e10, n = Math.floor(rest / 1e5), p = rest - n * 1e5 - 1;
-      lines.push(kind === 2 ? `period-${n} impact-${p}` : kind === 3 ? `period-${n} sticking` : KINDS[kind]);
+      lines.push(kind === 2 ? `period-${n} impact-${p}` : kind === 3 ? (n ? `period-${n} sticking` : "irregular with rests") : KINDS[kind]);
       return lines;
     }
 
