@@ -1,11 +1,20 @@
 """A wrong request is refused with the argument, the value, what is allowed, and what to do."""
 
+import importlib
+import inspect
 import math
+import os
+import re
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
 import vibroimpact as vi
+from fenced import ROOT
+from vibroimpact import memory
+from vibroimpact.dataset import SYMBOLS
+from vibroimpact.oscillator import nearest_parameter
 
 OSC = vi.ImpactOscillator()
 
@@ -61,6 +70,41 @@ def test_a_misspelt_parameter_is_refused():
         OSC.replace(masss=2.0)
 
 
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [("masss", "did you mean 'mass'"), ("m", "did you mean 'mass'"), ("w", "did you mean 'omega'"),
+     ("stifness", "did you mean 'stiffness'"), ("freq", "did you mean 'frequency'"), ("zz", "check the spelling")],
+)  # fmt: skip
+def test_a_misspelt_parameter_is_answered_with_the_one_that_was_meant(name, meant):
+    words = f"`{name}` is no parameter of the oscillator; allowed are mass, .*, gap and frequency; {meant}"
+    with pytest.raises(ValueError, match=words):
+        vi.ImpactOscillator(**{name: 1.0})
+    with pytest.raises(ValueError, match=words):
+        OSC.replace(**{name: 1.0})
+    with pytest.raises(ValueError, match=f"`{name}` is no parameter to vary; .*; {meant}"):
+        vi.parameter_map(OSC, **{name: [1.0]})
+
+
+def test_symbols_stand_for_the_same_parameters_wherever_they_are_told():
+    for symbol, name in SYMBOLS.items():
+        assert nearest_parameter(symbol) == f"did you mean {name!r}?"
+
+
+def test_numbers_in_quotes_are_answered_with_their_quotes():
+    with pytest.raises(ValueError, match="`mass` is '0.5'; allowed is a finite number > 0; write numbers without quot"):
+        vi.ImpactOscillator(mass="0.5")
+    with pytest.raises(ValueError, match="`sample_impacts` is '500'; allowed is .*; write numbers without quotes"):
+        vi.impact_section(OSC, sample_impacts="500")
+    with pytest.raises(ValueError, match="give the moving mass in kg"):
+        vi.ImpactOscillator(mass="heavy")
+
+
+@pytest.mark.parametrize("refine", [None, 2])
+def test_what_is_no_oscillator_is_refused(refine):
+    with pytest.raises(ValueError, match="`osc` is {'mass': 1}; allowed is an ImpactOscillator; write"):
+        vi.parameter_map({"mass": 1}, omega=[1, 2], refine=refine)
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf, "0", None])
 def test_a_state_takes_finite_numbers(value):
     with pytest.raises(ValueError, match="`displacement` is"):
@@ -109,6 +153,12 @@ def test_an_axis_of_gaps_that_passes_the_start_is_refused():
         ({"omega": [[1.0]]}, "one-dimensional"),
         ({"omega": 1.0}, "one-dimensional"),
         ({"omega": ["a"]}, "one-dimensional"),
+        ({"omega": ["1", "2"]}, "`omega` is .'1', '2'.; allowed is a one-dimensional, non-empty list of numbers"),
+        ({"omega": [1, "2"]}, "list of numbers"),
+        ({"omega": np.array([1, "2"], object)}, "list of numbers"),
+        ({"omega": [False, True]}, "list of numbers"),
+        ({"omega": [1j]}, "list of numbers"),
+        ({"omega": [1.0, math.inf]}, "`omega` is inf"),
         ({"omega": [1.0, math.nan]}, "`omega` is nan"),
         ({"omega": [-1.0, 1.0]}, "`omega` is -1.0; allowed is a finite number > 0"),
         ({"restitution": [0.5, 1.5]}, "`restitution` is 1.5; allowed is a number from 0 to 1"),
@@ -121,11 +171,49 @@ def test_a_wrong_axis_is_refused(axes, message):
         vi.parameter_map(OSC, **axes)
 
 
+@pytest.mark.parametrize("values", [range(1, 3), np.array([1, 2]), (Fraction(1), 2), np.float32([1, 2])])
+def test_an_axis_may_be_any_list_of_numbers(values):
+    assert vi.parameter_map(OSC, omega=values, sample_impacts=1)["omega"].values.tolist() == [1.0, 2.0]
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Let the machine have ten megabytes of memory."""
+    monkeypatch.setattr(memory, "installed", lambda: 10_000_000)
+    monkeypatch.setattr("vibroimpact.sweeps.make_cells", pytest.fail)
+
+
+PLANE = {"omega": np.linspace(1, 2, 1000), "mass": np.linspace(1, 2, 300)}
+
+
+@pytest.mark.usefixtures("small")
+def test_a_map_that_memory_cannot_hold_is_refused_before_a_cell_is_made():
+    words = "`axes` span 1000 x 300 = 300,000 cells, which take 75 MB of memory; allowed here is at most 10 MB; write"
+    with pytest.raises(ValueError, match=words):
+        vi.parameter_map(OSC, **PLANE)
+    with pytest.raises(ValueError, match="which take 77.4 MB"):
+        vi.parameter_map(OSC, indices=("std", "lyapunov"), **PLANE)
+    with pytest.raises(ValueError, match="`refine` makes 7993 x 2393 = 19,127,249 cells, which take 574 MB of memory"):
+        vi.parameter_map(OSC, refine=3, **PLANE)
+
+
+def test_nothing_is_refused_where_the_machine_does_not_tell_its_memory(monkeypatch):
+    monkeypatch.delattr("os.sysconf")
+    assert memory.installed() is None
+    memory.check_fits("axes", "take", 10**30, "take fewer")
+
+
+@pytest.mark.skipif(not hasattr(os, "sysconf"), reason="tells no memory")
+def test_the_memory_of_this_machine_is_some_gigabytes():
+    assert 10**8 < memory.installed() < 10**14
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
         ({"indices": ("stdd",)}, "`indices` holds 'stdd'.*did you mean 'std'"),
         ({"indices": ()}, "`indices` is empty"),
+        ({"indices": 3}, "`indices` is 3; allowed are names out of std, .*; write"),
         ({"indices": ("std", "std")}, "each index once"),
         ({"sample_impacts": 0}, "`sample_impacts` is 0; allowed is a whole number >= 1"),
         ({"sample_impacts": 2.5}, "`sample_impacts` is 2.5"),
@@ -166,6 +254,21 @@ def test_wrong_tolerances_are_refused(settings):
     (name,) = settings
     with pytest.raises(ValueError, match=f"`{name}` is"):
         vi.Tolerances(**settings)
+
+
+def public(page):
+    """Return the functions that the page of functions lists, those that draw or save left out."""
+    names = [name.rpartition(".") for name in re.findall(r"autofunction:: (\S+)", page.read_text(encoding="utf-8"))]
+    drawn = ("vibroimpact.plotting", "vibroimpact.reproduce")
+    return [getattr(importlib.import_module(home), name) for home, _, name in names if home not in drawn]
+
+
+def test_how_something_is_computed_is_given_by_name_as_the_page_says():
+    worked_on = ("starts", "n_periods")  # of `attractors`, of `find_sticking_orbit`
+    for function in public(ROOT / "docs" / "api.md"):
+        for name, given in inspect.signature(function).parameters.items():
+            if given.default is not inspect.Parameter.empty and name not in worked_on:
+                assert given.kind is inspect.Parameter.KEYWORD_ONLY, (function, name)
 
 
 def test_the_dimensionless_form_moves_as_the_oscillator_does():

@@ -11,7 +11,7 @@ import sys
 import pytest
 
 import vibroimpact as vi
-from vibroimpact import formats
+from vibroimpact import formats, memory
 from vibroimpact.cli.progress import Meter
 
 
@@ -67,6 +67,11 @@ def names(folder):
         ("map", "`axes` are none"),
         ("map --x omega=1:2", "`--x` is 'omega=1:2'; allowed is name=from:to:points"),
         ("map --x omega=1:2:0", "`omega.points` is 0"),
+        ("map --x omega=1:2:1", "`omega.points` is 1 from 1 to 2; allowed are 2 points or more"),
+        (
+            "map --x omega=1:2:1000000000 --y m=1:2:300000",
+            "`omega.points` is 1000000000; allowed are at most 10,000,000",
+        ),
         ("map --x omega=2:1:5", "`omega` is from 2 to 1"),
         ("map --x omega=a:b:5", "`omega.from` is 'a'.*`omega.to` is 'b'"),
         ("map --x omgea=1:2:3", "did you mean 'omega'"),
@@ -118,6 +123,32 @@ def test_a_wrong_request_exits_2_with_one_line_and_touches_nothing(run, tmp_path
     assert (code, told, len(complaints)) == (2, [], 1)
     assert re.search(words, complaints[0])
     assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (
+            "map --x w=1:2:9000 --y m=1:2:9000 --out map.nc",
+            "81,000,000 cells, which take 20.2 GB .* --out run.zarr, or ta",
+        ),
+        ("map --x w=1:2:9000 --y m=1:2:9000", "81,000,000 cells"),
+        ("map --x w=1:2:9000 --y m=1:2:9000 --tile 10000000 --out map.zarr", "`tile` is .* which take 2.* GB"),
+        ("map --x w=1:2:9000 --y m=1:2:9000 --refine 3 --out map.zarr", "`refine` makes .* which take 155 GB"),
+        ("diagram --x w=1:2:30000 --out map.nc", "`axes` hold 30,000 values, 150,000,000 samples, which take 2.4 GB"),
+        ("diagram --x w=1:2:300000 --section stroboscopic", "150,000,000 samples, .* --sample-periods"),
+    ],
+)
+def test_what_memory_cannot_hold_is_refused_before_computing(run, tmp_path, monkeypatch, command, words):
+    monkeypatch.setattr(memory, "installed", lambda: 2_000_000_000)
+    code, told, complaints = run(command)
+    assert (code, told, len(complaints)) == (2, [], 1)
+    assert re.search(words, complaints[0]), complaints
+    assert names(tmp_path) == []
+
+
+def test_a_single_value_may_be_an_axis_of_its_own(run):
+    assert run("map --x omega=2:2:1 --sample-impacts 20")[1][0].endswith("frequency 2 rad/s")
 
 
 @pytest.mark.parametrize("out", ["map.xls", "map", "missing/map.zarr"])
@@ -261,12 +292,25 @@ def test_another_study_on_a_store_is_refused_with_the_difference_and_nothing_is_
     small = "map --x w=1.5:2.5:9 --sample-impacts 20"
     assert run(f"{small} --out map.zarr")[0] == 0
     code, _, complaints = run("map --x w=1.5:2.5:9 --sample-impacts 30 --out map.zarr")
-    assert code == 2
-    assert "sample_impacts is 20 there, 30 here" in complaints[-1]
+    assert (code, len(complaints)) == (2, 1)  # not that it goes on
+    assert "sample_impacts is 20 there, 30 here" in complaints[0]
+    code, _, complaints = run("map --x w=1.5:2.5:8 --sample-impacts 20 --out map.zarr")
+    assert (code, len(complaints)) == (2, 1)
+    assert "omega 1.5 to 2.5 in 9 there, omega 1.5 to 2.5 in 8 here" in complaints[0]
+    assert "map of std over omega 1.5 to 2.5 in 9" in run("info map.zarr")[1][0]
+    assert not re.search(r"\([0-9a-f]{8}\)", run("info map.zarr")[1][0])
     code, _, complaints = run(f"{small} -p gap=-1 --start 0,0,0 --out map.zarr --overwrite")
     assert code == 2
     assert vi.load(tmp_path / "map.zarr").sizes == {"omega": 9}
     assert names(tmp_path) == ["map.zarr"]
+
+
+def test_a_store_that_is_finished_says_so_and_is_left_as_it_is(run):
+    small = "map --x w=1.5:2.5:9 --sample-impacts 20 --out map.zarr"
+    assert not any("stands there" in line for line in run(small)[2])
+    code, _, complaints = run(small)
+    assert code == 0
+    assert complaints[0] == "map.zarr stands there: 1 of 1 tiles done, 100% of 9 cells; nothing is left to compute"
 
 
 def test_a_plain_result_is_no_store_to_go_on_with(run, tmp_path):

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,8 @@ from scipy.io import loadmat
 
 import vibroimpact as vi
 from vibroimpact import formats, storage
+from vibroimpact.bundles import bundle
+from vibroimpact.cli.orbit_data import orbits_dataset
 from vibroimpact.dataset import impact_speed, oscillator_of, provenance, status_variable, variable
 
 OSC = vi.ImpactOscillator(omega=2.8)
@@ -121,6 +124,144 @@ def test_mat_holds_arrays_units_and_provenance(tmp_path):
     assert content["dimensions"]["std"] == "omega, mass"
     assert content["provenance"]["function"] == "parameter_map"
     assert content["status_meanings"][4] == "no_impact"
+
+
+# Every kind of result
+
+
+def branch() -> xr.Dataset:
+    return vi.continue_orbit(vi.find_orbit(OSC.replace(omega=2.6))[0], "omega", (2.4, 2.7), step=0.05).dataset
+
+
+def boundary() -> xr.Dataset:
+    (point,) = vi.continue_orbit(vi.find_orbit(OSC.replace(omega=2.6))[0], "omega", (2.5, 2.7), step=0.1).special
+    return vi.continue_boundary(point, ("omega", "gap"), ((2.5, 2.8), (-0.1, 0.1)), step=0.1).dataset
+
+
+def branches() -> xr.Dataset:
+    return bundle([branch(), branch()], "continue_orbit", provenance("continue_orbit", OSC, {}))
+
+
+def boundaries() -> xr.Dataset:
+    return bundle([boundary(), boundary()], "boundary_curves", provenance("boundary_curves", OSC, {}))
+
+
+def orbits() -> xr.Dataset:
+    osc = OSC.replace(gap=0.2, omega=0.9)
+    return orbits_dataset(vi.find_orbit(osc), osc, {})
+
+
+def attractors() -> xr.Dataset:
+    return vi.basins(OSC.replace(omega=3.0), phase=np.linspace(0, 1, 5), velocity=np.linspace(0, 3, 4), workers=1)
+
+
+def classes() -> xr.Dataset:
+    naming = ("lyapunov_per_impact", "n_periods", "n_impacts", "std")
+    return vi.classify(vi.parameter_map(OSC, omega=[0.5, 2.0], mass=[1.0, 2.0], indices=naming, sample_impacts=100))
+
+
+RESULTS = {
+    "map": lambda: vi.parameter_map(OSC, omega=[2.0, 2.8], mass=[1.0, 2.0, 3.0], sample_impacts=20),
+    "refined map": lambda: vi.parameter_map(OSC, omega=[2.0, 2.8], mass=[1.0, 2.0], refine=2, sample_impacts=20),
+    "classes": classes,
+    "diagram": lambda: vi.bifurcation_diagram(OSC, omega=[2.0, 2.8], sample_impacts=12, indices=("std",)),
+    "impact section": lambda: vi.impact_section(OSC, sample_impacts=12),
+    "section without impacts": never_hits,
+    "stroboscopic section": lambda: vi.stroboscopic_section(OSC, sample_periods=5),
+    "simulation": lambda: vi.simulate(OSC, periods=3),
+    "orbits": orbits,
+    "branch": branch,
+    "branches": branches,
+    "boundary": boundary,
+    "boundaries": boundaries,
+    "basins and their attractors": attractors,
+    "comparison": lambda: vi.compare(OSC, OSC.replace(gap=0.1)).dataset,
+}
+
+
+def entries(variable: xr.Variable) -> set[str]:
+    """Return the values of a variable as a table has them: numbers to twelve digits, codes in words."""
+    values = variable.values.ravel().tolist()
+    if "flag_meanings" in variable.attrs:
+        codes = np.asarray(variable.attrs["flag_values"]).tolist()
+        words = dict(zip(codes, variable.attrs["flag_meanings"].split(), strict=True))
+        return {words[value] for value in values}
+    return {value if isinstance(value, str) else f"{value:.12g}" for value in values if value == value}
+
+
+@pytest.fixture(scope="module")
+def result():
+    return cache(lambda kind: RESULTS[kind]())
+
+
+@pytest.mark.parametrize("kind", RESULTS)
+def test_every_value_of_every_variable_reaches_the_csv(tmp_path, kind, result):
+    dataset = result(kind)
+    table = pd.read_csv(vi.save(dataset, tmp_path / "result.csv"), comment="#", low_memory=False)
+    for name, held in dataset.variables.items():
+        column = table[name].dropna()
+        told = {value if isinstance(value, str) else f"{value:.12g}" for value in column.tolist()}
+        assert told == entries(held), name
+
+
+@pytest.mark.parametrize("kind", RESULTS)
+@pytest.mark.parametrize("ending", [".zarr", ".nc"])
+def test_a_result_comes_back_in_its_own_order_and_makes_the_same_table(tmp_path, kind, ending, result):
+    back = vi.load(vi.save(result(kind), tmp_path / f"result{ending}"))
+    assert list(back.variables) == list(result(kind).variables)
+    assert list(back.dims) == list(result(kind).dims)
+    assert "variable_order" not in back.attrs
+    first, second = (vi.save(given, tmp_path / f"{at}.csv") for at, given in enumerate((result(kind), back)))
+    assert first.read_text() == second.read_text()
+
+
+def test_a_file_without_an_order_comes_back_by_name(tmp_path):
+    xr.Dataset({"std": ("omega", [0.1]), "count": ("omega", [1])}, {"omega": [2.0]}).to_netcdf(
+        tmp_path / "other.nc", engine="h5netcdf"
+    )
+    assert list(vi.load(tmp_path / "other.nc").variables) == ["count", "omega", "std"]
+
+
+def test_a_stored_map_has_its_variables_in_the_order_of_the_map_in_memory(tmp_path):
+    plane = {"omega": [2.0, 2.8], "mass": [1.0, 2.0], "indices": ("std", "max_velocity"), "sample_impacts": 20}
+    stored = vi.parameter_map(OSC, store=tmp_path / "run.zarr", **plane)
+    assert list(stored.variables) == list(vi.parameter_map(OSC, **plane).variables)
+    assert list(vi.load(tmp_path / "run.zarr").variables) == list(stored.variables)
+
+
+def test_csv_of_a_branch_says_of_each_row_whether_it_is_an_orbit_a_multiplier_or_a_special_point(tmp_path, result):
+    dataset = result("branch")
+    table = pd.read_csv(vi.save(dataset, tmp_path / "branch.csv"), comment="#")
+    assert table.record.value_counts().to_dict() == {
+        "point x impact": dataset.sizes["point"],
+        "point x multiplier": 2 * dataset.sizes["point"],
+        "special x impact": dataset.sizes["special"],
+    }
+    orbits = table[table.record == "point x impact"]
+    np.testing.assert_allclose(orbits.velocity, dataset["velocity"].values[:, 0], rtol=1e-15)
+    np.testing.assert_allclose(orbits.omega, dataset["omega"], rtol=1e-15)
+    assert set(orbits.stable) == {"stable", "unstable"}
+    assert table.special_kind.dropna().tolist() == ["period_doubling"]
+
+
+def test_csv_leaves_out_padding_but_no_cell_without_a_value(tmp_path, result):
+    dataset = result("basins and their attractors")
+    table = pd.read_csv(vi.save(dataset, tmp_path / "basins.csv"), comment="#")
+    points = table[table.record == "attractor_id x point"]
+    assert len(points) == int(np.isfinite(dataset["point_velocity"]).sum())
+    assert len(pd.read_csv(vi.save(sweep()[["std"]], tmp_path / "std.csv"), comment="#")) == sweep()["std"].size
+
+
+def test_csv_of_a_motion_without_impacts_tells_its_status(tmp_path):
+    table = pd.read_csv(vi.save(never_hits(), tmp_path / "none.csv"), comment="#")
+    assert table.status.dropna().tolist() == ["no_impact"]
+
+
+@pytest.mark.parametrize("what", [OSC, sweep()["std"], [sweep()], None])
+def test_only_results_are_saved(tmp_path, what):
+    with pytest.raises(ValueError, match="`dataset` is of type .*; allowed is an xarray.Dataset, .*; save "):
+        vi.save(what, tmp_path / "x.zarr")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("ending", [".csv", ".mat", ".xls"])

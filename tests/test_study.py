@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from fenced import ROOT, blocks, table
 from vibroimpact.study import make_study, read_study
+from vibroimpact.study.tables import TABLES
 
 DESIGN = """
 [oscillator]
@@ -181,6 +183,54 @@ def test_all_faults_of_a_file_are_told_at_once_a_line_each(write):
 def test_a_wrong_value_is_told_with_name_value_allowed_and_remedy(document, words):
     with pytest.raises(ValueError, match=f"^{words}"):
         make_study(document)
+
+
+def test_numbers_in_quotes_are_answered_with_their_quotes(write):
+    text = """
+    [oscillator]
+    mass = "0.5"
+    [axes]
+    omega = { from = "1", to = 2.0, points = "3" }
+    gap = ["0.0", 1.0]
+    [sampling]
+    sample_impacts = "500"
+    phase = "0.5"
+    [start]
+    displacement = "-1"
+    [tolerances]
+    chatter = "1e-6"
+    """
+    with pytest.raises(ValueError, match="`study` is ") as raised:
+        read_study(write(text))
+    faults = str(raised.value).splitlines()[1:]
+    assert len(faults) == 8
+    assert all(re.search(r"` is '[^']+'; allowed .*; write numbers without quotes$", fault) for fault in faults), faults
+
+
+def test_an_axis_of_one_point_needs_no_second_end():
+    assert make_study({"axes": {"omega": {"from": 2, "to": 2, "points": 1}}}).grid()["omega"].tolist() == [2.0]
+    with pytest.raises(
+        ValueError, match=r"`omega.points` is 1 from 2 to 3; allowed are 2 points or more, .*; give more"
+    ):
+        make_study({"axes": {"omega": {"from": 2, "to": 3, "points": 1}}})
+
+
+def test_an_axis_of_a_billion_points_is_refused_before_it_is_made(monkeypatch):
+    monkeypatch.setattr("vibroimpact.study.axis.np.linspace", pytest.fail)
+    with pytest.raises(ValueError, match=r"`omega.points` is 1000000000; allowed are at most 10,000,000; take fewer"):
+        make_study({"axes": {"omega": {"from": 2, "to": 3, "points": 10**9}}})
+
+
+def test_every_key_of_a_study_file_is_on_the_page_of_the_command_line(write):
+    page = ROOT / "docs" / "cli.md"
+    rows = table(page, "| table | key")
+    told = {name: {word for owner, words, *_ in rows if owner == name for word in words.split()} for name in TABLES}
+    assert {owner for owner, *_ in rows} == set(TABLES)
+    for name in set(TABLES) - {"axes"}:
+        assert set(TABLES[name].model_fields) <= {word.strip(",") for word in told[name]}, name
+    assert set(TABLES["axes"].model_fields) == set(TABLES["oscillator"].model_fields)  # "the same names"
+    for text in blocks(page, "toml"):
+        read_study(write(text))
 
 
 def test_what_is_no_toml_or_cannot_be_read_is_told(write, tmp_path):

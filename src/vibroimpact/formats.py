@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+import math
+from collections.abc import Callable, Iterable
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+ORDER = "variable_order"  # attribute of a file, which is none of the result
+
 
 def _write_zarr(dataset: xr.Dataset, part: Path) -> None:
-    dataset.to_zarr(part, mode="w-", zarr_format=3, consolidated=False)
+    _with_order(dataset).to_zarr(part, mode="w-", zarr_format=3, consolidated=False)
 
 
 def _write_netcdf(dataset: xr.Dataset, part: Path) -> None:
@@ -25,15 +30,31 @@ def _write_netcdf(dataset: xr.Dataset, part: Path) -> None:
     # By way of memory: HDF5 crashes the process some time after a full disk.
     image = BytesIO()
     with h5netcdf.File(image, "w") as file:
-        dataset.dump_to_store(H5NetCDFStore(file))
+        _with_order(dataset).dump_to_store(H5NetCDFStore(file))
     part.write_bytes(image.getbuffer())
 
 
+def _with_order(dataset: xr.Dataset) -> xr.Dataset:
+    return dataset.assign_attrs({ORDER: order_of(dataset.variables)})
+
+
+def order_of(names: Iterable[Any]) -> str:
+    """Return the attribute that keeps the order of variables, which Zarr and NetCDF do not."""
+    return json.dumps([str(name) for name in names])
+
+
+def in_order(dataset: xr.Dataset) -> xr.Dataset:
+    """Return a dataset with its variables in the order that its attribute tells, others behind them by name."""
+    told = dataset.attrs.pop(ORDER, "[]")
+    rank = {name: at for at, name in enumerate(json.loads(told))}
+    return dataset[sorted(map(str, dataset.variables), key=lambda name: (rank.get(name, len(rank)), name))]
+
+
 def _write_csv(dataset: xr.Dataset, part: Path) -> None:
-    tables = {dims[-1] if dims else "result": _table(dataset, dims) for dims in _outermost(dataset)}
+    tables = {" x ".join(dims) or "result": _table(dataset, dims) for dims in _outermost(dataset)}
     with part.open("w", encoding="utf-8", newline="") as file:
         for name, value in dataset.attrs.items():
-            file.write(f"# {name}: {value}\n")
+            file.write(f"# {name}: {' '.join(str(value).splitlines())}\n")
         for name in dict.fromkeys(column for table in tables.values() for column in table.columns):
             attrs = dataset[name].attrs if name in dataset.variables else {}
             file.write(f"# {name}: {attrs.get('long_name', 'number')} [{attrs.get('units', '1')}]\n")
@@ -41,31 +62,49 @@ def _write_csv(dataset: xr.Dataset, part: Path) -> None:
 
 
 def _outermost(dataset: xr.Dataset) -> list[tuple[str, ...]]:
-    """Return the dimensions of the variables that do not fit inside another variable's."""
-    found = sorted({tuple(map(str, v.dims)) for v in dataset.data_vars.values()}, key=len, reverse=True)
+    """Return the dimensions of the variables that do not fit inside another variable's, unless that one is empty."""
+    found = sorted({tuple(map(str, v.dims)) for v in dataset.variables.values()}, key=lambda dims: (-len(dims), dims))
     kept: list[tuple[str, ...]] = []
     for dims in found:
-        if not any(set(dims) <= set(other) for other in kept):
+        around = [other for other in kept if set(dims) <= set(other)]
+        if not any(_entries(dataset, other) or not _entries(dataset, dims) for other in around):
             kept.append(dims)
     return sorted(kept)
+
+
+def _entries(dataset: xr.Dataset, dims: tuple[str, ...]) -> int:
+    return math.prod(dataset.sizes[dim] for dim in dims)
 
 
 def _table(dataset: xr.Dataset, dims: tuple[str, ...]) -> pd.DataFrame:
     """Return one row an entry of `dims`, without the NaN padding of ragged rows."""
     import pandas as pd
 
-    mine = dataset[[str(name) for name, v in dataset.data_vars.items() if set(v.dims) <= set(dims)]]
-    if "status" in mine:
-        words = np.array(mine.status.attrs["flag_meanings"].split())
-        mine = mine.assign(status=(mine.status.dims, words[mine.status.values]))
+    inside = [name for name, v in dataset.variables.items() if set(v.dims) <= set(dims)]
+    mine = _in_words(dataset[inside])
     if not dims:
-        return pd.DataFrame({str(name): [v.item()] for name, v in mine.data_vars.items()})
+        return pd.DataFrame({str(name): [v.values.item()] for name, v in mine.variables.items()})
     table: pd.DataFrame = mine.to_dataframe(dim_order=list(dims)).reset_index()
-    ragged = [str(name) for name, v in mine.data_vars.items() if "count" in mine and len(v.dims) == len(dims)]
-    if ragged:
+    told = [str(name) for name, v in mine.data_vars.items() if len(v.dims) == len(dims) > 1]
+    if told and len(table) and dims[-1] not in mine.coords:  # what has no values of its own is counted, and padded
         first = table[dims[-1]] == table[dims[-1]].iloc[0]  # keeps a row of a cell without any impact
-        table = table[first | table[ragged].notna().any(axis=1)]
+        table = table[first | table[told].notna().any(axis=1)]
     return table
+
+
+def _in_words(dataset: xr.Dataset) -> xr.Dataset:
+    """Return a dataset with the meanings of codes in the place of the codes."""
+    coded = {name: v for name, v in dataset.variables.items() if "flag_meanings" in v.attrs}
+    words = {name: (v.dims, _meanings(v)) for name, v in coded.items()}
+    axes = {name: word for name, word in words.items() if name in dataset.coords}
+    return dataset.assign({name: word for name, word in words.items() if name not in axes}).assign_coords(axes)
+
+
+def _meanings(variable: xr.Variable) -> NDArray[Any]:
+    words = variable.attrs["flag_meanings"].split()
+    told = dict(zip(np.asarray(variable.attrs.get("flag_values", range(len(words)))).tolist(), words, strict=True))
+    codes, at = np.unique(variable.values, return_inverse=True)
+    return np.array([told.get(code, str(code)) for code in codes.tolist()], str)[at].reshape(variable.shape)
 
 
 def _joined(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
@@ -73,7 +112,14 @@ def _joined(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
 
     if len(tables) == 1:
         return next(iter(tables.values()))
-    return pd.concat([table.assign(record=name) for name, table in tables.items()]).set_index("record").reset_index()
+    columns = ["record", *dict.fromkeys(column for table in tables.values() for column in table.columns)]
+    filled = [_whole(table).assign(record=name) for name, table in tables.items() if len(table)]
+    return pd.concat(filled or list(tables.values())).reindex(columns=columns)
+
+
+def _whole(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table whose whole numbers stay so beside rows that have none."""
+    return table.astype({name: "Int64" for name, kind in table.dtypes.items() if kind.kind in "iu"})
 
 
 def _write_mat(dataset: xr.Dataset, part: Path) -> None:

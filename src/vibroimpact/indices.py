@@ -44,6 +44,8 @@ VELOCITY_INDICES = frozenset({"std", "mean_velocity", "max_velocity", "impacts_p
 
 def check_indices(names: Iterable[str]) -> tuple[str, ...]:
     """Return the index names as a tuple, or raise `ValueError` naming the table."""
+    if not isinstance(names, Iterable):
+        raise ValueError(f"`indices` is {names!r}; allowed are names out of {', '.join(INDICES)}; write ('std',)")
     chosen = (names,) if isinstance(names, str) else tuple(names)
     if not chosen:
         raise ValueError("`indices` is empty; allowed are " + ", ".join(INDICES) + "; name at least one")

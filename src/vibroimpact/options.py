@@ -16,7 +16,9 @@ def whole_number(name: str, value: Any, least: int) -> int:
             raise TypeError
         number = operator.index(value)
     except TypeError:
-        raise ValueError(f"`{name}` is {value!r}; allowed is a whole number >= {least}; give a plain integer") from None
+        quoted = isinstance(value, str) and value.strip().isdecimal()
+        remedy = "write numbers without quotes" if quoted else "give a plain integer"
+        raise ValueError(f"`{name}` is {value!r}; allowed is a whole number >= {least}; {remedy}") from None
     if number < least:
         raise ValueError(f"`{name}` is {value!r}; allowed is a whole number >= {least}; give a larger count")
     return number

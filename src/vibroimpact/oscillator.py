@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from difflib import get_close_matches
 from typing import Any
 
 PARAMETERS = ("mass", "damping", "stiffness", "amplitude", "omega", "restitution", "gap")
+_SYMBOLS = dict(zip("mckfwrg", PARAMETERS, strict=True))
 
 # name: (lower bound, bound itself allowed, upper bound, what to do about a refused value)
 _RANGES: dict[str, tuple[float, bool, float, str]] = {
@@ -37,10 +40,33 @@ def real_number(name: str, value: Any, allowed: str = "a finite number", remedy:
             raise TypeError
         number = float(value)
     except (TypeError, ValueError):
-        raise ValueError(f"`{name}` is {value!r}; allowed is {allowed}; {remedy}") from None
+        raise ValueError(f"`{name}` is {value!r}; allowed is {allowed}; {remedy}{_unquoted(value)}") from None
     if not math.isfinite(number):
         raise ValueError(f"`{name}` is {value!r}; allowed is {allowed}; {remedy}")
     return number
+
+
+def _unquoted(value: Any) -> str:
+    """Return the remedy for a number that is given as text; nothing for anything else."""
+    try:
+        return "; write numbers without quotes" if isinstance(value, str) and math.isfinite(float(value)) else ""
+    except ValueError:
+        return ""
+
+
+def nearest_parameter(name: str) -> str:
+    """Return the remedy for a name that is no parameter's: the one that was probably meant, also by its symbol."""
+    close = [_SYMBOLS[name]] if name in _SYMBOLS else get_close_matches(name, _RANGES, 1)
+    return f"did you mean {close[0]!r}?" if close else "check the spelling"
+
+
+def _check_names(names: Mapping[str, Any]) -> None:
+    for name in names:
+        if name not in _RANGES:
+            raise ValueError(
+                f"`{name}` is no parameter of the oscillator; allowed are "
+                f"{', '.join(PARAMETERS)} and frequency; {nearest_parameter(name)}"
+            )
 
 
 def parameter_value(name: str, value: Any) -> float:
@@ -81,7 +107,7 @@ class ImpactOscillator:
     Raises
     ------
     ValueError
-        A parameter is out of its range, infinite, NaN or text.
+        A parameter is misnamed, out of its range, infinite, NaN or text.
 
     Notes
     -----
@@ -115,7 +141,9 @@ class ImpactOscillator:
         restitution: float = 0.8,
         gap: float = 0.0,
         frequency: float | None = None,
+        **misnamed: Any,
     ) -> None:
+        _check_names(misnamed)
         if omega is not None and frequency is not None:
             raise ValueError(
                 f"`omega` is {omega!r} and `frequency` is {frequency!r}; allowed is one of the two; "
@@ -129,12 +157,7 @@ class ImpactOscillator:
 
     def replace(self, **changes: float) -> ImpactOscillator:
         """Return a copy with some parameters changed; `frequency` (Hz) may stand for `omega`."""
-        unknown = sorted(set(changes) - {*PARAMETERS, "frequency"})
-        if unknown:
-            raise ValueError(
-                f"`{unknown[0]}` is no parameter of the oscillator; allowed are "
-                f"{', '.join(PARAMETERS)} and frequency; check the spelling"
-            )
+        _check_names(changes)
         kept = asdict(self)
         if "frequency" in changes and "omega" not in changes:
             del kept["omega"]
@@ -190,6 +213,14 @@ class ImpactOscillator:
             gap=self.gap / length,
         )
         return scaled, {"time": time, "displacement": length, "velocity": length / time}
+
+
+def check_oscillator(osc: Any) -> None:
+    """Refuse what is no `ImpactOscillator`."""
+    if not isinstance(osc, ImpactOscillator):
+        raise ValueError(
+            f"`osc` is {osc!r}; allowed is an ImpactOscillator; write for example ImpactOscillator(mass=1.0, omega=2.8)"
+        )
 
 
 @dataclass(frozen=True)

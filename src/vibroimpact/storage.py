@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.formats import WRITERS
+from vibroimpact.formats import WRITERS, in_order
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,15 +47,16 @@ def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
     Raises
     ------
     ValueError
-        The ending is none of the four.
+        The ending is none of the four, or `dataset` is no Dataset.
     OSError
         The output exists and `overwrite` is false, or it cannot be written (folder, rights, full disk).
 
     Notes
     -----
     A `.csv` starts with lines ``# name: meaning [unit]``, so that ``pandas.read_csv(path, comment="#")`` reads
-    it; then one row a cell, impact, look or instant. Where a result has several dimensions that do not nest, a
-    first column `record` names the one a row belongs to. Padding is left out; statuses are words.
+    it; then one row a cell, impact, look or instant. Where a result has variables over dimensions that do not nest, a
+    first column `record` names those a row is over, such as `time` or `point x impact`; variables over fewer of them
+    are repeated in each row. Padding is left out; statuses, kinds and other codes are words.
 
     Examples
     --------
@@ -67,6 +68,13 @@ def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
     [0.0, 0.1]
     >>> folder.cleanup()
     """
+    import xarray as xr
+
+    if not isinstance(dataset, xr.Dataset):
+        raise ValueError(
+            f"`dataset` is of type {type(dataset).__name__}; allowed is an xarray.Dataset, which functions of this "
+            "package return; save such a result, of a branch or boundary its .dataset"
+        )
     target = check_output(path, overwrite=overwrite)
     with replacing(target, overwrite=overwrite) as part:
         WRITERS[target.suffix.lower()](dataset, part)
@@ -84,7 +92,8 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        The result, in memory, with labels and provenance as they were.
+        The result, in memory, with labels, provenance and the order of its variables as they were; by name where a
+        file does not tell their order.
 
     Raises
     ------
@@ -131,7 +140,7 @@ def _as_it_was(dataset: xr.Dataset) -> xr.Dataset:
             values = np.asarray(variable.attrs["flag_values"], dtype=variable.dtype)
             variable.attrs["flag_values"] = np.atleast_1d(values)
         variable.encoding = {}
-    return dataset
+    return in_order(dataset)
 
 
 def check_output(

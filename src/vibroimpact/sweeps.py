@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from vibroimpact import memory
 from vibroimpact.axes import check_axes
 from vibroimpact.backends import ImpactWindow, check_told, get_backend
 from vibroimpact.backends.starts import check_start, make_cells
@@ -18,13 +20,15 @@ from vibroimpact.dataset import missing, provenance, status_variable, variable
 from vibroimpact.distributed import check_alone, run_sweep, worker_count
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances, whole_number
-from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.oscillator import ImpactOscillator, State, check_oscillator
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.status import Status
 from vibroimpact.stores import SweepRequest
 
 if TYPE_CHECKING:
     from distributed import Client
+
+FINE_CELL = 30  # bytes a cell of a refined map takes
 
 
 def parameter_map(
@@ -107,7 +111,8 @@ def parameter_map(
     ------
     ValueError
         No axis, an axis that is empty, unsorted, misnamed or out of range, an unknown index or back end, a start
-        beyond the stop anywhere on the grid, another study in the store, `workers` together with `cluster`.
+        beyond the stop anywhere on the grid, another study in the store, `workers` together with `cluster`; a grid
+        that this machine's memory cannot hold (250 bytes a cell, 8 more for each further index) without `store`.
     OSError
         The store cannot be read or written, or another process writes to it; no scheduler answers.
 
@@ -134,9 +139,11 @@ def parameter_map(
     >>> float(sweep["std"].sel(omega=2.0, mass=1.0)) < 1e-9
     True
     """
+    check_oscillator(osc)
     if refine is not None:
         from vibroimpact.refinement import refined_map
 
+        _check_room_refined(axes, whole_number("refine", refine, 1))
         how: dict[str, Any] = {"transient_impacts": transient_impacts, "sample_impacts": sample_impacts, "start": start}
         how |= {"backend": backend, "time_step": time_step, "early_closing": early_closing, "tolerances": tolerances}
         how |= {"workers": workers, "store": store, "tile": tile, "cluster": cluster, "indices": indices, **axes}
@@ -163,6 +170,7 @@ def parameter_map(
         make_cells(osc, start, {name: values for name, values in grid.items() if name == "gap"})  # refuses a bad start
         with reporter(progress, "cells") as report:
             return _run_into_store(request, store, cluster, threads, size, report)
+    _check_room(request)
     cells = make_cells(osc, start, grid)
 
     dataset, flat = _empty_map(osc, grid, chosen)
@@ -186,6 +194,26 @@ def parameter_map(
             if report(done, len(cells), dataset) is False:
                 stop.set()
     return dataset
+
+
+def _check_room(request: SweepRequest) -> None:
+    """Refuse a map that this machine's memory cannot hold."""
+    size = math.prod(request.shape) * (memory.CELL + memory.INDEX * (len(request.indices) - 1))
+    remedy = "write it to disk tile by tile, store='run.zarr' or --out run.zarr, or take fewer points"
+    memory.check_fits("axes", f"span {_spanned(request.shape)}, which take", size, remedy)
+
+
+def _check_room_refined(axes: Mapping[str, Any], levels: int) -> None:
+    """Refuse a refined map that memory cannot hold; a store does not help it, as it is filled in as a whole."""
+    from vibroimpact.refinement.maps import DEEPEST
+
+    shape = tuple(((len(values) - 1) << min(levels, DEEPEST)) + 1 for values in check_axes(axes).values())
+    size = math.prod(shape) * FINE_CELL
+    memory.check_fits("refine", f"makes {_spanned(shape)}, which take", size, "refine less, or take fewer points")
+
+
+def _spanned(shape: tuple[int, ...]) -> str:
+    return f"{' x '.join(map(str, shape))} = {math.prod(shape):,} cells"
 
 
 def _check_place(cluster: Client | str, workers: int | None) -> None:

@@ -9,7 +9,7 @@ from dataclasses import asdict
 import numpy as np
 
 from vibroimpact.backends.base import Cells, Floats
-from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.oscillator import ImpactOscillator, State, check_oscillator
 
 COUNTABLE = 2.0**53  # periods: the next whole number is the next number
 
@@ -20,6 +20,7 @@ def make_cells(osc: ImpactOscillator, start: State | None, axes: Mapping[str, Fl
     `start` None is at rest at min(0, gap) at time 0. A start beyond the stop is refused, also where an axis of
     gaps makes it so.
     """
+    check_oscillator(osc)
     axes = axes or {}
     grids = np.meshgrid(*axes.values(), indexing="ij")
     shape = grids[0].shape if grids else ()

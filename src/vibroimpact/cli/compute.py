@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -43,10 +45,13 @@ def sweep(function: str, options: Mapping[str, Any]) -> None:
         given = f"are {', '.join(axes)}" if axes else "are none"
         wanted = "exactly one" if function == "bifurcation_diagram" else "one or more"
         raise WrongRequest(f"`axes` {given}; allowed is {wanted}; write for example --x omega=0.025:5:200")
+    if function == "bifurcation_diagram":
+        _check_room(study)
     usual = ("std",) if function == "parameter_map" else ()
     held, chosen = stored.wanted(function, options), study.run.indices or usual
     stored.check_cluster(options)
-    if not (held and stored.stands(options)):
+    stands = held and stored.stands(options)
+    if not stands:
         output.check(options, function, chosen, len(axes))
     more: dict[str, Any] = dict(axes)
     if options.get("cluster") is not None:
@@ -56,7 +61,7 @@ def sweep(function: str, options: Mapping[str, Any]) -> None:
     if options.get("refine") is not None:
         more |= {"refine": number(options["refine"]), "along_curves": bool(options.get("along_curves"))}
     if held:
-        _into_store(study, options, more)
+        _into_store(study, options, more, stands=stands)
         return
     from vibroimpact.distributed import GRACE
 
@@ -70,12 +75,30 @@ def sweep(function: str, options: Mapping[str, Any]) -> None:
     keep_finished(dataset, options, meter.seconds, empty=bool((dataset["status"] == Status.INTERRUPTED).all()))
 
 
-def _into_store(study: Study, options: Mapping[str, Any], more: dict[str, Any]) -> None:
+def _check_room(study: Study) -> None:
+    """Refuse a diagram whose samples this machine's memory cannot hold."""
+    from vibroimpact.memory import check_fits
+    from vibroimpact.options import Sampling
+
+    kept = "sample_periods" if study.run.section == "stroboscopic" else "sample_impacts"
+    values = math.prod(len(axis) for axis in study.grid().values())
+    samples = values * (getattr(study.sampling, kept) or getattr(Sampling(), kept))
+    with asked():
+        remedy = f"take fewer points, or keep less with --{kept.replace('_', '-')}"
+        check_fits("axes", f"hold {values:,} values, {samples:,} samples, which take", 16 * samples, remedy)
+
+
+def _into_store(study: Study, options: Mapping[str, Any], more: dict[str, Any], *, stands: bool) -> None:
     from vibroimpact.distributed import GRACE
     from vibroimpact.stores import StoreBusy, settle
 
     out = options["out"]
-    with Meter("map", patience=GRACE, settle=settle) as meter, stored.making_room(options), asked(StoreBusy):
+    opening = partial(stored.going_on, out) if stands else None  # told once it is known to be the same study
+    with (
+        Meter("map", patience=GRACE, settle=settle, opening=opening) as meter,
+        stored.making_room(options),
+        asked(StoreBusy),
+    ):
         _call("parameter_map", study, progress=meter, store=out, **more)
     told = stored.told(out, meter.seconds)
     if meter.stopped:

@@ -33,6 +33,8 @@ class Meter:
         Seconds, at most, for which a sweep that is stopped waits for what runs.
     settle : callable, optional
         Makes whole what is being written to a store; called before the process is ended at once.
+    opening : callable, optional
+        Tells what is to be told before the first report, or at the end of a sweep that reported nothing.
     """
 
     def __init__(
@@ -42,8 +44,10 @@ class Meter:
         keeps: bool = True,
         patience: float | None = None,
         settle: Callable[[], None] | None = None,
+        opening: Callable[[], None] | None = None,
     ) -> None:
         self.label, self.keeps, self.patience, self.settle = label, keeps, patience, settle
+        self._opening = opening
         self.stopped = False  # a sweep looks at it between two reports, too
         self._bar: Progress | None = None
         self._told = 0.0
@@ -67,10 +71,13 @@ class Meter:
         if self._before is not None:
             signal.signal(signal.SIGINT, self._before)
             self._end.put(False)
+        if error is None:  # nothing was left to report
+            self._open()
         self.seconds = perf_counter() - self._began
 
     def __call__(self, done: int, total: int | None, partial: Any) -> bool:
         """Tell how far the sweep is, where its end is known or not; say whether it shall go on."""
+        self._open()
         seconds = perf_counter() - self._began
         if total is None:
             return self._count(done, seconds)
@@ -84,6 +91,11 @@ class Meter:
             told = [f"{self.label}: {100 * done / total:.0f} % of {total}", detail, left]
             print(", ".join(part for part in told if part), file=sys.stderr, flush=True)
         return not self.stopped
+
+    def _open(self) -> None:
+        if self._opening is not None:
+            opening, self._opening = self._opening, None
+            opening()
 
     def _count(self, done: int, seconds: float) -> bool:
         """Tell how many are done of nobody knows how many."""

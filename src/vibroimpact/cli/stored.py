@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,12 +24,18 @@ def wanted(function: str, options: Mapping[str, Any]) -> bool:
 
 
 def stands(options: Mapping[str, Any]) -> bool:
-    """Return whether a stored sweep stands there, to go on with."""
+    """Return whether a stored sweep stands there, of this study or another."""
     out: Path = options["out"]
-    store = _opened(out) if out.exists() and not options.get("overwrite") else None
+    return out.exists() and not options.get("overwrite") and _opened(out) is not None
+
+
+def going_on(out: Path) -> None:
+    """Tell how far the store of the same study is that stood there."""
+    store = _opened(out)
     if store is not None:
-        typer.echo(f"{out} stands there: {_progress(store)[0]}; going on", err=True)
-    return store is not None
+        left = "nothing is left to compute" if _complete(store) else "going on"
+        # By way of `sys.stderr` as it is now, lest it run into a bar.
+        print(f"{out} stands there: {_progress(store)[0]}; {left}", file=sys.stderr, flush=True)
 
 
 @contextmanager
@@ -63,10 +70,11 @@ def info(options: Mapping[str, Any]) -> None:
     path: Path = options["file"]
     with asked(*REFUSALS, OSError):
         from vibroimpact.stores import SweepStore
+        from vibroimpact.stores.request import unmarked
 
         store = SweepStore(path)
     identity = dict(store.identity)
-    axes = [str(identity.pop(name)) for name in list(identity) if name.startswith("axis ")]
+    axes = [unmarked(name, str(identity.pop(name))) for name in list(identity) if name.startswith("axis ")]
     kind = "refined map" if "refine" in identity else "parameter map"
     typer.echo(f"{path}: a {kind} of {identity.pop('indices')} over {' and '.join(axes)}")
     typer.echo("  " + ", ".join(f"{name} {value}" for name, value in identity.items() if value is not None))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import sys
@@ -10,11 +11,13 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from shlex import join
 
+from vibroimpact import memory
 from vibroimpact.storage import remove_folder
 from vibroimpact.stores.layout import lay_out
 from vibroimpact.stores.locks import LOCK, StoreBusy, locked
+from vibroimpact.stores.records import COLUMNS
 from vibroimpact.stores.request import SweepRequest
-from vibroimpact.stores.tiling import cut
+from vibroimpact.stores.tiling import Tiling, cut
 
 
 def scratch_of(folder: Path) -> Path:
@@ -26,6 +29,7 @@ def create(folder: Path, request: SweepRequest, cells: int) -> None:
     """Make the store of a request, unless one stands there by now; what a killed process left half made goes."""
     if not folder.parent.is_dir():
         raise FileNotFoundError(f"`store` is {str(folder)!r}; its folder does not exist; make it first")
+    _check_room(request, cut(request.shape, cells))
     command = join([Path(sys.argv[0]).name, *sys.argv[1:]])
     try:
         with _claimed(scratch_of(folder), folder) as part:
@@ -44,6 +48,14 @@ def create(folder: Path, request: SweepRequest, cells: int) -> None:
         )
         kind = PermissionError if isinstance(error, PermissionError) else OSError
         raise kind(error.errno, message) from error
+
+
+def _check_room(request: SweepRequest, tiling: Tiling) -> None:
+    """Refuse tiles of which memory cannot hold one, or whose records it cannot hold."""
+    many = f"span {math.prod(tiling.shape):,} cells in {len(tiling):,} tiles, whose records take"
+    memory.check_fits("axes", many, len(tiling) * COLUMNS * 8, "take fewer points, or larger tiles")
+    one = math.prod(tiling.tile) * (memory.CELL + memory.INDEX * (len(request.indices) - 1))
+    memory.check_fits("tile", f"is {math.prod(tiling.tile):,} cells, which take", one, "4096 is usual")
 
 
 @contextmanager

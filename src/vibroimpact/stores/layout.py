@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from zarr.codecs import ZstdCodec
 
 from vibroimpact.dataset import missing, provenance, status_variable, variable
+from vibroimpact.formats import ORDER, order_of
 from vibroimpact.status import Status
 from vibroimpact.stores.records import COLUMNS
 from vibroimpact.stores.request import SweepRequest, key_of
@@ -32,6 +33,7 @@ def lay_out(folder: Path, request: SweepRequest, tiling: Tiling, command: str) -
         provenance("parameter_map", request.oscillator, request.arguments())
         | {"study": json.dumps(identity), "key": key_of(identity), "command": command, "tile": list(tiling.tile)}
     )
+    root.attrs[ORDER] = order_of((*request.indices, "status", *request.axes))
     dims = list(request.axes)
     for name, values in request.axes.items():
         axis = variable(name, name, values)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import asdict, dataclass
 from threading import Event
 from time import perf_counter
@@ -116,7 +117,15 @@ def key_of(identity: dict[str, Any]) -> str:
 def differences(stored: dict[str, Any], asked: dict[str, Any]) -> str:
     """Return in words where two identities differ."""
     names = [name for name in {**stored, **asked} if stored.get(name) != asked.get(name)]
-    return "; ".join(f"{name} is {stored.get(name, 'none')} there, {asked.get(name, 'none')} here" for name in names)
+    pairs = [(name, str(stored.get(name, "none")), str(asked.get(name, "none"))) for name in names]
+    plain = [(name, unmarked(name, there), unmarked(name, here)) for name, there, here in pairs]
+    kept = [marked if short[1] == short[2] else short for marked, short in zip(pairs, plain, strict=True)]
+    return "; ".join(f"{name} is {there} there, {here} here" for name, there, here in kept)
+
+
+def unmarked(name: str, value: str) -> str:
+    """Return what an identity holds under a name, an axis without its mark."""
+    return re.sub(r" \([0-9a-f]{8}\)$", "", value) if name.startswith("axis ") else value
 
 
 def told(name: str, values: Floats) -> str:

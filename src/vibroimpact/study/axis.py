@@ -14,6 +14,8 @@ from vibroimpact.oscillator import parameter_value
 
 Floats = NDArray[np.float64]
 
+MOST_POINTS = 10_000_000
+
 
 def axis_values(name: str, value: Any) -> Floats:
     """Return the values of an axis, strictly increasing, or raise with a line a fault."""
@@ -34,7 +36,7 @@ def axis_values(name: str, value: Any) -> Floats:
     for key in [key for key in keys if key in value]:
         try:
             if key == "points":
-                points = whole_number(key, value[key], 1)
+                points = _few(key, whole_number(key, value[key], 1))
             else:
                 ends.append(parameter_value(name, value[key]))
         except ValueError as error:
@@ -43,9 +45,20 @@ def axis_values(name: str, value: Any) -> Floats:
         faults.append(
             f"`{name}` is from {ends[0]:g} to {ends[1]:g}; allowed is an increasing axis; give the smaller end first"
         )
+    if not faults and points == 1 and ends[0] != ends[1]:
+        faults.append(
+            f"`{name}.points` is 1 from {ends[0]:g} to {ends[1]:g}; allowed are 2 points or more, both ends being "
+            f"among them; give more points, or {ends[0]:g} at both ends for that value alone"
+        )
     if faults:
         raise ValueError("\n".join(faults))
     return np.linspace(ends[0], ends[1], points)
+
+
+def _few(key: str, points: int) -> int:
+    if points > MOST_POINTS:
+        raise ValueError(f"`{key}` is {points}; allowed are at most {MOST_POINTS:,}; take fewer points")
+    return points
 
 
 def _listed(name: str, value: list[Any] | tuple[Any, ...]) -> Floats:
