@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 
 import vibroimpact as vi
+from vibroimpact.dataset import oscillator_of
 
 COMMANDS = (
     "simulate", "section", "diagram", "map", "orbit", "continue", "boundary", "basins", "describe", "compare", "plot",
@@ -46,18 +47,18 @@ def test_version_is_that_of_the_package(run):
 def test_the_motion_is_named_in_a_sentence_with_units(run):
     code, told, complaints = run("section -p omega=0.9")
     assert (code, complaints) == (0, [])
-    assert told[0] == "period-1 impact-2, hits at 1.48 and 1.13 m/s each 6.98 s"
+    assert told[0] == "period-1 impact-2, hits at 1.48 and 1.13 m/s every 6.98 s"
 
 
 @pytest.mark.parametrize("parameter", ["omega=2.0", "w=2", f"frequency={1 / np.pi}"])
 def test_a_parameter_goes_by_word_symbol_or_frequency_in_hz(run, parameter):
     _, told, _ = run(f"section -p {parameter} --sample-impacts 200")
-    assert told[0] == "period-1 impact-1, hits at 6.23 m/s each 3.14 s"
+    assert told[0] == "period-1 impact-1, hits at 6.23 m/s every 3.14 s"
 
 
 def test_a_stroboscopic_section_is_told_by_its_period(run):
     _, told, _ = run("section -p w=4 --kind stroboscopic --sample-periods 50")
-    assert told[0] == "period-2, repeats each 3.14 s"
+    assert told[0] == "period-2, repeats every 3.14 s"
 
 
 def test_a_simulation_is_told_with_its_hits_and_what_it_settles_to(run):
@@ -65,7 +66,7 @@ def test_a_simulation_is_told_with_its_hits_and_what_it_settles_to(run):
     assert code == 0
     assert told[0].startswith("5 driving periods of 6.981 s")
     assert any("the hardest at" in line for line in told)
-    assert told[-1] == "settles to: period-1 impact-2, hits at 1.48 and 1.13 m/s each 6.98 s"
+    assert told[-1] == "settles to: period-1 impact-2, hits at 1.48 and 1.13 m/s every 6.98 s"
 
 
 def test_a_diagram_is_told_by_its_stretches(run):
@@ -173,3 +174,78 @@ def test_reproduce_leaves_a_folder_alone_that_is_no_study(run, tmp_path, command
     assert (code, len(complaints)) == (2, 1)
     assert "`out` is 'mine'" in complaints[0]
     assert names(tmp_path / "mine") == ["thesis.txt"]
+
+
+# Damping as a part of critical damping: c = 2 zeta sqrt(k m)
+
+
+@pytest.mark.parametrize("name", ["damping_ratio", "zeta"])
+def test_a_damping_ratio_stands_for_the_damping_that_it_is_of_this_mass_and_stiffness(run, name):
+    _, ratio, _ = run(f"section -p k=2000 -p {name}=0.01 -p m=0.5 -p frequency=20 --sample-impacts 50")
+    c = 2.0 * 0.01 * np.sqrt(2000.0 * 0.5)
+    _, damping, _ = run(f"section -p k=2000 -p damping={float(c)!r} -p m=0.5 -p frequency=20 --sample-impacts 50")
+    assert ratio[:2] == damping[:2]
+
+
+def test_a_damping_ratio_takes_the_place_of_the_damping_in_a_study_and_uses_its_mass(run, tmp_path):
+    (tmp_path / "study.toml").write_text("[oscillator]\nm = 4.0\nc = 3.0\nk = 9.0\n")
+    assert run("section study.toml -p zeta=0.05 --sample-impacts 20 --out ratio.nc")[0] == 0
+    osc = oscillator_of(vi.load(tmp_path / "ratio.nc"))
+    assert (osc.mass, osc.stiffness, osc.damping_ratio) == (4.0, 9.0, pytest.approx(0.05, rel=1e-15))
+
+
+@pytest.mark.parametrize(("command", "told"), [
+    ("section -p zeta=0.01 -p c=0.1", "`-p zeta` stands beside `c`; allowed is one of the two"),
+    ("section -p zeta=0.01 -p damping_ratio=0.1", "`-p damping_ratio` stands beside `zeta`"),
+    ("section -p zeta=-0.01", "`zeta` is -0.01; allowed is a finite number >= 0"),
+    ("section -p damping_ratio=much", "`damping_ratio` is 'much'; allowed is a finite number >= 0"),
+    ("map -p zeta=0.01 --x m=1:2:3", "`zeta` is given, and mass varies; allowed is it where c = 2 zeta sqrt(k m)"),
+    ("map --x damping_ratio=0.01:0.1:3", "write damping=from:to with c = 2 zeta sqrt(k m) in N s/m"),
+    ("boundary --x zeta=0.01:0.1 --y gap=0:1", "write damping=from:to with c = 2 zeta sqrt(k m) in N s/m"),
+])  # fmt: skip
+def test_a_damping_ratio_is_refused_where_it_tells_no_damping(run, command, told):
+    code, _, complaints = run(command)
+    assert code == 2
+    assert told in complaints[-1]
+
+
+# Diagrams in words
+
+
+def test_a_diagram_tells_where_it_hits_hardest(run, tmp_path):
+    _, told, _ = run("diagram --x omega=1.8:2.2:5 --sample-impacts 200")
+    assert run("diagram --x omega=1.8:2.2:5 --sample-impacts 200 --out five.nc")[0] == 0
+    diagram = vi.load(tmp_path / "five.nc")
+    hardest = diagram["velocity"].max("impact")
+    at = int(hardest.values.argmax())
+    assert f"hardest {float(hardest[at]):.4g} m/s at omega {float(diagram['omega'][at]):.4g} rad/s" in told
+
+
+def test_a_diagram_names_cycles_and_chaos_where_indices_tell_them(run):
+    _, told, _ = run("diagram --x omega=2:2.8:2 --sample-impacts 2000 --indices all")
+    assert [line.split(": ")[1] for line in told if line.startswith("  omega")] == ["period-1 impact-1", "chaotic"]
+    _, told, _ = run("diagram --x frequency=0.3183:0.4456:2 --sample-impacts 2000 --indices lyapunov")
+    assert [line.split(": ")[1] for line in told if line.startswith("  freq")] == ["1 impact a cycle", "chaotic"]
+    _, told, _ = run("diagram --x omega=2:2.8:2 --sample-impacts 2000")
+    assert [line.split(": ")[1] for line in told if line.startswith("  omega")] == ["1 impact a cycle", "aperiodic"]
+
+
+def test_a_diagram_leaves_out_how_small_the_impacts_of_a_chatter_became(run):
+    _, chatter, _ = run("diagram --x omega=0.1:0.2:2 --sample-impacts 500")
+    assert any(line.startswith("impact velocity up to ") for line in chatter)
+    _, cycles, _ = run("diagram --x omega=1.9:2:2 --sample-impacts 50")
+    assert any(" to " in line for line in cycles if line.startswith("impact velocity"))
+    assert not any(line.startswith("impact velocity up to ") for line in cycles)
+
+
+def test_the_spread_of_a_cycle_is_zero_and_not_rounding(run):
+    _, told, _ = run("section -p omega=2.0 --sample-impacts 500")
+    assert told[1].endswith("standard deviation 0 m/s")
+    _, told, _ = run("map --x omega=2:2.05:2 --y m=1:1.05:2 --indices std,impact_phase_spread")
+    assert "standard deviation of impact velocities (std): 0 m/s" in told[1]
+    assert "spread of the impact phases (impact_phase_spread): 0, " in told[2]
+
+
+def test_how_motions_ended_is_told_without_underscores(run):
+    _, told, _ = run("map --x omega=2:2.5:2 --y gap=9:10:2")
+    assert any("% no impact: the mass never reaches the stop" in line for line in told)

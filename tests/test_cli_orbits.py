@@ -44,7 +44,7 @@ def test_an_orbit_is_told_with_its_impacts_and_multipliers(run, values):
     code, told, complaints = run("orbit -p omega=2.0")
     assert (code, complaints) == (0, [])
     assert told[0] == "1 period-1 impact-1 orbit"
-    assert told[1].startswith("1. period-1 impact-1, stable, repeats each 3.14159 s")
+    assert told[1].startswith("1. period-1 impact-1, stable, repeats every 3.14159 s")
     assert "hits at 6.22641 m/s at phase 0.498992" in told[2]
     assert "multipliers 0.787766 and 0.787298" in told[3]
 
@@ -251,7 +251,7 @@ def test_a_verdict_is_told_in_words_and_as_json(run):
     code, told, _ = run("describe -p omega=1.4 --vary w")
     assert code == 0
     assert any(line.startswith("motion      period-1 impact-1") for line in told)
-    assert any("1.25896 rad/s (period doubling" in line for line in told)
+    assert any("1.25896 rad/s (0.20037 Hz) (period" in line for line in told)
     _, told, _ = run("describe -p omega=1.4 --vary omega --json")
     assert json.loads("\n".join(told))["motion"]["name"] == "period-1 impact-1"
 

@@ -32,7 +32,7 @@ def test_an_example_runs_and_leaves_its_figure(name, tmp_path):
 
 def test_first_orbit_names_the_motion(capsys):
     runpy.run_path(str(ROOT / "examples" / "first_orbit.py"))
-    assert capsys.readouterr().out == "period-1 impact-2, hits at 1.62 and 1.19 m/s each 6.61 s\n"
+    assert capsys.readouterr().out == "period-1 impact-2, hits at 1.62 and 1.19 m/s every 6.61 s\n"
 
 
 def test_the_verdict_on_the_tube_is_the_one_in_the_documentation(capsys):

@@ -140,3 +140,26 @@ def test_a_damaged_tile_is_refused_and_not_shown(tmp_path):
     tile.write_bytes(b"\xff broken")
     with pytest.raises(OSError, match=r"run\.zarr"):
         open_study(path)
+
+
+def test_a_sweep_over_the_frequency_is_shown_over_omega(tmp_path, sweep):
+    """The same cells, whether the axis was given in Hz or in rad/s: w = 2 pi f."""
+    path = tmp_path / "hertz.zarr"
+    hertz = OMEGA / (2.0 * np.pi)
+    vi.parameter_map(
+        ImpactOscillator(), frequency=hertz, mass=MASS, indices=["std"], sample_impacts=1900, store=path, workers=1
+    )
+    view, look = open_study(path)
+    assert (view.x, view.y) == ("omega", "mass")
+    assert view.x_range == (pytest.approx(1.88), pytest.approx(2.12))
+    plane = look(view)
+    shown = plane.values["std"][FINEST // 12 :: FINEST // 6, FINEST // 10 :: FINEST // 5][:6, :5]
+    np.testing.assert_allclose(shown, sweep["std"].values, atol=1e-9)
+
+
+def test_a_frequency_held_in_the_middle_of_a_third_axis_is_the_omega_shown(tmp_path):
+    path = tmp_path / "three.nc"
+    axes = {"mass": MASS, "gap": [0.0, 0.1, 0.2], "frequency": [0.3, 0.4, 0.5]}
+    vi.save(vi.parameter_map(ImpactOscillator(), **axes, indices=["std"], sample_impacts=20, workers=1), path)
+    view, _ = open_study(path)
+    assert view.osc.omega == pytest.approx(2.0 * np.pi * 0.4)

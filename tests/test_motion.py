@@ -56,7 +56,7 @@ def test_a_cycle_is_told_from_its_hardest_hit_on():
     motion = recognise(section(*repeated([0.3, 0.8], [1.13, 1.48], 1)))
     assert motion.velocities == (1.48, 1.13)
     assert motion.phases == pytest.approx((0.8, 0.3), abs=1e-12)
-    assert motion.sentence(7.0) == "period-1 impact-2, hits at 1.48 and 1.13 m/s each 7 s"
+    assert motion.sentence(7.0) == "period-1 impact-2, hits at 1.48 and 1.13 m/s every 7 s"
 
 
 def test_phases_on_both_sides_of_the_wrap_are_the_same_phase():

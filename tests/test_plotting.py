@@ -201,8 +201,8 @@ def test_a_bifurcation_diagram_draws_every_sample_and_names_empty_columns(ax):
     dots = ax.lines[0]
     np.testing.assert_allclose(dots.get_xydata(), [[1.0, 1.0], [1.0, 2.0], [4 / 3, 1.5]])
     assert dots.get_rasterized()
-    assert [text.split(":")[0] for text in legend_texts(ax)[1:]] == ["no_impact", "budget"]
-    np.testing.assert_allclose(line_named(ax, "no_impact").get_xdata(), [5 / 3])
+    assert [text.split(":")[0] for text in legend_texts(ax)[1:]] == ["no impact", "budget"]
+    np.testing.assert_allclose(line_named(ax, "no impact").get_xdata(), [5 / 3])
     assert (ax.get_xlabel(), ax.get_ylabel()) == (
         r"angular driving frequency $\omega$ [rad/s]",
         "impact velocity $I$ [m/s]",
@@ -214,6 +214,16 @@ def test_a_bifurcation_diagram_shows_the_quantity_asked_for(ax):
     np.testing.assert_allclose(ax.lines[0].get_ydata(), [0.1, 0.2])
     looks = plotting.bifurcation_diagram(diagram([[1.0], [2.0]], dim="period"), ax=Figure().add_subplot())
     assert looks.get_ylabel() == "displacement $y$ [m]"
+
+
+def test_a_title_tells_the_angular_frequency_in_hertz_too():
+    """w = 2 pi 20 Hz."""
+    held = curve([0.1, 0.2], axis="mass").assign_attrs(
+        provenance("parameter_map", ImpactOscillator(frequency=20.0), {})
+    )
+    told = plotting.index_curve(held).get_title().replace("\n", " ")
+    assert r"$\omega$ = 125.66 rad/s (20 Hz)" in told
+    assert "Hz" not in plotting.index_curve(curve([0.1, 0.2])).get_title(), "what is swept is not told"
 
 
 def test_thinning_a_large_diagram_keeps_every_branch_and_draws_true_samples(ax):
@@ -235,6 +245,21 @@ def test_the_index_stands_on_top_of_the_diagram_at_its_scale(ax):
     np.testing.assert_allclose(line.get_xydata(), [[1.0, 2.5], [1.5, 10.0], [2.0, 1.25]])
     assert legend_texts(ax)[-1] == r"5 $\times$ $\mathrm{Std}$"
     assert ax.get_ylim()[1] > 10.0
+    assert ax.get_figure().axes == [ax], "both are velocities"
+
+
+def test_an_index_that_is_no_velocity_stands_on_an_axis_of_its_own_with_its_unit(ax):
+    exponent = curve([-0.5, 0.25, -np.inf]).rename(std="lyapunov")
+    exponent["lyapunov"].attrs = variable("lyapunov", (), 0.0).attrs
+    speeds = diagram([[1.0, 2.0], [3.0, 3.5]])
+    plotting.diagram_with_index(speeds, exponent, index="lyapunov", ax=ax)
+    (right,) = (other for other in ax.get_figure().axes if other is not ax)
+    assert right.get_ylabel() == r"largest Lyapunov exponent $\lambda$ [1/s]"
+    np.testing.assert_array_equal(right.lines[0].get_ydata(), [-0.5, 0.25, -np.inf])
+    assert right.get_ylim()[0] < -0.5 < 0.25 < right.get_ylim()[1]
+    assert legend_texts(ax)[-1] == r"$\lambda$", "the factor of five is the paper's for Std"
+    alone = plotting.bifurcation_diagram(speeds, ax=Figure().add_subplot())
+    assert ax.get_ylim() == alone.get_ylim(), "the axis of velocities shows velocities"
 
 
 def test_an_index_curve_breaks_where_there_is_no_value_and_says_why(ax):
@@ -242,7 +267,7 @@ def test_an_index_curve_breaks_where_there_is_no_value_and_says_why(ax):
     plotting.index_curve(curve([0.1, np.nan, 0.3], status), ax=ax)
     np.testing.assert_array_equal(ax.lines[0].get_ydata(), [0.1, np.nan, 0.3])
     np.testing.assert_array_equal(ax.lines[1].get_ydata(), [0.1, 0.3])
-    assert legend_texts(ax)[0].startswith("stopped_impacting: impacts ceased")
+    assert legend_texts(ax)[0].startswith("stopped impacting: impacts ceased")
 
 
 def test_a_negative_exponent_is_drawn_whole_with_a_line_at_zero(ax):

@@ -7,7 +7,8 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 import xarray as xr
-from matplotlib.collections import QuadMesh
+from matplotlib import pyplot as plt
+from matplotlib.collections import LineCollection, QuadMesh
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
@@ -16,10 +17,10 @@ from vibroimpact.classes import MotionClass, motion_variable
 from vibroimpact.continuation import boundary_curves
 from vibroimpact.dataset import provenance, status_variable, variable
 from vibroimpact.plotting import index_contour
-from vibroimpact.plotting.boundaries import KINDS, boundaries
+from vibroimpact.plotting.boundaries import HALOS, KINDS, boundaries
 from vibroimpact.plotting.classes import COLORS, OTHER_PERIODIC, PALETTE, USUAL, motion_map, name_colors
 from vibroimpact.plotting.exponents import exponent_map
-from vibroimpact.plotting.style import STATUS_COLORS, STICKING
+from vibroimpact.plotting.style import INK, STATUS_COLORS, STICKING
 from vibroimpact.status import Status
 
 mpl.use("Agg")
@@ -62,6 +63,16 @@ def exponents(values, status=None):
     return plane(
         lyapunov=variable("lyapunov", ("omega", "mass"), values), status=status_variable(("omega", "mass"), status)
     )
+
+
+def with_statuses():
+    """Return a map with cells of two statuses that have no value, whose legends are long."""
+    status = np.zeros((20, 30), int)
+    status[:3], status[3:6] = Status.NO_IMPACT, Status.STOPPED_IMPACTING
+    values = np.where(status > 0, np.nan, 0.5)
+    dims = ("omega", "mass")
+    told = {name: variable(name, dims, values) for name in ("std", "max_velocity")}
+    return plane(**told, status=status_variable(dims, status))
 
 
 def legend_texts(ax):
@@ -248,8 +259,40 @@ def test_boundaries_lie_over_a_map_of_their_plane_in_either_order(curves):
         np.testing.assert_array_equal(drawn.lines[0].get_xydata(), first.values[:, columns])
         x = (OMEGA, MASS)[columns[0]]
         assert drawn.get_xlim() == (x[0], x[-1]), "the map keeps its limits"
-        assert legend_texts(drawn)[0].startswith("boundary: $")
-        assert len(legend_texts(drawn)) > 1
+        assert legend_texts(drawn)
+    assert legend_texts(drawn)[0].startswith("boundary: $"), "the map's own legend is kept"
+
+
+def test_a_map_beneath_boundaries_shows_no_lines_but_theirs(curves, ax):
+    boundaries(curves, with_statuses(), "max_velocity", ax=ax)
+    assert not [artist for artist in ax.collections if isinstance(artist, LineCollection)]
+    assert not [text for text in legend_texts(ax) if text.startswith("boundary")]
+
+
+@pytest.mark.parametrize("index", ["std", "max_velocity"])
+def test_a_plane_keeps_its_room_above_a_legend_of_many_long_lines(curves, index):
+    drawn = boundaries(curves, with_statuses(), index)
+    figure = drawn.get_figure()
+    figure.draw_without_rendering()
+    plane, told = drawn.get_position(), drawn.get_legend().get_window_extent()
+    assert len(legend_texts(drawn)) >= 4
+    assert plane.width > 0.6
+    assert plane.height > 0.6
+    assert 0.0 <= told.x0 < told.x1 <= figure.bbox.x1
+    assert told.y0 >= 0.0
+    plt.close(figure)
+
+
+def test_each_kind_of_curve_has_a_colour_of_its_own_and_a_halo_that_shows_where_it_does_not():
+    """On any colour beneath, the line or its halo differs in lightness."""
+
+    def lightness(color):
+        return seen(color, "all cones")[0]
+
+    assert len({color for color, _ in KINDS.values()}) == len(KINDS)
+    assert "#ffffff" not in {color for color, _ in KINDS.values()}, "white are the lines of a level"
+    for kind, (color, _) in KINDS.items():
+        assert abs(lightness(color) - lightness(HALOS.get(kind, INK))) > 45.0
 
 
 def test_the_legend_of_a_map_of_motions_stays_beside_it(curves, ax):

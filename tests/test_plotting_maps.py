@@ -93,12 +93,23 @@ def test_the_contour_draws_the_boundary_at_the_level_asked_for_and_tells_it(ax):
     assert legend_texts(ax) == [r"boundary: $\mathrm{Std}$ = 0.25 m/s"]
 
 
-def test_the_default_level_is_a_twentieth_of_the_velocity_scale_for_std_and_mid_range_for_others(ax):
+def test_the_default_level_is_a_twentieth_of_the_velocity_scale_for_std_and_others_have_no_boundary(ax):
     plotting.index_contour(paraboloid(osc=ImpactOscillator(amplitude=4.0)), ax=ax)
     assert legend_texts(ax) == [r"boundary: $\mathrm{Std}$ = 0.2 m/s (5 % of the velocity scale)"]
     other = Figure().add_subplot()
     plotting.index_contour(paraboloid(name="max_velocity"), "max_velocity", ax=other)
-    assert legend_texts(other) == [r"boundary: $\max\,I$ = 1 m/s (mid-range)"]
+    assert other.get_legend() is None
+    assert not [artist for artist in other.collections if isinstance(artist, LineCollection)]
+    plotting.index_contour(paraboloid(name="max_velocity"), "max_velocity", 0.5, ax=other)
+    assert legend_texts(other) == [r"boundary: $\max\,I$ = 0.5 m/s"]
+
+
+def test_the_scale_of_colours_says_that_it_goes_with_the_root(ax):
+    plotting.index_contour(paraboloid(), ax=ax)
+    bar, norm = ax.get_figure().axes[1], meshes(ax)[0].norm
+    assert bar.get_xlabel() == "root scale"
+    low, high = norm.vmin, norm.vmax
+    assert norm(low + 0.25 * (high - low)) == pytest.approx(0.5)
 
 
 def test_a_reference_value_is_a_labelled_line_across_the_map(ax):
@@ -126,7 +137,7 @@ def test_cells_without_a_value_have_the_colour_of_their_status_and_the_legend_na
     np.testing.assert_allclose(shade[0, 40], (*to_rgb(STATUS_COLORS[Status.BUDGET]), 1.0))
     assert shade[30, 20, 3] == 0.0, "cells with a value stay uncovered"
     assert [(text.split(":")[0], text.split("(")[-1]) for text in legend_texts(ax)[1:]] == [
-        ("no_impact", "122 cells)"),
+        ("no impact", "122 cells)"),
         ("budget", "3 cells)"),
     ]
 
@@ -134,7 +145,7 @@ def test_cells_without_a_value_have_the_colour_of_their_status_and_the_legend_na
 def test_a_map_without_any_value_still_draws_and_says_why(ax):
     empty = sweep(np.full((41, 61), np.nan), np.full((41, 61), Status.STUCK_FOREVER))
     plotting.index_contour(empty, ax=ax)
-    assert legend_texts(ax)[-1].startswith("stuck_forever: ")
+    assert legend_texts(ax)[-1].startswith("stuck forever: ")
     ax.get_figure().draw_without_rendering()
     solid = Figure().add_subplot(projection="3d")
     plotting.index_surface(empty, ax=solid).get_figure().draw_without_rendering()

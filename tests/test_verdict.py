@@ -15,8 +15,11 @@ from vibroimpact.motion import recognise
 from vibroimpact.oscillator import PARAMETERS
 from vibroimpact.plotting.comparison import comparison_figure
 from vibroimpact.verdict import compare, describe
+from vibroimpact.verdict.advice import Advice
+from vibroimpact.verdict.edges import Edge
 from vibroimpact.verdict.reach import reach_of
 from vibroimpact.verdict.readings import Laboratory, Start
+from vibroimpact.verdict.words import advice_words, edge_words
 
 matplotlib.use("agg")
 END_OF_STICKING = 0.34718041326569626  # of the default oscillator, rad/s
@@ -222,6 +225,44 @@ def test_where_nothing_hits_there_is_nothing_to_calm():
     assert "nothing to calm" in str(verdict)
 
 
+# How it is told
+
+
+def test_what_is_given_in_hertz_is_told_in_hertz_too():
+    """w = 2 pi 20 Hz."""
+    verdict = describe(vi.ImpactOscillator(stiffness=4e4, frequency=20.0), parameters=[])
+    assert "omega 125.664 rad/s (20 Hz)" in str(verdict)
+
+
+def test_a_change_of_the_gap_is_told_beside_the_gap_and_beside_the_static_deflection():
+    osc = vi.ImpactOscillator(amplitude=2.0, stiffness=2000.0, gap=0.2e-3)  # f/k = 1 mm
+    up = Edge("gap", 1, "fold", 0.25e-3, 0.05, "f/k")
+    assert edge_words(osc, up) == "up 25 % (5 % of f/k) to 0.00025 m (fold)"
+    at_zero = edge_words(osc.replace(gap=0.0), Edge("gap", 1, "fold", 0.25e-3, 0.25, "f/k"))
+    assert at_zero == "up 25 % of f/k to 0.00025 m (fold)", "zero has no shares"
+    wide = osc.replace(gap=2e-3)
+    assert edge_words(wide, Edge("gap", 1, "fold", 2.5e-3, 0.25, "")) == "up 25 % to 0.0025 m (fold)"
+
+
+def test_advice_that_merely_ends_the_chaos_says_so():
+    osc = vi.ImpactOscillator()
+    calm = Advice("mass", 1.01, 0.01, "", "no_chaos", "period-10 impact-6", 0.9985, 1.0)
+    assert "period-10 impact-6, no longer chaotic, hardest hit" in advice_words(osc, calm)
+    softer = Advice("mass", 1.01, 0.01, "", "softer", "period-1 impact-1", 0.5, 1.0)
+    assert "chaotic" not in advice_words(osc, softer)
+
+
+def test_on_a_boundary_no_digits_of_rounding_are_told():
+    """A preload k g as large as the force: any more force lifts the mass off the stop."""
+    verdict = describe(vi.ImpactOscillator(gap=-1.0), parameters=["amplitude"])
+    assert "up at once (the force first lifts the mass off the stop" in " ".join(str(verdict).split())
+    for digits in (1e-15, -3e-13):
+        noise = Edge("omega", 1, "grazing", 2.0 * (1.0 + digits), digits, "", beyond="chaotic")
+        assert edge_words(vi.ImpactOscillator(), noise) == "up at once (grazing, then chaotic)"
+    near = Edge("omega", 1, "grazing", 2.0 * (1.0 + 1e-9), 1e-9, "")
+    assert "at once" not in edge_words(vi.ImpactOscillator(), near)
+
+
 # Hard cases
 
 
@@ -321,9 +362,17 @@ def test_the_table_is_aligned_and_stars_what_differs(comparison):
     assert lines[0].split() == ["old", "new"]
     second = lines[0].index("new")
     starred = [line for line in lines if " *" in line[: lines[0].index("old")]]
-    assert [line.split(" [")[0] for line in starred] == ["angular driving frequency", "gap"]
+    assert [line.split(" [")[0] for line in starred] == ["angular driving frequency", "driving frequency", "gap"]
+    (hertz,) = (line for line in lines if line.startswith("driving frequency [Hz]"))
+    assert [float(cell) for cell in hertz.split()[-2:]] == pytest.approx([0.7 / np.pi, 1.0 / np.pi], rel=1e-5)
     assert all(line[second - 1] == " " and line[second] != " " for line in lines[:20])
     assert any(line.startswith("motion") and "period-1 impact-1" in line and "no impact" in line for line in lines)
+
+
+def test_the_spreads_of_cycles_are_zero_and_not_rounding(comparison):
+    told = {line.split(" [")[0].split("  ")[0]: line.split() for line in str(comparison).splitlines()}
+    for spread in ("standard deviation of impact velocities", "spread of the impact phases"):
+        assert told[spread][-2] == "0"
 
 
 def test_a_comparison_holds_both_verdicts(comparison):

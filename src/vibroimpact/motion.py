@@ -45,7 +45,7 @@ class Motion:
     >>> motion.name
     'period-1 impact-2'
     >>> motion.sentence(7.0)
-    'period-1 impact-2, hits at 1.48 and 1.13 m/s each 7 s'
+    'period-1 impact-2, hits at 1.48 and 1.13 m/s every 7 s'
     """
 
     kind: str
@@ -68,7 +68,7 @@ class Motion:
 
     def sentence(self, period: float) -> str:
         """Return the motion in a sentence, given the driving period in s."""
-        cycle = f"each {self.n_periods * period:.3g} s"
+        cycle = f"every {self.n_periods * period:.3g} s"
         if self.kind == "periodic":
             return f"{self.name}, {_hits(self.velocities)} {cycle}"
         if self.kind == "sticking":

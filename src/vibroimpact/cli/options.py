@@ -20,7 +20,8 @@ Parameters = Annotated[
     Option(
         "-p", "--parameter", metavar="NAME=VALUE", rich_help_panel="Oscillator",
         help="One of mass (m, kg), damping (c, N s/m), stiffness (k, N/m), amplitude (f, N), omega (w, rad/s) or "
-        "frequency (Hz), restitution (r), gap (g, m). Repeat it for more. Defaults are the paper's: "
+        "frequency (Hz), restitution (r), gap (g, m); damping_ratio (zeta) may stand for damping. Repeat it for more. "
+        "Defaults are the paper's: "
         "m=1 c=0.01 k=1 f=1 w=2 r=0.8 g=0.",
     ),
 ]  # fmt: skip
@@ -83,7 +84,7 @@ AlongCurves = Annotated[
     Option(
         "--along-curves",
         rich_help_panel="How to compute",
-        help="With --refine over two of w, m, k: a third of the cells, and fewer wrong ones.",
+        help="With --refine over two of w, m, k: a third of the cells; for maps of thousands a side.",
     ),
 ]
 EveryImpact = Annotated[

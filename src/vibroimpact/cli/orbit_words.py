@@ -12,7 +12,7 @@ import numpy as np
 
 from vibroimpact.axes import NAMES
 from vibroimpact.bundles import unbundle
-from vibroimpact.cli.phrases import axis_range, counted, listed, quantity
+from vibroimpact.cli.phrases import axis_range, counted, listed, quantity, spread_scale, told_spread
 from vibroimpact.dataset import oscillator_of
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import Motion
@@ -35,7 +35,7 @@ def tell_orbits(dataset: xr.Dataset) -> Iterator[str]:
         orbit = dataset.isel(orbit=at)
         stable = "stable" if bool(orbit["stable"]) else "unstable"
         length = int(orbit["n_periods"]) * period
-        yield f"{at + 1}. {_name(orbit)}, {stable}, repeats each {length:.6g} s"
+        yield f"{at + 1}. {_name(orbit)}, {stable}, repeats every {length:.6g} s"
         if why:
             yield f"   no motion of the mass: {why}"
         yield from _hits(orbit)
@@ -147,5 +147,9 @@ def tell_comparison(dataset: xr.Dataset) -> Iterator[str]:
     names = [str(name) for name in dataset["design"].values]
     yield f"{names[0]} and {names[1]}: {' and '.join(map(str, dataset['motion'].values))}"
     for name in (*PARAMETERS, *INDICES):
-        first, second = (float(value) for value in dataset[name].values)
+        scales = [spread_scale(name, float(speed)) for speed in dataset["max_velocity"].values]
+        first, second = map(told_spread, dataset[name].values.tolist(), scales)
         yield f"  {dataset[name].attrs['long_name']}: {quantity(name, first, 6)} and {quantity(name, second, 6)}"
+        if name == "omega":
+            first, second = first / (2.0 * math.pi), second / (2.0 * math.pi)
+            yield f"  driving frequency: {quantity('frequency', first, 6)} and {quantity('frequency', second, 6)}"

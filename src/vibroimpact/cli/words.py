@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vibroimpact.classes import NEEDED, MotionClass, classify
+from vibroimpact.cli.diagram_words import tell_diagram
 from vibroimpact.cli.orbit_words import tell_basins, tell_boundaries, tell_branches, tell_comparison, tell_orbits
-from vibroimpact.cli.phrases import axis_range, counted, span
+from vibroimpact.cli.phrases import ROUNDING, axis_range, counted, span, spread_scale, told_spread
 from vibroimpact.cli.progress import speed
 from vibroimpact.dataset import oscillator_of
 from vibroimpact.indices import INDICES
-from vibroimpact.motion import Motion, cycle_length, recognise, recurrence
+from vibroimpact.motion import Motion, recognise, recurrence
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
 
-_STRETCHES = 12  # of a diagram, told at most
 _MOTIONS = 8  # of a map, told at most
 
 
@@ -53,7 +52,7 @@ def _simulation(dataset: xr.Dataset) -> Iterator[str]:
 def _impacts(dataset: xr.Dataset) -> Iterator[str]:
     yield recognise(dataset).sentence(oscillator_of(dataset).period)
     if speeds := dataset["velocity"].values.tolist():
-        mean, std = np.mean(speeds), np.std(speeds)
+        mean, std = np.mean(speeds), told_spread(np.std(speeds), max(speeds))
         kept = f"{counted(len(speeds), 'impact')} kept"
         yield f"{kept}, {span(dataset['velocity'])}, mean {mean:.4g}, standard deviation {std:.4g} m/s"
         yield from _ending(dataset)
@@ -64,7 +63,7 @@ def _looks(dataset: xr.Dataset) -> Iterator[str]:
     if not n:
         yield "aperiodic, what is seen once a driving period does not repeat"
     else:
-        yield f"period-{n}, repeats each {n * oscillator_of(dataset).period:.3g} s"
+        yield f"period-{n}, repeats every {n * oscillator_of(dataset).period:.3g} s"
     for name in ("displacement", "velocity"):
         if dataset[name].size:
             yield f"{name} {span(dataset[name])}"
@@ -74,40 +73,7 @@ def _looks(dataset: xr.Dataset) -> Iterator[str]:
 def _ending(dataset: xr.Dataset) -> Iterator[str]:
     status = Status(int(dataset["status"]))
     if status not in (Status.OK, Status.CLOSED):
-        yield f"{status.word}: {status.sentence}"
-
-
-def _diagram(dataset: xr.Dataset) -> Iterator[str]:
-    (axis,) = dataset["status"].dims
-    values = dataset[axis].values
-    yield f"{counted(len(values), 'value')} of {axis_range(dataset, str(axis))}"
-    for name in ("displacement", "velocity"):
-        if name in dataset and np.isfinite(dataset[name]).any():
-            yield f"{dataset[name].attrs['long_name']} {span(dataset[name])}"
-    labels = [_row(dataset.isel({axis: i})) for i in range(len(values))]
-    runs = [(label, [i for i, _ in group]) for label, group in groupby(enumerate(labels), lambda pair: pair[1])]
-    longest = sorted(sorted(runs, key=lambda run: -len(run[1]))[:_STRETCHES], key=lambda run: run[1][0])
-    for label, at in longest:
-        ends = f"{values[at[0]]:.4g}" + (f" to {values[at[-1]]:.4g}" if len(at) > 1 else "")
-        yield f"  {axis} {ends}: {label}"
-    if len(runs) > len(longest):
-        yield f"  and {counted(len(runs) - len(longest), 'shorter stretch', 'es')}"
-
-
-def _row(row: xr.Dataset) -> str:
-    """Return what moves at one value of a diagram's axis."""
-    status, count = Status(int(row["status"])), int(row["count"])
-    if not status.has_indices:
-        return status.word.replace("_", " ")
-    kept = {name: row[name].values[:count] for name in ("displacement", "velocity", "phase") if name in row}
-    if "phase" not in kept:
-        n = recurrence(kept["displacement"], kept["velocity"])
-        return f"period-{n}" if n else "aperiodic"
-    if status == Status.STICKING:
-        return "sticking"
-    if p := cycle_length(kept["velocity"], kept["phase"]):
-        return f"{counted(p, 'impact')} a cycle"
-    return "too short a sample to tell" if status == Status.SHORT_WINDOW else "aperiodic"
+        yield f"{status.word.replace('_', ' ')}: {status.sentence}"
 
 
 def _map(dataset: xr.Dataset) -> Iterator[str]:
@@ -115,13 +81,19 @@ def _map(dataset: xr.Dataset) -> Iterator[str]:
     shape = " x ".join(str(dataset.sizes[axis]) for axis in axes)
     yield f"{shape} cells: " + "; ".join(axis_range(dataset, axis) for axis in axes)
     for name in (name for name in INDICES if name in dataset):
-        yield _index(dataset[name], axes)
+        yield _index(_without_rounding(dataset[name], oscillator_of(dataset).velocity_scale), axes)
     if set(NEEDED) <= set(map(str, dataset.data_vars)):
         yield from _motions(classify(dataset))
     codes, counts = np.unique(dataset["status"].values, return_counts=True)
     for code, count in sorted(zip(codes, counts, strict=True), key=lambda pair: -pair[1]):
         status = Status(int(code))
-        yield f"  {100 * count / dataset['status'].size:.3g} % {status.word}: {status.sentence}"
+        yield f"  {100 * count / dataset['status'].size:.3g} % {status.word.replace('_', ' ')}: {status.sentence}"
+
+
+def _without_rounding(field: xr.DataArray, speed: float) -> xr.DataArray:
+    """Return an index with 0 for spreads of cycles, which are nothing but rounding; others as they are."""
+    least = ROUNDING * spread_scale(str(field.name), speed)
+    return field.where(~(np.abs(field) <= least), 0.0).assign_attrs(field.attrs)
 
 
 def _index(field: xr.DataArray, axes: list[str]) -> str:
@@ -158,7 +130,7 @@ _TELLERS: dict[str, Callable[[xr.Dataset], Iterator[str]]] = {
     "simulate": _simulation,
     "impact_section": _impacts,
     "stroboscopic_section": _looks,
-    "bifurcation_diagram": _diagram,
+    "bifurcation_diagram": tell_diagram,
     "parameter_map": _map,
     "find_orbit": tell_orbits,
     "continue_orbit": tell_branches,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from vibroimpact.classes import NEEDED, classify
-from vibroimpact.dataset import oscillator_of
+from vibroimpact.dataset import oscillator_of, variable
 from vibroimpact.explorer.plane import Plane, positions
 from vibroimpact.explorer.state import FINEST, MOTION, SAMPLES, View
 from vibroimpact.indices import INDICES
@@ -40,16 +41,16 @@ def open_study(path: str | os.PathLike[str]) -> tuple[View, Look]:
     Notes
     -----
     What is shown is read at once, 256 x 256 cells at most: the store may go away, or go on growing, while pages are
-    open.
+    open. A frequency in Hz is shown as omega in rad/s.
     """
-    sweep = _read(path)
+    sweep = _over_omega(_read(path))
     status = sweep.get("status")
     dims = [str(name) for name in status.dims] if status is not None else []
     told = [name for name in sweep.data_vars if name in INDICES]
     if len(dims) < 2 or not told or any(name not in PARAMETERS for name in dims) or "oscillator" not in sweep.attrs:
         raise ValueError(
             f"`store` is {os.fspath(path)!r} with axes {', '.join(dims) or 'none'}; allowed is a sweep over two or "
-            f"more of {', '.join(PARAMETERS)}; make one with `vibroimpact map --out`"
+            f"more of {', '.join(PARAMETERS)}, or frequency for omega; make one with `vibroimpact map --out`"
         )
     for name in dims[2:]:
         sweep = sweep.isel({name: sweep.sizes[name] // 2})
@@ -84,6 +85,14 @@ def _read(path: str | os.PathLike[str]) -> xr.Dataset:
     from vibroimpact.storage import load
 
     return load(path)
+
+
+def _over_omega(sweep: xr.Dataset) -> xr.Dataset:
+    """Return a sweep over the frequency in Hz as one over w = 2 pi frequency in rad/s; others as they are."""
+    if "frequency" not in sweep.dims or "omega" in sweep.variables or sweep["frequency"].dtype.kind not in "fiu":
+        return sweep
+    omega = variable("omega", "frequency", 2.0 * math.pi * sweep["frequency"].values)
+    return sweep.assign_coords(frequency=omega).rename(frequency="omega")
 
 
 def _oscillator(path: str | os.PathLike[str], sweep: xr.Dataset) -> ImpactOscillator:

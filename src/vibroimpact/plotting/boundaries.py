@@ -14,16 +14,18 @@ from vibroimpact.dataset import variable
 from vibroimpact.motion import Motion
 from vibroimpact.plotting.checks import check_sweep, datasets_of, holding
 from vibroimpact.plotting.classes import BESIDE
-from vibroimpact.plotting.maps import boundary_level, index_contour
-from vibroimpact.plotting.style import INK, label, legend_below, new_axes, title
+from vibroimpact.plotting.maps import draw_cells
+from vibroimpact.plotting.style import INK, label, legend_below, legend_lines, new_axes, title
 
-# Colour of a kind, and its words: light enough for the dark side of a map, with a dark halo for the light side.
+# Colour of a kind, and its words: light with a dark halo, or dark with a light one, so that it shows on any map.
 KINDS = {
-    "fold": ("#ffffff", "fold"),
+    "fold": ("#000000", "fold"),
     "period_doubling": ("#ff5d8f", "period doubling"),
     "grazing": ("#ffb000", "grazing"),
     "end_of_sticking": ("#7fe3ff", "end"),
 }
+HALOS = {"fold": "#ffffff"}  # the others' is dark
+LINE = 0.16  # inches of a line of the legend
 DASHES: dict[int, Any] = {1: "solid", 2: (0, (5, 2)), 3: (0, (2, 1.5))}  # by n_periods
 MORE_PERIODS = (0, (1, 1))
 
@@ -36,8 +38,8 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
     curves : Boundary, xarray.Dataset, or sequence of them
         What `continue_boundary` or `boundary_curves` returns, or the `dataset` of each, all in one plane.
     sweep : xarray.Dataset, optional
-        A `vibroimpact.parameter_map` over the same two parameters, drawn beneath by `index_contour`; its first axis
-        lies along x.
+        A `vibroimpact.parameter_map` over the same two parameters, drawn beneath as by `index_contour`, without its
+        boundary lines; its first axis lies along x.
     index : str
         Which index of `sweep` is drawn.
     ax : matplotlib.axes.Axes, optional
@@ -67,10 +69,12 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
     """
     drawn = _datasets(curves)
     plane = _plane(drawn)
+    own, below = ax is None, []
     if sweep is not None:
         _check_sweep(sweep, plane)
-        level, _ = boundary_level(sweep, check_sweep("sweep", sweep, index, 2), None)
-        ax = index_contour(sweep, index, level, reference={}, ax=new_axes(ax, (7.2, 6.2), title(sweep)))
+        field = check_sweep("sweep", sweep, index, 2)
+        ax = new_axes(ax, (7.2, 5.4), title(sweep))
+        below = draw_cells(ax, sweep, field)
     ax = new_axes(ax, (7.2, 5.4), title(drawn[0]))
     x, y = _order(ax, plane)
     labelled = bool(ax.get_xlabel())
@@ -80,7 +84,9 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
         ax.set(xlim=limits[0], ylim=limits[1])
     ax.set_xlabel(parameter_label(x))
     ax.set_ylabel(parameter_label(y))
-    _add_legend(ax, [entries[text] for text in sorted(entries, key=_by_orbit)])
+    _add_legend(ax, [*below, *(entries[text] for text in sorted(entries, key=_by_orbit))])
+    if own:
+        _make_room(ax)
     return ax
 
 
@@ -97,8 +103,14 @@ def _add_legend(ax: Axes, entries: list[Any]) -> None:
         legend_below(ax, entries)
         ax.add_artist(before).set_clip_on(False)
     else:
-        kept = before.legend_handles if before else []
-        legend_below(ax, [*kept, *entries], columns=2 if len(kept) + len(entries) > 3 else None)
+        legend_below(ax, [*(before.legend_handles if before else []), *entries])
+
+
+def _make_room(ax: Axes) -> None:
+    """Make the figure higher by what its legend takes, so that the plane keeps its height."""
+    figure: Any = ax.get_figure(root=True)
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + LINE * legend_lines(ax))
 
 
 def _datasets(curves: Any) -> list[xr.Dataset]:
@@ -164,7 +176,7 @@ def _draw(ax: Axes, curve: xr.Dataset, x: str, y: str) -> Line2D:
         color=color,
         linewidth=1.7,
         linestyle=DASHES.get(n, MORE_PERIODS),
-        path_effects=[withStroke(linewidth=3.1, foreground=INK)],
+        path_effects=[withStroke(linewidth=3.1, foreground=HALOS.get(kind, INK))],
         label=f"{words} of {orbit}",
         zorder=5,
     )

@@ -14,7 +14,7 @@ from vibroimpact.motion import recognise
 from vibroimpact.oscillator import PARAMETERS, ImpactOscillator, State
 from vibroimpact.plotting.orbit import phase_portrait, time_history
 from vibroimpact.plotting.sections import impact_map
-from vibroimpact.plotting.style import STYLE, draw_stop, value_text
+from vibroimpact.plotting.style import STYLE, draw_stop, held_text
 from vibroimpact.sections import impact_section, stroboscopic_section
 from vibroimpact.trajectory import simulate
 
@@ -110,9 +110,7 @@ def _settled(osc: ImpactOscillator) -> State | None:
 
 def _differing(osc: ImpactOscillator, both: Sequence[ImpactOscillator]) -> str:
     a, b = both
-    return ",  ".join(
-        value_text(name, getattr(osc, name)) for name in PARAMETERS if getattr(a, name) != getattr(b, name)
-    )
+    return ",  ".join(held_text(name, osc) for name in PARAMETERS if getattr(a, name) != getattr(b, name))
 
 
 def _share(axes: Sequence[Axes], along: str, gaps: Sequence[float] | None = None) -> None:

@@ -26,6 +26,7 @@ from vibroimpact.plotting.style import (
 )
 
 DRAW_ALL = 200_000  # samples; up to so many, each is drawn
+PAPERS_SCALE = 5.0  # of Std over the velocities, in Lee's figure 10
 LEVELS = 2000  # above it, samples of one column in the same 1/LEVELS of the axis are drawn once
 
 
@@ -148,9 +149,12 @@ def _draw_index(ax: Axes, field: xr.DataArray, scale: float) -> Floats:
 
 
 def diagram_with_index(
-    diagram: xr.Dataset, sweep: xr.Dataset, index: str = "std", scale: float = 5.0, ax: Axes | None = None
+    diagram: xr.Dataset, sweep: xr.Dataset, index: str = "std", scale: float | None = None, ax: Axes | None = None
 ) -> Axes:
     r"""Draw a bifurcation diagram of impact velocities (blue dots) with an index on top (black line).
+
+    Std lies over the velocities, five times enlarged as in the paper; other indices have an axis of their own on the
+    right.
 
     Parameters
     ----------
@@ -160,14 +164,15 @@ def diagram_with_index(
         What `vibroimpact.parameter_map` returns over the same one axis; the grids may differ.
     index : str
         The index drawn, one that `sweep` holds.
-    scale : float
-        Factor on the index; the paper's is 5.
+    scale : float, optional
+        Factor with which the index is drawn on the axis of the velocities. Without it, 5 for `std`.
     ax : matplotlib.axes.Axes, optional
         Where to draw; a new figure without it.
 
     Returns
     -------
     matplotlib.axes.Axes
+        Those of the velocities.
 
     Raises
     ------
@@ -199,14 +204,37 @@ def diagram_with_index(
             f"`sweep` runs over {field.dims[0]} and `diagram` over {axis}; allowed is one axis for both; "
             f"sweep {axis} in both"
         )
-    factor = check_number("scale", scale)
+    factor = PAPERS_SCALE if scale is None else check_number("scale", scale)
     ax = new_axes(ax, (8.0, 4.4), title(diagram))
     heights = draw_samples(ax, diagram, axis, samples, "velocity")
-    line = _draw_index(ax, field, factor)
+    if scale is None and index != "std":
+        lines = _draw_beside(ax, field)
+    else:
+        drawn = _draw_index(ax, field, factor)
+        heights, lines = np.concatenate([heights, drawn[np.isfinite(drawn)]]), []
     mark_empty(ax, diagram, axis)
-    set_height(ax, diagram, "velocity", np.concatenate([heights, line[np.isfinite(line)]]))
-    legend_below(ax)
+    set_height(ax, diagram, "velocity", heights)
+    legend_below(ax, [*ax.get_legend_handles_labels()[0], *lines])
     return ax
+
+
+def _draw_beside(ax: Axes, field: xr.DataArray) -> list[Any]:
+    """Draw an index on an axis of its own on the right; return the legend's entry."""
+    right = ax.twinx()
+    right.spines["top"].set_visible(False)
+    _frame_index(right, _draw_index(right, field, 1.0))
+    right.set_ylabel(label(field))
+    return right.get_legend_handles_labels()[0]
+
+
+def _frame_index(ax: Axes, values: Floats) -> None:
+    """Set the upright limits around an index and zero, with a line at zero where it is negative somewhere."""
+    finite = values[np.isfinite(values)]
+    low, high = finite.min(initial=0.0), finite.max(initial=0.0)
+    span = float(high - low) or 1.0
+    if low < 0.0:
+        ax.axhline(0.0, color=INK, linewidth=0.6, linestyle=":", zorder=1)
+    ax.set_ylim(low - 0.03 * span, high + 0.05 * span)
 
 
 def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -> Axes:
@@ -246,13 +274,8 @@ def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -
     ax = new_axes(ax, (8.0, 4.0), title(sweep))
     values = _draw_index(ax, field, 1.0)
     mark_missing(ax, axis.values, sweep["status"].values, ~np.isfinite(values))
-    finite = values[np.isfinite(values)]
-    low, high = finite.min(initial=0.0), finite.max(initial=0.0)
-    span = float(high - low) or 1.0
-    if low < 0.0:
-        ax.axhline(0.0, color=INK, linewidth=0.6, linestyle=":", zorder=1)
+    _frame_index(ax, values)
     ax.set_xlim(float(axis.min()), float(axis.max()))
-    ax.set_ylim(low - 0.03 * span, high + 0.05 * span)
     ax.set_xlabel(label(axis))
     ax.set_ylabel(label(field))
     handles = ax.get_legend_handles_labels()[0]

@@ -102,17 +102,16 @@ def boundary_lines(sweep: xr.Dataset, index: str, level: float) -> list[Floats]:
     return [np.asarray(line) for line in generator.lines(height)]
 
 
-def boundary_level(sweep: xr.Dataset, field: xr.DataArray, level: float | None) -> tuple[float, str]:
-    """Return the level of the boundary and how the legend explains it."""
+def boundary_level(sweep: xr.Dataset, field: xr.DataArray, level: float | None) -> tuple[float, str] | None:
+    """Return the level of the boundary and how the legend explains it; None where no level means anything."""
     units = unit_suffix(words(field)[1], " {}")
     if level is not None:
         return (number := check_number("level", level)), f"{number:.3g}{units}"
     osc = reference_oscillator(sweep)
-    if field.name == "std" and osc is not None:
-        number = LEVEL_OF_V * osc.velocity_scale
-        return number, f"{number:.3g}{units} ({100 * LEVEL_OF_V:.0f} % of the velocity scale)"
-    number = float(np.mean(_value_range(field.values)))
-    return number, f"{number:.3g}{units} (mid-range)"
+    if field.name != "std" or osc is None:
+        return None
+    number = LEVEL_OF_V * osc.velocity_scale
+    return number, f"{number:.3g}{units} ({100 * LEVEL_OF_V:.0f} % of the velocity scale)"
 
 
 def _reference_values(
@@ -173,6 +172,41 @@ def draw_missing(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch
     return entries
 
 
+def draw_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
+    """Draw every cell of an index in colour, with a scale beside; return legend entries for those without a value."""
+    ax.grid(visible=False)
+    x, y, values = grid_of(field)
+    mesh = ax.pcolormesh(
+        x,
+        y,
+        np.ma.masked_invalid(values),
+        shading="nearest",
+        zorder=1,
+        rasterized=True,
+        cmap=COLORS,
+        norm=_shades(values),
+    )
+    missing = draw_missing(ax, sweep, field)
+    frame_plane(ax, field)
+    _label_bar(ax.get_figure().colorbar(mesh, ax=ax, pad=0.02), field)  # type: ignore[union-attr]
+    return missing
+
+
+def _label_bar(bar: Any, field: xr.DataArray) -> None:
+    """Name what the colours tell, and that they do not go in proportion."""
+    bar.set_label(label(field))
+    bar.ax.set_xlabel("root scale", loc="left", labelpad=6, fontsize=8.5)
+
+
+def _draw_boundary(ax: Axes, lines: list[Floats]) -> list[AbstractPathEffect]:
+    """Draw the lines of a level, white with a dark halo, which is returned for the legend."""
+    halo: list[AbstractPathEffect] = [withStroke(linewidth=1.9, foreground=INK)]
+    drawn = LineCollection(lines, colors="white", linewidths=0.8, zorder=4)
+    drawn.set_path_effects(halo)
+    ax.add_collection(drawn, autolim=False)
+    return halo
+
+
 def frame_plane(ax: Axes, field: xr.DataArray) -> None:
     """Limit and label the axes by the two axes of a map."""
     x, y = (field[dim] for dim in field.dims)
@@ -199,8 +233,8 @@ def index_contour(
         The index drawn, one that `sweep` holds.
     level : float, optional
         Value on the boundary lines, in the unit of the index. Without it, 5 % of the velocity scale
-        V = max(f, k |g|)/sqrt(k m) of the reference oscillator for `std`, the middle of the map's range for
-        other indices; the legend tells.
+        V = max(f, k |g|)/sqrt(k m) of the reference oscillator for `std`, as the legend tells; other indices
+        have no lines then.
     reference : dict of str to float, optional
         Axis values to mark by a line, such as ``{"mass": 1.0}``. Without it, the reference oscillator's own
         value on the second axis; ``{}`` marks none.
@@ -235,33 +269,16 @@ def index_contour(
     'mass $m$ [kg]'
     """
     field = check_sweep("sweep", sweep, index, 2)
-    height, told = boundary_level(sweep, field, level)
+    boundary = boundary_level(sweep, field, level)
     marked = _reference_values(sweep, field, reference)
     ax = new_axes(ax, (7.2, 5.4), title(sweep))
-    ax.grid(visible=False)
-    x, y, values = grid_of(field)
-    mesh = ax.pcolormesh(
-        x,
-        y,
-        np.ma.masked_invalid(values),
-        shading="nearest",
-        zorder=1,
-        rasterized=True,
-        cmap=COLORS,
-        norm=_shades(values),
-    )
-    missing = draw_missing(ax, sweep, field)
-    halo: list[AbstractPathEffect] = [withStroke(linewidth=1.9, foreground=INK)]
-    lines = LineCollection(boundary_lines(sweep, index, height), colors="white", linewidths=0.8, zorder=4)
-    lines.set_path_effects(halo)
-    ax.add_collection(lines, autolim=False)
+    entries: list[Any] = list(draw_cells(ax, sweep, field))
+    if boundary is not None:
+        halo = _draw_boundary(ax, boundary_lines(sweep, index, boundary[0]))
+        told = f"boundary: {math(words(field)[2] or str(field.name))} = {boundary[1]}"
+        entries.insert(0, Line2D([], [], color="white", linewidth=0.8, path_effects=halo, label=told))
     _draw_references(ax, field, marked)
-    frame_plane(ax, field)
-    bar = ax.get_figure().colorbar(mesh, ax=ax, pad=0.02)  # type: ignore[union-attr]
-    bar.set_label(label(field))
-    symbol = math(words(field)[2] or str(field.name))
-    boundary = Line2D([], [], color="white", linewidth=0.8, path_effects=halo, label=f"boundary: {symbol} = {told}")
-    legend_below(ax, [boundary, *missing])
+    legend_below(ax, entries)
     return ax
 
 
@@ -321,7 +338,7 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
     long_name, units, symbol = words(field)
     solid.set_zlabel(f"{math(symbol) if symbol else long_name}{unit_suffix(units)}", labelpad=4)
     bar = solid.get_figure().colorbar(surface, ax=solid, shrink=0.6, pad=0.08)
-    bar.set_label(label(field))
+    _label_bar(bar, field)
     solid.set_box_aspect((1.2, 1.2, 0.7), zoom=0.95)  # leaves room for the labels outside the box
     solid.view_init(elev=38, azim=-70)
     return solid  # type: ignore[no-any-return]

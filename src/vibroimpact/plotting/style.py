@@ -137,7 +137,13 @@ def title(dataset: xr.Dataset) -> str:
         return ""
     varied = [str(name) for name, coord in dataset.coords.items() if coord.ndim]
     swept = {"omega" if name == "frequency" else name for name in varied}
-    return ",  ".join(value_text(name, getattr(osc, name)) for name in PARAMETERS if name not in swept)
+    return ",  ".join(held_text(name, osc) for name in PARAMETERS if name not in swept)
+
+
+def held_text(name: str, osc: ImpactOscillator) -> str:
+    """Return a parameter and its value, an angular frequency also in Hz."""
+    told = value_text(name, getattr(osc, name))
+    return f"{told} ({osc.frequency:.5g} Hz)" if name == "omega" else told
 
 
 def required_oscillator(argument: str, dataset: xr.Dataset) -> ImpactOscillator:
@@ -187,10 +193,10 @@ def _legible(handle: Any) -> Any:
     return Line2D([], [], linestyle="none", marker="o", markersize=4, markeredgewidth=0, color=color, label=name)
 
 
-def legend_below(ax: Axes, handles: list[Any] | None = None, columns: int | None = None) -> None:
+def legend_below(ax: Axes, handles: list[Any] | None = None) -> None:
     """Put the legend under the axis label, where it hides no data and leaves the title alone.
 
-    Without `columns` there are as many as fit if all entries were as long as the longest.
+    It has as many columns as fit if all entries were as long as the longest.
     """
     handles = ax.get_legend_handles_labels()[0] if handles is None else handles
     if not handles:
@@ -200,7 +206,7 @@ def legend_below(ax: Axes, handles: list[Any] | None = None, columns: int | None
     ax.legend(
         handles=[_legible(handle) for handle in handles],
         loc="upper center",
-        ncols=columns or max(1, min(len(handles), 84 // (longest + 6))),
+        ncols=max(1, min(len(handles), 84 // (longest + 6))),
         bbox_to_anchor=(0.5, 0.0),
         bbox_transform=ax.transAxes + under_label,
         frameon=False,
@@ -211,10 +217,20 @@ def legend_below(ax: Axes, handles: list[Any] | None = None, columns: int | None
     )
 
 
+def legend_lines(ax: Axes) -> int:
+    """Return how many lines the legend of the axes has."""
+    told = ax.get_legend()
+    return -(-len(told.get_texts()) // told._ncols) if told else 0  # type: ignore[attr-defined]
+
+
+def outcome(status: Status) -> str:
+    """Return how a motion ended and what that means."""
+    return f"{status.word.replace('_', ' ')}: {status.sentence.split(';')[0]}"
+
+
 def status_label(status: Status, count: int, of_what: str) -> str:
     """Return a legend entry that says what happened in so many cells."""
-    reason = status.sentence.split(";")[0]
-    return f"{status.word}: {reason} ({count} {of_what}{'' if count == 1 else 's'})"
+    return f"{outcome(status)} ({count} {of_what}{'' if count == 1 else 's'})"
 
 
 def mark_missing(ax: Axes, positions: Floats, codes: NDArray[np.integer[Any]], missing: NDArray[np.bool_]) -> None:
@@ -244,7 +260,7 @@ def tell_outcome(ax: Axes, dataset: xr.Dataset) -> None:
     if "status" in dataset and dataset["status"].ndim == 0:
         status = Status(int(dataset["status"]))
         if not status.has_indices:
-            ax.plot([], [], linestyle="none", label=f"{status.word}: {status.sentence.split(';')[0]}")
+            ax.plot([], [], linestyle="none", label=outcome(status))
 
 
 def note_empty(ax: Axes, dataset: xr.Dataset) -> None:

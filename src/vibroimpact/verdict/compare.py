@@ -22,7 +22,7 @@ from vibroimpact.verdict.reach import reach_of
 from vibroimpact.verdict.words import advice_words
 
 KINDS = tuple(KIND_WORDS)
-ROUNDING = 1e-9  # of the hardest hit: a spread this small is none
+ROUNDING = 1e-9  # of the hardest hit, or of a period: a spread this small is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,10 @@ class Comparison:
         first, second = self.verdicts
         for name in PARAMETERS:
             a, b = (getattr(verdict.oscillator, name) for verdict in self.verdicts)
-            yield _labelled(name) + (" *" if a != b else ""), _number(a), _number(b)
+            star = " *" if a != b else ""
+            yield _labelled(name) + star, _number(a), _number(b)
+            if name == "omega":
+                yield _labelled("frequency") + star, _number(a / (2.0 * math.pi)), _number(b / (2.0 * math.pi))
         yield "motion", first.motion.name, second.motion.name
         yield "hardest hit, settled [m/s]", _number(first.max_velocity), _number(second.max_velocity)
         for name in INDICES:
@@ -145,14 +148,17 @@ def _number(value: float) -> str:
 
 def _index(verdict: Verdict, name: str) -> str:
     value = verdict.indices[name]
-    return "0" if name == "std" and value < ROUNDING * verdict.max_velocity else _number(value)
+    scale = {"std": verdict.max_velocity, "impact_phase_spread": 1.0}.get(name, 0.0)
+    return "0" if abs(value) < ROUNDING * scale else _number(value)
 
 
 def _boundary(verdict: Verdict, edge: Edge) -> str:
     if not edge.found:
         return f"none to {edge.searched_to:.4g}"
-    change = reach_of(verdict.oscillator, edge.parameter, 1.0).percent(edge.value)
     what = edge.beyond or KIND_WORDS[edge.kind] if edge.kind == "change" else KIND_WORDS[edge.kind]
+    if edge.at_once:
+        return f"at once ({what})"
+    change = reach_of(verdict.oscillator, edge.parameter, 1.0).percent(edge.value)
     return f"{edge.value:.6g} ({'-' if edge.direction < 0 else '+'}{change}, {what})"
 
 

@@ -9,6 +9,7 @@ from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.verdict.reach import Reach
 from vibroimpact.verdict.readings import Start
 
+NOISE = 1e-12  # relative: what is smaller is rounding
 KIND_WORDS = {
     "period_doubling": "period doubling",
     "fold": "fold",
@@ -72,6 +73,11 @@ class Edge:
     def exact(self) -> bool:
         """Whether the value solves the boundary's own equation."""
         return self.found and self.half_width == 0.0
+
+    @property
+    def at_once(self) -> bool:
+        """Whether the present value lies on the boundary, as far as rounding can tell."""
+        return self.exact and abs(self.change) < NOISE
 
     @property
     def accuracy(self) -> str:

@@ -53,10 +53,8 @@ class Reach:
 
     def percent(self, value: float) -> str:
         """Return the size of a change in words: '3.1 %', or '12 % of f/k'."""
-        size = f"{100.0 * abs(self.change(value)):.2g}"
-        if float(size) >= 100.0:
-            size = f"{100.0 * abs(self.change(value)):.0f}"
-        return f"{size} % of {self.of}" if self.of else f"{size} %"
+        size = percent(abs(self.change(value)))
+        return f"{size} of {self.of}" if self.of else size
 
     def at(self, osc: ImpactOscillator, value: float) -> ImpactOscillator:
         """Return the oscillator with the parameter at a value."""
@@ -66,6 +64,12 @@ class Reach:
         """Return a value of the parameter with its unit."""
         units = VARIABLES[self.name][1]
         return f"{value:.{digits}g}" + ("" if units == "1" else f" {units}")
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent, two digits of it or all before the point."""
+    size = f"{100.0 * share:.2g}"
+    return f"{100.0 * share:.0f} %" if float(size) >= 100.0 else f"{size} %"
 
 
 def reach_of(osc: ImpactOscillator, name: str, within: float) -> Reach:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from vibroimpact.dataset import VARIABLES
 from vibroimpact.oscillator import PARAMETERS, ImpactOscillator
 from vibroimpact.status import Status
-from vibroimpact.verdict.edges import KIND_WORDS, Edge
-from vibroimpact.verdict.reach import reach_of
+from vibroimpact.verdict.edges import KIND_WORDS, NOISE, Edge
+from vibroimpact.verdict.reach import percent, reach_of
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.advice import Advice
@@ -23,6 +23,7 @@ KNOWN = 1e-6  # of the motion's size: how well a state is known whose future is 
 TOLD = 3  # pieces of advice
 LISTED = 4  # impacts of a cycle
 SHOWN = 12  # coexisting motions
+MANY_GAPS = 10.0  # a change so many times the gap is told as a part of f/k alone
 _TIED = "\u00a0"
 
 
@@ -60,15 +61,18 @@ def parameters_line(osc: ImpactOscillator) -> str:
 
 
 def quantity(name: str, value: float, digits: int = 4) -> str:
-    """Return a value with its unit."""
+    """Return a value with its unit; an angular frequency also in Hz."""
     units = VARIABLES[name][1]
-    return f"{value:.{digits}g}" + ("" if units == "1" else f" {units}")
+    told = f"{value:.{digits}g}" + ("" if units == "1" else f" {units}")
+    return f"{told} ({value / (2.0 * math.pi):.{digits}g} Hz)" if name == "omega" else told
 
 
 def _motion(verdict: Verdict) -> Iterator[str]:
     osc, motion = verdict.oscillator, verdict.motion
     if verdict.kind in ("periodic", "sticking") and motion.n_periods:
-        yield f"{motion.name}, repeats each {motion.n_periods * osc.period:.4g} s"
+        yield f"{motion.name}, repeats every {motion.n_periods * osc.period:.4g} s"
+    elif verdict.kind == "sticking":
+        yield motion.sentence(osc.period)
     elif verdict.kind == "chaotic":
         yield "chaotic, the impacts never repeat"
     elif verdict.kind == "undecided":
@@ -139,6 +143,8 @@ def _stability(verdict: Verdict) -> Iterator[str]:
             f"neighbouring motions approach by half every {half:.3g} s, {half / period:.2g} periods (exponent "
             f"{exponent:.4g} 1/s)"
         )
+    elif abs(exponent) * period < NOISE:
+        yield "neighbouring motions neither approach nor diverge"
     else:
         yield f"neighbouring motions hardly approach or diverge (exponent {exponent:.2g} 1/s)"
 
@@ -157,14 +163,23 @@ def edge_words(osc: ImpactOscillator, edge: Edge) -> str:
     way = "down" if edge.direction < 0 else "up"
     if not edge.found:
         return f"{way} none to {edge.searched_to:.4g}"
-    change = reach_of(osc, edge.parameter, 1.0).percent(edge.value)
     place = quantity(edge.parameter, edge.value, 6 if edge.exact else 5)
     what = KIND_WORDS[edge.kind]
     if edge.kind == "change":
         what = edge.beyond or what
     elif edge.beyond:
         what += f", then {edge.beyond}"
+    if edge.at_once:
+        return f"{way} at once ({what})"
+    change = change_words(osc, edge.parameter, edge.value)
     return f"{way} {change} to {place} ({what}{'' if edge.exact else f'; {edge.accuracy}'})"
+
+
+def change_words(osc: ImpactOscillator, parameter: str, value: float) -> str:
+    """Return the size of a change, of the gap also beside the gap itself: '3.1 %', or '14 % (4.1 % of f/k)'."""
+    told = reach_of(osc, parameter, 1.0).percent(value)
+    share = abs(value / osc.gap - 1.0) if parameter == "gap" and osc.gap else math.inf
+    return f"{percent(share)} ({told})" if " of " in told and share < MANY_GAPS else told
 
 
 def _coexisting(verdict: Verdict) -> Iterator[str]:
@@ -191,11 +206,13 @@ def _advice(verdict: Verdict) -> Iterator[str]:
 
 def advice_words(osc: ImpactOscillator, advice: Advice) -> str:
     """Return a piece of advice in words."""
-    change = reach_of(osc, advice.parameter, 1.0).percent(advice.value)
+    change = change_words(osc, advice.parameter, advice.value)
     verb = "raise" if advice.change > 0.0 else "lower"
     head = f"{verb} {advice.parameter} by {change} to {quantity(advice.parameter, advice.value, 6)}: "
     if advice.benefit == "no_impact":
         return f"{head}{advice.motion}"
     softer = 100.0 * (1.0 - advice.max_velocity / advice.before)
     size = f"{abs(softer):.2g} % {'softer' if softer > 0.0 else 'harder'}"
-    return f"{head}{advice.motion}, hardest hit {advice.max_velocity:.4g} instead of {advice.before:.4g} m/s ({size})"
+    calmed = ", no longer chaotic" if advice.benefit == "no_chaos" else ""
+    hits = f"hardest hit {advice.max_velocity:.4g} instead of {advice.before:.4g} m/s ({size})"
+    return f"{head}{advice.motion}{calmed}, {hits}"
