@@ -91,7 +91,9 @@ def test_symbols_stand_for_the_same_parameters_wherever_they_are_told():
 
 
 def test_numbers_in_quotes_are_answered_with_their_quotes():
-    with pytest.raises(ValueError, match="`mass` is '0.5'; allowed is a finite number > 0; .*write numbers without quotes"):
+    with pytest.raises(
+        ValueError, match="`mass` is '0.5'; allowed is a finite number > 0; .*write numbers without quotes"
+    ):
         vi.ImpactOscillator(mass="0.5")
     with pytest.raises(ValueError, match="`sample_impacts` is '500'; allowed is .*; write numbers without quotes"):
         vi.impact_section(OSC, sample_impacts="500")
