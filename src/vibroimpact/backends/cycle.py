@@ -21,8 +21,8 @@ HOP = 0.2  # of a step: a flight from contact to contact as short as this has no
 # while no cycle is known.
 PERIODS, IMPACTS, LOG_RADIUS, SQUARES, RESTS, MISS, PARTING = range(7)
 FACTS = 7
-# The growth that carries rounding up to where it decides how a turn ends: moved by one digit of a double, no turn of 88
-# that parted by less took another number of periods, and all of 47 did that parted by 1e15 and more.
+# The growth that carries rounding up to where it decides how a turn ends: moved by one digit of a double, no turn of 87
+# that parted by less took another number of periods, one of 3 up to 1e15, and all of 47 beyond.
 UNTOLD = 1e13
 
 
