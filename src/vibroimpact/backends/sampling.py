@@ -14,6 +14,7 @@ from vibroimpact.backends.base import Floats, ImpactWindow, Samples, Stroboscopi
 from vibroimpact.backends.endings import ended_as
 from vibroimpact.backends.lane_recorder import IDLE, record_lanes
 from vibroimpact.backends.lane_runner import LOOK
+from vibroimpact.backends.sampled import samples_of
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.lanes import LANES
 from vibroimpact.kernels.traced_lanes import ROWS, TRACE
@@ -81,25 +82,10 @@ class _Run:
             if len(looks):
                 at = len(looks) - 1
                 last = (looks[at, 0], looks[at, 1], self.look_periods[at], self.look_phase[at])
-        return Samples(
-            impact_periods=impacts[:, 0],
-            impact_phase=impacts[:, 1],
-            impact_velocity=impacts[:, 2],
-            look_periods=self.look_periods[: len(looks)],
-            look_phase=self.look_phase[: len(looks)],
-            look_displacement=self.cell[6] - looks[:, 0],
-            look_velocity=looks[:, 1],
-            stick_periods=sticks[:, 0],
-            stick_phase=sticks[:, 1],
-            release_periods=sticks[:, 2],
-            release_phase=sticks[:, 3],
-            status=int(status),
-            last_clearance=last[0],
-            last_velocity=last[1],
-            last_periods=last[2],
-            last_phase=last[3],
-            steps=int(self.memory[recorder.STEPS]),
-        )
+        times = self.look_periods[: len(looks)], self.look_phase[: len(looks)]
+        looked = np.column_stack([*times, self.cell[6] - looks[:, 0], looks[:, 1]])
+        steps = int(self.memory[recorder.STEPS])
+        return samples_of(impacts=impacts, looks=looked, sticks=sticks, status=status, last=last, steps=steps)
 
     def _looks_status(self, looks: Floats, sticks: Floats, ended: Status) -> Status:
         if len(looks) < len(self.look_periods):

@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 
 from vibroimpact.plotting.checks import check_choice, check_sweep
 from vibroimpact.plotting.classes import share
-from vibroimpact.plotting.maps import draw_missing, frame_plane, grid_of
+from vibroimpact.plotting.maps import colour_mesh, draw_missing, frame_plane, grid_of
 from vibroimpact.plotting.style import STICKING, Floats, label, legend_below, math, new_axes, title, words
 
 COLORS = "RdBu_r"
@@ -66,17 +66,7 @@ def exponent_map(sweep: xr.Dataset, index: str = "lyapunov", ax: Axes | None = N
     sticks = np.isneginf(values)
     limit = symmetric_limit(values)
     ax = new_axes(ax, (7.2, 5.4), title(sweep))
-    ax.grid(visible=False)
-    mesh = ax.pcolormesh(
-        x,
-        y,
-        np.ma.masked_invalid(values),
-        shading="nearest",
-        zorder=1,
-        rasterized=True,
-        cmap=COLORS,
-        norm=Normalize(-limit, limit),
-    )
+    mesh = colour_mesh(ax, x, y, values, COLORS, Normalize(-limit, limit))
     entries = _draw_sticking(ax, x, y, sticks, field) + draw_missing(ax, sweep, field.where(~np.isneginf(field), 0.0))
     frame_plane(ax, field)
     bar = ax.get_figure().colorbar(mesh, ax=ax, pad=0.02, extend=_beyond(values, limit))  # type: ignore[union-attr]

@@ -9,8 +9,8 @@ import contourpy
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.colors import PowerNorm, to_rgb
+from matplotlib.collections import LineCollection, QuadMesh
+from matplotlib.colors import Colormap, Normalize, PowerNorm, to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import AbstractPathEffect, withStroke
@@ -172,20 +172,18 @@ def draw_missing(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch
     return entries
 
 
+def colour_mesh(ax: Axes, x: Floats, y: Floats, values: Floats, colors: str | Colormap, norm: Normalize) -> QuadMesh:
+    """Draw a rectangle a cell, nothing where it has no finite value, in the place of the grid's lines."""
+    ax.grid(visible=False)
+    return ax.pcolormesh(
+        x, y, np.ma.masked_invalid(values), shading="nearest", zorder=1, rasterized=True, cmap=colors, norm=norm
+    )
+
+
 def draw_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
     """Draw every cell of an index in colour, with a scale beside; return legend entries for those without a value."""
-    ax.grid(visible=False)
     x, y, values = grid_of(field)
-    mesh = ax.pcolormesh(
-        x,
-        y,
-        np.ma.masked_invalid(values),
-        shading="nearest",
-        zorder=1,
-        rasterized=True,
-        cmap=COLORS,
-        norm=_shades(values),
-    )
+    mesh = colour_mesh(ax, x, y, values, COLORS, _shades(values))
     missing = draw_missing(ax, sweep, field)
     frame_plane(ax, field)
     _label_bar(ax.get_figure().colorbar(mesh, ax=ax, pad=0.02), field)  # type: ignore[union-attr]
