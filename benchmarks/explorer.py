@@ -87,8 +87,9 @@ def slides(page: Any, number: int) -> tuple[list[float], list[float]]:
     coarse, fine = [], []
     for at in range(number):
         page.evaluate(
-            "value => { window.explorer.planes.length = 0; window.slid = performance.now();"
-            " Bokeh.documents[0].get_model_by_name('slider_damping').value = value; }",
+            "value => { const slider = document.getElementById('slider_damping');"
+            " window.explorer.planes.length = 0; window.slid = performance.now();"
+            " slider.value = value; slider.dispatchEvent(new Event('input')); }",
             0.02 + 0.01 * at,
         )
         page.wait_for_function("window.explorer.planes.some(p => p[0] === 256)", timeout=60_000)

@@ -6,6 +6,7 @@ import pytest
 
 pytest.importorskip("bokeh", reason="no Bokeh: install the extra [web]")
 
+from vibroimpact.explorer.commands import Commands
 from vibroimpact.explorer.controls import Controls
 from vibroimpact.explorer.presets import BY_NAME, PRESETS
 from vibroimpact.explorer.searches import Other
@@ -23,7 +24,7 @@ class Idle(Explorer):
     """A session that computes nothing."""
 
     def __init__(self, told):
-        super().__init__(listener=lambda what, content: told.append((what, content)))
+        super().__init__(listener=told.extend)
         self._work.close()
 
     @property
@@ -46,7 +47,7 @@ def controls(told):
 def shown(controls):
     """Return the view that the widgets show."""
     return View(
-        osc=ImpactOscillator(**{name: controls.sliders[name].value for name in PARAMETERS}),
+        osc=ImpactOscillator(**{name: value for name, (value, low, high) in controls.rows().items()}),
         x=controls.x.value, y=controls.y.value, index=controls.menus["index"].value, line=controls.menus["line"].value,
         samples=int(controls.menus["samples"].value), x_range=controls.explorer.view.x_range,
         y_range=controls.explorer.view.y_range, **{name: tick.active for name, tick in controls.ticks.items()},
@@ -58,17 +59,13 @@ def test_widgets_show_all_of_a_view(controls):
         controls.explorer.view = view
         controls.show_view(view)
         assert shown(controls) == replace(view, case="")
-        assert [controls.numbers[name].value for name in PARAMETERS] == [getattr(view.osc, name) for name in PARAMETERS]
-        for name in PARAMETERS:
-            assert controls.sliders[name].start <= getattr(view.osc, name) <= controls.sliders[name].end
+        assert list(controls.rows()) == list(PARAMETERS)
+        for value, low, high in controls.rows().values():
+            assert low <= value <= high
 
 
 def test_widgets_tell_the_session_what_was_done(controls):
     view = controls.explorer
-    controls.sliders["damping"].value = 0.25
-    assert view.view.osc.damping == 0.25
-    controls.numbers["gap"].value = -0.5
-    assert view.view.osc.gap == -0.5
     controls.menus["samples"].value = "5000"
     controls.ticks["log"].active = True
     controls.x.value = "mass"  # which was upwards: the two change places
@@ -86,12 +83,6 @@ def test_a_menu_with_a_value_that_it_does_not_offer_is_answered_and_put_back(con
     assert controls.menus[widget].value == str(getattr(before, widget))
 
 
-@pytest.mark.parametrize("value", [None, float("nan"), float("inf"), 1e300, -1.0])
-def test_a_number_that_is_none_is_put_back(controls, value):
-    controls.numbers["mass"].value = value
-    assert controls.numbers["mass"].value == controls.sliders["mass"].value == 1.0
-
-
 def test_axes_and_starts_that_are_not_offered_change_nothing(controls):
     before = controls.explorer.view
     controls.x.value = "colour"
@@ -107,15 +98,16 @@ def test_choosing_a_case_sets_everything_and_undo_takes_it_back(controls):
     assert controls.explorer.view == valve.view
     assert "Wu, Li and Deng" in controls.about.text
     assert "Idealised:" in controls.about.text
-    assert controls.sliders["stiffness"].end == 150_000.0
-    controls.sliders["omega"].value = 900.0
+    assert controls.rows()["stiffness"] == (34590.0, 10_000.0, 150_000.0)
+    assert controls.explorer.set_parameter("omega", 900.0)
+    controls.show_view(controls.explorer.view)
     assert controls.preset.value == "valve"
     assert controls.explorer.view.case == "valve"
     assert controls.explorer.undo()
     assert controls.explorer.undo()
     controls.show_view(controls.explorer.view)
     assert controls.preset.value == "paper-mass"
-    assert controls.sliders["stiffness"].end == 5.0
+    assert controls.rows()["stiffness"] == (1.0, 0.1, 5.0)
 
 
 def test_the_whole_plane_of_a_link_is_at_least_what_it_shows(controls):
@@ -144,3 +136,68 @@ def test_the_start_in_the_menu_is_the_one_of_the_view(controls):
     explorer.others = []
     controls.show_view(explorer.view)
     assert controls.start.value == "kept"
+
+
+@pytest.fixture
+def commands(controls):
+    return Commands(controls.explorer, controls)
+
+
+def test_a_typed_number_is_taken_as_typed_and_a_slid_one_with_the_digits_that_a_slider_tells_apart(commands, controls):
+    commands.obey("type mass 1.2345678901234567 0")
+    assert controls.explorer.view.osc.mass == 1.2345678901234567
+    commands.obey("slide mass 1.2345678901234567 1")
+    assert controls.explorer.view.osc.mass == 1.235  # a 2000th of 0.1 to 5 kg
+    assert commands.heard == 1
+    for end in (0.025, 5.0):  # round numbers or not, the ends can be reached and not passed
+        commands.obey(f"slide omega {end} 2")
+        assert controls.explorer.view.osc.omega == end
+    commands.obey("slide omega 7 3")
+    assert controls.explorer.view.osc.omega == 5.0
+
+
+@pytest.mark.parametrize("text", ["", "nan", "inf", "1e400", "1e300", "-1", "1,5", "1 5", "heavy", "9" * 5000])
+def test_what_is_typed_and_no_mass_is_answered_and_put_back(commands, controls, told, text):
+    commands.obey(f"type mass {text} 7")
+    assert controls.explorer.view == View()
+    (complaint,) = [content for what, content in told if what == "message"]
+    assert complaint.startswith("`mass` is")
+    assert "allowed" in complaint
+    assert len(complaint) < 300
+    assert told[-1] == ("view", View())
+    assert commands.heard == 7
+
+
+@pytest.mark.parametrize("text", [
+    "", " ", "slide", "slide mass", "type 1", "slide colour 1 2", "slide __class__ 1 2", "slide mass heavy 3",
+    "click 1 2", "click 1 2 three", "zoom 1 2 3", "undo now x", "view 1", "heard 5", "slide mass nan 3",
+    "type mass 2 " + "9" * 5000,
+])  # fmt: skip
+def test_messages_that_the_page_does_not_send_change_nothing(commands, controls, text):
+    commands.obey(text)
+    assert controls.explorer.view == View()
+
+
+def test_every_key_does_what_the_help_says(commands, controls):
+    explorer = controls.explorer
+
+    def after(word):
+        commands.obey(f"{word} 1")
+        return explorer.view
+
+    assert after("right").osc.omega == pytest.approx(2.0 + (5.0 - 0.025) / 64, abs=1e-3)
+    assert after("up").osc.mass == pytest.approx(1.0 + (5.0 - 0.1) / 64, abs=1e-3)
+    assert (after("left").osc.omega, after("down").osc.mass) == pytest.approx((2.0, 1.0), abs=2e-3)
+    low, high = after("in").x_range
+    assert high - low == pytest.approx(0.5 * 4.975)
+    assert after("out").x_range == pytest.approx((0.025, 5.0))
+    assert after("motion").index == "motion"
+    assert after("motion").index == "std"
+    assert (after("log").log, after("boundaries").boundaries, after("line").line) == (True, True, "y")
+    assert after("pin").pins == (explorer.view.osc,)
+    assert after("unpin").pins == ()
+    assert after("home").x_range == (0.025, 5.0)
+    assert after("undo").x_range != (0.025, 5.0)
+    assert after("redo").x_range == (0.025, 5.0)
+    commands.obey("along 2.5 2")
+    assert explorer.view.osc.mass == 2.5

@@ -13,6 +13,7 @@ import vibroimpact as vi
 from vibroimpact.explorer.export import KINDS, export, python_lines, study_file
 from vibroimpact.explorer.plane import SIDES, Plane, bands, lattice, positions
 from vibroimpact.explorer.point import compute_point
+from vibroimpact.explorer.point_view import one_turn
 from vibroimpact.explorer.pool import Pool, Urgency
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.shades import shades
@@ -29,7 +30,7 @@ def heard():
 
 @pytest.fixture
 def explorer(heard):
-    made = Explorer(SMALL, listener=lambda what, content: heard.append((what, content)))
+    made = Explorer(SMALL, listener=heard.extend)
     yield made
     made.close()
 
@@ -89,6 +90,39 @@ def test_a_click_tells_a_motion_and_leaves_the_plane_alone(explorer, heard):
     assert explorer.plane is plane
 
 
+def test_where_the_point_went_and_its_motion_are_told_together():
+    together = []
+    explorer = Explorer(SMALL, listener=together.append)
+    explorer.click(2.1, 1.05)
+    assert explorer.wait(20)
+    explorer.close()
+    (first, *_) = [told for told in together if told[0][0] == "view"]
+    assert [what for what, _ in first] == ["view", "point"]
+    assert first[0][1].osc == first[1][1].osc
+
+
+@pytest.mark.parametrize(("osc", "n"), [
+    (ImpactOscillator(), 1), (ImpactOscillator(omega=2.661), 2), (ImpactOscillator(omega=0.25), 1),
+])  # fmt: skip
+def test_the_portrait_of_a_cycle_is_one_turn_that_comes_back_to_where_it_began(osc, n):
+    point = compute_point(View(osc=osc))
+    assert point.n_periods == n
+    turn = one_turn(point)
+    time, places = point.history["time"], np.column_stack([point.history["displacement"], point.history["velocity"]])
+    assert time[turn - 2] - time[0] == pytest.approx(n * osc.period, rel=0.1)
+    assert turn < len(time) / 3
+    apart = np.abs(places[turn:, None] - places[None, :turn]).max(axis=2).min(axis=1)  # to the nearest of the turn
+    steps = np.abs(np.diff(places[:turn], axis=0)).max()
+    assert apart.max() <= steps
+
+
+def test_the_portrait_of_chaos_or_of_a_beginning_is_all_of_the_history():
+    longer = View(osc=ImpactOscillator(omega=2.903))  # 42 periods, of which the history shows 40
+    for view in (View(osc=ImpactOscillator(omega=0.6)), View(settled=False), longer):
+        point = compute_point(view)
+        assert one_turn(point) == len(point.history["time"])
+
+
 def test_changing_the_index_computes_nothing(explorer, heard):
     explorer.start()
     assert explorer.wait(60)
@@ -102,7 +136,7 @@ def test_changing_the_index_computes_nothing(explorer, heard):
 
 def test_a_change_cancels_what_runs(heard):
     slow = View(osc=ImpactOscillator(restitution=0.99), samples=5000)
-    explorer = Explorer(slow, listener=lambda what, content: heard.append((what, content)))
+    explorer = Explorer(slow, listener=heard.extend)
     explorer.start()
     time.sleep(0.1)
     begun = time.monotonic()
@@ -308,7 +342,7 @@ def test_a_stored_study_is_shown_as_it_is_and_computed_on_where_one_zooms(tmp_pa
         sample_impacts=50, store=path,
     )  # fmt: skip
     view, look = open_study(path)
-    explorer = Explorer(view, listener=lambda what, content: heard.append((what, content)), stored=look)
+    explorer = Explorer(view, listener=heard.extend, stored=look)
     explorer.start()
     assert explorer.wait(60)
     assert explorer.plane.stored.startswith("run.zarr, 6 × 5")

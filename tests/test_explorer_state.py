@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from vibroimpact.explorer.address import LONGEST, from_query, to_query
 from vibroimpact.explorer.limits import least_width, stiffness
 from vibroimpact.explorer.presets import BY_NAME, PRESETS, case_of, ranges_for
-from vibroimpact.explorer.state import CASES, SAMPLES, SHOWN, View, offset, rounded
+from vibroimpact.explorer.state import CASES, SAMPLES, SHOWN, View, rounded
 from vibroimpact.explorer.zoom import with_ranges
 from vibroimpact.oscillator import PARAMETERS, ImpactOscillator, State
 
@@ -210,11 +210,6 @@ def test_a_pan_beyond_what_is_physical_stops_at_the_edge():
 def test_a_click_has_no_more_digits_than_a_pixel_tells():
     assert rounded(2.3456789, (0.025, 5.0)) == 2.346
     assert rounded(2.0 + 1.23456e-9, (2.0, 2.0 + 5e-9)) == pytest.approx(2.0 + 1.235e-9, abs=2e-12)
-
-
-def test_deep_axes_are_counted_from_a_round_value():
-    assert offset((0.0, 5.0)) == 0.0
-    assert offset((2.8 - 1e-10, 2.8 + 1e-10)) == 2.8
 
 
 def test_a_click_leaves_the_plane_as_it_is_and_a_slider_of_another_parameter_does_not():

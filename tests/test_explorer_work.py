@@ -40,7 +40,7 @@ def heard():
 
 @pytest.fixture
 def explorer(heard, pool):
-    made = Explorer(SMALL, pool, listener=lambda what, content: heard.append((what, content)))
+    made = Explorer(SMALL, pool, listener=heard.extend)
     yield made
     made.close()
 
@@ -227,10 +227,7 @@ def test_a_search_holds_up_neither_planes_nor_clicks(pool):
 
 def test_pages_share_one_pool_and_all_get_what_they_asked_for(pool):
     heard = [[] for _ in range(6)]
-    pages = [
-        Explorer(replace(SMALL, x_range=(1.8 + 0.01 * i, 2.2)), pool, lambda w, c, i=i: heard[i].append((w, c)))
-        for i in range(6)
-    ]
+    pages = [Explorer(replace(SMALL, x_range=(1.8 + 0.01 * i, 2.2)), pool, heard[i].extend) for i in range(6)]
     for page in pages:
         page.start()
     until(lambda: all(told(words, "point") for words in heard))
@@ -245,7 +242,7 @@ def test_pages_share_one_pool_and_all_get_what_they_asked_for(pool):
 def test_a_page_that_asks_for_much_does_not_hold_up_one_that_asks_for_little(pool):
     much = View(osc=ImpactOscillator(restitution=0.99), samples=5000)
     heard = [], []
-    heavy, light = (Explorer(v, pool, lambda w, c, own=h: own.append((w, c))) for v, h in zip((much, SMALL), heard, strict=True))  # fmt: skip # noqa: E501
+    heavy, light = Explorer(much, pool, heard[0].extend), Explorer(SMALL, pool, heard[1].extend)
     heavy.start()
     time.sleep(0.05)
     light.start()

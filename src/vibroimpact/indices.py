@@ -41,6 +41,18 @@ INDICES: dict[str, Index] = {
 # What sums over the impact velocities tell; everything else needs a tangent vector, phases and near-misses too.
 VELOCITY_INDICES = frozenset({"std", "mean_velocity", "max_velocity", "impacts_per_period"})
 
+ROUNDING = 1e-9  # of what it is a part of: a spread this small is that of a cycle, by rounding
+
+
+def spread_scale(index: str, speed: float) -> float:
+    """Return what an index that is a spread is a part of, speeds being some `speed`; 0 for other indices."""
+    return {"std": speed, "impact_phase_spread": 1.0}.get(index, 0.0)
+
+
+def told_spread(spread: float, scale: float) -> float:
+    """Return a spread as words tell it: 0 where it is nothing but rounding beside what spreads."""
+    return 0.0 if abs(spread) <= ROUNDING * scale else spread
+
 
 def check_indices(names: Iterable[str]) -> tuple[str, ...]:
     """Return the index names as a tuple, or raise `ValueError` naming the table."""

@@ -12,9 +12,9 @@ import numpy as np
 
 from vibroimpact.axes import NAMES
 from vibroimpact.bundles import unbundle
-from vibroimpact.cli.phrases import axis_range, counted, listed, quantity, spread_scale, told_spread
+from vibroimpact.cli.phrases import axis_range, counted, listed, quantity
 from vibroimpact.dataset import oscillator_of
-from vibroimpact.indices import INDICES
+from vibroimpact.indices import INDICES, spread_scale, told_spread
 from vibroimpact.motion import Motion
 from vibroimpact.oscillator import PARAMETERS
 from vibroimpact.status import Status

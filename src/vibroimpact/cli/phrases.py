@@ -10,19 +10,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-ROUNDING = 1e-9  # of what it is a part of: a spread this small is that of a cycle, by rounding
-
-
-def spread_scale(index: str, speed: float) -> float:
-    """Return what an index that is a spread is a part of; 0 for other indices."""
-    return {"std": speed, "impact_phase_spread": 1.0}.get(index, 0.0)
-
-
-def told_spread(spread: float, scale: float) -> float:
-    """Return a spread, or 0 where it is nothing but rounding beside what spreads."""
-    return 0.0 if abs(spread) <= ROUNDING * scale else spread
-
-
 def axis_range(dataset: xr.Dataset, name: str) -> str:
     """Return an axis and the values it spans."""
     return f"{dataset[name].attrs['long_name']} {span(dataset[name])}"

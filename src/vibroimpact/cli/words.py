@@ -10,10 +10,10 @@ import numpy as np
 from vibroimpact.classes import NEEDED, MotionClass, classify
 from vibroimpact.cli.diagram_words import tell_diagram
 from vibroimpact.cli.orbit_words import tell_basins, tell_boundaries, tell_branches, tell_comparison, tell_orbits
-from vibroimpact.cli.phrases import ROUNDING, axis_range, counted, span, spread_scale, told_spread
+from vibroimpact.cli.phrases import axis_range, counted, span
 from vibroimpact.cli.progress import speed
 from vibroimpact.dataset import oscillator_of
-from vibroimpact.indices import INDICES
+from vibroimpact.indices import INDICES, ROUNDING, spread_scale, told_spread
 from vibroimpact.motion import Motion, recognise, recurrence
 from vibroimpact.status import Status
 

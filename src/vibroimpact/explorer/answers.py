@@ -16,7 +16,8 @@ from vibroimpact.explorer.searches import Curves, Other, find_curves, find_other
 from vibroimpact.explorer.state import View
 from vibroimpact.explorer.work import Work
 
-Listener = Callable[[str, Any], None]
+Told = tuple[str, Any]
+Listener = Callable[[list[Told]], None]
 
 REST = 1.2  # s without a click before coexisting motions are looked for
 LINE_REST = 0.15
@@ -109,16 +110,15 @@ class Answers:
         view = self.view
 
         def job() -> None:
+            told: list[Told] = [("view", view)] if tell_view else []
             try:
                 point = self._motions.of(view)
+                with self._lock:
+                    if view.point_key == self.view.point_key:  # else a later job is on its way, or was quicker
+                        self.point = point
+                        told.append(("point", point))
             finally:
-                if tell_view:
-                    self._tell("view", view)
-            with self._lock:
-                if view.point_key != self.view.point_key:  # a later job is on its way, or was quicker
-                    return
-                self.point = point
-                self._tell("point", point)
+                self._tell_together(told)
 
         self._work.submit("point", Urgency.CLICK, job)
 
@@ -209,8 +209,11 @@ class Answers:
         self._tell("message", str(error) if refused else fault)
 
     def _tell(self, what: str, content: Any) -> None:
-        if self._listener is not None and not self.closed:
-            self._listener(what, content)
+        self._tell_together([(what, content)])
+
+    def _tell_together(self, told: list[Told]) -> None:
+        if self._listener is not None and told and not self.closed:
+            self._listener(told)
 
 
 def _cut(seconds: float) -> str:

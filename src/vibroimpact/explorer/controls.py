@@ -7,14 +7,14 @@ from contextlib import contextmanager
 from typing import Any
 
 from bokeh.layouts import column, row
-from bokeh.models import Div, NumericInput, Slider
+from bokeh.models import Div
 
 from vibroimpact.dataset import VARIABLES
 from vibroimpact.explorer.presets import BY_NAME, PRESETS, Preset, case_of, ranges_for
 from vibroimpact.explorer.searches import Other
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import GREEK, SAMPLES, Range, View
-from vibroimpact.explorer.widgets import STEPS, WIDE, Kit, index_options
+from vibroimpact.explorer.widgets import WIDE, Kit, index_options
 from vibroimpact.oscillator import PARAMETERS
 
 MOST_OTHERS = 12  # offered as starts
@@ -41,19 +41,16 @@ class Controls:
         self._kit, self._quiet = Kit(), False
         self._case = case_of(explorer.view)
         self.ranges: dict[str, Range] = ranges_for(explorer.view)
-        self.sliders: dict[str, Slider] = {}
-        self.numbers: dict[str, NumericInput] = {}
         cases = [("", "Choose a case …"), *((preset.name, preset.title) for preset in PRESETS)]
         self.preset = self._kit.menu("preset", "", cases)
         self.preset.on_change("value", self._to_preset)
         self.about = Div(text="", sizing_mode="stretch_width", margin=(2, 2, 0, 2))
-        self.column = self._controls(explorer.view)
+        self.column = self._controls()
         self.buttons = self._buttons(export)
 
     # ---- making them
 
-    def _controls(self, view: View) -> Any:
-        rows = [self._parameter(view, name) for name in PARAMETERS]
+    def _controls(self) -> Any:
         menu, tick = self._kit.menu, self._kit.tick
         names = [(name, f"{name} {GREEK.get(VARIABLES[name][2], VARIABLES[name][2])}") for name in PARAMETERS]
         self.x, self.y = menu("x", "across", names), menu("y", "upwards", names)
@@ -76,7 +73,6 @@ class Controls:
             box.on_change("active", lambda a, o, new, name=name: self._said(name, new))
         self.start.on_change("value", self._to_start)
         return column(
-            *rows,
             row(self.x, self.y, **WIDE),
             self.menus["index"],
             row(self.menus["samples"], self.menus["line"], **WIDE),
@@ -85,13 +81,6 @@ class Controls:
             self.about,
             **WIDE,
         )
-
-    def _parameter(self, view: View, name: str) -> Any:
-        slider, number, both = self._kit.parameter(name, getattr(view.osc, name), self.ranges[name])
-        for widget in (slider, number):
-            widget.on_change("value", lambda a, o, new: self._to_parameter(name, new))
-        self.sliders[name], self.numbers[name] = slider, number
-        return both
 
     def _buttons(self, export: Callable[[str], Any]) -> Any:
         explorer = self.explorer
@@ -107,10 +96,6 @@ class Controls:
         if not self._quiet:
             changes: dict[str, Any] = {name: _COUNTS.get(value, value) if name == "samples" else value}
             self.explorer.set(**changes)
-            self.show_view(self.explorer.view)
-
-    def _to_parameter(self, name: str, value: Any) -> None:
-        if not self._quiet and (value is None or not self.explorer.set_parameter(name, value)):
             self.show_view(self.explorer.view)
 
     def _to_axes(self, attr: str, old: str, new: str) -> None:
@@ -168,8 +153,6 @@ class Controls:
         if case != self._case:
             self.fit(view)
         with self._silently():
-            for name in PARAMETERS:
-                self._show_parameter(name, getattr(view.osc, name))
             menus = {name: str(getattr(view, name)) for name in self.menus}
             shown = [(self.x, view.x), (self.y, view.y), (self.preset, case.name if case else "")]
             for widget, value in (*shown, *((self.menus[name], value) for name, value in menus.items())):
@@ -181,15 +164,13 @@ class Controls:
             self._tell_about(case)
         self.show_others(self.explorer.others)
 
-    def _show_parameter(self, name: str, value: float) -> None:
-        slider, number = self.sliders[name], self.numbers[name]
-        low, high = self.ranges[name]
-        low, high = min(low, value), max(high, value)
-        if (slider.start, slider.end) != (low, high):
-            slider.update(start=low, end=high, step=(high - low) / STEPS)
-        for widget in (slider, number):
-            if widget.value != value:
-                widget.value = value
+    def rows(self) -> dict[str, tuple[float, float, float]]:
+        """Return every parameter as it is now, and the ends of its slider."""
+        values = {name: getattr(self.explorer.view.osc, name) for name in PARAMETERS}
+        return {
+            name: (value, min(self.ranges[name][0], value), max(self.ranges[name][1], value))
+            for name, value in values.items()
+        }
 
     def _tell_about(self, case: Preset | None) -> None:
         text = _ABOUT

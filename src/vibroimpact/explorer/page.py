@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import contextlib
 import json
 import threading
 from collections.abc import Callable
@@ -13,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 from bokeh.models import TextInput
 
 from vibroimpact.explorer.address import to_query
+from vibroimpact.explorer.answers import Told
+from vibroimpact.explorer.commands import Commands
 from vibroimpact.explorer.controls import Controls
 from vibroimpact.explorer.export import KINDS, export
 from vibroimpact.explorer.line_view import LineView
@@ -22,13 +23,11 @@ from vibroimpact.explorer.plane_view import PlaneView
 from vibroimpact.explorer.point_view import PointView
 from vibroimpact.explorer.pool import Pool
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import View, rounded
+from vibroimpact.explorer.state import View
 
 if TYPE_CHECKING:
     from bokeh.document import Document
 
-NUDGE = 1.0 / 64.0  # of the plane, an arrow key
-ZOOM = 0.5
 RESENT = 8  # letters that are sent again, for a browser that was not there yet when they came
 
 
@@ -44,15 +43,16 @@ class Page:
     def __init__(self, pool: Pool) -> None:
         view = View()
         self.explorer = Explorer(view, pool, self._hear)
-        self._inbox: list[tuple[str, Any]] = []
+        self._inbox: list[Told] = []
         self._lock = threading.Lock()
         self._serial = count()
         self._sent: list[dict[str, Any]] = []
         self.plane, self.point, self.line = PlaneView(), PointView(), LineView()
         self.controls = Controls(self.explorer, self.export)
+        self.commands = Commands(self.explorer, self.controls)
         self.mail = TextInput(value="", name="mail")
         self.command = TextInput(value="", name="command")
-        self.command.on_change("value", self._obey)
+        self.command.on_change("value", lambda attr, old, new: self.commands.obey(new))
         # no root shows these, and the script in the page reads them
         self.view = Parcel("view")
         views: tuple[Any, ...] = (self.plane, self.point, self.line)
@@ -82,61 +82,6 @@ class Page:
         # Not before the session stands: what threads tell until then would be lost.
         doc.add_next_tick_callback(self.explorer.start)
 
-    # ---- what a person did
-
-    def _obey(self, attr: str, old: str, new: str) -> None:
-        """Do what the page's script asks for: a word, and numbers behind some."""
-        explorer, view = self.explorer, self.explorer.view
-        word, *rest = new.split(" ")
-        simple: dict[str, Callable[[], Any]] = {
-            "undo": explorer.undo,
-            "redo": explorer.redo,
-            "pin": explorer.pin,
-            "unpin": explorer.unpin,
-            "home": self.controls.home,
-            "boundaries": lambda: explorer.set(boundaries=not view.boundaries),
-            "log": lambda: explorer.set(log=not view.log),
-            "line": lambda: explorer.set(line="y" if view.line == "x" else "x"),
-            "motion": lambda: explorer.set(index="motion" if view.index != "motion" else "std"),
-            "left": lambda: self._nudge(-1, 0),
-            "right": lambda: self._nudge(1, 0),
-            "up": lambda: self._nudge(0, 1),
-            "down": lambda: self._nudge(0, -1),
-            "in": lambda: self._scale(ZOOM),
-            "out": lambda: self._scale(1.0 / ZOOM),
-        }
-        placed: dict[str, Callable[..., Any]] = {
-            "click": explorer.click,
-            "zoom": lambda x0, x1, y0, y1: explorer.zoom((x0, x1), (y0, y1)),
-            "along": self._along,
-        }
-        if word in simple:
-            simple[word]()
-        elif word in placed:
-            with contextlib.suppress(ValueError, TypeError):  # the page's own script sends as many numbers as are due
-                placed[word](*map(float, rest[:-1]))
-
-    def _along(self, value: float) -> None:
-        parameter, ends = self.explorer.view.along
-        self.explorer.set_parameter(parameter, rounded(value, ends))
-
-    def _nudge(self, right: int, up: int) -> None:
-        view = self.explorer.view
-        (x0, x1), (y0, y1) = view.x_range, view.y_range
-        self.explorer.click(
-            view.osc_value("x") + right * NUDGE * (x1 - x0), view.osc_value("y") + up * NUDGE * (y1 - y0)
-        )
-
-    def _scale(self, factor: float) -> None:
-        """Zoom about the point, or about the middle where the point lies outside."""
-        view, ranges = self.explorer.view, []
-        for axis in ("x", "y"):
-            low, high = getattr(view, f"{axis}_range")
-            middle = view.osc_value(axis)
-            middle = middle if low <= middle <= high else 0.5 * (low + high)
-            ranges.append((middle - factor * (middle - low), middle + factor * (high - middle)))
-        self.explorer.zoom(ranges[0], ranges[1])
-
     def export(self, kind: str) -> None:
         """Make a file of the view and let the browser keep it."""
         if kind not in KINDS:
@@ -144,19 +89,19 @@ class Page:
 
         def job() -> None:
             try:
-                self._hear("file", export(kind, self.explorer))
+                self._hear([("file", export(kind, self.explorer))])
             except (ValueError, OSError) as error:
-                self._hear("message", str(error))
+                self._hear([("message", str(error))])
 
         self.explorer.run("export", job)
 
     # ---- what the session answers
 
-    def _hear(self, what: str, content: Any) -> None:
-        """Take a message from any thread; the page shows it when it is its turn."""
+    def _hear(self, told: list[Told]) -> None:
+        """Take messages from any thread; the page shows them when it is its turn."""
         with self._lock:
-            self._inbox.append((what, content))
-            first = len(self._inbox) == 1
+            first = not self._inbox
+            self._inbox += told
         if first:
             try:
                 self.doc.add_next_tick_callback(self._read)
@@ -169,15 +114,16 @@ class Page:
         latest = {what: number for number, (what, _) in enumerate(told)}
         self._apply([(what, content) for number, (what, content) in enumerate(told) if latest[what] == number])
 
-    def _apply(self, told: list[tuple[str, Any]]) -> None:
+    def _apply(self, told: list[Told]) -> None:
         letters: list[dict[str, Any]] = []
         for what, content in sorted(told, key=lambda one: one[0] != "point"):  # the motion first: eyes wait for it
             if what == "view":
                 self.plane.show_view(content, self.view)
                 self.line.show_view(content, self.view)
                 self.view.pack("address", query=to_query(content))
-                self.view.send()
                 self.controls.show_view(content)
+                self.view.pack("rows", heard=self.commands.heard, values=self.controls.rows())
+                self.view.send()
             elif what == "plane":
                 self.plane.show_plane(content)
             elif what == "point":

@@ -8,7 +8,7 @@ from bokeh.models import ColumnDataSource
 
 
 class Parcel:
-    """Parts of what the page shows, sent in one message, so that the page draws once.
+    """Parts of what the page shows, sent in one message; the page draws once what came since its last frame.
 
     A browser that comes later finds the last one of each name: what must not be lost has a parcel of its own.
     """
@@ -18,10 +18,7 @@ class Parcel:
         self._packed: dict[str, dict[str, Any]] = {}
 
     def pack(self, part: str, **content: Any) -> None:
-        """Add a part that the page's script knows, properties of a model ("=mark") or html of an element ("#numbers").
-
-        The models are not told of it here: only such will do as nothing but parcels changes.
-        """
+        """Add a part that the page's script knows, or html of an element ("#numbers")."""
         self._packed[part] = content
 
     def send(self) -> None:

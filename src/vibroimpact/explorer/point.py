@@ -15,7 +15,7 @@ from vibroimpact.classes import MotionClass
 from vibroimpact.explorer.limits import granted, stiffness
 from vibroimpact.explorer.plane import TRANSIENT, motion_word
 from vibroimpact.explorer.state import View
-from vibroimpact.indices import INDICES
+from vibroimpact.indices import INDICES, spread_scale, told_spread
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.status import Status
 
@@ -36,6 +36,7 @@ class Point:
     sentence: str
     kind: MotionClass
     n_periods: int
+    settled: bool  # whether the history begins on the settled motion
     indices: dict[str, float]
     history: dict[str, Floats]  # time, displacement, velocity, both sides of every impact
     impacts: dict[str, Floats]  # time, velocity within the history
@@ -80,6 +81,7 @@ def compute_point(view: View, osc: ImpactOscillator | None = None) -> Point:
         sentence=sentence(osc, kind, status, indices),
         kind=kind,
         n_periods=n,
+        settled=view.settled and begin is not None,
         indices=indices,
         history=history,
         impacts=impacts,
@@ -182,5 +184,6 @@ def fields(point: Point) -> list[tuple[str, str, str, str]]:
     rows: list[tuple[str, str, str, str]] = []
     for name, value in point.indices.items():
         index: Any = INDICES[name]
-        rows.append((index.symbol, index.long_name, words(name, value), "" if index.units == "1" else index.units))
+        told = words(name, told_spread(value, spread_scale(name, point.osc.velocity_scale)))
+        rows.append((index.symbol, index.long_name, told, "" if index.units == "1" else index.units))
     return rows

@@ -53,8 +53,8 @@ class PointView:
             period=osc.period,
             force=1.0 if osc.amplitude else 0.0,
             low=min(float(y.min()) if y.size else osc.gap, osc.gap - 1e-12 * (abs(osc.gap) or 1.0)),
-            begin=point.rests["begin"],
-            end=point.rests["end"],
+            begin=point.rests["begin"].tolist(),
+            end=point.rests["end"].tolist(),
             colors=COLORS,
         )
         self._frame(parcel)
@@ -142,7 +142,7 @@ def numbers_table(point: Point, pins: list[Point]) -> str:
 def _motion(point: Point | None) -> dict[str, Any]:
     """Return the columns of a motion's plots, laid end to end since each array costs a message; None is nothing."""
     if point is None:
-        return {"gap": 0.0, "begin": 0.0, "lengths": {}, "values": []}
+        return {"gap": 0.0, "begin": 0.0, "turn": 0, "lengths": {}, "values": []}
     time = point.history["time"]
     begin = float(time[0]) if time.size else 0.0
     columns = {
@@ -157,4 +157,13 @@ def _motion(point: Point | None) -> dict[str, Any]:
     }
     lengths = {name: len(values) for name, values in columns.items()}
     values = np.concatenate(list(columns.values())).astype(np.float32)
-    return {"gap": point.osc.gap, "begin": begin, "lengths": lengths, "values": values}
+    return {"gap": point.osc.gap, "begin": begin, "turn": one_turn(point), "lengths": lengths, "values": values}
+
+
+def one_turn(point: Point) -> int:
+    """Return how many samples tell all of the orbit: those of a cycle where the history is nothing but cycles."""
+    time = point.history["time"]
+    if not (point.settled and point.n_periods and time.size):
+        return int(time.size)
+    after = int(np.searchsorted(time, time[0] + point.n_periods * point.osc.period, "right"))
+    return min(after + 1, time.size)

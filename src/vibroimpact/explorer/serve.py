@@ -133,6 +133,8 @@ def make_server(
 def _begin(doc: Document, view: View, look: Any, spares: Spares, pages: set[Document]) -> None:
     """Fill the document of a tab that was just opened."""
     from vibroimpact.explorer.address import from_query
+    from vibroimpact.explorer.state import parameter_label
+    from vibroimpact.oscillator import PARAMETERS
 
     doc.title = "vibroimpact explorer"
     if len(pages) >= MOST_PAGES:
@@ -156,9 +158,11 @@ def _begin(doc: Document, view: View, look: Any, spares: Spares, pages: set[Docu
     doc.template = _template("page.html")
     doc.template_variables.update(
         page_css=_asset("page.css"),
+        parameters=[(name, parameter_label(name)) for name in PARAMETERS],
         plots_js=_asset("plots.js"),
         motion_js=_asset("motion.js"),
         plane_js=_asset("plane.js"),
+        rows_js=_asset("rows.js"),
         page_js=_asset("page.js"),
         help_html=_asset("help.html"),
         bokeh_version=version("bokeh"),

@@ -28,8 +28,9 @@ class Explorer(Answers):
     pool : Pool, optional
         The threads that compute; None makes them.
     listener : callable, optional
-        Gets ("view", View), ("plane", Plane), ("point", Point), ("line", Line), ("curves", Curves or None),
-        ("others", list of Other), ("pins", list of Point) and ("message", str), from any thread.
+        Gets lists of what is told together, from any thread: ("view", View), ("plane", Plane), ("point", Point),
+        ("line", Line), ("curves", Curves or None), ("others", list of Other), ("pins", list of Point) and
+        ("message", str).
     stored : callable, optional
         Given a view, returns a `Plane` taken from a stored study, or None.
 
@@ -67,13 +68,17 @@ class Explorer(Answers):
             return False
 
     def set_parameter(self, name: str, value: Any) -> bool:
-        """Change one of the seven numbers, as typed or slid."""
+        """Change one of the seven numbers, as typed or slid; where it is not taken, the view is told again."""
+        changed = False
         try:
             osc = self.view.osc.replace(**{name: typed_number(name, value)})
         except ValueError as error:
             self._tell("message", str(error))
-            return False
-        return self.set(name, osc=osc, start=None)
+        else:
+            changed = self.set(name, osc=osc, start=None)
+        if not changed:
+            self._tell("view", self.view)
+        return changed
 
     def click(self, x: Any, y: Any) -> bool:
         """Choose a point of the plane."""

@@ -150,15 +150,6 @@ def rounded(value: Any, ends: Range) -> float:
     return round(float(value), math.ceil(-math.log10((ends[1] - ends[0]) / 2000.0)))
 
 
-def offset(ends: Range) -> float:
-    """Return what is best subtracted from an axis: 0, or a round value within where it is zoomed in deeply."""
-    low, high = ends
-    size = max(abs(low), abs(high))
-    if high - low > 1e-4 * size:
-        return 0.0
-    return round(0.5 * (low + high), math.ceil(-math.log10(high - low)))
-
-
 LABELS = {"amplitude": "force amplitude", "omega": "driving frequency", "restitution": "restitution"}
 GREEK = {"w": "ω", "psi/T": "ψ/T", "<I>": "⟨I⟩"}
 

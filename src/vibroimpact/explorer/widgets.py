@@ -1,17 +1,15 @@
-"""The widgets beside the plane: sliders, menus, ticks and buttons, as Bokeh makes them."""
+"""The widgets beside the plane: menus, ticks and buttons, as Bokeh makes them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
-from bokeh.layouts import column, row
-from bokeh.models import Button, Checkbox, Div, Dropdown, InlineStyleSheet, NumericInput, Select, Slider
+from bokeh.models import Button, Checkbox, Dropdown, InlineStyleSheet, Select
 
-from vibroimpact.explorer.state import MOTION, Range, parameter_label
+from vibroimpact.explorer.state import MOTION
 from vibroimpact.indices import INDICES
 
-STEPS = 500
 EXPORTS = (
     ("Picture (.png)", "png"), ("Plane's data (.nc)", "nc"), ("Point's motion (.csv)", "csv"),
     ("Study file (.toml)", "toml"), ("Python lines (.py)", "py"),
@@ -19,8 +17,7 @@ EXPORTS = (
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 0}
 _TIGHT = (
     ":host{font-size:12px} .bk-input{height:24px;min-height:24px;padding:1px 5px;font-size:12px}"
-    " .bk-input-group>label,.bk-slider-title,.bk-input-group>.bk-label{margin:0;font-size:12px}"
-    " .bk-btn{padding:3px 9px;font-size:12px} .noUi-target{margin-top:2px}"
+    " .bk-input-group>label,.bk-input-group>.bk-label{margin:0;font-size:12px}"
 )
 _BAR = ":host{font-size:12px} .bk-btn{padding:3px 9px;font-size:12px;white-space:nowrap}"
 
@@ -30,22 +27,6 @@ class Kit:
 
     def __init__(self) -> None:
         self._tight, self._bar = InlineStyleSheet(css=_TIGHT), InlineStyleSheet(css=_BAR)
-
-    def parameter(self, name: str, value: float, ends: Range) -> tuple[Slider, NumericInput, Any]:
-        """Return a slider, a field to type into, and both below the parameter's name."""
-        low, high = ends
-        slider = Slider(
-            start=low, end=high, value=value, step=(high - low) / STEPS, title=None, show_value=False,
-            margin=(0, 6, 3, 8), sizing_mode="stretch_width", stylesheets=[self._tight], name=f"slider_{name}",
-            bar_color="#9cc3dd",
-        )  # fmt: skip
-        number = NumericInput(
-            value=value, mode="float", width=82, margin=(0, 4, 0, 0), stylesheets=[self._tight], name=f"number_{name}"
-        )
-        text = Div(
-            text=parameter_label(name), margin=(4, 0, 0, 4), sizing_mode="stretch_width", stylesheets=[self._tight]
-        )
-        return slider, number, column(row(text, number, **WIDE), slider, **WIDE)
 
     def menu(self, name: str, title: str, options: list[tuple[str, str]]) -> Select:
         """Return a menu of values and their words."""

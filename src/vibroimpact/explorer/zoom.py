@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import replace
 from typing import Any
 
 from vibroimpact.explorer.limits import Range
 from vibroimpact.explorer.state import View
-from vibroimpact.oscillator import parameter_value, real_number
+from vibroimpact.oscillator import parameter_value
 
 HALVINGS = 24  # of the way to an end that is not allowed
+MOST_QUOTED = 40  # letters of what was typed, in a message
 
 
 def with_ranges(view: View, x_range: Range, y_range: Range) -> tuple[View, str]:
@@ -31,7 +33,10 @@ def with_ranges(view: View, x_range: Range, y_range: Range) -> tuple[View, str]:
 
 def typed_number(name: str, value: Any) -> float:
     """Return what was typed as a parameter of the oscillator, or say what is allowed."""
-    return parameter_value(name, real_number(name, value))
+    if isinstance(value, str):
+        with contextlib.suppress(ValueError):  # what is no number is refused below
+            value = float(value)
+    return parameter_value(name, value[:MOST_QUOTED] if isinstance(value, str) else value)
 
 
 def _some_range(ends: Any) -> bool:

@@ -9,6 +9,13 @@ window.Motion = (() => {
   let playing = false, clock = 0, before = 0;
   const each = (draw) => { for (const slot of order) if (motions[slot]) draw(motions[slot], facts.colors[slot], slot === 0); };
   const empty = () => !motions[0] || !motions[0].time.length;
+  // How many of ascending values lie below a bound.
+  const place = (values, bound) => {
+    let low = 0, high = values.length;
+    while (low < high) { const mid = (low + high) >> 1; if (values[mid] < bound) low = mid + 1; else high = mid; }
+    return low;
+  };
+  const seen = (time, [low, high]) => [Math.max(place(time, low) - 1, 0), Math.min(place(time, high) + 1, time.length)];
 
   // ---- the plots
   const phase = (name, title, draw) => new Plot(name, {
@@ -21,14 +28,16 @@ window.Motion = (() => {
       paint: (plot) => {
         plot.stop(facts.gap, true);
         each((motion, color, first) => {
-          plot.line(motion.time, motion.displacement, color, first ? 1.4 : 1.2);
+          plot.line(motion.time, motion.displacement, color, first ? 1.4 : 1.2, ...seen(motion.time, plot.range.x));
           plot.marks(motion.hits, motion.gap, color);
         });
         plot.bars(facts.begin, facts.end, facts.gap, "#e0c800");
         if (playing && !empty()) plot.rule("x", now(), "#d55e00");
       },
     }),
-    portrait: phase("portrait", "Phase portrait", (plot, motion, color, first) => plot.line(motion.displacement, motion.velocity, color, first ? 1.4 : 1.2)),
+    portrait: phase("portrait", "Phase portrait", (plot, motion, color, first) => {
+      plot.line(motion.displacement, motion.velocity, color, first ? 1.4 : 1.2, 0, motion.turn);
+    }),
     poincare: phase("poincare", "Poincaré map: once a driving period", (plot, motion, color) => plot.dots(motion.looks_y, motion.looks_v, color)),
     impact_map: new Plot("impact_map", {
       title: "Impact map: when and how hard", x: "phase of the driving period", y: "impact velocity [m/s]",
@@ -47,8 +56,7 @@ window.Motion = (() => {
     return last > first ? first + (clock * facts.period) % (last - first) : first;
   };
   const position = (time, y, t) => {
-    let low = 0, high = time.length - 1;
-    while (high - low > 1) { const mid = (low + high) >> 1; if (time[mid] <= t) low = mid; else high = mid; }
+    const high = Math.min(Math.max(place(time, t), 1), time.length - 1), low = Math.max(high - 1, 0);
     const span = time[high] - time[low];
     return span > 0 ? y[low] + (y[high] - y[low]) * (t - time[low]) / span : y[low];
   };
@@ -101,8 +109,8 @@ window.Motion = (() => {
 
   // ---- what the server tells
   const takes = {
-    motion: ({ slot, gap, begin, lengths, values }) => {
-      const motion = { gap };
+    motion: ({ slot, gap, begin, turn, lengths, values }) => {
+      const motion = { gap, turn };
       let at = 0;
       for (const [name, length] of Object.entries(lengths)) {
         const part = new Float32Array(values.buffer, values.byteOffset + 4 * at, length);  // Bokeh's arrays have no subarray
@@ -118,7 +126,12 @@ window.Motion = (() => {
         if (`${[home.x, home.y]}` !== `${[x, y]}`) plots[name].fit(x, y);  // what is as it was stays as a person zoomed it
       }
     },
-    line: (told) => { line = { ...line, ...told }; },
+    line: ({ dots, ...told }) => {
+      line = { ...line, ...told };
+      if (!dots) return;
+      const half = dots.length / 2, part = (from) => new Float64Array(dots.buffer, dots.byteOffset + 8 * from, half);
+      Object.assign(line, { x: part(0), y: part(half) });
+    },
     line_home: ({ x, y, label }) => { if (label) below.x = label; below.fit(x || below.home.x, y || below.home.y); },
   };
   // Take parts of what is shown, by name; draw once what they change.

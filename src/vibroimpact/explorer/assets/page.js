@@ -4,7 +4,12 @@
   let doc = null;
   const model = (name) => doc && doc.get_model_by_name(name);
   let serial = 0;
-  const command = (text) => { const box = model("command"); if (box) box.value = `${text} ${++serial}`; };
+  // Ask the server; returns the number of the message, which the server tells when it has heard it.
+  const command = (text) => {
+    const box = model("command");
+    if (box) box.value = `${text} ${++serial}`;
+    return serial;
+  };
 
   // ---- what the server has to say
   let hush = null;
@@ -36,6 +41,7 @@
 
   // ---- link, help, keys
   byId("copy").addEventListener("click", async () => {
+    write();
     try { await navigator.clipboard.writeText(location.href); say("The link to this view is copied."); }
     catch { say(`Copy the address from here: ${location.href}`); }
   });
@@ -44,7 +50,8 @@
   help.addEventListener("click", (event) => { if (event.target === help) help.close(); });
   document.addEventListener("keydown", (event) => {
     const deep = event.composedPath()[0];
-    const types = deep instanceof HTMLElement && /^(INPUT|SELECT|TEXTAREA)$/.test(deep.tagName);
+    const slides = deep instanceof HTMLInputElement && deep.type === "range";
+    const types = !slides && deep instanceof HTMLElement && /^(INPUT|SELECT|TEXTAREA)$/.test(deep.tagName);
     if ((event.ctrlKey || event.metaKey) && !event.altKey && !types) {
       const key = event.key.toLowerCase();
       if (key === "z") { command(event.shiftKey ? "redo" : "undo"); event.preventDefault(); }
@@ -57,7 +64,7 @@
     if (event.key === " " && !(deep instanceof HTMLButtonElement)) { Motion.play(); event.preventDefault(); }
     else if (event.key === "?") help.showModal();
     else if (event.key.toLowerCase() === "l") byId("copy").click();
-    else if (keys[event.key] && !(event.key.startsWith("Arrow") && deep instanceof HTMLElement && deep.getAttribute("role") === "slider")) {
+    else if (keys[event.key] && !(event.key.startsWith("Arrow") && slides)) {
       command(keys[event.key]);
       event.preventDefault();
     }
@@ -70,12 +77,13 @@
     for (const [name, { part }] of Object.entries(Motion.plots)) if (part) parts.push(`${name}=${part.map((end) => Number(end.toPrecision(9)))}`);
     return parts.length ? `#${parts.join("&")}` : "";
   };
-  let writing = null, unread = true;
-  const write = (query = location.search) => {
+  const REST = 300;  // ms: another address costs a browser as much as all plots, and it may refuse many of them
+  let writing = null, unread = true, query = location.search;
+  const write = () => {
     clearTimeout(writing);
     history.replaceState(null, "", location.pathname + query + (unread ? location.hash : fragment()));
   };
-  const write_soon = () => { clearTimeout(writing); writing = setTimeout(write, 200); };
+  const write_soon = () => { clearTimeout(writing); writing = setTimeout(write, REST); };
   // Once the plots know what there is to see.
   const follow_fragment = () => {
     unread = false;
@@ -91,27 +99,28 @@
   speed.addEventListener("change", () => write());
   window.addEventListener("hashchange", follow_fragment);
 
-  // ---- what changes together, in one message
+  // ---- what changes together, drawn together: what came since the last frame
   const plain = (told) => (told instanceof Map ? Object.fromEntries([...told].map(([name, one]) => [name, plain(one)])) : told);
-  const unpack = (parcel) => {
-    const names = parcel.data.part || [], contents = parcel.data.content || [], parts = [];
-    let query;
-    for (let i = 0; i < names.length; i++) {
-      const content = plain(contents[i]), name = names[i].slice(1);
-      if (names[i] === "address") query = `?${content.query}`;
-      else if (names[i].startsWith("#")) byId(name).innerHTML = content.html;
-      else parts.push([names[i], content]);
-    }
-    Plane.take(parts);
-    Motion.take(parts);
-    if (names.includes("home") && unread) follow_fragment();
-    if (query || names.includes("home")) write(query);
-    if (!names.includes("motion_0")) return;
-    requestAnimationFrame(() => requestAnimationFrame(() => { told.drawn += 1; told.drawn_at = performance.now(); }));
+  const parcels = new Set();
+  const take = (parcel) => {
+    if (!parcels.size) requestAnimationFrame(unpack);
+    parcels.delete(parcel);  // the last one that came is the last one read
+    parcels.add(parcel);
+  };
+  const unpack = () => {
+    const parts = [...parcels].flatMap(({ data }) => (data.part || []).map((name, k) => [name, plain(data.content[k])]));
+    const came = new Map(parts);
+    parcels.clear();
+    for (const [name, { html }] of parts) if (name.startsWith("#")) byId(name.slice(1)).innerHTML = html;
+    for (const taker of [Rows, Plane, Motion]) taker.take(parts);
+    if (came.has("home") && unread) follow_fragment();
+    if (came.has("address")) query = `?${came.get("address").query}`;
+    if (came.has("address") || came.has("home")) write_soon();
+    if (came.has("motion_0")) requestAnimationFrame(() => { told.drawn += 1; told.drawn_at = performance.now(); });
   };
 
   Motion.below.clicked = ({ x }) => command(`along ${x}`);
-  Plane.listen(command);
+  for (const asker of [Rows, Plane]) asker.listen(command);
 
   // ---- when the page stands
   const told = window.explorer;
@@ -122,8 +131,8 @@
     read();
     for (const name of ["view", "point", "plane", "curves", "pins", "others", "line"].map((one) => `${one}_parcel`)) {
       const parcel = model(name);
-      parcel.properties.data.change.connect(() => unpack(parcel));
-      unpack(parcel);
+      parcel.properties.data.change.connect(() => take(parcel));
+      take(parcel);
     }
     told.ready = performance.now();
   };

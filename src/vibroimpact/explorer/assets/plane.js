@@ -2,11 +2,11 @@
 window.Plane = (() => {
   "use strict";
   const { Plot, MARGINS, minus } = window.Plots;
-  const INK = "#222", REST = 150;  // ms after the last turn of the wheel, before the server hears of it
+  const INK = "#222", REST = 150, HOVER = 60;  // ms after the last turn of the wheel, before the server hears of it; before words
   const KINDS = ["undecided", "no impact", "", "", "chaotic"];
   let picture = null, curves = { lengths: [], places: [], colors: [], words: [] }, pending = null;
   let marks = { x: 0, y: 0, along: "x", pins: [] };
-  let names = { x: "", y: "" };
+  let names = { x: "", y: "" }, hovering = null;
   const tip = document.getElementById("tip"), image = document.createElement("canvas");
 
   const disc = (pen, x, y, radius, fill, edge, width) => {
@@ -67,8 +67,15 @@ window.Plane = (() => {
       }
     }
 
-    tell(event) {
-      const lines = this.inside(event) && !(this.held && this.held.far) ? this.words(event) : [];
+    // Who clicks at once waits for the motion, not for words about the cell.
+    tell({ offsetX, offsetY }) {
+      clearTimeout(hovering);
+      if (!tip.hidden) this.describe({ offsetX, offsetY });
+      else hovering = setTimeout(() => this.describe({ offsetX, offsetY }), HOVER);
+    }
+
+    describe(event) {
+      const lines = this.inside(event) && !this.held ? this.words(event) : [];
       tip.hidden = !lines.length;
       if (!lines.length) return;
       tip.replaceChildren(...lines.map((line) => Object.assign(document.createElement("div"), { textContent: line })));
@@ -114,7 +121,7 @@ window.Plane = (() => {
     },
   });
   plot.deepest = 0;  // the server says where double precision ends
-  plot.canvas.addEventListener("pointerleave", () => { tip.hidden = true; });
+  for (const turning of ["pointerleave", "pointerdown"]) plot.canvas.addEventListener(turning, () => { clearTimeout(hovering); tip.hidden = true; });
 
   // ---- what the server tells
   const takes = {

@@ -194,11 +194,11 @@ window.Plots = (() => {
       pen.restore();
     }
 
-    line(x, y, color, width = 1.4) {
+    line(x, y, color, width = 1.4, from = 0, to = x.length) {
       const { pen } = this;
       Object.assign(pen, { strokeStyle: color, lineWidth: width, lineJoin: "round" });
       pen.beginPath();
-      for (let k = 0; k < x.length; k++) pen.lineTo(this.px(x[k]), this.py(y[k]));
+      for (let k = from; k < to; k++) pen.lineTo(this.px(x[k]), this.py(y[k]));
       pen.stroke();
     }
 
