@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.explorer.limits import granted
+from vibroimpact.explorer.limits import Range, granted
 from vibroimpact.explorer.plane import TRANSIENT
 from vibroimpact.explorer.state import View
 
@@ -29,6 +29,7 @@ class Line:
     """Impact velocities over one parameter, each told once, and whether all of the line was computed."""
 
     parameter: str
+    ends: Range
     values: Floats
     velocities: Floats
     complete: bool = True
@@ -52,7 +53,7 @@ def compute_line(view: View, going: Callable[[], bool]) -> Line | None:
     grains = np.round(velocity[finite] * (GRAIN / most)).astype(np.int64)
     rows = np.broadcast_to(np.arange(len(velocity))[:, None], velocity.shape)[finite]
     _, told = np.unique(rows * (GRAIN + 1) + grains, return_index=True)
-    return Line(parameter, values[rows[told]], velocity[finite][told], complete=len(velocity) == VALUES)
+    return Line(parameter, (low, high), values[rows[told]], velocity[finite][told], complete=len(velocity) == VALUES)
 
 
 def _velocities(view: View, parameter: str, values: Floats) -> Floats:

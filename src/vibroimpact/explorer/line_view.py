@@ -26,6 +26,8 @@ class LineView:
         """Draw a diagram."""
         most = float(line.velocities.max(initial=0.0)) or 1.0
         parcel = self.parcels["line"]
-        parcel.pack("line", dots=np.concatenate([line.values, line.velocities]))  # each array costs two messages
+        low, high = line.ends
+        dots = np.concatenate([(line.values - low) / (high - low), line.velocities])  # each array costs two messages
+        parcel.pack("line", low=low, high=high, dots=dots.astype(np.float32))
         parcel.pack("line_home", y=(-0.02 * most, 1.05 * most))
         parcel.send()

@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 from bokeh.palettes import RdBu11, Viridis256, interp_palette
-from matplotlib.colors import to_rgba
+from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
 from vibroimpact.dataset import VARIABLES
@@ -21,6 +21,7 @@ PINS = (RED, GREEN)
 LETTERS = ("A", "B")
 CURVES = {"fold": "#e7298a", "period_doubling": "#ffffff", "grazing": "#ff9d2e", "end_of_sticking": "#f0e442"}
 SIGNED = tuple(interp_palette(RdBu11, 255))
+OUTSIDE = (NOTHING, STICKING)  # what has no place on the scale of colours
 
 
 class PlaneView:
@@ -51,17 +52,19 @@ class PlaneView:
     def show_plane(self, plane: Plane) -> None:
         """Show a plane as far as it is known."""
         seen, parcel, view = shades(plane), self.parcels["plane"], plane.view
-        colors = _colors(seen)
+        colors, named = _colors(seen), seen.palette == "names"
+        told, names = np.unique(seen.name, return_inverse=True)
         parcel.pack(
             "plane",
             side=plane.side,
             shape=seen.shade.shape,
             x=view.x_range,
             y=view.y_range,
-            pixels=_pixels(seen, colors),
-            values=seen.value.ravel(),
-            names=seen.name.ravel(),
-            index="" if seen.palette == "names" else view.index,
+            cells=_cells(seen, len(colors) - len(OUTSIDE)),
+            values=[] if named else seen.value.ravel(),
+            names=names.ravel().astype(np.uint16),
+            told=told.tolist(),
+            index="" if named else view.index,
             colors=colors,
             low=seen.low,
             high=seen.high,
@@ -94,20 +97,18 @@ def _entry(kind: str, color: str, words: str) -> str:
     return f"<span class='entry'><span class='{kind}' style='background:{color}'></span> {escape(words)}</span>"
 
 
-def _colors(seen: Shades) -> tuple[str, ...]:
-    if seen.palette == "names":
-        return seen.colors
-    return SIGNED if seen.palette == "signed" else tuple(Viridis256)
+def _colors(seen: Shades) -> list[str]:
+    """Return the colours of the scale, and those outside it."""
+    usual = {"signed": SIGNED, "sequential": tuple(Viridis256)}
+    return [to_hex(color) for color in (*usual.get(seen.palette, seen.colors), *OUTSIDE)]
 
 
-def _pixels(seen: Shades, colors: tuple[str, ...]) -> NDArray[np.uint8]:
-    """Return red, green, blue, opacity of every cell, the upper row first as pictures have it."""
+def _cells(seen: Shades, scale: int) -> NDArray[np.uint16]:
+    """Return which colour every cell has, the upper row first as pictures have it."""
     shade = seen.shade[::-1].astype(np.float64)
-    table = np.array([to_rgba(color) for color in (*colors, NOTHING, STICKING)])
     with np.errstate(invalid="ignore"):
-        place = np.clip((shade - seen.low) / (seen.high - seen.low) * len(colors), 0, len(colors) - 1)
-    number = np.nan_to_num(place, nan=len(colors)).astype(np.intp)
+        place = np.clip((shade - seen.low) / (seen.high - seen.low) * scale, 0, scale - 1)
+    number = np.nan_to_num(place, nan=scale).astype(np.uint16)
     if seen.palette == "signed":
-        number[shade < seen.low] = len(colors) + 1
-    pixels: NDArray[np.uint8] = np.round(255.0 * table).astype(np.uint8)[number].ravel()
-    return pixels
+        number[shade < seen.low] = scale + 1
+    return number.ravel()

@@ -126,11 +126,11 @@ window.Motion = (() => {
         if (`${[home.x, home.y]}` !== `${[x, y]}`) plots[name].fit(x, y);  // what is as it was stays as a person zoomed it
       }
     },
-    line: ({ dots, ...told }) => {
+    line: ({ low, high, dots, ...told }) => {
       line = { ...line, ...told };
       if (!dots) return;
-      const half = dots.length / 2, part = (from) => new Float64Array(dots.buffer, dots.byteOffset + 8 * from, half);
-      Object.assign(line, { x: part(0), y: part(half) });
+      const half = dots.length / 2, part = (from) => new Float32Array(dots.buffer, dots.byteOffset + 4 * from, half);
+      Object.assign(line, { x: Float64Array.from(part(0), (share) => low + share * (high - low)), y: part(half) });
     },
     line_home: ({ x, y, label }) => { if (label) below.x = label; below.fit(x || below.home.x, y || below.home.y); },
   };

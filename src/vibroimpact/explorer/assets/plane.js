@@ -57,7 +57,7 @@ window.Plane = (() => {
 
     // The colours beside the plane, and what they stand for.
     bar() {
-      const { pen, top, height } = this, { colors, ticks, low, high } = picture, left = this.left + this.width + 6, step = height / colors.length;
+      const { pen, top, height } = this, { scale: colors, ticks, low, high } = picture, left = this.left + this.width + 6, step = height / colors.length;
       colors.forEach((color, number) => { pen.fillStyle = color; pen.fillRect(left, top + height - (number + 1) * step, 10, step + 0.6); });
       Object.assign(pen, { fillStyle: INK, textAlign: "left", textBaseline: "middle" });
       for (const [value, word] of ticks) {
@@ -91,7 +91,7 @@ window.Plane = (() => {
       const [rows, columns] = picture.shape, { x, y } = picture;
       const column = Math.floor((at.x - x[0]) / (x[1] - x[0]) * columns), row = Math.floor((at.y - y[0]) / (y[1] - y[0]) * rows);
       if (column < 0 || column >= columns || row < 0 || row >= rows) return lines;
-      const value = picture.values[row * columns + column], code = picture.names[row * columns + column];
+      const value = picture.values[row * columns + column], code = picture.told[picture.names[row * columns + column]];
       if (picture.index) lines.push(`${picture.index} ${minus(Number.isNaN(value) ? "no value" : Number.isFinite(value) ? String(Number(value.toPrecision(9))) : value < 0 ? "-∞" : "none")}`);
       const kind = Math.floor(code / 1e10), rest = code - kind * 1e10, n = Math.floor(rest / 1e5), p = rest - n * 1e5 - 1;
       lines.push(kind === 2 ? `period-${n} impact-${p}` : kind === 3 ? (n ? `period-${n} sticking` : "irregular with rests") : KINDS[kind]);
@@ -123,14 +123,18 @@ window.Plane = (() => {
   plot.deepest = 0;  // the server says where double precision ends
   for (const turning of ["pointerleave", "pointerdown"]) plot.canvas.addEventListener(turning, () => { clearTimeout(hovering); tip.hidden = true; });
 
+  // "#rrggbb" as a picture holds it: red first, whatever the order of bytes
+  const pixel = (color) => new Uint32Array(new Uint8Array([1, 3, 5].map((at) => parseInt(color.slice(at, at + 2), 16)).concat(255)).buffer)[0];
+
   // ---- what the server tells
   const takes = {
     plane: (told) => {
-      const [rows, columns] = told.shape, { buffer, byteOffset } = told.pixels;
-      picture = told;
+      const [rows, columns] = told.shape, colors = told.colors.map(pixel), pixels = new Uint32Array(rows * columns);
+      picture = { ...told, scale: told.colors.slice(0, -2) };  // without those of cells that have no value
       image.width = columns;
       image.height = rows;
-      image.getContext("2d").putImageData(new ImageData(new Uint8ClampedArray(buffer, byteOffset, 4 * rows * columns), columns, rows), 0, 0);
+      for (let k = 0; k < pixels.length; k++) pixels[k] = colors[told.cells[k]];
+      image.getContext("2d").putImageData(new ImageData(new Uint8ClampedArray(pixels.buffer), columns, rows), 0, 0);
       window.explorer.planes.push([told.side, performance.now()]);
     },
     plane_home: ({ x, y, labels, symbols }) => {
