@@ -65,6 +65,34 @@ def test_frequency_in_hertz_stands_for_omega_everywhere():
     assert np.array_equal(by_hertz["std"].values, by_omega["std"].values)
 
 
+def test_a_damping_ratio_stands_for_the_damping_of_this_mass_and_stiffness():
+    osc = vi.ImpactOscillator(mass=4.0, stiffness=9.0, damping_ratio=0.05)
+    assert osc.damping == pytest.approx(0.6, rel=1e-15)
+    assert osc.damping_ratio == pytest.approx(0.05, rel=1e-15)
+    other = osc.replace(damping_ratio=0.1, mass=16.0)
+    assert other.damping == pytest.approx(2.4, rel=1e-15)
+    assert other.replace(damping=0.0).damping_ratio == 0.0
+    assert vi.ImpactOscillator(damping_ratio=1.0).damping == 2.0  # critical
+
+
+@pytest.mark.parametrize(("given", "told"), [
+    ({"damping": 0.1, "damping_ratio": 0.1}, "`damping` is 0.1 and `damping_ratio` is 0.1; allowed is one of the two"),
+    ({"damping_ratio": -0.1}, "`damping_ratio` is -0.1; allowed is a finite number >= 0"),
+    ({"damping_ratio": 0.1, "mass": 0.0}, "`mass` is 0.0"),
+    ({"zeta": 0.1}, "did you mean 'damping_ratio'"),
+])  # fmt: skip
+def test_a_damping_ratio_that_tells_no_damping_is_refused(given, told):
+    with pytest.raises(ValueError, match=told):
+        vi.ImpactOscillator(**given)
+
+
+def test_a_damping_ratio_is_no_axis_and_the_remedy_is_one():
+    for name in ("damping_ratio", "zeta"):
+        axis = {name: [0.01, 0.02]}
+        with pytest.raises(ValueError, match="vary damping, c = 2 zeta sqrt"):
+            vi.parameter_map(OSC, **axis)
+
+
 def test_a_misspelt_parameter_is_refused():
     with pytest.raises(ValueError, match="`masss` is no parameter"):
         OSC.replace(masss=2.0)
@@ -76,7 +104,9 @@ def test_a_misspelt_parameter_is_refused():
      ("stifness", "did you mean 'stiffness'"), ("freq", "did you mean 'frequency'"), ("zz", "check the spelling")],
 )  # fmt: skip
 def test_a_misspelt_parameter_is_answered_with_the_one_that_was_meant(name, meant):
-    words = f"`{name}` is no parameter of the oscillator; allowed are mass, .*, gap and frequency; {meant}"
+    words = (
+        f"`{name}` is no parameter of the oscillator; allowed are mass, .*, gap, frequency and damping_ratio; {meant}"
+    )
     with pytest.raises(ValueError, match=words):
         vi.ImpactOscillator(**{name: 1.0})
     with pytest.raises(ValueError, match=words):

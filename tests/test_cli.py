@@ -194,12 +194,20 @@ def test_a_damping_ratio_takes_the_place_of_the_damping_in_a_study_and_uses_its_
     assert (osc.mass, osc.stiffness, osc.damping_ratio) == (4.0, 9.0, pytest.approx(0.05, rel=1e-15))
 
 
+def test_a_study_file_may_give_the_damping_ratio_and_the_command_line_the_damping(run, tmp_path):
+    for name in ("zeta", "damping_ratio"):
+        (tmp_path / "study.toml").write_text(f"[oscillator]\nm = 4.0\n{name} = 0.05\nk = 9.0\n")
+        for typed, c in (("", 0.6), (" -p m=1", 0.3), (" -p c=0.2", 0.2)):
+            assert run(f"section study.toml --sample-impacts 20 --overwrite --out out.nc{typed}")[0] == 0
+            assert oscillator_of(vi.load(tmp_path / "out.nc")).damping == pytest.approx(c, rel=1e-15)
+
+
 @pytest.mark.parametrize(("command", "told"), [
-    ("section -p zeta=0.01 -p c=0.1", "`-p zeta` stands beside `c`; allowed is one of the two"),
-    ("section -p zeta=0.01 -p damping_ratio=0.1", "`-p damping_ratio` stands beside `zeta`"),
+    ("section -p zeta=0.01 -p c=0.1", "`zeta` stands beside `damping`; allowed is one of the two"),
+    ("section -p zeta=0.01 -p damping_ratio=0.1", "`zeta` is given twice; allowed is the word 'damping_ratio'"),
     ("section -p zeta=-0.01", "`zeta` is -0.01; allowed is a finite number >= 0"),
     ("section -p damping_ratio=much", "`damping_ratio` is 'much'; allowed is a finite number >= 0"),
-    ("map -p zeta=0.01 --x m=1:2:3", "`zeta` is given, and mass varies; allowed is it where c = 2 zeta sqrt(k m)"),
+    ("map -p zeta=0.01 --x m=1:2:3", "`damping_ratio` is given, and mass varies; allowed is it where c = 2 zeta"),
     ("map --x damping_ratio=0.01:0.1:3", "write damping=from:to with c = 2 zeta sqrt(k m) in N s/m"),
     ("boundary --x zeta=0.01:0.1 --y gap=0:1", "write damping=from:to with c = 2 zeta sqrt(k m) in N s/m"),
 ])  # fmt: skip

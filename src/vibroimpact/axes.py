@@ -17,7 +17,8 @@ def check_axes(axes: Mapping[str, Any]) -> dict[str, NDArray[np.float64]]:
     """Return the axes as arrays in the order given, or raise `ValueError` naming the first that is wrong."""
     for name in axes:
         if name not in NAMES:
-            remedy = nearest_parameter(name)
+            ratio = name in ("damping_ratio", "zeta")
+            remedy = "vary damping, c = 2 zeta sqrt(k m)" if ratio else nearest_parameter(name)
             raise ValueError(f"`{name}` is no parameter to vary; allowed are {', '.join(NAMES)}; {remedy}")
     if "omega" in axes and "frequency" in axes:
         raise ValueError("`omega` and `frequency` are one parameter; allowed is one of the two; drop the other")

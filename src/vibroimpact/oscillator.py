@@ -9,12 +9,14 @@ from difflib import get_close_matches
 from typing import Any
 
 PARAMETERS = ("mass", "damping", "stiffness", "amplitude", "omega", "restitution", "gap")
-_SYMBOLS = dict(zip("mckfwrg", PARAMETERS, strict=True))
+_SYMBOLS = {**dict(zip("mckfwrg", PARAMETERS, strict=True)), "zeta": "damping_ratio"}
+_STAND_FOR = {"frequency": "omega", "damping_ratio": "damping"}
 
 # name: (lower bound, bound itself allowed, upper bound, what to do about a refused value)
 _RANGES: dict[str, tuple[float, bool, float, str]] = {
     "mass": (0.0, False, math.inf, "give the moving mass in kg"),
     "damping": (0.0, True, math.inf, "a damper takes energy out; use 0 for none"),
+    "damping_ratio": (0.0, True, math.inf, "it is c / (2 sqrt(k m)), 0.01 for 1 % of critical damping"),
     "stiffness": (0.0, False, math.inf, "give the spring constant in N/m; without a spring there is no rest position"),
     "amplitude": (0.0, True, math.inf, "for the opposite sign start half a period later instead"),
     "omega": (0.0, False, math.inf, "give the angular driving frequency in rad/s, or `frequency` in Hz"),
@@ -65,8 +67,13 @@ def _check_names(names: Mapping[str, Any]) -> None:
         if name not in _RANGES:
             raise ValueError(
                 f"`{name}` is no parameter of the oscillator; allowed are "
-                f"{', '.join(PARAMETERS)} and frequency; {nearest_parameter(name)}"
+                f"{', '.join(PARAMETERS)}, {' and '.join(_STAND_FOR)}; {nearest_parameter(name)}"
             )
+
+
+def _check_one(name: str, value: Any, other: str, other_value: Any, remedy: str) -> None:
+    if value is not None and other_value is not None:
+        raise ValueError(f"`{name}` is {value!r} and `{other}` is {other_value!r}; allowed is one of the two; {remedy}")
 
 
 def parameter_value(name: str, value: Any) -> float:
@@ -90,7 +97,7 @@ class ImpactOscillator:
     mass : float, > 0
         m in kg.
     damping : float, >= 0
-        c in N s/m.
+        c in N s/m; 0.01 unless `damping_ratio` is given.
     stiffness : float, > 0
         k in N/m.
     amplitude : float, >= 0
@@ -103,6 +110,8 @@ class ImpactOscillator:
         g, clearance in m from the rest position to the stop; negative means preloaded.
     frequency : float, > 0
         Driving frequency in Hz, in place of `omega`; both at once is an error.
+    damping_ratio : float, >= 0
+        zeta = c / (2 sqrt(k m)), in place of `damping`; both at once is an error.
 
     Raises
     ------
@@ -134,33 +143,34 @@ class ImpactOscillator:
         self,
         *,
         mass: float = 1.0,
-        damping: float = 0.01,
+        damping: float | None = None,
         stiffness: float = 1.0,
         amplitude: float = 1.0,
         omega: float | None = None,
         restitution: float = 0.8,
         gap: float = 0.0,
         frequency: float | None = None,
+        damping_ratio: float | None = None,
         **misnamed: Any,
     ) -> None:
         _check_names(misnamed)
-        if omega is not None and frequency is not None:
-            raise ValueError(
-                f"`omega` is {omega!r} and `frequency` is {frequency!r}; allowed is one of the two; "
-                "keep `omega` for rad/s or `frequency` for Hz"
-            )
+        _check_one("omega", omega, "frequency", frequency, "keep `omega` for rad/s or `frequency` for Hz")
+        _check_one("damping", damping, "damping_ratio", damping_ratio, "keep c or zeta")
         if frequency is not None:
             omega = 2.0 * math.pi * parameter_value("frequency", frequency)
-        given = (mass, damping, stiffness, amplitude, 2.0 if omega is None else omega, restitution, gap)
+        if damping_ratio is not None:
+            critical = 2.0 * math.sqrt(parameter_value("stiffness", stiffness) * parameter_value("mass", mass))
+            damping = parameter_value("damping_ratio", damping_ratio) * critical
+        damping, omega = 0.01 if damping is None else damping, 2.0 if omega is None else omega
+        given = (mass, damping, stiffness, amplitude, omega, restitution, gap)
         for name, value in zip(PARAMETERS, given, strict=True):
             object.__setattr__(self, name, parameter_value(name, value))
 
     def replace(self, **changes: float) -> ImpactOscillator:
-        """Return a copy with some parameters changed; `frequency` (Hz) may stand for `omega`."""
+        """Return a copy with some parameters changed; `frequency` (Hz), `damping_ratio` may stand for theirs."""
         _check_names(changes)
-        kept = asdict(self)
-        if "frequency" in changes and "omega" not in changes:
-            del kept["omega"]
+        dropped = {_STAND_FOR.get(name) for name in changes}
+        kept = {name: value for name, value in asdict(self).items() if name not in dropped}
         return ImpactOscillator(**{**kept, **changes})
 
     @property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -20,7 +19,6 @@ _FORMS = {  # of an axis, and an example of each
     "starts": ("name=from:to:points", "phase=0:1:200"),
 }
 MOST_STARTS = 100_000  # along an axis
-RATIO = ("damping_ratio", "zeta")  # may stand for damping: c = 2 zeta sqrt(k m)
 _RUN = ("backend", "time_step", "workers", "section", "direction")
 
 
@@ -56,47 +54,15 @@ def read_request(options: Mapping[str, Any], *, axes: str = "grid") -> Study:
     """
     with asked(OSError):
         changes = _tables({name: value for name, value in options.items() if value not in (None, (), [])}, axes)
-        ratio = _take_ratio(changes["oscillator"])
         study = _study(options, changes)
-        if ratio is None:
-            return study
-        changes["oscillator"]["damping"] = _damping(*ratio, study)
-        return _study(options, changes)
+        study.make_oscillator()
+        return study
 
 
 def _study(options: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]]) -> Study:
     from vibroimpact.study import make_study, read_study
 
     return make_study({}, changes) if options.get("study") is None else read_study(options["study"], changes)
-
-
-def _take_ratio(pairs: dict[str, Any]) -> tuple[str, Any] | None:
-    """Take the damping ratio out of the parameters typed, and return what it was called and its value."""
-    given = [name for name in (*RATIO, "damping", "c") if name in pairs]
-    if not set(given) & set(RATIO):
-        return None
-    if len(given) > 1:
-        raise ValueError(
-            f"`-p {given[0]}` stands beside `{given[1]}`; allowed is one of the two, as c = 2 zeta sqrt(k m); drop one"
-        )
-    return given[0], pairs.pop(given[0])
-
-
-def _damping(name: str, value: Any, study: Study) -> float:
-    """Return c = 2 zeta sqrt(k m) with the mass and the stiffness asked for."""
-    from vibroimpact.oscillator import real_number
-
-    allowed, remedy = "a finite number >= 0", "it is c / (2 sqrt(k m)), 0.01 for 1 % of critical damping"
-    ratio = real_number(name, value, allowed, remedy)
-    if ratio < 0.0:
-        raise ValueError(f"`{name}` is {value!r}; allowed is {allowed}; {remedy}")
-    if varied := [axis for axis in study.grid() if axis in ("mass", "damping", "stiffness")]:
-        raise ValueError(
-            f"`{name}` is given, and {varied[0]} varies; allowed is it where c = 2 zeta sqrt(k m) is one number; "
-            "give `damping` in N s/m"
-        )
-    osc = study.make_oscillator()
-    return 2.0 * ratio * math.sqrt(osc.stiffness * osc.mass)
 
 
 def number(text: str) -> int | float | str:
@@ -182,7 +148,7 @@ def _axes(given: Mapping[str, Any], kind: str) -> dict[str, Any]:
         if not name or len(ends) not in ((2, 3) if kind == "span" else (3,)):
             form, example = _FORMS[kind]
             raise ValueError(f"`{option}` is {text!r}; allowed is {form}; write for example {option} {example}")
-        if name in RATIO:
+        if name in ("damping_ratio", "zeta"):
             raise ValueError(
                 f"`{option}` is {text!r}, an axis of the damping ratio; allowed is one of damping; "
                 "write damping=from:to with c = 2 zeta sqrt(k m) in N s/m"

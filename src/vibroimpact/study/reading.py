@@ -11,8 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from vibroimpact.dataset import SYMBOLS
-from vibroimpact.study.tables import TABLES, Study, nearest
+from vibroimpact.study.tables import TABLES, WORDS, Study, nearest
 
 
 def read_study(path: str | os.PathLike[str], changes: Mapping[str, Mapping[str, Any]] | None = None) -> Study:
@@ -112,10 +111,10 @@ def _merged(document: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]
         if table == "axes":
             merged[table] = dict(entries)
             continue
-        replaced = {SYMBOLS.get(name, name) for name in entries}
-        if replaced & {"omega", "frequency"}:
-            replaced |= {"omega", "frequency"}
-        kept = {name: value for name, value in own.items() if SYMBOLS.get(name, name) not in replaced}
+        replaced = {WORDS.get(name, name) for name in entries}
+        for one in ({"omega", "frequency"}, {"damping", "damping_ratio"}):
+            replaced |= one if replaced & one else set()
+        kept = {name: value for name, value in own.items() if WORDS.get(name, name) not in replaced}
         merged[table] = {**kept, **entries}
     return merged
 
@@ -127,7 +126,7 @@ def _fault(found: Any, dotted: bool) -> str:
     value = found["input"]
     match found["type"]:
         case "value_error":
-            word = SYMBOLS.get(last, last)
+            word = WORDS.get(last, last)
             return re.sub(rf"^`{word}\b", f"`{name}", str(found["ctx"]["error"]), flags=re.MULTILINE)
         case "extra_forbidden":
             return _unknown(name, last, tables)
@@ -144,6 +143,6 @@ def _fault(found: Any, dotted: bool) -> str:
 
 def _unknown(name: str, last: str, tables: list[str]) -> str:
     fields = (TABLES[tables[0]] if tables else Study).model_fields
-    if SYMBOLS.get(last, last) in fields:
-        return f"`{name}` is given twice; allowed is the word {SYMBOLS[last]!r} or its symbol; drop one"
+    if WORDS.get(last, last) in fields:
+        return f"`{name}` is given twice; allowed is the word {WORDS[last]!r} or its symbol; drop one"
     return f"`{name}` is no such key; allowed are {', '.join(fields)}; {nearest(last, fields)}"

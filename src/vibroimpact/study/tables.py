@@ -42,6 +42,9 @@ _TAKES = {
 }  # fmt: skip
 
 
+WORDS = {**SYMBOLS, "zeta": "damping_ratio"}  # what a symbol stands for
+
+
 class Table(BaseModel):
     """A table of a study file; keys it does not know are refused."""
 
@@ -50,13 +53,15 @@ class Table(BaseModel):
 
 def _either(name: str) -> Any:
     """Let a parameter be given by its word or by its symbol."""
-    symbols = [symbol for symbol, word in SYMBOLS.items() if word == name]
+    symbols = [symbol for symbol, word in WORDS.items() if word == name]
     return Field(default=None, validation_alias=AliasChoices(name, *symbols))
 
 
 def _refuse_both(name: str, earlier: Mapping[str, Any]) -> None:
     if name == "frequency" and earlier.get("omega") is not None:
         raise ValueError("`frequency` stands beside `omega`; allowed is one of the two; keep Hz or rad/s")
+    if name == "damping_ratio" and earlier.get("damping") is not None:
+        raise ValueError("`damping_ratio` stands beside `damping`; allowed is one of the two; c = 2 zeta sqrt(k m)")
 
 
 class OscillatorTable(Table):
@@ -64,6 +69,7 @@ class OscillatorTable(Table):
 
     mass: float | None = _either("mass")
     damping: float | None = _either("damping")
+    damping_ratio: float | None = _either("damping_ratio")
     stiffness: float | None = _either("stiffness")
     amplitude: float | None = _either("amplitude")
     omega: float | None = _either("omega")
@@ -102,7 +108,7 @@ class AxesTable(Table):
     def _keep_order(cls, value: Any, handler: ModelWrapValidatorHandler[AxesTable]) -> AxesTable:
         table = handler(value)
         if isinstance(value, Mapping):
-            table._order = tuple(SYMBOLS.get(str(name), str(name)) for name in value)
+            table._order = tuple(WORDS.get(str(name), str(name)) for name in value)
         return table
 
 
@@ -236,6 +242,12 @@ class Study(Table):
 
     def make_oscillator(self) -> ImpactOscillator:
         """Return the oscillator; parameters that are axes stand at their reference value."""
+        varied = {"mass", "damping", "stiffness"} & set(self.grid())
+        if self.oscillator.damping_ratio is not None and varied:
+            raise ValueError(
+                f"`damping_ratio` is given, and {min(varied)} varies; allowed is it where c = 2 zeta sqrt(k m) is one "
+                "number; give `damping` in N s/m"
+            )
         return ImpactOscillator(**self.oscillator.model_dump(exclude_none=True))
 
     def grid(self) -> dict[str, Floats]:
