@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from vibroimpact import memory
 from vibroimpact.axes import check_axes
 from vibroimpact.backends import (
     Backend,
@@ -101,7 +102,7 @@ def bifurcation_diagram(
     ------
     ValueError
         Not exactly one axis, or one that is empty, unsorted, misnamed or out of range; an unknown section, direction or
-        back end; a start beyond the stop.
+        back end; a start beyond the stop; more samples than fit into memory.
 
     Notes
     -----
@@ -137,6 +138,9 @@ def bifurcation_diagram(
     check_told(chosen, engine)
     cells = make_cells(osc, start, grid)
     limits = tolerances or Tolerances()
+    samples = len(cells) * window.keep
+    remedy = f"take fewer points, or smaller `sample_{'impacts' if section == 'impact' else 'periods'}`"
+    memory.check_fits("axes", f"hold {len(cells):,} values, {samples:,} samples, which take", 16 * samples, remedy)
     dataset = _empty_diagram(grid, section, window.keep, chosen)
     arguments = {
         "section": section,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -45,8 +44,6 @@ def sweep(function: str, options: Mapping[str, Any]) -> None:
         given = f"are {', '.join(axes)}" if axes else "are none"
         wanted = "exactly one" if function == "bifurcation_diagram" else "one or more"
         raise WrongRequest(f"`axes` {given}; allowed is {wanted}; write for example --x omega=0.025:5:200")
-    if function == "bifurcation_diagram":
-        _check_room(study)
     usual = ("std",) if function == "parameter_map" else ()
     held, chosen = stored.wanted(function, options), study.run.indices or usual
     stored.check_cluster(options)
@@ -73,19 +70,6 @@ def sweep(function: str, options: Mapping[str, Any]) -> None:
     from vibroimpact.status import Status
 
     keep_finished(dataset, options, meter.seconds, empty=bool((dataset["status"] == Status.INTERRUPTED).all()))
-
-
-def _check_room(study: Study) -> None:
-    """Refuse a diagram whose samples this machine's memory cannot hold."""
-    from vibroimpact.memory import check_fits
-    from vibroimpact.options import Sampling
-
-    kept = "sample_periods" if study.run.section == "stroboscopic" else "sample_impacts"
-    values = math.prod(len(axis) for axis in study.grid().values())
-    samples = values * (getattr(study.sampling, kept) or getattr(Sampling(), kept))
-    with asked():
-        remedy = f"take fewer points, or keep less with --{kept.replace('_', '-')}"
-        check_fits("axes", f"hold {values:,} values, {samples:,} samples, which take", 16 * samples, remedy)
 
 
 def _into_store(study: Study, options: Mapping[str, Any], more: dict[str, Any], *, stands: bool) -> None:
