@@ -80,9 +80,7 @@ def _map(dataset: xr.Dataset) -> Iterator[str]:
     axes = [str(dim) for dim in dataset["status"].dims]
     shape = " x ".join(str(dataset.sizes[axis]) for axis in axes)
     cells = "cell" if dataset["status"].size == 1 else "cells"
-    yield f"{shape} {cells}: " + "; ".join(
-        axis_range(dataset, axis) for axis in axes
-    )
+    yield f"{shape} {cells}: " + "; ".join(axis_range(dataset, axis) for axis in axes)
     for name in (name for name in INDICES if name in dataset):
         yield _index(_without_rounding(dataset[name], oscillator_of(dataset).velocity_scale), axes)
     if set(NEEDED) <= set(map(str, dataset.data_vars)):
