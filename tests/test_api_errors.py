@@ -86,6 +86,12 @@ def test_a_damping_ratio_that_tells_no_damping_is_refused(given, told):
         vi.ImpactOscillator(**given)
 
 
+def test_a_parameter_is_not_replaced_by_none():
+    for name in ("damping", "omega", "frequency", "damping_ratio", "gap"):
+        with pytest.raises(ValueError, match=f"`{name}` is None; allowed is"):
+            OSC.replace(**{name: None})
+
+
 def test_a_damping_ratio_is_no_axis_and_the_remedy_is_one():
     for name in ("damping_ratio", "zeta"):
         axis = {name: [0.01, 0.02]}

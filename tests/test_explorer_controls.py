@@ -152,11 +152,17 @@ def test_a_typed_number_is_taken_as_typed_and_a_slid_one_with_the_digits_that_a_
     for end in (0.025, 5.0):  # round numbers or not, the ends can be reached and not passed
         commands.obey(f"slide omega {end} 2")
         assert controls.explorer.view.osc.omega == end
-    commands.obey("slide omega 7 3")
-    assert controls.explorer.view.osc.omega == 5.0
+    commands.obey("type omega 10 3")
+    assert controls.rows()["omega"] == (10.0, 0.025, 10.0)
+    commands.obey("slide omega 9.98005 4")  # beyond its range a slider keeps the room that it has
+    assert controls.rows()["omega"] == (9.98, 0.025, 10.0)
+    commands.obey("type omega 3 5")
+    assert controls.rows()["omega"] == (3.0, 0.025, 5.0)
 
 
-@pytest.mark.parametrize("text", ["", "nan", "inf", "1e400", "1e300", "-1", "1,5", "1 5", "heavy", "9" * 5000])
+@pytest.mark.parametrize(
+    "text", ["", "nan", "inf", "1e400", "1e300", "-1", "1,5", "1 5", "1_0", "١", "heavy", "9" * 5000]
+)
 def test_what_is_typed_and_no_mass_is_answered_and_put_back(commands, controls, told, text):
     commands.obey(f"type mass {text} 7")
     assert controls.explorer.view == View()

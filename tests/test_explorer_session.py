@@ -12,6 +12,7 @@ import pytest
 import vibroimpact as vi
 from vibroimpact.explorer.export import KINDS, export, python_lines, study_file
 from vibroimpact.explorer.plane import SIDES, Plane, bands, lattice, positions
+from vibroimpact.explorer.plane_view import color_numbers
 from vibroimpact.explorer.point import compute_point
 from vibroimpact.explorer.point_view import one_turn
 from vibroimpact.explorer.pool import Pool, Urgency
@@ -99,6 +100,28 @@ def test_where_the_point_went_and_its_motion_are_told_together():
     (first, *_) = [told for told in together if told[0][0] == "view"]
     assert [what for what, _ in first] == ["view", "point"]
     assert first[0][1].osc == first[1][1].osc
+
+
+def test_what_is_told_last_is_the_view_as_it_is():
+    heard = []
+    explorer = Explorer(SMALL, listener=heard.extend)
+    for change in ({"index": "motion"}, {"line": "y"}, {"boundaries": True}, {"pins": (SMALL.osc,)}):
+        explorer.click(1.9 if explorer.view.osc.omega != 1.9 else 2.1, 1.0)
+        explorer.set(**change)  # while the motion there is computed
+        while explorer.point is None:
+            time.sleep(0.005)
+        assert told(heard, "view")[-1] == explorer.view
+    explorer.close()
+
+
+def test_only_cells_that_stick_have_the_colour_of_sticking():
+    plane = Plane.unknown(View(index="lyapunov"))
+    for part in bands(64):
+        plane.fill(*part, lambda: True)
+    plane.side = 64
+    seen = shades(plane)
+    cells = color_numbers(seen, 255)
+    assert ((cells == 256).reshape(64, 64)[::-1] == np.isneginf(seen.value)).all()
 
 
 @pytest.mark.parametrize(("osc", "n"), [

@@ -169,6 +169,8 @@ class ImpactOscillator:
     def replace(self, **changes: float) -> ImpactOscillator:
         """Return a copy with some parameters changed; `frequency` (Hz), `damping_ratio` may stand for theirs."""
         _check_names(changes)
+        for name, value in changes.items():  # None, which the constructor takes for nothing given, is no value
+            parameter_value(name, value)
         dropped = {_STAND_FOR.get(name) for name in changes}
         kept = {name: value for name, value in asdict(self).items() if name not in dropped}
         return ImpactOscillator(**{**kept, **changes})

@@ -110,15 +110,16 @@ class Answers:
         view = self.view
 
         def job() -> None:
-            told: list[Told] = [("view", view)] if tell_view else []
+            point: Point | None = None
             try:
                 point = self._motions.of(view)
-                with self._lock:
-                    if view.point_key == self.view.point_key:  # else a later job is on its way, or was quicker
+            finally:
+                with self._lock:  # the view as it is by now: whoever changed it meanwhile may have told it already
+                    told: list[Told] = [("view", self.view)] if tell_view else []
+                    if point is not None and view.point_key == self.view.point_key:  # else a later job is on its way
                         self.point = point
                         told.append(("point", point))
-            finally:
-                self._tell_together(told)
+                    self._tell_together(told)
 
         self._work.submit("point", Urgency.CLICK, job)
 

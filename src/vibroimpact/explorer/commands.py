@@ -66,9 +66,9 @@ class Commands:
 
     def _slide(self, name: str, text: str) -> None:
         """Take a slider's place, with no more digits than it tells apart."""
-        low, high = self._controls.ranges[name]
-        value = min(max(rounded(float(text), (low, high)), low), high)
-        self._explorer.set_parameter(name, value)
+        value, (low, high) = float(text), self._controls.ranges[name]
+        low, high = min(low, value), max(high, value)
+        self._explorer.set_parameter(name, min(max(rounded(value, (low, high)), low), high))
 
     def _type(self, name: str, text: str) -> None:
         self._explorer.set_parameter(name, text)

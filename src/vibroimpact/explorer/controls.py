@@ -41,6 +41,7 @@ class Controls:
         self._kit, self._quiet = Kit(), False
         self._case = case_of(explorer.view)
         self.ranges: dict[str, Range] = ranges_for(explorer.view)
+        self._reach: dict[str, Range] = {}  # of sliders, lately
         cases = [("", "Choose a case …"), *((preset.name, preset.title) for preset in PRESETS)]
         self.preset = self._kit.menu("preset", "", cases)
         self.preset.on_change("value", self._to_preset)
@@ -137,7 +138,7 @@ class Controls:
 
     def fit(self, view: View) -> None:
         """Let the sliders reach as far as suits a view."""
-        self._case, self.ranges = case_of(view), ranges_for(view)
+        self._case, self.ranges, self._reach = case_of(view), ranges_for(view), {}
 
     @contextmanager
     def _silently(self) -> Iterator[None]:
@@ -166,11 +167,14 @@ class Controls:
 
     def rows(self) -> dict[str, tuple[float, float, float]]:
         """Return every parameter as it is now, and the ends of its slider."""
-        values = {name: getattr(self.explorer.view.osc, name) for name in PARAMETERS}
-        return {
-            name: (value, min(self.ranges[name][0], value), max(self.ranges[name][1], value))
-            for name, value in values.items()
-        }
+        told = {}
+        for name in PARAMETERS:
+            value, (low, high) = getattr(self.explorer.view.osc, name), self.ranges[name]
+            if not low <= value <= high:  # ends that made room for a value stay as long as one is beyond its range
+                low, high = self._reach.get(name, (low, high))
+            self._reach[name] = min(low, value), max(high, value)
+            told[name] = (value, *self._reach[name])
+        return told
 
     def _tell_about(self, case: Preset | None) -> None:
         text = _ABOUT

@@ -60,7 +60,7 @@ class PlaneView:
             shape=seen.shade.shape,
             x=view.x_range,
             y=view.y_range,
-            cells=_cells(seen, len(colors) - len(OUTSIDE)),
+            cells=color_numbers(seen, len(colors) - len(OUTSIDE)),
             values=[] if named else seen.value.ravel(),
             names=names.ravel().astype(np.uint16),
             told=told.tolist(),
@@ -103,12 +103,12 @@ def _colors(seen: Shades) -> list[str]:
     return [to_hex(color) for color in (*usual.get(seen.palette, seen.colors), *OUTSIDE)]
 
 
-def _cells(seen: Shades, scale: int) -> NDArray[np.uint16]:
+def color_numbers(seen: Shades, scale: int) -> NDArray[np.uint16]:
     """Return which colour every cell has, the upper row first as pictures have it."""
     shade = seen.shade[::-1].astype(np.float64)
     with np.errstate(invalid="ignore"):
         place = np.clip((shade - seen.low) / (seen.high - seen.low) * scale, 0, scale - 1)
     number = np.nan_to_num(place, nan=scale).astype(np.uint16)
     if seen.palette == "signed":
-        number[shade < seen.low] = scale + 1
+        number[np.isneginf(seen.value[::-1])] = scale + 1
     return number.ravel()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from vibroimpact.explorer.state import View
 from vibroimpact.oscillator import parameter_value
 
 HALVINGS = 24  # of the way to an end that is not allowed
+NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 MOST_QUOTED = 40  # letters of what was typed, in a message
 
 
@@ -34,9 +35,10 @@ def with_ranges(view: View, x_range: Range, y_range: Range) -> tuple[View, str]:
 def typed_number(name: str, value: Any) -> float:
     """Return what was typed as a parameter of the oscillator, or say what is allowed."""
     if isinstance(value, str):
-        with contextlib.suppress(ValueError):  # what is no number is refused below
-            value = float(value)
-    return parameter_value(name, value[:MOST_QUOTED] if isinstance(value, str) else value)
+        if "," in value:
+            raise ValueError(f"`{name}` is {value[:MOST_QUOTED]!r}; allowed is a number; write it with a dot")
+        value = float(value) if NUMBER.fullmatch(value) else value[:MOST_QUOTED]
+    return parameter_value(name, value)
 
 
 def _some_range(ends: Any) -> bool:

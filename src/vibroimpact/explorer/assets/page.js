@@ -113,8 +113,8 @@
     parcels.clear();
     for (const [name, { html }] of parts) if (name.startsWith("#")) byId(name.slice(1)).innerHTML = html;
     for (const taker of [Rows, Plane, Motion]) taker.take(parts);
-    if (came.has("home") && unread) follow_fragment();
     if (came.has("address")) query = `?${came.get("address").query}`;
+    if (came.has("home") && unread) follow_fragment();
     if (came.has("address") || came.has("home")) write_soon();
     if (came.has("motion_0")) requestAnimationFrame(() => { told.drawn += 1; told.drawn_at = performance.now(); });
   };

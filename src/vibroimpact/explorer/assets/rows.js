@@ -7,21 +7,41 @@ window.Rows = (() => {
   class Row {
     constructor(box) {
       [this.field, this.slider] = box.querySelectorAll("input");
-      Object.assign(this, { told: "", typing: false, sent: -1 });
+      Object.assign(this, { told: [0, 0, 1], typing: false, held: false, sent: -1 });
       const { name } = box.dataset, { field, slider } = this;
-      slider.addEventListener("input", () => { this.sent = report(`slide ${name} ${slider.value}`); });
-      field.addEventListener("input", () => { this.typing = true; });
+      slider.max = STEPS;
+      slider.addEventListener("input", () => { this.sent = report(`slide ${name} ${this.slid()}`); });
+      slider.addEventListener("pointerdown", () => { this.held = true; });
+      for (const end of ["pointerup", "pointercancel", "blur"]) slider.addEventListener(end, () => { this.held = false; this.place(); });
+      field.addEventListener("input", () => { this.typing = field.value !== String(this.told[0]); });
       field.addEventListener("change", () => { this.typing = false; this.sent = report(`type ${name} ${field.value.trim()}`); });
-      field.addEventListener("keydown", (event) => { if (event.key === "Escape") { this.typing = false; field.value = this.told; } });
+      field.addEventListener("blur", () => { if (this.typing) this.restore(); });  // what was typed and taken back is no change
+      field.addEventListener("keydown", (event) => { if (event.key === "Escape") this.restore(); });
     }
 
-    show(value, low, high) {
-      const { field, slider } = this;
-      this.told = String(value);
-      if (!this.typing && field.value !== this.told) field.value = this.told;
-      const ends = { min: low, max: high, step: (high - low) / STEPS };
-      for (const [name, end] of Object.entries(ends)) if (slider[name] !== String(end)) slider[name] = end;
-      if (slider.value !== this.told) slider.value = value;
+    // The slider counts steps, so that both ends can be reached.
+    slid() {
+      const [, low, high] = this.ends, step = Number(this.slider.value);
+      return step === STEPS ? high : low + step * (high - low) / STEPS;
+    }
+
+    restore() { this.typing = false; this.field.value = String(this.told[0]); }
+
+    show(told) {
+      this.told = told;
+      if (!this.typing && this.field.value !== String(told[0])) this.restore();
+      this.place();
+    }
+
+    // Below a hand a slider's ends stay where they are.
+    place() {
+      const [value, low, high] = this.told, { slider } = this;
+      if (!this.held) {
+        this.ends = this.told;
+        const step = String(Math.round((value - low) / (high - low) * STEPS));
+        if (slider.value !== step) slider.value = step;
+      }
+      slider.setAttribute("aria-valuetext", String(value));
     }
   }
 
@@ -30,7 +50,7 @@ window.Rows = (() => {
   const take = (parts) => {
     for (const [part, { heard, values }] of parts) {
       if (part !== "rows") continue;
-      for (const [name, told] of Object.entries(values)) if (heard >= rows[name].sent) rows[name].show(...told);
+      for (const [name, told] of Object.entries(values)) if (heard >= rows[name].sent) rows[name].show(told);
     }
   };
   return { take, listen: (tell) => { report = tell; } };
