@@ -90,7 +90,7 @@ def slides(page: Any, number: int) -> tuple[list[float], list[float]]:
             "value => { const slider = document.getElementById('slider_damping');"
             " window.explorer.planes.length = 0; window.slid = performance.now();"
             " slider.value = value; slider.dispatchEvent(new Event('input')); }",
-            10 + 5 * at,
+            10 + 5 * at,  # of 500 steps
         )
         page.wait_for_function("window.explorer.planes.some(p => p[0] === 256)", timeout=60_000)
         for side, times in ((64, coarse), (256, fine)):

@@ -18,7 +18,7 @@ def check_axes(axes: Mapping[str, Any]) -> dict[str, NDArray[np.float64]]:
     for name in axes:
         if name not in NAMES:
             ratio = name in ("damping_ratio", "zeta")
-            remedy = "vary damping, c = 2 zeta sqrt(k m)" if ratio else nearest_parameter(name)
+            remedy = "vary damping, c = 2 zeta sqrt(k m)" if ratio else nearest_parameter(name, NAMES)
             raise ValueError(f"`{name}` is no parameter to vary; allowed are {', '.join(NAMES)}; {remedy}")
     if "omega" in axes and "frequency" in axes:
         raise ValueError("`omega` and `frequency` are one parameter; allowed is one of the two; drop the other")

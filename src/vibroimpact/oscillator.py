@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from typing import Any
 
 PARAMETERS = ("mass", "damping", "stiffness", "amplitude", "omega", "restitution", "gap")
 _SYMBOLS = {**dict(zip("mckfwrg", PARAMETERS, strict=True)), "zeta": "damping_ratio"}
-_STAND_FOR = {"frequency": "omega", "damping_ratio": "damping"}
+STAND_FOR = {"frequency": "omega", "damping_ratio": "damping"}  # a name in whose place another may be given
 
 # name: (lower bound, bound itself allowed, upper bound, what to do about a refused value)
 _RANGES: dict[str, tuple[float, bool, float, str]] = {
@@ -56,9 +56,9 @@ def _unquoted(value: Any) -> str:
         return ""
 
 
-def nearest_parameter(name: str) -> str:
+def nearest_parameter(name: str, allowed: Iterable[str] = tuple(_RANGES)) -> str:
     """Return the remedy for a name that is no parameter's: the one that was probably meant, also by its symbol."""
-    close = [_SYMBOLS[name]] if name in _SYMBOLS else get_close_matches(name, _RANGES, 1)
+    close = [_SYMBOLS[name]] if name in _SYMBOLS else get_close_matches(name, list(allowed), 1)
     return f"did you mean {close[0]!r}?" if close else "check the spelling"
 
 
@@ -67,7 +67,7 @@ def _check_names(names: Mapping[str, Any]) -> None:
         if name not in _RANGES:
             raise ValueError(
                 f"`{name}` is no parameter of the oscillator; allowed are "
-                f"{', '.join(PARAMETERS)}, {' and '.join(_STAND_FOR)}; {nearest_parameter(name)}"
+                f"{', '.join(PARAMETERS)}, {' and '.join(STAND_FOR)}; {nearest_parameter(name)}"
             )
 
 
@@ -171,7 +171,7 @@ class ImpactOscillator:
         _check_names(changes)
         for name, value in changes.items():  # None, which the constructor takes for nothing given, is no value
             parameter_value(name, value)
-        dropped = {_STAND_FOR.get(name) for name in changes}
+        dropped = {STAND_FOR.get(name) for name in changes}
         kept = {name: value for name, value in asdict(self).items() if name not in dropped}
         return ImpactOscillator(**{**kept, **changes})
 

@@ -54,15 +54,11 @@ def read_request(options: Mapping[str, Any], *, axes: str = "grid") -> Study:
     """
     with asked(OSError):
         changes = _tables({name: value for name, value in options.items() if value not in (None, (), [])}, axes)
-        study = _study(options, changes)
-        study.make_oscillator()
-        return study
+        from vibroimpact.study import make_study, read_study
 
-
-def _study(options: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]]) -> Study:
-    from vibroimpact.study import make_study, read_study
-
-    return make_study({}, changes) if options.get("study") is None else read_study(options["study"], changes)
+        if options.get("study") is None:
+            return make_study({}, changes)
+        return read_study(options["study"], changes)
 
 
 def number(text: str) -> int | float | str:

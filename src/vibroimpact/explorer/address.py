@@ -7,6 +7,7 @@ from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
 from vibroimpact.dataset import SYMBOLS, VARIABLES
+from vibroimpact.explorer.limits import cut, no_number
 from vibroimpact.explorer.state import View
 from vibroimpact.oscillator import PARAMETERS, ImpactOscillator, State
 
@@ -71,7 +72,7 @@ def from_query(query: str) -> View:
     known = {*_SYMBOL.values(), *_FLAGS, "x", "y", "index", "line", "n", "from", "start", "case", "pin"}
     for name, texts in told.items():
         if name not in known:
-            raise ValueError(f"`{_cut(name)}` is no part of a view; allowed are {', '.join(sorted(known))}; drop it")
+            raise ValueError(f"`{cut(name)}` is no part of a view; allowed are {', '.join(sorted(known))}; drop it")
         if len(texts) > 1 and name != "pin":
             raise ValueError(f"`{name}` is given {len(texts)} times; allowed is once; drop the others")
     return _view({name: texts[0] for name, texts in told.items() if name != "pin"}, told.get("pin", []))
@@ -86,12 +87,12 @@ def _view(told: dict[str, str], pins: list[str]) -> View:
             content[axis], content[f"{axis}_range"] = _axis(axis, told[axis])
     for name in ("index", "line", "case"):
         if name in told:
-            content[name] = _cut(told[name])
+            content[name] = cut(told[name])
     for key, name in _FLAGS.items():
         if key in told:
             content[name] = _choice(key, told[key], {"0": False, "1": True})
     if "n" in told:
-        content["samples"] = int(told["n"]) if told["n"].isascii() and told["n"].isdigit() else _cut(told["n"])
+        content["samples"] = int(told["n"]) if told["n"].isascii() and told["n"].isdigit() else cut(told["n"])
     if "from" in told:
         content["settled"] = _choice("from", told["from"], {"start": False, "settled": True})
     if "start" in told:
@@ -107,7 +108,7 @@ def _axis(axis: str, text: str) -> tuple[str, tuple[float, float]]:
     symbol, _, ends = text.partition(",")
     if symbol not in SYMBOLS:
         raise ValueError(
-            f"`{axis}` is {_cut(text)!r}; allowed is symbol,from,to with a symbol out of {', '.join(SYMBOLS)}; "
+            f"`{axis}` is {cut(text)!r}; allowed is symbol,from,to with a symbol out of {', '.join(SYMBOLS)}; "
             f"write for example {axis}=w,0.025,5"
         )
     low, high = _floats(axis, ends, 2)
@@ -125,17 +126,13 @@ def _float(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise ValueError(f"`{name}` is {_cut(text)!r}; allowed is a number; write it with a dot, as in 2.8") from None
+        raise no_number(name, text) from None
 
 
 def _choice(name: str, text: str, allowed: dict[str, Any]) -> Any:
     if text not in allowed:
-        raise ValueError(f"`{name}` is {_cut(text)!r}; allowed are {', '.join(allowed)}; choose one of them")
+        raise ValueError(f"`{name}` is {cut(text)!r}; allowed are {', '.join(allowed)}; choose one of them")
     return allowed[text]
-
-
-def _cut(text: str) -> str:
-    return text if len(text) <= 40 else text[:37] + "..."
 
 
 def _number(value: float) -> str:

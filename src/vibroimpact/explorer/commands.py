@@ -51,6 +51,7 @@ class Commands:
             "zoom": lambda x0, x1, y0, y1: explorer.zoom((x0, x1), (y0, y1)),
             "along": self._along,
         }
+        self._named: dict[str, Callable[[str, str], Any]] = {"slide": self._slide, "type": explorer.set_parameter}
 
     def obey(self, text: str) -> None:
         """Do what a message asks for; one that the page's own script does not send is left alone."""
@@ -61,17 +62,14 @@ class Commands:
                 self._simple[word]()
             elif word in self._placed:
                 self._placed[word](*map(float, about))
-            elif word in ("slide", "type") and about[:1] and about[0] in PARAMETERS:
-                getattr(self, f"_{word}")(about[0], " ".join(about[1:]))
+            elif word in self._named and about[:1] and about[0] in PARAMETERS:
+                self._named[word](about[0], " ".join(about[1:]))
 
     def _slide(self, name: str, text: str) -> None:
         """Take a slider's place, with no more digits than it tells apart."""
         value, (low, high) = float(text), self._controls.ranges[name]
         low, high = min(low, value), max(high, value)
         self._explorer.set_parameter(name, min(max(rounded(value, (low, high)), low), high))
-
-    def _type(self, name: str, text: str) -> None:
-        self._explorer.set_parameter(name, text)
 
     def _along(self, value: float) -> None:
         parameter, ends = self._explorer.view.along

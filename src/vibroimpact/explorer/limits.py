@@ -138,7 +138,16 @@ def one_of(name: str, value: Any, allowed: tuple[Any, ...]) -> Any:
     raise ValueError(f"`{name}` is {short(value)}; allowed are {', '.join(map(str, allowed))}; choose one of them")
 
 
+def no_number(name: str, text: str) -> ValueError:
+    """Return the complaint of a text that is no number."""
+    return ValueError(f"`{name}` is {cut(text)!r}; allowed is a number; write it with a dot, as in 2.8")
+
+
 def short(value: Any) -> str:
     """Return a value as a message may quote it."""
-    text = repr(value)
+    return cut(repr(value))
+
+
+def cut(text: str) -> str:
+    """Return a text no longer than a message may quote it."""
     return text if len(text) <= 40 else text[:37] + "..."

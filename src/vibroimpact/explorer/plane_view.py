@@ -6,7 +6,6 @@ from html import escape
 
 import numpy as np
 from bokeh.palettes import RdBu11, Viridis256, interp_palette
-from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
 from vibroimpact.dataset import VARIABLES
@@ -20,7 +19,7 @@ from vibroimpact.plotting.style import GREEN, RED, STICKING
 PINS = (RED, GREEN)
 LETTERS = ("A", "B")
 CURVES = {"fold": "#e7298a", "period_doubling": "#ffffff", "grazing": "#ff9d2e", "end_of_sticking": "#f0e442"}
-SIGNED = tuple(interp_palette(RdBu11, 255))
+SCALES = {"signed": interp_palette(RdBu11, 255), "sequential": Viridis256}
 OUTSIDE = (NOTHING, STICKING)  # what has no place on the scale of colours
 
 
@@ -97,10 +96,9 @@ def _entry(kind: str, color: str, words: str) -> str:
     return f"<span class='entry'><span class='{kind}' style='background:{color}'></span> {escape(words)}</span>"
 
 
-def _colors(seen: Shades) -> list[str]:
+def _colors(seen: Shades) -> tuple[str, ...]:
     """Return the colours of the scale, and those outside it."""
-    usual = {"signed": SIGNED, "sequential": tuple(Viridis256)}
-    return [to_hex(color) for color in (*usual.get(seen.palette, seen.colors), *OUTSIDE)]
+    return (*SCALES.get(seen.palette, seen.colors), *OUTSIDE)
 
 
 def color_numbers(seen: Shades, scale: int) -> NDArray[np.uint16]:

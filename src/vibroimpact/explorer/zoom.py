@@ -7,13 +7,12 @@ import re
 from dataclasses import replace
 from typing import Any
 
-from vibroimpact.explorer.limits import Range
+from vibroimpact.explorer.limits import Range, cut, no_number
 from vibroimpact.explorer.state import View
 from vibroimpact.oscillator import parameter_value
 
 HALVINGS = 24  # of the way to an end that is not allowed
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-MOST_QUOTED = 40  # letters of what was typed, in a message
 
 
 def with_ranges(view: View, x_range: Range, y_range: Range) -> tuple[View, str]:
@@ -36,8 +35,8 @@ def typed_number(name: str, value: Any) -> float:
     """Return what was typed as a parameter of the oscillator, or say what is allowed."""
     if isinstance(value, str):
         if "," in value:
-            raise ValueError(f"`{name}` is {value[:MOST_QUOTED]!r}; allowed is a number; write it with a dot")
-        value = float(value) if NUMBER.fullmatch(value) else value[:MOST_QUOTED]
+            raise no_number(name, value)
+        value = float(value) if NUMBER.fullmatch(value) else cut(value)
     return parameter_value(name, value)
 
 

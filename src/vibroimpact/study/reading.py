@@ -11,6 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from vibroimpact.oscillator import STAND_FOR
 from vibroimpact.study.tables import TABLES, WORDS, Study, nearest
 
 
@@ -96,10 +97,12 @@ def make_study(
     ValueError: `mass` is -1; allowed is a finite number > 0; give the moving mass in kg
     """
     try:
-        return Study.model_validate(_merged(document, changes or {}))
+        study = Study.model_validate(_merged(document, changes or {}))
     except ValidationError as error:
         faults = [_fault(found, dotted) for found in error.errors(include_url=False)]
         raise ValueError("\n".join(faults)) from None
+    study.make_oscillator()  # refuses what no table can tell alone
+    return study
 
 
 def _merged(document: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
@@ -112,8 +115,8 @@ def _merged(document: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]
             merged[table] = dict(entries)
             continue
         replaced = {WORDS.get(name, name) for name in entries}
-        for one in ({"omega", "frequency"}, {"damping", "damping_ratio"}):
-            replaced |= one if replaced & one else set()
+        for pair in map(set, STAND_FOR.items()):
+            replaced |= pair if replaced & pair else set()
         kept = {name: value for name, value in own.items() if WORDS.get(name, name) not in replaced}
         merged[table] = {**kept, **entries}
     return merged

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from vibroimpact.dataset import VARIABLES, provenance, status_variable, variable
-from vibroimpact.indices import INDICES
+from vibroimpact.indices import INDICES, spread_scale, told_spread
 from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import PARAMETERS, ImpactOscillator
 from vibroimpact.progress import Report, reporter
@@ -22,7 +22,6 @@ from vibroimpact.verdict.reach import reach_of
 from vibroimpact.verdict.words import advice_words
 
 KINDS = tuple(KIND_WORDS)
-ROUNDING = 1e-9  # of the hardest hit, or of a period: a spread this small is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,9 +146,7 @@ def _number(value: float) -> str:
 
 
 def _index(verdict: Verdict, name: str) -> str:
-    value = verdict.indices[name]
-    scale = {"std": verdict.max_velocity, "impact_phase_spread": 1.0}.get(name, 0.0)
-    return "0" if abs(value) < ROUNDING * scale else _number(value)
+    return _number(told_spread(verdict.indices[name], spread_scale(name, verdict.max_velocity)))
 
 
 def _boundary(verdict: Verdict, edge: Edge) -> str:

@@ -96,7 +96,7 @@
     write();
   };
   for (const plot of Object.values(Motion.plots)) plot.moved = write_soon;
-  speed.addEventListener("change", () => write());
+  speed.addEventListener("change", write);
   window.addEventListener("hashchange", follow_fragment);
 
   // ---- what changes together, drawn together: what came since the last frame
