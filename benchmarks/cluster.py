@@ -15,8 +15,8 @@ import numpy as np
 import vibroimpact as vi
 from benchmarks.effort import Effort
 from benchmarks.measure import Job, child_result, interleaved, ratio
-from vibroimpact.cluster import connect, parcels
-from vibroimpact.cluster.farm import farm_out
+from vibroimpact.execution.cluster import connect, parcels
+from vibroimpact.execution.cluster.farm import farm_out
 
 WORKERS = (1, 2)
 TILES = 400  # that do nothing

@@ -13,7 +13,7 @@ from benchmarks.effort import Effort
 from benchmarks.measure import Cores, Job, interleaved, ratio
 from benchmarks.ours import TRANSIENT
 from benchmarks.problem import OSCILLATOR, Floats, frequencies
-from vibroimpact.distributed import worker_count
+from vibroimpact.execution.threads import worker_count
 from vibroimpact.indices import INDICES
 
 STIFFNESSES = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # w / w_n

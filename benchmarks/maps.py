@@ -12,7 +12,7 @@ import numpy as np
 import vibroimpact as vi
 from benchmarks.effort import Effort
 from benchmarks.measure import Cores, child_result, peak_memory
-from vibroimpact.distributed import worker_count
+from vibroimpact.execution.threads import worker_count
 
 WORKERS = min(2, worker_count(None))
 Axis = tuple[str, float, float]  # name, first and last value
@@ -59,7 +59,7 @@ def basins(effort: Effort) -> float:
 
 
 def measure(effort: Effort) -> dict[str, Any]:
-    from vibroimpact.reproduce.paper import PAIRS, TOP  # brings matplotlib, which the child is spared
+    from vibroimpact.studies.lee.paper import PAIRS, TOP  # brings matplotlib, which the child is spared
 
     request = [effort.map_points, TOP, [(pair.name, pair.low, pair.high) for pair in PAIRS]]
     result: dict[str, Any] = child_result("-m", "benchmarks.maps", json.dumps(request))

@@ -14,7 +14,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from vibroimpact.distributed import worker_count
+from vibroimpact.execution.threads import worker_count
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("vibroimpact", "numpy", "numba", "scipy", "xarray", "heyoka", "numba-cuda")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import vibroimpact as vi
 from vibroimpact.backends import ImpactWindow, get_backend
-from vibroimpact.distributed import run_sweep, worker_count
+from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.refinement import refined_map
 from vibroimpact.refinement.picture import NAMING, motion_codes
 from vibroimpact.refinement.request import scattered_cells

@@ -16,7 +16,7 @@ import numpy as np
 import vibroimpact as vi
 from benchmarks.effort import Effort
 from benchmarks.measure import child_result, peak_memory
-from vibroimpact.distributed import worker_count
+from vibroimpact.execution.threads import worker_count
 
 WORKERS = min(2, worker_count(None))
 TINY = {"transient_impacts": 0, "sample_impacts": 1}  # next to nothing to compute

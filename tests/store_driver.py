@@ -14,14 +14,14 @@ import numpy as np
 import xarray as xr
 
 import vibroimpact as vi
-from vibroimpact import distributed
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.cli import main
+from vibroimpact.execution import threads as distributed
+from vibroimpact.execution.store import StoreBusy, SweepRequest
+from vibroimpact.execution.store.store import SweepStore
+from vibroimpact.execution.store.writer import TileWriter
 from vibroimpact.options import Tolerances
 from vibroimpact.refinement import request
-from vibroimpact.stores import StoreBusy, SweepRequest
-from vibroimpact.stores.store import SweepStore
-from vibroimpact.stores.writer import TileWriter
 
 OSC = vi.ImpactOscillator()
 # Tiles at the far edges are smaller; two kinds of numbers; many kinds of motions.

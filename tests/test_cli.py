@@ -152,7 +152,7 @@ def test_a_saved_result_is_told_drawn_and_converted(run, tmp_path):
 
 
 def test_reproduce_hands_folder_and_choices_on(run, tmp_path, monkeypatch):
-    import vibroimpact.reproduce
+    import vibroimpact.studies.lee
 
     seen = {}
 
@@ -160,7 +160,7 @@ def test_reproduce_hands_folder_and_choices_on(run, tmp_path, monkeypatch):
         seen.update(choices, out=str(out))
         return out
 
-    monkeypatch.setattr(vibroimpact.reproduce, "run", reproduced, raising=False)
+    monkeypatch.setattr(vibroimpact.studies.lee, "run", reproduced, raising=False)
     assert run("reproduce --out report --quick --level 0.05")[0] == 0
     assert seen["out"] == "report"
     assert (seen["quick"], seen["level"]) == (True, 0.05)

@@ -12,7 +12,7 @@ import pytest
 
 import store_driver as driver
 import vibroimpact as vi
-from vibroimpact.stores import SweepStore
+from vibroimpact.execution.store import SweepStore
 
 posix = pytest.mark.skipif(os.name == "nt", reason="a child cannot be sent Ctrl-C alone")
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.cluster import connect, connection, farm, parcels, tiles
-from vibroimpact.stores.store import SweepStore
-from vibroimpact.stores.writer import TileWriter
+from vibroimpact.execution.cluster import connect, connection, farm, parcels, tiles
+from vibroimpact.execution.store.store import SweepStore
+from vibroimpact.execution.store.writer import TileWriter
 
 dask = pytest.importorskip("dask", reason="needs the extra [cluster]")
 distributed = pytest.importorskip("distributed", reason="needs the extra [cluster]")
@@ -361,7 +361,7 @@ def test_without_dask_the_extra_is_named(monkeypatch):
 
 
 def test_a_worker_with_another_version_is_refused(client, monkeypatch):
-    monkeypatch.setattr("vibroimpact.cluster.tiles.package_version", lambda: "0.0.1")
+    monkeypatch.setattr("vibroimpact.execution.cluster.tiles.package_version", lambda: "0.0.1")
     with pytest.raises(RuntimeError, match=r"here it is 0\.0\.1; allowed is one version"):
         sweep(cluster=client)
 

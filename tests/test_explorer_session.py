@@ -336,7 +336,7 @@ def test_exports_hold_the_view(explorer, tmp_path):
 
 
 def test_the_study_file_is_one_that_the_command_reads(tmp_path):
-    from vibroimpact.study import read_study
+    from vibroimpact.cli.study import read_study
 
     path = tmp_path / "study.toml"
     path.write_text(study_file(SMALL))

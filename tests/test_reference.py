@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 
 import vibroimpact as vi
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow, get_backend
-from vibroimpact.backends.reference_contact import fly
-from vibroimpact.backends.reference_flight import FreeMotion, State
+from vibroimpact.backends.reference.contact import fly
+from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.backends.starts import make_cells
 from vibroimpact.options import Tolerances
 

@@ -9,8 +9,8 @@ import pytest
 
 import vibroimpact as vi
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow, get_backend
-from vibroimpact.backends.reference_flight import FreeMotion, State
-from vibroimpact.backends.reference_tangent import Tangent
+from vibroimpact.backends.reference.flight import FreeMotion, State
+from vibroimpact.backends.reference.tangent import Tangent
 from vibroimpact.backends.starts import make_cells
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import recognise

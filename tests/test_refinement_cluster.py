@@ -6,12 +6,12 @@ import zarr
 
 import vibroimpact as vi
 from vibroimpact.backends.starts import make_cells
+from vibroimpact.execution.store import SweepStore
 from vibroimpact.refinement.request import RefinedRequest
-from vibroimpact.stores import SweepStore
 
 distributed = pytest.importorskip("distributed", reason="needs the extra [cluster]")
 
-from vibroimpact.cluster import connect  # noqa: E402
+from vibroimpact.execution.cluster import connect  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore:`cluster` has no worker")
 

@@ -12,8 +12,8 @@ import pytest
 
 import store_driver as driver
 import vibroimpact as vi
+from vibroimpact.execution.store import SweepStore
 from vibroimpact.refinement.progress import progress_of
-from vibroimpact.stores import SweepStore
 
 NAMES = ("std", "lyapunov_per_impact", "n_periods", "n_impacts", "status", "level")
 

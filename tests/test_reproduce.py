@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.reproduce import pipeline, run
-from vibroimpact.reproduce.claims import CLAIMS
-from vibroimpact.reproduce.claims.maps import merge_runs
-from vibroimpact.reproduce.laboratory import intervals
-from vibroimpact.reproduce.rules import (
+from vibroimpact.studies.lee import pipeline, run
+from vibroimpact.studies.lee.claims import CLAIMS
+from vibroimpact.studies.lee.claims.maps import merge_runs
+from vibroimpact.studies.lee.laboratory import intervals
+from vibroimpact.studies.lee.rules import (
     Judgement,
     Verdict,
     all_of,

@@ -18,7 +18,7 @@ import xarray as xr
 
 import store_driver as driver
 import vibroimpact as vi
-from vibroimpact.stores import StoreBusy, SweepStore
+from vibroimpact.execution.store import StoreBusy, SweepStore
 
 posix = pytest.mark.skipif(os.name == "nt", reason="signals and forks are those of POSIX")
 DRIVER = [sys.executable, str(Path(driver.__file__))]

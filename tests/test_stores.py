@@ -18,8 +18,8 @@ from matplotlib import pyplot as plt
 import store_driver as driver
 import vibroimpact as vi
 from vibroimpact import memory
-from vibroimpact.stores import SweepStore, summary
-from vibroimpact.stores.tiling import Tiling, cut
+from vibroimpact.execution.store import SweepStore, summary
+from vibroimpact.execution.store.tiling import Tiling, cut
 
 matplotlib.use("Agg")
 
@@ -155,7 +155,7 @@ def test_another_study_is_refused_with_the_difference(partly, change, difference
 def test_axes_in_another_order_and_another_version_are_other_studies(partly, monkeypatch):
     with pytest.raises(ValueError, match="axis 1 is omega .* there, mass .* here; axis 2 is mass"):
         vi.parameter_map(OSC, store=partly, mass=MASS, omega=OMEGA, sample_impacts=50)
-    monkeypatch.setattr("vibroimpact.stores.request.package_version", lambda: "99.0")
+    monkeypatch.setattr("vibroimpact.execution.store.request.package_version", lambda: "99.0")
     with pytest.raises(ValueError, match="version is .* there, 99.0 here"):
         plane(store=partly)
 

@@ -9,8 +9,8 @@ import pytest
 
 import vibroimpact as vi
 from fenced import ROOT, blocks, table
-from vibroimpact.study import make_study, read_study
-from vibroimpact.study.tables import TABLES
+from vibroimpact.cli.study import make_study, read_study
+from vibroimpact.cli.study.tables import TABLES
 
 DESIGN = """
 [oscillator]
@@ -216,7 +216,7 @@ def test_an_axis_of_one_point_needs_no_second_end():
 
 
 def test_an_axis_of_a_billion_points_is_refused_before_it_is_made(monkeypatch):
-    monkeypatch.setattr("vibroimpact.study.axis.np.linspace", pytest.fail)
+    monkeypatch.setattr("vibroimpact.cli.study.axis.np.linspace", pytest.fail)
     with pytest.raises(ValueError, match=r"`omega.points` is 1000000000; allowed are at most 10,000,000; take fewer"):
         make_study({"axes": {"omega": {"from": 2, "to": 3, "points": 10**9}}})
 

@@ -24,7 +24,7 @@ from vibroimpact.backends import (
 )
 from vibroimpact.backends.starts import check_start, make_cells
 from vibroimpact.dataset import impact_speed, missing, provenance, status_variable, variable
-from vibroimpact.distributed import run_sweep, run_tiles, tiles, worker_count
+from vibroimpact.execution.threads import run_sweep, run_tiles, tiles, worker_count
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, State

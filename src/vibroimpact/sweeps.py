@@ -17,13 +17,13 @@ from vibroimpact.axes import check_axes
 from vibroimpact.backends import ImpactWindow, check_told, get_backend
 from vibroimpact.backends.starts import check_start, make_cells
 from vibroimpact.dataset import missing, provenance, status_variable, variable
-from vibroimpact.distributed import check_alone, run_sweep, worker_count
+from vibroimpact.execution.store import SweepRequest
+from vibroimpact.execution.threads import check_alone, run_sweep, worker_count
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances, whole_number
 from vibroimpact.oscillator import ImpactOscillator, State, check_oscillator
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.status import Status
-from vibroimpact.stores import SweepRequest
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -181,7 +181,7 @@ def parameter_map(
         engine = get_backend(backend, time_step=time_step)
         parts = run_sweep(engine, cells, window, limits, early_closing, chosen, threads, stop)
     else:
-        from vibroimpact.cluster import in_memory
+        from vibroimpact.execution.cluster import in_memory
 
         parts = in_memory(cluster, request, size or request.usual_tile, stop)
     with reporter(progress, "cells") as report, closing(parts):
@@ -217,7 +217,7 @@ def _spanned(shape: tuple[int, ...]) -> str:
 
 
 def _check_place(cluster: Client | str, workers: int | None) -> None:
-    from vibroimpact.cluster import check_cluster
+    from vibroimpact.execution.cluster import check_cluster
 
     check_cluster(cluster)
     check_alone(workers)
@@ -232,11 +232,11 @@ def _run_into_store(
     size: int | None,
     report: Report,
 ) -> xr.Dataset:
-    from vibroimpact.stores import in_threads, run_into_store
+    from vibroimpact.execution.store import in_threads, run_into_store
 
     if cluster is None:
         return run_into_store(request, store, in_threads(threads), report, size)
-    from vibroimpact.cluster import on_cluster
+    from vibroimpact.execution.cluster import on_cluster
 
     return run_into_store(request, store, on_cluster(cluster), report, size)
 

@@ -15,7 +15,7 @@ __all__ = ["BACKENDS", "Backend", "Cells", "ImpactWindow", "Samples", "Strobosco
 BACKENDS = {
     "cpu": "vibroimpact.backends.cpu",
     "cuda": "vibroimpact.backends.cuda",
-    "reference": "vibroimpact.backends.reference",
+    "reference": "vibroimpact.backends.reference.backend",
     "fixed-step": "vibroimpact.backends.fixed_step",
 }
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Outcome, Samples, StroboscopicWindow, look_schedule
-from vibroimpact.backends.reference_flight import FreeMotion, State
+from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.backends.sampled import TOLD_BY_SAMPLES, energy_loss, impact_indices, samples_of, table_of_indices
 from vibroimpact.indices import VELOCITY_INDICES
 from vibroimpact.kernels.compilation import compiled

@@ -72,7 +72,7 @@ def _tell(message: str, code: int) -> int:
 
 def _leave_threads(code: int) -> None:
     """End at once where cells that were given up still compute: Python would wait for their threads."""
-    sweeps = sys.modules.get("vibroimpact.distributed")
+    sweeps = sys.modules.get("vibroimpact.execution.threads")
     if sweeps and any(thread.name.startswith(sweeps.THREADS) for thread in threading.enumerate()):
         sys.stdout.flush()
         sys.stderr.flush()

@@ -17,7 +17,7 @@ from vibroimpact.cli.request import Interrupted, WrongRequest, asked, number, re
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibroimpact.study import Study
+    from vibroimpact.cli.study import Study
 
 
 def orbit(function: str, options: Mapping[str, Any]) -> None:
@@ -60,7 +60,7 @@ def sweep(function: str, options: Mapping[str, Any]) -> None:
     if held:
         _into_store(study, options, more, stands=stands)
         return
-    from vibroimpact.distributed import GRACE
+    from vibroimpact.execution.threads import GRACE
 
     with Meter("diagram" if function == "bifurcation_diagram" else "map", patience=GRACE) as meter, asked():
         dataset = _call(function, study, progress=meter, **more)
@@ -73,8 +73,8 @@ def sweep(function: str, options: Mapping[str, Any]) -> None:
 
 
 def _into_store(study: Study, options: Mapping[str, Any], more: dict[str, Any], *, stands: bool) -> None:
-    from vibroimpact.distributed import GRACE
-    from vibroimpact.stores import StoreBusy, settle
+    from vibroimpact.execution.store import StoreBusy, settle
+    from vibroimpact.execution.threads import GRACE
 
     out = options["out"]
     opening = partial(stored.going_on, out) if stands else None  # told once it is known to be the same study

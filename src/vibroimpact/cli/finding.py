@@ -11,10 +11,10 @@ from vibroimpact.cli.progress import Meter
 from vibroimpact.cli.request import WrongRequest, number, numbers
 
 if TYPE_CHECKING:
+    from vibroimpact.cli.study import Study
     from vibroimpact.continuation import Branch
     from vibroimpact.orbits import Orbit, Orbits
     from vibroimpact.oscillator import ImpactOscillator
-    from vibroimpact.study import Study
 
 Range = tuple[float, float]
 

@@ -27,7 +27,7 @@ from vibroimpact.cli.request import WrongRequest, asked, read_request
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibroimpact.study import Study
+    from vibroimpact.cli.study import Study
 
 COLUMNS = 400  # of the diagram beneath a branch
 BENEATH = {"transient_impacts": 500, "sample_impacts": 100}  # of each, unless the study tells

@@ -14,8 +14,8 @@ from vibroimpact.cli.progress import Meter
 from vibroimpact.cli.request import Interrupted, WrongRequest, asked, number, read_request, start_axes
 
 if TYPE_CHECKING:
+    from vibroimpact.cli.study import Study
     from vibroimpact.oscillator import ImpactOscillator
-    from vibroimpact.study import Study
 
 STARTS = 200  # along an axis that is not given
 FASTEST = 4.0  # of V: the hardest impact then

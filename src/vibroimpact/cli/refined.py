@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from vibroimpact.execution.store import SweepStore
     from vibroimpact.refinement.progress import RefinedProgress
-    from vibroimpact.stores import SweepStore
 
 
 def tell_refined(store: SweepStore) -> list[str]:

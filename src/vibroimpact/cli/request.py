@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from vibroimpact.study import Study
+    from vibroimpact.cli.study import Study
 
 _SAMPLING = (
     "transient_impacts", "sample_impacts", "transient_periods", "sample_periods", "phase", "periods",
@@ -54,7 +54,7 @@ def read_request(options: Mapping[str, Any], *, axes: str = "grid") -> Study:
     """
     with asked(OSError):
         changes = _tables({name: value for name, value in options.items() if value not in (None, (), [])}, axes)
-        from vibroimpact.study import make_study, read_study
+        from vibroimpact.cli.study import make_study, read_study
 
         if options.get("study") is None:
             return make_study({}, changes)

@@ -35,7 +35,7 @@ def show(options: Mapping[str, Any]) -> None:
 def reproduce(options: Mapping[str, Any]) -> None:
     """Write the report on the paper into a folder."""
     level = output.level_of(options)
-    from vibroimpact.reproduce import run
+    from vibroimpact.studies.lee import run
 
     with Meter("report", keeps=False) as meter:
         try:

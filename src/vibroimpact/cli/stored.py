@@ -14,7 +14,7 @@ import typer
 from vibroimpact.cli.request import REFUSALS, WrongRequest, asked
 
 if TYPE_CHECKING:
-    from vibroimpact.stores import SweepStore
+    from vibroimpact.execution.store import SweepStore
 
 
 def wanted(function: str, options: Mapping[str, Any]) -> bool:
@@ -69,8 +69,8 @@ def info(options: Mapping[str, Any]) -> None:
     """Tell what a stored sweep is, how far it is, what it found, and how to go on."""
     path: Path = options["file"]
     with asked(*REFUSALS, OSError):
-        from vibroimpact.stores import SweepStore
-        from vibroimpact.stores.request import unmarked
+        from vibroimpact.execution.store import SweepStore
+        from vibroimpact.execution.store.request import unmarked
 
         store = SweepStore(path)
     identity = dict(store.identity)
@@ -90,7 +90,7 @@ def info(options: Mapping[str, Any]) -> None:
 
 
 def _opened(path: Path) -> SweepStore | None:
-    from vibroimpact.stores import SweepStore
+    from vibroimpact.execution.store import SweepStore
 
     try:
         return SweepStore(path)
@@ -108,7 +108,7 @@ def _progress(store: SweepStore) -> list[str]:
         from vibroimpact.cli.refined import tell_refined
 
         return tell_refined(store)
-    from vibroimpact.stores import summary
+    from vibroimpact.execution.store import summary
 
     found = summary(store.records(), store.tiling)
     share = found["cells_done"] / found["cells"]
@@ -129,7 +129,7 @@ def check_cluster(options: Mapping[str, Any]) -> None:
         return
     if options.get("workers") is not None:
         raise WrongRequest("`--workers` stands beside `--cluster`; allowed is one of the two; the cluster has its own")
-    from vibroimpact.cluster import check_cluster as check
+    from vibroimpact.execution.cluster import check_cluster as check
 
     try:
         with asked():

@@ -18,7 +18,7 @@ from vibroimpact.coexistence.search import SPREAD, naming_backend
 from vibroimpact.coexistence.settling import Fate, Runner, Settled, lasts, rounds, settle
 from vibroimpact.coexistence.starts import check_grid, grid_cells, spread_cells, state_cells
 from vibroimpact.dataset import impact_speed, provenance, status_variable, variable
-from vibroimpact.distributed import worker_count
+from vibroimpact.execution.threads import worker_count
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.progress import Report, reporter

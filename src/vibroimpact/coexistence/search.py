@@ -11,7 +11,7 @@ from vibroimpact.coexistence.attractor import Attractor
 from vibroimpact.coexistence.matching import match
 from vibroimpact.coexistence.settling import NEEDED, Runner, Settled, rounds, settle
 from vibroimpact.coexistence.starts import spread_cells, state_cells
-from vibroimpact.distributed import worker_count
+from vibroimpact.execution.threads import worker_count
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.progress import Report, reporter

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from vibroimpact.backends import Backend, Cells, ImpactWindow
 from vibroimpact.backends.base import Counts, Outcome
 from vibroimpact.coexistence.starts import CREST, cells_at
-from vibroimpact.distributed import run_sweep
+from vibroimpact.execution.threads import run_sweep
 from vibroimpact.indices import INDICES
 from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import ImpactOscillator

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from itertools import count
 
-from vibroimpact.distributed import worker_count
+from vibroimpact.execution.threads import worker_count
 
 Job = Callable[[], None]
 NICE = 10  # of threads that compute what may wait

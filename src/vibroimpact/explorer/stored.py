@@ -74,7 +74,7 @@ def open_study(path: str | os.PathLike[str]) -> tuple[View, Look]:
 
 def _read(path: str | os.PathLike[str]) -> xr.Dataset:
     if Path(path).suffix == ".zarr":
-        from vibroimpact.stores import SweepStore
+        from vibroimpact.execution.store import SweepStore
 
         try:
             store = SweepStore(path)

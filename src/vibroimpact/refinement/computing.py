@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from vibroimpact.backends import check_told, get_backend
 from vibroimpact.backends.base import Counts, Outcome
-from vibroimpact.distributed import check_alone, run_sweep, worker_count
+from vibroimpact.execution.threads import check_alone, run_sweep, worker_count
 from vibroimpact.options import whole_number
 from vibroimpact.refinement.lattice import Places
 from vibroimpact.refinement.request import RefinedRequest
@@ -46,7 +46,7 @@ def computing(
     if cluster is None:
         yield _in_threads(request, worker_count(workers))
         return
-    from vibroimpact.cluster import connect, in_memory
+    from vibroimpact.execution.cluster import connect, in_memory
 
     def run(at: Places, stop: Event) -> Outcomes:
         shared = max(len(at) // PARTS, SMALLEST)  # a small batch keeps many workers busy too
@@ -74,7 +74,7 @@ def check_place(request: RefinedRequest, workers: int | None, cluster: Client | 
         if cluster is None:
             raise ValueError(f"`tile` is {tile!r} with `refine`; allowed is one with `cluster` only; leave it out")
     if cluster is not None:
-        from vibroimpact.cluster import check_cluster
+        from vibroimpact.execution.cluster import check_cluster
 
         check_cluster(cluster)
         check_alone(workers)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.distributed import worker_count
+from vibroimpact.execution.threads import worker_count
 from vibroimpact.refinement.lattice import Flags, Floats, Places, widen
 from vibroimpact.refinement.marking import Rule, mixed_squares
 from vibroimpact.refinement.picture import Picture

@@ -11,11 +11,11 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
+from vibroimpact.execution.store import SweepStore
+from vibroimpact.execution.store.layout import PROGRESS, RECORDS, unpacked
+from vibroimpact.execution.store.records import COLUMNS, DONE, FIRST_STATUS, IMPACTS, MICROSECONDS, SEAL, Rows, believed
 from vibroimpact.refinement.stored import BATCHES, LEVEL_MARK, POINTS
 from vibroimpact.status import Status
-from vibroimpact.stores import SweepStore
-from vibroimpact.stores.layout import PROGRESS, RECORDS, unpacked
-from vibroimpact.stores.records import COLUMNS, DONE, FIRST_STATUS, IMPACTS, MICROSECONDS, SEAL, Rows, believed
 
 
 @dataclass(frozen=True)

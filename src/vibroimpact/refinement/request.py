@@ -9,10 +9,10 @@ import numpy as np
 
 from vibroimpact.backends.base import Cells
 from vibroimpact.backends.starts import make_cells
+from vibroimpact.execution.store import SweepRequest
+from vibroimpact.execution.store.request import SLOW
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.refinement.lattice import Floats, Places
-from vibroimpact.stores import SweepRequest
-from vibroimpact.stores.request import SLOW
 
 # What of a cell a parameter decides, beside itself: the start lies that far from the stop, at that phase.
 DECIDES = {

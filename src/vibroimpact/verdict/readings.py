@@ -12,7 +12,7 @@ import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, get_backend
 from vibroimpact.classes import CERTAIN_GROWTH
-from vibroimpact.distributed import run_sweep, worker_count
+from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
 from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import PARAMETERS, ImpactOscillator

@@ -1,0 +1,1 @@
+"""The `reference` back end: plain NumPy and SciPy, no kernel; an independent witness."""

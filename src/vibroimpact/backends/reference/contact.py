@@ -1,0 +1,129 @@
+"""First contact with the stop, never missed, for the `reference` back end.
+
+A flight is cut into intervals, and an interval is halved until bounds of the derivatives leave no doubt whether the
+gap u falls through zero on it. Only then a root is looked for, in a bracket that holds exactly one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibroimpact.backends.reference.flight import BLOCK, Floats, FreeMotion, State
+
+HALVINGS = 50  # an interval still in doubt after these is shorter than rounding
+CLEAR, CONTACT, BOWL, DOUBT = range(4)
+
+
+class Piece(NamedTuple):
+    """A piece of flight: how long it lasts, the state at its end, and the speed of the contact that ends it."""
+
+    duration: float
+    end: State
+    speed: float | None
+
+
+def fly(free: FreeMotion, state: State) -> Piece:
+    """Return the next piece of flight, up to a contact or to the end of a block, whichever comes first."""
+
+    def piece(duration: float, clearance: float, velocity: float, speed: float | None) -> Piece:
+        end = replace(state, clearance=clearance, velocity=velocity).later(duration / free.period)
+        return Piece(duration, end, speed)
+
+    x = free.vector(state)
+    if state.clearance <= 0.0:
+        safe = _take_off(free, x)
+        x = free.propagators([safe])[0] @ x
+        return piece(safe, float(x[0]), -float(x[1]), None)
+    ends = free.block @ x
+    starts = np.concatenate([x[None], ends[:-1]])
+    for i in np.flatnonzero(verdict(free, starts, ends, free.stride) != CLEAR):
+        found = _first_within(free, starts[i], ends[i], free.stride, HALVINGS)
+        if found is not None:
+            time, speed = found
+            return piece(float(i) * free.stride + time, 0.0, speed, speed)
+    return piece(BLOCK * free.stride, float(ends[-1, 0]), -float(ends[-1, 1]), None)
+
+
+def _take_off(free: FreeMotion, x: Floats) -> float:
+    """Return a time in which a mass that leaves the stop has surely not come back.
+
+    With b the first positive derivative of u, of order n: u >= b t^n/n! - B t^(n+1)/(n+1)!, which is half
+    its first term at t = (n + 1) b/(2 B).
+    """
+    b2 = float(free.acceleration(x))
+    b3 = -free.damp * b2 - free.stiff * x[1] - x[3]
+    b4 = -free.damp * b3 - free.stiff * b2 + free.omega**2 * x[2]
+    bounds = free.bounds(x, free.stride)
+    for n, (b, bound) in enumerate(zip((x[1], b2, b3, b4), bounds, strict=True), start=1):
+        if b > 0.0:
+            return min(free.stride, float((n + 1) * b / (2.0 * bound)))
+    return float(free.stride * 0.5**HALVINGS)
+
+
+def verdict(free: FreeMotion, start: Floats, end: Floats, span: float) -> Any:
+    """Say of intervals whether u > 0 on all of them (CLEAR), u falls through zero once (CONTACT), or u is bent
+    upwards with its least value inside (BOWL); all else is in DOUBT.
+
+    A function with |F''| <= B differs from its chord by at most B span^2/8, and one with |F''''| <= B from the cubic
+    through its end values and slopes by at most B span^4/384; a cubic lies above the least of its
+    Bezier ordinates.
+    """
+    _, b3, b4, _ = free.bounds(start, span)
+    u0, u1, p0, p1 = start[..., 0], end[..., 0], start[..., 1], end[..., 1]
+    a0, a1 = free.acceleration(start), free.acceleration(end)
+    falls = np.maximum(p0, p1) + b3 * span**2 / 8 < 0.0
+    rises = np.minimum(p0, p1) - b3 * span**2 / 8 > 0.0
+    bends_down = np.maximum(a0, a1) + b4 * span**2 / 8 < 0.0
+    bends_up = np.minimum(a0, a1) - b4 * span**2 / 8 > 0.0
+    above = np.minimum.reduce([u0, u0 + p0 * span / 3, u1 - p1 * span / 3, u1]) > b4 * span**4 / 384
+    ends_decide = falls | bends_down | (bends_up & (p1 <= 0.0))
+    clear = above | rises | (bends_up & (p0 >= 0.0)) | (ends_decide & (u1 > 0.0))
+    return np.select([clear, ends_decide, bends_up], [CLEAR, CONTACT, BOWL], DOUBT)
+
+
+def _first_within(
+    free: FreeMotion, start: Floats, end: Floats, span: float, halvings: int
+) -> tuple[float, float] | None:
+    """Return time and speed of the first contact on an interval, or None; a graze to within rounding."""
+    found = verdict(free, start, end, span)
+    if found == BOWL:
+        span, end = root(free, start, span, 1)
+        found = CONTACT if end[0] <= 0.0 else CLEAR
+    if found == DOUBT and halvings > 0:
+        half = 0.5 * span
+        middle = free.propagators([half])[0] @ start
+        early = _first_within(free, start, middle, half, halvings - 1)
+        if early is not None:
+            return early
+        late = _first_within(free, middle, end, half, halvings - 1)
+        return None if late is None else (half + late[0], late[1])
+    if found == CLEAR or end[0] > 0.0:
+        return None
+    time, there = root(free, start, span, 0)
+    return time, max(-float(there[1]), 0.0)
+
+
+def root(free: FreeMotion, start: Floats, span: float, order: int) -> tuple[float, Floats]:
+    """Return when u (order 0, from above) or u' (order 1, from below) passes zero on its interval, and x there.
+
+    Newton's method inside a bracket, from the root of the parabola or line that starts alike.
+    """
+    u, p, a = float(start[0]), float(start[1]), float(free.acceleration(start))
+    steep = math.sqrt(max(p * p - 2.0 * u * a, 0.0)) - p
+    time = (2.0 * u / steep if steep > 0.0 else 0.0) if order == 0 else -p / a
+    low, high = 0.0, span
+    for _ in range(100):
+        if not low < time < high:
+            time = 0.5 * (low + high)
+        x = free.propagators([time])[0] @ start
+        value, slope = x[order], (x[1] if order == 0 else free.acceleration(x))
+        low, high = (time, high) if (value > 0.0) == (order == 0) else (low, time)
+        step = value / slope if slope else math.inf
+        if abs(step) <= 2e-16 * time or high - low <= 2e-16 * high:
+            break
+        time -= step
+    return time, x

@@ -1,0 +1,154 @@
+"""Indices that need more than kept impacts, for the `reference` back end: exponents, names, rests, near-misses.
+
+A ledger takes down every contact, rest and near-miss of a motion. Once the window is filled it is asked whether the
+motion is certainly a cycle; then each of these indices is that of one cycle, else that of the window.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact.backends.reference.flight import FreeMotion
+from vibroimpact.backends.reference.motion import Contact, Flight, Rest, time_between
+from vibroimpact.backends.reference.tangent import Tangent
+from vibroimpact.backends.reference.turns import closest_miss
+
+CLOSE = 1e-9  # of V, and of a radian: how well impacts must come back, and how near the periodic orbit must be
+UNTOLD = math.log(1e13)  # ln of the parting of neighbours by which rounding decides when a mass rests again
+NOT_SMALL = 1e-3  # of the cycle's weakest impact: a way to go as long as this may lead past a graze
+
+
+@dataclass
+class Ledger:
+    """All contacts and rests of a motion, as they come."""
+
+    free: FreeMotion
+    # (periods, phase, speed, whether it counts, flight time since the contact or release before, closest miss on it)
+    contacts: list[tuple[float, float, float, bool, float, float]] = field(default_factory=list)
+    # (contacts before it, its duration in s, whole periods at its release)
+    rests: list[tuple[int, float, float]] = field(default_factory=list)
+    flown: float = 0.0
+    miss: float = math.inf
+
+    def write(self, event: Contact | Flight | Rest) -> None:
+        """Take down an event; a contact without speed is a touch, and the flight goes on."""
+        if isinstance(event, Flight):
+            self.flown += event.duration
+            self.miss = min(self.miss, closest_miss(self.free, event))
+        elif isinstance(event, Rest):
+            if event.release is not None:
+                stays = time_between(self.free, event.settled, event.release)
+                self.rests.append((len(self.contacts), stays, event.release.periods))
+            self.flown = 0.0
+        elif event.speed > 0.0:
+            after = event.after
+            self.contacts.append((after.periods, after.phase, event.speed, event.counts, self.flown, self.miss))
+            self.flown, self.miss = 0.0, math.inf
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A certain cycle of whole periods: the contacts after `first` up to `last`, and ln of its spectral radius."""
+
+    periods: int
+    first: int
+    last: int
+    log_radius: float
+
+
+class Account:
+    """What a ledger's motion amounts to; `speed_scale` is V, `loss` m (1 - r^2)/2."""
+
+    def __init__(self, ledger: Ledger, restitution: float, speed_scale: float, loss: float) -> None:
+        self.free, self.restitution, self.speed_scale, self.loss = ledger.free, restitution, speed_scale, loss
+        self.periods, self.phase, self.speed, counts, self.flight, self.miss = np.array(ledger.contacts).T
+        self.counted = np.flatnonzero(counts)
+        self.rests = ledger.rests
+        # The tangent begins where nothing of the past is left, with the flight to this contact. After two releases the
+        # motion is superstable: it repeats from the first one on, whatever came before.
+        self.begun = self.rests[-1][0] if self.rests else 0
+        self.superstable = len(self.rests) >= 2
+        self.tangent = Tangent(self.free, restitution, self.phase, self.speed, self.flight)
+
+    def indices(self, transient: int) -> dict[str, float]:
+        """Return the indices of the cycle, else of the window from after `transient` recorded impacts to the last."""
+        cycle = self._sticking_cycle() if self.superstable else self._impacting_cycle()
+        if cycle is not None:
+            return self._of_cycle(cycle)
+        return self._of_window(transient)
+
+    def _of_cycle(self, cycle: Cycle) -> dict[str, float]:
+        contacts = slice(cycle.first + 1, cycle.last + 1)
+        recorded = self.counted[(self.counted > cycle.first) & (self.counted <= cycle.last)]
+        told = not self.superstable or self.tangent.parting(contacts.start, cycle.last) < UNTOLD
+        number, time = len(recorded), cycle.periods * self.free.period
+        return {
+            "lyapunov": cycle.log_radius / time,
+            "lyapunov_per_impact": cycle.log_radius / max(number, 1),
+            "n_periods": cycle.periods if told else 0,
+            "n_impacts": -1 if not told or (self.superstable and self.restitution > 0.0) else number,
+            "dissipation": self.loss * float((self.speed[recorded] ** 2).sum()) / cycle.periods,
+            "stick_fraction": self.rests[-1][1] / time if self.superstable else 0.0,
+            "grazing_margin": float(self.miss[contacts].min(initial=math.inf)),
+        }
+
+    def _of_window(self, transient: int) -> dict[str, float]:
+        first, last = int(self.counted[transient]), int(self.counted[-1])
+        margin = float(self.miss[first + 1 : last + 1].min(initial=math.inf))
+        if first == last:
+            return {"grazing_margin": margin}
+        time = self._turns(first, last) * self.free.period
+        rests = sum(stays for before, stays, _ in self.rests if before > first)
+        # A rest in the window erases all that came before.
+        growth = self.tangent.growth(first, last, self.begun) if self.begun <= first else -math.inf
+        return {
+            "grazing_margin": margin,
+            "stick_fraction": rests / time,
+            "lyapunov": growth / time,
+            "lyapunov_per_impact": growth / (len(self.counted) - 1 - transient),
+        }
+
+    def _turns(self, first: int, last: int) -> float:
+        return float((self.periods[last] - self.periods[first]) + (self.phase[last] - self.phase[first]))
+
+    def _sticking_cycle(self) -> Cycle:
+        (before, _, earlier), (end, _, later) = self.rests[-2:]
+        return Cycle(round(later - earlier), before - 1, end - 1, -math.inf)
+
+    def _impacting_cycle(self) -> Cycle | None:
+        """Return the shortest recurrence of the last impacts, if its Jacobian makes it certain.
+
+        With M the Jacobian and d what is missing to a return, the periodic orbit lies (I - M)^-1 d away; the motion
+        goes there if the spectral radius of M is below 1.
+        """
+        span = self._recurrence(self.counted[self.counted >= self.begun])
+        if span is None:
+            return None
+        first, last = span
+        log_radius, matrix = self.tangent.cycle(first, last)
+        if log_radius >= 0.0:
+            return None
+        turns = self._turns(first, last)
+        missing = np.array([(turns - round(turns)) * self.free.period, self.speed[last] - self.speed[first]])
+        late, faster = np.abs(np.linalg.solve(np.eye(2) - matrix, missing))
+        allowed = min(CLOSE * self.speed_scale, NOT_SMALL * float(self.speed[first + 1 : last + 1].min()))
+        certain = self.free.omega * late <= CLOSE and faster <= allowed
+        return Cycle(round(turns), first, last, log_radius) if certain else None
+
+    def _recurrence(self, recorded: NDArray[np.intp]) -> tuple[int, int] | None:
+        """Return the contacts between which the fewest impacts lie that all came back, in (v, sin, cos)."""
+        angle = 2.0 * math.pi * self.phase[recorded]
+        states = np.column_stack([self.speed[recorded] / self.speed_scale, np.sin(angle), np.cos(angle)])
+        longest = len(states) // 2
+        back = (np.abs(states[-1] - states[::-1][1 : longest + 1]) <= CLOSE).all(axis=1)
+        for p in np.flatnonzero(back) + 1:
+            first, last = int(recorded[-1 - p]), int(recorded[-1])
+            # In a chatter neighbours come close, but not after a period.
+            again = (np.abs(states[-p:] - states[-2 * p : -p]) <= CLOSE).all()
+            if again and round(self._turns(first, last)) >= 1:
+                return first, last
+        return None

@@ -1,0 +1,1 @@
+"""Where the cells of a request are computed: threads of this machine, a store on disk, a cluster."""

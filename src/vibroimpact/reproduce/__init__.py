@@ -1,7 +1,0 @@
-"""The source paper's study, computed again: its figures, and a verdict on every statement about results."""
-
-from __future__ import annotations
-
-from vibroimpact.reproduce.pipeline import run
-
-__all__ = ["run"]

@@ -1,0 +1,1 @@
+"""Published studies carried out with the package, each a user of its public functions."""
