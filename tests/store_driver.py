@@ -17,11 +17,12 @@ import vibroimpact as vi
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.cli import main
 from vibroimpact.execution import threads as distributed
-from vibroimpact.execution.store import StoreBusy, SweepRequest
+from vibroimpact.execution.store import StoreBusy
 from vibroimpact.execution.store.store import SweepStore
 from vibroimpact.execution.store.writer import TileWriter
 from vibroimpact.options import Tolerances
 from vibroimpact.refinement import request
+from vibroimpact.request import Request
 
 OSC = vi.ImpactOscillator()
 # Tiles at the far edges are smaller; two kinds of numbers; many kinds of motions.
@@ -43,18 +44,18 @@ def warm_up():
     """Load kernels and libraries, in this thread alone: a process with threads must not fork."""
     xr.Variable("x", [0.0]), xr.backends.list_engines(), filelock.FileLock
     axes = {name: STUDY[name][:2] for name in ("omega", "gap")}
-    SweepRequest(OSC, axes, STUDY["indices"], ImpactWindow(0, 10), Tolerances()).compute((slice(2), slice(2)))
+    Request(OSC, axes, STUDY["indices"], ImpactWindow(0, 10), Tolerances()).compute((slice(2), slice(2)))
 
 
 def slow_down(seconds):
     """Let every tile take a while longer, in which its thread hears no signal."""
-    compute = SweepRequest.compute
+    compute = Request.compute
 
     def slowly(request, part, *stop):
         time.sleep(seconds)
         return compute(request, part, *stop)
 
-    SweepRequest.compute = slowly
+    Request.compute = slowly
 
 
 def forked(job):

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from vibroimpact import ImpactOscillator, plotting
 from vibroimpact.dataset import impact_speed, provenance, status_variable, variable
 from vibroimpact.orbits import find_orbit
+from vibroimpact.sections import simulate
 from vibroimpact.status import Status
 from vibroimpact.sweeps import parameter_map
-from vibroimpact.trajectory import simulate
 
 mpl.use("Agg")
 OSC = ImpactOscillator(mass=2.0, omega=2.0, gap=0.5)

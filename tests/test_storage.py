@@ -18,7 +18,7 @@ import xarray as xr
 from scipy.io import loadmat
 
 import vibroimpact as vi
-from vibroimpact import formats, storage
+from vibroimpact import files, formats
 from vibroimpact.bundles import bundle
 from vibroimpact.cli.orbit_data import orbits_dataset
 from vibroimpact.dataset import impact_speed, oscillator_of, provenance, status_variable, variable
@@ -286,7 +286,7 @@ def test_an_unknown_ending_is_refused_before_anything_is_written(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("ending", storage.DATA_ENDINGS)
+@pytest.mark.parametrize("ending", files.DATA_ENDINGS)
 def test_an_existing_output_is_kept_unless_overwriting_is_allowed(tmp_path, ending):
     path = vi.save(sweep(1.0), tmp_path / f"map{ending}")
     with pytest.raises(FileExistsError, match="exists"):
@@ -310,17 +310,17 @@ def test_a_folder_that_is_no_store_is_never_replaced(tmp_path):
 
 def test_a_missing_folder_is_told_before_computing(tmp_path):
     with pytest.raises(FileNotFoundError, match="folder does not exist"):
-        storage.check_output(tmp_path / "no" / "map.zarr")
+        files.check_output(tmp_path / "no" / "map.zarr")
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="rights do not bind the superuser")
 def test_an_unwritable_folder_is_told_before_computing(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(PermissionError, match="cannot be written to"):
-        storage.check_output(tmp_path / "map.zarr")
+        files.check_output(tmp_path / "map.zarr")
 
 
-@pytest.mark.parametrize("ending", storage.DATA_ENDINGS)
+@pytest.mark.parametrize("ending", files.DATA_ENDINGS)
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
 def test_a_write_that_breaks_off_leaves_what_was_there_and_nothing_else(tmp_path, monkeypatch, ending, error):
     path = vi.save(sweep(1.0), tmp_path / f"map{ending}")
@@ -345,7 +345,7 @@ def test_an_old_store_comes_back_if_the_new_one_cannot_be_moved(tmp_path, monkey
             raise OSError(5, "Input/output error")
         replace(source, target)
 
-    monkeypatch.setattr(storage.os, "replace", fail_where_nothing_is)
+    monkeypatch.setattr(files.os, "replace", fail_where_nothing_is)
     with pytest.raises(OSError, match="nothing was changed"):
         vi.save(sweep(2.0), path, overwrite=True)
     monkeypatch.undo()
@@ -356,7 +356,7 @@ def test_an_old_store_comes_back_if_the_new_one_cannot_be_moved(tmp_path, monkey
 REPLACING = """
 import sys
 from pathlib import Path
-from vibroimpact.storage import replacing
+from vibroimpact.files import replacing
 print("ready", flush=True)
 folder, number = sys.stdin.readline().split()
 for turn in range(300):
@@ -397,7 +397,7 @@ def test_of_outputs_put_in_one_place_at_the_same_moment_one_is_there_whole(tmp_p
 FULL_DISK = """
 import resource, sys
 import numpy as np, xarray as xr
-from vibroimpact.storage import save
+from vibroimpact.files import save
 data = xr.Dataset({"std": ("omega", np.random.default_rng(0).random(100_000))}, {"omega": np.arange(1e5)})
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 try:
@@ -408,7 +408,7 @@ except OSError as error:
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="needs a limit on the size of files")
-@pytest.mark.parametrize("ending", storage.DATA_ENDINGS)
+@pytest.mark.parametrize("ending", files.DATA_ENDINGS)
 def test_a_full_disk_is_told_and_nothing_is_left(tmp_path, ending):
     path = tmp_path / f"map{ending}"
     child = subprocess.run(
@@ -428,7 +428,7 @@ def test_a_thread_that_writes_on_after_a_failure_leaves_nothing(tmp_path):
             time.sleep(0.005)
 
     def fail() -> None:
-        with storage.replacing(tmp_path / "map.zarr") as part:
+        with files.replacing(tmp_path / "map.zarr") as part:
             threads.append(threading.Thread(target=write_on, args=(part,)))
             threads[0].start()
             time.sleep(0.02)

@@ -155,7 +155,7 @@ def test_another_study_is_refused_with_the_difference(partly, change, difference
 def test_axes_in_another_order_and_another_version_are_other_studies(partly, monkeypatch):
     with pytest.raises(ValueError, match="axis 1 is omega .* there, mass .* here; axis 2 is mass"):
         vi.parameter_map(OSC, store=partly, mass=MASS, omega=OMEGA, sample_impacts=50)
-    monkeypatch.setattr("vibroimpact.execution.store.request.package_version", lambda: "99.0")
+    monkeypatch.setattr("vibroimpact.request.package_version", lambda: "99.0")
     with pytest.raises(ValueError, match="version is .* there, 99.0 here"):
         plane(store=partly)
 
@@ -333,7 +333,7 @@ def test_a_tile_is_a_number_of_cells(tmp_path, tile):
 
 
 def test_a_failing_back_end_ends_the_sweep_and_frees_the_store(tmp_path, monkeypatch):
-    compute = driver.SweepRequest.compute
+    compute = driver.Request.compute
 
     def fail(request, part, *stop):
         if part[0].start:
@@ -341,7 +341,7 @@ def test_a_failing_back_end_ends_the_sweep_and_frees_the_store(tmp_path, monkeyp
         return compute(request, part, *stop)
 
     with monkeypatch.context() as patched:
-        patched.setattr(driver.SweepRequest, "compute", fail)
+        patched.setattr(driver.Request, "compute", fail)
         with pytest.raises(MemoryError):
             plane(store=tmp_path / "run.zarr", tile=60)
     xr.testing.assert_equal(plane(store=tmp_path / "run.zarr").load(), plane())

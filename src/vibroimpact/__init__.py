@@ -16,9 +16,8 @@ if TYPE_CHECKING:
     from vibroimpact.orbits.sticking_end import end_of_sticking
     from vibroimpact.oscillator import ImpactOscillator, State
     from vibroimpact.refinement import refined_map, to_uniform
-    from vibroimpact.sections import impact_section, stroboscopic_section
+    from vibroimpact.sections import impact_section, simulate, stroboscopic_section
     from vibroimpact.sweeps import parameter_map
-    from vibroimpact.trajectory import simulate
     from vibroimpact.verdict import compare, describe
 
 # Names are handed on when first used, so that importing vibroimpact costs nothing.
@@ -27,7 +26,7 @@ _HOMES = {
     "State": "oscillator",
     "Tolerances": "options",
     "Status": "status",
-    "simulate": "trajectory",
+    "simulate": "sections",
     "impact_section": "sections",
     "stroboscopic_section": "sections",
     "bifurcation_diagram": "diagrams",
@@ -46,8 +45,8 @@ _HOMES = {
     "basins": "coexistence",
     "describe": "verdict",
     "compare": "verdict",
-    "save": "storage",
-    "load": "storage",
+    "save": "files",
+    "load": "files",
 }
 _MODULES = ("plotting",)
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.dataset import oscillator_of
-from vibroimpact.options import whole_number
-from vibroimpact.oscillator import real_number
+from vibroimpact.parameters import real_number, whole_number
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:

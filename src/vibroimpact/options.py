@@ -2,26 +2,9 @@
 
 from __future__ import annotations
 
-import operator
 from dataclasses import dataclass, fields
-from typing import Any
 
-from vibroimpact.oscillator import real_number
-
-
-def whole_number(name: str, value: Any, least: int) -> int:
-    """Return `value` as an int not below `least`, or say what is allowed."""
-    try:
-        if isinstance(value, bool):
-            raise TypeError
-        number = operator.index(value)
-    except TypeError:
-        quoted = isinstance(value, str) and value.strip().isdecimal()
-        remedy = "write numbers without quotes" if quoted else "give a plain integer"
-        raise ValueError(f"`{name}` is {value!r}; allowed is a whole number >= {least}; {remedy}") from None
-    if number < least:
-        raise ValueError(f"`{name}` is {value!r}; allowed is a whole number >= {least}; give a larger count")
-    return number
+from vibroimpact.parameters import real_number, whole_number
 
 
 @dataclass(frozen=True)

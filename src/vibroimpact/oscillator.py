@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from typing import Any
 
+from vibroimpact.parameters import real_number
+
 PARAMETERS = ("mass", "damping", "stiffness", "amplitude", "omega", "restitution", "gap")
 _SYMBOLS = {**dict(zip("mckfwrg", PARAMETERS, strict=True)), "zeta": "damping_ratio"}
 STAND_FOR = {"frequency": "omega", "damping_ratio": "damping"}  # a name in whose place another may be given
@@ -33,27 +35,6 @@ def _allowed(name: str) -> str:
     if math.isinf(high):
         return f"a finite number {'>=' if closed else '>'} {low:g}"
     return f"a number from {low:g} to {high:g}"
-
-
-def real_number(name: str, value: Any, allowed: str = "a finite number", remedy: str = "give a plain number") -> float:
-    """Return `value` as a float, or say why it is not one."""
-    try:
-        if isinstance(value, (str, bytes, bool, complex)):
-            raise TypeError
-        number = float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f"`{name}` is {value!r}; allowed is {allowed}; {remedy}{_unquoted(value)}") from None
-    if not math.isfinite(number):
-        raise ValueError(f"`{name}` is {value!r}; allowed is {allowed}; {remedy}")
-    return number
-
-
-def _unquoted(value: Any) -> str:
-    """Return the remedy for a number that is given as text; nothing for anything else."""
-    try:
-        return "; write numbers without quotes" if isinstance(value, str) and math.isfinite(float(value)) else ""
-    except ValueError:
-        return ""
 
 
 def nearest_parameter(name: str, allowed: Iterable[str] = tuple(_RANGES)) -> str:

@@ -17,12 +17,13 @@ from vibroimpact.axes import check_axes
 from vibroimpact.backends import ImpactWindow, check_told, get_backend
 from vibroimpact.backends.starts import check_start, make_cells
 from vibroimpact.dataset import missing, provenance, status_variable, variable
-from vibroimpact.execution.store import SweepRequest
 from vibroimpact.execution.threads import check_alone, run_sweep, worker_count
 from vibroimpact.indices import check_indices
-from vibroimpact.options import Sampling, Tolerances, whole_number
+from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, State, check_oscillator
+from vibroimpact.parameters import whole_number
 from vibroimpact.progress import Report, Stop, reporter
+from vibroimpact.request import Request
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -164,7 +165,7 @@ def parameter_map(
     if cluster is None or backend != "cuda":  # the GPUs are those of the workers
         check_told(chosen, get_backend(backend, time_step=time_step))
     limits = tolerances or Tolerances()
-    request = SweepRequest(osc, grid, chosen, window, limits, start, backend, time_step, early_closing)
+    request = Request(osc, grid, chosen, window, limits, start, backend, time_step, early_closing)
     size = None if tile is None else whole_number("tile", tile, 1)
     if store is not None:
         make_cells(osc, start, {name: values for name, values in grid.items() if name == "gap"})  # refuses a bad start
@@ -196,7 +197,7 @@ def parameter_map(
     return dataset
 
 
-def _check_room(request: SweepRequest) -> None:
+def _check_room(request: Request) -> None:
     """Refuse a map that this machine's memory cannot hold."""
     size = math.prod(request.shape) * (memory.CELL + memory.INDEX * (len(request.indices) - 1))
     remedy = "write it to disk tile by tile, store='run.zarr' or --out run.zarr, or take fewer points"
@@ -225,7 +226,7 @@ def _check_place(cluster: Client | str, workers: int | None) -> None:
 
 # What needs Zarr and Dask is imported where a store or a cluster is asked for: a first map does not wait for them.
 def _run_into_store(
-    request: SweepRequest,
+    request: Request,
     store: str | os.PathLike[str],
     cluster: Client | str | None,
     threads: int,

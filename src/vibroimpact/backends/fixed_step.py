@@ -27,7 +27,7 @@ from vibroimpact.backends.sampled import TOLD_BY_SAMPLES, energy_loss, impact_in
 from vibroimpact.indices import VELOCITY_INDICES
 from vibroimpact.kernels.compilation import compiled
 from vibroimpact.options import Tolerances
-from vibroimpact.oscillator import real_number
+from vibroimpact.parameters import real_number
 from vibroimpact.status import Status, window_status
 
 TIME_STEP = 0.0005

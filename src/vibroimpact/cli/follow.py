@@ -63,7 +63,7 @@ def follow(options: Mapping[str, Any]) -> None:
     if options["diagram"] and not output.is_figure(options):
         raise WrongRequest("`--diagram` is given without a figure; allowed is it with one; write --out branch.png")
     import vibroimpact
-    from vibroimpact.options import whole_number
+    from vibroimpact.parameters import whole_number
 
     with Meter("orbits") as meter, asked():
         doublings = whole_number("doublings", choice(options, "doublings", 0), 0)

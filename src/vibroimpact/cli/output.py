@@ -59,7 +59,7 @@ def check_looks(options: Mapping[str, Any], endings: tuple[str, ...] = FIGURE_EN
     """
     _size(options), _dpi(options), level_of(options)
     if options.get("out") is not None:
-        from vibroimpact.storage import DATA_ENDINGS, check_output
+        from vibroimpact.files import DATA_ENDINGS, check_output
 
         with asked(OSError):
             check_output(options["out"], overwrite=options["overwrite"], endings=DATA_ENDINGS + endings)
@@ -77,7 +77,7 @@ def read(options: Mapping[str, Any], name: str) -> xr.Dataset | None:
         return None
     if not is_figure(options):
         raise WrongRequest(f"`--{name}` is given without a figure; allowed is it with one; write --out figure.png")
-    from vibroimpact.storage import load
+    from vibroimpact.files import load
 
     with asked(OSError):
         return load(options[name])
@@ -85,7 +85,7 @@ def read(options: Mapping[str, Any], name: str) -> xr.Dataset | None:
 
 def write_json(content: Any, options: Mapping[str, Any], path: Path) -> None:
     """Write plain lists, dictionaries, numbers and text."""
-    from vibroimpact.storage import replacing
+    from vibroimpact.files import replacing
 
     with replacing(path, overwrite=options["overwrite"]) as part:
         part.write_text(as_json(content) + "\n", encoding="utf-8")
@@ -99,7 +99,7 @@ def as_json(content: Any) -> str:
 def write(dataset: xr.Dataset, options: Mapping[str, Any], path: Path, over: xr.Dataset | None = None) -> None:
     """Write data, or a figure drawn over another result, to `path`, as its ending says."""
     if path.suffix.lower() not in FIGURE_ENDINGS:
-        from vibroimpact.storage import save
+        from vibroimpact.files import save
 
         save(dataset, path, overwrite=options["overwrite"])
         return
@@ -123,7 +123,7 @@ def draw(dataset: xr.Dataset, options: Mapping[str, Any], over: xr.Dataset | Non
     from vibroimpact import plotting
 
     if options.get("sweep") is not None:
-        from vibroimpact.storage import load
+        from vibroimpact.files import load
 
         return plotting.diagram_with_index(dataset, load(options["sweep"]), index=options.get("index") or "std")
     index = options.get("index")

@@ -81,8 +81,7 @@ def numbers(option: str, text: str, count: int, example: str) -> tuple[int | flo
 
 def start_axes(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the axes of starts typed as --x and --y: values of phase, displacement or velocity by name."""
-    from vibroimpact.options import whole_number
-    from vibroimpact.oscillator import real_number
+    from vibroimpact.parameters import real_number, whole_number
 
     values: dict[str, Any] = {}
     with asked():

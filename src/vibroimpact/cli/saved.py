@@ -16,7 +16,7 @@ from vibroimpact.cli.request import REFUSALS, Interrupted, asked
 def show(options: Mapping[str, Any]) -> None:
     """Draw, export or describe a saved result."""
     from vibroimpact.cli.words import describe
-    from vibroimpact.storage import load
+    from vibroimpact.files import load
 
     output.check_looks(options)
     with asked(OSError):

@@ -70,7 +70,7 @@ def info(options: Mapping[str, Any]) -> None:
     path: Path = options["file"]
     with asked(*REFUSALS, OSError):
         from vibroimpact.execution.store import SweepStore
-        from vibroimpact.execution.store.request import unmarked
+        from vibroimpact.request import unmarked
 
         store = SweepStore(path)
     identity = dict(store.identity)

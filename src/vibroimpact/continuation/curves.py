@@ -15,12 +15,12 @@ from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary
 from vibroimpact.continuation.sticking import ends_on_line, sticking_boundary
 from vibroimpact.continuation.tracing import trace_boundary
 from vibroimpact.continuation.walking import both_ways, branch_system
-from vibroimpact.options import whole_number
 from vibroimpact.orbits.building import make_orbit
 from vibroimpact.orbits.closed_form import impact_1_orbits
 from vibroimpact.orbits.equations import Cycle, Floats
 from vibroimpact.orbits.sticking_end import StickingEnd
 from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.parameters import whole_number
 from vibroimpact.progress import Report, reporter
 
 SEEDS = 60  # orbits looked at along a line

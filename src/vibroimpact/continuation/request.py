@@ -7,7 +7,8 @@ from typing import Any
 
 from vibroimpact.axes import NAMES
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.oscillator import parameter_value, real_number
+from vibroimpact.oscillator import parameter_value
+from vibroimpact.parameters import real_number
 
 
 def check_parameter(name: Any) -> str:

@@ -12,7 +12,7 @@ from vibroimpact.continuation.system import System
 from vibroimpact.orbits.building import make_orbit, solution_of
 from vibroimpact.orbits.equations import Cycle, parameters_of
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.oscillator import real_number
+from vibroimpact.parameters import real_number
 
 TRIES = 12  # of an amplitude, halved each time
 

@@ -12,7 +12,7 @@ import xarray as xr
 from vibroimpact.continuation.results import Branch
 from vibroimpact.continuation.windows import Window, alike, motion_name, stable_windows, swept_windows
 from vibroimpact.dataset import oscillator_of
-from vibroimpact.options import whole_number
+from vibroimpact.parameters import whole_number
 from vibroimpact.status import Status
 
 

@@ -16,7 +16,8 @@ import numpy as np
 
 from vibroimpact.backends import Backend, Cells, ImpactWindow
 from vibroimpact.backends.base import Counts, Outcome, SharesCells
-from vibroimpact.options import Tolerances, whole_number
+from vibroimpact.options import Tolerances
+from vibroimpact.parameters import whole_number
 
 Result = TypeVar("Result")
 

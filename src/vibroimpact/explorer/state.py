@@ -12,7 +12,8 @@ from vibroimpact.explorer.limits import FINEST as FINEST  # others take it from 
 from vibroimpact.explorer.limits import Range as Range
 from vibroimpact.explorer.limits import check_start, checked_range, one_of, short, stiffness, within_reach
 from vibroimpact.indices import INDICES
-from vibroimpact.oscillator import PARAMETERS, ImpactOscillator, State, real_number
+from vibroimpact.oscillator import PARAMETERS, ImpactOscillator, State
+from vibroimpact.parameters import real_number
 
 MOTION = "motion"  # the index that is a name
 SHOWN = (MOTION, *INDICES)

@@ -82,7 +82,7 @@ def _read(path: str | os.PathLike[str]) -> xr.Dataset:
             pass  # a result that was saved whole
         else:
             return store.dataset()
-    from vibroimpact.storage import load
+    from vibroimpact.files import load
 
     return load(path)
 

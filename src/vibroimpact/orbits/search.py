@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.options import whole_number
 from vibroimpact.orbits.building import ALIKE, distance, from_hardest, make_orbit, solution_of, true_name
 from vibroimpact.orbits.closed_form import impact_1_orbits
 from vibroimpact.orbits.equations import Cycle, Floats
 from vibroimpact.orbits.newton import solve
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.starts import candidates, cycle_of, followed
-from vibroimpact.oscillator import ImpactOscillator, State, real_number
+from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.parameters import real_number, whole_number
 
 Near = Orbit | State | tuple[float, float] | None
 

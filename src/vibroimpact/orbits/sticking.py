@@ -17,9 +17,10 @@ from vibroimpact.backends import recorder
 from vibroimpact.backends.cpu import limits, table
 from vibroimpact.backends.starts import make_cells
 from vibroimpact.kernels.cell import RUNNING
-from vibroimpact.options import Tolerances, whole_number
+from vibroimpact.options import Tolerances
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.parameters import whole_number
 
 Floats = NDArray[np.float64]
 

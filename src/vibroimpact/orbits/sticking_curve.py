@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from vibroimpact.orbits.sticking import Stick, from_release
 from vibroimpact.orbits.sticking_end import KIND, MET, StickingEnd, checked_interval, residual
-from vibroimpact.oscillator import ImpactOscillator, real_number
+from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.parameters import real_number
 
 Floats = NDArray[np.float64]
 Point = tuple[float, float]

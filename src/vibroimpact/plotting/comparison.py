@@ -15,8 +15,7 @@ from vibroimpact.oscillator import PARAMETERS, ImpactOscillator, State
 from vibroimpact.plotting.orbit import phase_portrait, time_history
 from vibroimpact.plotting.sections import impact_map
 from vibroimpact.plotting.style import STYLE, draw_stop, held_text
-from vibroimpact.sections import impact_section, stroboscopic_section
-from vibroimpact.trajectory import simulate
+from vibroimpact.sections import impact_section, simulate, stroboscopic_section
 
 SETTLED = 1000  # impacts, and periods, left out
 SAMPLED = 2000

@@ -9,7 +9,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vibroimpact.storage import check_output, replacing
+from vibroimpact.files import check_output, replacing
 
 ENDINGS = (".png", ".svg", ".pdf")
 

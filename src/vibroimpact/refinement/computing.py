@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from vibroimpact.backends import check_told, get_backend
 from vibroimpact.backends.base import Counts, Outcome
 from vibroimpact.execution.threads import check_alone, run_sweep, worker_count
-from vibroimpact.options import whole_number
+from vibroimpact.parameters import whole_number
 from vibroimpact.refinement.lattice import Places
 from vibroimpact.refinement.request import RefinedRequest
 

@@ -16,8 +16,9 @@ from vibroimpact.backends import ImpactWindow
 from vibroimpact.backends.starts import check_start
 from vibroimpact.dataset import provenance, status_variable, variable
 from vibroimpact.indices import check_indices
-from vibroimpact.options import Sampling, Tolerances, whole_number
-from vibroimpact.oscillator import ImpactOscillator, State, real_number
+from vibroimpact.options import Sampling, Tolerances
+from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.parameters import real_number, whole_number
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.refinement.computing import Computer, check_place, computing
 from vibroimpact.refinement.curves import POWERS, heights

@@ -9,10 +9,9 @@ import numpy as np
 
 from vibroimpact.backends.base import Cells
 from vibroimpact.backends.starts import make_cells
-from vibroimpact.execution.store import SweepRequest
-from vibroimpact.execution.store.request import SLOW
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.refinement.lattice import Floats, Places
+from vibroimpact.request import SLOW, Request
 
 # What of a cell a parameter decides, beside itself: the start lies that far from the stop, at that phase.
 DECIDES = {
@@ -25,7 +24,7 @@ FEW = 64  # the same, where a cell takes up to seconds
 
 
 @dataclass(frozen=True)
-class RefinedRequest(SweepRequest):
+class RefinedRequest(Request):
     """All that decides a refined map; `axes` are those of the fine grid."""
 
     levels: int = 1
@@ -54,7 +53,7 @@ class RefinedRequest(SweepRequest):
 
     def batch(self, at: Places) -> Batch:
         """Return a request of these cells alone, small enough to travel."""
-        shared = {field.name: getattr(self, field.name) for field in fields(SweepRequest)}
+        shared = {field.name: getattr(self, field.name) for field in fields(Request)}
         pairs = {CELL: np.stack(self._values(at), axis=1)}
         return Batch(**shared | {"axes": pairs}, names=tuple(self.axes))
 
@@ -67,7 +66,7 @@ CELL = "cell"
 
 
 @dataclass(frozen=True)
-class Batch(SweepRequest):
+class Batch(Request):
     """Scattered cells of a plane, in a line: its one axis holds pairs of the values of the parameters `names`."""
 
     names: tuple[str, ...] = ()

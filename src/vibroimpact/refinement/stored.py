@@ -21,10 +21,10 @@ from vibroimpact.execution.store.layout import PACKING, PROGRESS, RECORDS
 from vibroimpact.execution.store.records import CHECKSUM, COLUMNS, DONE, Arrays, Record, checksum, place_of
 from vibroimpact.execution.store.store import SweepStore, open_or_create
 from vibroimpact.execution.store.writer import TileWriter, told
+from vibroimpact.files import load_lazily
 from vibroimpact.refinement.lattice import Places
 from vibroimpact.refinement.picture import FILLED, Picture, level_variable
 from vibroimpact.refinement.request import RefinedRequest
-from vibroimpact.storage import load_lazily
 
 POINTS = "points"
 BATCHES = "batches"  # level and number of cells of each, in the order in which they are asked for

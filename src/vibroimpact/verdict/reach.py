@@ -9,7 +9,8 @@ from difflib import get_close_matches
 
 from vibroimpact.axes import NAMES
 from vibroimpact.dataset import VARIABLES
-from vibroimpact.oscillator import PARAMETERS, ImpactOscillator, real_number
+from vibroimpact.oscillator import PARAMETERS, ImpactOscillator
+from vibroimpact.parameters import real_number
 
 LIGHT = 0.05  # of critical damping: how much is tried where there is none
 CROWDED = 1.5  # values along a path lie at (j/n)^1.5 of its way: a near boundary matters more than a far one

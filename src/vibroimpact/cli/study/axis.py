@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.options import whole_number
 from vibroimpact.oscillator import parameter_value
+from vibroimpact.parameters import whole_number
 
 Floats = NDArray[np.float64]
 

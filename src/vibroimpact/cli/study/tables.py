@@ -22,8 +22,9 @@ from vibroimpact.backends import BACKENDS
 from vibroimpact.cli.study.axis import Floats, axis_values
 from vibroimpact.dataset import SYMBOLS
 from vibroimpact.indices import check_indices
-from vibroimpact.options import Sampling, Tolerances, whole_number
-from vibroimpact.oscillator import ImpactOscillator, State, parameter_value, real_number
+from vibroimpact.options import Sampling, Tolerances
+from vibroimpact.oscillator import ImpactOscillator, State, parameter_value
+from vibroimpact.parameters import real_number, whole_number
 
 # what of a study each public function takes, besides its oscillator and axes
 _MOTION = ("start", "tolerances", "backend", "time_step")

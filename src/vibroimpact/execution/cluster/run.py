@@ -15,9 +15,9 @@ from vibroimpact.execution.cluster.connection import connect
 from vibroimpact.execution.cluster.farm import farm_out
 from vibroimpact.execution.cluster.tiles import WritableTile, cut_out, marked, wait_for_writers
 from vibroimpact.execution.store.records import Record
-from vibroimpact.execution.store.request import SweepRequest
 from vibroimpact.execution.store.run import Executor, StoredTile
 from vibroimpact.execution.store.tiling import CELLS, cut
+from vibroimpact.request import Request
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -61,7 +61,7 @@ def _into_store(client: Client, job: StoredTile, numbers: list[int], stop: Event
 
 
 def in_memory(
-    cluster: Client | str, request: SweepRequest, cells: int | None, stop: Event
+    cluster: Client | str, request: Request, cells: int | None, stop: Event
 ) -> Iterator[tuple[NDArray[np.int64], dict[str, NDArray[Any]]]]:
     """Yield which cells, counted along the grid, have ended, and their indices, until all have or `stop` is set."""
     tiling = cut(request.shape, cells or CELLS)

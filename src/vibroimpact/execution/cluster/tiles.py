@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from vibroimpact.dataset import package_version
 from vibroimpact.execution.store.layout import PROGRESS, RECORDS
 from vibroimpact.execution.store.records import Record
-from vibroimpact.execution.store.request import SweepRequest
 from vibroimpact.execution.store.writer import TileWriter
+from vibroimpact.request import Request
 
 Computed = tuple[dict[str, NDArray[Any]], float]
 Part = tuple[slice, ...]
@@ -29,7 +29,7 @@ MARK = "cluster"  # the file, beside a store's flags, that tells workers that it
 class Tile:
     """A box of a sweep's cells, with its own stretch of the axes only: some kilobytes, however large the grid."""
 
-    request: SweepRequest
+    request: Request
     version: str
 
     def __call__(self) -> Computed:
@@ -42,7 +42,7 @@ class Tile:
         return self.request.compute(tuple(slice(None) for _ in self.request.axes))
 
 
-def cut_out(request: SweepRequest, part: Part) -> Tile:
+def cut_out(request: Request, part: Part) -> Tile:
     """Return the tile of a box of cells."""
     axes = {name: values[along] for (name, values), along in zip(request.axes.items(), part, strict=True)}
     return Tile(replace(request, axes=axes), package_version())

@@ -5,17 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from vibroimpact.execution.store.request import SweepRequest
     from vibroimpact.execution.store.run import in_threads, run_into_store
     from vibroimpact.execution.store.store import StoreBusy, SweepStore, summary
     from vibroimpact.execution.store.writer import settle
 
-__all__ = ["StoreBusy", "SweepRequest", "SweepStore", "in_threads", "run_into_store", "settle", "summary"]
+__all__ = ["StoreBusy", "SweepStore", "in_threads", "run_into_store", "settle", "summary"]
 
-# A request alone, which every map makes, does not wait for Zarr.
+# Whoever imports one name does not wait for what the others need.
 _HOMES = {
     "StoreBusy": "store",
-    "SweepRequest": "request",
     "SweepStore": "store",
     "in_threads": "run",
     "run_into_store": "run",

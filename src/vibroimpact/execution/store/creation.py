@@ -15,9 +15,9 @@ from vibroimpact import memory
 from vibroimpact.execution.store.layout import lay_out
 from vibroimpact.execution.store.locks import LOCK, StoreBusy, locked
 from vibroimpact.execution.store.records import COLUMNS
-from vibroimpact.execution.store.request import SweepRequest
 from vibroimpact.execution.store.tiling import Tiling, cut
-from vibroimpact.storage import remove_folder
+from vibroimpact.files import remove_folder
+from vibroimpact.request import Request
 
 
 def scratch_of(folder: Path) -> Path:
@@ -25,7 +25,7 @@ def scratch_of(folder: Path) -> Path:
     return folder.with_name(f".{folder.name}.part")
 
 
-def create(folder: Path, request: SweepRequest, cells: int) -> None:
+def create(folder: Path, request: Request, cells: int) -> None:
     """Make the store of a request, unless one stands there by now; what a killed process left half made goes."""
     if not folder.parent.is_dir():
         raise FileNotFoundError(f"`store` is {str(folder)!r}; its folder does not exist; make it first")
@@ -50,7 +50,7 @@ def create(folder: Path, request: SweepRequest, cells: int) -> None:
         raise kind(error.errno, message) from error
 
 
-def _check_room(request: SweepRequest, tiling: Tiling) -> None:
+def _check_room(request: Request, tiling: Tiling) -> None:
     """Refuse tiles of which memory cannot hold one, or whose records it cannot hold."""
     many = f"span {math.prod(tiling.shape):,} cells in {len(tiling):,} tiles, whose records take"
     memory.check_fits("axes", many, len(tiling) * COLUMNS * 8, "take fewer points, or larger tiles")

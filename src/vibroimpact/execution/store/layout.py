@@ -14,9 +14,9 @@ from zarr.codecs import ZstdCodec
 
 from vibroimpact.dataset import missing, provenance, status_variable, variable
 from vibroimpact.execution.store.records import COLUMNS
-from vibroimpact.execution.store.request import SweepRequest, key_of
 from vibroimpact.execution.store.tiling import Tiling
 from vibroimpact.formats import ORDER, order_of
+from vibroimpact.request import Request, key_of
 from vibroimpact.status import Status
 
 PROGRESS = "progress"
@@ -25,7 +25,7 @@ RECORDS = "tiles"
 PACKING = ZstdCodec(checksum=True)
 
 
-def lay_out(folder: Path, request: SweepRequest, tiling: Tiling, command: str) -> None:
+def lay_out(folder: Path, request: Request, tiling: Tiling, command: str) -> None:
     """Write a store in which no tile is done."""
     identity = request.identity()
     root = zarr.open_group(folder, mode="w-", zarr_format=3)

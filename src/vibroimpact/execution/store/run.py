@@ -11,11 +11,11 @@ import numpy as np
 import xarray as xr
 
 from vibroimpact.execution.store.records import DONE, Rows
-from vibroimpact.execution.store.request import SweepRequest
 from vibroimpact.execution.store.store import StoreBusy, SweepStore, TileWriter, open_or_create
 from vibroimpact.execution.store.tiling import Tiling
 from vibroimpact.execution.threads import GivenUp, run_tiles
 from vibroimpact.progress import Report, Stop
+from vibroimpact.request import Request
 
 # Computes tiles somewhere and yields each with what came of it: (numbers, seconds), or the record of a stored tile.
 Executor = Callable[[Callable[[int], Any], list[int], Event], Iterator[tuple[int, Any]]]
@@ -40,7 +40,7 @@ def in_threads(workers: int) -> Executor:
 
 
 def run_into_store(
-    request: SweepRequest, path: Any, execute: Executor, report: Report, cells: int | None = None
+    request: Request, path: Any, execute: Executor, report: Report, cells: int | None = None
 ) -> xr.Dataset:
     """Compute the tiles that a store lacks and write them; return the sweep, read from disk where it is looked at."""
     store = open_or_create(path, request, cells or request.usual_tile)
@@ -69,7 +69,7 @@ def run_into_store(
     return store.dataset()
 
 
-def _mend(store: SweepStore, writer: TileWriter, request: SweepRequest) -> Rows:
+def _mend(store: SweepStore, writer: TileWriter, request: Request) -> Rows:
     """Return the records of a store cleared of what was left half written, lost or altered since."""
     writer.sweep_up()
     for name in store.damaged_axes():
@@ -84,7 +84,7 @@ def _mend(store: SweepStore, writer: TileWriter, request: SweepRequest) -> Rows:
 class StoredTile:
     """Computes a tile and writes it, wherever that is done."""
 
-    def __init__(self, request: SweepRequest, tiling: Tiling, writer: TileWriter, stop: Event) -> None:
+    def __init__(self, request: Request, tiling: Tiling, writer: TileWriter, stop: Event) -> None:
         self.request, self.tiling, self.writer, self.stop = request, tiling, writer, stop
 
     def __call__(self, number: int) -> Any:

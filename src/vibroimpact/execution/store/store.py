@@ -30,10 +30,10 @@ from vibroimpact.execution.store.records import (
     place_of,
     summary,
 )
-from vibroimpact.execution.store.request import SweepRequest, differences, key_of, told
 from vibroimpact.execution.store.tiling import CELLS, Tiling
 from vibroimpact.execution.store.writer import TileWriter
-from vibroimpact.storage import load_lazily
+from vibroimpact.files import load_lazily
+from vibroimpact.request import Request, differences, key_of, told
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -169,7 +169,7 @@ class SweepStore:
                 writer.close()
 
 
-def open_or_create(path: str | os.PathLike[str], request: SweepRequest, cells: int = CELLS) -> SweepStore:
+def open_or_create(path: str | os.PathLike[str], request: Request, cells: int = CELLS) -> SweepStore:
     """Return the store of a request: the one that stands there, or a new one.
 
     Raises

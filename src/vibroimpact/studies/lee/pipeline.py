@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from vibroimpact import storage
+from vibroimpact import files
 from vibroimpact.dataset import package_version
-from vibroimpact.options import whole_number
-from vibroimpact.oscillator import real_number
+from vibroimpact.parameters import real_number, whole_number
 from vibroimpact.status import Status
 from vibroimpact.studies.lee import figures, report
 from vibroimpact.studies.lee.claims import CLAIMS, Claim, Finding
@@ -96,7 +95,7 @@ def run(
     total = sum(job.weight for job in plan) + 20 * FIGURE_WEIGHT + len(CLAIMS) * CLAIM_WEIGHT
     stages = Stages(progress, total)
     try:
-        with storage.replacing(target, overwrite=overwrite or target.exists()) as folder:
+        with files.replacing(target, overwrite=overwrite or target.exists()) as folder:
             for part in (folder, folder / "data", folder / "figures"):
                 part.mkdir()
             _write_study(folder, stages, plan, scale, height, workers)
@@ -142,7 +141,7 @@ def _write_study(
     for job in plan:
         tick = stages.begin("maps" if job.weight > 100 else "sections and diagrams", job.text, job.weight)
         results[job.key] = job.make(tick)
-        storage.save(results[job.key], folder / "data" / f"{job.key}.zarr")
+        files.save(results[job.key], folder / "data" / f"{job.key}.zarr")
     plates = list(figures.plates(results, level))
     for plate in plates:
         stages.begin("figures", f"figure {plate.number}", FIGURE_WEIGHT)

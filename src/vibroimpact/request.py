@@ -29,7 +29,7 @@ FEW = 4  # cells of a tile with them
 
 
 @dataclass(frozen=True)
-class SweepRequest:
+class Request:
     """All that decides the numbers of a parameter map; checked by whoever makes it."""
 
     oscillator: ImpactOscillator
