@@ -141,7 +141,7 @@ def coexistence() -> plt.Figure:
 def refinement() -> plt.Figure:
     """Draw a refined map of motions, and which of its cells were computed."""
     axes_of_plane = {"omega": np.linspace(0.5, 5, 65), "mass": np.linspace(0.1, 5, 65)}
-    plane_ = vi.refined_map(vi.ImpactOscillator(), refine=3, along_curves=True, sample_impacts=2000, **axes_of_plane)
+    plane_ = vi.refined_map(vi.ImpactOscillator(), refine=3, sample_impacts=2000, **axes_of_plane)
     figure, (left, right) = plt.subplots(1, 2, figsize=(14, 5.4), layout="constrained")
     vi.plotting.motion_map(plane_, ax=left)
     left.set_title(f"{plane_.sizes['omega']} x {plane_.sizes['mass']} cells")

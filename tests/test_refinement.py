@@ -1,6 +1,5 @@
 """Fine pictures computed where motions change and filled in elsewhere."""
 
-import math
 import tracemalloc
 
 import numpy as np
@@ -11,11 +10,8 @@ import vibroimpact as vi
 from vibroimpact.backends.starts import make_cells
 from vibroimpact.classes import MotionClass
 from vibroimpact.refinement import refined_map, to_uniform
-from vibroimpact.refinement.curves import fill, heights
 from vibroimpact.refinement.lattice import finer
-from vibroimpact.refinement.picture import Picture
 from vibroimpact.refinement.request import RefinedRequest
-from vibroimpact.refinement.scales import Curves
 
 OSC = vi.ImpactOscillator()
 NAMED = ("std", "lyapunov_per_impact", "n_periods", "n_impacts")
@@ -39,13 +35,12 @@ def different(plane, whole):
 @pytest.fixture(scope="module")
 def hard():
     """The hard plane refined eightfold both ways, and computed whole."""
-    planes = [refined_map(OSC, refine=3, along_curves=curves, **BRIEF, **HARD) for curves in (False, True)]
-    return *planes, uniform(planes[0])
+    plane = refined_map(OSC, refine=3, **BRIEF, **HARD)
+    return plane, uniform(plane)
 
 
-@pytest.mark.parametrize("which", [0, 1])
-def test_computed_cells_are_those_of_the_uniform_map_bit_for_bit(hard, which):
-    plane, whole = hard[which], hard[2]
+def test_computed_cells_are_those_of_the_uniform_map_bit_for_bit(hard):
+    plane, whole = hard
     computed = plane["level"].values >= 0
     assert 0 < computed.sum() == plane.attrs["cells_computed"]
     for name in (*NAMED, "status"):
@@ -54,48 +49,7 @@ def test_computed_cells_are_those_of_the_uniform_map_bit_for_bit(hard, which):
 
 def test_the_quadtree_misses_less_than_a_tenth_of_a_percent_of_the_hard_plane(hard):
     assert hard[0].attrs["fraction_computed"] < 0.45  # 0.433
-    assert different(hard[0], hard[2]) < 0.001  # 0.0006
-
-
-def test_curves_need_a_third_of_the_cells_for_one_percent_more(hard):
-    assert hard[1].attrs["fraction_computed"] < hard[0].attrs["fraction_computed"] / 3.0  # 0.138 of 0.433
-    assert different(hard[1], hard[2]) < 0.014  # 0.0133
-
-
-def test_bands_thinner_than_a_cell_are_told_by_the_cells_along_them():
-    axes = {"omega": np.linspace(1.0, 2.0, 201), "mass": np.linspace(1.0, 2.0, 201)}
-    request = RefinedRequest(OSC, axes, NAMED, None, vi.Tolerances(), None)
-    along = Curves(heights(axes), request.cells)
-    height = np.add.outer(*along.parts)
-    bands = np.floor(height / 0.003).astype(np.uint32)  # each 0.8 cells wide, and a motion of its own
-    picture = Picture(bands.shape, NAMED, 500)
-    computed = np.random.default_rng(1).random(bands.shape) < 0.1
-    picture.motion[computed], picture.level[computed] = bands[computed], 0
-    fill(picture, [np.flatnonzero(~computed)], along)
-    inside = np.abs(height / 0.003 % 1.0 - 0.5) < 0.4  # of a band: not where two of them meet
-    inside[:40] = inside[-40:] = inside[:, :40] = inside[:, -40:] = False  # near the border few cells can tell
-    assert (picture.motion != bands)[inside].mean() < 0.003  # 0.0019
-
-
-@pytest.mark.parametrize("second", ["mass", "stiffness"])
-def test_speeds_filled_in_along_a_curve_are_in_proportion_to_the_velocity_scale(second):
-    axes = {"omega": np.linspace(1.0, 2.0, 201), second: np.linspace(1.0, 2.0, 201)}
-    along = Curves(heights(axes), RefinedRequest(OSC, axes, NAMED, None, vi.Tolerances(), None).cells)
-    height = np.add.outer(*along.parts)
-    true = (2.0 + height) / np.sqrt(axes[second])  # V is 1/sqrt(k m) here
-    picture = Picture(height.shape, NAMED, 500)
-    computed = np.random.default_rng(1).random(height.shape) < 0.1
-    picture.values["std"][computed], picture.level[computed] = true[computed], 0
-    fill(picture, [np.flatnonzero(~computed)], along)
-    off = np.abs(picture.values["std"] / true - 1.0)
-    assert np.median(off) < 1e-4
-    assert off.max() < 0.02  # in a corner, where nothing lies beyond on one side
-
-
-def test_curves_are_refused_where_the_gap_changes_along_them():
-    axes = {"omega": [1.0, 2.0], "stiffness": [1.0, 2.0]}
-    with pytest.raises(ValueError, match="along_curves.*stiffness with a gap of 0.5 m.*leave it out"):
-        refined_map(OSC.replace(gap=0.5), refine=1, along_curves=True, **axes)
+    assert different(*hard) < 0.001  # 0.0006
 
 
 def test_indices_filled_in_within_a_motion_err_as_the_square_of_the_coarse_step():
@@ -178,25 +132,14 @@ def test_scattered_cells_are_those_of_the_grid(first, second, start):
     assert all(np.array_equal(getattr(whole, name), getattr(some, name)) for name in vars(whole))
 
 
-def test_heights_add_up_to_frequency_over_natural_frequency():
-    axes = {"omega": np.array([0.5, 2.0]), "stiffness": np.array([1.0, 4.0])}
-    first, second = heights(axes)
-    ratio = [
-        [math.log(vi.ImpactOscillator(omega=w, stiffness=k).omega / math.sqrt(k)) for k in (1, 4)] for w in (0.5, 2)
-    ]
-    assert np.allclose(first[:, None] + second[None, :], ratio, atol=1e-15)
-    assert heights({"omega": np.array([1.0]), "gap": np.array([1.0])}) is None
-
-
-@pytest.mark.parametrize("curves", [False, True])
-def test_a_stopped_sweep_goes_on_where_it_stopped_with_the_same_bits(hard, curves, tmp_path):
+def test_a_stopped_sweep_goes_on_where_it_stopped_with_the_same_bits(hard, tmp_path):
     told = []
 
     def stop(done, total, partial):
         told.append((done, total))
         return done < 500
 
-    request = {"refine": 3, "along_curves": curves, "store": tmp_path / "r.zarr", **BRIEF, **HARD}
+    request = {"refine": 3, "store": tmp_path / "r.zarr", **BRIEF, **HARD}
     partial = refined_map(OSC, progress=stop, **request)
     assert partial.attrs["complete"] == 0
     assert not (partial["status"] == vi.Status.INTERRUPTED).any()  # filled in from what there is
@@ -205,7 +148,7 @@ def test_a_stopped_sweep_goes_on_where_it_stopped_with_the_same_bits(hard, curve
     assert begun[0] == 13 * 13  # the given grid was kept
     assert plane.attrs["complete"] == 1
     for name in (*NAMED, "status", "level"):
-        assert np.array_equal(plane[name].values, hard[curves][name].values, equal_nan=True), name
+        assert np.array_equal(plane[name].values, hard[0][name].values, equal_nan=True), name
     again = []
     assert refined_map(OSC, progress=lambda *seen: again.append(seen), **request).equals(plane)
     assert not again  # nothing was left to do
@@ -232,11 +175,10 @@ def test_a_sweep_stopped_on_its_first_cells_says_which_are_missing():
     assert set(np.unique(plane["status"])) >= {vi.Status.INTERRUPTED}
 
 
-@pytest.mark.parametrize("curves", [False, True])
-def test_memory_is_that_of_the_picture_and_little_more(curves, monkeypatch):
-    for place, number in (("request.CHUNK", 256), ("curves.PORTION", 2048), ("picture.BAND", 8)):
+def test_memory_is_that_of_the_picture_and_little_more(monkeypatch):
+    for place, number in (("request.CHUNK", 256), ("picture.BAND", 8)):
         monkeypatch.setattr(f"vibroimpact.refinement.{place}", number)  # what is taken at a time is next to nothing
-    plane = {"along_curves": curves, "omega": np.linspace(1.5, 2.5, 33), "mass": np.linspace(0.5, 1.5, 33)}
+    plane = {"omega": np.linspace(1.5, 2.5, 33), "mass": np.linspace(0.5, 1.5, 33)}
     refined_map(OSC, refine=1, sample_impacts=50, **plane)  # compiles
     tracemalloc.start()
     try:
@@ -250,7 +192,7 @@ def test_memory_is_that_of_the_picture_and_little_more(curves, monkeypatch):
 
 
 def test_a_refined_map_is_drawn_and_resampled(hard):
-    plane = hard[1]
+    plane = hard[0]
     assert vi.plotting.index_contour(plane).get_xlabel() == r"angular driving frequency $\omega$ [rad/s]"
     assert len(vi.plotting.motion_map(plane).get_legend().get_texts()) > 3
     even = to_uniform(plane, shape=(65, 33))
@@ -268,7 +210,6 @@ def test_a_refined_map_is_drawn_and_resampled(hard):
         ({"mass": [1.0]}, "`mass` has 1 value"),
         ({"gap": [0.0, 0.1]}, "`refine` is given with 3 axes; allowed are two"),
         ({"mass": None}, "`refine` is given with 1 axis; allowed are two"),
-        ({"along_curves": True, "mass": None, "gap": [0.0, 0.1]}, "`along_curves` is true over omega, gap"),
         ({"start": vi.State(1.0)}, "`start` has displacement 1.0"),
     ],
 )

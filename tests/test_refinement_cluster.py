@@ -46,10 +46,6 @@ def test_a_refined_map_on_a_cluster_has_the_bits_of_one_machine(client, whole, t
     assert_same(plane(cluster=client, tile=17, store=tmp_path / "r.zarr"), whole)
 
 
-def test_cells_judged_along_curves_are_the_same_on_a_cluster(client):
-    assert_same(plane(cluster=client, along_curves=True, refine=3), plane(along_curves=True, refine=3))
-
-
 def test_a_sweep_stopped_on_a_cluster_goes_on_here_and_the_other_way_round(client, whole, tmp_path, monkeypatch):
     monkeypatch.setattr("vibroimpact.refinement.request.CHUNK", 32)
     for first, then in (({"cluster": client}, {}), ({}, {"cluster": client})):

@@ -49,7 +49,6 @@ def parameter_map(
     cluster: Client | str | None = None,
     refine: int | None = None,
     jump: float | None = None,
-    along_curves: bool = False,
     progress: bool | Report = False,
     **axes: ArrayLike,
 ) -> xr.Dataset:
@@ -93,7 +92,7 @@ def parameter_map(
         Computes on the workers of a Dask cluster instead of here: a client, `tcp://HOST:PORT` of a running scheduler,
         or `local:N` for N processes of this machine. Workers may come, go and die; those that see the store write
         their tiles there themselves. The result does not depend on them.
-    refine, jump, along_curves : int, float, bool, optional
+    refine, jump : int and float, optional
         Halve the intervals of two axes `refine` times, but compute only where the motion, or an index by more than
         `jump`, changes; see `refined_map`.
     progress : bool or callable
@@ -149,7 +148,7 @@ def parameter_map(
         how |= {"backend": backend, "time_step": time_step, "early_closing": early_closing, "tolerances": tolerances}
         how |= {"workers": workers, "store": store, "tile": tile, "cluster": cluster, "indices": indices, **axes}
         how |= {"progress": progress}
-        return refined_map(osc, refine=refine, jump=jump, along_curves=along_curves, **how)
+        return refined_map(osc, refine=refine, jump=jump, **how)
     check_start(start)
     chosen = check_indices(indices)
     grid = check_axes(axes)

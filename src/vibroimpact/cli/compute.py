@@ -56,7 +56,7 @@ def sweep(function: str, options: Mapping[str, Any]) -> None:
     if options.get("tile") is not None:
         more["tile"] = number(options["tile"])
     if options.get("refine") is not None:
-        more |= {"refine": number(options["refine"]), "along_curves": bool(options.get("along_curves"))}
+        more["refine"] = number(options["refine"])
     if held:
         _into_store(study, options, more, stands=stands)
         return

@@ -124,7 +124,6 @@ def parameter_map(
     cluster: o.Cluster = None,
     tile: o.Tile = None,
     refine: o.Refine = None,
-    along_curves: o.AlongCurves = False,
     out: o.Out = None,
     overwrite: o.Overwrite = False,
     figure: o.Figure = None,

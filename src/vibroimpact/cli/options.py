@@ -79,14 +79,6 @@ Tile = Annotated[
 Refine = Annotated[
     _Text, _how("L", "Halve the intervals of both axes L times, and compute only where the motion changes.")
 ]
-AlongCurves = Annotated[
-    bool,
-    Option(
-        "--along-curves",
-        rich_help_panel="How to compute",
-        help="With --refine over two of w, m, k: a third of the cells; for maps of thousands a side.",
-    ),
-]
 EveryImpact = Annotated[
     bool,
     Option(

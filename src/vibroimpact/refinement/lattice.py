@@ -31,18 +31,6 @@ def quads(field: NDArray[Any]) -> tuple[NDArray[Any], ...]:
     return field[:-1, :-1], field[1:, :-1], field[:-1, 1:], field[1:, 1:]
 
 
-def widen(marked: Flags, margin: int) -> Flags:
-    """Return what is marked with all that lies within `margin` steps of it, diagonals included."""
-    for _ in range(margin):
-        grown = marked.copy()
-        grown[1:] |= marked[:-1]
-        grown[:-1] |= marked[1:]
-        marked = grown.copy()
-        marked[:, 1:] |= grown[:, :-1]
-        marked[:, :-1] |= grown[:, 1:]
-    return marked
-
-
 def points_of(squares: Flags) -> Flags:
     """Return the points of the lattice of half the step that lie in or on the marked squares."""
     rows, columns = squares.shape

@@ -21,13 +21,11 @@ from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.parameters import real_number, whole_number
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.refinement.computing import Computer, check_place, computing
-from vibroimpact.refinement.curves import POWERS, heights
 from vibroimpact.refinement.lattice import finer
 from vibroimpact.refinement.picture import NAMING, Picture, level_variable
 from vibroimpact.refinement.points import Points
 from vibroimpact.refinement.quadtree import refine as refine_picture
 from vibroimpact.refinement.request import RefinedRequest
-from vibroimpact.refinement.scales import Curves
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -40,7 +38,6 @@ def refined_map(
     *,
     refine: int,
     jump: float | None = None,
-    along_curves: bool = False,
     indices: Iterable[str] = ("std",),
     backend: str = "cpu",
     time_step: float | None = None,
@@ -76,11 +73,6 @@ def refined_map(
     jump : float, optional
         Also refine where one of the `indices` differs between neighbours by more than this part of its range over the
         given grid, > 0 and <= 1. None looks at motions alone.
-    along_curves : bool
-        Over two of frequency, mass and stiffness: stop the quadtree at every eighth cell; then let computed cells of
-        nearly the same :math:`\omega/\omega_n`, up to 96 rows away, vote on each cell near a boundary, and compute it
-        only where no motion has nine tenths of the votes. A third of the cells; of thousands of cells a side fewer
-        come out wrong, of hundreds several times as many. Not over stiffness with a gap.
     indices : names
         As of `parameter_map`. The three by which motions are named, `lyapunov_per_impact`, `n_periods` and `n_impacts`,
         come along always.
@@ -113,8 +105,8 @@ def refined_map(
     -----
     A computed cell is bit for bit that of `parameter_map` over the fine axes. An island that lies between the points of
     the given grid is overlooked. The paper's (omega, mass) plane has detail at every scale: at 4097 x 4097 cells the
-    quadtree computes 22 % of them and 0.5 % of the area shows another motion than the uniform map, along curves 7 % and
-    0.35 %. Memory is 30 bytes a fine cell, 8 or 4 more for each further index, and some 60 MB.
+    quadtree computes 22 % of them and 0.5 % of the area shows another motion than the uniform map. Memory is 30 bytes a
+    fine cell, 8 or 4 more for each further index, and some 60 MB.
 
     References
     ----------
@@ -140,15 +132,13 @@ def refined_map(
     if part is not None and not 0.0 < part <= 1.0:
         raise ValueError(f"`jump` is {jump!r}; allowed is None or a number above 0 and up to 1; 0.1 is usual")
     grid = {name: finer(values, levels) for name, values in _plane(check_axes(axes)).items()}
-    parts = _parts(grid, osc) if along_curves else None
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     request = RefinedRequest(
         osc, grid, names, window, tolerances or Tolerances(), start, backend, time_step, early_closing,
-        levels, part, parts is not None,
+        levels, part,
     )  # fmt: skip
     request.cells(np.zeros(1, np.int64))  # refuses a bad start
-    curves = None if parts is None else Curves(parts, request.cells)
     check_place(request, workers, cluster, tile)
     with reporter(progress, "cells") as report, ExitStack() as stack:
         kept = None
@@ -160,7 +150,7 @@ def refined_map(
                 return whole
             kept = stack.enter_context(keeping(stored, request))
         computer = stack.enter_context(computing(request, workers, cluster, tile))
-        return _run(request, curves, computer, report, kept)
+        return _run(request, computer, report, kept)
 
 
 def to_uniform(plane: xr.Dataset, *, shape: tuple[int, int] | None = None) -> xr.Dataset:
@@ -218,24 +208,7 @@ def _plane(given: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.
     return given
 
 
-def _parts(
-    grid: dict[str, NDArray[np.float64]], osc: ImpactOscillator
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return what ln(omega/omega_n) is the sum of, or refuse a plane whose boundaries do not follow its curves."""
-    parts = heights(grid)
-    if parts is None:
-        raise ValueError(
-            f"`along_curves` is true over {', '.join(grid)}; allowed are two of {', '.join(POWERS)}; leave it out"
-        )
-    if "stiffness" in grid and osc.gap != 0.0:
-        raise ValueError(
-            f"`along_curves` is true over stiffness with a gap of {osc.gap:g} m; allowed is a gap of 0, since k g/f "
-            "changes along the curves; leave it out"
-        )
-    return parts
-
-
-def _run(request: RefinedRequest, curves: Curves | None, computer: Computer, report: Report, kept: Any) -> xr.Dataset:
+def _run(request: RefinedRequest, computer: Computer, report: Report, kept: Any) -> xr.Dataset:
     picture = Picture(request.shape, request.indices, request.window.keep)
     dataset = _labelled(request, picture)
 
@@ -244,7 +217,7 @@ def _run(request: RefinedRequest, curves: Curves | None, computer: Computer, rep
         return report(done, total, dataset)
 
     points = Points(request, picture, computer, told, Stop(report), kept)
-    complete = refine_picture(picture, request.levels, request.jump, request.indices, points, curves)
+    complete = refine_picture(picture, request.levels, request.jump, request.indices, points)
     dataset.attrs |= {
         "complete": int(complete),
         "cells_computed": picture.computed,

@@ -29,7 +29,6 @@ class RefinedRequest(Request):
 
     levels: int = 1
     jump: float | None = None
-    along_curves: bool = False
 
     def identity(self) -> dict[str, Any]:
         """Return what two requests must share for one to go on where the other stopped."""
@@ -40,7 +39,7 @@ class RefinedRequest(Request):
         return super().arguments() | self._how()
 
     def _how(self) -> dict[str, Any]:
-        return {"refine": self.levels, "jump": self.jump, "along_curves": self.along_curves}
+        return {"refine": self.levels, "jump": self.jump}
 
     @property
     def chunk(self) -> int:
