@@ -8,8 +8,7 @@ import pytest
 import vibroimpact as vi
 from vibroimpact.orbits import Orbit, find_orbit
 from vibroimpact.orbits.admissibility import contacts
-from vibroimpact.orbits.equations import Cycle, parameters_of
-from vibroimpact.orbits.flights import Flight
+from vibroimpact.orbits.equations import Cycle, Flight, parameters_of
 
 
 def random_oscillator(rng, **fixed):

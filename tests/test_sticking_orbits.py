@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from vibroimpact.continuation.sticking import continue_end_of_sticking
 from vibroimpact.motion import recognise
-from vibroimpact.orbits.sticking import find_sticking_orbit
-from vibroimpact.orbits.sticking_curve import continue_end_of_sticking
-from vibroimpact.orbits.sticking_end import end_of_sticking, scaling_exponent
+from vibroimpact.orbits.sticking import end_of_sticking, find_sticking_orbit, scaling_exponent
 
 # The end of sticking of the default oscillator, by bisection with closed-form flights in 45 digits.
 END = 0.34718041326569632613

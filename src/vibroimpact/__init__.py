@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from vibroimpact.diagrams import bifurcation_diagram
     from vibroimpact.options import Tolerances
     from vibroimpact.orbits import Orbit, find_orbit
-    from vibroimpact.orbits.sticking_end import end_of_sticking
+    from vibroimpact.orbits.sticking import end_of_sticking
     from vibroimpact.oscillator import ImpactOscillator, State
     from vibroimpact.refinement import refined_map, to_uniform
     from vibroimpact.sections import impact_section, simulate, stroboscopic_section
@@ -36,7 +36,7 @@ _HOMES = {
     "classify": "classes",
     "Orbit": "orbits",
     "find_orbit": "orbits",
-    "end_of_sticking": "orbits.sticking_end",
+    "end_of_sticking": "orbits.sticking",
     "continue_orbit": "continuation",
     "switch_branch": "continuation",
     "continue_boundary": "continuation",

@@ -3,8 +3,8 @@
 from vibroimpact.continuation.boundary import continue_boundary
 from vibroimpact.continuation.branch import continue_orbit
 from vibroimpact.continuation.curves import boundary_curves
+from vibroimpact.continuation.points import switch_branch
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, Branch
-from vibroimpact.continuation.switching import switch_branch
 from vibroimpact.continuation.window_matches import compare_windows
 from vibroimpact.continuation.windows import follow_all, stable_windows
 

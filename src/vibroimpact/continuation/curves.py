@@ -8,17 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.boundary import Range, boundary_system, plane_names
-from vibroimpact.continuation.branch import bifurcation_point
-from vibroimpact.continuation.request import check_range, check_step
+from vibroimpact.continuation.boundary import Range, boundary_system, plane_names, trace_boundary
+from vibroimpact.continuation.branch import bifurcation_point, both_ways, branch_system
 from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary
 from vibroimpact.continuation.sticking import ends_on_line, sticking_boundary
-from vibroimpact.continuation.tracing import trace_boundary
-from vibroimpact.continuation.walking import both_ways, branch_system
-from vibroimpact.orbits.building import make_orbit
+from vibroimpact.continuation.system import check_range, check_step
 from vibroimpact.orbits.closed_form import impact_1_orbits
 from vibroimpact.orbits.equations import Cycle, Floats
-from vibroimpact.orbits.sticking_end import StickingEnd
+from vibroimpact.orbits.orbit import make_orbit
+from vibroimpact.orbits.sticking import StickingEnd
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import whole_number
 from vibroimpact.progress import Report, reporter

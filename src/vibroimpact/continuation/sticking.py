@@ -1,19 +1,35 @@
-"""Where sticking ends, as a boundary like the others."""
+"""The end of sticking as a curve in two parameters, followed by circles about its last point.
+
+On a small circle about a point of the boundary the sticking cycle lives on one arc. Where that arc ends, ahead, lies
+the next point: found by bisection, on a path that a corner of the curve cannot evade as it could a straight line.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibroimpact.continuation.results import Boundary
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.orbits.sticking import find_sticking_orbit, from_release
-from vibroimpact.orbits.sticking_curve import continue_end_of_sticking
-from vibroimpact.orbits.sticking_end import StickingEnd, end_of_sticking
+from vibroimpact.orbits.sticking import (
+    KIND,
+    MET,
+    Stick,
+    StickingEnd,
+    checked_interval,
+    end_of_sticking,
+    find_sticking_orbit,
+    from_release,
+    residual,
+)
 from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.parameters import real_number
 
 Range = tuple[float, float]
 LONGEST_STEP = 0.02  # of the ranges
@@ -75,3 +91,313 @@ def ends_on_line(
             end = end_of_sticking(osc.replace(**{parameter: inside}), parameter, (inside, beyond), longest=max(lengths))
             if end.found and end.n_periods in lengths:
                 yield end
+
+
+Floats = NDArray[np.float64]
+Point = tuple[float, float]
+
+# Radians to either side of the tangent, tried in turn; the last ones lead back along a tongue, around its tip.
+FANS = (0.05, 0.1, 0.2, 0.4, 0.8, 1.4, 2.0, 2.4, 2.8, 3.0, 3.08, 3.12)
+ALL_ROUND = 48  # directions tried about the first point
+FINEST_STEP = 1 / 1024  # of the step: only so close together may points lie on either side of a corner
+BAND = 0.12  # of the chord between points: how far off it the curve may lie
+MOST = 2000  # points to either side
+
+
+@dataclass(frozen=True)
+class StickingEndCurve:
+    """A curve on which a sticking cycle ends, in two parameters.
+
+    Parameters
+    ----------
+    parameters : tuple of two str
+        What is varied.
+    values : tuple of two ndarray
+        Their values along the curve.
+    n_periods : int
+        Driving periods of the sticking cycle that ends here.
+    stuck_fraction, residual, release_phase : ndarray
+        Time at rest over T on the sticking side; its power 1/e (see `StickingEnd`); phase of the release.
+    outcome : str
+        "complete" (from edge to edge of the ranges, or closed), else "lost" or "budget".
+    message : str
+        How either side ended.
+    """
+
+    parameters: tuple[str, str]
+    values: tuple[Floats, Floats]
+    n_periods: int
+    stuck_fraction: Floats
+    residual: Floats
+    release_phase: Floats
+    outcome: str
+    message: str
+    kind: str = KIND
+
+    def __len__(self) -> int:
+        return len(self.residual)
+
+
+@dataclass
+class _Plane:
+    """Two parameters of an oscillator, in units of their ranges from the oscillator's own values, and one cycle.
+
+    Beyond the edges of the ranges the plane goes on as it is at the edge.
+    """
+
+    osc: ImpactOscillator
+    names: tuple[str, str]
+    ranges: tuple[Point, Point]
+    n_periods: int
+    look: Callable[[], object]
+    why: str = field(default="", init=False)
+
+    @property
+    def edges(self) -> tuple[Point, Point]:
+        x, y = (
+            ((low - getattr(self.osc, name)) / (high - low), (high - getattr(self.osc, name)) / (high - low))
+            for name, (low, high) in zip(self.names, self.ranges, strict=True)
+        )
+        return x, y
+
+    def holds(self, at: Point) -> bool:
+        return all(low <= z <= high for z, (low, high) in zip(at, self.edges, strict=True))
+
+    def values(self, at: Point) -> Point:
+        x, y = (
+            min(max(getattr(self.osc, name) + z * (high - low), low), high)
+            for z, name, (low, high) in zip(at, self.names, self.ranges, strict=True)
+        )
+        return x, y
+
+    def oscillator(self, at: Point) -> ImpactOscillator:
+        return self.osc.replace(**dict(zip(self.names, self.values(at), strict=True)))
+
+    def stick(self, at: Point) -> Stick | None:
+        """Return the stick that closes a cycle of at most so many periods, or None."""
+        self.look()
+        return from_release(self.oscillator(at), self.n_periods)
+
+    def stuck(self, at: Point) -> float:
+        """Return the stuck time over T of the cycle, or NaN where it is not there."""
+        stick = self.stick(at)
+        return stick.fraction if stick and stick.periods == self.n_periods else math.nan
+
+    def sticks(self, at: Point) -> bool:
+        return not math.isnan(self.stuck(at))
+
+    def bisect(self, place: Callable[[float], Point], out: float, into: float) -> float | None:
+        """Return where along a line the cycle ends, on its side of it, or None if not by its chatter's end."""
+        while (middle := 0.5 * (out + into)) not in (out, into) and self.values(place(out)) != self.values(place(into)):
+            out, into = (out, middle) if self.sticks(place(middle)) else (middle, into)
+        at = place(into)
+        if residual(self.oscillator(at), self.stuck(at)) <= MET:
+            return into
+        other = self.stick(place(out))
+        self.why = (
+            f"the mass comes to rest {self.n_periods - other.periods} periods earlier beyond it"
+            if other and other.periods < self.n_periods
+            else "its stuck time does not go to zero"
+        )
+        return None
+
+
+def _on_circle(centre: Point, radius: float, heading: float) -> Callable[[float], Point]:
+    return lambda angle: (
+        centre[0] + radius * math.cos(heading + angle),
+        centre[1] + radius * math.sin(heading + angle),
+    )
+
+
+def _nearest_crossing(plane: _Plane, place: Callable[[float], Point], fans: Sequence[float], side: int) -> float | None:
+    """Return the crossing nearest to 0 with the cycle on the positive (1), negative (-1) or either (0) side of it."""
+    seen: dict[float, bool] = {}
+    for fan in fans:
+        seen |= {-fan: plane.sticks(place(-fan)), fan: plane.sticks(place(fan))}
+        at = sorted(seen)
+        pairs = [(a, b) if seen[b] else (b, a) for a, b in pairwise(at) if seen[a] != seen[b]]
+        pairs = [(out, into) for out, into in pairs if (into - out) * side >= 0.0]
+        for out, into in sorted(pairs, key=lambda pair: abs(pair[0] + pair[1])):
+            if (found := plane.bisect(place, out, into)) is not None:
+                return found
+    return None
+
+
+def _headings(plane: _Plane, start: Point, step: float) -> dict[int, float]:
+    """Return the directions in which the curve leaves its first point: with the cycle on the left (1), right (-1)."""
+    radius = step
+    while radius > step * FINEST_STEP:
+        place = _on_circle(start, radius, 0.0)
+        angles = [2.0 * math.pi * (j + 0.5) / ALL_ROUND for j in range(ALL_ROUND + 1)]
+        inside = [plane.sticks(place(angle)) for angle in angles]
+        found: dict[int, float] = {}
+        for j in range(ALL_ROUND):
+            if inside[j] != inside[j + 1]:
+                side = 1 if inside[j + 1] else -1
+                out, into = (angles[j], angles[j + 1])[::side]
+                at = plane.bisect(place, out, into)
+                if at is not None:
+                    found.setdefault(side, at)
+        if len(found) == 2:
+            return found
+        radius *= 0.5
+    return {}
+
+
+def _joined(plane: _Plane, last: Point, found: Point, side: int) -> bool:
+    """Return whether the boundary runs along the chord between two points, not on to another piece of it."""
+    dx, dy = found[0] - last[0], found[1] - last[1]
+    for share in (0.25, 0.5, 0.75):
+        x, y = last[0] + share * dx, last[1] + share * dy
+        off = side * BAND
+        if not plane.sticks((x - off * dy, y + off * dx)) or plane.sticks((x + off * dy, y - off * dx)):
+            return False
+    return True
+
+
+def _to_edge(plane: _Plane, last: Point, heading: float, reach: float) -> tuple[Point, int] | None:
+    """Return where the curve meets the edge of the ranges that its tangent points to within `reach`, and the axis."""
+    slope = (math.cos(heading), math.sin(heading))
+    hits = []
+    for axis in (0, 1):
+        if abs(slope[axis]) > 1e-9:
+            edge = plane.edges[axis][1 if slope[axis] > 0.0 else 0]
+            hits.append(((edge - last[axis]) / slope[axis], axis, edge))
+    distance, axis, edge = min(hits)
+    if distance > reach:
+        return None
+    across = last[1 - axis] + distance * slope[1 - axis]
+
+    def place(offset: float) -> Point:
+        return (edge, across + offset) if axis == 0 else (across + offset, edge)
+
+    widths = [reach * 2.0**-j for j in range(6, -2, -1)]
+    found = _nearest_crossing(plane, place, widths, 0)
+    return (place(found), axis) if found is not None and plane.holds(place(found)) else None
+
+
+def _follow(plane: _Plane, start: Point, heading: float, side: int, longest: float) -> tuple[list[Point], str, str]:
+    points = [start]
+    step = longest
+    while len(points) <= MOST:
+        last, finest = points[-1], step <= longest * FINEST_STEP
+        end = _to_edge(plane, last, heading, 1.5 * step)
+        if end and (finest or end[0] == last or _joined(plane, last, end[0], side)):
+            points += [end[0]] if end[0] != last else []
+            return points, "edge", f"at the edge of the range of `{plane.names[end[1]]}`"
+        place = _on_circle(last, step, heading)
+        angle = _nearest_crossing(plane, place, FANS, side)
+        found = last if angle is None else place(angle)
+        if angle is not None and plane.holds(found) and (finest or _joined(plane, last, found, side)):
+            points.append(found)
+            heading += angle
+            step = min(longest, 1.5 * step)
+            if len(points) > 4 and math.dist(found, start) < 0.75 * step and _joined(plane, found, start, side):
+                return [*points, start], "closed", "closed upon itself"
+        elif finest:
+            x, y = plane.values(last)
+            reason = f": {plane.why}" if plane.why else ""
+            return points, "lost", f"lost at {plane.names[0]} = {x:.9g}, {plane.names[1]} = {y:.9g}{reason}"
+        else:
+            step = max(0.5 * step, longest * FINEST_STEP)
+    return points, "budget", f"not at its end after {MOST} points; take a longer `step`"
+
+
+def continue_end_of_sticking(
+    point: StickingEnd,
+    parameters: tuple[str, str],
+    ranges: tuple[tuple[float, float], tuple[float, float]],
+    step: float | None = None,
+    look: Callable[[], object] = bool,
+) -> StickingEndCurve:
+    """Follow an end of sticking to both sides as a curve in two parameters.
+
+    Parameters
+    ----------
+    point : StickingEnd
+        Where to start: what `end_of_sticking` found.
+    parameters : tuple of two str
+        What to vary: two different parameters of the oscillator.
+    ranges : tuple of two pairs of float
+        From where to where, each; the start lies inside.
+    step : float, 0 < step <= 0.2, optional
+        Longest distance between points, as a share of the ranges; 0.02 by default, shorter where the curve turns.
+    look : callable, optional
+        Called before every walk from the release; what it raises ends the search.
+
+    Returns
+    -------
+    StickingEndCurve
+        Its points, each found by bisection to neighbouring floating-point numbers, and how it ended: at an edge of
+        the ranges, closed, or lost (where a chatter in an earlier period takes over, say).
+
+    Raises
+    ------
+    ValueError
+        `point` was not found or lies outside `ranges`, or another argument is out of its range.
+
+    Notes
+    -----
+    A point costs about 70 walks from the release, some 10 ms at r = 0.8. Its residual is below 1e-10, but for the
+    neighbourhood of a graze in the flight, where the stuck time changes infinitely fast.
+
+    Examples
+    --------
+    >>> from vibroimpact.orbits.sticking import end_of_sticking
+    >>> point = end_of_sticking(ImpactOscillator(), "omega", (0.3, 0.4))
+    >>> curve = continue_end_of_sticking(point, ("omega", "restitution"), ((0.3, 0.4), (0.7, 0.9)), step=0.1)
+    >>> curve.outcome, bool(curve.residual.max() < 1e-10)
+    ('complete', True)
+    """
+    plane = _plane(point, parameters, ranges, look)
+    longest = 0.02 if step is None else real_number("step", step, "a number above 0 and up to 0.2")
+    if not 0.0 < longest <= 0.2:
+        raise ValueError(f"`step` is {step!r}; allowed is a number above 0 and up to 0.2; 0.02 is usual")
+    start = (0.0, 0.0)
+    if not plane.holds(start):
+        raise ValueError(f"`ranges` are {ranges!r}; allowed are some that hold the start; widen them")
+    headings = _headings(plane, start, longest)
+    ways: list[tuple[list[Point], str, str]] = []
+    for side, heading in sorted(headings.items()):
+        if not ways or ways[0][1] != "closed":
+            ways.append(_follow(plane, start, heading, side, longest))
+    if not ways:
+        ways = [([start], "lost", "no curve leaves the start" + (f": {plane.why}" if plane.why else ""))]
+    points = ways[0][0][::-1] + (ways[1][0][1:] if len(ways) > 1 else [])
+    ends = {end for _, end, _ in ways}
+    outcome = "lost" if "lost" in ends else "budget" if "budget" in ends else "complete"
+    return _curve(plane, points, outcome, "; ".join(message for _, _, message in ways))
+
+
+def _plane(
+    point: StickingEnd, parameters: tuple[str, str], ranges: tuple[Point, Point], look: Callable[[], object]
+) -> _Plane:
+    if not point.found:
+        raise ValueError(f"`point` is {point.outcome!r}; allowed is one that was found; {point.message}")
+    try:
+        (first, second), (one, two) = parameters, ranges
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"`parameters` are {parameters!r} in `ranges` {ranges!r}; allowed are two of each; give pairs"
+        ) from None
+    if first == second:
+        raise ValueError(f"`parameters` are {parameters!r}; allowed are two different ones; change one")
+    box = checked_interval(first, one, "ranges"), checked_interval(second, two, "ranges")
+    return _Plane(point.oscillator, (first, second), box, point.n_periods, look)
+
+
+def _curve(plane: _Plane, points: list[Point], outcome: str, message: str) -> StickingEndCurve:
+    x, y = (np.array(column) for column in zip(*map(plane.values, points), strict=True))
+    oscillators = [plane.oscillator(at) for at in points]
+    sticks = [plane.stick(at) for at in points]
+    fraction = np.array([stick.fraction if stick else math.nan for stick in sticks])
+    return StickingEndCurve(
+        parameters=plane.names,
+        values=(x, y),
+        n_periods=plane.n_periods,
+        stuck_fraction=fraction,
+        residual=np.array([residual(osc, stuck) for osc, stuck in zip(oscillators, fraction.tolist(), strict=True)]),
+        release_phase=np.array([stick.release_phase if stick else math.nan for stick in sticks]),
+        outcome=outcome,
+        message=message,
+    )

@@ -10,8 +10,8 @@ import numpy as np
 import xarray as xr
 
 from vibroimpact.continuation.branch import continue_orbit
+from vibroimpact.continuation.points import switch_branch
 from vibroimpact.continuation.results import Branch
-from vibroimpact.continuation.switching import switch_branch
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.search import find_orbit
 

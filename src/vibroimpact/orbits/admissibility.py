@@ -9,8 +9,7 @@ import numpy as np
 from vibroimpact.backends import Cells, ImpactWindow, Samples, get_backend
 from vibroimpact.backends.base import Floats
 from vibroimpact.options import Tolerances
-from vibroimpact.orbits.equations import TURN, Cycle, flight_of, parameters_of
-from vibroimpact.orbits.flights import Flight
+from vibroimpact.orbits.equations import TURN, Cycle, Flight, flight_of, parameters_of
 from vibroimpact.oscillator import ImpactOscillator
 
 SAME = 1e-7  # of a period and of the orbit's speed: contacts nearer than this are one

@@ -1,18 +1,25 @@
-"""Find periodic orbits by name."""
+"""Find the periodic orbits of one type.
+
+Orbits with one impact are known in closed form, those that stick by following the mass from its release. For the rest
+Newton's method solves the equations of a cycle, from motions that the engine followed: the attractor reached from rest,
+and a grid over the impact surface.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from vibroimpact.orbits.building import ALIKE, distance, from_hardest, make_orbit, solution_of, true_name
+from vibroimpact.backends import ImpactWindow, Samples, get_backend
+from vibroimpact.backends.starts import make_cells
+from vibroimpact.options import Tolerances
+from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.closed_form import impact_1_orbits
-from vibroimpact.orbits.equations import Cycle, Floats
-from vibroimpact.orbits.newton import solve
-from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.orbits.starts import candidates, cycle_of, followed
+from vibroimpact.orbits.equations import Cycle, Floats, parameters_of
+from vibroimpact.orbits.orbit import ALIKE, Orbit, distance, from_hardest, make_orbit, solution_of, true_name
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.parameters import real_number, whole_number
 
@@ -226,3 +233,125 @@ def _search(osc: ImpactOscillator, cycle: Cycle) -> Orbits:
     if virtual:
         message += f"; {virtual} solutions are no motion of the mass"
     return Orbits(outcome="other_name" if others else "none", message=message)
+
+
+GRID = (40, 28)  # starts on the impact surface: phases, velocities
+TRIES = 40  # of them that Newton's method is given beside the local minima of the miss
+SETTLING = 2000  # impacts left out on the way to the attractor
+
+
+def followed(osc: ImpactOscillator, cycle: Cycle, phases: Floats, velocities: Floats) -> list[Floats | None]:
+    """Return from each impact the p impacts that follow, itself included, and the next: turns and velocities."""
+    return [_chain(seen, cycle.n_impacts) for seen in contacts(osc, phases, velocities, cycle.n_impacts)]
+
+
+def _chain(seen: Samples, p: int) -> Floats | None:
+    """Return turns and velocities of p + 1 impacts in a row, or None if there are fewer."""
+    if len(seen.impact_phase) < p + 1:
+        return None
+    periods, phases, velocities = (
+        column[-p - 1 :] for column in (seen.impact_periods, seen.impact_phase, seen.impact_velocity)
+    )
+    return np.concatenate([periods - periods[0] + phases, velocities])
+
+
+def cycle_of(chain: Floats) -> Floats:
+    """Return the cycle that a chain would be if its last impact were its first again."""
+    p = len(chain) // 2 - 1
+    return np.concatenate([chain[:p], chain[p + 1 : -1]])
+
+
+def _miss(cycle: Cycle, chain: Floats | None, speed: float) -> float:
+    """Return how badly a chain closes after n periods, in turns and parts of a speed; infinite if it is another one."""
+    if chain is None:
+        return np.inf
+    p = cycle.n_impacts
+    late = abs(chain[p] - chain[0] - cycle.n_periods)
+    return float(late + abs(chain[-1] - chain[p + 1]) / speed) if late < 0.5 else np.inf
+
+
+def settled(osc: ImpactOscillator, cycle: Cycle) -> Floats | None:
+    """Return the last impacts of the motion that the mass settles on from rest."""
+    cells = make_cells(osc, None)
+    if osc.gap <= 0.0:  # a hair off balance, else nothing starts
+        cells = replace(cells, velocity=cells.velocity - 1e-3 * osc.velocity_scale)
+    window = ImpactWindow(SETTLING, cycle.n_impacts + 1)
+    (seen,) = get_backend("cpu").samples(cells, window, Tolerances())
+    return _chain(seen, cycle.n_impacts)
+
+
+def candidates(osc: ImpactOscillator, cycle: Cycle) -> list[Floats]:
+    """Return cycles to begin with: the attractor's, then those of a grid on the impact surface that close best."""
+    attractor = settled(osc, cycle)
+    hardest = 0.0 if attractor is None else float(attractor[cycle.n_impacts + 1 :].max())
+    fastest = max(2.0 * osc.velocity_scale, 1.5 * hardest)
+    phases, velocities = np.meshgrid(np.arange(GRID[0]) / GRID[0], fastest * (np.arange(GRID[1]) + 0.5) / GRID[1])
+    chains = followed(osc, cycle, phases.ravel(), velocities.ravel())
+    misses = np.array([_miss(cycle, chain, fastest) for chain in chains]).reshape(phases.shape)
+    # Rows are velocities, columns phases on the circle: nothing beyond the rows comes close.
+    walled = np.pad(np.pad(misses, ((0, 0), (1, 1)), mode="wrap"), ((1, 1), (0, 0)), constant_values=np.inf)
+    around = [np.roll(walled, (a, b), (0, 1))[1:-1, 1:-1] for a in (-1, 0, 1) for b in (-1, 0, 1)]
+    lowest = np.isfinite(misses) & (misses <= np.min(around, axis=0))
+    best = misses.ravel() <= np.partition(misses.ravel(), TRIES)[TRIES]
+    chosen = np.flatnonzero((lowest.ravel() | best) & np.isfinite(misses.ravel()))
+    chosen = chosen[np.argsort(misses.ravel()[chosen])]
+    starts = [chain for chain in [attractor, *(chains[j] for j in chosen)] if chain is not None]
+    return [cycle_of(chain) for chain in starts]
+
+
+MOST = 40
+CLOSE = 1e-9  # relative: the correction after which convergence, being quadratic, is complete
+SINGULAR = 1e13
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Where Newton's method arrived, and whether that is a solution and an isolated one."""
+
+    z: Floats
+    converged: bool
+    singular: bool = False
+
+
+def scales(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> tuple[Floats, Floats]:
+    """Return the sizes of the misses (m, m/s) and of the unknown (turns, m/s)."""
+    p = cycle.n_impacts
+    speed = max(float(np.abs(z[p:]).max()), osc.velocity_scale)
+    length = speed / max(osc.natural_frequency, osc.omega)
+    return np.repeat([length, speed], p), np.repeat([1.0, speed], p)
+
+
+def solve(osc: ImpactOscillator, cycle: Cycle, start: Floats) -> Solved:
+    """Return the orbit that Newton's method reaches from a start, its steps cut while they raise the misses."""
+    parameters, z = parameters_of(osc), np.array(start, dtype=float)
+    rows, columns = scales(osc, cycle, z)
+    misses = _misses(parameters, cycle, z) / rows
+    for _ in range(MOST):
+        matrix = cycle.jacobian(parameters, z) * columns / rows[:, None]
+        if not np.isfinite(matrix).all():
+            break
+        correction = np.linalg.lstsq(matrix, misses, rcond=None)[0]
+        size, part = float(np.abs(correction).max()), 1.0
+        while part > 1e-3:
+            trial = z - part * columns * correction
+            left = _misses(parameters, cycle, trial) / rows
+            if size < CLOSE or (np.abs(left).max() < np.abs(misses).max() and _in_order(cycle, trial)):
+                break
+            part *= 0.5
+        else:
+            break
+        z, misses = trial, left
+        if size < CLOSE:
+            return Solved(z, _in_order(cycle, z), bool(np.linalg.cond(matrix) > SINGULAR))
+    matrix = cycle.jacobian(parameters, z) * columns / rows[:, None]
+    singular = bool(not np.isfinite(matrix).all() or np.linalg.cond(matrix) > 1e6)
+    return Solved(z, False, singular)
+
+
+def _misses(parameters: list[float], cycle: Cycle, z: Floats) -> Floats:
+    return np.array(cycle.misses(parameters, z))
+
+
+def _in_order(cycle: Cycle, z: Floats) -> bool:
+    turns = np.append(z[: cycle.n_impacts], z[0] + cycle.n_periods)
+    return bool((np.diff(turns) > 0.0).all())

@@ -2,7 +2,20 @@ r"""Orbits that come to rest at the stop: from the release, through a chatter, b
 
 The force lets a resting mass go where f sin(w t) falls through k g: once a period, always in the same state. A stick
 erases all memory, so the motion from one release to the next *is* the cycle: an oscillator has one sticking
-orbit or none, and it sticks once a cycle.
+orbit or none, and it sticks once per cycle.
+
+Sticking ends where the end of the chatter meets the release. Close to the release the force pressing the mass falls
+linearly, a = j s with s the time still to go. In the scaled velocity q = v / (j s^2) one impact leads to the next by a
+map of q alone; its fixed point is a chatter that ends in the very release:
+
+    (1 - x)^2 (3 - x) = r (3 - 2 x),     s -> (1 - x) s,     dq -> r (3 - x) / ((3 - 2 x) (1 - x)^3) dq.
+
+Weaker impacts complete their chatter before the release, stronger ones never do. A parameter d away from the end of
+sticking therefore leaves a stuck time that goes as d^e, e = ln(1/(1 - x)) / ln(r (3 - x) / ((3 - 2 x) (1 - x)^3)),
+from 1 at r = 0 down to 0.6 at r = 1: in double precision, d = 1e-16, the mass may still rest for 1e-9 of a period.
+
+A graze does not end sticking: the impact it adds is weightless, and all that follows moves on continuously, if with
+infinite slope. So a sticking cycle is lost at the end of its own chatter, or at that of one in an earlier period.
 """
 
 from __future__ import annotations
@@ -19,7 +32,7 @@ from vibroimpact.backends.starts import make_cells
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.oscillator import PARAMETERS, ImpactOscillator, State, parameter_value
 from vibroimpact.parameters import whole_number
 
 Floats = NDArray[np.float64]
@@ -160,3 +173,173 @@ def sticking_orbit(osc: ImpactOscillator, stick: Stick, weakest: float) -> Orbit
         release_phase=stick.release_phase,
         stuck_time=stick.fraction * osc.period,
     )
+
+
+KIND = "end_of_sticking"
+MET = 1e-7  # most of (stuck time / T)^(1/e): 1e-16 as a rule, its root beside a graze, 1e-2 where it jumps
+LIFTED = 1e-6  # of f: a preload this close to f is not told from one that the force never lifts
+
+
+def scaling_exponent(restitution: float) -> float:
+    """Return e of stuck time ~ distance^e at the end of sticking: 1 at r = 0, 0.6 in the limit r = 1.
+
+    Examples
+    --------
+    >>> round(scaling_exponent(0.8), 6), scaling_exponent(0.0), scaling_exponent(1.0)
+    (0.600318, 1.0, 0.6)
+    """
+    r = restitution
+    if r < 1e-12 or r > 1.0 - 1e-6:
+        return 1.0 if r < 0.5 else 0.6
+    low, high = 0.0, 1.0
+    while (x := 0.5 * (low + high)) not in (low, high):
+        low, high = (x, high) if (1.0 - x) ** 2 * (3.0 - x) > r * (3.0 - 2.0 * x) else (low, x)
+    growth = math.log(r * (3.0 - x) / (3.0 - 2.0 * x)) - 3.0 * math.log1p(-x)
+    return -math.log1p(-x) / growth
+
+
+def residual(osc: ImpactOscillator, stuck_fraction: float) -> float:
+    """Return (stuck time / T)^(1/e): how far the chatter's end is from the release, linear in every parameter."""
+    return float(max(stuck_fraction, 0.0) ** (1.0 / scaling_exponent(osc.restitution)))
+
+
+@dataclass(frozen=True)
+class StickingEnd:
+    """A point of the boundary where a sticking cycle is lost because its chatter's end meets the release.
+
+    Parameters
+    ----------
+    oscillator : ImpactOscillator
+        With the parameter at the boundary: the last value in double precision at which the mass still sticks.
+    parameter, value : str, float
+        What was varied, and its value there; NaN where none was found.
+    n_periods : int
+        Driving periods of the sticking cycle that ends here.
+    stuck_fraction : float
+        Time at rest over T, there.
+    residual : float
+        (stuck time / T)^(1/e), which falls linearly to zero; below 1e-10 where found, but for 1e-7 beside a graze.
+    outcome : str
+        "found"; "no_change" (the same cycle, or none, at both values), "pressed_for_ever" (the mass is never let go
+        beyond `value`), "unresolved" (the stuck time jumps between neighbouring numbers).
+    message : str
+        The same in a sentence.
+    orbit : Orbit or None
+        The sticking cycle at the boundary.
+    """
+
+    oscillator: ImpactOscillator
+    parameter: str
+    value: float = math.nan
+    n_periods: int = 0
+    stuck_fraction: float = math.nan
+    residual: float = math.nan
+    outcome: str = "found"
+    message: str = ""
+    orbit: Orbit | None = None
+    kind: str = KIND
+
+    @property
+    def found(self) -> bool:
+        """Whether this is an end of sticking."""
+        return self.outcome == "found"
+
+
+def end_of_sticking(
+    osc: ImpactOscillator, parameter: str, between: tuple[float, float], *, longest: int = LONGEST
+) -> StickingEnd:
+    r"""Find where a sticking cycle is lost: its chatter's end meets the release and the stuck time is zero.
+
+    .. math:: t_\infty(p) = t_r(p) + n T(p)
+
+    Parameters
+    ----------
+    osc : ImpactOscillator
+        The other six numbers.
+    parameter : str
+        What is varied: a parameter of the oscillator, or "frequency".
+    between : tuple of two float
+        Values of the parameter; the mass sticks at one of them, and does not, or after more periods, at the other.
+    longest : int, >= 1
+        Driving periods after which a mass that has not come to rest is taken not to stick.
+
+    Returns
+    -------
+    StickingEnd
+        The boundary and its outcome; the cycle followed is that of fewer periods.
+
+    Raises
+    ------
+    ValueError
+        `parameter` is none, or `between` holds no two different allowed values.
+
+    Notes
+    -----
+    By bisection on whether the mass rests, down to neighbouring floating-point numbers. The stuck time there is about
+    1e-10 to 1e-8 of T, all that double precision allows (see the exponent e above); a stuck time that is not small
+    there is told as "unresolved". Between values with several ends one of them is found. About 60 walks, 10 to 30 ms.
+
+    Examples
+    --------
+    >>> point = end_of_sticking(ImpactOscillator(), "omega", (0.3, 0.4))
+    >>> point.n_periods, round(point.value, 12)
+    (1, 0.347180413266)
+    """
+    inside, outside = checked_interval(parameter, between)
+
+    def stick_at(value: float, periods: int) -> Stick | None:
+        return from_release(osc.replace(**{parameter: value}), periods)
+
+    ends = {value: stick_at(value, longest) for value in (inside, outside)}
+    names = {value: stick.periods if stick else 0 for value, stick in ends.items()}
+    if names[inside] == names[outside]:
+        what = f"period-{names[inside]} sticking" if names[inside] else "no sticking orbit"
+        message = f"{what} at `{parameter}` = {inside:g} and at {outside:g}; give values with a change between them"
+        return StickingEnd(osc, parameter, outcome="no_change", message=message)
+    if not names[inside] or 0 < names[outside] < names[inside]:
+        inside, outside = outside, inside
+    n_periods = names[inside]
+    narrow = 1e-17 * abs(inside - outside)
+    while abs(inside - outside) > narrow and (middle := 0.5 * (inside + outside)) not in (inside, outside):
+        stick = stick_at(middle, n_periods)
+        if stick and stick.periods == n_periods:
+            inside = middle
+        else:
+            outside = middle
+    beyond = stick_at(outside, n_periods)
+    if beyond and beyond.periods < n_periods:  # lost to the chatter of an earlier period, which has its end here
+        inside, outside = outside, inside
+    return _point(osc.replace(**{parameter: inside}), parameter, inside, osc.replace(**{parameter: outside}))
+
+
+def _point(osc: ImpactOscillator, parameter: str, value: float, beyond: ImpactOscillator) -> StickingEnd:
+    (orbit,) = find_sticking_orbit(osc)
+    fraction = orbit.stuck_time / osc.period
+    left = residual(osc, fraction)
+    outcome, message = "found", ""
+    if left > MET and beyond.stiffness * beyond.gap <= -(1.0 - LIFTED) * beyond.amplitude:
+        outcome = "pressed_for_ever"
+        message = f"beyond `{parameter}` = {value!r} the force no longer lifts the mass off the stop (k g <= -f)"
+    elif left > MET:
+        outcome = "unresolved"
+        message = (
+            f"the mass rests for {fraction:.3g} T at `{parameter}` = {value!r} and does not at the number next to it: "
+            "a long transient magnifies rounding beyond double precision; look for cycles of fewer periods"
+        )
+    return StickingEnd(osc, parameter, value, orbit.n_periods, fraction, left, outcome, message, orbit)
+
+
+def checked_interval(parameter: str, between: tuple[float, float], name: str = "between") -> tuple[float, float]:
+    """Return two different allowed values of a parameter, or say what is allowed."""
+    if parameter not in (*PARAMETERS, "frequency"):
+        raise ValueError(
+            f"`parameter` is {parameter!r}; allowed are {', '.join(PARAMETERS)} and frequency; check the spelling"
+        )
+    try:
+        first, second = between
+    except (TypeError, ValueError):
+        raise ValueError(f"`{name}` is {between!r}; allowed are two values of {parameter}; give a pair") from None
+    first, second = parameter_value(parameter, first), parameter_value(parameter, second)
+    if first == second:
+        raise ValueError(f"`{name}` is {between!r}; allowed are two different values of {parameter}; widen it")
+    return first, second

@@ -9,11 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from vibroimpact.continuation.arclength import tangent
+from vibroimpact.continuation.branch import branch_system, walk
 from vibroimpact.continuation.points import special_orbit
-from vibroimpact.continuation.walking import branch_system, walk
 from vibroimpact.orbits import Orbit
-from vibroimpact.orbits.sticking import from_release
-from vibroimpact.orbits.sticking_end import end_of_sticking
+from vibroimpact.orbits.sticking import end_of_sticking, from_release
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.verdict.edges import Found, steady_start
 from vibroimpact.verdict.present import Present
