@@ -72,7 +72,7 @@ def test_a_simulation_is_told_with_its_hits_and_what_it_settles_to(run):
 def test_a_diagram_is_told_by_its_stretches(run):
     _, told, _ = run("diagram --x omega=1.8:2.2:5 --sample-impacts 200")
     assert told[0] == "5 values of angular driving frequency 1.8 to 2.2 rad/s"
-    assert "  omega 1.8 to 2.2: 1 impact a cycle" in told
+    assert "  omega 1.8 to 2.2: 1 impact per cycle" in told
 
 
 def test_a_map_is_told_by_ranges_shares_and_speed(run):
@@ -226,16 +226,16 @@ def test_a_diagram_tells_where_it_hits_hardest(run, tmp_path):
     diagram = vi.load(tmp_path / "five.nc")
     hardest = diagram["velocity"].max("impact")
     at = int(hardest.values.argmax())
-    assert f"hardest {float(hardest[at]):.4g} m/s at omega {float(diagram['omega'][at]):.4g} rad/s" in told
+    assert f"hardest impact {float(hardest[at]):.4g} m/s at omega {float(diagram['omega'][at]):.4g} rad/s" in told
 
 
 def test_a_diagram_names_cycles_and_chaos_where_indices_tell_them(run):
     _, told, _ = run("diagram --x omega=2:2.8:2 --sample-impacts 2000 --indices all")
     assert [line.split(": ")[1] for line in told if line.startswith("  omega")] == ["period-1 impact-1", "chaotic"]
     _, told, _ = run("diagram --x frequency=0.3183:0.4456:2 --sample-impacts 2000 --indices lyapunov")
-    assert [line.split(": ")[1] for line in told if line.startswith("  freq")] == ["1 impact a cycle", "chaotic"]
+    assert [line.split(": ")[1] for line in told if line.startswith("  freq")] == ["1 impact per cycle", "chaotic"]
     _, told, _ = run("diagram --x omega=2:2.8:2 --sample-impacts 2000")
-    assert [line.split(": ")[1] for line in told if line.startswith("  omega")] == ["1 impact a cycle", "aperiodic"]
+    assert [line.split(": ")[1] for line in told if line.startswith("  omega")] == ["1 impact per cycle", "aperiodic"]
 
 
 def test_a_diagram_leaves_out_how_small_the_impacts_of_a_chatter_became(run):

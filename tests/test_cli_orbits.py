@@ -76,7 +76,7 @@ def test_no_orbit_of_that_name_is_an_answer_and_no_fault(run, tmp_path):
 def test_solutions_that_are_no_motion_of_the_mass_say_why(run):
     _, told, _ = run("orbit -p omega=3 --periods 2")
     assert told[0].startswith("no period-2 impact-1 orbit")
-    assert "no motion of the mass: after impact 1 the mass first hits the stop" in told[2]
+    assert "inadmissible: after impact 1 the mass first hits the stop" in told[2]
 
 
 def test_orbits_as_json_hold_every_digit(run, tmp_path):
@@ -218,7 +218,7 @@ def test_results_of_one_call_come_out_of_a_store_as_they_went_in(tmp_path):
 def test_basins_are_told_with_names_shares_and_hardest_hits(run, tmp_path):
     code, told, _ = run(f"basins -p omega=3.0 {STARTS}")
     assert code == 0
-    assert told[0] == "12 x 10 starts: phase of the driving period 0 to 1; impact velocity 0 to 3 m/s"
+    assert told[0] == "12 x 10 initial conditions: phase of the driving period 0 to 1; impact velocity 0 to 3 m/s"
     assert re.match(r"  [\d.]+ % period-2 impact-2, hardest hit 0.4287 m/s, largest exponent -0.1115 1/s", told[1])
     assert sum(float(line.split()[0]) for line in told if " % " in line) == pytest.approx(100.0, abs=0.5)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import typer
 
 from vibroimpact.cli import output, stored
-from vibroimpact.cli.progress import Meter
+from vibroimpact.cli.progress import Meter, speed
 from vibroimpact.cli.request import Interrupted, WrongRequest, asked, number, read_request
 
 if TYPE_CHECKING:
@@ -118,12 +118,13 @@ def hand_on(
         output.write(dataset, options, out, over)
         typer.echo(f"wrote {out} ({seconds:.2g} s)")
         return
-    from vibroimpact.cli.words import describe
+    from vibroimpact.report import sentences_of
 
-    for line in describe(dataset, seconds):
+    impacts = speed(int(dataset.attrs.get("impacts_computed", 0)), seconds)
+    for line in (*sentences_of(dataset), ", ".join(part for part in (f"computed in {seconds:.2g} s", impacts) if part)):
         typer.echo(line)
     if study is not None and dataset.attrs["function"] == "simulate":
-        typer.echo(f"settles to: {next(describe(_call('impact_section', study)))}")
+        typer.echo(f"settles to: {sentences_of(_call('impact_section', study))[0]}")
 
 
 def keep_finished(

@@ -42,9 +42,14 @@ def asked(*refusals: type[OSError]) -> Iterator[None]:
     except refusals as error:
         raise WrongRequest(error.strerror or str(error)) from error
     except ValueError as error:
-        if "allowed" not in str(error):
+        if not is_refusal(error):
             raise
         raise WrongRequest(str(error)) from error
+
+
+def is_refusal(error: ValueError) -> bool:
+    """Return whether the message names an argument: this package's own refusals do, errors of libraries do not."""
+    return str(error).startswith(("`", "unknown ", "give either ", "invalid "))
 
 
 def read_request(options: Mapping[str, Any], *, axes: str = "grid") -> Study:

@@ -15,14 +15,14 @@ from vibroimpact.cli.request import REFUSALS, Interrupted, asked
 
 def show(options: Mapping[str, Any]) -> None:
     """Draw, export or describe a saved result."""
-    from vibroimpact.cli.words import describe
     from vibroimpact.files import load
+    from vibroimpact.report import sentences_of
 
     output.check_looks(options)
     with asked(OSError):
         dataset = load(options["file"])
         over = output.read(options, "over")
-        lines = list(describe(dataset))
+        lines = sentences_of(dataset)
     out: Path | None = options.get("out")
     if out is None:
         for line in lines:
