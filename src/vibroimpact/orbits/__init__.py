@@ -1,6 +1,6 @@
 """Periodic orbits, stable or not."""
 
-from vibroimpact.orbits.orbit import Orbit
+from vibroimpact.orbits.orbit import Orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.search import Orbits, find_orbit
 
-__all__ = ["Orbit", "Orbits", "find_orbit"]
+__all__ = ["Orbit", "Orbits", "find_orbit", "orbit_distance", "same_orbit"]

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from vibroimpact.orbits.admissibility import ROUNDING, objection
-from vibroimpact.orbits.equations import Cycle, Floats, parameters_of
+from vibroimpact.orbits.equations import TURN, Cycle, Floats, parameters_of
 from vibroimpact.oscillator import ImpactOscillator, State
+
+SAME = 1e-7  # of the fastest impact, and in sine and cosine of the driving angle: nearer than this, two orbits are one
 
 
 @dataclass(frozen=True)
@@ -102,9 +106,6 @@ class Orbit:
         return State(self.oscillator.gap, velocity, phase * self.oscillator.period)
 
 
-ALIKE = 1e-7  # turns, and velocities over the largest one: nearer than this, two orbits are one
-
-
 def make_orbit(osc: ImpactOscillator, cycle: Cycle, z: Floats, message: str | None = None) -> Orbit:
     """Return the orbit of a solution z = (turns, velocities); `message` None asks the engine if it is admissible."""
     p = cycle.n_impacts
@@ -145,33 +146,101 @@ def solution_of(orbit: Orbit) -> tuple[Cycle, Floats]:
     return cycle, np.array([*turns, *orbit.velocities])
 
 
-def rolled(cycle: Cycle, z: Floats, first: int) -> Floats:
-    """Return the same cycle told from another of its impacts, at turns in [0, 1)."""
+def from_hardest(cycle: Cycle, z: Floats) -> Floats:
+    """Return the same cycle from its hardest impact on, at turns in [0, 1) first."""
     p = cycle.n_impacts
+    first = int(np.argmax(z[p:]))
     turns = np.concatenate([z[first:p], z[:first] + cycle.n_periods])
     return np.concatenate([turns - np.floor(turns[0]), np.roll(z[p:], -first)])
-
-
-def from_hardest(cycle: Cycle, z: Floats) -> Floats:
-    """Return the cycle told from its hardest hit on."""
-    return rolled(cycle, z, int(np.argmax(z[cycle.n_impacts :])))
-
-
-def distance(cycle: Cycle, a: Floats, b: Floats) -> float:
-    """Return how far two cycles lie apart, impact by impact: turns on the circle, velocities over the largest."""
-    p = cycle.n_impacts
-    turns = a[:p] - b[:p]
-    apart = np.abs(turns - np.rint(turns[0])).max()
-    return float(max(apart, np.abs(a[p:] - b[p:]).max() / max(np.abs(a[p:]).max(), np.abs(b[p:]).max())))
 
 
 def true_name(cycle: Cycle, z: Floats) -> Cycle:
     """Return the smallest n and p with which the cycle repeats."""
     n, p = cycle.n_periods, cycle.n_impacts
+    impacts, flights = _points(impacts_of(cycle, z), z[p:].max()), np.diff(np.append(z[:p], z[0] + n))
     for parts in range(math.gcd(n, p), 1, -1):
         if math.gcd(n, p) % parts == 0:
-            later = rolled(cycle, z, p // parts)
-            turns = np.diff(np.append(z[:p], z[0] + n)) - np.diff(np.append(later[:p], later[0] + n))
-            if distance(cycle, z, later) < ALIKE and np.abs(turns).max() < ALIKE:
+            moved = [np.abs(table - np.roll(table, p // parts, axis=0)).max() for table in (impacts, flights)]
+            if max(moved) < SAME:
                 return Cycle(n // parts, p // parts)
     return cycle
+
+
+class Impacts(NamedTuple):
+    """The impacts of one cycle, in the order of time: driving phases (or turns) and speeds in m/s."""
+
+    phases: Sequence[float] | Floats
+    velocities: Sequence[float] | Floats
+
+
+def impacts_of(cycle: Cycle, z: Floats) -> Impacts:
+    """Return the impacts of a solution z = (turns, velocities)."""
+    return Impacts(z[: cycle.n_impacts], z[cycle.n_impacts :])
+
+
+class HasImpacts(Protocol):
+    """What has the impacts of one cycle: an orbit, a recognised motion, an attractor."""
+
+    @property
+    def phases(self) -> Sequence[float] | Floats:
+        """Driving phases, in [0, 1)."""
+
+    @property
+    def velocities(self) -> Sequence[float] | Floats:
+        """Speeds just before contact, in m/s."""
+
+
+def orbit_distance(a: HasImpacts, b: HasImpacts) -> float:
+    """Return how far two cycles are apart, whichever impact each begins with.
+
+    Impacts are points (sin, cos, v) of the impact surface: sine and cosine of their driving angle, and speed over the
+    largest of both cycles. The distance is the largest difference of a coordinate over all impacts, with the cyclic
+    shift that makes it smallest.
+
+    Parameters
+    ----------
+    a, b : Orbit, Motion, Attractor or Impacts
+        Whatever has the `phases` and `velocities` of one cycle.
+
+    Returns
+    -------
+    float
+        0 to 2; infinite for cycles of different numbers of impacts.
+
+    Examples
+    --------
+    >>> orbit_distance(Impacts([0.1, 0.6], [2.0, 1.0]), Impacts([0.6, 0.1], [1.0, 2.0]))
+    0.0
+    """
+    if len(a.velocities) != len(b.velocities):
+        return math.inf
+    if not len(a.velocities):
+        return 0.0
+    fastest = max(*a.velocities, *b.velocities)
+    one, other = _points(a, fastest), _points(b, fastest)
+    return min(float(np.abs(one - np.roll(other, shift, axis=0)).max()) for shift in range(len(one)))
+
+
+def _points(cycle: HasImpacts, fastest: float) -> Floats:
+    angles = TURN * np.asarray(cycle.phases)
+    return np.column_stack([np.sin(angles), np.cos(angles), np.asarray(cycle.velocities) / (fastest or 1.0)])
+
+
+def same_orbit(a: HasImpacts, b: HasImpacts, tolerance: float = SAME) -> bool:
+    """Return whether two cycles are one: the package's only test of that.
+
+    Parameters
+    ----------
+    a, b : Orbit, Motion, Attractor or Impacts
+        Whatever has the `phases` and `velocities` of one cycle.
+    tolerance : float
+        Largest `orbit_distance` between cycles that are one; 1e-7 suits solutions of the equations.
+
+    Examples
+    --------
+    >>> from vibroimpact import ImpactOscillator, find_orbit
+    >>> slow, fast = (find_orbit(ImpactOscillator(omega=w))[0] for w in (2.0, 2.0 + 1e-6))
+    >>> same_orbit(slow, fast), same_orbit(slow, fast, tolerance=1e-4)
+    (False, True)
+    """
+    return orbit_distance(a, b) <= tolerance

@@ -19,7 +19,7 @@ from vibroimpact.options import Tolerances
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.closed_form import impact_1_orbits
 from vibroimpact.orbits.equations import Cycle, Floats, parameters_of
-from vibroimpact.orbits.orbit import ALIKE, Orbit, distance, from_hardest, make_orbit, solution_of, true_name
+from vibroimpact.orbits.orbit import Orbit, from_hardest, impacts_of, make_orbit, same_orbit, solution_of, true_name
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.parameters import real_number, whole_number
 
@@ -215,7 +215,7 @@ def _search(osc: ImpactOscillator, cycle: Cycle) -> Orbits:
         if not found.converged or found.singular or found.z[cycle.n_impacts :].min() <= 0.0:
             continue
         z = from_hardest(cycle, found.z)
-        if any(distance(cycle, z, known) < ALIKE for known in solutions):
+        if any(same_orbit(impacts_of(cycle, z), impacts_of(cycle, known)) for known in solutions):
             continue
         name = true_name(cycle, z)
         if name != cycle:
