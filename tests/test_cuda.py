@@ -150,7 +150,7 @@ def machine_code():
     from numba import cuda, types
     from numba.cuda import dispatcher
 
-    from vibroimpact.backends import cuda_kernels
+    from vibroimpact.kernels import device
 
     number, whole = types.float64, types.int64
     table, cube = number[:, ::1], number[:, :, ::1]
@@ -164,13 +164,13 @@ def machine_code():
     }
     thorough = {"step": "step_thoroughly", "close": "close_thoroughly", "hand_out": "hand_out_thoroughly"}
     signatures |= {thorough[name]: signatures[name] for name in thorough}
-    kernels = {name for name, thing in vars(cuda_kernels).items() if isinstance(thing, dispatcher.CUDADispatcher)}
+    kernels = {name for name, thing in vars(device).items() if isinstance(thing, dispatcher.CUDADispatcher)}
     assert kernels == set(signatures)
     with pytest.MonkeyPatch.context() as patch:
         # Helpers that are not inlined ask the device at hand what it can do.
         patch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=(9, 0)))
         return {
-            name: cuda.compile(getattr(cuda_kernels, name).py_func, signature, cc=(9, 0), abi="numba", device=False)[0]
+            name: cuda.compile(getattr(device, name).py_func, signature, cc=(9, 0), abi="numba", device=False)[0]
             for name, signature in signatures.items()
         }
 

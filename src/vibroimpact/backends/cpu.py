@@ -5,14 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.backends.base import Cells, Counts, Floats, ImpactWindow, Outcome, Samples, StroboscopicWindow
-from vibroimpact.backends.cycle import FACTS
-from vibroimpact.backends.endings import ended_as
-from vibroimpact.backends.lane_runner import (
+from vibroimpact.backends.sampling import ended_as, sample
+from vibroimpact.indices import INDICES, VELOCITY_INDICES
+from vibroimpact.kernels.cell import FILLED
+from vibroimpact.kernels.closing import LONGEST
+from vibroimpact.kernels.cycle import FACTS
+from vibroimpact.kernels.lanes import LANES, ROWS
+from vibroimpact.kernels.runner import (
     COLUMNS,
     COUNTED,
     CYCLE_IMPACTS,
@@ -23,6 +28,7 @@ from vibroimpact.backends.lane_runner import (
     LOSS,
     MEAN,
     MISSED,
+    NOTES,
     PER_IMPACT,
     RATE,
     RESTING,
@@ -32,13 +38,8 @@ from vibroimpact.backends.lane_runner import (
     STEPS,
     STICKS,
     THOROUGH_COLUMNS,
-    make_seat,
     run_cells,
 )
-from vibroimpact.backends.sampling import sample
-from vibroimpact.indices import INDICES, VELOCITY_INDICES
-from vibroimpact.kernels.cell import FILLED
-from vibroimpact.kernels.lanes import LANES
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 
@@ -171,7 +172,7 @@ class _Sweep:
 
     def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
         """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
-        seat = make_seat()
+        seat = _seat()
         ended = np.empty(_BATCH, dtype=np.int64)
         facts = np.zeros((LANES, FACTS)) if self.thorough else None
         busy = 1
@@ -179,3 +180,8 @@ class _Sweep:
             number, busy = run_cells(self.cells, self.results, self.ends, self._tickets, seat, ended, *self._how, facts)
             if number:
                 yield ended[:number].copy()
+
+
+def _seat() -> tuple[NDArray[Any], ...]:
+    """Return the arrays of a thread: lanes, the cell in each (-1: none), notes, room for one cycle."""
+    return np.zeros(ROWS * LANES), np.full(LANES, -1), np.zeros((LANES, NOTES)), np.zeros((LONGEST, 4))

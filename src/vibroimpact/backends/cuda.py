@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Outcome, Samples, StroboscopicWindow
-from vibroimpact.backends.closing import LONGEST
 from vibroimpact.backends.cpu import CpuBackend, limits, outcomes, table
-from vibroimpact.backends.cycle import FACTS
-from vibroimpact.backends.lane_runner import COLUMNS, NOTES, THOROUGH_COLUMNS
 from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.kernels.cell import RUNNING
+from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.compilation import config
+from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.lanes import LANES, ROWS
+from vibroimpact.kernels.runner import COLUMNS, NOTES, THOROUGH_COLUMNS
 from vibroimpact.options import Tolerances
 
 Counts = NDArray[np.int64]
@@ -112,15 +112,15 @@ class _Tile:
     def __init__(
         self, rows: Floats, closers: int, window: ImpactWindow, tolerances: tuple[float, float, float], thorough: bool
     ):
-        from vibroimpact.backends import cuda_kernels
+        from vibroimpact.kernels import device
 
         cuda = _numba_cuda()
 
-        self.kernels, self.closers, self.number = cuda_kernels, closers, len(rows)
+        self.kernels, self.closers, self.number = device, closers, len(rows)
         self.step, self.close, self.hand_out = (
-            (cuda_kernels.step_thoroughly, cuda_kernels.close_thoroughly, cuda_kernels.hand_out_thoroughly)
+            (device.step_thoroughly, device.close_thoroughly, device.hand_out_thoroughly)
             if thorough
-            else (cuda_kernels.step, cuda_kernels.close, cuda_kernels.hand_out)
+            else (device.step, device.close, device.hand_out)
         )
         self.transient, self.total = float(window.transient), float(window.transient + window.keep)
         self.stream = cuda.stream()
@@ -137,7 +137,7 @@ class _Tile:
         self.cycles = room(closers, LONGEST, 4)
         self.results = room(self.number, THOROUGH_COLUMNS if thorough else COLUMNS)
         self.cells = cuda.to_device(rows, stream=self.stream)
-        self._launch(cuda_kernels.begin, self.number, self.cells, *self.sums, self.total, *tolerances)
+        self._launch(device.begin, self.number, self.cells, *self.sums, self.total, *tolerances)
 
     def run(self, early_closing: bool) -> tuple[Floats, NDArray[np.int8]]:
         """Return the columns that cells hand out and why each ended.

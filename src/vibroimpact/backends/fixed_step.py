@@ -25,44 +25,13 @@ from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Outcome, Samp
 from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.backends.sampled import TOLD_BY_SAMPLES, energy_loss, impact_indices, samples_of, table_of_indices
 from vibroimpact.indices import VELOCITY_INDICES
-from vibroimpact.kernels.compilation import compiled
+from vibroimpact.kernels.march import march
 from vibroimpact.options import Tolerances
 from vibroimpact.parameters import real_number
 from vibroimpact.status import Status, window_status
 
 TIME_STEP = 0.0005
 _ROOM = 4096  # steps and impacts between two looks at whether the motion has ended
-
-
-@compiled
-def march(law, y, v, step, last, impact_step, impact_velocity):  # type: ignore[no-untyped-def]
-    """March from `step` to `last`, or until the arrays are full; return y, y', the step and the impacts found.
-
-    Time is origin + step h, not a sum over steps, which would gather rounding.
-    """
-    damp, stiff, drive, omega, gap, restitution, origin, h = law
-    found = 0
-    push = drive * math.sin(omega * (origin + step * h))
-    while step < last and found < len(impact_step):
-        push_mid = drive * math.sin(omega * (origin + (step + 0.5) * h))
-        push_end = drive * math.sin(omega * (origin + (step + 1) * h))
-        a1 = push - damp * v - stiff * y
-        v2 = v + 0.5 * h * a1
-        a2 = push_mid - damp * v2 - stiff * (y + 0.5 * h * v)
-        v3 = v + 0.5 * h * a2
-        a3 = push_mid - damp * v3 - stiff * (y + 0.5 * h * v2)
-        v4 = v + h * a3
-        a4 = push_end - damp * v4 - stiff * (y + h * v3)
-        y += h / 6.0 * (v + 2.0 * (v2 + v3) + v4)
-        v += h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
-        push = push_end
-        step += 1
-        if y >= gap and v > 0.0:
-            impact_step[found] = step
-            impact_velocity[found] = v
-            found += 1
-            y, v = gap, -restitution * v
-    return y, v, step, found
 
 
 class Run:

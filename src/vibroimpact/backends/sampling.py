@@ -9,14 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import recorder
 from vibroimpact.backends.base import Floats, ImpactWindow, Samples, StroboscopicWindow, look_schedule
-from vibroimpact.backends.endings import ended_as
-from vibroimpact.backends.lane_recorder import IDLE, record_lanes
-from vibroimpact.backends.lane_runner import LOOK
 from vibroimpact.backends.sampled import samples_of
-from vibroimpact.kernels.cell import RUNNING
+from vibroimpact.kernels import recorder
+from vibroimpact.kernels.cell import DYING, PINNED, QUIET, RUNNING, SPENT
 from vibroimpact.kernels.lanes import LANES
+from vibroimpact.kernels.recorder import IDLE, record_lanes
+from vibroimpact.kernels.runner import LOOK
 from vibroimpact.kernels.traced_lanes import ROWS, TRACE
 from vibroimpact.status import Status, window_status
 
@@ -113,11 +112,11 @@ def _buffers(window: tuple[float, float, float, float], *lanes: int) -> Seen:
 
 
 def _one_by_one(runs: list[_Run], window: tuple[float, float, float, float]) -> None:
-    buffers = _buffers(window)
+    buffers, trace = _buffers(window), np.empty((LOOK, TRACE))
     for run in runs:
         while run.end == RUNNING:
             filled = np.zeros(3, np.int64)
-            run.end = recorder.record(run.memory, window, buffers, filled)
+            run.end = recorder.record(run.memory, window, trace, buffers, filled)
             run.keep(buffers, filled)
 
 
@@ -146,3 +145,15 @@ def _in_lanes(runs: list[_Run], window: tuple[float, float, float, float]) -> No
             if ends[lane] != RUNNING:
                 run.end, run.memory = int(ends[lane]), memory[lane].copy()
                 del seated[lane]
+
+
+def ended_as(end: int, impacts: float | bool) -> Status:
+    """Return the status of a cell that ended so; `impacts` tells whether it had any."""
+    if end in (QUIET, DYING) and not impacts:
+        return Status.NO_IMPACT
+    return {
+        QUIET: Status.STOPPED_IMPACTING,
+        PINNED: Status.STUCK_FOREVER,
+        DYING: Status.DECAYING,
+        SPENT: Status.BUDGET,
+    }.get(end, Status.OK)

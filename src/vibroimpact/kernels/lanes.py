@@ -24,6 +24,36 @@ DU, DP, FOLDS, SIZE0, FOLDS0, SIZE1, FOLDS1, SUM_S, SUM_C, MARGIN, LET_GO = rang
 ROWS = 46
 
 
+@njit(error_model="numpy")
+def constants_of(lanes, i):
+    """Return C, K, A, G, th, Q, r, cut, tail, sr, cr of lane i."""
+    return (
+        lanes[DAMP * LANES + i],
+        lanes[STIFF * LANES + i],
+        lanes[DRIVE * LANES + i],
+        lanes[PRELOAD * LANES + i],
+        lanes[TURN * LANES + i],
+        lanes[TURN2 * LANES + i],
+        lanes[REST * LANES + i],
+        lanes[CUT * LANES + i],
+        lanes[TAIL * LANES + i],
+        lanes[SIN_R * LANES + i],
+        lanes[COS_R * LANES + i],
+    )
+
+
+@njit(error_model="numpy")
+def state_of(lanes, i):
+    """Return u, p, s, c, n of lane i."""
+    return (
+        lanes[U * LANES + i],
+        lanes[P * LANES + i],
+        lanes[S * LANES + i],
+        lanes[C * LANES + i],
+        lanes[N * LANES + i],
+    )
+
+
 @njit(inline="always", error_model="numpy")
 def step_lane(lanes, i, transient, total):
     """Make one certified step in lane i; impacts past `total` no longer count.

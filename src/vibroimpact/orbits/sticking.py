@@ -26,10 +26,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import recorder
 from vibroimpact.backends.cpu import limits, table
 from vibroimpact.backends.starts import make_cells
+from vibroimpact.kernels import recorder
 from vibroimpact.kernels.cell import RUNNING
+from vibroimpact.kernels.runner import LOOK
+from vibroimpact.kernels.traced_lanes import TRACE
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.oscillator import PARAMETERS, ImpactOscillator, State, parameter_value
@@ -76,12 +78,13 @@ def from_release(osc: ImpactOscillator, longest: int) -> Stick | None:
     window = 0.0, 0.0, 1.0, 1.0
     memory = np.zeros(recorder.MEMORY)
     recorder.begin(cell, memory, window, (float(longest), 0.999), allowed)
+    trace = np.empty((LOOK, TRACE))
     parts: list[Floats] = []
     released = False
     while True:
         impacts, looks, sticks = np.empty((_ROOM, 3)), np.empty((1, 2)), np.empty((1, 4))
         filled = np.zeros(3, np.int64)
-        end = recorder.record(memory, window, (impacts, looks, sticks), filled)
+        end = recorder.record(memory, window, trace, (impacts, looks, sticks), filled)
         n_impacts, _, n_sticks = filled
         parts.append(impacts[:n_impacts])
         if n_sticks and released and math.isfinite(sticks[0, 2]):

@@ -6,10 +6,10 @@ import math
 
 from numba import njit
 
-from vibroimpact.backends.lane_access import constants_of, state_of
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, advance
 from vibroimpact.kernels.cell import phase_of
 from vibroimpact.kernels.chatter import tail_duration
+from vibroimpact.kernels.lanes import constants_of, state_of
 from vibroimpact.kernels.near_miss import NONE, least_gap_exactly
 from vibroimpact.kernels.tangent import across_impact, undamped_flow
 from vibroimpact.kernels.thorough_lanes import START

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
-import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
 
-from vibroimpact.backends.closing import LONGEST, try_to_close
-from vibroimpact.backends.cycle import (
+from vibroimpact.kernels import lanes as rows
+from vibroimpact.kernels.cell import FILLED, RUNNING, budgets, cut_velocity, ending, pair_of, phase_of, prepare
+from vibroimpact.kernels.closing import try_to_close
+from vibroimpact.kernels.compilation import compiled
+from vibroimpact.kernels.cycle import (
     IMPACTS,
     LOG_RADIUS,
     MISS,
@@ -19,10 +24,6 @@ from vibroimpact.backends.cycle import (
     UNTOLD,
     describe_turn,
 )
-from vibroimpact.backends.tickets import next_ticket
-from vibroimpact.kernels import lanes as rows
-from vibroimpact.kernels.cell import FILLED, RUNNING, budgets, cut_velocity, ending, pair_of, phase_of, prepare
-from vibroimpact.kernels.compilation import compiled
 from vibroimpact.kernels.lanes import LANES, ROWS, step_lanes
 from vibroimpact.kernels.near_miss import NONE
 from vibroimpact.kernels.thorough_lanes import FOLD, START, step_thorough_lanes
@@ -185,6 +186,17 @@ def close(lanes, i, note, transient, total, early_closing, cycle, facts):
         note[KNOWN] = known
 
 
+@intrinsic
+def next_ticket(typingctx: Any, counter: Any) -> Any:
+    """Return `counter[0]` and add one to it, at one stroke."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, args[0])
+        return builder.atomic_rmw("add", array.data, ir.Constant(ir.IntType(64), 1), "monotonic")
+
+    return types.int64(counter), codegen
+
+
 @compiled
 def run_cells(
     cells, results, ends, tickets, seat, finished, transient, total, chatter, flight_periods, steps_per_impact,
@@ -233,8 +245,3 @@ def run_cells(
                 number += 1
                 owner[i] = -1
     return number, busy
-
-
-def make_seat() -> tuple[np.ndarray, ...]:
-    """Return the arrays of a thread: lanes, the cell in each (-1: none), notes, room for one cycle."""
-    return np.zeros(ROWS * LANES), np.full(LANES, -1), np.zeros((LANES, NOTES)), np.zeros((LONGEST, 4))

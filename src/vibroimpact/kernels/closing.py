@@ -12,12 +12,11 @@ import math
 
 from numba import njit
 
-from vibroimpact.backends.cycle import ALIKE, describe
-from vibroimpact.backends.lane_access import constants_of, state_of
 from vibroimpact.kernels import lanes as rows
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, advance
 from vibroimpact.kernels.cell import phase_of
-from vibroimpact.kernels.lanes import LANES, step_lane
+from vibroimpact.kernels.cycle import ALIKE, describe
+from vibroimpact.kernels.lanes import LANES, constants_of, state_of, step_lane
 from vibroimpact.kernels.tangent import flow, product, saltation
 from vibroimpact.kernels.thorough_lanes import step_thorough_lane
 

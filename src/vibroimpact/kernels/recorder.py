@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
-from vibroimpact.backends.lane_runner import LOOK
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, STUCK, advance
 from vibroimpact.kernels.cell import (
     FILLED,
@@ -24,7 +22,9 @@ from vibroimpact.kernels.cell import (
 from vibroimpact.kernels.chatter import pressed, tail_duration
 from vibroimpact.kernels.compilation import compiled
 from vibroimpact.kernels.flight import evaluate, series
-from vibroimpact.kernels.traced_lanes import TRACE
+from vibroimpact.kernels.lanes import LANES
+from vibroimpact.kernels.runner import LOOK
+from vibroimpact.kernels.traced_lanes import CELL, TRACE, trace_lanes
 
 TURN = 2.0 * math.pi
 # Places in a recorder's memory, which lets a run be interrupted to make room and taken up again: the state and the
@@ -32,6 +32,7 @@ TURN = 2.0 * math.pi
 U, P, S, C, N, DAMP, STIFF, DRIVE, PRELOAD, OMEGA, OMEGA2, REST, CUT, TAIL, SIN_R, COS_R = range(16)
 H, LONGEST, GRANTED, FIRST_N, FIRST_PHASE, REST_N, REST_PHASE, AGE, STEPS, COUNT, LOOKS, DUE = range(16, 28)
 MEMORY = 28
+IDLE = FILLED  # the ending of a lane without a cell
 FADED = 1e-280  # square of a speed, in m a step: whole motion at rest at the stop, to any scale
 SURELY = 1.0 + 1e-9  # periods from the beginning of a period, past which its end certainly lies
 
@@ -193,17 +194,16 @@ def _faded(memory):
 
 
 @compiled
-def record(memory, window, buffers, filled):
+def record(memory, window, trace, buffers, filled):
     """Step on until the window is filled, the motion ends, or a buffer is full.
 
-    Returns the ending; RUNNING asks to be called again with buffers emptied.
+    `trace` has room for LOOK steps. Returns the ending; RUNNING asks to be called again with buffers emptied.
     """
     impacts, looks, sticks = buffers
-    trace = np.empty((LOOK, TRACE))
     end = RUNNING
     while end == RUNNING and filled[0] < len(impacts) and filled[1] < len(looks) and filled[2] < len(sticks):
         u, p, s, c, n = memory[U], memory[P], memory[S], memory[C], memory[N]
-        for k in range(LOOK):
+        for k in range(len(trace)):
             u, p, s, c, n, event, v, x = advance(
                 u, p, s, c, n,
                 memory[DAMP], memory[STIFF], memory[DRIVE], memory[PRELOAD], memory[OMEGA], memory[OMEGA2],
@@ -214,3 +214,23 @@ def record(memory, window, buffers, filled):
                 trace[k, j] = step[j]
         end = read(trace, 1, 0, memory, window, impacts, looks, sticks, filled)
     return end
+
+
+@compiled
+def record_lanes(lanes, trace, memory, ends, window, impacts, looks, sticks, filled):
+    """Step the lanes until a cell ends, or a buffer of one is full.
+
+    Each lane has its own row of `memory`, from which it begins, of `ends`, of the three buffers and of `filled`; those
+    that have ended are left alone.
+    """
+    for i in range(LANES):
+        for row in range(CELL):
+            lanes[row * LANES + i] = memory[i, row]
+    halted = False
+    while not halted:
+        trace_lanes(lanes, trace)
+        for i in range(LANES):
+            if ends[i] == RUNNING:
+                ends[i] = read(trace, LANES, i, memory[i], window, impacts[i], looks[i], sticks[i], filled[i])
+                full = filled[i, 0] == impacts.shape[1] or filled[i, 2] == sticks.shape[1]
+                halted |= ends[i] != RUNNING or full

@@ -8,15 +8,14 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import Any
 
-import numpy as np
 from numba import cuda, njit
 
-from vibroimpact.backends import lane_runner
-from vibroimpact.backends.cycle import IMPACTS, PERIODS
-from vibroimpact.backends.lane_runner import LOOK, MADE, ending_of, harvest, harvest_thoroughly, may_close
+from vibroimpact.kernels import runner
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.compilation import cache_folder, config
+from vibroimpact.kernels.cycle import IMPACTS, PERIODS
 from vibroimpact.kernels.lanes import LANES, step_lane
+from vibroimpact.kernels.runner import LOOK, MADE, ending_of, harvest, harvest_thoroughly, may_close
 from vibroimpact.kernels.thorough_lanes import step_thorough_lane
 
 CLOSES = 100  # a cell that waits for its cycle to be walked; other codes are why a cell ended, or RUNNING
@@ -45,8 +44,12 @@ def _as_it_is(array):
     return array
 
 
+def _unwrapped(array):
+    return array.view()
+
+
 # In the simulator the compiled functions run on the host and want the array inside the simulator's wrapper.
-_plain = np.asarray if SIMULATED else _as_it_is
+_plain = _unwrapped if SIMULATED else _as_it_is
 
 
 @_kernel
@@ -54,7 +57,7 @@ def begin(cells, lanes, notes, facts, states, total, chatter, flight_periods, st
     """Put every cell at its start."""
     j = cuda.grid(1)
     if j < len(cells):
-        lane_runner.begin(
+        runner.begin(
             _plain(lanes[j // LANES]),
             j % LANES,
             _plain(notes[j]),
@@ -111,7 +114,7 @@ def close(waiting, lanes, notes, facts, states, cycles, transient, total, early_
     if t < len(waiting):
         j = waiting[t]
         group, i, note = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j])
-        lane_runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), None)
+        runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), None)
         states[j] = ending_of(group, i, note, total)
 
 
@@ -122,7 +125,7 @@ def close_thoroughly(waiting, lanes, notes, facts, states, cycles, transient, to
     if t < len(waiting):
         j = waiting[t]
         group, i, note, told = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), _plain(facts[j])
-        lane_runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), told)
+        runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), told)
         states[j] = ending_of(group, i, note, total)
 
 
