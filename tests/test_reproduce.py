@@ -15,11 +15,11 @@ import pytest
 
 import vibroimpact as vi
 from vibroimpact.studies.lee import pipeline, run
-from vibroimpact.studies.lee.claims import CLAIMS
-from vibroimpact.studies.lee.claims.maps import merge_runs
+from vibroimpact.studies.lee.claims import merge_runs
 from vibroimpact.studies.lee.laboratory import intervals
+from vibroimpact.studies.lee.pipeline import CLAIMS
 from vibroimpact.studies.lee.rules import (
-    Judgement,
+    Assessment,
     Verdict,
     all_of,
     axis_limit,
@@ -73,8 +73,8 @@ def test_shares_trends_axes_and_names_are_judged_by_their_numbers_alone() -> Non
 
 
 def test_a_statement_of_several_parts_is_as_true_as_its_weakest_part() -> None:
-    parts = [Judgement(HOLDS, "one"), Judgement(CLOSE, "two"), Judgement(HOLDS, "one")]
-    assert all_of(parts) == Judgement(CLOSE, "one; and two")
+    parts = [Assessment(HOLDS, "one"), Assessment(CLOSE, "two"), Assessment(HOLDS, "one")]
+    assert all_of(parts) == Assessment(CLOSE, "one; and two")
 
 
 def test_runs_of_frequencies_are_told_in_words() -> None:
@@ -187,7 +187,7 @@ def test_what_is_found_agrees_with_the_reference_values(claims: dict[str, dict[s
 
 
 def test_a_stopped_study_leaves_nothing_and_says_so(tmp_path: Path) -> None:
-    with pytest.raises(KeyboardInterrupt, match="nothing new lies under"):
+    with pytest.raises(KeyboardInterrupt, match="nothing was written under"):
         run(tmp_path / "study", quick=True, progress=lambda done, total, text: done < 20)
     assert list(tmp_path.iterdir()) == []
 
@@ -195,7 +195,7 @@ def test_a_stopped_study_leaves_nothing_and_says_so(tmp_path: Path) -> None:
 def test_only_a_former_study_is_ever_replaced(tmp_path: Path) -> None:
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "draft.txt").write_text("mine")
-    with pytest.raises(FileExistsError, match="no former study"):
+    with pytest.raises(FileExistsError, match="not an earlier study"):
         run(tmp_path / "thesis", overwrite=True)
     former = tmp_path / "study"
     former.mkdir()

@@ -1,24 +1,91 @@
-"""The paper's twenty figures, drawn from their datasets."""
+"""The paper's twenty figures: the datasets behind them, one public call each, and how they are drawn."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+import vibroimpact as vi
 from vibroimpact import plotting
 from vibroimpact.plotting.style import STYLE
-from vibroimpact.studies.lee.paper import ORBITS, PAIRS, Pair
-from vibroimpact.studies.lee.scale import Scale
+from vibroimpact.studies.lee.paper import INDICES, ORBITS, OSCILLATOR, PAIRS, Pair, Scale, frequencies
 
 Results = Mapping[str, xr.Dataset]
 Draw = Callable[[Axes], Axes]
+Tick = Callable[[float], None]  # receives the completed part of a step, 0 to 1
+Make = Callable[[Tick], xr.Dataset]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One dataset to be computed: its key, what it is, its share of the work, and the call."""
+
+    key: str
+    text: str
+    weight: int
+    make: Make
+
+
+def jobs(scale: Scale, workers: int | None) -> Iterator[Job]:
+    """Yield the datasets in the order of the figures."""
+    along: dict[str, Any] = {"omega": frequencies(scale.columns), "workers": workers}
+    sampling: dict[str, Any] = {
+        "indices": INDICES,
+        "transient_impacts": scale.map_transient,
+        "sample_impacts": scale.map_impacts,
+    }
+
+    def diagram(**changes: float) -> Make:
+        osc, impacts = OSCILLATOR.replace(**changes), scale.column_impacts
+        return lambda _: vi.bifurcation_diagram(
+            osc, **along, transient_impacts=scale.column_transient, sample_impacts=impacts
+        )
+
+    def looks(_: Tick) -> xr.Dataset:
+        return vi.bifurcation_diagram(
+            OSCILLATOR,
+            **along,
+            section="stroboscopic",
+            transient_periods=2 * scale.map_transient,
+            sample_periods=scale.looks,
+        )
+
+    def sections(omega: float) -> tuple[Make, Make]:
+        osc, kept = OSCILLATOR.replace(omega=omega), scale.orbit_impacts
+        return (
+            lambda _: vi.stroboscopic_section(osc, transient_periods=1000, sample_periods=kept),
+            lambda _: vi.impact_section(osc, transient_impacts=1000, sample_impacts=kept),
+        )
+
+    def sweep(pair: Pair) -> Make:
+        axes: dict[str, Any] = {
+            "omega": frequencies(scale.map_points),
+            pair.name: np.linspace(pair.low, pair.high, scale.map_points),
+        }
+        return lambda tick: vi.parameter_map(
+            OSCILLATOR, **axes, **sampling, workers=workers, progress=lambda done, total, _: tick(done / total)
+        )
+
+    yield Job("figure-02", "diagram of the Poincaré displacement", 8, looks)
+    yield Job("figure-03", "diagram of the impact velocity", 8, diagram())
+    for figure, omega in ORBITS.items():
+        for letter, what, make in zip("ab", ("Poincaré", "impact"), sections(omega), strict=True):
+            yield Job(f"figure-{figure:02d}{letter}", f"{what} map at w = {omega:g}", 1, make)
+    yield Job("figure-10", "Std along w", 4, lambda _: vi.parameter_map(OSCILLATOR, **along, **sampling))
+    for pair in PAIRS:
+        yield Job(pair.key, f"map over (w, {pair.symbol})", 200, sweep(pair))
+        for letter, value in zip("ab", pair.examples, strict=True):
+            key, text = f"figure-{pair.map_figure + 1}{letter}", f"diagram at {pair.symbol} = {value:g}"
+            yield Job(key, text, 8, diagram(**{pair.name: value}))
 
 
 @dataclass(frozen=True)

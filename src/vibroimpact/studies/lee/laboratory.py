@@ -1,4 +1,4 @@
-"""Measurements that claims share: public calls on the paper's oscillator, each made once."""
+"""Measurements that several statements need: public calls on the paper's oscillator, each made once."""
 
 from __future__ import annotations
 
@@ -15,11 +15,37 @@ from numpy.typing import NDArray
 
 import vibroimpact as vi
 from vibroimpact.motion import Motion, cycle_length, recognise
-from vibroimpact.studies.lee.paper import OSCILLATOR, TIME_STEP, TOP, WINDOW, pair_of
-from vibroimpact.studies.lee.scale import Scale
+from vibroimpact.studies.lee.paper import INDICES, OSCILLATOR, TIME_STEP, TOP, WINDOW, Scale, frequencies, pair_of
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Test = Callable[[Motion], bool]
+
+
+def sticks(motion: Motion) -> bool:
+    """Whether the mass comes to rest at the stop in each cycle."""
+    return motion.kind == "sticking"
+
+
+def aperiodic(motion: Motion) -> bool:
+    """Whether the impacts never repeat."""
+    return motion.kind == "aperiodic"
+
+
+def periodic(motion: Motion) -> bool:
+    """Whether the motion repeats without sticking."""
+    return motion.kind == "periodic"
+
+
+def repeats(motion: Motion) -> bool:
+    """Whether a motion is stable in the paper's sense: periodic, or sticking in every cycle."""
+    return periodic(motion) or sticks(motion)
+
+
+def period_impact(n_periods: int, n_impacts: int) -> Test:
+    """Return a test for period-n impact-p motions."""
+    name = Motion("periodic", n_periods, n_impacts).name
+    return lambda motion: motion.name == name
 
 
 @dataclass(frozen=True)
@@ -32,7 +58,7 @@ class Window:
 
     @property
     def hardest(self) -> tuple[float, float]:
-        """Largest velocity and its phase; zero and NaN where nothing hits."""
+        """Largest velocity and its phase; zero and NaN without impacts."""
         if not len(self.velocity):
             return 0.0, float("nan")
         at = int(np.argmax(self.velocity))
@@ -46,16 +72,16 @@ class Scan:
     omega: Floats
     motions: tuple[Motion, ...]
 
-    def where(self, has: Callable[[Motion], bool]) -> Flags:
+    def where(self, has: Test) -> Flags:
         """Return which frequencies carry such a motion."""
         return np.array([has(motion) for motion in self.motions])
 
-    def between(self, low: float, high: float) -> Scan:
+    def between(self, low: float | str, high: float | str) -> Scan:
         """Return the part of the scan in [low, high]."""
-        kept = (self.omega >= low - 1e-9) & (self.omega <= high + 1e-9)
+        kept = (self.omega >= float(low) - 1e-9) & (self.omega <= float(high) + 1e-9)
         return Scan(self.omega[kept], tuple(m for m, keep in zip(self.motions, kept, strict=True) if keep))
 
-    def share(self, has: Callable[[Motion], bool]) -> float:
+    def share(self, has: Test) -> float:
         """Return the share of frequencies with such a motion."""
         return float(np.mean(self.where(has)))
 
@@ -71,7 +97,7 @@ class CellSample:
 
 
 class Laboratory:
-    """Holds the datasets of the figures and makes, once each, the further measurements that claims need.
+    """Holds the datasets of the figures and makes, once each, the further measurements that statements need.
 
     Parameters
     ----------
@@ -91,7 +117,7 @@ class Laboratory:
         self.scale, self.results, self.level, self.workers = scale, results, level, workers
         self.section, self.motion, self.scan = cache(self._section), cache(self._motion), cache(self._scan)
         self.window, self.line, self.edge = cache(self._window), cache(self._line), cache(self._edge)
-        self.cells, self.restless = cache(self._cells), cache(self._restless)
+        self.cells, self.unsettled = cache(self._cells), cache(self._unsettled)
 
     def _section(self, start: vi.State | None = None, **changes: float) -> xr.Dataset:
         """Settled impact section of the paper's oscillator with these changes."""
@@ -117,17 +143,19 @@ class Laboratory:
         omega = np.round(np.arange(max(first, 1), last + 1) * pace, 10)
         return Scan(omega, self._motions([{"omega": float(w), **changes} for w in omega]))
 
+    def variant(self, **changes: float) -> Scan:
+        """Motions along w at other parameters than the paper's."""
+        return self.scan(step=self.scale.variant_step, **changes)
+
     def _cells(self, name: str) -> CellSample:
-        """Recognise the motion in every so-many-th cell of a map."""
+        """Recognise the motion in evenly spaced cells of a map."""
         sweep = self.results[pair_of(name).key].transpose("omega", name)
         every = max(1, sweep.sizes["omega"] // self.scale.cells_along)
         part = sweep.isel({dim: slice(every // 2, None, every) for dim in sweep.dims})
         grid = [(float(w), float(value)) for w in part["omega"] for value in part[name]]
         motions = self._motions([{"omega": w, name: value} for w, value in grid])
-        second = np.array([value for _, value in grid])
-        return CellSample(
-            second, part["std"].values.ravel(), np.array([repeats(motion) for motion in motions]), motions
-        )
+        second, stable = np.array([value for _, value in grid]), np.array([repeats(motion) for motion in motions])
+        return CellSample(second, part["std"].values.ravel(), stable, motions)
 
     def _edge(self, name: str, inside: float, outside: float, **changes: float) -> float:
         """Return the frequency nearest `outside` at which a motion, followed from `inside`, keeps its name.
@@ -159,7 +187,7 @@ class Laboratory:
         kept = (time >= WINDOW[0]) & (time <= WINDOW[1])
         return Window(time[kept], velocity[kept], np.mod(time[kept] / osc.period, 1.0))
 
-    def _restless(self, low: float, high: float) -> str:
+    def _unsettled(self, low: float, high: float) -> str:
         """Say at how many frequencies of an interval the paper's scheme shows no cycle within its window."""
         omega = np.arange(low, high + 1e-9, 0.05)
         seen = [self.window(omega=float(w)) for w in omega]
@@ -168,11 +196,10 @@ class Laboratory:
 
     def _line(self, low: float = 0.0, high: float = TOP, columns: int | None = None, **changes: float) -> xr.Dataset:
         """Indices along w at the map's sampling; the first frequency is one step above `low`."""
-        omega = np.linspace(low, high, (columns or self.scale.columns) + 1)[1:]
         return vi.parameter_map(
             OSCILLATOR.replace(**changes),
-            omega=omega,
-            indices=("std", "mean_velocity", "max_velocity", "impacts_per_period"),
+            omega=frequencies(columns or self.scale.columns, low, high),
+            indices=INDICES,
             transient_impacts=self.scale.map_transient,
             sample_impacts=self.scale.map_impacts,
             workers=self.workers,
@@ -182,9 +209,21 @@ class Laboratory:
         """Return frequency and height of the largest impact velocity within `width` of a frequency."""
         return highest(self.line(low=near - width, high=near + width, columns=101, **changes))
 
+    def first_resonance(self, **changes: float) -> tuple[float, float]:
+        """Return frequency and height of the largest impact velocity near 2 w_n."""
+        return self.peak(2 * OSCILLATOR.replace(**changes).natural_frequency, **changes)
+
     def largest(self, **changes: float) -> tuple[float, float]:
         """Return frequency and height of the largest impact velocity over all of w."""
         return highest(self.line(**changes))
+
+    def distinct_looks(self, omega: float) -> int:
+        """Return how many points of a settled Poincare map differ by more than 1e-6 V."""
+        osc = OSCILLATOR.replace(omega=omega)
+        looks = vi.stroboscopic_section(osc, transient_periods=self.scale.settle_impacts, sample_periods=64)
+        points = np.stack([looks["displacement"].values * osc.natural_frequency, looks["velocity"].values], axis=1)
+        differ = np.abs(points[:, None] - points[None]).max(axis=2) > 1e-6 * osc.velocity_scale
+        return int(np.sum(~np.tril(~differ, -1).any(axis=1)))
 
 
 def highest(line: xr.Dataset) -> tuple[float, float]:
@@ -194,30 +233,26 @@ def highest(line: xr.Dataset) -> tuple[float, float]:
     return float(line["omega"][at]), float(velocity[at])
 
 
-def repeats(motion: Motion) -> bool:
-    """Whether a motion is stable in the paper's sense: periodic, or sticking in every cycle."""
-    return motion.kind in ("periodic", "sticking")
+def commonest(motions: tuple[Motion, ...], flags: Flags, most: int = 4) -> str:
+    """Return the names of the commonest flagged motions and how often each occurs."""
+    names = [motion.name for motion, has in zip(motions, flags, strict=True) if has]
+    ranked = sorted(set(names), key=lambda name: (-names.count(name), name))[:most]
+    return ", ".join(f"{name} {names.count(name)}x" for name in ranked) or "none"
 
 
 def intervals(omega: Sequence[float] | Floats, flags: Flags, most: int = 4) -> str:
-    """Return in words the runs of consecutive frequencies that are flagged, the widest ones if there are many.
+    """Return as text the runs of consecutive frequencies that are flagged, the widest ones if there are many.
 
     Examples
     --------
     >>> intervals([0.1, 0.2, 0.3, 0.4, 0.5], np.array([True, True, False, False, True]))
     'at w = 0.1 to 0.2, 0.5'
     """
-    runs: list[tuple[float, float]] = []
-    start: float | None = None
-    for index, flag in enumerate(flags):
-        if flag and start is None:
-            start = float(omega[index])
-        if start is not None and (not flag or index == len(flags) - 1):
-            runs.append((start, float(omega[index if flag else index - 1])))
-            start = None
-    widest = sorted(sorted(runs, key=lambda run: run[0] - run[1])[:most])
-    said = ", ".join(f"{a:g}" if a == b else f"{a:g} to {b:g}" for a, b in widest)
+    ends = np.flatnonzero(np.diff(np.pad(np.asarray(flags, dtype=int), 1)))
+    runs = [(float(omega[first]), float(omega[end - 1])) for first, end in zip(ends[::2], ends[1::2], strict=True)]
     if not runs:
         return "at no frequency"
+    widest = sorted(sorted(runs, key=lambda run: run[0] - run[1])[:most])
+    shown = ", ".join(f"{a:g}" if a == b else f"{a:g} to {b:g}" for a, b in widest)
     rest = len(runs) - most
-    return f"at w = {said}" + (f" and {rest} narrower interval{'s' if rest > 1 else ''}" if rest > 0 else "")
+    return f"at w = {shown}" + (f" and {rest} narrower interval{'s' if rest > 1 else ''}" if rest > 0 else "")

@@ -1,8 +1,11 @@
-"""What the paper sets: its oscillator, its figures and the parameters they were drawn at."""
+"""What the paper prescribes: its oscillator, its figures, their parameters; and the grids that the study uses."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 import vibroimpact as vi
 
@@ -14,7 +17,8 @@ OSCILLATOR = vi.ImpactOscillator(mass=1.0, damping=0.01, stiffness=1.0, amplitud
 WINDOW = (100.0, 150.0)  # s; what the paper's simulations keep
 TIME_STEP = 0.0005  # s; of its Runge-Kutta scheme
 TOP = 5.0  # rad/s; end of every frequency axis
-LEVEL = 0.05  # m/s; height of a boundary unless told otherwise, 5 % of f / sqrt(k m)
+LEVEL = 0.05  # m/s; default height of a boundary, 5 % of f / sqrt(k m)
+INDICES = ("std", "mean_velocity", "max_velocity", "impacts_per_period")  # of every map and line along w
 
 # figure: driving frequency of its Poincare map (a) and impact map (b)
 ORBITS = {4: 0.10, 5: 0.25, 6: 0.75, 7: 1.0, 8: 2.0, 9: 2.8}
@@ -65,3 +69,41 @@ PAIRS = (
 def pair_of(name: str) -> Pair:
     """Return the pair whose second parameter has this name."""
     return next(pair for pair in PAIRS if pair.name == name)
+
+
+def frequencies(points: int, low: float = 0.0, high: float = TOP) -> NDArray[np.float64]:
+    """Return `points` evenly spaced driving frequencies in (low, high], rad/s."""
+    return np.linspace(low, high, points + 1)[1:]
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Grids and counts of one run of the study."""
+
+    name: str
+    map_points: int  # along either axis of the five two-parameter maps
+    map_transient: int  # impacts left out in each cell of a map and along each line of Std
+    map_impacts: int  # impacts kept there
+    columns: int  # frequencies of a bifurcation diagram and of a line of Std
+    column_transient: int  # impacts left out in a column of a diagram
+    column_impacts: int  # impacts kept there
+    looks: int  # stroboscopic samples kept in a column of figure 2, after 2 `map_transient` periods
+    orbit_impacts: int  # impacts, and periods, kept on the sections of figures 4 to 9
+    scan_step: float  # rad/s between the frequencies at which motions are recognised
+    variant_step: float  # the same at parameters other than the paper's
+    cells_along: int  # cells of a map, along either axis, in which the motion is recognised
+    settle_impacts: int  # left out where a motion is recognised
+    settled_impacts: int  # kept there
+    dpi: int  # of the figures
+
+
+PAPER = Scale(
+    name="full", map_points=200, map_transient=100, map_impacts=5000,
+    columns=1000, column_transient=200, column_impacts=150, looks=100, orbit_impacts=5000,
+    scan_step=0.01, variant_step=0.02, cells_along=25, settle_impacts=2000, settled_impacts=1000, dpi=150,
+)  # fmt: skip
+QUICK = Scale(
+    name="quick", map_points=40, map_transient=50, map_impacts=300,
+    columns=150, column_transient=100, column_impacts=100, looks=50, orbit_impacts=1000,
+    scan_step=0.01, variant_step=0.05, cells_along=13, settle_impacts=1000, settled_impacts=500, dpi=90,
+)  # fmt: skip

@@ -6,28 +6,37 @@ import json
 import os
 import sys
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from vibroimpact import files
-from vibroimpact.dataset import package_version
+import vibroimpact as vi
+from vibroimpact.files import replacing
 from vibroimpact.parameters import real_number, whole_number
-from vibroimpact.status import Status
 from vibroimpact.studies.lee import figures, report
-from vibroimpact.studies.lee.claims import CLAIMS, Claim, Finding
+from vibroimpact.studies.lee.claims import Claim
 from vibroimpact.studies.lee.laboratory import Laboratory
-from vibroimpact.studies.lee.paper import LEVEL, OSCILLATOR, PAIRS
-from vibroimpact.studies.lee.results import Job, jobs
-from vibroimpact.studies.lee.scale import PAPER, QUICK, Scale
-from vibroimpact.studies.lee.stages import Progress, Stages
+from vibroimpact.studies.lee.paper import LEVEL, OSCILLATOR, PAIRS, PAPER, QUICK, Scale
+from vibroimpact.studies.lee.section_3 import general, sticking
+from vibroimpact.studies.lee.section_3_2 import between, first_chaos, second_chaos
+from vibroimpact.studies.lee.section_3_5 import conclusions, statistical
+from vibroimpact.studies.lee.section_4 import amplitude, damping, mass, restitution, stiffness
 
-RECORD, REPORT = "study.json", "report.html"  # the record is also what tells a former study from any other folder
+SECTIONS = (
+    general, sticking, first_chaos, between, second_chaos, statistical,
+    mass, damping, stiffness, amplitude, restitution, conclusions,
+)  # fmt: skip
+CLAIMS: tuple[Claim, ...] = tuple(claim for section in SECTIONS for claim in section.claims)
+RECORD, REPORT = "study.json", "report.html"  # the record also marks a folder as an earlier study
 FIGURE_WEIGHT, CLAIM_WEIGHT = 5, 2
+
+Progress = bool | Callable[[int, int, str], Any]
 
 
 def run(
@@ -39,23 +48,23 @@ def run(
     workers: int | None = None,
     progress: Progress = False,
 ) -> Path:
-    """Compute the source paper's figures and judge its statements; write a folder with a report.
+    """Compute the source paper's figures and test its statements; write a folder with a report.
 
     Parameters
     ----------
     out : path
-        The folder to be made: `report.html`, `figures/` (PNG, SVG), `data/` (Zarr) and `study.json`.
+        The folder to create: `report.html`, `figures/` (PNG, SVG), `data/` (Zarr) and `study.json`.
     quick : bool
         Whether to use coarse grids (well under a minute) in place of the paper's.
     level : float, > 0
-        Height in m/s at which boundaries of Std are drawn and judged; None is 0.05, 5 % of f / sqrt(k m).
+        Height in m/s of the boundaries of Std; None is 0.05, 5 % of f / sqrt(k m).
     overwrite : bool
-        Whether a former study at `out` may be replaced; nothing else ever is.
+        Whether an earlier study at `out` may be replaced; nothing else ever is.
     workers : int, optional
-        Threads of a sweep; None is one a core.
+        Threads of a sweep; None is one per core.
     progress : bool or callable
-        True writes a line to the error stream as each step begins; a callable is given
-        (work done, work in all, text), and stops the study by returning False.
+        True writes a line to the error stream as each step begins; a callable receives
+        (work done, total work, text), and stops the study by returning False.
 
     Returns
     -------
@@ -69,7 +78,7 @@ def run(
     OSError
         `out` exists and must not be replaced, or cannot be written; what was there stays.
     KeyboardInterrupt
-        The study was stopped; nothing new lies under `out`.
+        The study was stopped; nothing was written under `out`.
 
     Notes
     -----
@@ -91,16 +100,16 @@ def run(
         whole_number("workers", workers, 1)
     target = _check_folder(out, overwrite=overwrite)
     scale = QUICK if quick else PAPER
-    plan = list(jobs(scale, workers))
+    plan = list(figures.jobs(scale, workers))
     total = sum(job.weight for job in plan) + 20 * FIGURE_WEIGHT + len(CLAIMS) * CLAIM_WEIGHT
     stages = Stages(progress, total)
     try:
-        with files.replacing(target, overwrite=overwrite or target.exists()) as folder:
+        with replacing(target, overwrite=overwrite or target.exists()) as folder:
             for part in (folder, folder / "data", folder / "figures"):
                 part.mkdir()
             _write_study(folder, stages, plan, scale, height, workers)
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"stopped during {stages.text!r}; nothing new lies under {str(out)!r}") from None
+        raise KeyboardInterrupt(f"stopped during {stages.text!r}; nothing was written under {str(out)!r}") from None
     return target / REPORT
 
 
@@ -117,13 +126,15 @@ def _check_folder(out: str | os.PathLike[str], *, overwrite: bool) -> Path:
     target, shown = Path(out).absolute(), repr(str(out))
     if os.path.lexists(target) and not _is_empty_folder(target):
         if not (target / RECORD).is_file():
-            raise FileExistsError(f"`out` is {shown}, which exists and is no former study; choose another name")
+            raise FileExistsError(f"`out` is {shown}, which exists and is not an earlier study; choose another name")
         if not overwrite:
-            raise FileExistsError(f"`out` is {shown}, a former study; allow overwriting or choose another name")
+            raise FileExistsError(f"`out` is {shown}, an earlier study; allow overwriting or choose another name")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OSError(error.errno, f"`out` is {shown}; its parent folder cannot be made ({error.strerror})") from error
+        raise OSError(
+            error.errno, f"`out` is {shown}; its parent folder cannot be created ({error.strerror})"
+        ) from error
     if not os.access(target.parent, os.W_OK | os.X_OK):
         raise PermissionError(f"`out` is {shown}; its parent folder cannot be written to; choose another one")
     return target
@@ -133,75 +144,113 @@ def _is_empty_folder(path: Path) -> bool:
     return path.is_dir() and not path.is_symlink() and not any(path.iterdir())
 
 
+class Stages:
+    """Reports progress step by step and measures the time of each stage.
+
+    Parameters
+    ----------
+    progress : bool or callable
+        As of `run`.
+    total : int
+        Total work, in the units of the steps' weights.
+    """
+
+    def __init__(self, progress: Progress, total: int) -> None:
+        self.seconds: dict[str, float] = {}
+        self.text = ""
+        self._progress, self._total, self._done = progress, total, 0
+        self._since = perf_counter()
+
+    def begin(self, stage: str, text: str, weight: int) -> figures.Tick:
+        """Open a step of a stage; return the function that reports its completed part."""
+        self._close()
+        self._stage, self._weight, self.text = stage, weight, text
+        if self._progress is True:
+            print(f"[{self._done / self._total:4.0%}] {stage}: {text}", file=sys.stderr, flush=True)
+        self._tick(0.0)
+        return self._tick
+
+    def finish(self) -> None:
+        """Close the last step."""
+        self._close()
+        self._report(self._total)
+
+    def _tick(self, part: float) -> None:
+        self._report(self._done + int(part * self._weight))
+
+    def _report(self, done: int) -> None:
+        if callable(self._progress) and self._progress(done, self._total, self.text) is False:
+            raise KeyboardInterrupt
+
+    def _close(self) -> None:
+        now = perf_counter()
+        if self.text:
+            self.seconds[self._stage] = self.seconds.get(self._stage, 0.0) + now - self._since
+            self._done += self._weight
+        self._since = now
+
+
 def _write_study(
-    folder: Path, stages: Stages, plan: list[Job], scale: Scale, level: float, workers: int | None
+    folder: Path, stages: Stages, plan: list[figures.Job], scale: Scale, level: float, workers: int | None
 ) -> None:
-    """Compute, draw, judge and report into an unfinished folder."""
+    """Compute, draw, test and report into an unfinished folder."""
     results: dict[str, xr.Dataset] = {}
     for job in plan:
         tick = stages.begin("maps" if job.weight > 100 else "sections and diagrams", job.text, job.weight)
         results[job.key] = job.make(tick)
-        files.save(results[job.key], folder / "data" / f"{job.key}.zarr")
+        vi.save(results[job.key], folder / "data" / f"{job.key}.zarr")
     plates = list(figures.plates(results, level))
     for plate in plates:
         stages.begin("figures", f"figure {plate.number}", FIGURE_WEIGHT)
         figures.draw(plate, folder / "figures", scale)
     lab = Laboratory(scale, results, level, workers)
-    judged: list[tuple[Claim, Finding]] = []
+    tested: list[report.Tested] = []
     for claim in CLAIMS:
         stages.begin("statements", f"statement {claim.id}", CLAIM_WEIGHT)
-        judged.append((claim, claim.measure(lab)))
+        tested.append((claim, claim.measure(lab)))
     stages.finish()
     facts = _facts(scale, level, results, stages)
-    report.write(folder / REPORT, plates, judged, facts, level)
-    _write_record(folder / RECORD, judged, facts)
+    report.write(folder / REPORT, plates, tested, facts, level)
+    _write_record(folder / RECORD, tested, facts)
 
 
 def _facts(scale: Scale, level: float, results: dict[str, xr.Dataset], stages: Stages) -> dict[str, str]:
     """Return what was computed, with what, when, and how long it took."""
     osc = ", ".join(f"{name} {value:g}" for name, value in asdict(OSCILLATOR).items() if name != "omega")
-    settings = ", ".join(f"{name} {value}" for name, value in asdict(scale).items())
+    cells, each = len(PAIRS) * scale.map_points**2, scale.map_transient + scale.map_impacts
+    ranges = "; ".join(f"{pair.symbol} {pair.low:g} to {pair.high:g}" for pair in PAIRS)
     facts = {
-        "version": f"vibroimpact {package_version()}, Python {sys.version.split()[0]}, NumPy {np.__version__}",
+        "version": f"{results['figure-03'].attrs['source']}, Python {sys.version.split()[0]}, NumPy {np.__version__}",
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "oscillator": osc + " (unless varied); each motion starts from rest at the stop at time 0",
-        "settings": settings,
+        "oscillator": f"{osc} (unless varied); each motion starts from rest at the stop at time 0",
+        "settings": ", ".join(f"{name} {value}" for name, value in asdict(scale).items()),
         "boundary level": f"{level:g} m/s",
-        "axes of the maps": "w above 0 to 5; "
-        + "; ".join(f"{pair.symbol} {pair.low:g} to {pair.high:g}" for pair in PAIRS)
-        + " (the paper prints none beyond w)",
+        "axes of the maps": f"w above 0 to 5; {ranges} (the paper prints none beyond w)",
+        "work": f"maps: {cells} cells of {scale.map_transient} + {scale.map_impacts} impacts, {cells * each:.3g} in "
+        f"all; diagrams: {2 + 2 * len(PAIRS)} of {scale.columns} columns",
     }
-    cells = len(PAIRS) * scale.map_points**2
-    each = scale.map_transient + scale.map_impacts
-    facts["work"] = (
-        f"maps: {cells} cells of {scale.map_transient} + {scale.map_impacts} impacts, {cells * each:.3g} in all; "
-        f"diagrams: {2 + 2 * len(PAIRS)} of {scale.columns} columns"
-    )
     for pair in PAIRS:
-        facts[f"cells of (w, {pair.symbol})"] = _outcomes(results[pair.key])
+        counts = Counter(int(code) for code in results[pair.key]["status"].values.ravel())
+        outcomes = ", ".join(f"{count} {vi.Status(code).word}" for code, count in sorted(counts.items()))
+        facts[f"cells of (w, {pair.symbol})"] = outcomes
     facts["duration"] = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in stages.seconds.items())
     return facts
 
 
-def _outcomes(sweep: xr.Dataset) -> str:
-    counts = Counter(int(code) for code in sweep["status"].values.ravel())
-    return ", ".join(f"{count} {Status(code).word}" for code, count in sorted(counts.items()))
-
-
-def _write_record(path: Path, judged: list[tuple[Claim, Finding]], facts: dict[str, str]) -> None:
-    claims: list[dict[str, Any]] = [
+def _write_record(path: Path, tested: list[report.Tested], facts: dict[str, str]) -> None:
+    claims = [
         {
             "id": claim.id,
             "section": claim.section,
             "quotation": claim.quotation,
             "says": claim.says,
-            "exact": finding.exact,
-            "fixed_step": finding.fixed_step,
-            "verdict": finding.judgement.verdict.value,
-            "rule": finding.judgement.rule,
-            "because": finding.because,
+            "exact": outcome.exact,
+            "fixed_step": outcome.fixed_step,
+            "verdict": outcome.assessment.verdict.value,
+            "rule": outcome.assessment.rule,
+            "because": outcome.because,
         }
-        for claim, finding in judged
+        for claim, outcome in tested
     ]
     record = {"kind": "vibroimpact study", "facts": facts, "claims": claims}
     path.write_text(json.dumps(record, indent=1, ensure_ascii=False), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The report: one HTML file that needs nothing beside it."""
+"""The report: one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from importlib.resources import files
 from pathlib import Path
 from string import Template
 
-from vibroimpact.studies.lee.claims import NOT_JUDGED, Claim, Finding
+from vibroimpact.studies.lee.claims import Claim, Outcome
 from vibroimpact.studies.lee.figures import Plate
 from vibroimpact.studies.lee.paper import CITATION, TIME_STEP, WINDOW
 from vibroimpact.studies.lee.rules import Verdict
 
-Judged = Sequence[tuple[Claim, Finding]]
+Tested = tuple[Claim, Outcome]
 
 TITLE = "Impact vibration with one and two control parameters: the study, computed again"
 HEADINGS = {
@@ -32,59 +32,69 @@ HEADINGS = {
     "4.5": "Driving frequency and restitution coefficient",
     "5": "Conclusions",
 }
+# Sentences of sections 3 to 5 that state no result, and why they are not tested.
+NOT_TESTED = (
+    ("3, 4", "parameters, sampling and mesh", "settings; they are used as printed"),
+    ("3", "numerical solutions are provided for the full region; knowledge ... is essential", "an aim, not a result"),
+    ("4.1", "This diagram is a useful tool for designing an impact system", "an opinion"),
+    ("5", "To minimize the computing cost, the statistical index of Std is calculated", "a motive, not a result"),
+    ("5", "The present findings expand our understanding", "an opinion"),
+)
 BADGES = {Verdict.HOLDS: ("holds", "✓"), Verdict.LAST_DIGIT: ("last", "≈"), Verdict.FAILS: ("fails", "✗")}
 
 
-def write(path: Path, plates: Sequence[Plate], judged: Judged, facts: Mapping[str, str], level: float) -> None:
+def write(
+    path: Path, plates: Sequence[Plate], tested: Sequence[Tested], facts: Mapping[str, str], level: float
+) -> None:
     """Write the report beside the folders `figures` and `data`."""
     template = Template(files("vibroimpact.studies.lee").joinpath("report.html").read_text(encoding="utf-8"))
-    sections = dict.fromkeys(claim.section for claim, _ in judged)
+    sections = dict.fromkeys(claim.section for claim, _ in tested)
     page = template.substitute(
         title=escape(TITLE),
         subtitle=escape(CITATION),
-        summary=_summary(judged, level),
+        summary=_summary(tested, level),
         contents=_contents(plates, list(sections)),
         figures="\n".join(_figure(plate, path.parent) for plate in plates),
         claims_intro=_introduction(),
         claims="\n".join(
-            _section(number, [pair for pair in judged if pair[0].section == number]) for number in sections
+            _section(number, [pair for pair in tested if pair[0].section == number]) for number in sections
         ),
-        not_judged=_table("facts", ("section", "sentence", "why"), NOT_JUDGED),
+        not_tested=_table("facts", ("section", "sentence", "why"), NOT_TESTED),
         provenance=_table("facts", ("", ""), facts.items()),
     )
     path.write_text(page, encoding="utf-8")
 
 
-def tally(judged: Judged) -> dict[Verdict, int]:
+def tally(tested: Sequence[Tested]) -> dict[Verdict, int]:
     """Return how many statements hold, hold to the last digit, and do not hold."""
-    counts = Counter(finding.judgement.verdict for _, finding in judged)
+    counts = Counter(outcome.assessment.verdict for _, outcome in tested)
     return {verdict: counts[verdict] for verdict in Verdict}
 
 
-def discrepancies(judged: Judged, most: int = 5) -> list[tuple[Claim, Finding]]:
-    """Return the statements that do not hold, weightiest first; the same sentence is named once."""
-    failed = [pair for pair in judged if pair[1].judgement.verdict is Verdict.FAILS]
+def discrepancies(tested: Sequence[Tested], most: int = 5) -> list[Tested]:
+    """Return the statements that do not hold, most important first; the same sentence is named once."""
+    failed = [pair for pair in tested if pair[1].assessment.verdict is Verdict.FAILS]
     failed.sort(key=lambda pair: -pair[0].importance)
-    once: dict[str, tuple[Claim, Finding]] = {}
-    for claim, finding in failed:
-        once.setdefault(finding.because, (claim, finding))
+    once: dict[str, Tested] = {}
+    for claim, outcome in failed:
+        once.setdefault(outcome.because, (claim, outcome))
     return list(once.values())[:most]
 
 
-def _summary(judged: Judged, level: float) -> str:
+def _summary(tested: Sequence[Tested], level: float) -> str:
     boxes = "".join(
         f'<div><b class="{BADGES[verdict][0]}">{BADGES[verdict][1]} {count}</b>{verdict.value}</div>'
-        for verdict, count in tally(judged).items()
+        for verdict, count in tally(tested).items()
     )
     worst = "".join(
-        f'<li>“{escape(claim.quotation)}” (<a href="#c{claim.id}">{claim.id}</a>): {escape(finding.because)}.</li>'
-        for claim, finding in discrepancies(judged)
+        f'<li>“{escape(claim.quotation)}” (<a href="#c{claim.id}">{claim.id}</a>): {escape(outcome.because)}.</li>'
+        for claim, outcome in discrepancies(tested)
     )
     return (
-        f"<p>{len(judged)} statements about results in the paper's sections 3 to 5 were judged against exact "
+        f"<p>{len(tested)} statements about results in the paper's sections 3 to 5 were tested against exact "
         "event-driven motion, each by a written rule from numbers computed in this run.</p>"
         f'<div class="tally">{boxes}</div>'
-        f"<p>The weightiest discrepancies:</p><ol>{worst}</ol>"
+        f"<p>The most important discrepancies:</p><ol>{worst}</ol>"
         f"<p>Boundaries of stability are drawn at Std = {level:g} m/s, the argument <code>level</code>. "
         "The paper's equation 1 prints <em>k</em> times the velocity; the spring force is <em>k</em> times the "
         "displacement, a misprint, since its w_n = √(k/m) needs the displacement.</p>"
@@ -96,8 +106,8 @@ def _introduction() -> str:
         "<p>“Exact engine” steps from contact to contact without a time step: impacts, chatter, stick and release are "
         "found to rounding, and motions are named by the recurrence of their settled impacts. “Fixed-step window” is "
         f"the paper's own scheme, fourth-order Runge-Kutta at {TIME_STEP:g} s from rest at the stop, read between "
-        f"{WINDOW[0]:g} and {WINDOW[1]:g} s; it is given where it sheds light on a number. The rule that made the "
-        "verdict stands in small print. <em>Last digit</em>: off by one unit of the last digit printed.</p>"
+        f"{WINDOW[0]:g} and {WINDOW[1]:g} s; it is given where it explains a number. The rule behind each "
+        "verdict is in small print. <em>Last digit</em>: off by one unit of the last digit printed.</p>"
     )
 
 
@@ -105,7 +115,7 @@ def _contents(plates: Sequence[Plate], sections: Sequence[str]) -> str:
     entries = [("#summary", "Summary")]
     entries += [(f"#{plate.name}", f"Figure {plate.number}. {plate.title}") for plate in plates]
     entries += [(f"#s{number}", f"Statements of section {number}: {HEADINGS[number]}") for number in sections]
-    entries += [("#not-judged", "Sentences not judged"), ("#provenance", "Settings and provenance")]
+    entries += [("#not-tested", "Sentences not tested"), ("#provenance", "Settings and provenance")]
     return "<ul>" + "".join(f'<li><a href="{link}">{escape(text)}</a></li>' for link, text in entries) + "</ul>"
 
 
@@ -113,17 +123,17 @@ def _figure(plate: Plate, folder: Path) -> str:
     picture = b64encode((folder / "figures" / f"{plate.name}.png").read_bytes()).decode("ascii")
     links = [(f"figures/{plate.name}.{ending}", ending.upper()) for ending in ("png", "svg")]
     links += [(f"data/{key}.zarr/", f"{key}.zarr") for key in plate.data]
-    told = ", ".join(f'<a href="{link}">{text}</a>' for link, text in links)
+    shown = ", ".join(f'<a href="{link}">{text}</a>' for link, text in links)
     return (
         f'<figure id="{plate.name}"><img alt="{escape(plate.caption, quote=True)}" '
         f'src="data:image/png;base64,{picture}"><figcaption><strong>Figure {plate.number}.</strong> '
-        f"{escape(plate.caption)} [{told}]</figcaption></figure>"
+        f"{escape(plate.caption)} [{shown}]</figcaption></figure>"
     )
 
 
-def _section(number: str, judged: Judged) -> str:
-    rows = "".join(_row(claim, finding) for claim, finding in judged)
-    counts = ", ".join(f"{count} {verdict.value}" for verdict, count in tally(judged).items() if count)
+def _section(number: str, tested: Sequence[Tested]) -> str:
+    rows = "".join(_row(claim, outcome) for claim, outcome in tested)
+    counts = ", ".join(f"{count} {verdict.value}" for verdict, count in tally(tested).items() if count)
     return (
         f'<h3 id="s{number}">Section {number}: {HEADINGS[number]} <span class="note">({counts})</span></h3>'
         '<div class="wide"><table class="claims"><thead><tr><th>id</th><th>the paper says</th><th>exact engine</th>'
@@ -131,14 +141,14 @@ def _section(number: str, judged: Judged) -> str:
     )
 
 
-def _row(claim: Claim, finding: Finding) -> str:
-    style, mark = BADGES[finding.judgement.verdict]
-    verdict = f'<span class="badge {style}">{mark} {finding.judgement.verdict.value}:</span>'
+def _row(claim: Claim, outcome: Outcome) -> str:
+    style, mark = BADGES[outcome.assessment.verdict]
+    verdict = f'<span class="badge {style}">{mark} {outcome.assessment.verdict.value}:</span>'
     return (
         f'<tr id="c{claim.id}"><td>{claim.id}</td><td>“{escape(claim.quotation)}”'
-        f'<span class="says">{escape(claim.says)}</span></td><td>{escape(finding.exact)}</td>'
-        f"<td>{escape(finding.fixed_step)}</td><td>{verdict}{escape(finding.because)}"
-        f'<span class="rule">Rule: {escape(finding.judgement.rule)}.</span></td></tr>'
+        f'<span class="says">{escape(claim.says)}</span></td><td>{escape(outcome.exact)}</td>'
+        f"<td>{escape(outcome.fixed_step)}</td><td>{verdict}{escape(outcome.because)}"
+        f'<span class="rule">Rule: {escape(outcome.assessment.rule)}.</span></td></tr>'
     )
 
 

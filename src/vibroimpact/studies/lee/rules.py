@@ -1,4 +1,4 @@
-"""The written rules by which numbers become verdicts; nothing here knows the paper or the engine."""
+"""The written rules that turn numbers into verdicts, independent of the paper and of the engine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NEARLY_ALL = 0.95  # the share that counts as "throughout" or "strong" where the
 
 
 class Verdict(Enum):
-    """What the engine's numbers make of a statement."""
+    """What the engine's numbers say about a statement."""
 
     HOLDS = "holds"
     LAST_DIGIT = "last digit"
@@ -21,8 +21,8 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True)
-class Judgement:
-    """A verdict and the rule it came from, in words."""
+class Assessment:
+    """A verdict and the rule behind it, as text."""
 
     verdict: Verdict
     rule: str
@@ -62,8 +62,8 @@ def cut_like(found: float, printed: str) -> bool:
     return Decimal(repr(float(found))).quantize(unit, ROUND_DOWN) == Decimal(printed)
 
 
-def printed_value(found: float, printed: str) -> Judgement:
-    """Judge a number the paper prints.
+def printed_value(found: float, printed: str) -> Assessment:
+    """Assess a number the paper prints.
 
     Examples
     --------
@@ -72,25 +72,25 @@ def printed_value(found: float, printed: str) -> Judgement:
     >>> printed_value(2.085, "2.5").verdict.value
     'does not hold'
     """
-    rule = "rounded to the printed digits it is the same; one unit of the last digit away is 'last digit'"
+    rule = "equal after rounding to the printed digits; one unit of the last digit away is 'last digit'"
     if not math.isfinite(found):
-        return Judgement(Verdict.FAILS, rule)
+        return Assessment(Verdict.FAILS, rule)
     units = abs(rounded_like(found, printed) - Decimal(printed)).scaleb(-int(Decimal(printed).as_tuple().exponent))
-    return Judgement(_verdict(units == 0, units <= 1), rule)
+    return Assessment(_verdict(units == 0, units <= 1), rule)
 
 
-def same_name(found: str, said: str) -> Judgement:
-    """Judge the name of a motion."""
-    return Judgement(_verdict(found == said), "the recognised motion has the name the paper gives it")
+def same_name(found: str, said: str) -> Assessment:
+    """Assess the name of a motion."""
+    return Assessment(_verdict(found == said), "the recognised motion has the name the paper gives it")
 
 
-def is_true(holds: bool, rule: str) -> Judgement:
-    """Judge a statement that a measurement decides outright; `rule` says which."""
-    return Judgement(_verdict(holds), rule)
+def is_true(holds: bool, rule: str) -> Assessment:
+    """Assess a statement that a measurement decides outright; `rule` says which."""
+    return Assessment(_verdict(holds), rule)
 
 
-def fills_interval(positions: Sequence[float], has_it: Sequence[bool], low: str, high: str) -> Judgement:
-    """Judge "this motion throughout [low, high]" by frequencies scanned inside.
+def fills_interval(positions: Sequence[float], has_it: Sequence[bool], low: str, high: str) -> Assessment:
+    """Assess "this motion throughout [low, high]" by frequencies scanned inside.
 
     Examples
     --------
@@ -109,30 +109,30 @@ def fills_interval(positions: Sequence[float], has_it: Sequence[bool], low: str,
     from_low = [x - float(low) <= last_unit(low) * (1 + 1e-9) for x in without]
     from_high = [float(high) - x <= last_unit(high) * (1 + 1e-9) for x in without]
     close = all(near or far for near, far in zip(from_low, from_high, strict=True))
-    return Judgement(_verdict(bool(inside) and not without, bool(inside) and close), rule)
+    return Assessment(_verdict(bool(inside) and not without, bool(inside) and close), rule)
 
 
-def nearly_all(share: float, of_what: str) -> Judgement:
-    """Judge "throughout", "strong agreement", "largely": the share must reach `NEARLY_ALL`."""
-    return Judgement(_verdict(share >= NEARLY_ALL), f"at least {NEARLY_ALL:.0%} of {of_what}")
+def nearly_all(share: float, of_what: str) -> Assessment:
+    """Assess "throughout", "strong agreement", "largely": the share must reach `NEARLY_ALL`."""
+    return Assessment(_verdict(share >= NEARLY_ALL), f"at least {NEARLY_ALL:.0%} of {of_what}")
 
 
-def falls(values: Sequence[float], what: str) -> Judgement:
-    """Judge a downward trend: every value below the one before it."""
-    return Judgement(_verdict(_descends(values)), f"{what} falls at every step")
+def falls(values: Sequence[float], what: str) -> Assessment:
+    """Assess a downward trend: every value below the one before it."""
+    return Assessment(_verdict(_descends(values)), f"{what} falls at every step")
 
 
-def rises(values: Sequence[float], what: str) -> Judgement:
-    """Judge an upward trend: every value above the one before it."""
-    return Judgement(_verdict(_descends([-value for value in values])), f"{what} rises at every step")
+def rises(values: Sequence[float], what: str) -> Assessment:
+    """Assess an upward trend: every value above the one before it."""
+    return Assessment(_verdict(_descends([-value for value in values])), f"{what} rises at every step")
 
 
 def _descends(values: Sequence[float]) -> bool:
     return len(values) > 1 and all(b < a for a, b in pairwise(values))
 
 
-def axis_limit(largest: float, printed: str) -> Judgement:
-    """Judge the height of a printed axis: it must hold the data, and the data must fill more than half of it.
+def axis_limit(largest: float, printed: str) -> Assessment:
+    """Assess the height of a printed axis: it must hold the data, and the data must fill more than half of it.
 
     Examples
     --------
@@ -144,17 +144,17 @@ def axis_limit(largest: float, printed: str) -> Judgement:
         "the largest velocity lies below the end of the axis and above half of it; 'last digit' if it passes "
         "the end by less than one unit of the last printed digit"
     )
-    return Judgement(_verdict(0.5 * top < largest <= top, top < largest < top + last_unit(printed)), rule)
+    return Assessment(_verdict(0.5 * top < largest <= top, top < largest < top + last_unit(printed)), rule)
 
 
-def proportional(ratios: Sequence[float], factor: float, tolerance: float = 1e-9) -> Judgement:
-    """Judge strict proportionality: every ratio equals the factor to within rounding."""
+def proportional(ratios: Sequence[float], factor: float, tolerance: float = 1e-9) -> Assessment:
+    """Assess strict proportionality: every ratio equals the factor to within rounding."""
     worst = max((abs(ratio / factor - 1.0) for ratio in ratios), default=math.inf)
-    return Judgement(_verdict(worst <= tolerance), f"every ratio equals the factor to a relative {tolerance:g}")
+    return Assessment(_verdict(worst <= tolerance), f"every ratio equals the factor to a relative {tolerance:g}")
 
 
-def all_of(judgements: Sequence[Judgement]) -> Judgement:
-    """Judge a statement of several parts by its weakest part; the rule names them all."""
+def all_of(assessments: Sequence[Assessment]) -> Assessment:
+    """Assess a statement of several parts by its weakest part; the rule names them all."""
     order = list(Verdict)
-    worst = max((judgement.verdict for judgement in judgements), key=order.index)
-    return Judgement(worst, "; and ".join(dict.fromkeys(judgement.rule for judgement in judgements)))
+    worst = max((assessment.verdict for assessment in assessments), key=order.index)
+    return Assessment(worst, "; and ".join(dict.fromkeys(assessment.rule for assessment in assessments)))

@@ -8,25 +8,24 @@ import numpy as np
 
 import vibroimpact as vi
 from vibroimpact.motion import Motion
-from vibroimpact.studies.lee.claims.base import Finding, Section
-from vibroimpact.studies.lee.claims.motions import chaotic, fills, named, period_impact, sticks
-from vibroimpact.studies.lee.laboratory import Laboratory, intervals
+from vibroimpact.studies.lee.claims import Outcome, Section
+from vibroimpact.studies.lee.laboratory import Laboratory, aperiodic, intervals, period_impact, periodic, sticks
 from vibroimpact.studies.lee.paper import OSCILLATOR
 from vibroimpact.studies.lee.rules import all_of, falls, is_true, nearly_all, printed_value
 
 first_chaos = Section("3.2")
-periodic = Section("3.3")
+between = Section("3.3")
 second_chaos = Section("3.4")
 
 
 @first_chaos.claim(
     "the impact vibration does not remain stuck but departs after several impacts", "no stick above 0.25", importance=8
 )
-def leaves_the_stop(lab: Laboratory) -> Finding:
+def leaves_the_stop(lab: Laboratory) -> Outcome:
     """Look for sticking motions between 0.25 and 1."""
     scan = lab.scan().between(0.25, 1.0)
     flags = scan.where(sticks) & (scan.omega > 0.25 + 1e-9)
-    return Finding(
+    return Outcome(
         is_true(not flags.any(), "no scanned frequency in (0.25, 1] carries a sticking motion"),
         f"sticking at {np.mean(flags):.0%} of the frequencies",
         f"the mass still sticks in every cycle {intervals(scan.omega, flags)}",
@@ -34,23 +33,23 @@ def leaves_the_stop(lab: Laboratory) -> Finding:
 
 
 def complex_within(section: Section, quotation: str, low: str, high: str, importance: int = 0) -> None:
-    """Register "the motions are complex in [low, high]": neither sticking nor one hit a cycle."""
+    """Register "the motions are complex in [low, high]": neither sticking nor one impact per cycle."""
 
-    def plain(motion: Motion) -> bool:
-        return sticks(motion) or (motion.kind == "periodic" and motion.n_impacts == 1)
+    def simple(motion: Motion) -> bool:
+        return sticks(motion) or (periodic(motion) and motion.n_impacts == 1)
 
-    def judge(lab: Laboratory) -> Finding:
-        scan = lab.scan().between(float(low), float(high))
-        flags = scan.where(plain)
-        return Finding(
+    def compare(lab: Laboratory) -> Outcome:
+        scan = lab.scan().between(low, high)
+        flags = scan.where(simple)
+        return Outcome(
             nearly_all(1.0 - float(np.mean(flags)), "the frequencies carry neither sticking nor impact-1 motion"),
-            f"{1 - np.mean(flags):.0%} of the frequencies; aperiodic at {scan.share(chaotic):.0%}",
+            f"{1 - np.mean(flags):.0%} of the frequencies; aperiodic at {scan.share(aperiodic):.0%}",
             f"sticking or impact-1 motions {intervals(scan.omega, flags)}; "
-            f"aperiodic {intervals(scan.omega, scan.where(chaotic))}",
-            lab.restless(float(low), float(high)),
+            f"aperiodic {intervals(scan.omega, scan.where(aperiodic))}",
+            lab.unsettled(float(low), float(high)),
         )
 
-    section.claim(quotation, f"complex motions in [{low}, {high}]", importance)(judge)
+    section.claim(quotation, f"complex motions in [{low}, {high}]", importance)(compare)
 
 
 complex_within(
@@ -61,13 +60,13 @@ complex_within(
 @first_chaos.claim(
     "this result further indicates a period-doubling route to chaotic behaviour", "period doubling to chaos"
 )
-def period_doubling(lab: Laboratory) -> Finding:
+def period_doubling(lab: Laboratory) -> Outcome:
     """Follow one window of period-1 motion inside the region downwards in w: 1, 2, 4, then chaos."""
     scan = lab.scan(0.416, 0.423, 0.0002)
-    steps = [scan.where(period_impact(n, 6 * n)) for n in (1, 2, 4)] + [scan.where(chaotic)]
+    steps = [scan.where(period_impact(n, 6 * n)) for n in (1, 2, 4)] + [scan.where(aperiodic)]
     highest = [float(scan.omega[flags].max(initial=-np.inf)) for flags in steps]
     names = ("period-1 impact-6", "period-2 impact-12", "period-4 impact-24", "aperiodic")
-    return Finding(
+    return Outcome(
         falls(highest, f"with w falling from {scan.omega[-1]:g}: the first w of {', '.join(names)}"),
         " → ".join(f"{w:.4f}" for w in highest),
         "first seen, w falling: " + ", ".join(f"{n} at {w:.4f}" for n, w in zip(names, highest, strict=True)),
@@ -76,97 +75,94 @@ def period_doubling(lab: Laboratory) -> Finding:
 
 def complex_maps(section: Section, omega: float) -> None:
     """Register the two statements "fractal patterns" and "instability" at a frequency."""
-    osc = OSCILLATOR.replace(omega=omega)
+    osc, at = OSCILLATOR.replace(omega=omega), f"w = {omega:g}"
 
-    def never_repeats(lab: Laboratory) -> Finding:
+    def never_repeats(lab: Laboratory) -> Outcome:
         motion, velocity = lab.motion(omega=omega), lab.section(omega=omega)["velocity"]
-        return Finding(
-            is_true(chaotic(motion), "the settled impacts never repeat"),
+        return Outcome(
+            is_true(aperiodic(motion), "the settled impacts never repeat"),
             motion.name,
             f"{velocity.sizes['impact']} impacts from {float(velocity.min()):.3g} to {float(velocity.max()):.3g} m/s, "
-            "no two cycles alike; that the set is fractal is not judged, only that it does not repeat",
+            "no two cycles alike; whether the set is fractal is not tested, only that it does not repeat",
         )
 
-    def separates(lab: Laboratory) -> Finding:
-        starts = [vi.State(-1.0, 0.0), vi.State(-1.0 - 1e-9, 0.0)]
+    def separates(lab: Laboratory) -> Outcome:
         first, second = (
             vi.impact_section(osc, start=start, transient_impacts=0, sample_impacts=60)["velocity"].values
-            for start in starts
+            for start in (vi.State(-1.0, 0.0), vi.State(-1.0 - 1e-9, 0.0))
         )
         growth = float(np.abs(first - second).max()) / 1e-9
-        return Finding(
-            is_true(growth > 1e3, "two starts 1e-9 m apart differ more than a thousandfold within 60 impacts"),
+        return Outcome(
+            is_true(growth > 1e3, "two motions from 1e-9 m apart differ more than a thousandfold within 60 impacts"),
             f"grows {growth:.2g}-fold",
             f"two motions that start 1e-9 m apart are {growth * 1e-9:.2g} m/s apart within 60 impacts",
         )
 
-    at = f"w = {omega:g}"
     section.claim(f"period-fractal and impact-fractal patterns on the maps ({at})", f"chaotic at {at}")(never_repeats)
     section.claim(f"confirms the instability of the impact motion ({at})", f"unstable at {at}")(separates)
 
 
 complex_maps(first_chaos, 0.75)
-named(first_chaos, "w = 0.86, the impact motion converges toward a period-1 impact-2 motion", "period-1 impact-2", 0.86)
+first_chaos.named("w = 0.86, the impact motion converges toward a period-1 impact-2 motion", "period-1 impact-2", 0.86)
 first_chaos.value(
     "When the driving frequency increases to w = 0.86, [it] converges", "0.86", "rad/s",
-    lambda lab: lab.edge("period-1 impact-2", 0.92, 0.8), what="the period-1 impact-2 motion begins where w",
+    lambda lab: lab.edge("period-1 impact-2", 0.92, 0.8), what="the lower end w of the period-1 impact-2 motion",
 )  # fmt: skip
-fills(
-    first_chaos, "the impact motions remain stable within the region of [0.86, 0.99]", "period-1 impact-2",
+first_chaos.fills(
+    "the impact motions remain stable within the region of [0.86, 0.99]", "period-1 impact-2",
     "0.86", "0.99", period_impact(1, 2),
 )  # fmt: skip
 first_chaos.value(
     "when w = 1.0, the impact motion starts to bifurcate", "1.0", "rad/s",
-    lambda lab: lab.edge("period-1 impact-2", 0.92, 1.1), what="the period-1 impact-2 motion ends where w",
+    lambda lab: lab.edge("period-1 impact-2", 0.92, 1.1), what="the upper end w of the period-1 impact-2 motion",
 )  # fmt: skip
 
 
 @first_chaos.claim("again leading to a complex motion (w = 1.0, Fig. 7)", "complex motion at w = 1.0", importance=9)
-def complex_at_one(lab: Laboratory) -> Finding:
+def complex_at_one(lab: Laboratory) -> Outcome:
     """Name the settled motion at w = 1, and see how far the paper's window is from it."""
     motion, seen = lab.motion(omega=1.0), lab.window(omega=1.0).velocity
     spread = np.unique(np.round(seen, 2)).size
     because = "the settled impacts never repeat"
-    if not chaotic(motion):
+    if not aperiodic(motion):
         hits = " and ".join(f"{velocity:.4g}" for velocity in motion.velocities)
-        because = f"the settled motion is a stable {motion.name} with hits at {hits} m/s"
-    if not chaotic(motion) and spread > motion.n_impacts:
+        because = f"the settled motion is a stable {motion.name} with impacts at {hits} m/s"
+    if not aperiodic(motion) and spread > motion.n_impacts:
         because += "; in the paper's window the motion from rest has not settled, so its Fig. 7 shows a transient"
-    return Finding(
-        is_true(chaotic(motion), "the settled motion never repeats"),
+    return Outcome(
+        is_true(aperiodic(motion), "the settled motion never repeats"),
         motion.name,
         because,
         f"{len(seen)} impacts at {spread} different velocities (to 0.01 m/s)",
     )
 
 
-@periodic.claim("When w = 1.4, the impact motion converges toward a periodic impact motion", "periodic at w = 1.4")
-def periodic_at_1_4(lab: Laboratory) -> Finding:
+@between.claim("When w = 1.4, the impact motion converges toward a periodic impact motion", "periodic at w = 1.4")
+def periodic_at_1_4(lab: Laboratory) -> Outcome:
     """Name the motion at w = 1.4, and say where it begins."""
-    motion = lab.motion(omega=1.4)
-    begins = lab.edge("period-1 impact-1", 1.6, 1.1)
-    return Finding(
-        is_true(motion.kind == "periodic", "the settled motion repeats"),
+    motion, begins = lab.motion(omega=1.4), lab.edge("period-1 impact-1", 1.6, 1.1)
+    return Outcome(
+        is_true(periodic(motion), "the settled motion repeats"),
         motion.name,
         f"{motion.sentence(OSCILLATOR.replace(omega=1.4).period)}; "
         f"followed downwards, period-1 impact-1 is stable from w = {begins:.4f} on",
     )
 
 
-periodic.value(
+between.value(
     "When w = 2, the maximum impact velocity is reached", "2", "rad/s", lambda lab: lab.largest()[0],
-    what="the largest impact velocity over all of w stands where w",
+    what="the frequency w of the largest impact velocity",
 )  # fmt: skip
-named(periodic, "the corresponding results are presented with a period-1 impact-1 motion", "period-1 impact-1", 2.0)
+between.named("the corresponding results are presented with a period-1 impact-1 motion", "period-1 impact-1", 2.0)
 
 
-@periodic.claim("This phenomenon is referred to as periodic impact resonance", "a peak at w = 2")
-def resonance_peak(lab: Laboratory) -> Finding:
+@between.claim("This phenomenon is referred to as periodic impact resonance", "a peak at w = 2")
+def resonance_peak(lab: Laboratory) -> Outcome:
     """Compare the velocity at 2 with those a quarter away."""
     heights = {omega: max(lab.motion(omega=omega).velocities, default=0.0) for omega in (1.5, 2.0, 2.5)}
     both = [falls([heights[2.0], heights[side]], "the velocity away from w = 2") for side in (1.5, 2.5)]
-    told = ", ".join(f"{value:.4g} at {omega:g}" for omega, value in heights.items())
-    return Finding(all_of(both), f"{heights[2.0]:.5g} m/s", f"impact velocities in m/s at w: {told}")
+    found = ", ".join(f"{value:.4g} at {omega:g}" for omega, value in heights.items())
+    return Outcome(all_of(both), f"{heights[2.0]:.5g} m/s", f"impact velocities in m/s at w: {found}")
 
 
 complex_within(
@@ -176,23 +172,23 @@ complex_maps(second_chaos, 2.8)
 
 
 @second_chaos.claim("The attractor that occurs at w = 0.75 is different from that occurring at w = 2.8", "different")
-def attractors_differ(lab: Laboratory) -> Finding:
-    """Compare the hardest hits and the number of impacts a period."""
+def attractors_differ(lab: Laboratory) -> Outcome:
+    """Compare the hardest impacts and the number of impacts per period."""
     line = [lab.line(low=w - 0.01, high=w, columns=1) for w in (0.75, 2.8)]
     (hard, soft), (often, seldom) = (
         [float(one[index][-1]) for one in line] for index in ("max_velocity", "impacts_per_period")
     )
-    return Finding(
-        is_true(hard > 2 * soft and often > 1.5 * seldom, "hardest hits differ twofold, impacts a period by half"),
-        f"{hard:.3g} and {soft:.3g} m/s; {often:.3g} and {seldom:.3g} impacts a period",
-        f"hardest hits differ by a factor {hard / soft:.3g}, impacts a period by {often / seldom:.3g}",
+    return Outcome(
+        is_true(hard > 2 * soft and often > 1.5 * seldom, "hardest impacts differ twofold, impact rates by half"),
+        f"{hard:.3g} and {soft:.3g} m/s; {often:.3g} and {seldom:.3g} impacts per period",
+        f"hardest impacts differ by a factor {hard / soft:.3g}, impacts per period by {often / seldom:.3g}",
     )
 
 
-def _range(lab: Laboratory, omega: float, low: str, high: str) -> Finding:
+def _range(lab: Laboratory, omega: float, low: str, high: str) -> Outcome:
     velocity, seen = lab.section(omega=omega)["velocity"], lab.window(omega=omega).velocity
     least, most = float(velocity.min()), float(velocity.max())
-    return Finding(
+    return Outcome(
         all_of([printed_value(least, low), printed_value(most, high)]),
         f"{least:.3g} to {most:.4g} m/s",
         f"{velocity.sizes['impact']} settled impacts lie between {least:.3g} and {most:.4g} m/s; "
