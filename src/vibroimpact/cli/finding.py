@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
@@ -13,7 +14,7 @@ from vibroimpact.cli.request import WrongRequest, number, numbers
 if TYPE_CHECKING:
     from vibroimpact.cli.study import Study
     from vibroimpact.continuation import Branch
-    from vibroimpact.orbits import Orbit, Orbits
+    from vibroimpact.orbits import Orbits
     from vibroimpact.oscillator import ImpactOscillator
 
 Range = tuple[float, float]
@@ -66,57 +67,28 @@ def check_inside(osc: ImpactOscillator, box: Mapping[str, Range]) -> None:
 
 
 def branches_of(
-    found: Orbits, parameter: str, span: Range, doublings: int, meter: Meter, **step: Any
-) -> Iterator[Branch]:
-    """Yield the branches of the orbits found, then of those that period doublings give birth to."""
-    import vibroimpact
+    found: Orbits, parameter: str, span: Range, doublings: int, meter: Meter, step: float = 0.01
+) -> list[Branch]:
+    """Return the branches of the orbits found, then of those that are born at their period doublings."""
+    from vibroimpact.continuation import follow_all
 
     if found and found[0].n_impacts == -1:
         raise WrongRequest(
             "`--impacts` is -1; allowed here are orbits that never rest at the stop; "
             "follow their end with `vibroimpact boundary --kind end-of-sticking`"
         )
-    orbits: list[Orbit] = [orbit for orbit in found if orbit.admissible] or list(found)
-    for times in range(doublings + 1):
-        branches: list[Branch] = []
-        for orbit in orbits:
-            if any(_holds(branch, orbit) for branch in branches):
-                continue
-            branch = vibroimpact.continue_orbit(orbit, parameter, span, progress=meter, **step)
-            branches.append(branch)
-            yield branch
-            if meter.stopped:
-                return
-        orbits = list(_doubled(branches, parameter, span)) if times < doublings else []
-
-
-def _holds(branch: Branch, orbit: Orbit) -> bool:
-    """Return whether an orbit lies on a branch: between two of its points, with velocity and phase between theirs."""
-    import numpy as np
-
-    rows = np.column_stack([branch.values, [(q.velocities[0], q.phases[0]) for q in branch.orbits]])
-    here = np.array([getattr(orbit.oscillator, branch.parameter), orbit.velocities[0], orbit.phases[0]])
-    low, high = np.minimum(rows[:-1], rows[1:]), np.maximum(rows[:-1], rows[1:])
-    slack = 0.1 * (high - low) + 1e-6 * np.abs(high)
-    return bool(((low - slack <= here) & (here <= high + slack)).all(axis=1).any())
-
-
-def _doubled(branches: list[Branch], parameter: str, span: Range) -> Iterator[Orbit]:
-    """Yield an orbit of each doubled branch that is born on these branches inside the range."""
-    import vibroimpact
-
-    for branch in branches:
-        name = branch.orbits[0].n_periods, branch.orbits[0].n_impacts
-        for point in branch.special:
-            born_here = (point.orbit.n_periods, point.orbit.n_impacts) == name  # not where this branch itself was born
-            if point.kind != "period_doubling" or not born_here:
-                continue
-            try:
-                orbit = vibroimpact.switch_branch(point, amplitude=1e-3)
-            except ValueError:
-                continue  # the doubled branch could not be reached: its parent tells of the doubling
-            if span[0] <= getattr(orbit.oscillator, parameter) <= span[1]:
-                yield orbit
+    return follow_all(
+        [orbit for orbit in found if orbit.admissible] or found,
+        parameter,
+        span,
+        longest=math.inf,
+        most=math.inf,
+        doublings=doublings,
+        step=step,
+        virtual=True,
+        amplitude=1e-3,
+        progress=meter,
+    )
 
 
 def tell_nothing(message: str, options: Mapping[str, Any]) -> NoReturn:

@@ -68,7 +68,7 @@ def follow(options: Mapping[str, Any]) -> None:
     with Meter("orbits") as meter, asked():
         doublings = whole_number("doublings", choice(options, "doublings", 0), 0)
         found = vibroimpact.find_orbit(osc, **name_of(options), near=near_of(options))
-        branches = list(branches_of(found, parameter, span, doublings, meter, **given(options, "step")))
+        branches = branches_of(found, parameter, span, doublings, meter, **given(options, "step"))
     if not branches:
         tell_nothing(found.message, options)
     beneath = _diagram(study, parameter, span) if options["diagram"] and not meter.stopped else None

@@ -15,7 +15,7 @@ from vibroimpact.continuation.results import KINDS
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibroimpact.continuation import Boundary
+    from vibroimpact.continuation import BifurcationPoint, Boundary
     from vibroimpact.oscillator import ImpactOscillator
 
 
@@ -66,37 +66,18 @@ def _of_orbits(
 ) -> list[Boundary]:
     """Return the boundaries that the orbits at the oscillator itself meet along the first parameter."""
     import vibroimpact
+    from vibroimpact.continuation import curves_through
 
     check_inside(osc, box)
-    step, plane = given(options, "step"), (tuple(box), tuple(box.values()))
-    names, ranges = plane
-    curves: list[Boundary] = []
+    step, (names, ranges) = given(options, "step"), (tuple(box), tuple(box.values()))
+    points: list[BifurcationPoint] = []
     for n in _periods(options, "1"):
         wanted: dict[str, Any] = {"n_periods": n, "n_impacts": choice(options, "n_impacts", 1)}
         found = vibroimpact.find_orbit(osc, **wanted, near=near_of(options))
         for branch in branches_of(found, names[0], ranges[0], 0, meter, **step):
-            for point in branch.special:
-                if meter.stopped:
-                    return curves
-                if point.kind in kinds and not any(_meets(curve, point) for curve in curves):
-                    follow: Any = vibroimpact.continue_boundary
-                    curves.append(follow(point, names, ranges, virtual=False, progress=meter, **step))
-    return curves
-
-
-def _meets(curve: Boundary, point: Any) -> bool:
-    """Return whether a special point lies on a curve that has been followed: among its points, or between two."""
-    import numpy as np
-
-    def place(orbits: Any) -> Any:
-        return np.array(
-            [[*(getattr(q.oscillator, name) for name in curve.parameters), q.velocities[0]] for q in orbits]
-        )
-
-    on, at = place(curve.orbits), place([point.orbit])
-    low, high = np.minimum(on[:-1], on[1:]), np.maximum(on[:-1], on[1:])
-    slack = 0.02 * (high - low) + 1e-6 * np.abs(high)
-    return curve.kind == point.kind and bool(((low - slack <= at) & (at <= high + slack)).all(axis=1).any())
+            points += [point for point in branch.special if point.kind in kinds]
+    plane: Any = names, ranges
+    return curves_through(points, *plane, progress=meter, **step)
 
 
 def _periods(options: Mapping[str, Any], usual: str) -> Any:

@@ -2,7 +2,7 @@
 
 from vibroimpact.continuation.boundary import continue_boundary
 from vibroimpact.continuation.branch import continue_orbit
-from vibroimpact.continuation.curves import boundary_curves
+from vibroimpact.continuation.curves import boundary_curves, curves_through
 from vibroimpact.continuation.points import switch_branch
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, Branch
 from vibroimpact.continuation.window_matches import compare_windows
@@ -16,6 +16,7 @@ __all__ = [
     "compare_windows",
     "continue_boundary",
     "continue_orbit",
+    "curves_through",
     "follow_all",
     "stable_windows",
     "switch_branch",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.boundary import Range, boundary_system, plane_names, trace_boundary
+from vibroimpact.continuation.boundary import Range, boundary_system, check_plane, plane_names, trace_boundary
 from vibroimpact.continuation.branch import bifurcation_point, both_ways, branch_system
 from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary
 from vibroimpact.continuation.sticking import ends_on_line, sticking_boundary
@@ -107,11 +107,57 @@ def boundary_curves(
         for n, along, value in work:
             line = osc.replace(**{names[1 - along]: value})
             for point in _on_line(line, n, names[along], box[along], longest, look):
-                curves += _curve(point, names, box, longest, curves, look) if point.kind in wanted else []
+                if point.kind in wanted:
+                    _add_curve(curves, point, names, box, longest, look)
             for end in ends_on_line(line, names[along], box[along], [n], SEEDS, look) if sticking else ():
-                curves += _curve(end, names, box, longest, curves, look)
+                _add_curve(curves, end, names, box, longest, look)
             done += 1
             look()
+    return curves
+
+
+def curves_through(
+    points: Iterable[BifurcationPoint],
+    parameters: tuple[str, str],
+    ranges: tuple[Range, Range],
+    *,
+    step: float = 0.01,
+    progress: bool | Report = False,
+) -> list[Boundary]:
+    """Return the boundaries through given bifurcation points, each curve once, as far as its orbits are admissible.
+
+    Parameters
+    ----------
+    points : iterable of BifurcationPoint
+        From the `special` of branches; those on a curve that was followed already are skipped.
+    parameters, ranges, step
+        As of `continue_boundary`.
+    progress : bool or callable
+        True shows a count; a callable gets (curves done, None, curves so far), several times per curve, and stops by
+        returning False: the curves finished by then are returned.
+
+    Returns
+    -------
+    list of Boundary
+        In the order of the points. A point where two boundaries meet begins no curve.
+
+    Raises
+    ------
+    ValueError
+        An argument is out of its range, or a point lies outside `ranges`.
+    """
+    longest = check_step(step)
+    curves: list[Boundary] = []
+    total: Any = None  # nobody knows how many curves there are
+
+    def look() -> None:
+        if report(len(curves), total, curves) is False:
+            raise _Stopped
+
+    with reporter(progress, "curves") as report, suppress(_Stopped):
+        for point in points:
+            names, box = check_plane(point, parameters, ranges)
+            _add_curve(curves, point, names, box, longest, look)
     return curves
 
 
@@ -160,24 +206,23 @@ def _covered(branches: Iterable[Floats], value: float, z: Floats) -> bool:
     return False
 
 
-def _curve(
+def _add_curve(
+    curves: list[Boundary],
     point: BifurcationPoint | StickingEnd,
     names: tuple[str, str],
     box: tuple[Range, Range],
     longest: float,
-    known: list[Boundary],
     look: Callable[[], None],
-) -> list[Boundary]:
-    """Return the curve through a point, or nothing if the point lies on a known one or cannot be followed."""
-    if any(_lies_on(point, curve, box, longest) for curve in known):
-        return []
+) -> None:
+    """Append the curve through a point, unless the point lies on a known one or cannot be followed."""
+    if any(_lies_on(point, curve, box, longest) for curve in curves):
+        return
     if isinstance(point, StickingEnd):
-        return [sticking_boundary(point, names, box, longest, look)]
-    try:
+        curves.append(sticking_boundary(point, names, box, longest, look))
+        return
+    with suppress(ValueError):  # two boundaries meet in the point: the other lines cross them apart
         system, x = boundary_system(point, names, box)
-        return [trace_boundary(system, x, point.kind, longest, virtual=False, report=lambda *_: look())]
-    except ValueError:  # two boundaries meet in the point: the other lines cross them apart
-        return []
+        curves.append(trace_boundary(system, x, point.kind, longest, virtual=False, report=lambda *_: look()))
 
 
 def _lies_on(point: BifurcationPoint | StickingEnd, curve: Boundary, box: tuple[Range, Range], longest: float) -> bool:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import groupby, pairwise
 
 import numpy as np
@@ -12,10 +15,11 @@ import xarray as xr
 from vibroimpact.continuation.branch import continue_orbit
 from vibroimpact.continuation.points import switch_branch
 from vibroimpact.continuation.results import Branch
-from vibroimpact.orbits.orbit import Orbit
+from vibroimpact.orbits.orbit import Orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.search import find_orbit
+from vibroimpact.progress import Report
 
-SAME = 1e-6  # of an orbit's fastest impact: one whose velocities agree so far is the same
+SAME = 1e-6  # `orbit_distance` between orbits that are one
 NEEDED = ("velocity", "count", "status", "n_periods", "n_impacts", "lyapunov_per_impact")
 
 
@@ -66,29 +70,38 @@ def follow_all(
     parameter: str,
     range: tuple[float, float],
     *,
-    longest: int = 4,
-    most: int = 4,
+    longest: float = 4,
+    most: float = 4,
+    doublings: float = math.inf,
     step: float = 0.02,
+    virtual: bool = False,
+    amplitude: float = 1e-2,
+    progress: bool | Report = False,
 ) -> list[Branch]:
     """Follow each orbit that lies on no branch yet, and the orbits that are born at period doublings on the way.
 
     Parameters
     ----------
     orbits : iterable of Orbit
-        Where to begin; those that are no motion of the mass, and those that rest at the stop, are passed over.
-    parameter, range, step
+        Where to begin. Orbits that stick are skipped, and, unless `virtual`, inadmissible ones.
+    parameter, range, step, virtual, progress
         As of `continue_orbit`.
     longest, most : int, >= 1
-        Largest n_periods and n_impacts of doubled orbits.
+        Largest n_periods and n_impacts of doubled orbits; infinity for any.
+    doublings : int, >= 0
+        How many period doublings to follow one after another; infinity for as many as `longest` and `most` allow.
+    amplitude : float, 0 to 0.5
+        As of `switch_branch`.
 
     Returns
     -------
     list of Branch
-        Each once, up to where it ceases to be a motion of the mass.
+        Each branch once, those that begin at `orbits` first, then those born at their period doublings, and so on.
+        Stopped by `progress`, those followed so far.
 
     Notes
     -----
-    An orbit born at a fold is on no branch unless one of its kind is given. A tenth of a second a branch.
+    An orbit born at a fold is on no branch unless one of its type is given. About a tenth of a second per branch.
 
     Examples
     --------
@@ -98,24 +111,29 @@ def follow_all(
     [('period-1 impact-1', ('range', 'range')), ('period-2 impact-2', ('period_doubling', 'range'))]
     """
     branches: list[Branch] = []
-    waiting = list(orbits)[::-1]
+    waiting = deque((orbit, 0) for orbit in orbits)
     while waiting:
-        orbit = waiting.pop()
-        if not orbit.admissible or orbit.sticks or any(_lies_on(orbit, branch) for branch in branches):
+        orbit, doubled = waiting.popleft()
+        skipped = orbit.sticks or not (virtual or orbit.admissible)
+        if skipped or any(_lies_on(orbit, branch) for branch in branches):
             continue
-        branches.append(continue_orbit(orbit, parameter, range, step=step, virtual=False))
-        if 2 * orbit.n_periods <= longest and 2 * orbit.n_impacts <= most:
-            waiting += _doubled(branches[-1], range)
+        branch = continue_orbit(orbit, parameter, range, step=step, virtual=virtual, progress=progress)
+        branches.append(branch)
+        if "stopped" in branch.outcome:
+            break
+        if doubled < doublings and 2 * orbit.n_periods <= longest and 2 * orbit.n_impacts <= most:
+            waiting += [(born, doubled + 1) for born in _born(branch, range, amplitude)]
     return branches
 
 
-def _doubled(branch: Branch, range: tuple[float, float]) -> Iterator[Orbit]:
+def _born(branch: Branch, range: tuple[float, float], amplitude: float) -> Iterator[Orbit]:
+    """Yield an orbit of each branch that is born at a period doubling of this one, inside the range."""
     for point in branch.special:
         if point.kind != "period_doubling" or point.orbit.n_periods < branch.orbits[0].n_periods:
-            continue  # a doubled branch ends at the doubling of the orbit it comes from
+            continue  # a doubled branch ends at the period doubling of the orbit it comes from
         try:
-            orbit = switch_branch(point)
-        except ValueError:  # another boundary is met there
+            orbit = switch_branch(point, amplitude=amplitude)
+        except ValueError:  # another boundary meets this one here
             continue
         if range[0] <= _value(orbit, branch.parameter) <= range[1]:
             yield orbit
@@ -130,8 +148,11 @@ def _lies_on(orbit: Orbit, branch: Branch) -> bool:
     apart = branch.values - value
     around = np.flatnonzero(apart[:-1] * apart[1:] <= 0.0)
     nearest = {int(j if abs(apart[j]) < abs(apart[j + 1]) else j + 1) for j in around}
-    found = (same for j in nearest for same in _moved(branch.orbits[j], branch.parameter, value))
-    return any(alike(same, orbit.velocities) for same in found)
+    for beside in (branch.orbits[j] for j in nearest):
+        moved = _moved(beside, branch.parameter, value)
+        if moved and same_orbit(min(moved, key=partial(orbit_distance, beside)), orbit, SAME):
+            return True
+    return False
 
 
 def stable_windows(branches: Branch | Iterable[Branch]) -> list[Window]:
