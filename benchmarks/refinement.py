@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from threading import Event
 from typing import Any
 
 import numpy as np
@@ -16,11 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.backends import ImpactWindow, get_backend
-from vibroimpact.execution.threads import run_sweep, worker_count
-from vibroimpact.refinement import refined_map
 from vibroimpact.refinement.picture import NAMING, motion_codes
-from vibroimpact.refinement.request import scattered_cells
 
 OSC = vi.ImpactOscillator()
 TRANSIENT = 100
@@ -39,12 +34,9 @@ def sampled(plane: xr.Dataset, number: int, impacts: int) -> tuple[NDArray[np.in
     first, second = (plane[name].values for name in ("omega", "mass"))
     at = np.random.default_rng(1).integers(0, first.size * second.size, number)
     i, j = np.divmod(at, second.size)
-    cells = scattered_cells(OSC, None, ("omega", "mass"), first[i], second[j])
-    found = np.zeros(number, np.uint32)
-    window, how = ImpactWindow(TRANSIENT, impacts), (vi.Tolerances(), True, NAMING)
-    for which, result in run_sweep(get_backend("cpu"), cells, window, *how, worker_count(None), Event()):
-        found[which] = motion_codes(result, impacts)
-    return at, found
+    points = {"omega": first[i], "mass": second[j]}
+    uniform = vi.parameter_map(OSC, points=points, indices=NAMING, transient_impacts=TRANSIENT, sample_impacts=impacts)
+    return at, motion_codes({name: uniform[name].values for name in (*NAMING, "status")}, impacts)
 
 
 def block(plane: xr.Dataset, corner: tuple[float, float], impacts: int) -> dict[str, float]:
@@ -66,7 +58,7 @@ def measure(points: int, levels: int, impacts: int, number: int) -> dict[str, An
     """Refine the plane and compare it with uniform maps of its blocks and with cells drawn at random."""
     axes = {"omega": np.linspace(0.025, 5.0, points), "mass": np.linspace(0.1, 5.0, points)}
     begin = time.perf_counter()
-    plane = refined_map(OSC, refine=levels, sample_impacts=impacts, progress=True, **axes)
+    plane = vi.refined_map(OSC, refine=levels, sample_impacts=impacts, progress=True, **axes)
     took = time.perf_counter() - begin
     at, true = sampled(plane, number, impacts)
     told = codes(plane, impacts)[at]

@@ -14,14 +14,14 @@ import numpy as np
 import xarray as xr
 
 import vibroimpact as vi
-from vibroimpact.backends import ImpactWindow
+from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.cli import main
 from vibroimpact.execution import threads as distributed
 from vibroimpact.execution.store import StoreBusy
+from vibroimpact.execution.store import run as run
 from vibroimpact.execution.store.store import SweepStore
 from vibroimpact.execution.store.writer import TileWriter
-from vibroimpact.options import Tolerances
-from vibroimpact.refinement import request
+from vibroimpact.refinement import computing
 from vibroimpact.request import Request
 
 OSC = vi.ImpactOscillator()
@@ -44,18 +44,19 @@ def warm_up():
     """Load kernels and libraries, in this thread alone: a process with threads must not fork."""
     xr.Variable("x", [0.0]), xr.backends.list_engines(), filelock.FileLock
     axes = {name: STUDY[name][:2] for name in ("omega", "gap")}
-    Request(OSC, axes, STUDY["indices"], ImpactWindow(0, 10), Tolerances()).compute((slice(2), slice(2)))
+    request = Request(OSC, axes, Measurement(ImpactWindow(0, 10), indices=STUDY["indices"]))
+    run.compute(request, (slice(2), slice(2)))
 
 
 def slow_down(seconds):
     """Let every tile take a while longer, in which its thread hears no signal."""
-    compute = Request.compute
+    compute = run.compute
 
     def slowly(request, part, *stop):
         time.sleep(seconds)
         return compute(request, part, *stop)
 
-    Request.compute = slowly
+    run.compute = slowly
 
 
 def forked(job):
@@ -107,7 +108,7 @@ REFINED = {"omega": np.linspace(1.5, 3.5, 13), "mass": np.linspace(0.5, 1.5, 13)
 
 def refined(store, **options):
     """Refine a plane into a store, kept in chunks of a hundred cells; return it."""
-    request.CHUNK = 100
+    computing.CHUNK = 100
     return vi.parameter_map(OSC, refine=2, store=store, **{"workers": 2} | REFINED | options)
 
 

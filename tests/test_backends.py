@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow, get_backend
-from vibroimpact.backends.starts import make_cells
+from cells import make_cells
+from vibroimpact.backends import Cells, ImpactWindow, Measurement, StroboscopicWindow, get_backend
 from vibroimpact.options import Tolerances
 
 
@@ -36,7 +36,7 @@ def exact(request):
 def test_indices_come_with_every_name_of_the_table(backend):
     cells = make_cells(OSC, None, {"omega": np.array([1.5, 2.0])})
     engine = get_backend(backend)
-    result = engine.indices(cells, ImpactWindow(2, 5), Tolerances(), names=engine.tells)
+    result = engine.indices(cells, Measurement(ImpactWindow(2, 5), Tolerances(), indices=engine.tells))
     assert {*engine.tells, "status", "impacts", "steps"} <= set(result)
     assert all(len(values) == 2 for values in result.values())
     assert (result["impacts"] >= 7).all()
@@ -44,7 +44,7 @@ def test_indices_come_with_every_name_of_the_table(backend):
 
 
 def test_an_impact_window_keeps_as_many_impacts_as_asked(backend):
-    (seen,) = get_backend(backend).samples(make_cells(OSC, None), ImpactWindow(3, 4), Tolerances())
+    (seen,) = get_backend(backend).samples(make_cells(OSC, None), Measurement(ImpactWindow(3, 4)))
     assert len(seen.impact_velocity) == len(seen.impact_phase) == len(seen.impact_periods) == 4
     assert (seen.impact_velocity > 0).all()
     assert ((seen.impact_phase >= 0) & (seen.impact_phase < 1)).all()
@@ -55,7 +55,7 @@ def test_an_impact_window_keeps_as_many_impacts_as_asked(backend):
 
 def test_a_stroboscopic_window_looks_at_its_phase(backend):
     window = StroboscopicWindow(2, 4, 0.25)
-    (seen,) = get_backend(backend).samples(make_cells(OSC, None), window, Tolerances())
+    (seen,) = get_backend(backend).samples(make_cells(OSC, None), Measurement(window))
     assert seen.look_phase == pytest.approx(0.25, abs=1e-3)
     assert seen.look_periods.tolist() == [2, 3, 4, 5]
     assert seen.last_clearance == pytest.approx(OSC.gap - seen.look_displacement[-1], abs=1e-12)

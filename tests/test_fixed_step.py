@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.backends import ImpactWindow, StroboscopicWindow, get_backend
-from vibroimpact.backends.starts import make_cells
+from cells import make_cells
+from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, get_backend
 from vibroimpact.options import Tolerances
 
 
 def watch(osc, window, start=None, time_step=0.0005, **tolerances):
     backend = get_backend("fixed-step", time_step=time_step)
-    (seen,) = backend.samples(make_cells(osc, start), window, Tolerances(**tolerances))
+    (seen,) = backend.samples(make_cells(osc, start), Measurement(window, Tolerances(**tolerances)))
     return seen
 
 
@@ -29,7 +29,7 @@ def test_free_flight_converges_with_the_fourth_power_of_the_step(values):
     def miss(time_step):
         looks = watch(osc, StroboscopicWindow(0, 2, None, 1), vi.State(-0.3, 0.4, 0.2), time_step)
         exact = get_backend("reference").samples(
-            make_cells(osc, vi.State(-0.3, 0.4, 0.2)), StroboscopicWindow(0, 2, None, 1), Tolerances()
+            make_cells(osc, vi.State(-0.3, 0.4, 0.2)), Measurement(StroboscopicWindow(0, 2, None, 1))
         )[0]
         return abs(looks.look_displacement[1] - exact.look_displacement[1])
 
@@ -61,7 +61,7 @@ def test_a_mass_that_should_rest_rattles_with_one_false_impact_a_step():
     assert resting.sum() == pytest.approx(osc.period / 2 / 0.0005, rel=1e-3)
     # Each false impact has the speed one step gives: v = (r v + a h)/1 settles near a h with |v| < h f/m/(1 - r).
     assert seen.impact_velocity[resting].max() < 0.0005 / 0.2
-    (exact,) = get_backend("reference").samples(make_cells(osc, None), StroboscopicWindow(0, 2, 0.0, 2), Tolerances())
+    (exact,) = get_backend("reference").samples(make_cells(osc, None), Measurement(StroboscopicWindow(0, 2, 0.0, 2)))
     assert len(exact.impact_velocity) == 0
     assert exact.release_phase[0] == 0.5
 
@@ -77,7 +77,7 @@ def test_a_stroboscopic_window_gives_every_impact_of_the_paper_s_time_window():
     osc = vi.ImpactOscillator(omega=2.8)
     seen = watch(osc, StroboscopicWindow(0, math.ceil(150 / osc.period) + 1))
     at = times(seen, osc)
-    (every,) = get_backend("fixed-step").samples(make_cells(osc, None), ImpactWindow(0, len(at)), Tolerances())
+    (every,) = get_backend("fixed-step").samples(make_cells(osc, None), Measurement(ImpactWindow(0, len(at))))
     assert (every.impact_velocity == seen.impact_velocity).all()
     paper = (at >= 100) & (at <= 150)
     assert (seen.look_periods + seen.look_phase)[-1] * osc.period >= 150
@@ -98,7 +98,7 @@ def test_looks_are_made_at_the_nearest_step_and_told_so():
 def test_it_finds_the_paper_s_settled_orbit_to_the_size_of_a_step(values):
     known = values["period_n_impact_1"]["w=2.0,n=1"]
     table = get_backend("fixed-step").indices(
-        make_cells(vi.ImpactOscillator(), vi.State(-1.0)), ImpactWindow(400, 50), Tolerances()
+        make_cells(vi.ImpactOscillator(), vi.State(-1.0)), Measurement(ImpactWindow(400, 50))
     )
     assert table["mean_velocity"][0] == pytest.approx(float(known["v"]), rel=2e-2)
     assert table["impacts_per_period"][0] == pytest.approx(1.0, abs=1e-4)

@@ -7,17 +7,17 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import vibroimpact as vi
-from vibroimpact.backends import ImpactWindow, StroboscopicWindow, get_backend
+from cells import make_cells
+from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, get_backend
 from vibroimpact.backends.reference.contact import fly
 from vibroimpact.backends.reference.flight import FreeMotion, State
-from vibroimpact.backends.starts import make_cells
 from vibroimpact.options import Tolerances
 
 REFERENCE = get_backend("reference")
 
 
 def watch(osc, window, start=None, **tolerances):
-    (seen,) = REFERENCE.samples(make_cells(osc, start), window, Tolerances(**tolerances))
+    (seen,) = REFERENCE.samples(make_cells(osc, start), Measurement(window, Tolerances(**tolerances)))
     return seen
 
 
@@ -216,10 +216,10 @@ def test_impacts_agree_with_a_ready_made_integrator_away_from_sticking():
 
 def test_a_start_whole_periods_later_gives_the_same_motion_bit_for_bit():
     osc = vi.ImpactOscillator(omega=2 * math.pi * 0.45)
-    late = REFERENCE.samples(make_cells(osc, vi.State(-1.0)), ImpactWindow(5, 30), Tolerances())[0]
+    late = REFERENCE.samples(make_cells(osc, vi.State(-1.0)), Measurement(ImpactWindow(5, 30)))[0]
     cells = make_cells(osc, vi.State(-1.0))
     cells.periods[:] = 1e6
-    later = REFERENCE.samples(cells, ImpactWindow(5, 30), Tolerances())[0]
+    later = REFERENCE.samples(cells, Measurement(ImpactWindow(5, 30)))[0]
     assert (later.impact_velocity == late.impact_velocity).all()
     assert (later.impact_phase == late.impact_phase).all()
     assert (later.impact_periods == late.impact_periods + 1e6).all()
@@ -288,7 +288,7 @@ def test_impacts_below_the_cut_are_rebounded_but_not_counted():
 def test_indices_are_those_of_the_kept_impacts():
     osc = vi.ImpactOscillator(omega=0.95)
     cells = make_cells(osc, None, {"gap": np.array([0.0, 50.0])})
-    table = REFERENCE.indices(cells, ImpactWindow(200, 100), Tolerances())
+    table = REFERENCE.indices(cells, Measurement(ImpactWindow(200, 100)))
     seen = watch(osc, ImpactWindow(200, 100))
     span = (times(seen, osc)[-1] - times(seen, osc)[0]) / osc.period
     assert table["std"][0] == pytest.approx(np.std(seen.impact_velocity), rel=1e-12)
@@ -300,7 +300,7 @@ def test_indices_are_those_of_the_kept_impacts():
 
 
 def test_one_kept_impact_has_no_rate():
-    table = REFERENCE.indices(make_cells(vi.ImpactOscillator(), None), ImpactWindow(10, 1), Tolerances())
+    table = REFERENCE.indices(make_cells(vi.ImpactOscillator(), None), Measurement(ImpactWindow(10, 1)))
     assert table["std"][0] == 0.0
     assert np.isnan(table["impacts_per_period"][0])
     assert vi.Status(table["status"][0]) == vi.Status.SHORT_WINDOW
@@ -313,5 +313,5 @@ def test_a_window_carries_on_where_the_one_before_it_ended():
     cells = make_cells(osc, None)
     for name in ("clearance", "velocity", "periods", "phase"):
         getattr(cells, name)[:] = getattr(first, f"last_{name}")
-    (rest,) = REFERENCE.samples(cells, ImpactWindow(0, 7), Tolerances())
+    (rest,) = REFERENCE.samples(cells, Measurement(ImpactWindow(0, 7)))
     assert (rest.impact_velocity == whole.impact_velocity[5:]).all()

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.backends import ImpactWindow, StroboscopicWindow, get_backend
+from cells import make_cells
+from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, get_backend
 from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.backends.reference.tangent import Tangent
-from vibroimpact.backends.starts import make_cells
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import recognise
-from vibroimpact.options import Tolerances
 
 REFERENCE = get_backend("reference")
 LENGTH, BEGIN = 2.4, (1.0, 0.7)  # deviations are |y| + LENGTH/L |y'|, and begin in this direction
@@ -22,12 +21,12 @@ RATES = ("lyapunov", "lyapunov_per_impact", "dissipation", "stick_fraction")
 
 
 def tell(osc, transient=200, keep=40, start=None, backend=REFERENCE):
-    table = backend.indices(make_cells(osc, start), ImpactWindow(transient, keep), Tolerances())
+    table = backend.indices(make_cells(osc, start), Measurement(ImpactWindow(transient, keep)))
     return {name: values[0].item() for name, values in table.items()}
 
 
 def watch(osc, transient=200, keep=40, start=None):
-    (seen,) = REFERENCE.samples(make_cells(osc, start), ImpactWindow(transient, keep), Tolerances())
+    (seen,) = REFERENCE.samples(make_cells(osc, start), Measurement(ImpactWindow(transient, keep)))
     return seen
 
 
@@ -336,7 +335,7 @@ def test_the_margin_is_the_closest_turn_back_that_dense_looks_show(changes, star
     turns = hits.impact_periods + hits.impact_phase
     rate = 2500
     window = StroboscopicWindow(0, rate * (math.ceil(turns[-1]) + 1), None, rate)
-    (looks,) = REFERENCE.samples(make_cells(osc, start), window, Tolerances())
+    (looks,) = REFERENCE.samples(make_cells(osc, start), Measurement(window))
     told = tell(osc, 0, 25, start)
     if told["n_periods"]:
         turns = turns[last_round(hits, told["n_periods"]) :]

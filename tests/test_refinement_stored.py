@@ -20,7 +20,7 @@ NAMES = ("std", "lyapunov_per_impact", "n_periods", "n_impacts", "status", "leve
 
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch):
-    monkeypatch.setattr("vibroimpact.refinement.request.CHUNK", 100)
+    monkeypatch.setattr("vibroimpact.refinement.computing.CHUNK", 100)
     monkeypatch.setattr("vibroimpact.refinement.computing.FEWEST", 1)  # and computed one at a time
 
 

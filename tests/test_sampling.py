@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.backends import ImpactWindow, StroboscopicWindow, get_backend, sampling
-from vibroimpact.backends.starts import make_cells
-from vibroimpact.options import Tolerances
+from cells import make_cells
+from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, get_backend, sampling
 
 OSCILLATORS = {
     "touching the stop": vi.ImpactOscillator(),
@@ -37,8 +36,8 @@ def test_lanes_see_the_bits_that_a_cell_shows_alone(osc, window):
     start = vi.State(min(osc.gap, 0.0) - 0.1, 0.5)
     cells = make_cells(osc, start, {"omega": np.linspace(0.1, 5.0, 37)})
     engine = get_backend("cpu")
-    together = engine.samples(cells, window, Tolerances())
-    alone = [engine.samples(cells[at : at + 1], window, Tolerances())[0] for at in range(len(cells))]
+    together = engine.samples(cells, Measurement(window))
+    alone = [engine.samples(cells[at : at + 1], Measurement(window))[0] for at in range(len(cells))]
     assert all(same(one, other) for one, other in zip(together, alone, strict=True))
 
 
@@ -69,9 +68,9 @@ def test_of_long_windows_few_values_are_sampled_at_once_and_a_stop_is_heard():
 def test_full_buffers_are_emptied_and_nothing_is_lost(monkeypatch):
     cells = make_cells(vi.ImpactOscillator(gap=-0.3, restitution=0.3), None, {"omega": np.linspace(0.3, 2.0, 40)})
     window, engine = StroboscopicWindow(skip_periods=0, keep=50, phase=0.5), get_backend("cpu")
-    whole = engine.samples(cells, window, Tolerances())
+    whole = engine.samples(cells, Measurement(window))
     monkeypatch.setattr(sampling, "ROOM", 3)
-    assert all(same(one, other) for one, other in zip(engine.samples(cells, window, Tolerances()), whole, strict=True))
+    assert all(same(one, other) for one, other in zip(engine.samples(cells, Measurement(window)), whole, strict=True))
 
 
 def test_an_undriven_mass_is_at_rest_once_its_motion_is_too_small_for_numbers():

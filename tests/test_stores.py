@@ -333,7 +333,9 @@ def test_a_tile_is_a_number_of_cells(tmp_path, tile):
 
 
 def test_a_failing_back_end_ends_the_sweep_and_frees_the_store(tmp_path, monkeypatch):
-    compute = driver.Request.compute
+    from vibroimpact.execution.store import run
+
+    compute = run.compute
 
     def fail(request, part, *stop):
         if part[0].start:
@@ -341,7 +343,7 @@ def test_a_failing_back_end_ends_the_sweep_and_frees_the_store(tmp_path, monkeyp
         return compute(request, part, *stop)
 
     with monkeypatch.context() as patched:
-        patched.setattr(driver.Request, "compute", fail)
+        patched.setattr(run, "compute", fail)
         with pytest.raises(MemoryError):
             plane(store=tmp_path / "run.zarr", tile=60)
     xr.testing.assert_equal(plane(store=tmp_path / "run.zarr").load(), plane())

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 import vibroimpact as vi
-from vibroimpact.backends import ImpactWindow, get_backend
-from vibroimpact.backends.starts import make_cells
+from cells import make_cells
+from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.options import Tolerances
 
 EXAMPLES, SHARES, IMPACTS = 2000, 8, 20
@@ -96,7 +96,9 @@ def error_growth(osc, start, seen):
 
 def compare(osc, start):
     cells, window, limits = make_cells(osc, start), ImpactWindow(0, IMPACTS), Tolerances(flight_periods=100)
-    (ours,), (theirs,) = (get_backend(name).samples(cells, window, limits) for name in ("cpu", "reference"))
+    (ours,), (theirs,) = (
+        get_backend(name).samples(cells, Measurement(window, limits)) for name in ("cpu", "reference")
+    )
     weak = np.flatnonzero(theirs.impact_velocity < WEAK * osc.velocity_scale)
     sure = weak[0] if weak.size else len(theirs.impact_velocity)
     if not weak.size:

@@ -8,8 +8,8 @@ import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
 import vibroimpact as vi
-from vibroimpact.backends import ImpactWindow, get_backend
-from vibroimpact.backends.starts import make_cells
+from cells import make_cells
+from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.options import Tolerances
 
 OSC = vi.ImpactOscillator()
@@ -50,7 +50,7 @@ def test_early_closing_leaves_a_sixth_of_the_impacts_of_the_paper_s_maps(name, v
 def test_no_cell_crawls():
     # A mass that leaves the stop slowly once took millions of steps in one cell of this map's neighbourhood.
     cells = make_cells(OSC, None, {"omega": np.linspace(4.9, 5.0, 21), "restitution": np.linspace(0.1, 0.99, 40)})
-    done = get_backend("cpu").indices(cells, ImpactWindow(100, 1000), Tolerances())
+    done = get_backend("cpu").indices(cells, Measurement(ImpactWindow(100, 1000)))
     assert (done["steps"] <= 40 * done["impacts"] + 2000).all()
 
 
@@ -66,7 +66,7 @@ def test_memory_is_taken_once_a_tile_and_never_by_an_impact():
     def allocations(sample):
         before = rtsys.get_allocation_stats().alloc
         cells = make_cells(OSC, None, {"omega": SPREAD})
-        get_backend("cpu").indices(cells, ImpactWindow(10, sample), Tolerances(), early_closing=False)
+        get_backend("cpu").indices(cells, Measurement(ImpactWindow(10, sample), Tolerances(), early_closing=False))
         return rtsys.get_allocation_stats().alloc - before
 
     allocations(10)

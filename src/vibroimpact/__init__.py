@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from vibroimpact.orbits import Orbit, find_orbit
     from vibroimpact.orbits.sticking import end_of_sticking
     from vibroimpact.oscillator import ImpactOscillator, State
-    from vibroimpact.refinement import refined_map, to_uniform
+    from vibroimpact.refinement.maps import to_uniform
     from vibroimpact.sections import impact_section, simulate, stroboscopic_section
-    from vibroimpact.sweeps import parameter_map
+    from vibroimpact.sweeps import parameter_map, refined_map
     from vibroimpact.verdict import compare, describe
 
 # Names are handed on when first used, so that importing vibroimpact costs nothing.
@@ -31,8 +31,8 @@ _HOMES = {
     "stroboscopic_section": "sections",
     "bifurcation_diagram": "diagrams",
     "parameter_map": "sweeps",
-    "refined_map": "refinement",
-    "to_uniform": "refinement",
+    "refined_map": "sweeps",
+    "to_uniform": "refinement.maps",
     "classify": "classes",
     "Orbit": "orbits",
     "find_orbit": "orbits",

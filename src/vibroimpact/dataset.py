@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -14,19 +14,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibroimpact.indices import INDICES
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.oscillator import ImpactOscillator, Model
+from vibroimpact.parameters import Parameter
 from vibroimpact.status import Status
 
 # name: (long name, unit, symbol)
 VARIABLES: dict[str, tuple[str, str, str]] = {
-    "mass": ("mass", "kg", "m"),
-    "damping": ("damping", "N s/m", "c"),
-    "stiffness": ("stiffness", "N/m", "k"),
-    "amplitude": ("driving force amplitude", "N", "f"),
-    "omega": ("angular driving frequency", "rad/s", "w"),
-    "frequency": ("driving frequency", "Hz", "w/2pi"),
-    "restitution": ("coefficient of restitution", "1", "r"),
-    "gap": ("gap", "m", "g"),
+    **{name: (entry.long_name, entry.unit, entry.symbol) for name, entry in ImpactOscillator.parameters.items()},
     "time": ("time", "s", "t"),
     "phase": ("phase of the driving period", "1", "psi/T"),
     "displacement": ("displacement", "m", "y"),
@@ -38,7 +32,12 @@ VARIABLES: dict[str, tuple[str, str, str]] = {
     "count": ("number of samples kept", "1", "N"),
 } | {index.name: (index.long_name, index.units, index.symbol) for index in INDICES.values()}
 
-SYMBOLS = {symbol: name for name, (_, _, symbol) in VARIABLES.items() if name in ImpactOscillator.__annotations__}
+SYMBOLS = {entry.symbol: name for name, entry in ImpactOscillator.parameters.items() if not entry.replaces}
+
+
+def label(parameter: Parameter) -> dict[str, str]:
+    """Return the attributes of an axis that varies a parameter."""
+    return {"long_name": parameter.long_name, "units": parameter.unit, "symbol": parameter.symbol or parameter.name}
 
 
 def variable(name: str, dims: str | Sequence[str], data: Any, **attrs: Any) -> xr.Variable:
@@ -76,16 +75,11 @@ def status_variable(dims: str | Sequence[str], codes: Any) -> xr.Variable:
     )
 
 
-def seconds(osc: ImpactOscillator, periods: Any, phase: Any) -> Any:
-    """Return times in s from whole periods and phase."""
-    return (periods + phase) * osc.period
-
-
-def stick_times(osc: ImpactOscillator, seen: Any) -> dict[str, xr.Variable]:
+def stick_times(seconds: Callable[[Any, Any], Any], seen: Any) -> dict[str, xr.Variable]:
     """Return when the mass came to rest at the stop and when it left, from a back end's samples."""
     return {
-        "stick_time": variable("stick_time", "stick", seconds(osc, seen.stick_periods, seen.stick_phase)),
-        "release_time": variable("release_time", "stick", seconds(osc, seen.release_periods, seen.release_phase)),
+        "stick_time": variable("stick_time", "stick", seconds(seen.stick_periods, seen.stick_phase)),
+        "release_time": variable("release_time", "stick", seconds(seen.release_periods, seen.release_phase)),
     }
 
 
@@ -98,11 +92,17 @@ def package_version() -> str:
         return "unknown"
 
 
-def provenance(function: str, osc: ImpactOscillator, arguments: Mapping[str, Any]) -> dict[str, str]:
-    """Return attributes that say which call, on which oscillator, by which version made a result."""
+def provenance(function: str, model: Model, arguments: Mapping[str, Any]) -> dict[str, str]:
+    """Return attributes that say which call, on which model, by which version made a result.
+
+    Of a family they hold its own parameters (`model`) and the oscillator that these make.
+    """
+    osc = model.at()
+    family = {} if model is osc else {"model": json.dumps({"family": str(model), **model.values})}
     return {
         "source": f"vibroimpact {package_version()}",
         "function": function,
+        **family,
         "oscillator": json.dumps(asdict(osc)),
         "arguments": json.dumps(dict(arguments), default=str),
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import fields, replace
+from dataclasses import replace
 from threading import Event
 from typing import Any
 
@@ -12,23 +12,24 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibroimpact import memory
-from vibroimpact.axes import check_axes
 from vibroimpact.backends import (
     Backend,
-    Cells,
     ImpactWindow,
+    Measurement,
     Samples,
     StroboscopicWindow,
     check_told,
     get_backend,
 )
-from vibroimpact.backends.starts import check_start, make_cells
-from vibroimpact.dataset import impact_speed, missing, provenance, status_variable, variable
+from vibroimpact.cells import Cells
+from vibroimpact.dataset import impact_speed, missing, status_variable, variable
 from vibroimpact.execution.threads import run_sweep, run_tiles, tiles, worker_count
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.oscillator import Model, State, check_model, one_start
+from vibroimpact.parameters import choice
 from vibroimpact.progress import Report, Stop, reporter
+from vibroimpact.request import Request, check_axes
 from vibroimpact.sections import section_phase
 from vibroimpact.status import Status
 
@@ -40,7 +41,7 @@ FEW, MANY, AT_ONCE = 32, 64, 400_000
 
 
 def bifurcation_diagram(
-    osc: ImpactOscillator,
+    osc: Model,
     *,
     section: str = "impact",
     direction: str = "fresh",
@@ -62,7 +63,7 @@ def bifurcation_diagram(
 
     Parameters
     ----------
-    osc : ImpactOscillator
+    osc : ImpactOscillator or family
         The parameters that the axis does not vary.
     section : {"impact", "stroboscopic"}
         Velocities and phases at impacts, or displacement and velocity once a period.
@@ -119,46 +120,36 @@ def bifurcation_diagram(
     >>> diagram["velocity"].dims
     ('omega', 'impact')
     """
-    check_start(start)
-    _one_of("section", section, SECTIONS)
-    _one_of("direction", direction, DIRECTIONS)
-    grid = check_axes(axis)
+    check_model(osc)
+    choice("section", section, SECTIONS)
+    choice("direction", direction, DIRECTIONS)
+    grid = check_axes(axis, osc)
     if len(grid) != 1:
-        given = ", ".join(grid) or "none"
-        raise ValueError(f"the axes given are {given}; allowed is exactly one; use parameter_map for more")
+        raise ValueError(f"one axis is needed, got {', '.join(grid) or 'none'}; use parameter_map for more")
     sampling = Sampling(transient_impacts, sample_impacts, transient_periods, sample_periods)
-    window: ImpactWindow | StroboscopicWindow
-    if section == "impact":
-        window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
-    else:
+    impacts = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
+    window: ImpactWindow | StroboscopicWindow = impacts
+    if section == "stroboscopic":
         window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, section_phase(phase))
     threads = worker_count(workers)
     chosen = check_indices(indices) if indices else ()
     engine = get_backend(backend, time_step=time_step)
     check_told(chosen, engine)
-    cells = make_cells(osc, start, grid)
-    limits = tolerances or Tolerances()
+    asked = Measurement(window, tolerances or Tolerances(), indices=chosen)
+    request = Request(osc, grid, asked, one_start(start), engine.sampler, time_step)
+    cells = request.cells()
     samples = len(cells) * window.keep
-    remedy = f"take fewer points, or smaller `sample_{'impacts' if section == 'impact' else 'periods'}`"
-    memory.check_fits("axes", f"hold {len(cells):,} values, {samples:,} samples, which take", 16 * samples, remedy)
-    dataset = _empty_diagram(grid, section, window.keep, chosen)
-    arguments = {
-        "section": section,
-        "direction": direction,
-        "backend": backend,
-        "time_step": time_step,
-        "start": start,
-        "window": window,
-        "indices": chosen,
-        "sample_impacts": sampling.sample_impacts,
-    }
-    dataset.attrs |= provenance("bifurcation_diagram", osc, arguments)
+    hint = f"take fewer points, or smaller `sample_{_along(section)}s`"
+    memory.check_fits("axes", f"hold {len(cells):,} values, {samples:,} samples, which take", 16 * samples, hint)
+    dataset = _empty_diagram(request, section, window.keep)
+    further = {"section": section, "direction": direction, "window": window, "sample_impacts": impacts.keep}
+    dataset.attrs |= replace(request, further=further).provenance("bifurcation_diagram")
 
     stop = Stop(progress)
     if direction == "fresh":
-        columns = _fresh(engine, cells, window, limits, threads, stop)
+        columns = _fresh(engine, cells, asked, threads, stop)
     else:
-        columns = _carried(engine, cells, window, limits, stop, upward=direction == "up")
+        columns = _carried(engine, cells, asked, stop, upward=direction == "up")
     begun: list[tuple[int, Cells]] = []
     table = {str(name): values.values for name, values in dataset.data_vars.items()}
     with reporter(progress, "values") as report:
@@ -168,14 +159,8 @@ def bifurcation_diagram(
             if not stop.is_set() and report(done, len(cells), dataset) is False:
                 stop.set()
     if chosen and begun:
-        impacts = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
-        _fill_indices(dataset, engine, begun, impacts, limits, chosen, threads)
+        _fill_indices(dataset, engine, begun, replace(asked, window=impacts), threads)
     return dataset.isel({_along(section): slice(0, max(int(dataset["count"].max()), 1))})
-
-
-def _one_of(name: str, value: Any, allowed: tuple[str, ...]) -> None:
-    if value not in allowed:
-        raise ValueError(f"`{name}` is {value!r}; allowed are {', '.join(allowed)}; choose one of them")
 
 
 def _along(section: str) -> str:
@@ -183,29 +168,19 @@ def _along(section: str) -> str:
 
 
 def _fresh(
-    engine: Backend,
-    cells: Cells,
-    window: ImpactWindow | StroboscopicWindow,
-    limits: Tolerances,
-    threads: int,
-    stop: Event,
+    engine: Backend, cells: Cells, asked: Measurement, threads: int, stop: Event
 ) -> Iterator[tuple[int, Cells, Samples]]:
+    window = asked.window
     left_out = window.transient if isinstance(window, ImpactWindow) else window.skip_periods
     most = min(max(AT_ONCE // (left_out + window.keep), 1), MANY, engine.largest_tile)
     parts = tiles(len(cells), threads, min(engine.smallest_tile, FEW, most), most)
-    for part, column in run_tiles(lambda part: engine.samples(cells[part], window, limits), parts, threads, stop):
+    for part, column in run_tiles(lambda part: engine.samples(cells[part], asked), parts, threads, stop):
         for at, seen in enumerate(column, start=part.start):
             yield at, cells[at : at + 1], seen
 
 
 def _carried(
-    engine: Backend,
-    cells: Cells,
-    window: ImpactWindow | StroboscopicWindow,
-    limits: Tolerances,
-    stop: Event,
-    *,
-    upward: bool,
+    engine: Backend, cells: Cells, asked: Measurement, stop: Event, *, upward: bool
 ) -> Iterator[tuple[int, Cells, Samples]]:
     order = range(len(cells)) if upward else range(len(cells) - 1, -1, -1)
     before: Samples | None = None
@@ -214,23 +189,17 @@ def _carried(
             return
         cell = cells[at : at + 1]
         if before is not None and np.isfinite(before.last_clearance):
-            cell = replace(
-                cell,
-                clearance=np.array([before.last_clearance]),
-                velocity=np.array([before.last_velocity]),
-                periods=np.zeros(1),
-                phase=np.array([before.last_phase]),
+            cell = cell.replace(
+                clearance=before.last_clearance, velocity=before.last_velocity, periods=0.0, phase=before.last_phase
             )
-        (seen,) = engine.samples(cell, window, limits)
+        (seen,) = engine.samples(cell, asked)
         before = None if seen.status == Status.BUDGET else seen
         yield at, cell, seen
 
 
-def _empty_diagram(
-    grid: dict[str, NDArray[np.float64]], section: str, keep: int, indices: tuple[str, ...]
-) -> xr.Dataset:
-    ((name, values),) = grid.items()
-    dims, shape = (name, _along(section)), (len(values), keep)
+def _empty_diagram(request: Request, section: str, keep: int) -> xr.Dataset:
+    (name,), (number,) = request.dims, request.shape
+    dims, shape = (name, _along(section)), (number, keep)
     first, second = np.full(shape, np.nan), np.full(shape, np.nan)
     if section == "impact":
         points = {"velocity": impact_speed(dims, first), "phase": variable("phase", dims, second)}
@@ -239,11 +208,11 @@ def _empty_diagram(
     return xr.Dataset(
         {
             **points,
-            "count": variable("count", name, np.zeros(len(values), np.int64)),
-            "status": status_variable(name, np.full(len(values), Status.INTERRUPTED)),
-            **{index: variable(index, name, missing(index, len(values))) for index in indices},
+            "count": variable("count", name, np.zeros(number, np.int64)),
+            "status": status_variable(name, np.full(number, Status.INTERRUPTED)),
+            **{index: variable(index, name, missing(index, number)) for index in request.indices},
         },
-        coords={name: variable(name, name, values)},
+        coords=request.coordinates(),
     )
 
 
@@ -259,17 +228,11 @@ def _fill(table: dict[str, NDArray[Any]], section: str, at: int, seen: Samples) 
 
 
 def _fill_indices(
-    dataset: xr.Dataset,
-    engine: Backend,
-    begun: list[tuple[int, Cells]],
-    window: ImpactWindow,
-    limits: Tolerances,
-    names: tuple[str, ...],
-    threads: int,
+    dataset: xr.Dataset, engine: Backend, begun: list[tuple[int, Cells]], asked: Measurement, threads: int
 ) -> None:
-    """Tell the indices of every value from the start that its section had."""
+    """Fill in the indices of every value, from the initial condition that its section had."""
     where = np.array([at for at, _ in begun])
-    columns = {field.name: np.concatenate([getattr(cell, field.name) for _, cell in begun]) for field in fields(Cells)}
-    for which, result in run_sweep(engine, Cells(**columns), window, limits, True, names, threads, Event()):
-        for name in names:
+    cells = Cells.join([cell for _, cell in begun])
+    for which, result in run_sweep(engine, cells, asked, threads, Event()):
+        for name in asked.indices:
             dataset[name].values[where[which]] = result[name]

@@ -5,65 +5,44 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
-from difflib import get_close_matches
-from typing import Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
-from vibroimpact.parameters import real_number
+from vibroimpact.parameters import Parameter, invalid, real_number, unknown
 
-PARAMETERS = ("mass", "damping", "stiffness", "amplitude", "omega", "restitution", "gap")
-_SYMBOLS = {**dict(zip("mckfwrg", PARAMETERS, strict=True)), "zeta": "damping_ratio"}
-STAND_FOR = {"frequency": "omega", "damping_ratio": "damping"}  # a name in whose place another may be given
+if TYPE_CHECKING:
+    from vibroimpact.cells import Cells
 
-# name: (lower bound, bound itself allowed, upper bound, what to do about a refused value)
-_RANGES: dict[str, tuple[float, bool, float, str]] = {
-    "mass": (0.0, False, math.inf, "give the moving mass in kg"),
-    "damping": (0.0, True, math.inf, "a damper takes energy out; use 0 for none"),
-    "damping_ratio": (0.0, True, math.inf, "it is c / (2 sqrt(k m)), 0.01 for 1 % of critical damping"),
-    "stiffness": (0.0, False, math.inf, "give the spring constant in N/m; without a spring there is no rest position"),
-    "amplitude": (0.0, True, math.inf, "for the opposite sign start half a period later instead"),
-    "omega": (0.0, False, math.inf, "give the angular driving frequency in rad/s, or `frequency` in Hz"),
-    "frequency": (0.0, False, math.inf, "give the driving frequency in Hz, or `omega` in rad/s"),
-    "restitution": (0.0, True, 1.0, "it is the speed after an impact over the speed before it"),
-    "gap": (-math.inf, False, math.inf, "give the clearance in m; negative means preloaded against the stop"),
-}
-
-
-def _allowed(name: str) -> str:
-    low, closed, high, _ = _RANGES[name]
-    if math.isinf(low):
-        return "any finite number"
-    if math.isinf(high):
-        return f"a finite number {'>=' if closed else '>'} {low:g}"
-    return f"a number from {low:g} to {high:g}"
-
-
-def nearest_parameter(name: str, allowed: Iterable[str] = tuple(_RANGES)) -> str:
-    """Return the remedy for a name that is no parameter's: the one that was probably meant, also by its symbol."""
-    close = [_SYMBOLS[name]] if name in _SYMBOLS else get_close_matches(name, list(allowed), 1)
-    return f"did you mean {close[0]!r}?" if close else "check the spelling"
-
-
-def _check_names(names: Mapping[str, Any]) -> None:
-    for name in names:
-        if name not in _RANGES:
-            raise ValueError(
-                f"`{name}` is no parameter of the oscillator; allowed are "
-                f"{', '.join(PARAMETERS)}, {' and '.join(STAND_FOR)}; {nearest_parameter(name)}"
-            )
-
-
-def _check_one(name: str, value: Any, other: str, other_value: Any, remedy: str) -> None:
-    if value is not None and other_value is not None:
-        raise ValueError(f"`{name}` is {value!r} and `{other}` is {other_value!r}; allowed is one of the two; {remedy}")
-
-
-def parameter_value(name: str, value: Any) -> float:
-    """Return a parameter as a float inside its range, or raise `ValueError` naming range and remedy."""
-    low, closed, high, remedy = _RANGES[name]
-    number = real_number(name, value, _allowed(name), remedy)
-    if number < low or number > high or (number == low and not closed):
-        raise ValueError(f"`{name}` is {value!r}; allowed is {_allowed(name)}; {remedy}")
-    return number
+_TABLE = (
+    Parameter("mass", "mass", "kg", "m", 0.0, closed=False, hint="give the moving mass in kg"),
+    Parameter("damping", "damping", "N s/m", "c", 0.0, hint="a damper takes energy out; use 0 for none"),
+    Parameter(
+        "stiffness", "stiffness", "N/m", "k", 0.0, closed=False,
+        hint="give the spring constant in N/m; without a spring there is no rest position",
+    ),
+    Parameter(
+        "amplitude", "driving force amplitude", "N", "f", 0.0,
+        hint="for the opposite sign start half a period later instead",
+    ),
+    Parameter(
+        "omega", "angular driving frequency", "rad/s", "w", 0.0, closed=False,
+        hint="give the angular driving frequency in rad/s, or `frequency` in Hz",
+    ),
+    Parameter(
+        "restitution", "coefficient of restitution", "1", "r", 0.0, 1.0,
+        hint="it is the speed after an impact over the speed before it",
+    ),
+    Parameter("gap", "gap", "m", "g", hint="give the clearance in m; negative means preloaded against the stop"),
+    Parameter(
+        "frequency", "driving frequency", "Hz", "w/2pi", 0.0, closed=False, replaces="omega",
+        hint="give the driving frequency in Hz, or `omega` in rad/s",
+    ),
+    Parameter(
+        "damping_ratio", "damping ratio", "1", "zeta", 0.0, replaces="damping",
+        hint="it is c / (2 sqrt(k m)), 0.01 for 1 % of critical damping",
+    ),
+)  # fmt: skip
+PARAMETERS = tuple(parameter.name for parameter in _TABLE if parameter.replaces is None)
 
 
 @dataclass(frozen=True, init=False)
@@ -112,6 +91,8 @@ class ImpactOscillator:
     3.141593
     """
 
+    parameters: ClassVar[Mapping[str, Parameter]] = MappingProxyType({entry.name: entry for entry in _TABLE})
+
     mass: float
     damping: float
     stiffness: float
@@ -134,27 +115,59 @@ class ImpactOscillator:
         damping_ratio: float | None = None,
         **misnamed: Any,
     ) -> None:
-        _check_names(misnamed)
-        _check_one("omega", omega, "frequency", frequency, "keep `omega` for rad/s or `frequency` for Hz")
-        _check_one("damping", damping, "damping_ratio", damping_ratio, "keep c or zeta")
+        check_names(self.parameters, misnamed)
+        _check_one("omega", omega, "frequency", frequency)
+        _check_one("damping", damping, "damping_ratio", damping_ratio)
+        check = {name: parameter.check for name, parameter in self.parameters.items()}
         if frequency is not None:
-            omega = 2.0 * math.pi * parameter_value("frequency", frequency)
+            omega = 2.0 * math.pi * check["frequency"](frequency)
         if damping_ratio is not None:
-            critical = 2.0 * math.sqrt(parameter_value("stiffness", stiffness) * parameter_value("mass", mass))
-            damping = parameter_value("damping_ratio", damping_ratio) * critical
+            critical = 2.0 * math.sqrt(check["stiffness"](stiffness) * check["mass"](mass))
+            damping = check["damping_ratio"](damping_ratio) * critical
         damping, omega = 0.01 if damping is None else damping, 2.0 if omega is None else omega
         given = (mass, damping, stiffness, amplitude, omega, restitution, gap)
         for name, value in zip(PARAMETERS, given, strict=True):
-            object.__setattr__(self, name, parameter_value(name, value))
+            object.__setattr__(self, name, check[name](value))
 
     def replace(self, **changes: float) -> ImpactOscillator:
         """Return a copy with some parameters changed; `frequency` (Hz), `damping_ratio` may stand for theirs."""
-        _check_names(changes)
+        check_names(self.parameters, changes)
         for name, value in changes.items():  # None, which the constructor takes for nothing given, is no value
-            parameter_value(name, value)
-        dropped = {STAND_FOR.get(name) for name in changes}
+            self.parameters[name].check(value)
+        dropped = {self.parameters[name].replaces for name in changes}
         kept = {name: value for name, value in asdict(self).items() if name not in dropped}
         return ImpactOscillator(**{**kept, **changes})
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The seven numbers by name."""
+        return asdict(self)
+
+    def at(self, **values: float) -> ImpactOscillator:
+        """Return the oscillator with some parameters changed: what a model is at one point of its axes."""
+        return self.replace(**values) if values else self
+
+    def cells(self, points: Mapping[str, Any], start: State | None = None) -> Cells:
+        """Return one cell per point, all from the same start.
+
+        Parameters
+        ----------
+        points : mapping of str to ndarray, shape (n,)
+            Values of some parameters; without any, there is one cell.
+        start : State, optional
+            None is at rest at min(0, gap) at time 0.
+        """
+        import numpy as np
+
+        from vibroimpact.cells import begun
+
+        shape = np.shape(next(iter(points.values()), 0.0))
+        columns = {name: np.full(shape, points.get(name, getattr(self, name))) for name in PARAMETERS}
+        if "frequency" in points:
+            columns["omega"] = 2.0 * math.pi * points["frequency"]
+        if "damping_ratio" in points:
+            columns["damping"] = points["damping_ratio"] * (2.0 * np.sqrt(columns["stiffness"] * columns["mass"]))
+        return begun(columns, start)
 
     @property
     def frequency(self) -> float:
@@ -208,12 +221,65 @@ class ImpactOscillator:
         return scaled, {"time": time, "displacement": length, "velocity": length / time}
 
 
-def check_oscillator(osc: Any) -> None:
-    """Refuse what is no `ImpactOscillator`."""
-    if not isinstance(osc, ImpactOscillator):
-        raise ValueError(
-            f"`osc` is {osc!r}; allowed is an ImpactOscillator; write for example ImpactOscillator(mass=1.0, omega=2.8)"
-        )
+def check_names(parameters: Mapping[str, Parameter], names: Iterable[str]) -> None:
+    """Refuse names that are no parameters, with the one that was probably meant, also by its symbol."""
+    for name in names:
+        if name not in parameters:
+            meant = next((known for known, parameter in parameters.items() if parameter.symbol == name), None)
+            raise unknown("parameter", name, parameters, f"did you mean {meant!r}?" if meant else "")
+
+
+def _check_one(name: str, value: Any, other: str, other_value: Any) -> None:
+    if value is not None and other_value is not None:
+        raise ValueError(f"give either `{name}` or `{other}`, not both; got {value!r} and {other_value!r}")
+
+
+STAND_FOR = {name: entry.replaces for name, entry in ImpactOscillator.parameters.items() if entry.replaces}
+
+
+def parameter_value(name: str, value: Any) -> float:
+    """Return a parameter as a float inside its range."""
+    return ImpactOscillator.parameters[name].check(value)
+
+
+@runtime_checkable
+class Model(Protocol):
+    """What the machinery knows of a model: its table of parameters, their values, and the cells that it makes."""
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """The parameters that an axis may vary, by name."""
+        ...
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Their values; of parameters that replace one another, one."""
+        ...
+
+    def replace(self, **changes: float) -> Model:
+        """Return the model with some parameters changed."""
+        ...
+
+    def at(self, **values: float) -> ImpactOscillator:
+        """Return the oscillator that it is at some values of its parameters."""
+        ...
+
+    def cells(self, points: Mapping[str, Any], start: State | None = None) -> Cells:
+        """Return one cell per point, from its columns of values."""
+        ...
+
+
+def check_model(model: Any, name: str = "osc") -> None:
+    """Refuse what is neither an oscillator nor a family."""
+    if not isinstance(model, Model) or isinstance(model, type):
+        raise invalid(name, model, "an ImpactOscillator or a family", "write for example ImpactOscillator(omega=2.8)")
+
+
+def the_oscillator(model: Any) -> ImpactOscillator:
+    """Return the one oscillator that a model is at its own values."""
+    check_model(model)
+    osc: ImpactOscillator = model.at()
+    return osc
 
 
 @dataclass(frozen=True)
@@ -242,3 +308,10 @@ class State:
     def __post_init__(self) -> None:
         for name in ("displacement", "velocity", "time"):
             object.__setattr__(self, name, real_number(name, getattr(self, name)))
+
+
+def one_start(start: Any) -> State | None:
+    """Return one initial condition, or refuse what is none."""
+    if not (start is None or isinstance(start, State)):
+        raise invalid("start", start, "None or a State", "write State(displacement, velocity=0.0, time=0.0)")
+    return start

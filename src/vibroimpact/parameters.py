@@ -1,43 +1,121 @@
-"""Checking one number."""
+"""The parameters of a model, and how numbers are checked."""
 
 from __future__ import annotations
 
 import math
 import operator
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any
 
 
-def real_number(name: str, value: Any, allowed: str = "a finite number", remedy: str = "give a plain number") -> float:
-    """Return `value` as a float, or say why it is not one."""
+def invalid(name: str, value: Any, allowed: str, hint: str = "") -> ValueError:
+    """Return the error for an argument that is not what is allowed, with a hint what to do."""
+    return ValueError(f"`{name}` must be {allowed}, got {_short(value)}" + (f"; {hint}" if hint else ""))
+
+
+def unknown(what: str, name: Any, choices: Iterable[str], hint: str = "") -> ValueError:
+    """Return the error for a name that is none of the choices, with the one that was probably meant."""
+    known = list(choices)
+    close = get_close_matches(str(name), known, 1)
+    hint = hint or (f"did you mean {close[0]!r}?" if close else "")
+    return ValueError(f"unknown {what} {name!r}; choose from {', '.join(known)}" + (f"; {hint}" if hint else ""))
+
+
+def choice(name: str, value: Any, choices: Iterable[str]) -> str:
+    """Return the value if it is one of the choices."""
+    known = tuple(choices)
+    if not isinstance(value, str) or value not in known:
+        raise unknown(f"`{name}`", value, known)
+    return value
+
+
+def real_number(name: str, value: Any, allowed: str = "a finite number", hint: str = "") -> float:
+    """Return the value as a finite float."""
     try:
         if isinstance(value, (str, bytes, bool, complex)):
             raise TypeError
         number = float(value)
     except (TypeError, ValueError):
-        raise ValueError(f"`{name}` is {value!r}; allowed is {allowed}; {remedy}{_unquoted(value)}") from None
+        raise invalid(name, value, allowed, _unquoted(value) or hint) from None
     if not math.isfinite(number):
-        raise ValueError(f"`{name}` is {value!r}; allowed is {allowed}; {remedy}")
+        raise invalid(name, value, allowed, hint)
     return number
 
 
-def _unquoted(value: Any) -> str:
-    """Return the remedy for a number that is given as text; nothing for anything else."""
-    try:
-        return "; write numbers without quotes" if isinstance(value, str) and math.isfinite(float(value)) else ""
-    except ValueError:
-        return ""
-
-
 def whole_number(name: str, value: Any, least: int) -> int:
-    """Return `value` as an int not below `least`, or say what is allowed."""
+    """Return the value as an int that is not below `least`."""
+    allowed = f"a whole number >= {least}"
     try:
         if isinstance(value, bool):
             raise TypeError
         number = operator.index(value)
     except TypeError:
-        quoted = isinstance(value, str) and value.strip().isdecimal()
-        remedy = "write numbers without quotes" if quoted else "give a plain integer"
-        raise ValueError(f"`{name}` is {value!r}; allowed is a whole number >= {least}; {remedy}") from None
+        raise invalid(name, value, allowed, _unquoted(value)) from None
     if number < least:
-        raise ValueError(f"`{name}` is {value!r}; allowed is a whole number >= {least}; give a larger count")
+        raise invalid(name, value, allowed)
     return number
+
+
+def _unquoted(value: Any) -> str:
+    try:
+        return "write numbers without quotes" if isinstance(value, str) and math.isfinite(float(value)) else ""
+    except ValueError:
+        return ""
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A named number of a model.
+
+    Parameters
+    ----------
+    name, long_name, unit, symbol : str
+        As they stand in arguments, on axes and in sentences; the unit "1" is none.
+    low, high : float
+        The range; infinite ends are open.
+    closed : bool
+        Whether `low` itself is allowed.
+    hint : str
+        What to do about a value out of range.
+    replaces : str, optional
+        The parameter in whose place this one may be given: `frequency` replaces `omega`.
+
+    Examples
+    --------
+    >>> Parameter("restitution", "coefficient of restitution", "1", "r", 0.0, 1.0).check(1.2)
+    Traceback (most recent call last):
+    ValueError: `restitution` must be between 0 and 1, got 1.2
+    """
+
+    name: str
+    long_name: str
+    unit: str = "1"
+    symbol: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    closed: bool = True
+    hint: str = ""
+    replaces: str | None = None
+
+    @property
+    def allowed(self) -> str:
+        """The range in words."""
+        if math.isinf(self.low):
+            return "a finite number"
+        if math.isinf(self.high):
+            return f"a finite number {'>=' if self.closed else '>'} {self.low:g}"
+        return f"between {self.low:g} and {self.high:g}"
+
+    def check(self, value: Any) -> float:
+        """Return the value as a float inside the range."""
+        number = real_number(self.name, value, self.allowed, self.hint)
+        if number < self.low or number > self.high or (number == self.low and not self.closed):
+            raise invalid(self.name, value, self.allowed, self.hint)
+        return number

@@ -1,112 +1,269 @@
-"""A sweep that can be cut, sent away, stored and taken up again."""
+"""A request: everything that decides the numbers of a map, a diagram or a store."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 import re
-from dataclasses import asdict, dataclass
-from threading import Event
-from time import perf_counter
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
-from vibroimpact.backends import Cells, ImpactWindow, get_backend
-from vibroimpact.backends.starts import make_cells
-from vibroimpact.dataset import package_version
-from vibroimpact.execution.store.tiling import CELLS
-from vibroimpact.execution.threads import run_here
-from vibroimpact.options import Tolerances
-from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.backends import ImpactWindow, Measurement
+from vibroimpact.cells import Cells, Floats
+from vibroimpact.dataset import label, package_version, plain_variable, provenance, status_variable, variable
+from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names, one_start
+from vibroimpact.parameters import invalid
 
-Floats = NDArray[np.float64]
-Computed = tuple[dict[str, NDArray[Any]], float]
-
-SLOW = ("reference", "fixed-step")  # back ends that take up to seconds a cell
-FEW = 4  # cells of a tile with them
+Places = NDArray[np.int64]
+BLOCK = 1 << 18  # cells made at once where all are to be seen: some 25 MB
 
 
 @dataclass(frozen=True)
 class Request:
-    """All that decides the numbers of a parameter map; checked by whoever makes it."""
+    """Which designs, from which initial conditions, measured how and by which back end.
 
-    oscillator: ImpactOscillator
-    axes: dict[str, Floats]
-    indices: tuple[str, ...]
-    window: ImpactWindow
-    tolerances: Tolerances
-    start: State | None = None
+    Parameters
+    ----------
+    model : Model
+        The parameters that no axis varies.
+    axes : mapping of str to ndarray
+        The values of a grid, or, `scattered`, the columns of a table with one design per row.
+    asked : Measurement
+        What is measured in each cell.
+    start : State, None, or a tuple of them
+        The initial condition of every cell; a tuple adds a dim `start`.
+    backend, time_step
+        Who computes.
+    scattered : bool
+        Whether the designs are scattered points (dim `point`) and not a grid.
+    further : mapping
+        Other arguments that decide the result, such as how a map is refined.
+    """
+
+    model: Model
+    axes: Mapping[str, Floats]
+    asked: Measurement
+    start: State | tuple[State | None, ...] | None = None
     backend: str = "cpu"
     time_step: float | None = None
-    early_closing: bool = True
+    scattered: bool = False
+    further: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def starts(self) -> tuple[State | None, ...]:
+        """All initial conditions."""
+        return self.start if isinstance(self.start, tuple) else (self.start,)
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Cells along each dimension."""
+        sizes = {name: len(values) for name, values in self.axes.items()}
+        if self.scattered:
+            sizes = {"point": next(iter(sizes.values()))}
+        return sizes | ({"start": len(self.starts)} if isinstance(self.start, tuple) else {})
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Names of the dimensions, the last one fastest."""
+        return tuple(self.sizes)
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Cells along each axis."""
-        return tuple(len(values) for values in self.axes.values())
+        """Cells along each dimension."""
+        return tuple(self.sizes.values())
+
+    def __len__(self) -> int:
+        return math.prod(self.shape)
+
+    @property
+    def indices(self) -> tuple[str, ...]:
+        """The indices asked for."""
+        return self.asked.indices
+
+    def coordinates(self) -> dict[str, xr.Variable]:
+        """Return the labelled axes of a result."""
+        labels = {name: label(self.model.parameters[name]) for name in self.axes}
+        dims = dict.fromkeys(self.axes, "point") if self.scattered else {name: name for name in self.axes}
+        found = {name: plain_variable(dims[name], values, labels[name]) for name, values in self.axes.items()}
+        if isinstance(self.start, tuple):
+            attrs = {"long_name": "number of the initial condition", "units": "1", "symbol": "start"}
+            found["start"] = plain_variable("start", np.arange(len(self.start)), attrs)
+        return found
+
+    def cells(self, at: slice | Places = slice(None)) -> Cells:
+        """Return the cells at some flat indices: the same bits whichever others are asked for beside them."""
+        flat = np.arange(*at.indices(len(self))) if isinstance(at, slice) else at
+        places = np.unravel_index(flat, self.shape)
+        rows = dict.fromkeys(self.axes, places[0]) if self.scattered else dict(zip(self.axes, places, strict=False))
+        points = {name: values[rows[name]] for name, values in self.axes.items()}
+        if not isinstance(self.start, tuple):
+            return self.model.cells(points, self.start)
+        number, parts, order = places[-1], [], []
+        for which, start in enumerate(self.start):
+            chosen = np.flatnonzero(number == which)
+            if chosen.size:
+                parts.append(self.model.cells({name: values[chosen] for name, values in points.items()}, start))
+                order.append(chosen)
+        return Cells.join(parts)[np.argsort(np.concatenate(order))]
+
+    def box(self, part: tuple[slice, ...]) -> Places:
+        """Return the flat indices of a box of cells."""
+        ranges = [np.arange(*along.indices(size)) for along, size in zip(part, self.shape, strict=True)]
+        return np.ravel_multi_index(np.ix_(*ranges), self.shape).ravel()
+
+    def cut_out(self, part: tuple[slice, ...]) -> Request:
+        """Return the request of a box of cells, which holds its own stretch of the axes only."""
+        if self.scattered:
+            axes = {name: values[part[0]] for name, values in self.axes.items()}
+        else:
+            axes = {name: values[along] for (name, values), along in zip(self.axes.items(), part, strict=False)}
+        start = self.start[part[-1]] if isinstance(self.start, tuple) else self.start
+        return replace(self, axes=axes, start=start)
+
+    def scatter(self, at: Places) -> Request:
+        """Return the request of some cells of a grid, by their flat indices, as scattered points."""
+        places = np.unravel_index(at, self.shape)
+        columns = {name: values[rows] for (name, values), rows in zip(self.axes.items(), places, strict=True)}
+        return replace(self, axes=columns, scattered=True)
+
+    def check_starts(self) -> None:
+        """Refuse an initial condition beyond the stop at a corner of the grid, before anything is computed."""
+        ends = [(0, size - 1) for size in self.shape]
+        corners = [np.ravel_multi_index(corner, self.shape) for corner in product(*ends)]
+        self.cells(slice(None) if self.scattered else np.unique(corners))
 
     def identity(self) -> dict[str, Any]:
         """Return what two requests must share for one to go on where the other stopped."""
-        fixed = {name: value for name, value in asdict(self.oscillator).items() if name not in self.varied}
+        varied = {self.model.parameters[name].replaces or name for name in self.axes}
+        window = self.asked.impacts
         return {
             "version": package_version(),
-            **fixed,
-            **{f"axis {number}": told(name, values) for number, (name, values) in enumerate(self.axes.items(), 1)},
-            "indices": ", ".join(self.indices),
-            "transient_impacts": self.window.transient,
-            "sample_impacts": self.window.keep,
-            **asdict(self.tolerances),
-            "start": "at rest" if self.start is None else str(self.start),
+            **{name: value for name, value in self.model.values.items() if name not in varied},
+            **self._numbers(),
+            **{f"axis {number}": mark(name, values) for number, (name, values) in enumerate(self.axes.items(), 1)},
+            "indices": ", ".join(self.asked.indices),
+            "transient_impacts": window.transient,
+            "sample_impacts": window.keep,
+            **asdict(self.asked.tolerances),
+            "start": "; ".join("at rest" if start is None else str(start) for start in self.starts),
             "backend": self.backend,
             "time_step": self.time_step,
-            "early_closing": self.early_closing,
+            "early_closing": self.asked.early_closing,
+            **({"points": "scattered"} if self.scattered else {}),
+            **self.further,
         }
+
+    def _numbers(self) -> dict[str, Any]:
+        """Return a mark of the numbers that a family makes: its function may change under the same name."""
+        if isinstance(self.model, ImpactOscillator):
+            return {}
+        digest = hashlib.sha256()
+        for low in range(0, len(self), BLOCK):
+            digest.update(np.ascontiguousarray(self.cells(slice(low, low + BLOCK)).table).tobytes())
+        return {"family": str(self.model), "numbers": digest.hexdigest()[:16]}
 
     def arguments(self) -> dict[str, Any]:
-        """Return the call in the words of the API, for the provenance of a result."""
+        """Return the call in the words of the API."""
+        window = self.asked.window
+        counts = {} if not isinstance(window, ImpactWindow) else {
+            "transient_impacts": window.transient, "sample_impacts": window.keep,
+        }  # fmt: skip
         return {
-            "indices": self.indices,
+            "indices": self.asked.indices,
             "backend": self.backend,
             "time_step": self.time_step,
-            "transient_impacts": self.window.transient,
-            "sample_impacts": self.window.keep,
+            **counts,
             "start": self.start,
-            "early_closing": self.early_closing,
-            "tolerances": self.tolerances,
+            "early_closing": self.asked.early_closing,
+            "tolerances": self.asked.tolerances,
+            **self.further,
         }
 
-    @property
-    def usual_tile(self) -> int:
-        """Cells of a tile unless told otherwise: no more than may be lost when a sweep ends at once."""
-        return FEW if self.backend in SLOW else CELLS
+    def provenance(self, function: str) -> dict[str, str]:
+        """Return the attributes that say how a result was made."""
+        return provenance(function, self.model, self.arguments())
 
-    @property
-    def varied(self) -> set[str]:
-        """The oscillator's parameters that the axes vary."""
-        return {"omega" if name == "frequency" else name for name in self.axes}
 
-    def compute(self, part: tuple[slice, ...], stop: Event | None = None) -> Computed:
-        """Return indices, status, impacts and steps of a box of cells, each in its shape, and the seconds it took.
+def map_of(request: Request, arrays: Mapping[str, NDArray[Any]]) -> xr.Dataset:
+    """Return a map of the arrays of its indices and status, which it shares."""
+    found = {name: variable(name, request.dims, arrays[name]) for name in request.indices}
+    found["status"] = status_variable(request.dims, arrays["status"])
+    counts = {"impacts_computed": 0, "steps_computed": 0}
+    return xr.Dataset(found, request.coordinates(), attrs=counts | request.provenance("parameter_map"))
 
-        Raises
-        ------
-        GivenUp
-            `stop` was set before all cells had ended.
-        """
-        began = perf_counter()
-        axes = {name: values[along] for (name, values), along in zip(self.axes.items(), part, strict=True)}
-        engine = get_backend(self.backend, time_step=self.time_step)
-        how = self.window, self.tolerances, self.early_closing, self.indices
-        result = run_here(engine, self.cells_of(axes), *how, stop or Event())
-        box = tuple(len(values) for values in axes.values())
-        kept = {name: result[name].reshape(box) for name in (*self.indices, "status", "impacts", "steps")}
-        return kept, perf_counter() - began
 
-    def cells_of(self, axes: dict[str, Floats]) -> Cells:
-        """Return the cells that axes span."""
-        return make_cells(self.oscillator, self.start, axes)
+def check_axes(axes: Mapping[str, Any], model: Model) -> dict[str, Floats]:
+    """Return the axes of a grid as arrays in the order given, or raise `ValueError` naming the first that is wrong."""
+    _check_varied(axes, model)
+    found = {name: _values(name, values, model) for name, values in axes.items()}
+    for name, values in found.items():
+        falls = np.flatnonzero(np.diff(values) <= 0.0)
+        if falls.size:
+            low, high = values[falls[0]], values[falls[0] + 1]
+            raise ValueError(f"`{name}` must increase strictly, but goes from {low:g} to {high:g}; sort its values")
+    return found
+
+
+def check_points(points: Any, model: Model) -> dict[str, Floats]:
+    """Return the columns of a table of designs as arrays of one length."""
+    try:
+        columns = {str(name): np.asarray(points[name]) for name in points}
+    except (TypeError, KeyError, IndexError):
+        raise invalid(
+            "points", points, "a mapping or DataFrame of columns", "write {'omega': [...], 'gap': [...]}"
+        ) from None
+    if not columns:
+        raise invalid("points", points, "a table with at least one column")
+    _check_varied(columns, model)
+    found = {name: _values(name, values, model) for name, values in columns.items()}
+    if len({len(values) for values in found.values()}) > 1:
+        lengths = ", ".join(f"{name} has {len(values)}" for name, values in found.items())
+        raise ValueError(f"`points` must have columns of one length, but {lengths}")
+    return found
+
+
+def check_starts(start: Any) -> State | tuple[State | None, ...] | None:
+    """Return one initial condition, or several as a tuple."""
+    if not isinstance(start, (list, tuple)):
+        return one_start(start)
+    if not start:
+        raise invalid("start", start, "None, a State or a list of at least one")
+    return tuple(one_start(one) for one in start)
+
+
+def _check_varied(names: Mapping[str, Any], model: Model) -> None:
+    check_names(model.parameters, names)
+    for name in names:
+        if (other := model.parameters[name].replaces) in names:
+            raise ValueError(f"give either `{other}` or `{name}`, not both")
+
+
+def _values(name: str, given: Any, model: Model) -> Floats:
+    values = _numbers(given)
+    if values.ndim != 1 or values.size == 0:
+        hint = f"write for example {name}=np.linspace(0.1, 5, 200)"
+        raise invalid(name, given, "a one-dimensional, non-empty list of numbers", hint)
+    for value in (*values[~np.isfinite(values)][:1], values.min(), values.max()):  # ranges are intervals
+        model.parameters[name].check(value.item())
+    return values
+
+
+def _numbers(given: Any) -> Floats:
+    """Return a list of numbers as an array of one dimension; one of two dimensions where it is none, text included."""
+    none = np.empty((0, 0))
+    try:
+        found = np.asarray(given)
+        listed = found.dtype.kind == "O" and not any(isinstance(value, (str, bytes, bool)) for value in found.flat)
+        return np.array(found, dtype=np.float64) if found.dtype.kind in "iuf" or listed or not found.size else none
+    except (TypeError, ValueError):
+        return none
 
 
 def key_of(identity: dict[str, Any]) -> str:
@@ -128,7 +285,7 @@ def unmarked(name: str, value: str) -> str:
     return re.sub(r" \([0-9a-f]{8}\)$", "", value) if name.startswith("axis ") else value
 
 
-def told(name: str, values: Floats) -> str:
+def mark(name: str, values: Floats) -> str:
     """Return an axis in words, with a mark that no other values share."""
-    mark = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()[:8]
-    return f"{name} {values[0]:g} to {values[-1]:g} in {len(values)} ({mark})"
+    digest = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()[:8]
+    return f"{name} {values[0]:g} to {values[-1]:g} in {len(values)} ({digest})"

@@ -2,27 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 import xarray as xr
 
-from vibroimpact.backends import ImpactWindow, StroboscopicWindow, get_backend
-from vibroimpact.backends.starts import check_start, make_cells
-from vibroimpact.dataset import impact_speed, provenance, seconds, status_variable, stick_times, variable
+from vibroimpact.backends import ImpactWindow, Measurement, Samples, StroboscopicWindow, get_backend
+from vibroimpact.dataset import impact_speed, provenance, status_variable, stick_times, variable
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import ImpactOscillator, State
-from vibroimpact.parameters import real_number, whole_number
+from vibroimpact.oscillator import Model, State, one_start, the_oscillator
+from vibroimpact.parameters import invalid, real_number, whole_number
 
 
 def section_phase(phase: float) -> float:
-    """Return the phase of a stroboscopic section, or say that it lies in [0, 1)."""
-    value = real_number("phase", phase, "a number from 0 up to, not including, 1")
+    """Return the phase of a stroboscopic section if it lies in [0, 1)."""
+    allowed = "at least 0 and less than 1"
+    value = real_number("phase", phase, allowed, "give (t mod T)/T")
     if not 0.0 <= value < 1.0:
-        raise ValueError(f"`phase` is {phase!r}; allowed is a number from 0 up to, not including, 1; give (t mod T)/T")
+        raise invalid("phase", phase, allowed, "give (t mod T)/T")
     return value
 
 
+@dataclass(frozen=True)
+class _Orbit:
+    """One orbit of a model, as a back end follows it."""
+
+    model: Model
+    start: State | None
+    backend: str
+    time_step: float | None
+    tolerances: Tolerances | None
+
+    def samples(self, window: ImpactWindow | StroboscopicWindow) -> tuple[Samples, Callable[[Any, Any], Any]]:
+        """Return what a window sees of the orbit, and the function that makes seconds of periods and phases."""
+        period = the_oscillator(self.model).period
+        cells = self.model.cells({}, one_start(self.start))
+        engine = get_backend(self.backend, time_step=self.time_step)
+        (seen,) = engine.samples(cells, Measurement(window, self.tolerances or Tolerances()))
+        return seen, lambda periods, phase: (periods + phase) * period
+
+    def provenance(self, function: str, **how: Any) -> dict[str, str]:
+        """Return the attributes that say how a result was made."""
+        common = {"backend": get_backend(self.backend, time_step=self.time_step).sampler, "time_step": self.time_step}
+        return provenance(function, self.model, {"start": self.start, **how, **common})
+
+
 def simulate(
-    osc: ImpactOscillator,
+    osc: Model,
     *,
     start: State | None = None,
     periods: float = 20,
@@ -38,18 +66,18 @@ def simulate(
 
     Parameters
     ----------
-    osc : ImpactOscillator
-        The seven numbers.
+    osc : ImpactOscillator or family
+        The design.
     start : State, optional
-        Where, how fast and when; None is at rest at min(0, gap), time 0.
+        Initial condition; None is at rest at min(0, gap) at time 0.
     periods : float, > 0
         How long, in driving periods T = 2 pi / omega.
     samples_per_period : int, >= 1
         Displacements and velocities given a period; impacts are found exactly, whatever this is.
     backend : {"cpu", "cuda", "reference", "fixed-step"}
-        Who computes; `time_step` in s is for "fixed-step" alone.
+        The back end; `time_step` in s goes with "fixed-step" only.
     tolerances : Tolerances, optional
-        How small is small.
+        Numerical tolerances.
 
     Returns
     -------
@@ -81,40 +109,29 @@ def simulate(
     >>> bool((orbit.displacement <= 0).all())
     True
     """
-    check_start(start)
+    orbit = _Orbit(osc, start, backend, time_step, tolerances)
     length = real_number("periods", periods, "a number > 0")
     if not length > 0.0:
-        raise ValueError(f"`periods` is {periods!r}; allowed is a number > 0; say how many driving periods to follow")
+        raise invalid("periods", periods, "a number > 0", "say how many driving periods to follow")
     density = whole_number("samples_per_period", samples_per_period, 1)
     window = StroboscopicWindow(0, int(np.floor(length * density + 1e-9)) + 1, None, density)
-    engine = get_backend(backend, time_step=time_step)
-    (seen,) = engine.samples(make_cells(osc, start), window, tolerances or Tolerances())
+    seen, seconds = orbit.samples(window)
     return xr.Dataset(
         {
             "displacement": variable("displacement", "time", seen.look_displacement),
             "velocity": variable("velocity", "time", seen.look_velocity),
-            "impact_time": variable("impact_time", "impact", seconds(osc, seen.impact_periods, seen.impact_phase)),
+            "impact_time": variable("impact_time", "impact", seconds(seen.impact_periods, seen.impact_phase)),
             "impact_velocity": variable("impact_velocity", "impact", seen.impact_velocity),
-            **stick_times(osc, seen),
+            **stick_times(seconds, seen),
             "status": status_variable((), seen.status),
         },
-        coords={"time": variable("time", "time", seconds(osc, seen.look_periods, seen.look_phase))},
-        attrs=provenance(
-            "simulate",
-            osc,
-            {
-                "start": start,
-                "periods": length,
-                "samples_per_period": density,
-                "backend": backend,
-                "time_step": time_step,
-            },
-        ),
+        coords={"time": variable("time", "time", seconds(seen.look_periods, seen.look_phase))},
+        attrs=orbit.provenance("simulate", periods=length, samples_per_period=density),
     )
 
 
 def impact_section(
-    osc: ImpactOscillator,
+    osc: Model,
     *,
     start: State | None = None,
     transient_impacts: int = 100,
@@ -127,16 +144,16 @@ def impact_section(
 
     Parameters
     ----------
-    osc : ImpactOscillator
-        The seven numbers.
+    osc : ImpactOscillator or family
+        The design.
     start : State, optional
-        Where, how fast and when; None is at rest at min(0, gap), time 0.
+        Initial condition; None is at rest at min(0, gap) at time 0.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept.
     backend : {"cpu", "cuda", "reference", "fixed-step"}
-        Who computes; `time_step` in s is for "fixed-step" alone.
+        The back end; `time_step` in s goes with "fixed-step" only.
     tolerances : Tolerances, optional
-        How small is small; `chatter` says which impacts are too weak to be recorded.
+        Numerical tolerances; `chatter` says which impacts are too weak to be recorded.
 
     Returns
     -------
@@ -164,35 +181,24 @@ def impact_section(
     >>> [round(float(v), 6) for v in hits.velocity]
     [6.226413, 6.226413, 6.226413]
     """
-    check_start(start)
+    orbit = _Orbit(osc, start, backend, time_step, tolerances)
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
-    engine = get_backend(backend, time_step=time_step)
-    (seen,) = engine.samples(make_cells(osc, start), window, tolerances or Tolerances())
+    seen, seconds = orbit.samples(window)
     return xr.Dataset(
         {
-            "time": variable("time", "impact", seconds(osc, seen.impact_periods, seen.impact_phase)),
+            "time": variable("time", "impact", seconds(seen.impact_periods, seen.impact_phase)),
             "phase": variable("phase", "impact", seen.impact_phase),
             "velocity": impact_speed("impact", seen.impact_velocity),
-            **stick_times(osc, seen),
+            **stick_times(seconds, seen),
             "status": status_variable((), seen.status),
         },
-        attrs=provenance(
-            "impact_section",
-            osc,
-            {
-                "start": start,
-                "transient_impacts": window.transient,
-                "sample_impacts": window.keep,
-                "backend": backend,
-                "time_step": time_step,
-            },
-        ),
+        attrs=orbit.provenance("impact_section", transient_impacts=window.transient, sample_impacts=window.keep),
     )
 
 
 def stroboscopic_section(
-    osc: ImpactOscillator,
+    osc: Model,
     *,
     start: State | None = None,
     phase: float = 0.0,
@@ -206,18 +212,18 @@ def stroboscopic_section(
 
     Parameters
     ----------
-    osc : ImpactOscillator
-        The seven numbers.
+    osc : ImpactOscillator or family
+        The design.
     start : State, optional
-        Where, how fast and when; None is at rest at min(0, gap), time 0.
+        Initial condition; None is at rest at min(0, gap) at time 0.
     phase : float, 0 <= phase < 1
         When to look, (t mod T)/T.
     transient_periods, sample_periods : int, >= 0 and >= 1
         Driving periods left out, then kept.
     backend : {"cpu", "cuda", "reference", "fixed-step"}
-        Who computes; `time_step` in s is for "fixed-step" alone.
+        The back end; `time_step` in s goes with "fixed-step" only.
     tolerances : Tolerances, optional
-        How small is small.
+        Numerical tolerances.
 
     Returns
     -------
@@ -244,28 +250,21 @@ def stroboscopic_section(
     >>> len(set(looks.displacement.values.round(9)))  # period-2
     2
     """
-    check_start(start)
+    orbit = _Orbit(osc, start, backend, time_step, tolerances)
     sampling = Sampling(transient_periods=transient_periods, sample_periods=sample_periods)
     window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, section_phase(phase))
-    engine = get_backend(backend, time_step=time_step)
-    (seen,) = engine.samples(make_cells(osc, start), window, tolerances or Tolerances())
+    seen, seconds = orbit.samples(window)
     return xr.Dataset(
         {
-            "time": variable("time", "period", seconds(osc, seen.look_periods, seen.look_phase)),
+            "time": variable("time", "period", seconds(seen.look_periods, seen.look_phase)),
             "displacement": variable("displacement", "period", seen.look_displacement),
             "velocity": variable("velocity", "period", seen.look_velocity),
             "status": status_variable((), seen.status),
         },
-        attrs=provenance(
+        attrs=orbit.provenance(
             "stroboscopic_section",
-            osc,
-            {
-                "start": start,
-                "phase": window.phase,
-                "transient_periods": window.skip_periods,
-                "sample_periods": window.keep,
-                "backend": backend,
-                "time_step": time_step,
-            },
+            phase=window.phase,
+            transient_periods=window.skip_periods,
+            sample_periods=window.keep,
         ),
     )

@@ -2,45 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vibroimpact.cells import Cells
 from vibroimpact.indices import VELOCITY_INDICES
 from vibroimpact.options import Tolerances
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class Cells:
-    """Parameter points with their starts, one array entry a cell, all of shape (n,).
-
-    `clearance` is g - y >= 0 at the start (carried instead of y, which would round it), `velocity`
-    is y', and the start time is (`periods` + `phase`) T with whole `periods` and 0 <= phase < 1.
-    """
-
-    mass: Floats
-    damping: Floats
-    stiffness: Floats
-    amplitude: Floats
-    omega: Floats
-    restitution: Floats
-    gap: Floats
-    clearance: Floats
-    velocity: Floats
-    periods: Floats
-    phase: Floats
-
-    def __len__(self) -> int:
-        return len(self.mass)
-
-    def __getitem__(self, part: slice | NDArray[Any]) -> Cells:
-        return replace(self, **{field.name: getattr(self, field.name)[part] for field in fields(self)})
 
 
 @dataclass(frozen=True)
@@ -64,6 +38,32 @@ class StroboscopicWindow:
     keep: int
     phase: float | None = None
     per_period: int = 1
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What is asked of each cell.
+
+    With `early_closing` a cell ends once its cycle is certain, and its sums are finished in closed form. Samples are
+    what the window sees; they take nothing but window and tolerances.
+    """
+
+    window: ImpactWindow | StroboscopicWindow
+    tolerances: Tolerances = field(default_factory=Tolerances)
+    early_closing: bool = True
+    indices: tuple[str, ...] = ("std",)
+
+    @property
+    def impacts(self) -> ImpactWindow:
+        """The window of impacts over which indices are taken."""
+        if not isinstance(self.window, ImpactWindow):
+            raise TypeError("indices are taken over impacts")
+        return self.window
+
+    @property
+    def thorough(self) -> bool:
+        """Whether sums over impact velocities do not suffice for the indices."""
+        return not VELOCITY_INDICES.issuperset(self.indices)
 
 
 @dataclass(frozen=True)
@@ -114,28 +114,23 @@ class Backend(Protocol):
     """Two questions a back end answers about cells; neither ever raises because of a cell's physics.
 
     `largest_tile` is how many cells it should be asked about at once, so that progress and Ctrl-C are heard;
-    with fewer than `smallest_tile` part of the machine would stand idle. `tells` are the indices it knows.
+    with fewer than `smallest_tile` part of the machine would stand idle. `tells` are the indices it knows,
+    `sampler` is the back end that follows its single orbits.
     """
 
     name: str
+    sampler: str
     smallest_tile: int
     largest_tile: int
     tells: frozenset[str]
 
-    def indices(
-        self,
-        cells: Cells,
-        window: ImpactWindow,
-        tolerances: Tolerances,
-        early_closing: bool = True,
-        names: Iterable[str] = VELOCITY_INDICES,
-    ) -> Outcome:
-        """Return at least the indices `names` (NaN where one has no value, 0 for a whole number), `status` (int8),
+    def indices(self, cells: Cells, asked: Measurement) -> Outcome:
+        """Return at least the indices asked for (NaN where one has no value, 0 for a whole number), `status` (int8),
         `impacts` (recorded impacts computed, int64) and `steps` (int64), each of shape (n,).
         """
         ...
 
-    def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
+    def samples(self, cells: Cells, asked: Measurement) -> list[Samples]:
         """Return what the window sees of each cell."""
         ...
 
@@ -145,12 +140,7 @@ class SharesCells(Protocol):
     """A back end of whose cells each thread takes the next one, so that all threads end together."""
 
     def share(
-        self,
-        cells: Cells,
-        window: ImpactWindow,
-        tolerances: Tolerances,
-        early_closing: bool = True,
-        names: Iterable[str] = VELOCITY_INDICES,
+        self, cells: Cells, asked: Measurement
     ) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
         """Return what each thread calls with a function that says when to stop; it yields which cells have ended, and
         their indices as `indices` gives them.

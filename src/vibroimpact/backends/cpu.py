@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import fields
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Cells, Counts, Floats, ImpactWindow, Outcome, Samples, StroboscopicWindow
+from vibroimpact.backends.base import Counts, Floats, ImpactWindow, Measurement, Outcome, Samples
 from vibroimpact.backends.sampling import ended_as, sample
+from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.kernels.cell import FILLED
 from vibroimpact.kernels.closing import LONGEST
@@ -61,13 +61,6 @@ _COLUMNS = {
 }
 
 
-def table(cells: Cells) -> Floats:
-    """Return the cells, one a row, as the kernels read them."""
-    return np.ascontiguousarray(
-        np.stack([getattr(cells, field.name) for field in fields(cells)], axis=1), dtype=np.float64
-    )
-
-
 def limits(tolerances: Tolerances) -> tuple[float, float, float]:
     """Return the tolerances in the order in which the kernels take them."""
     return tolerances.chatter, tolerances.flight_periods, float(tolerances.steps_per_impact)
@@ -99,45 +92,33 @@ def _statuses(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> 
 class CpuBackend:
     """Exact flights, certified contacts, closed-form chatter; threads share the cells of a sweep."""
 
-    name = "cpu"
+    name = sampler = "cpu"
     smallest_tile = 64  # two rounds of lanes
     largest_tile = 4096
     tells = frozenset(INDICES)
 
-    def indices(
-        self,
-        cells: Cells,
-        window: ImpactWindow,
-        tolerances: Tolerances,
-        early_closing: bool = True,
-        names: Iterable[str] = VELOCITY_INDICES,
-    ) -> Outcome:
+    def indices(self, cells: Cells, asked: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""
-        sweep = _Sweep(cells, window, tolerances, early_closing, names)
+        sweep = _Sweep(cells, asked)
         for _ in sweep.finished(lambda: False):
             pass
-        return outcomes(sweep.results, sweep.ends, window)
+        return outcomes(sweep.results, sweep.ends, asked.impacts)
 
     def share(
-        self,
-        cells: Cells,
-        window: ImpactWindow,
-        tolerances: Tolerances,
-        early_closing: bool = True,
-        names: Iterable[str] = VELOCITY_INDICES,
+        self, cells: Cells, asked: Measurement
     ) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
         """Return the work of a thread: cell after cell into its own lanes, until none is left."""
-        sweep = _Sweep(cells, window, tolerances, early_closing, names)
+        sweep = _Sweep(cells, asked)
 
         def work(stopped: Callable[[], bool]) -> Iterator[tuple[Counts, Outcome]]:
             for done in sweep.finished(stopped):
-                yield done, outcomes(sweep.results[done], sweep.ends[done], window)
+                yield done, outcomes(sweep.results[done], sweep.ends[done], asked.impacts)
 
         return work
 
-    def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
+    def samples(self, cells: Cells, asked: Measurement) -> list[Samples]:
         """Return what the window sees of each cell."""
-        return sample(table(cells), window, limits(tolerances))
+        return sample(cells.table, asked.window, limits(asked.tolerances))
 
 
 def create() -> CpuBackend:
@@ -159,16 +140,15 @@ def _status(end: int, flags: list[bool], window: ImpactWindow) -> Status:
 class _Sweep:
     """Cells that threads share, and what has become of them."""
 
-    def __init__(
-        self, cells: Cells, window: ImpactWindow, tolerances: Tolerances, early_closing: bool, names: Iterable[str]
-    ) -> None:
-        self.thorough = not VELOCITY_INDICES.issuperset(names)
-        self.cells = table(cells)
+    def __init__(self, cells: Cells, asked: Measurement) -> None:
+        self.thorough = asked.thorough
+        self.cells = np.ascontiguousarray(cells.table)
         self.results = np.zeros((len(cells), THOROUGH_COLUMNS if self.thorough else COLUMNS))
         self.ends = np.zeros(len(cells), dtype=np.int8)
         self._tickets = np.zeros(1, dtype=np.int64)
+        window = asked.impacts
         total = float(window.transient + window.keep)
-        self._how = float(window.transient), total, *limits(tolerances), early_closing, _LOOKS
+        self._how = float(window.transient), total, *limits(asked.tolerances), asked.early_closing, _LOOKS
 
     def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
         """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""

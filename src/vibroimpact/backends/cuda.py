@@ -6,7 +6,6 @@ The device contracts a b + c where the source leaves it free to, so statistics, 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from importlib import import_module
 from importlib.util import find_spec
 from threading import BoundedSemaphore
@@ -15,16 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Outcome, Samples, StroboscopicWindow
-from vibroimpact.backends.cpu import CpuBackend, limits, outcomes, table
-from vibroimpact.indices import INDICES, VELOCITY_INDICES
+from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, Outcome, Samples
+from vibroimpact.backends.cpu import CpuBackend, limits, outcomes
+from vibroimpact.cells import Cells
+from vibroimpact.indices import INDICES
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.compilation import config
 from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.lanes import LANES, ROWS
 from vibroimpact.kernels.runner import COLUMNS, NOTES, THOROUGH_COLUMNS
-from vibroimpact.options import Tolerances
 
 Counts = NDArray[np.int64]
 
@@ -43,22 +42,14 @@ _turns = BoundedSemaphore(1 if config.ENABLE_CUDASIM else AT_ONCE)
 class CudaBackend:
     """Indices of many cells at once on the GPU; single orbits have nothing to gain there and stay on the CPU."""
 
-    name = "cuda"
+    name, sampler = "cuda", "cpu"
     smallest_tile = 16_384
     largest_tile = 131_072
     tells = frozenset(INDICES)
 
-    def indices(
-        self,
-        cells: Cells,
-        window: ImpactWindow,
-        tolerances: Tolerances,
-        early_closing: bool = True,
-        names: Iterable[str] = VELOCITY_INDICES,
-    ) -> Outcome:
+    def indices(self, cells: Cells, asked: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""
-        rows = table(cells)
-        thorough = not VELOCITY_INDICES.issuperset(names)
+        rows, thorough = np.ascontiguousarray(cells.table), asked.thorough
         results = np.zeros((len(rows), THOROUGH_COLUMNS if thorough else COLUMNS))
         ends = np.zeros(len(rows), dtype=np.int8)
         low = 0
@@ -66,14 +57,14 @@ class CudaBackend:
             with _turns:
                 size, closers = _room(len(rows) - low)
                 part = slice(low, low + size)
-                tile = _Tile(rows[part], closers, window, limits(tolerances), thorough)
-                results[part], ends[part] = tile.run(early_closing)
+                tile = _Tile(rows[part], closers, asked.impacts, limits(asked.tolerances), thorough)
+                results[part], ends[part] = tile.run(asked.early_closing)
             low += size
-        return outcomes(results, ends, window)
+        return outcomes(results, ends, asked.impacts)
 
-    def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
+    def samples(self, cells: Cells, asked: Measurement) -> list[Samples]:
         """Return what the window sees of each cell, as `cpu` does."""
-        return CpuBackend().samples(cells, window, tolerances)
+        return CpuBackend().samples(cells, asked)
 
 
 def create() -> CudaBackend:

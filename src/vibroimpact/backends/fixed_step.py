@@ -15,16 +15,24 @@ start to its last look.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import astuple, fields
+from collections.abc import Iterator
+from dataclasses import astuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Outcome, Samples, StroboscopicWindow, look_schedule
+from vibroimpact.backends.base import (
+    Floats,
+    ImpactWindow,
+    Measurement,
+    Outcome,
+    Samples,
+    StroboscopicWindow,
+    look_schedule,
+)
 from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.backends.sampled import TOLD_BY_SAMPLES, energy_loss, impact_indices, samples_of, table_of_indices
-from vibroimpact.indices import VELOCITY_INDICES
+from vibroimpact.cells import Cells
 from vibroimpact.kernels.march import march
 from vibroimpact.options import Tolerances
 from vibroimpact.parameters import real_number
@@ -144,7 +152,7 @@ class FixedStepBackend:
     a value.
     """
 
-    name = "fixed-step"
+    name = sampler = "fixed-step"
     tells = TOLD_BY_SAMPLES
     smallest_tile = 1
     largest_tile = 1
@@ -152,26 +160,19 @@ class FixedStepBackend:
     def __init__(self, time_step: float = TIME_STEP) -> None:
         self.time_step = time_step
 
-    def indices(
-        self,
-        cells: Cells,
-        window: ImpactWindow,
-        tolerances: Tolerances,
-        early_closing: bool = True,
-        names: Iterable[str] = VELOCITY_INDICES,
-    ) -> Outcome:
+    def indices(self, cells: Cells, asked: Measurement) -> Outcome:
         """Return every index, named or not, the status, the impacts computed and the steps of each cell."""
-        return table_of_indices([run.indices(window) for run in self._each(cells, tolerances)])
+        return table_of_indices([run.indices(asked.impacts) for run in self._each(cells, asked.tolerances)])
 
-    def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
+    def samples(self, cells: Cells, asked: Measurement) -> list[Samples]:
         """Return what the window sees of each cell."""
+        window = asked.window
         if isinstance(window, ImpactWindow):
-            return [run.impact_samples(window)[0] for run in self._each(cells, tolerances)]
-        return [run.look_samples(window) for run in self._each(cells, tolerances)]
+            return [run.impact_samples(window)[0] for run in self._each(cells, asked.tolerances)]
+        return [run.look_samples(window) for run in self._each(cells, asked.tolerances)]
 
     def _each(self, cells: Cells, tolerances: Tolerances) -> Iterator[Run]:
-        for i in range(len(cells)):
-            cell = {entry.name: float(getattr(cells, entry.name)[i]) for entry in fields(cells)}
+        for cell in cells:
             yield Run(cell, self.time_step, tolerances)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from vibroimpact.backends import StroboscopicWindow
+from vibroimpact.backends import Measurement, StroboscopicWindow
 from vibroimpact.backends.base import Floats
 from vibroimpact.coexistence.attractor import Attractor, distinct_names
 from vibroimpact.coexistence.matching import Basin, match
@@ -185,7 +185,7 @@ def _seen(runner: Runner, attractor: Attractor, axes: tuple[str, ...], phase: fl
     cell = state_cells(runner.osc, [attractor.start])
     at_impacts = "phase" in axes
     window = StroboscopicWindow(0, min(periods, POINTS) + at_impacts, None if at_impacts else phase)
-    (seen,) = runner.engine.samples(cell, window, runner.limits)
+    (seen,) = runner.engine.samples(cell, Measurement(window, runner.limits))
     told: dict[str, Any] = {"displacement": seen.look_displacement, "velocity": seen.look_velocity}
     if at_impacts:
         told = {"phase": seen.impact_phase, "velocity": seen.impact_velocity}

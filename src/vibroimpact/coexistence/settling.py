@@ -23,9 +23,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import Backend, Cells, ImpactWindow
+from vibroimpact.backends import Backend, Cells, ImpactWindow, Measurement
 from vibroimpact.backends.base import Counts, Outcome
-from vibroimpact.coexistence.starts import CREST, cells_at
+from vibroimpact.cells import cells_at
+from vibroimpact.coexistence.starts import CREST
 from vibroimpact.execution.threads import run_sweep
 from vibroimpact.indices import INDICES
 from vibroimpact.options import Tolerances
@@ -71,7 +72,8 @@ class Runner:
 
     def run(self, cells: Cells, window: ImpactWindow) -> Iterator[tuple[Counts | slice, Outcome]]:
         """Yield which cells have ended, and what is told of them."""
-        return run_sweep(self.engine, cells, window, self.limits, True, NEEDED, self.workers, self.stop)
+        asked = Measurement(window, self.limits, indices=NEEDED)
+        return run_sweep(self.engine, cells, asked, self.workers, self.stop)
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vibroimpact.backends import Cells
 from vibroimpact.backends.base import Floats
+from vibroimpact.cells import Cells, cells_at
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.sections import section_phase
 
@@ -20,13 +19,6 @@ FASTEST = 4.0  # of V: the hardest impact among spread starts
 _STRIDES = 0.7548776662466927, 0.5698402909980532  # 1/x and 1/x^2 with x^3 = x + 1: what spreads points most evenly
 _NAMES = ("displacement", "velocity", "phase")
 _PAIRS = "(displacement, velocity), with `phase` a number, or (phase, velocity)"
-
-
-def cells_at(osc: ImpactOscillator, clearance: Floats, velocity: Floats, turns: Floats) -> Cells:
-    """Return one cell a start, at times in driving periods."""
-    whole = np.floor(turns)
-    columns = {name: np.full(len(turns), value) for name, value in asdict(osc).items()}
-    return Cells(**columns, clearance=clearance, velocity=velocity, periods=whole, phase=turns - whole)
 
 
 def spread_cells(osc: ImpactOscillator, number: int) -> Cells:

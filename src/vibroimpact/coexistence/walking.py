@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
+from vibroimpact.backends import Cells, ImpactWindow, Measurement, StroboscopicWindow
 from vibroimpact.backends.base import Counts, Floats
+from vibroimpact.cells import cells_at
 from vibroimpact.coexistence.attractor import Attractor
 from vibroimpact.coexistence.settling import Fate, Runner, Settled
-from vibroimpact.coexistence.starts import CREST, cells_at
+from vibroimpact.coexistence.starts import CREST
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.status import Status
 
@@ -47,7 +48,7 @@ def settled_walk(runner: Runner, cells: Cells, settled: Settled, at: int, longes
 
 
 def _impacts(runner: Runner, cell: Cells, window: ImpactWindow) -> Walk:
-    (seen,) = runner.engine.samples(cell, window, runner.limits)
+    (seen,) = runner.engine.samples(cell, Measurement(window, runner.limits))
     return Walk(seen.impact_velocity, seen.impact_phase)
 
 
@@ -100,7 +101,7 @@ def sticking(runner: Runner, settled: Settled, at: int) -> Attractor:
     # At rest when the force presses most, the mass waits for its release.
     cell = cells_at(osc, np.zeros(1), np.zeros(1), np.array([CREST]))
     window = StroboscopicWindow(0, n_periods + 2 if n_periods else WANDERING)
-    (seen,) = runner.engine.samples(cell, window, runner.limits)
+    (seen,) = runner.engine.samples(cell, Measurement(window, runner.limits))
     release = seen.release_periods + seen.release_phase
     time = seen.impact_periods + seen.impact_phase
     turn = (time > release[0]) & (time < release[0] + (n_periods or WANDERING))

@@ -10,16 +10,18 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import islice, takewhile
 from queue import SimpleQueue
 from threading import Event, Thread
+from time import perf_counter
 from typing import Any, TypeVar
 
 import numpy as np
 
-from vibroimpact.backends import Backend, Cells, ImpactWindow
+from vibroimpact.backends import Backend, Cells, Measurement, get_backend
 from vibroimpact.backends.base import Counts, Outcome, SharesCells
-from vibroimpact.options import Tolerances
 from vibroimpact.parameters import whole_number
+from vibroimpact.request import Request
 
 Result = TypeVar("Result")
+Computed = tuple[Outcome, float]
 
 BLOCK = 1 << 20  # cells that threads share at once: some 250 MB
 LOOK = 0.1  # seconds between two looks at whether to stop
@@ -43,21 +45,11 @@ def worker_count(workers: int | None) -> int:
 def check_alone(workers: int | None) -> None:
     """Refuse threads here beside a cluster."""
     if workers is not None:
-        raise ValueError(
-            f"`workers` is {workers!r} with `cluster`; allowed is one of the two; leave `workers` out, or give it as "
-            f"cluster='local:{workers}'"
-        )
+        raise ValueError(f"give either `workers` or `cluster`, not both; or cluster='local:{workers}'")
 
 
 def run_sweep(
-    engine: Backend,
-    cells: Cells,
-    window: ImpactWindow,
-    limits: Tolerances,
-    early_closing: bool,
-    names: tuple[str, ...],
-    workers: int,
-    stop: Event,
+    engine: Backend, cells: Cells, asked: Measurement, workers: int, stop: Event
 ) -> Iterator[tuple[Counts | slice, Outcome]]:
     """Yield which cells have ended, and their indices, until all have or `stop` is set.
 
@@ -65,27 +57,19 @@ def run_sweep(
     """
     if not isinstance(engine, SharesCells):
         yield from run_tiles(
-            lambda part: engine.indices(cells[part], window, limits, early_closing, names),
+            lambda part: engine.indices(cells[part], asked),
             tiles(len(cells), workers, engine.smallest_tile, engine.largest_tile),
             workers,
             stop,
         )
         return
     for low in range(0, len(cells), BLOCK):
-        work = engine.share(cells[low : low + BLOCK], window, limits, early_closing, names)
+        work = engine.share(cells[low : low + BLOCK], asked)
         for done, outcome in run_shared(work, workers, stop):
             yield done + low, outcome
 
 
-def run_here(
-    engine: Backend,
-    cells: Cells,
-    window: ImpactWindow,
-    limits: Tolerances,
-    early_closing: bool,
-    names: tuple[str, ...],
-    stop: Event,
-) -> Outcome:
+def run_here(engine: Backend, cells: Cells, asked: Measurement, stop: Event) -> Outcome:
     """Return the cells' indices, computed by the calling thread.
 
     Raises
@@ -95,11 +79,11 @@ def run_here(
     """
     parts: Iterator[tuple[Counts | slice, Outcome]]
     if isinstance(engine, SharesCells):
-        parts = engine.share(cells, window, limits, early_closing, names)(stop.is_set)
+        parts = engine.share(cells, asked)(stop.is_set)
     else:
         whole = tiles(len(cells), 1, engine.largest_tile, engine.largest_tile)
         going = takewhile(lambda part: not stop.is_set(), whole)
-        parts = ((part, engine.indices(cells[part], window, limits, early_closing, names)) for part in going)
+        parts = ((part, engine.indices(cells[part], asked)) for part in going)
     outcome: Outcome = {}
     ended = 0
     for which, found in parts:
@@ -109,6 +93,22 @@ def run_here(
     if ended < len(cells):
         raise GivenUp
     return outcome
+
+
+def compute(request: Request, part: tuple[slice, ...], stop: Event | None = None) -> Computed:
+    """Return indices, status, impacts and steps of a box of cells, each in its shape, and the seconds it took.
+
+    Raises
+    ------
+    GivenUp
+        `stop` was set before all cells had ended.
+    """
+    began = perf_counter()
+    engine = get_backend(request.backend, time_step=request.time_step)
+    result = run_here(engine, request.cells(request.box(part)), request.asked, stop or Event())
+    shape = tuple(len(range(*along.indices(size))) for along, size in zip(part, request.shape, strict=True))
+    kept = {name: result[name].reshape(shape) for name in (*request.indices, "status", "impacts", "steps")}
+    return kept, perf_counter() - began
 
 
 def run_shared(work: Callable[[Callable[[], bool]], Iterator[Result]], workers: int, stop: Event) -> Iterator[Result]:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vibroimpact.backends import Cells, ImpactWindow, Samples, get_backend
+from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
 from vibroimpact.backends.base import Floats
-from vibroimpact.options import Tolerances
+from vibroimpact.cells import Cells, cells_at
 from vibroimpact.orbits.equations import TURN, Cycle, Flight, flight_of, parameters_of
 from vibroimpact.oscillator import ImpactOscillator
 
@@ -28,17 +28,14 @@ class NearMiss:
 
 def surface_cells(osc: ImpactOscillator, phases: Floats, velocities: Floats) -> Cells:
     """Return cells that start with an impact at each phase and velocity."""
-    like = np.ones(len(phases))
-    whole = np.floor(phases)
-    m, c, k, f, w, r, g = (value * like for value in parameters_of(osc))
-    # A whisker below 1 rounds up to 1.
-    return Cells(m, c, k, f, w, r, g, 0.0 * like, velocities, whole, np.minimum(phases - whole, 1.0 - 2.0**-53))
+    cells = cells_at(osc, np.zeros(len(phases)), velocities, phases)
+    return cells.replace(phase=np.minimum(cells["phase"], 1.0 - 2.0**-53))  # a whisker below 1 rounds up to 1
 
 
 def contacts(osc: ImpactOscillator, phases: Floats, velocities: Floats, following: int) -> list[Samples]:
     """Return the impacts that follow one at each phase and velocity, itself the first of them."""
     cells = surface_cells(osc, np.asarray(phases, float), np.asarray(velocities, float))
-    return get_backend("cpu").samples(cells, ImpactWindow(0, following + 1), Tolerances())
+    return get_backend("cpu").samples(cells, Measurement(ImpactWindow(0, following + 1)))
 
 
 def orbit_size(osc: ImpactOscillator, z: Floats) -> float:

@@ -8,14 +8,12 @@ and a grid over the impact surface.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from vibroimpact.backends import ImpactWindow, Samples, get_backend
-from vibroimpact.backends.starts import make_cells
-from vibroimpact.options import Tolerances
+from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.closed_form import impact_1_orbits
 from vibroimpact.orbits.equations import Cycle, Floats, parameters_of
@@ -272,11 +270,11 @@ def _miss(cycle: Cycle, chain: Floats | None, speed: float) -> float:
 
 def settled(osc: ImpactOscillator, cycle: Cycle) -> Floats | None:
     """Return the last impacts of the motion that the mass settles on from rest."""
-    cells = make_cells(osc, None)
+    cells = osc.cells({})
     if osc.gap <= 0.0:  # a hair off balance, else nothing starts
-        cells = replace(cells, velocity=cells.velocity - 1e-3 * osc.velocity_scale)
+        cells = cells.replace(velocity=cells["velocity"] - 1e-3 * osc.velocity_scale)
     window = ImpactWindow(SETTLING, cycle.n_impacts + 1)
-    (seen,) = get_backend("cpu").samples(cells, window, Tolerances())
+    (seen,) = get_backend("cpu").samples(cells, Measurement(window))
     return _chain(seen, cycle.n_impacts)
 
 

@@ -26,8 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.cpu import limits, table
-from vibroimpact.backends.starts import make_cells
+from vibroimpact.backends.cpu import limits
 from vibroimpact.kernels import recorder
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.runner import LOOK
@@ -71,7 +70,7 @@ def from_release(osc: ImpactOscillator, longest: int) -> Stick | None:
     """Follow the mass from its release to where it next rests at the stop, or None if that takes too many periods."""
     if not lets_go(osc) or osc.restitution == 1.0:
         return None
-    cell = table(make_cells(osc, State(osc.gap, 0.0, CREST * osc.period)))[0]
+    cell = osc.cells({}, State(osc.gap, 0.0, CREST * osc.period)).table[0]
     steps = min(1000.0 / (1.0 - osc.restitution), _MOST_STEPS / (longest + 2))
     allowed = limits(Tolerances(chatter=FINEST, steps_per_impact=math.ceil(steps)))
     # One look late in the last period ends a walk that never rests; room for one stick ends it at each.

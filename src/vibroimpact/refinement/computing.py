@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 
 from vibroimpact.backends import check_told, get_backend
 from vibroimpact.backends.base import Counts, Outcome
+from vibroimpact.execution.store.tiling import SLOW, usual_tile
 from vibroimpact.execution.threads import check_alone, run_sweep, worker_count
 from vibroimpact.parameters import whole_number
 from vibroimpact.refinement.lattice import Places
-from vibroimpact.refinement.request import RefinedRequest
+from vibroimpact.request import Request
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -23,7 +24,15 @@ SMALLEST = 64  # cells that are handed to a worker, unless told otherwise
 AHEAD = 64  # chunks that a cluster is handed at once: some 60 MB here
 FEWEST = 4  # chunks that threads are handed at once: some 50 MB
 
+CHUNK = 1 << 14  # cells kept together: a second or more of work
+FEW = 64  # the same, where a cell takes up to seconds
+
 Outcomes = Iterator[tuple[Counts | slice, Outcome]]
+
+
+def chunk_of(request: Request) -> int:
+    """Return how many cells are kept together."""
+    return FEW if request.backend in SLOW else CHUNK
 
 
 @dataclass(frozen=True)
@@ -40,7 +49,7 @@ class Computer:
 
 @contextmanager
 def computing(
-    request: RefinedRequest, workers: int | None, cluster: Client | str | None, tile: int | None
+    request: Request, workers: int | None, cluster: Client | str | None, tile: int | None
 ) -> Iterator[Computer]:
     """Yield what computes the cells of a request, in threads or on a cluster."""
     if cluster is None:
@@ -50,23 +59,22 @@ def computing(
 
     def run(at: Places, stop: Event) -> Outcomes:
         shared = max(len(at) // PARTS, SMALLEST)  # a small batch keeps many workers busy too
-        return in_memory(client, request.batch(at), tile or min(shared, request.usual_tile), stop)
+        return in_memory(client, request.scatter(at), tile or min(shared, usual_tile(request)), stop)
 
     with connect(cluster) as client:
         yield Computer(run, AHEAD)
 
 
-def _in_threads(request: RefinedRequest, workers: int) -> Computer:
+def _in_threads(request: Request, workers: int) -> Computer:
     engine = get_backend(request.backend, time_step=request.time_step)
-    how = request.window, request.tolerances, request.early_closing, request.indices
 
     def run(at: Places, stop: Event) -> Outcomes:
-        return run_sweep(engine, request.cells(at), *how, workers, stop)
+        return run_sweep(engine, request.cells(at), request.asked, workers, stop)
 
     return Computer(run, max(workers, FEWEST))
 
 
-def check_place(request: RefinedRequest, workers: int | None, cluster: Client | str | None, tile: int | None) -> None:
+def check_place(request: Request, workers: int | None, cluster: Client | str | None, tile: int | None) -> None:
     """Refuse a place that is none, before anything is computed or started."""
     worker_count(workers)
     if tile is not None:

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from vibroimpact.dataset import missing
 from vibroimpact.progress import Stop
-from vibroimpact.refinement.computing import Computer
+from vibroimpact.refinement.computing import Computer, chunk_of
 from vibroimpact.refinement.lattice import Places
 from vibroimpact.refinement.picture import Picture
-from vibroimpact.refinement.request import RefinedRequest
+from vibroimpact.request import Request
 
 COUNTS = ("impacts", "steps")
 Arrays = dict[str, NDArray[Any]]
@@ -49,7 +49,7 @@ class Points:
 
     def __init__(
         self,
-        request: RefinedRequest,
+        request: Request,
         picture: Picture,
         computer: Computer,
         told: Callable[[int, int, int, int], Any],
@@ -67,7 +67,7 @@ class Points:
         if self.keeper:
             self.keeper.begin(self.turns, level, len(at))
         self.turns += 1
-        whole, portion = True, self.computer.chunks * self.request.chunk  # which bounds the memory that it takes
+        whole, portion = True, self.computer.chunks * chunk_of(self.request)  # which bounds the memory that it takes
         for low in range(0, len(at), portion):
             if self.stop.is_set():
                 return False
@@ -112,12 +112,13 @@ class Points:
 class _Portion:
     """Some chunks of a batch on their way."""
 
-    def __init__(self, at: Places, first: int, request: RefinedRequest) -> None:
+    def __init__(self, at: Places, first: int, request: Request) -> None:
         self.at, self.first = at, first
         self.result: Arrays = {name: missing(name, len(at)) for name in request.indices}
         self.result |= {"status": np.zeros(len(at), np.int8)} | {name: np.zeros(len(at), np.int64) for name in COUNTS}
         self.ended = np.zeros(len(at), bool)
-        self.chunks = [slice(low, min(low + request.chunk, len(at))) for low in range(0, len(at), request.chunk)]
+        chunk = chunk_of(request)
+        self.chunks = [slice(low, min(low + chunk, len(at))) for low in range(0, len(at), chunk)]
 
     def chunk(self, chunk: int) -> tuple[int, Places]:
         """Return the number of a chunk, and where its cells lie."""

@@ -22,9 +22,10 @@ from vibroimpact.execution.store.records import CHECKSUM, COLUMNS, DONE, Arrays,
 from vibroimpact.execution.store.store import SweepStore, open_or_create
 from vibroimpact.execution.store.writer import TileWriter, told
 from vibroimpact.files import load_lazily
+from vibroimpact.refinement.computing import chunk_of
 from vibroimpact.refinement.lattice import Places
 from vibroimpact.refinement.picture import FILLED, Picture, level_variable
-from vibroimpact.refinement.request import RefinedRequest
+from vibroimpact.request import Request
 
 POINTS = "points"
 BATCHES = "batches"  # level and number of cells of each, in the order in which they are asked for
@@ -33,7 +34,7 @@ MOST = 1 << 20  # chunks; those never written take no room
 TILE = 1 << 18  # cells of the picture in a file
 
 
-def open_refined(path: str | os.PathLike[str], request: RefinedRequest) -> SweepStore:
+def open_refined(path: str | os.PathLike[str], request: Request) -> SweepStore:
     """Return the store of a refined map: the one that stands there, or a new one."""
     return open_or_create(path, request, TILE)
 
@@ -51,7 +52,7 @@ def finished(store: SweepStore) -> xr.Dataset | None:
 
 
 @contextmanager
-def keeping(store: SweepStore, request: RefinedRequest) -> Iterator[StoredPoints]:
+def keeping(store: SweepStore, request: Request) -> Iterator[StoredPoints]:
     """Yield what keeps computed cells in a store; no second process is let in meanwhile."""
     with store.writing() as writer:
         writer.sweep_up()
@@ -60,7 +61,7 @@ def keeping(store: SweepStore, request: RefinedRequest) -> Iterator[StoredPoints
         yield _kept(store, writer, request)
 
 
-def _kept(store: SweepStore, writer: TileWriter, request: RefinedRequest) -> StoredPoints:
+def _kept(store: SweepStore, writer: TileWriter, request: Request) -> StoredPoints:
     try:
         with told(store.path):
             return StoredPoints(store, writer, request)
@@ -76,14 +77,14 @@ def _kept(store: SweepStore, writer: TileWriter, request: RefinedRequest) -> Sto
 class StoredPoints:
     """Keeps computed cells, and the picture made of them."""
 
-    def __init__(self, store: SweepStore, writer: TileWriter, request: RefinedRequest) -> None:
+    def __init__(self, store: SweepStore, writer: TileWriter, request: Request) -> None:
         self.store, self.writer = store, writer
         root: Any = zarr.open_group(store.path, mode="r+", zarr_format=3)
         self.root = root
         kinds = {name: np.dtype(root[name].dtype) for name in (*request.indices, "status")}
         kinds |= {"impacts": np.dtype("int64"), "steps": np.dtype("int64")}
         group = root[PROGRESS].require_group(POINTS)
-        self.group, self.chunk = group, request.chunk
+        self.group, self.chunk = group, chunk_of(request)
         rows = {"shape": (MOST, self.chunk), "chunks": (1, self.chunk), "fill_value": 0}
         self.points = {name: _array(group, name, dtype=kind, **rows) for name, kind in kinds.items()}
         self.records = _array(

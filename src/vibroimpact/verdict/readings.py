@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.backends import Cells, ImpactWindow, get_backend
+from vibroimpact.backends import Cells, ImpactWindow, Measurement, get_backend
 from vibroimpact.classes import CERTAIN_GROWTH
 from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
 from vibroimpact.options import Tolerances
-from vibroimpact.oscillator import PARAMETERS, ImpactOscillator
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.status import Status
 
 PAPER = ImpactWindow(100, 5000)
@@ -130,7 +130,8 @@ class Laboratory:
         threads, limits = worker_count(self.workers), self.tolerances
         if window is not PAPER:
             limits = replace(limits, steps_per_impact=min(limits.steps_per_impact, THRIFT))
-        for which, result in run_sweep(get_backend("cpu"), cells, window, limits, True, names, threads, Event()):
+        asked = Measurement(window, limits, indices=names)
+        for which, result in run_sweep(get_backend("cpu"), cells, asked, threads, Event()):
             for name, column in table.items():
                 column[which] = result[name]
         return [
@@ -145,7 +146,7 @@ class Laboratory:
         if not oscillators:
             return []
         cells = make_cells_of(oscillators, starts)
-        seen = get_backend("cpu").samples(cells, ImpactWindow(impacts, 1), self.tolerances)
+        seen = get_backend("cpu").samples(cells, Measurement(ImpactWindow(impacts, 1), self.tolerances))
         return [
             Start(max(s.last_clearance, 0.0), s.last_velocity, s.last_phase)
             if s.status != Status.BUDGET and all(map(math.isfinite, (s.last_clearance, s.last_velocity, s.last_phase)))
@@ -156,7 +157,11 @@ class Laboratory:
 
 def make_cells_of(oscillators: Sequence[ImpactOscillator], starts: Sequence[Start | None]) -> Cells:
     """Return one cell an oscillator."""
-    numbers = np.array([[getattr(osc, name) for name in PARAMETERS] for osc in oscillators])
-    begun = [start or Start(max(osc.gap, 0.0), 0.0, 0.0) for osc, start in zip(oscillators, starts, strict=True)]
-    state = np.array([[start.clearance, start.velocity, 0.0, start.phase] for start in begun])
-    return Cells(*numbers.T.copy(), *state.T.copy())
+    return Cells.join([_cell(osc, start) for osc, start in zip(oscillators, starts, strict=True)])
+
+
+def _cell(osc: ImpactOscillator, start: Start | None) -> Cells:
+    cell = osc.cells({})
+    if start is None:
+        return cell
+    return cell.replace(clearance=start.clearance, velocity=start.velocity, phase=start.phase)

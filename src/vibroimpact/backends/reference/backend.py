@@ -9,17 +9,26 @@ impact. To audit a cell, read `reference_motion.motion`: it is the whole physics
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import astuple, dataclass, field, fields
+from collections.abc import Iterator
+from dataclasses import astuple, dataclass, field
 
 import numpy as np
 
-from vibroimpact.backends.base import Cells, Floats, ImpactWindow, Outcome, Samples, StroboscopicWindow, look_schedule
+from vibroimpact.backends.base import (
+    Floats,
+    ImpactWindow,
+    Measurement,
+    Outcome,
+    Samples,
+    StroboscopicWindow,
+    look_schedule,
+)
 from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.backends.reference.indices import Account, Ledger
 from vibroimpact.backends.reference.motion import Contact, Rest, motion, time_between
 from vibroimpact.backends.sampled import energy_loss, impact_indices, samples_of, table_of_indices
-from vibroimpact.indices import INDICES, VELOCITY_INDICES
+from vibroimpact.cells import Cells
+from vibroimpact.indices import INDICES
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 
@@ -182,32 +191,26 @@ class ReferenceCell:
 class ReferenceBackend:
     """The witness behind the back-end protocol; `early_closing` means nothing to it: every impact is computed."""
 
-    name = "reference"
+    name = sampler = "reference"
     tells = frozenset(INDICES)
     smallest_tile = 1
     largest_tile = 1
 
-    def indices(
-        self,
-        cells: Cells,
-        window: ImpactWindow,
-        tolerances: Tolerances,
-        early_closing: bool = True,
-        names: Iterable[str] = VELOCITY_INDICES,
-    ) -> Outcome:
+    def indices(self, cells: Cells, asked: Measurement) -> Outcome:
         """Return every index, named or not, the status, the impacts computed and the events of each cell."""
-        return table_of_indices([cell.indices(window) for cell in _each(cells, tolerances)])
+        return table_of_indices([cell.indices(asked.impacts) for cell in _each(cells, asked.tolerances)])
 
-    def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow, tolerances: Tolerances) -> list[Samples]:
+    def samples(self, cells: Cells, asked: Measurement) -> list[Samples]:
         """Return what the window sees of each cell."""
+        window = asked.window
         if isinstance(window, ImpactWindow):
-            return [cell.impacts(window)[0] for cell in _each(cells, tolerances)]
-        return [cell.looks(window) for cell in _each(cells, tolerances)]
+            return [cell.impacts(window)[0] for cell in _each(cells, asked.tolerances)]
+        return [cell.looks(window) for cell in _each(cells, asked.tolerances)]
 
 
 def _each(cells: Cells, tolerances: Tolerances) -> Iterator[ReferenceCell]:
-    for i in range(len(cells)):
-        yield ReferenceCell({entry.name: float(getattr(cells, entry.name)[i]) for entry in fields(cells)}, tolerances)
+    for cell in cells:
+        yield ReferenceCell(cell, tolerances)
 
 
 def create() -> ReferenceBackend:

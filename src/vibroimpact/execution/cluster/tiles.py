@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from threading import Lock
@@ -17,6 +17,7 @@ from vibroimpact.dataset import package_version
 from vibroimpact.execution.store.layout import PROGRESS, RECORDS
 from vibroimpact.execution.store.records import Record
 from vibroimpact.execution.store.writer import TileWriter
+from vibroimpact.execution.threads import compute
 from vibroimpact.request import Request
 
 Computed = tuple[dict[str, NDArray[Any]], float]
@@ -39,13 +40,12 @@ class Tile:
                 f"`cluster` has a worker with vibroimpact {package_version()}, here it is {self.version}; allowed is "
                 "one version, for one machine's numbers; install the same everywhere"
             )
-        return self.request.compute(tuple(slice(None) for _ in self.request.axes))
+        return compute(self.request, tuple(slice(None) for _ in self.request.dims))
 
 
 def cut_out(request: Request, part: Part) -> Tile:
     """Return the tile of a box of cells."""
-    axes = {name: values[along] for (name, values), along in zip(request.axes.items(), part, strict=True)}
-    return Tile(replace(request, axes=axes), package_version())
+    return Tile(request.cut_out(part), package_version())
 
 
 @dataclass(frozen=True)

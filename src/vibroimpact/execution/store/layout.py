@@ -12,7 +12,7 @@ from numcodecs.zstd import Zstd  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 from zarr.codecs import ZstdCodec
 
-from vibroimpact.dataset import missing, provenance, status_variable, variable
+from vibroimpact.dataset import missing, status_variable, variable
 from vibroimpact.execution.store.records import COLUMNS
 from vibroimpact.execution.store.tiling import Tiling
 from vibroimpact.formats import ORDER, order_of
@@ -30,21 +30,20 @@ def lay_out(folder: Path, request: Request, tiling: Tiling, command: str) -> Non
     identity = request.identity()
     root = zarr.open_group(folder, mode="w-", zarr_format=3)
     root.attrs.update(
-        provenance("parameter_map", request.oscillator, request.arguments())
+        request.provenance("parameter_map")
         | {"study": json.dumps(identity), "key": key_of(identity), "command": command, "tile": list(tiling.tile)}
     )
-    root.attrs[ORDER] = order_of((*request.indices, "status", *request.axes))
-    dims = list(request.axes)
-    for name, values in request.axes.items():
-        axis = variable(name, name, values)
+    root.attrs[ORDER] = order_of((*request.indices, "status", *request.coordinates()))
+    dims = list(request.dims)
+    for name, axis in request.coordinates().items():
         array = root.create_array(
             name,
             shape=axis.shape,
-            dtype="float64",
+            dtype=axis.dtype,
             chunks=axis.shape,
             compressors=PACKING,
-            fill_value=np.nan,
-            dimension_names=[name],
+            fill_value=np.nan if axis.dtype.kind == "f" else 0,
+            dimension_names=[str(dim) for dim in axis.dims],
             attributes=axis.attrs,
         )
         array[:] = axis.values

@@ -12,8 +12,8 @@ import xarray as xr
 
 from vibroimpact.execution.store.records import DONE, Rows
 from vibroimpact.execution.store.store import StoreBusy, SweepStore, TileWriter, open_or_create
-from vibroimpact.execution.store.tiling import Tiling
-from vibroimpact.execution.threads import GivenUp, run_tiles
+from vibroimpact.execution.store.tiling import Tiling, usual_tile
+from vibroimpact.execution.threads import GivenUp, compute, run_tiles
 from vibroimpact.progress import Report, Stop
 from vibroimpact.request import Request
 
@@ -43,7 +43,7 @@ def run_into_store(
     request: Request, path: Any, execute: Executor, report: Report, cells: int | None = None
 ) -> xr.Dataset:
     """Compute the tiles that a store lacks and write them; return the sweep, read from disk where it is looked at."""
-    store = open_or_create(path, request, cells or request.usual_tile)
+    store = open_or_create(path, request, cells or usual_tile(request))
     with ExitStack() as stack:
         try:
             writer = stack.enter_context(store.writing())
@@ -90,7 +90,7 @@ class StoredTile:
     def __call__(self, number: int) -> Any:
         """Compute tile `number`, write it, and return its record."""
         part = self.tiling[number]
-        result, seconds = self.request.compute(part, self.stop)
+        result, seconds = compute(self.request, part, self.stop)
         return self.writer.write(number, part, result, seconds)
 
 

@@ -33,7 +33,7 @@ from vibroimpact.execution.store.records import (
 from vibroimpact.execution.store.tiling import CELLS, Tiling
 from vibroimpact.execution.store.writer import TileWriter
 from vibroimpact.files import load_lazily
-from vibroimpact.request import Request, differences, key_of, told
+from vibroimpact.request import Request, differences, key_of, mark
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -73,7 +73,7 @@ class SweepStore:
         self.key, self.command = key_of(self.identity), str(attrs["command"])
         if self.key != attrs["key"]:
             raise ValueError("its study was altered")
-        self.axes = tuple(map(str, root["status"].metadata.dimension_names))
+        self.axes = tuple(str(text).split()[0] for key, text in self.identity.items() if key.startswith("axis "))
         self.names = (*str(self.identity["indices"]).split(", "), "status")
         self.tiling = Tiling(root["status"].shape, tuple(attrs["tile"]))
         if any(root[name].chunks != self.tiling.tile for name in self.names):
@@ -115,7 +115,7 @@ class SweepStore:
 
         def is_damaged(number: int, name: str) -> bool:
             try:
-                return bool(told(name, np.asarray(self._root[name][:])) != self.identity[f"axis {number}"])
+                return bool(mark(name, np.asarray(self._root[name][:])) != self.identity[f"axis {number}"])
             except Exception:
                 return True
 

@@ -5,7 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from vibroimpact.request import Request
+
+SLOW = ("reference", "fixed-step")  # back ends that take up to seconds per cell
+FEW = 4  # cells of a tile with them
 CELLS = 4096  # of a tile: a quarter of a second's work, in which writing it is 1 % and the last lanes' idling 2 %
+
+
+def usual_tile(request: Request) -> int:
+    """Return the cells of a tile unless told otherwise: no more than may be lost when a sweep ends at once."""
+    return FEW if request.backend in SLOW else CELLS
 
 
 @dataclass(frozen=True)
