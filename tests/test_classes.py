@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 
 import vibroimpact as vi
-from vibroimpact.classes import CERTAIN_GROWTH, MotionClass, classify
+from vibroimpact.classes import classify
 from vibroimpact.dataset import provenance, status_variable, variable
-from vibroimpact.motion import recognise
+from vibroimpact.motion import CERTAIN_GROWTH, MotionClass, recognise
 
 OSC = vi.ImpactOscillator()
 CYCLES = ("lyapunov_per_impact", "n_periods", "n_impacts")

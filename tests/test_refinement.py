@@ -10,7 +10,7 @@ import vibroimpact as vi
 from cells import make_cells
 from vibroimpact import refined_map, to_uniform
 from vibroimpact.backends import ImpactWindow, Measurement
-from vibroimpact.classes import MotionClass
+from vibroimpact.motion import MotionClass
 from vibroimpact.refinement.lattice import finer
 from vibroimpact.request import Request
 

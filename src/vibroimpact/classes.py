@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -12,29 +11,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibroimpact.dataset import oscillator_of, variable
-from vibroimpact.status import Status
+from vibroimpact.motion import MotionClass, decide, stored
 
-
-class MotionClass(IntEnum):
-    """What kind of motion a cell shows; the numbers are stored in files and never change."""
-
-    UNDECIDED = 0
-    NO_IMPACT = 1
-    PERIODIC = 2
-    STICKING = 3
-    CHAOTIC = 4
-
-    @property
-    def word(self) -> str:
-        """The name as it stands in datasets."""
-        return self.name.lower()
-
-
-# ln of the growth that carries the last binary digit of a double up to the size of the motion.
-CERTAIN_GROWTH = 53 * math.log(2.0)
-
-QUIET = (Status.NO_IMPACT, Status.STOPPED_IMPACTING, Status.STUCK_FOREVER, Status.DECAYING)
-UNFINISHED = (Status.BUDGET, Status.INTERRUPTED)
 NEEDED = ("lyapunov_per_impact", "n_periods", "n_impacts", "status")
 
 
@@ -95,19 +73,8 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
     dims = tuple(map(str, status.dims))
     growth = _growth(sweep).transpose(*dims).values
     n_periods, n_impacts = (sweep[name].transpose(*dims).values for name in ("n_periods", "n_impacts"))
-    codes, cycle = status.values, n_periods > 0
-    rests, chatters = np.isneginf(growth), n_impacts == -1
-    sticks = (cycle & rests) | (cycle & chatters) | (rests & chatters)
-    n_impacts = np.where(cycle | sticks, n_impacts, 0)
-    chaotic = (growth > CERTAIN_GROWTH) & (codes != Status.SHORT_WINDOW)
-    rules = [
-        (np.isin(codes, QUIET), MotionClass.NO_IMPACT),
-        (np.isin(codes, UNFINISHED), MotionClass.UNDECIDED),
-        (sticks, MotionClass.STICKING),
-        (cycle, MotionClass.PERIODIC),
-        (chaotic, MotionClass.CHAOTIC),
-    ]
-    motion = np.select([fits for fits, _ in rules], [np.int8(kind) for _, kind in rules], np.int8(0))
+    motion = stored(decide(status.values, growth, n_periods, n_impacts))
+    n_impacts = np.where((n_periods > 0) | (motion == MotionClass.STICKING), n_impacts, 0)
     content = {
         "motion": motion_variable(dims, motion),
         "n_periods": variable("n_periods", dims, n_periods.astype(np.int32)),
@@ -119,10 +86,11 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
 
 def motion_variable(dims: Any, codes: NDArray[Any]) -> xr.Variable:
     """Return classes of motion with their CF flag values and meanings."""
+    kinds = [kind for kind in MotionClass if kind == kind.stored]
     attrs = {
         "long_name": "class of motion",
-        "flag_values": np.array([kind.value for kind in MotionClass], dtype=np.int8),
-        "flag_meanings": " ".join(kind.word for kind in MotionClass),
+        "flag_values": np.array(kinds, dtype=np.int8),
+        "flag_meanings": " ".join(kind.word for kind in kinds),
     }
     return xr.Variable(dims, codes.astype(np.int8), attrs)
 

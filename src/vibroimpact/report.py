@@ -11,10 +11,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vibroimpact.bundles import unbundle
-from vibroimpact.classes import CERTAIN_GROWTH, NEEDED, MotionClass, classify
+from vibroimpact.classes import NEEDED, classify
 from vibroimpact.dataset import VARIABLES, oscillator_of
 from vibroimpact.indices import INDICES, ROUNDING, spread_scale, told_spread
-from vibroimpact.motion import Motion, cycle_length, recognise, recurrence
+from vibroimpact.motion import (
+    CERTAIN_GROWTH,
+    MotionClass,
+    cycle_length,
+    cycle_name,
+    motion_name,
+    recognise,
+    recurrence,
+)
 from vibroimpact.oscillator import PARAMETERS
 from vibroimpact.status import Status
 
@@ -182,11 +190,7 @@ def _motions(classes: xr.Dataset) -> Iterator[str]:
                              return_counts=True)  # fmt: skip
     order = np.argsort(-counts, kind="stable")
     for at in order[:MOTIONS]:
-        code, periods, impacts = rows[at].tolist()
-        name = _spaced(MotionClass(code).word)
-        if code in (MotionClass.PERIODIC, MotionClass.STICKING):
-            name = Motion(name, periods, impacts or -1).name
-        yield f"  {100 * counts[at] / kind.size:.3g} % {name}"
+        yield f"  {100 * counts[at] / kind.size:.3g} % {motion_name(*rows[at].tolist())}"
     if len(order) > MOTIONS:
         rest = 100 * counts[order[MOTIONS:]].sum() / kind.size
         yield f"  {rest:.3g} % {counted(len(order) - MOTIONS, 'other motion')}"
@@ -258,7 +262,7 @@ def _cycle(row: xr.Dataset) -> str:
     if not (n and p) and p >= 0:
         return ""
     rests = p < 0 or any(name in row and math.isinf(float(row[name])) for name in ("lyapunov", "lyapunov_per_impact"))
-    return Motion("sticking" if rests else "periodic", n, p).name
+    return cycle_name(n, p, rests)
 
 
 def _diverges(row: xr.Dataset, axis: str, periods: int) -> bool:
@@ -313,7 +317,7 @@ def _orbit_type(part: xr.Dataset) -> str:
     """Return the type of an orbit, or of those of a branch or a curve."""
     n, p = (int(part[key] if key in part else part.attrs[key]) for key in ("n_periods", "n_impacts"))
     sticks = p == -1 or float(part.get("stuck_time", 0.0)) > 0.0
-    return Motion("sticking" if sticks else "periodic", n, p).name
+    return cycle_name(n, p, sticks)
 
 
 def _branches(dataset: xr.Dataset) -> Iterator[str]:

@@ -10,8 +10,9 @@ import numpy as np
 import xarray as xr
 
 from vibroimpact.continuation.results import Branch
-from vibroimpact.continuation.windows import Window, alike, motion_name, stable_windows, swept_windows
+from vibroimpact.continuation.windows import Window, alike, stable_windows, swept_windows
 from vibroimpact.dataset import oscillator_of
+from vibroimpact.motion import cycle_name
 from vibroimpact.parameters import whole_number
 from vibroimpact.status import Status
 
@@ -172,7 +173,7 @@ def _attractor(sweep: xr.Dataset, at: int, window: Window) -> str:
     n, p, growth = (sweep[name].values[at].item() for name in ("n_periods", "n_impacts", "lyapunov_per_impact"))
     status = Status(int(sweep["status"][at]))
     if n > 0:
-        return "another " * ((n, p) == (window.n_periods, window.n_impacts)) + motion_name(n, p)
+        return "another " * ((n, p) == (window.n_periods, window.n_impacts)) + cycle_name(n, p)
     if not status.has_indices:
         return "" if status in (Status.BUDGET, Status.INTERRUPTED) else status.word.replace("_", " ")
     if growth == -np.inf:

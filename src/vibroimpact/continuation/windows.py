@@ -15,6 +15,7 @@ import xarray as xr
 from vibroimpact.continuation.branch import continue_orbit
 from vibroimpact.continuation.points import switch_branch
 from vibroimpact.continuation.results import Branch
+from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.orbit import Orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.search import find_orbit
 from vibroimpact.progress import Report
@@ -52,17 +53,12 @@ class Window:
     @property
     def name(self) -> str:
         """The motion in two or three words."""
-        return motion_name(self.n_periods, self.n_impacts)
+        return cycle_name(self.n_periods, self.n_impacts)
 
     def orbits_at(self, value: float) -> list[Orbit]:
         """Return the stable orbits that Newton's method reaches at a value from the two nearest ones of the window."""
         nearest = sorted(self.orbits, key=lambda orbit: abs(_value(orbit, self.parameter) - value))
         return [found for orbit in nearest[:2] for found in _moved(orbit, self.parameter, value) if _lasts(found)]
-
-
-def motion_name(n_periods: int, n_impacts: int) -> str:
-    """Return what a cycle is called."""
-    return f"period-{n_periods} " + ("sticking" if n_impacts == -1 else f"impact-{n_impacts}")
 
 
 def follow_all(

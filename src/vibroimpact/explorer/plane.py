@@ -11,7 +11,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.classes import MotionClass
 from vibroimpact.explorer.limits import granted
 from vibroimpact.explorer.state import FINEST, View
 from vibroimpact.indices import INDICES
@@ -119,13 +118,3 @@ class Plane:
         axes = {name: (name, self.axis(axis), sweep[name].attrs) for axis, name in zip("xy", dims, strict=True)}
         content = {str(name): (dims, self.array(str(name)), sweep[name].attrs) for name in sweep.data_vars}
         return xr.Dataset(content, coords=axes, attrs=sweep.attrs)
-
-
-def motion_word(code: int, n_periods: int, n_impacts: int) -> str:
-    """Return the name of a cell's motion."""
-    kind = MotionClass(code)
-    if kind == MotionClass.PERIODIC:
-        return f"period-{n_periods} impact-{n_impacts}"
-    if kind == MotionClass.STICKING:
-        return f"period-{n_periods} sticking" if n_periods else "irregular with rests"
-    return kind.word.replace("_", " ")

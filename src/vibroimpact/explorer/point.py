@@ -11,11 +11,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.classes import MotionClass
 from vibroimpact.explorer.limits import granted, stiffness
-from vibroimpact.explorer.plane import TRANSIENT, motion_word
+from vibroimpact.explorer.plane import TRANSIENT
 from vibroimpact.explorer.state import View
 from vibroimpact.indices import INDICES, spread_scale, told_spread
+from vibroimpact.motion import MotionClass, motion_name
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.status import Status
 
@@ -77,7 +77,7 @@ def compute_point(view: View, osc: ImpactOscillator | None = None) -> Point:
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
     return Point(
         osc=osc,
-        name=motion_word(kind, n, p),
+        name=motion_name(kind, n, p),
         sentence=sentence(osc, kind, status, indices),
         kind=kind,
         n_periods=n,
@@ -142,13 +142,13 @@ def sentence(osc: ImpactOscillator, kind: MotionClass, status: Status, indices: 
     if kind == MotionClass.PERIODIC:
         growth = indices["lyapunov"] * osc.period
         calms = f"; disturbances halve in {_periods(-math.log(2.0) / growth)}" if -1e3 < growth < 0.0 else ""
-        return f"{motion_word(kind, n, p)}, stable, {hardest} {often}{calms}."
+        return f"{motion_name(kind, n, p)}, stable, {hardest} {often}{calms}."
     if kind == MotionClass.STICKING and not n:
         return f"Irregular with rests, {hardest}: it rests at the stop so seldom that rounding decides when."
     if kind == MotionClass.STICKING:
         rest = 100.0 * indices["stick_fraction"]
         resting = f"then comes to rest at the stop, {rest:.3g} % of the time"
-        return f"{motion_word(kind, n, p)}, stable, {hardest} {often}, {resting}."
+        return f"{motion_name(kind, n, p)}, stable, {hardest} {often}, {resting}."
     if kind == MotionClass.CHAOTIC:
         doubling = math.log(2.0) / (indices["lyapunov"] * osc.period)
         return f"Chaotic, the impacts never repeat, {hardest}; disturbances double in {_periods(doubling)}."

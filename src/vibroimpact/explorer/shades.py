@@ -12,10 +12,10 @@ import numpy as np
 from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
-from vibroimpact.classes import MotionClass
-from vibroimpact.explorer.plane import Plane, motion_word
+from vibroimpact.explorer.plane import Plane
 from vibroimpact.explorer.state import GREEK, MOTION
 from vibroimpact.indices import INDICES
+from vibroimpact.motion import MotionClass, cycle_name
 from vibroimpact.plotting.classes import COLORS, OTHER_PERIODIC, WORDS, name_colors
 from vibroimpact.plotting.style import STICKING
 
@@ -117,7 +117,7 @@ def _names(motion: Floats, n: Floats, p: Floats, name: Floats) -> Shades:
     for (periods, impacts), color in name_colors(counts, motion.size).items():
         here = (motion == MotionClass.PERIODIC) & (n == periods) & (p == impacts)
         rest = rest & ~here
-        layers.append((here, color, motion_word(MotionClass.PERIODIC, periods, impacts)))
+        layers.append((here, color, cycle_name(periods, impacts)))
     layers.append((rest, OTHER_PERIODIC, "other periodic"))
     layers += [(motion == kind, COLORS[kind], word) for kind, word in WORDS.items()]
     shade = np.zeros(motion.shape, np.float32)

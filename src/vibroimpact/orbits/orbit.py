@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING, objection
 from vibroimpact.orbits.equations import TURN, Cycle, Floats, parameters_of
 from vibroimpact.oscillator import ImpactOscillator, State
@@ -97,7 +98,7 @@ class Orbit:
     @property
     def name(self) -> str:
         """The motion in two or three words."""
-        return f"period-{self.n_periods} " + ("sticking" if self.sticks else f"impact-{self.n_impacts}")
+        return cycle_name(self.n_periods, self.n_impacts, self.sticks)
 
     @property
     def start(self) -> State:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
+from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.closed_form import impact_1_orbits
 from vibroimpact.orbits.equations import Cycle, Floats, parameters_of
@@ -173,7 +174,7 @@ def _sorted(osc: ImpactOscillator, cycle: Cycle, solutions: Iterable[Floats]) ->
 
 
 def _called(cycle: Cycle) -> str:
-    return f"period-{cycle.n_periods} impact-{cycle.n_impacts}"
+    return cycle_name(cycle.n_periods, cycle.n_impacts)
 
 
 def _from(osc: ImpactOscillator, cycle: Cycle, begin: Orbit | tuple[float, float]) -> Orbits:

@@ -31,6 +31,7 @@ from vibroimpact.kernels import recorder
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.runner import LOOK
 from vibroimpact.kernels.traced_lanes import TRACE
+from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.oscillator import PARAMETERS, ImpactOscillator, State, parameter_value
@@ -295,7 +296,7 @@ def end_of_sticking(
     ends = {value: stick_at(value, longest) for value in (inside, outside)}
     names = {value: stick.periods if stick else 0 for value, stick in ends.items()}
     if names[inside] == names[outside]:
-        what = f"period-{names[inside]} sticking" if names[inside] else "no sticking orbit"
+        what = cycle_name(names[inside], -1) if names[inside] else "no sticking orbit"
         message = f"{what} at `{parameter}` = {inside:g} and at {outside:g}; give values with a change between them"
         return StickingEnd(osc, parameter, outcome="no_change", message=message)
     if not names[inside] or 0 < names[outside] < names[inside]:

@@ -11,7 +11,7 @@ from matplotlib.patheffects import withStroke
 
 from vibroimpact.axes import NAMES
 from vibroimpact.dataset import variable
-from vibroimpact.motion import Motion
+from vibroimpact.motion import cycle_name
 from vibroimpact.plotting.checks import check_sweep, datasets_of, holding
 from vibroimpact.plotting.classes import BESIDE
 from vibroimpact.plotting.maps import draw_cells
@@ -169,7 +169,7 @@ def _draw(ax: Axes, curve: xr.Dataset, x: str, y: str) -> Line2D:
     kind = str(curve["kind"].attrs["flag_meanings"]).split()[int(curve["kind"])]
     color, words = KINDS[kind]
     n, p = int(curve.attrs["n_periods"]), int(curve.attrs["n_impacts"])
-    orbit = Motion("sticking" if kind == "end_of_sticking" else "periodic", n, p).name
+    orbit = cycle_name(n, p, sticks=kind == "end_of_sticking")
     (line,) = ax.plot(
         curve[x].values,
         curve[y].values,

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from vibroimpact.motion import Motion
+from vibroimpact.motion import cycle_name
 from vibroimpact.plotting.checks import check_diagram, datasets_of, holding
 from vibroimpact.plotting.diagrams import draw_samples, mark_empty, set_height
 from vibroimpact.plotting.style import BLUE, GREEN, INK, RED, Floats, label, legend_below, new_axes, title, view
@@ -144,7 +144,7 @@ def _before(kind: str, beyond: int, otherwise: int) -> int:
 def orbit_name(branch: xr.Dataset) -> str:
     """Return the name of the orbits on a branch."""
     n, p = int(branch.attrs["n_periods"]), int(branch.attrs["n_impacts"])
-    return Motion("sticking" if p == -1 else "periodic", n, p).name
+    return cycle_name(n, p)
 
 
 def _colors(drawn: list[xr.Dataset]) -> dict[str, str]:

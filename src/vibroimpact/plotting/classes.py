@@ -12,8 +12,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from vibroimpact.classes import MotionClass, classify
-from vibroimpact.motion import Motion
+from vibroimpact.classes import classify
+from vibroimpact.motion import MotionClass, cycle_name
 from vibroimpact.plotting.checks import check_sweep
 from vibroimpact.plotting.maps import frame_plane, grid_of
 from vibroimpact.plotting.style import INK, STICKING, WALL, new_axes, title
@@ -41,12 +41,7 @@ COLORS = {
     MotionClass.NO_IMPACT: "#c9c9c9",
     MotionClass.UNDECIDED: "#ffffff",
 }
-WORDS = {
-    MotionClass.STICKING: "sticking",
-    MotionClass.CHAOTIC: "chaotic",
-    MotionClass.NO_IMPACT: "no impact",
-    MotionClass.UNDECIDED: "undecided",
-}
+WORDS = {kind: kind.word.replace("_", " ") for kind in COLORS}
 
 Name = tuple[int, int]
 Mask = NDArray[np.bool_]
@@ -122,7 +117,7 @@ def _layers(classes: xr.Dataset, field: xr.DataArray) -> Iterator[tuple[Mask, st
     for name, color in name_colors(counts, codes.size).items():
         here = (codes == MotionClass.PERIODIC) & (n == name[0]) & (p == name[1])
         rest &= ~here
-        yield here, color, Motion("periodic", *name).name
+        yield here, color, cycle_name(*name)
     yield rest, OTHER_PERIODIC, "other periodic"
     for kind, word in WORDS.items():
         yield codes == kind, COLORS[kind], word

@@ -9,8 +9,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibroimpact.classes import NEEDED, MotionClass, classify
+from vibroimpact.classes import NEEDED
 from vibroimpact.dataset import missing, plain_variable
+from vibroimpact.motion import MotionClass, decide, stored
 from vibroimpact.refinement.lattice import Places
 from vibroimpact.status import Status
 
@@ -83,10 +84,9 @@ def _neighbours(field: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[A
 
 def motion_codes(result: Arrays, sample_impacts: int) -> NDArray[np.uint32]:
     """Return one number a cell for its class and, of a periodic motion, its name."""
-    cells = {name: ("cell", result[name]) for name in NEEDED}
-    named = classify(xr.Dataset(cells, attrs={"arguments": f'{{"sample_impacts": {sample_impacts}}}'}))
-    kind = named["motion"].values.astype(np.uint32)
-    periods, impacts = (named[name].values.astype(np.int64) for name in ("n_periods", "n_impacts"))
+    periods, impacts = (np.asarray(result[name], np.int64) for name in ("n_periods", "n_impacts"))
+    growth = sample_impacts * result["lyapunov_per_impact"]
+    kind = stored(decide(result["status"], growth, periods, impacts)).astype(np.uint32)
     name = np.where(kind == MotionClass.PERIODIC, periods * 8192 + impacts, 0)  # impacts of a cycle are at most 4096
     codes: NDArray[np.uint32] = (kind + 8 * name).astype(np.uint32)
     return codes

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from threading import Event
 from typing import Any
 
 import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, Measurement, get_backend
-from vibroimpact.classes import CERTAIN_GROWTH
 from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
+from vibroimpact.motion import MotionClass, decide, motion_name
 from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.status import Status
@@ -22,7 +23,6 @@ PAPER = ImpactWindow(100, 5000)
 BRIEF = ImpactWindow(100, 1500)  # tells a name, and an exponent to a few per cent
 THRIFT = 100  # certified steps an impact, but for the motion itself: others are not worth a long wait for rare hits
 HARDLY_EVER = 64  # periods: chaos in which the mass rests now and then is, to the letter, a long sticking cycle
-_QUIET = {Status.NO_IMPACT: "no_impact", Status.STOPPED_IMPACTING: "no_impact"}
 
 
 @dataclass(frozen=True)
@@ -42,17 +42,16 @@ class Reading:
     indices: dict[str, float]
     sampled: int
 
+    @cached_property
+    def motion_class(self) -> MotionClass:
+        """The kind of the motion, by the rule of `classify`."""
+        growth = self.sampled * self.indices["lyapunov_per_impact"]
+        return MotionClass(int(decide(self.status, growth, self.n_periods, self.n_impacts)))
+
     @property
     def kind(self) -> str:
-        """`periodic`, `sticking`, `chaotic`, `undecided` (the rule of `classify`), or the word of a status."""
-        if not self.status.has_indices:
-            return _QUIET.get(self.status, self.status.word)
-        growth = self.sampled * self.indices["lyapunov_per_impact"]
-        if math.isinf(growth) or self.n_impacts < 0 or self.status == Status.STICKING:
-            return "sticking"
-        if self.n_periods:
-            return "periodic"
-        return "chaotic" if growth > CERTAIN_GROWTH and self.status != Status.SHORT_WINDOW else "undecided"
+        """The kind of the motion in a word."""
+        return self.motion_class.word
 
     @property
     def n_periods(self) -> int:
@@ -78,11 +77,7 @@ class Reading:
     @property
     def name(self) -> str:
         """The motion in two or three words."""
-        if self.kind == "periodic":
-            return f"period-{self.n_periods} impact-{self.n_impacts}"
-        if self.kind == "sticking":
-            return "irregular with rests" if self._hardly_repeats else f"period-{self.n_periods} sticking"
-        return _NAMES.get(self.kind, self.kind)
+        return motion_name(self.motion_class, self.n_periods, self.n_impacts)
 
     @property
     def hardest(self) -> float:
@@ -95,16 +90,6 @@ class Reading:
     def loss(self) -> float:
         """Energy lost at the stop a driving period, in J; NaN where it is not known."""
         return 0.0 if self.kind in ("no_impact", "stuck_forever") else self.indices["dissipation"]
-
-
-_NAMES = {
-    "undecided": "aperiodic",
-    "no_impact": "no impact",
-    "stuck_forever": "stuck for ever",
-    "decaying": "decaying impacts",
-    "budget": "not followed to the end",
-    "interrupted": "interrupted",
-}
 
 
 @dataclass(frozen=True)
