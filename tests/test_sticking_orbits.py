@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.continuation.sticking import continue_end_of_sticking
+from vibroimpact.continuation import continue_boundary
+from vibroimpact.continuation.sticking import sticking_curve
 from vibroimpact.motion import recognise
 from vibroimpact.orbits.sticking import end_of_sticking, find_sticking_orbit, scaling_exponent
 
@@ -301,12 +302,12 @@ def default_end():
 
 
 def test_without_a_gap_the_end_of_sticking_knows_no_amplitude(default_end):
-    curve = continue_end_of_sticking(default_end, ("omega", "amplitude"), ((0.2, 0.5), (0.5, 2.0)), step=0.1)
-    omega, amplitude = curve.values
-    assert curve.outcome == "complete"
+    curve = sticking_curve(default_end, ("omega", "amplitude"), ((0.2, 0.5), (0.5, 2.0)), longest=0.1)
+    omega, amplitude = curve.values.T
+    assert curve.outcome == ("range", "range")
     assert omega == pytest.approx(END, rel=1e-14)
     assert sorted((amplitude[0], amplitude[-1])) == pytest.approx([0.5, 2.0], rel=1e-14)
-    assert curve.release_phase == pytest.approx(0.5)
+    assert np.array(curve.touch_phases) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(
@@ -319,11 +320,11 @@ def test_without_a_gap_the_end_of_sticking_knows_no_amplitude(default_end):
     ],
 )
 def test_all_along_the_curve_the_stuck_time_is_zero_and_sticking_lies_on_one_side(default_end, names, ranges):
-    curve = continue_end_of_sticking(default_end, names, ranges, step=0.05)
-    assert curve.outcome == "complete", curve.message
-    assert len(curve) > 10
-    assert curve.residual.max() < 1e-10
-    points = np.array(curve.values).T
+    curve = sticking_curve(default_end, names, ranges, longest=0.05)
+    assert curve.outcome == ("range", "range"), curve.message
+    assert len(curve.orbits) > 10
+    assert max(curve.residuals) < 1e-10
+    points = curve.values
     width = np.array([high - low for low, high in ranges])
     inner = points[1:-1]
     along = (points[2:] - points[:-2]) / width
@@ -340,9 +341,9 @@ def test_all_along_the_curve_the_stuck_time_is_zero_and_sticking_lies_on_one_sid
 
 
 def test_the_curve_passes_through_ends_found_one_by_one(default_end):
-    curve = continue_end_of_sticking(default_end, ("omega", "mass"), ((0.1, 2.0), (0.1, 5.0)), step=0.1)
-    omega, mass = curve.values
-    for at in range(0, len(curve), 4):
+    curve = sticking_curve(default_end, ("omega", "mass"), ((0.1, 2.0), (0.1, 5.0)), longest=0.1)
+    omega, mass = curve.values.T
+    for at in range(0, len(curve.orbits), 4):
         osc = vi.ImpactOscillator(mass=mass[at])
         alone = end_of_sticking(osc, "omega", (0.98 * omega[at], 1.02 * omega[at]))
         assert omega[at] == pytest.approx(alone.value, rel=1e-13)
@@ -350,12 +351,12 @@ def test_the_curve_passes_through_ends_found_one_by_one(default_end):
 
 def test_a_tongue_of_period_2_sticking_is_followed_around_its_tip():
     start = end_of_sticking(vi.ImpactOscillator(), "omega", (3.005, 3.0125))
-    curve = continue_end_of_sticking(start, ("omega", "restitution"), ((2.9, 3.1), (0.6, 0.99)), step=0.1)
-    assert curve.outcome == "complete", curve.message
+    curve = sticking_curve(start, ("omega", "restitution"), ((2.9, 3.1), (0.6, 0.99)), longest=0.1)
+    assert curve.outcome == ("range", "range"), curve.message
     # At the tip a graze lies on the curve: there the stuck time has an infinite slope, and the root of 1e-16 is left.
-    assert curve.residual.max() < 1e-7
-    assert np.median(curve.residual) < 1e-12
-    omega, restitution = curve.values
+    assert max(curve.residuals) < 1e-7
+    assert np.median(curve.residuals) < 1e-12
+    omega, restitution = curve.values.T
     assert restitution[[0, -1]] == pytest.approx([0.6, 0.6], rel=1e-14)
     assert restitution.max() > 0.93
     ends = [
@@ -379,10 +380,10 @@ def test_bad_requests_name_what_is_wrong(default_end):
         end_of_sticking(osc, "restitution", (0.3, 1.5))
     ranges = ((0.3, 0.4), (0.5, 2.0))
     with pytest.raises(ValueError, match="`step` is 0"):
-        continue_end_of_sticking(default_end, ("omega", "mass"), ranges, step=0)
+        continue_boundary(default_end, ("omega", "mass"), ranges, step=0)
     with pytest.raises(ValueError, match="two different ones"):
-        continue_end_of_sticking(default_end, ("omega", "omega"), ranges)
-    with pytest.raises(ValueError, match="hold the start"):
-        continue_end_of_sticking(default_end, ("omega", "mass"), ((0.1, 0.2), (0.5, 2.0)))
+        continue_boundary(default_end, ("omega", "omega"), ranges)
+    with pytest.raises(ValueError, match="`range` is"):
+        continue_boundary(default_end, ("omega", "mass"), ((0.1, 0.2), (0.5, 2.0)))
     with pytest.raises(ValueError, match="`point` is 'no_change'"):
-        continue_end_of_sticking(end_of_sticking(osc, "omega", (0.1, 0.2)), ("omega", "mass"), ranges)
+        continue_boundary(end_of_sticking(osc, "omega", (0.1, 0.2)), ("omega", "mass"), ranges)

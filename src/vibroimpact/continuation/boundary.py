@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from vibroimpact.continuation.arclength import follow, newton, tangent, weights
 from vibroimpact.continuation.branch import ENDS, MOST_POINTS
 from vibroimpact.continuation.points import Special, residual, special_orbit, touch_turns
 from vibroimpact.continuation.results import BifurcationPoint, Boundary
-from vibroimpact.continuation.sticking import sticking_boundary
+from vibroimpact.continuation.sticking import LONGEST_STEP, sticking_curve
 from vibroimpact.continuation.system import LAST_IMPACT, TOUCH, System, check_parameter, check_range, check_step
 from vibroimpact.orbits.admissibility import ROUNDING, nearest_misses, orbit_size
 from vibroimpact.orbits.equations import Floats
@@ -24,14 +25,14 @@ Range = tuple[float, float]
 
 
 def continue_boundary(
-    point: BifurcationPoint,
+    point: BifurcationPoint | StickingEnd,
     parameters: tuple[str, str],
     ranges: tuple[Range, Range],
     *,
     step: float = 0.01,
     virtual: bool = True,
     progress: bool | Report = False,
-) -> Any:
+) -> Boundary:
     r"""Follow a bifurcation of a periodic orbit as a curve in two parameters.
 
     The orbit's equations and the boundary's own condition hold together,
@@ -84,25 +85,41 @@ def continue_boundary(
     >>> curve.kind, max(curve.residuals) < 1e-10
     ('period_doubling', True)
     """
+    names, box = check_plane(point, parameters, ranges)
+    longest = check_step(step)
+    with reporter(progress, "points") as report:
+        return boundary_through(point, names, box, longest, virtual, report)
+
+
+def boundary_through(
+    point: BifurcationPoint | StickingEnd,
+    names: tuple[str, str],
+    box: tuple[Range, Range],
+    longest: float,
+    virtual: bool,
+    report: Report,
+) -> Boundary:
+    """Return the curve through a point, whatever its kind, in a plane that was checked."""
     if isinstance(point, StickingEnd):
-        return sticking_boundary(point, parameters, ranges, step)
-    if not isinstance(point, BifurcationPoint):
+        total: Any = None
+        look = partial(report, 0, total, None)
+        return sticking_curve(point, names, box, min(longest, LONGEST_STEP), look)
+    system, x = boundary_system(point, names, box)
+    return trace_boundary(system, x, point.kind, longest, virtual, report)
+
+
+def check_plane(point: Any, parameters: Any, ranges: Any) -> tuple[tuple[str, str], tuple[Range, Range]]:
+    """Return two parameters and their ranges, or say what is wrong with them or with the point they must hold."""
+    if isinstance(point, StickingEnd) and not point.found:
+        raise ValueError(f"`point` is {point.outcome!r}; allowed is one that was found; {point.message}")
+    if not isinstance(point, (BifurcationPoint, StickingEnd)):
         raise ValueError(
             f"`point` is {point!r}; allowed is a BifurcationPoint; take one from the `special` of a branch"
         )
-    names, box = check_plane(point, parameters, ranges)
-    longest = check_step(step)
-    system, x = boundary_system(point, names, box)
-    with reporter(progress, "points") as report:
-        return trace_boundary(system, x, point.kind, longest, virtual, report)
-
-
-def check_plane(point: BifurcationPoint, parameters: Any, ranges: Any) -> tuple[tuple[str, str], tuple[Range, Range]]:
-    """Return two parameters and their ranges, or say what is wrong with them."""
     names, box = plane_names(parameters), list(ranges)
     if len(box) != 2:
         raise ValueError(f"`ranges` is {ranges!r}; allowed are two pairs; give ((lowest, highest), (lowest, highest))")
-    osc = point.orbit.oscillator
+    osc = point.oscillator if isinstance(point, StickingEnd) else point.orbit.oscillator
     return names, (
         check_range(names[0], box[0], getattr(osc, names[0])),
         check_range(names[1], box[1], getattr(osc, names[1])),

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.boundary import Range, boundary_system, check_plane, plane_names, trace_boundary
+from vibroimpact.continuation.boundary import Range, boundary_through, check_plane, plane_names
 from vibroimpact.continuation.branch import bifurcation_point, both_ways, branch_system
 from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary
-from vibroimpact.continuation.sticking import ends_on_line, sticking_boundary
+from vibroimpact.continuation.sticking import ends_on_line
 from vibroimpact.continuation.system import check_range, check_step
 from vibroimpact.orbits.closed_form import impact_1_orbits
 from vibroimpact.orbits.equations import Cycle, Floats
@@ -217,12 +217,8 @@ def _add_curve(
     """Append the curve through a point, unless the point lies on a known one or cannot be followed."""
     if any(_lies_on(point, curve, box, longest) for curve in curves):
         return
-    if isinstance(point, StickingEnd):
-        curves.append(sticking_boundary(point, names, box, longest, look))
-        return
     with suppress(ValueError):  # two boundaries meet in the point: the other lines cross them apart
-        system, x = boundary_system(point, names, box)
-        curves.append(trace_boundary(system, x, point.kind, longest, virtual=False, report=lambda *_: look()))
+        curves.append(boundary_through(point, names, box, longest, virtual=False, report=lambda *_: look()))
 
 
 def _lies_on(point: BifurcationPoint | StickingEnd, curve: Boundary, box: tuple[Range, Range], longest: float) -> bool:

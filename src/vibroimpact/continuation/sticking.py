@@ -10,62 +10,95 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibroimpact.continuation.results import Boundary
+from vibroimpact.options import Tolerances
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking import (
     KIND,
     MET,
     Stick,
     StickingEnd,
-    checked_interval,
     end_of_sticking,
-    find_sticking_orbit,
     from_release,
     residual,
+    sticking_orbit,
 )
 from vibroimpact.oscillator import ImpactOscillator
-from vibroimpact.parameters import real_number
 
+Point = tuple[float, float]
 Range = tuple[float, float]
-LONGEST_STEP = 0.02  # of the ranges
+
+# Radians to either side of the tangent, tried in turn; the last ones lead back along a tongue, around its tip.
+FANS = (0.05, 0.1, 0.2, 0.4, 0.8, 1.4, 2.0, 2.4, 2.8, 3.0, 3.08, 3.12)
+ALL_ROUND = 48  # directions tried about the first point
+LONGEST_STEP = 0.02  # of the ranges: the longest distance between points that `continue_boundary` takes
+FINEST_STEP = 1 / 1024  # of the step: only so close together may points lie on either side of a corner
+BAND = 0.12  # of the chord between points: how far off it the curve may lie
+MOST = 2000  # points to either side
 
 
-def sticking_boundary(
+def sticking_curve(
     point: StickingEnd,
-    parameters: tuple[str, str],
-    ranges: tuple[Range, Range],
-    step: float | None = None,
+    names: tuple[str, str],
+    box: tuple[Range, Range],
+    longest: float = LONGEST_STEP,
     look: Callable[[], object] = bool,
 ) -> Boundary:
-    """Return the curve on which the sticking cycle of `point` ends; `look` is called along the way and may raise."""
-    longest = None if step is None else min(step, LONGEST_STEP)
-    curve = continue_end_of_sticking(point, parameters, ranges, longest, look)
-    rows = zip(curve.values[0].tolist(), curve.values[1].tolist(), strict=True)
-    ends = ("range" if curve.outcome == "complete" else curve.outcome,) * 2
+    """Return the curve in two parameters on which the sticking cycle of a point ends, to both sides of the point.
+
+    Parameters
+    ----------
+    point : StickingEnd
+        Where to begin: what `end_of_sticking` found.
+    names, box : tuple of two
+        Two different parameters and their ranges, which hold the point.
+    longest : float
+        Longest distance between points, as a share of the ranges; shorter where the curve turns.
+    look : callable
+        Called before every walk from the release; what it raises ends the search.
+
+    Returns
+    -------
+    Boundary
+        Each point found by bisection to neighbouring floating-point numbers; `touch_phases` are those of the release,
+        `residuals` as of a `StickingEnd`. It ends at an edge of the ranges, closed, or lost: where the chatter in an
+        earlier period completes first, for example.
+
+    Notes
+    -----
+    A point costs about 70 walks from the release, some 10 ms at r = 0.8. Its residual is below 1e-10, except near a
+    graze in the flight, where the stuck time changes with infinite slope.
+    """
+    plane, start = _Plane(point.oscillator, names, box, point.n_periods, look), (0.0, 0.0)
+    ways: list[tuple[list[Point], str, str]] = []
+    for side, heading in sorted(_headings(plane, start, longest).items()):
+        if not ways or ways[0][1] != "closed":
+            ways.append(_follow(plane, start, heading, side, longest))
+    if not ways:
+        ways = [([start], "lost", "no curve leaves the start" + (f": {plane.why}" if plane.why else ""))]
+    points = ways[0][0][::-1] + (ways[1][0][1:] if len(ways) > 1 else [])
+    ends = {end for _, end, _ in ways}
+    outcome = "lost" if "lost" in ends else "budget" if "budget" in ends else "range"
+    sticks = [(plane.oscillator(at), plane.stick(at)) for at in points]
     return Boundary(
-        curve.kind,
-        curve.parameters,
-        [
-            _orbit(point.oscillator.replace(**dict(zip(curve.parameters, row, strict=True))), curve, look)
-            for row in rows
-        ],
-        curve.residual.tolist(),
-        curve.release_phase.tolist(),
-        ends,
-        curve.message,
+        kind=KIND,
+        parameters=names,
+        orbits=[_orbit(osc, stick, point.n_periods) for osc, stick in sticks],
+        residuals=[residual(osc, stick.fraction if stick else math.nan) for osc, stick in sticks],
+        touch_phases=[stick.release_phase if stick else math.nan for _, stick in sticks],
+        outcome=(outcome, outcome),
+        message="; ".join(message for _, _, message in ways),
     )
 
 
-def _orbit(osc: ImpactOscillator, curve: Any, look: Callable[[], object]) -> Orbit:
+def _orbit(osc: ImpactOscillator, stick: Stick | None, n_periods: int) -> Orbit:
     """Return the cycle about to be lost; on the last bit its stick may be gone already."""
-    look()
-    found = find_sticking_orbit(osc, curve.n_periods)
-    return found[0] if found else Orbit(osc, curve.n_periods, -1, (), (), (0j, 0j))
+    if stick and stick.periods == n_periods:
+        return sticking_orbit(osc, stick, Tolerances().chatter * osc.velocity_scale)
+    return Orbit(osc, n_periods, -1, (), (), (0j, 0j))
 
 
 def ends_on_line(
@@ -91,51 +124,6 @@ def ends_on_line(
             end = end_of_sticking(osc.replace(**{parameter: inside}), parameter, (inside, beyond), longest=max(lengths))
             if end.found and end.n_periods in lengths:
                 yield end
-
-
-Floats = NDArray[np.float64]
-Point = tuple[float, float]
-
-# Radians to either side of the tangent, tried in turn; the last ones lead back along a tongue, around its tip.
-FANS = (0.05, 0.1, 0.2, 0.4, 0.8, 1.4, 2.0, 2.4, 2.8, 3.0, 3.08, 3.12)
-ALL_ROUND = 48  # directions tried about the first point
-FINEST_STEP = 1 / 1024  # of the step: only so close together may points lie on either side of a corner
-BAND = 0.12  # of the chord between points: how far off it the curve may lie
-MOST = 2000  # points to either side
-
-
-@dataclass(frozen=True)
-class StickingEndCurve:
-    """A curve on which a sticking cycle ends, in two parameters.
-
-    Parameters
-    ----------
-    parameters : tuple of two str
-        What is varied.
-    values : tuple of two ndarray
-        Their values along the curve.
-    n_periods : int
-        Driving periods of the sticking cycle that ends here.
-    stuck_fraction, residual, release_phase : ndarray
-        Time at rest over T on the sticking side; its power 1/e (see `StickingEnd`); phase of the release.
-    outcome : str
-        "complete" (from edge to edge of the ranges, or closed), else "lost" or "budget".
-    message : str
-        How either side ended.
-    """
-
-    parameters: tuple[str, str]
-    values: tuple[Floats, Floats]
-    n_periods: int
-    stuck_fraction: Floats
-    residual: Floats
-    release_phase: Floats
-    outcome: str
-    message: str
-    kind: str = KIND
-
-    def __len__(self) -> int:
-        return len(self.residual)
 
 
 @dataclass
@@ -301,103 +289,3 @@ def _follow(plane: _Plane, start: Point, heading: float, side: int, longest: flo
         else:
             step = max(0.5 * step, longest * FINEST_STEP)
     return points, "budget", f"not at its end after {MOST} points; take a longer `step`"
-
-
-def continue_end_of_sticking(
-    point: StickingEnd,
-    parameters: tuple[str, str],
-    ranges: tuple[tuple[float, float], tuple[float, float]],
-    step: float | None = None,
-    look: Callable[[], object] = bool,
-) -> StickingEndCurve:
-    """Follow an end of sticking to both sides as a curve in two parameters.
-
-    Parameters
-    ----------
-    point : StickingEnd
-        Where to start: what `end_of_sticking` found.
-    parameters : tuple of two str
-        What to vary: two different parameters of the oscillator.
-    ranges : tuple of two pairs of float
-        From where to where, each; the start lies inside.
-    step : float, 0 < step <= 0.2, optional
-        Longest distance between points, as a share of the ranges; 0.02 by default, shorter where the curve turns.
-    look : callable, optional
-        Called before every walk from the release; what it raises ends the search.
-
-    Returns
-    -------
-    StickingEndCurve
-        Its points, each found by bisection to neighbouring floating-point numbers, and how it ended: at an edge of
-        the ranges, closed, or lost (where a chatter in an earlier period takes over, say).
-
-    Raises
-    ------
-    ValueError
-        `point` was not found or lies outside `ranges`, or another argument is out of its range.
-
-    Notes
-    -----
-    A point costs about 70 walks from the release, some 10 ms at r = 0.8. Its residual is below 1e-10, but for the
-    neighbourhood of a graze in the flight, where the stuck time changes infinitely fast.
-
-    Examples
-    --------
-    >>> from vibroimpact.orbits.sticking import end_of_sticking
-    >>> point = end_of_sticking(ImpactOscillator(), "omega", (0.3, 0.4))
-    >>> curve = continue_end_of_sticking(point, ("omega", "restitution"), ((0.3, 0.4), (0.7, 0.9)), step=0.1)
-    >>> curve.outcome, bool(curve.residual.max() < 1e-10)
-    ('complete', True)
-    """
-    plane = _plane(point, parameters, ranges, look)
-    longest = 0.02 if step is None else real_number("step", step, "a number above 0 and up to 0.2")
-    if not 0.0 < longest <= 0.2:
-        raise ValueError(f"`step` is {step!r}; allowed is a number above 0 and up to 0.2; 0.02 is usual")
-    start = (0.0, 0.0)
-    if not plane.holds(start):
-        raise ValueError(f"`ranges` are {ranges!r}; allowed are some that hold the start; widen them")
-    headings = _headings(plane, start, longest)
-    ways: list[tuple[list[Point], str, str]] = []
-    for side, heading in sorted(headings.items()):
-        if not ways or ways[0][1] != "closed":
-            ways.append(_follow(plane, start, heading, side, longest))
-    if not ways:
-        ways = [([start], "lost", "no curve leaves the start" + (f": {plane.why}" if plane.why else ""))]
-    points = ways[0][0][::-1] + (ways[1][0][1:] if len(ways) > 1 else [])
-    ends = {end for _, end, _ in ways}
-    outcome = "lost" if "lost" in ends else "budget" if "budget" in ends else "complete"
-    return _curve(plane, points, outcome, "; ".join(message for _, _, message in ways))
-
-
-def _plane(
-    point: StickingEnd, parameters: tuple[str, str], ranges: tuple[Point, Point], look: Callable[[], object]
-) -> _Plane:
-    if not point.found:
-        raise ValueError(f"`point` is {point.outcome!r}; allowed is one that was found; {point.message}")
-    try:
-        (first, second), (one, two) = parameters, ranges
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"`parameters` are {parameters!r} in `ranges` {ranges!r}; allowed are two of each; give pairs"
-        ) from None
-    if first == second:
-        raise ValueError(f"`parameters` are {parameters!r}; allowed are two different ones; change one")
-    box = checked_interval(first, one, "ranges"), checked_interval(second, two, "ranges")
-    return _Plane(point.oscillator, (first, second), box, point.n_periods, look)
-
-
-def _curve(plane: _Plane, points: list[Point], outcome: str, message: str) -> StickingEndCurve:
-    x, y = (np.array(column) for column in zip(*map(plane.values, points), strict=True))
-    oscillators = [plane.oscillator(at) for at in points]
-    sticks = [plane.stick(at) for at in points]
-    fraction = np.array([stick.fraction if stick else math.nan for stick in sticks])
-    return StickingEndCurve(
-        parameters=plane.names,
-        values=(x, y),
-        n_periods=plane.n_periods,
-        stuck_fraction=fraction,
-        residual=np.array([residual(osc, stuck) for osc, stuck in zip(oscillators, fraction.tolist(), strict=True)]),
-        release_phase=np.array([stick.release_phase if stick else math.nan for stick in sticks]),
-        outcome=outcome,
-        message=message,
-    )
