@@ -142,15 +142,15 @@ def test_the_fixed_step_scheme_comes_near_where_motion_is_simple():
 def test_cells_can_be_cut_and_keep_their_columns():
     cells = make_cells(OSC, None, {"omega": np.array([1.0, 2.0, 3.0]), "gap": np.array([-0.5, 0.5])})
     assert isinstance(cells[1:3], Cells)
-    assert cells.omega.tolist() == [1, 1, 2, 2, 3, 3]
-    assert cells.clearance.tolist() == [0, 0.5, 0, 0.5, 0, 0.5]
+    assert cells["omega"].tolist() == [1, 1, 2, 2, 3, 3]
+    assert cells["clearance"].tolist() == [0, 0.5, 0, 0.5, 0, 0.5]
 
 
 def test_an_unknown_back_end_is_told():
-    with pytest.raises(ValueError, match="`backend` is 'cpuu'.*did you mean 'cpu'"):
+    with pytest.raises(ValueError, match="unknown `backend` 'cpuu'.*did you mean 'cpu'"):
         get_backend("cpuu")
 
 
 def test_a_time_step_is_for_the_fixed_step_scheme_alone():
-    with pytest.raises(ValueError, match="`time_step` is 0.001"):
+    with pytest.raises(ValueError, match="`time_step` goes with back end 'fixed-step' only"):
         vi.simulate(OSC, backend="cpu", time_step=0.001)

@@ -205,13 +205,13 @@ def test_a_refined_map_is_drawn_and_resampled(hard):
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"refine": 0}, "`refine` is 0; allowed is a whole number >= 1"),
-        ({"refine": 13}, "`refine` is 13; allowed is 1 to 12"),
-        ({"jump": 0.0}, "`jump` is 0.0; allowed is None or a number above 0"),
-        ({"mass": [1.0]}, "`mass` has 1 value"),
-        ({"gap": [0.0, 0.1]}, "`refine` is given with 3 axes; allowed are two"),
-        ({"mass": None}, "`refine` is given with 1 axis; allowed are two"),
-        ({"start": vi.State(1.0)}, "`start` has displacement 1.0"),
+        ({"refine": 0}, "`refine` must be a whole number >= 1, got 0"),
+        ({"refine": 13}, "`refine` must be between 1 and 12, got 13"),
+        ({"jump": 0.0}, "`jump` must be None or a number above 0.*, got 0.0"),
+        ({"mass": [1.0]}, "`mass` must have two or more values"),
+        ({"gap": [0.0, 0.1]}, "`refine` needs two axes, got 3"),
+        ({"mass": None}, "`refine` needs two axes, got 1"),
+        ({"start": vi.State(1.0)}, "`start` must have a displacement .* got 1.0"),
     ],
 )
 def test_a_wrong_request_is_told_what_is_allowed(wrong, words):

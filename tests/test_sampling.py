@@ -85,5 +85,5 @@ def test_an_undriven_mass_is_at_rest_once_its_motion_is_too_small_for_numbers():
 
 def test_periods_that_cannot_be_counted_are_refused():
     late = vi.State(0.0, 1.0, time=1e18)
-    with pytest.raises(ValueError, match=r"`start` has time 1e\+18.*2\^53.*nearer to time 0"):
+    with pytest.raises(ValueError, match=r"`start` must have a time of less than 2\^53 driving periods.*got 1e\+18"):
         vi.stroboscopic_section(vi.ImpactOscillator(), start=late)

@@ -11,12 +11,13 @@ if TYPE_CHECKING:
     from vibroimpact.coexistence import attractors, basins
     from vibroimpact.continuation import boundary_curves, continue_boundary, continue_orbit, switch_branch
     from vibroimpact.diagrams import bifurcation_diagram
+    from vibroimpact.families import family
     from vibroimpact.options import Tolerances
     from vibroimpact.orbits import Orbit, find_orbit
     from vibroimpact.orbits.sticking import end_of_sticking
     from vibroimpact.oscillator import ImpactOscillator, State
     from vibroimpact.refinement.maps import to_uniform
-    from vibroimpact.sections import impact_section, simulate, stroboscopic_section
+    from vibroimpact.sections import impact_map, impact_section, simulate, stroboscopic_section
     from vibroimpact.sweeps import parameter_map, refined_map
     from vibroimpact.verdict import compare, describe
 
@@ -25,6 +26,8 @@ _HOMES = {
     "ImpactOscillator": "oscillator",
     "State": "oscillator",
     "Tolerances": "options",
+    "family": "families",
+    "impact_map": "sections",
     "Status": "status",
     "simulate": "sections",
     "impact_section": "sections",
@@ -66,7 +69,9 @@ __all__ = [
     "continue_orbit",
     "describe",
     "end_of_sticking",
+    "family",
     "find_orbit",
+    "impact_map",
     "impact_section",
     "load",
     "parameter_map",

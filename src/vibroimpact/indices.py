@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
+
+from vibroimpact.parameters import invalid, unknown
 
 
 @dataclass(frozen=True)
@@ -55,17 +56,13 @@ def told_spread(spread: float, scale: float) -> float:
 
 
 def check_indices(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the index names as a tuple, or raise `ValueError` naming the table."""
-    if not isinstance(names, Iterable):
-        raise ValueError(f"`indices` is {names!r}; allowed are names out of {', '.join(INDICES)}; write ('std',)")
+    """Return the names of indices as a tuple, or raise `ValueError` naming the table."""
+    if not isinstance(names, Iterable) or not names:
+        raise invalid("indices", names, f"names out of {', '.join(INDICES)}", "write for example ('std',)")
     chosen = (names,) if isinstance(names, str) else tuple(names)
-    if not chosen:
-        raise ValueError("`indices` is empty; allowed are " + ", ".join(INDICES) + "; name at least one")
     for name in chosen:
         if name not in INDICES:
-            close = get_close_matches(str(name), INDICES, 1)
-            remedy = f"did you mean {close[0]!r}?" if close else "check the spelling"
-            raise ValueError(f"`indices` holds {name!r}; allowed are {', '.join(INDICES)}; {remedy}")
+            raise unknown("index", name, INDICES)
     if len(set(chosen)) < len(chosen):
-        raise ValueError(f"`indices` is {chosen!r}; allowed is each index once; drop the repeated one")
+        raise invalid("indices", chosen, "each index once")
     return chosen

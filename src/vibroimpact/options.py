@@ -1,10 +1,10 @@
-"""What to leave out, what to keep, and how small is small."""
+"""Sampling and numerical tolerances."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from vibroimpact.parameters import real_number, whole_number
+from vibroimpact.parameters import invalid, real_number, whole_number
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Sampling:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """How small is small; all relative, so that results scale as the physics does.
+    """Numerical tolerances, all relative, so that results scale as the physics does.
 
     Parameters
     ----------
@@ -51,12 +51,13 @@ class Tolerances:
     steps_per_impact: int = 1000
 
     def __post_init__(self) -> None:
-        chatter = real_number("chatter", self.chatter, "a number above 0 and up to 0.01")
+        allowed = "above 0 and up to 0.01"
+        chatter = real_number("chatter", self.chatter, allowed)
         if not 0.0 < chatter <= 1e-2:
-            raise ValueError(f"`chatter` is {chatter!r}; allowed is a number above 0 and up to 0.01; 1e-9 is usual")
+            raise invalid("chatter", chatter, allowed, "1e-9 is usual")
         flight = real_number("flight_periods", self.flight_periods, "a number >= 1")
         if flight < 1.0:
-            raise ValueError(f"`flight_periods` is {flight!r}; allowed is a number >= 1; 1000 is usual")
+            raise invalid("flight_periods", flight, "a number >= 1", "1000 is usual")
         object.__setattr__(self, "chatter", chatter)
         object.__setattr__(self, "flight_periods", flight)
         object.__setattr__(self, "steps_per_impact", whole_number("steps_per_impact", self.steps_per_impact, 1))

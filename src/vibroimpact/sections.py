@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, StroboscopicWindow, get_backend
+from vibroimpact.cells import Floats, cells_at
 from vibroimpact.dataset import impact_speed, provenance, status_variable, stick_times, variable
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import Model, State, one_start, the_oscillator
@@ -268,3 +271,69 @@ def stroboscopic_section(
             sample_periods=window.keep,
         ),
     )
+
+
+def impact_map(
+    osc: Model, *, backend: str = "cpu", time_step: float | None = None, tolerances: Tolerances | None = None
+) -> Callable[[ArrayLike, ArrayLike], tuple[Floats, Floats]]:
+    """Return the map from one impact to the next as a function of phase and velocity.
+
+    Parameters
+    ----------
+    osc : ImpactOscillator or family
+        The design.
+    backend : {"cpu", "cuda", "reference", "fixed-step"}
+        The back end; `time_step` in s goes with "fixed-step" only.
+    tolerances : Tolerances, optional
+        Numerical tolerances; `chatter` says which impacts are too weak to be counted.
+
+    Returns
+    -------
+    callable
+        Takes phases in [0, 1) and velocities > 0 in m/s just before contact, numbers or arrays of one shape, and
+        returns those of the next recorded impact, in the same shape; NaN where none follows. A chatter that completes
+        is passed over: the next impact is the first one after the release.
+
+    Raises
+    ------
+    ValueError
+        A phase or velocity is out of its range.
+
+    Notes
+    -----
+    Exact to rounding. Its Jacobian has the determinant r^2 (v0/v1) exp(-c tau/m), and it is singular where the next
+    impact is a graze. Some microseconds per impact; many at once take a tenth.
+
+    Examples
+    --------
+    >>> following = impact_map(ImpactOscillator(omega=2.0))
+    >>> phase, velocity = 0.3, 5.0
+    >>> for _ in range(2000):
+    ...     phase, velocity = following(phase, velocity)
+    >>> round(float(velocity), 9)
+    6.226413237
+    """
+    design = the_oscillator(osc)
+    engine = get_backend(backend, time_step=time_step)
+    asked = Measurement(ImpactWindow(0, 2), tolerances or Tolerances())
+
+    def following(phase: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
+        phases, velocities = np.broadcast_arrays(np.asarray(phase, float), np.asarray(velocity, float))
+        if not ((phases >= 0.0) & (phases < 1.0)).all():
+            raise invalid("phase", phase, "at least 0 and less than 1")
+        if not ((velocities > 0.0) & np.isfinite(velocities)).all():
+            raise invalid("velocity", velocity, "finite and > 0")
+        cells = cells_at(design, np.zeros(phases.size), velocities.ravel(), phases.ravel())
+        found = np.full((2, phases.size), np.nan)
+        for at, seen in enumerate(engine.samples(cells, asked)):
+            # The impact to begin with is recorded itself, both its numbers to rounding, unless it is too weak.
+            begun = int(
+                len(seen.impact_phase) > 0
+                and math.isclose(seen.impact_periods[0] + seen.impact_phase[0], phases.flat[at], abs_tol=1e-12)
+                and math.isclose(seen.impact_velocity[0], velocities.flat[at], rel_tol=1e-12)
+            )
+            if len(seen.impact_phase) > begun:
+                found[:, at] = seen.impact_phase[begun], seen.impact_velocity[begun]
+        return found[0].reshape(phases.shape), found[1].reshape(phases.shape)
+
+    return following

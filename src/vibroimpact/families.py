@@ -1,0 +1,153 @@
+"""Models made of any function of named numbers: tied parameters, other units, forces that grow with speed."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, overload
+
+import numpy as np
+
+from vibroimpact.cells import Cells, begun
+from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model, check_names
+from vibroimpact.parameters import Parameter, invalid
+
+
+class Family:
+    """A function of named numbers that returns a model, as a model with those numbers for parameters.
+
+    `family` makes one. Called, it returns what the function returns; whatever takes an oscillator takes it, at the
+    values of its parameters, and with any of them as axes.
+    """
+
+    def __init__(self, function: Callable[..., Any], parameters: Mapping[str, Parameter], values: dict[str, float]):
+        self.function, self.parameters, self.values = function, MappingProxyType(dict(parameters)), values
+        self.__doc__, self.__name__ = function.__doc__, function.__name__
+
+    def __call__(self, **values: float) -> Any:
+        """Return what the function returns."""
+        return self.function(**self.values | self._checked(values))
+
+    def __repr__(self) -> str:
+        return f"{self.__name__}({', '.join(f'{name}={value!r}' for name, value in self.values.items())})"
+
+    def __str__(self) -> str:
+        return self.__name__
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Family) and (self.function, self.values) == (other.function, other.values)
+
+    def __hash__(self) -> int:
+        return hash((self.function, *self.values.values()))
+
+    def __reduce__(self) -> Any:
+        """Travel by name where the name stands for this family, as functions do; else with the function."""
+        home = sys.modules.get(self.function.__module__)
+        named = getattr(home, self.function.__qualname__, None)
+        if isinstance(named, Family) and named.function is self.function:
+            return _named, (self.function.__module__, self.function.__qualname__, self.values)
+        return Family, (self.function, dict(self.parameters), self.values)
+
+    def replace(self, **changes: float) -> Family:
+        """Return the family with some parameters changed."""
+        return Family(self.function, self.parameters, self.values | self._checked(changes))
+
+    def at(self, **values: float) -> ImpactOscillator:
+        """Return the oscillator that the function makes of its parameters, some of them changed."""
+        given = self.values | self._checked(values)
+        try:
+            made = self.function(**given)
+        except (ValueError, ArithmeticError) as error:
+            where = ", ".join(f"{name}={value:g}" for name, value in given.items())
+            raise ValueError(f"{self} fails at {where}: {error}") from error
+        if not isinstance(made, Model):
+            raise invalid(f"{self}(...)", made, "a model", "return an ImpactOscillator")
+        return made.at()
+
+    def cells(self, points: Mapping[str, Any], start: State | None = None) -> Cells:
+        """Return one cell per point: the function is called at each of them."""
+        check_names(self.parameters, points)
+        rows = zip(*(np.asarray(values, np.float64).tolist() for values in points.values()), strict=True)
+        designs = [self.at(**dict(zip(points, row, strict=True))) for row in rows] if points else [self.at()]
+        return begun({name: np.array([design.values[name] for design in designs]) for name in designs[0].values}, start)
+
+    def _checked(self, values: Mapping[str, Any]) -> dict[str, float]:
+        check_names(self.parameters, values)
+        return {name: self.parameters[name].check(value) for name, value in values.items()}
+
+
+def _named(module: str, name: str, values: dict[str, float]) -> Family:
+    from importlib import import_module
+
+    family: Family = getattr(import_module(module), name)
+    return family.replace(**values)
+
+
+@overload
+def family(function: Callable[..., Any], /) -> Family: ...
+
+
+@overload
+def family(*, units: Mapping[str, str]) -> Callable[[Callable[..., Any]], Family]: ...
+
+
+def family(function: Callable[..., Any] | None = None, /, *, units: Mapping[str, str] | None = None) -> Any:
+    """Make a model of a function of named numbers that returns a model.
+
+    Parameters
+    ----------
+    function : callable
+        Takes numbers by name, each with a default, and returns an `ImpactOscillator` or another family's model.
+        It is called once per design, some microseconds each, and must always return the same for the same numbers.
+    units : mapping of str to str, optional
+        Units of parameters, for axes and tables: ``@family(units={"rpm": "1/min"})``.
+
+    Returns
+    -------
+    Family
+        A model: its parameters are those of the function, whose defaults are their values.
+
+    Raises
+    ------
+    ValueError
+        A parameter has no number for a default, or `units` names one that is none.
+
+    Notes
+    -----
+    Stores of a family are recognised by the numbers that it makes, not by its name: a changed function is another
+    study.
+
+    Examples
+    --------
+    >>> import math
+    >>> import vibroimpact as vi
+    >>> @vi.family(units={"rpm": "1/min", "clearance_mm": "mm"})
+    ... def shaker(unbalance=0.002, rpm=1500.0, clearance_mm=0.5):
+    ...     omega = rpm * 2 * math.pi / 60
+    ...     force, gap = unbalance * omega**2, clearance_mm / 1e3
+    ...     return vi.ImpactOscillator(mass=2.0, stiffness=3e4, damping=5.0, amplitude=force, omega=omega, gap=gap)
+    >>> sweep = vi.parameter_map(shaker, rpm=[900.0, 1200.0, 1500.0], clearance_mm=[0.2, 0.5], sample_impacts=50)
+    >>> dict(sweep.sizes), sweep["rpm"].attrs["units"]
+    ({'rpm': 3, 'clearance_mm': 2}, '1/min')
+    """
+    if function is None:
+        return lambda made: _family(made, units or {})
+    return _family(function, units or {})
+
+
+def _family(function: Callable[..., Any], units: Mapping[str, str]) -> Family:
+    if not callable(function):
+        raise invalid("function", function, "a function of named numbers that returns a model")
+    parameters, values = {}, {}
+    for name, argument in inspect.signature(function).parameters.items():
+        named = argument.kind in (argument.POSITIONAL_OR_KEYWORD, argument.KEYWORD_ONLY)
+        if not named or argument.default is argument.empty:
+            raise ValueError(f"`{name}` of {function.__name__} needs a number for a default, like {name}=1.0")
+        parameters[name] = Parameter(name, name.replace("_", " "), units.get(name, "1"), name)
+        values[name] = parameters[name].check(argument.default)
+    check_names(parameters, units)
+    made = Family(function, parameters, values)
+    check_model(made)
+    return made

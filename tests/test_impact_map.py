@@ -1,0 +1,56 @@
+"""The impact map as a function."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+
+OSC = vi.ImpactOscillator(omega=2.8, damping=0.05, restitution=0.7, gap=0.1)
+
+
+def test_it_leads_from_each_impact_of_a_section_to_the_next():
+    hits = vi.impact_section(OSC, transient_impacts=50, sample_impacts=200)
+    phase, velocity = vi.impact_map(OSC)(hits["phase"].values[:-1], hits["velocity"].values[:-1])
+    assert velocity == pytest.approx(hits["velocity"].values[1:], rel=1e-9)
+    turned = np.exp(2j * np.pi * phase)
+    assert turned == pytest.approx(np.exp(2j * np.pi * hits["phase"].values[1:]), abs=1e-9)
+
+
+def test_its_jacobian_has_the_determinant_of_a_flight_and_an_impact():
+    following, step = vi.impact_map(OSC), 1e-6
+    phase, velocity = 0.37, 1.3
+    nearby = following(phase + step * np.array([1, -1, 0, 0]), velocity + step * np.array([0, 0, 1, -1]))
+    by_phase, by_velocity = ((np.array(nearby)[:, at] - np.array(nearby)[:, at + 1]) / (2 * step) for at in (0, 2))
+    determinant = by_phase[0] * by_velocity[1] - by_phase[1] * by_velocity[0]
+    orbit = vi.simulate(OSC, start=vi.State(OSC.gap, velocity, phase * OSC.period), periods=20)
+    flight = float(orbit["impact_time"][1] - orbit["impact_time"][0])
+    after = float(following(phase, velocity)[1])
+    expected = OSC.restitution**2 * velocity / after * math.exp(-OSC.damping * flight / OSC.mass)
+    assert determinant == pytest.approx(expected, rel=1e-6)
+
+
+def test_it_keeps_the_shape_and_tells_where_nothing_follows():
+    quiet = vi.ImpactOscillator(amplitude=0.01, gap=1.0, damping=0.5)
+    phase, velocity = vi.impact_map(quiet)(np.full((2, 3), 0.2), 0.1)
+    assert phase.shape == velocity.shape == (2, 3)
+    assert np.isnan(velocity).all()
+
+
+def test_the_witness_agrees():
+    rng = np.random.default_rng(3)
+    phases, velocities = rng.uniform(0, 1, 20), rng.uniform(0.2, 3.0, 20)
+    for one, other in zip(
+        vi.impact_map(OSC)(phases, velocities), vi.impact_map(OSC, backend="reference")(phases, velocities), strict=True
+    ):
+        assert one == pytest.approx(other, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("phase", "velocity", "name"),
+    [(1.0, 1.0, "phase"), (-0.1, 1.0, "phase"), (0.2, 0.0, "velocity"), (0.2, np.inf, "velocity")],
+)
+def test_what_is_no_impact_is_refused(phase, velocity, name):
+    with pytest.raises(ValueError, match=f"`{name}` must be .*, got"):
+        vi.impact_map(OSC)(phase, velocity)
