@@ -8,10 +8,10 @@ import pytest
 
 import vibroimpact as vi
 from vibroimpact.coexistence import Attractor, attractors, basins
-from vibroimpact.coexistence.matching import apart
-from vibroimpact.coexistence.walking import Walk, same_chaos, same_cycle
+from vibroimpact.coexistence.attractor import SAME, clusters, distinct_names, same_chaos
 from vibroimpact.motion import recognise
-from vibroimpact.orbits import find_orbit
+from vibroimpact.orbits import find_orbit, same_orbit
+from vibroimpact.orbits.orbit import Impacts
 from vibroimpact.orbits.sticking import find_sticking_orbit
 from vibroimpact.status import Status
 
@@ -280,33 +280,31 @@ def test_the_witness_finds_the_same_attractors():
         np.testing.assert_allclose(one.velocities, other.velocities, rtol=0, atol=1e-8)
 
 
-def test_cycles_are_compared_from_whichever_of_their_impacts_they_are_told():
-    one = Walk(np.array([2.0, 1.0, 2.0]), np.array([0.1, 0.5, 0.999999999]))
-    assert same_cycle(one, Walk(np.roll(one.velocity, 1), np.roll(one.phase, 1)), 1.0)
-    assert same_cycle(one, Walk(one.velocity, np.array([0.1, 0.5, 0.0])), 1.0)
-    assert not same_cycle(one, Walk(one.velocity, np.array([0.1, 0.500001, 0.0])), 1.0)
-    assert not same_cycle(one, Walk(one.velocity[:2], one.phase[:2]), 1.0)
+def test_cycles_are_the_same_whichever_of_their_impacts_they_begin_with():
+    one = Impacts([0.1, 0.5, 0.999999999], [2.0, 1.0, 2.0])
+    assert same_orbit(one, Impacts(np.roll(one.phases, 1), np.roll(one.velocities, 1)), SAME)
+    assert same_orbit(one, Impacts([0.1, 0.5, 0.0], one.velocities), SAME)
+    assert not same_orbit(one, Impacts([0.1, 0.500001, 0.0], one.velocities), SAME)
+    assert not same_orbit(one, Impacts(one.phases[:2], one.velocities[:2]), SAME)
 
 
 def test_chaos_is_told_apart_by_where_its_impacts_lie():
     whole = vi.impact_section(vi.ImpactOscillator(omega=2.8), sample_impacts=8000)
     first, second = (
-        Walk(whole["velocity"].values[part], whole["phase"].values[part])
+        Impacts(whole["phase"].values[part], whole["velocity"].values[part])
         for part in (slice(None, 4000), slice(4000, None))
     )
     assert same_chaos(first, second)
-    assert not same_chaos(first, Walk(second.velocity, (second.phase + 0.3) % 1.0))
+    assert not same_chaos(first, Impacts((second.phases + 0.3) % 1.0, second.velocities))
 
 
 def test_values_part_where_any_column_leaves_a_gap():
     energy, exponent = np.array([1.0, 1.0, 1.0, 5.0]), np.array([0.0, 0.3, 0.01, 0.0])
-    groups = [group.tolist() for group in apart([(energy, 0.1), (exponent, 0.1)])]
+    groups = [group.tolist() for group in clusters([(energy, 0.1), (exponent, 0.1)])]
     assert groups == [[0, 2], [1], [3]]
 
 
 def test_attractors_of_one_name_are_told_apart_by_letters():
-    from vibroimpact.coexistence.attractor import distinct_names
-
     assert distinct_names([Attractor("chaotic")] * 2 + [Attractor("no_impact")]) == [
         "chaotic a",
         "chaotic b",
@@ -320,21 +318,30 @@ GRID = {"phase": [0.1, 0.2], "velocity": [0.5, 1.0]}
 @pytest.mark.parametrize(
     ("axes", "message"),
     [
-        ({"phase": [0.1, 0.2]}, "the starts are given by `phase`; allowed are .*give one of these pairs"),
-        ({}, "the starts are given by no axis; allowed are"),
-        (GRID | {"displacement": [0.0]}, "given by `phase`, `velocity`, `displacement`; allowed are"),
-        (GRID | {"gap": [0.0]}, "`gap` is no coordinate of a start; allowed are displacement, velocity, phase"),
-        (GRID | {"phase": [0.1, 1.2]}, "`phase` holds 1.2; allowed is a number from 0 to 1; give"),
-        (GRID | {"velocity": [-0.1, 1.2]}, "`velocity` holds -0.1; allowed is a number >= 0; an impact"),
-        (GRID | {"velocity": [1.0, 0.5]}, "`velocity` goes from 1 to 0.5; allowed are strictly increasing values"),
-        (GRID | {"velocity": []}, "`velocity` is \\[\\]; allowed is a one-dimensional, non-empty list"),
-        (GRID | {"velocity": "fast"}, "`velocity` is 'fast'; allowed is a one-dimensional"),
-        (GRID | {"velocity": [0.5, math.nan]}, "`velocity` is .*; allowed is .* finite numbers"),
-        ({"displacement": [-1.0, 0.5], "velocity": [0.0, 1.0]}, "`displacement` holds 0.5; allowed is at most the gap"),
-        ({"displacement": [-1.0, 0.0], "velocity": [0.0], "phase": 1.0}, "`phase` is 1.0; allowed is a number from 0"),
-        (GRID | {"workers": 0}, "`workers` is 0; allowed"),
-        (GRID | {"sample_impacts": 0}, "`sample_impacts` is 0; allowed"),
-        (GRID | {"backend": "fixed-step"}, "`backend` is 'fixed-step', which cannot name cycles; allowed are"),
+        ({"phase": [0.1, 0.2]}, r"the axes must be \(displacement, velocity\), .* or \(phase, velocity\), got `phase`"),
+        ({}, "the axes must be .*, got no axis"),
+        (GRID | {"displacement": [0.0]}, "the axes must be .*, got `phase`, `velocity`, `displacement`"),
+        (GRID | {"gap": [0.0]}, "unknown coordinate 'gap'; choose from displacement, velocity, phase"),
+        (GRID | {"phase": [0.1, 1.2]}, "`phase` must be between 0 and 1, got 1.2; give"),
+        (GRID | {"velocity": [-0.1, 1.2]}, "`velocity` must be >= 0, got -0.1; an impact"),
+        (GRID | {"velocity": [1.0, 0.5]}, "`velocity` must be strictly increasing, got 1 before 0.5"),
+        (GRID | {"velocity": []}, r"`velocity` must be a one-dimensional list of finite numbers, got \[\]"),
+        (GRID | {"velocity": "fast"}, "`velocity` must be a one-dimensional list of finite numbers, got 'fast'"),
+        (
+            GRID | {"velocity": [0.5, math.nan]},
+            "`velocity` must be .* finite numbers, got .*nan",
+        ),
+        (
+            {"displacement": [-1.0, 0.5], "velocity": [0.0, 1.0]},
+            "must be at most the gap, 0 here, got 0.5",
+        ),
+        (
+            {"displacement": [-1.0, 0.0], "velocity": [0.0], "phase": 1.0},
+            "`phase` must be .* less than 1, got 1.0",
+        ),
+        (GRID | {"workers": 0}, "`workers` must be a whole number >= 1, got 0"),
+        (GRID | {"sample_impacts": 0}, "`sample_impacts` must be a whole number >= 1, got 0"),
+        (GRID | {"backend": "fixed-step"}, "`backend` must be one that names cycles, .*, got 'fixed-step'"),
     ],
 )
 def test_a_wrong_request_for_basins_is_refused(axes, message):
@@ -345,11 +352,11 @@ def test_a_wrong_request_for_basins_is_refused(axes, message):
 @pytest.mark.parametrize(
     ("starts", "message"),
     [
-        ([], "`starts` is empty; allowed is a list of State"),
-        (vi.State(-1.0), "`starts` is one State; allowed is a list of State"),
-        (3, "`starts` is 3; allowed is a list of State"),
-        ([0.3], "`starts` holds 0.3; allowed is a list of State"),
-        ([vi.State(0.1)], "`starts` holds State.*, beyond the stop at 0; allowed"),
+        ([], r"`starts` must be a list of at least one State .*, got \[\]"),
+        (vi.State(-1.0), r"`starts` must be a list .*; write starts=\[State"),
+        (3, "`starts` must be a list .*, got 3"),
+        ([0.3], "`starts` must be a list .*, got 0.3; write State"),
+        ([vi.State(0.1)], "`starts` must be a list .* in front of the stop, got State.*the gap, 0 m here"),
     ],
 )
 def test_wrong_starts_are_refused(starts, message):

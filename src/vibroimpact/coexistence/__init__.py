@@ -1,7 +1,6 @@
-"""Motions that coexist: which attractors an oscillator has, and which starts lead to which."""
+"""Motions that coexist: which attractors an oscillator has, and which initial conditions lead to which."""
 
 from vibroimpact.coexistence.attractor import Attractor
-from vibroimpact.coexistence.portrait import basins
-from vibroimpact.coexistence.search import attractors
+from vibroimpact.coexistence.search import attractors, basins
 
 __all__ = ["Attractor", "attractors", "basins"]

@@ -1,28 +1,53 @@
-"""What is told of one attractor."""
+"""Attractors: what a result holds of one, and how they are found from what each initial condition settled to.
+
+Initial conditions are first sorted by what does not depend on where a sample began: n and p, the energy lost per
+period, the exponent and the closest near-miss of a cycle, or the mean velocity and the impacts per period of chaos.
+Wherever the sorted values leave a gap, a new group begins. One of each group is then followed onto its attractor, and
+groups with the same cycle (`same_orbit`), or whose chaos fills the same part of the impact surface, become one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
-from vibroimpact.motion import Motion
-from vibroimpact.oscillator import State
+import numpy as np
+
+from vibroimpact.backends import Cells, ImpactWindow, Measurement, StroboscopicWindow
+from vibroimpact.backends.base import Counts, Floats
+from vibroimpact.coexistence.settling import Runner, Settled, resting_cell
+from vibroimpact.motion import Motion, MotionClass, motion_name
+from vibroimpact.orbits.orbit import Impacts, same_orbit
+from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.status import Status
 
+SAME = 1e-6  # `orbit_distance` between cycles that are one
+# Gaps that part groups, beyond what the way to go (1e-10 V) leaves in a cycle, and chance in a short chaotic sample.
+ENERGY_GAP = 1e-7  # of m V^2, of a cycle's loss per period
+EXPONENT_GAP = 1e-5  # per period; the logarithm of two equal multipliers is good to 1e-5
+MISS_GAP = 1e-6  # of V/w_n
+MEAN_GAP, RATE_GAP = 0.02, 0.02  # of V; impacts per period
+QUIET = (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER, MotionClass.AT_REST)
+BOXES = 64  # along phase and along velocity
+SHARED = 0.5  # of the impacts of two chaotic motions in the same boxes: above this they are one attractor
+WANDERING = 2000  # driving periods sampled of intermittent sticking, whose rests have no period
 _MOTIONS = {"chaotic": "aperiodic", "at_rest": "decaying"}  # what `Motion` calls those of another name
 
 
 @dataclass(frozen=True)
 class Attractor:
-    """A motion that starts end in, and how many of them do.
+    """A settled motion, and the share of initial conditions that lead to it.
 
     Parameters
     ----------
     kind : str
         "periodic", "sticking", "chaotic", "no_impact" (the mass settles clear of the stop), "stuck_forever" (the force
-        never lets it go) or "at_rest" (nothing drives it).
+        never lifts it off the stop) or "at_rest" (nothing drives it).
     n_periods : int
-        Driving periods in a cycle; 0 where there is none, also between rests so far apart that rounding decides.
+        Driving periods in a cycle; 0 where there is none or, in intermittent sticking, double precision does not
+        resolve it.
     n_impacts : int
         Impacts in a cycle; -1 for a complete chatter, 0 where there is no cycle.
     velocities, phases : tuple of float
@@ -35,9 +60,9 @@ class Attractor:
     dissipation : float
         Energy lost at the stop per driving period, in J.
     status : Status
-        How the start that stands for the others ended.
+        How the initial condition that represents the others ended.
     share : float
-        Part of the starts that lead here; undecided starts count in the whole.
+        Share of the initial conditions that lead here; the total includes undecided ones.
     start : State
         A state on the attractor: at its hardest hit, at its release from the stop, or where it rests.
 
@@ -76,13 +101,11 @@ class Attractor:
     @property
     def name(self) -> str:
         """The motion in two or three words."""
-        if self.kind in ("periodic", "sticking", "stuck_forever"):
-            return self.motion.name
-        return self.kind.replace("_", " ")
+        return motion_name(MotionClass[self.kind.upper()], self.n_periods, self.n_impacts)
 
 
 def distinct_names(found: Sequence[Attractor]) -> list[str]:
-    """Return the attractors' names, with a letter behind those that several of them share.
+    """Return the attractors' names, followed by a letter where several share one.
 
     Examples
     --------
@@ -99,3 +122,199 @@ def _letters(number: int) -> str:
     """Return a, b, ..., z, ba, bb, ..."""
     rest, digit = divmod(number, 26)
     return (_letters(rest) if rest else "") + chr(ord("a") + digit)
+
+
+def settled_impacts(runner: Runner, cells: Cells, settled: Settled, at: int, longest: ImpactWindow) -> Impacts:
+    """Return the settled impacts of initial condition `at`: one cycle from its hardest, or a sample of chaos."""
+    indices, cell = settled.indices, cells[at : at + 1]
+    computed = int(indices["impacts"][at])
+    if settled.kind[at] == MotionClass.PERIODIC:
+        # The impacts that closed the cycle brought it within 1e-10 V; as many again leave only rounding.
+        seen = _impacts(runner, cell, ImpactWindow(2 * computed, int(indices["n_impacts"][at])))
+        return _from_hardest(seen)
+    seen = _impacts(runner, cell, longest)
+    if len(seen.velocities) == longest.keep:
+        return seen
+    return _impacts(runner, cell, ImpactWindow(0, computed // 2))  # it ended later on, but not within its own window
+
+
+def _impacts(runner: Runner, cell: Cells, window: ImpactWindow) -> Impacts:
+    (seen,) = runner.engine.samples(cell, Measurement(window, runner.limits))
+    return Impacts(seen.impact_phase, seen.impact_velocity)
+
+
+def _from_hardest(seen: Impacts) -> Impacts:
+    shift = -int(np.argmax(seen.velocities))
+    return Impacts(np.roll(seen.phases, shift), np.roll(seen.velocities, shift))
+
+
+def same_chaos(one: Impacts, other: Impacts) -> bool:
+    """Return whether more than half of the impacts of two motions fall into the same boxes of the impact surface."""
+    top = max(np.max(one.velocities), np.max(other.velocities))
+    parts = [
+        np.histogram2d(i.phases, i.velocities, bins=BOXES, range=((0.0, 1.0), (0.0, top)))[0] / len(i.velocities)
+        for i in (one, other)
+    ]
+    return bool(np.minimum(*parts).sum() > SHARED)
+
+
+def attractor_of(runner: Runner, settled: Settled, at: int, members: Counts, seen: Impacts) -> Attractor:
+    """Return the cycle or the chaos that initial condition `at` and other members lead to, from its settled impacts."""
+    indices, kind = settled.indices, MotionClass(int(settled.kind[at]))
+    chaotic = kind == MotionClass.CHAOTIC
+    sample = members if chaotic else [at]
+    return Attractor(
+        kind=kind.word,
+        n_periods=int(indices["n_periods"][at]),
+        n_impacts=int(indices["n_impacts"][at]),
+        **_measured(seen, None if chaotic else seen),
+        lyapunov=float(indices["lyapunov"][sample].mean()),
+        dissipation=float(indices["dissipation"][sample].mean()),
+        status=Status(int(settled.status[at])),
+        start=State(runner.osc.gap, float(seen.velocities[0]), float(seen.phases[0]) * runner.osc.period),
+    )
+
+
+def sticking_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
+    """Return the one attractor that sticks: every release is the same state, sin = k g / f falling.
+
+    Of intermittent sticking, whose period double precision does not resolve, a long sample is measured, as of chaos.
+    """
+    osc, n_periods = runner.osc, int(settled.indices["n_periods"][at])
+    window = StroboscopicWindow(0, n_periods + 2 if n_periods else WANDERING)
+    (seen,) = runner.engine.samples(resting_cell(osc), Measurement(window, runner.limits))
+    release = seen.release_periods + seen.release_phase
+    time = seen.impact_periods + seen.impact_phase
+    turn = (time > release[0]) & (time < release[0] + (n_periods or WANDERING))
+    impacts = Impacts(seen.impact_phase[turn], seen.impact_velocity[turn])
+    return Attractor(
+        kind=MotionClass.STICKING.word,
+        n_periods=n_periods,
+        n_impacts=int(settled.indices["n_impacts"][at]),
+        **_measured(impacts, _from_hardest(impacts) if n_periods else None),
+        lyapunov=-math.inf,
+        dissipation=float(settled.indices["dissipation"][at]),
+        status=Status.STICKING,
+        start=State(osc.gap, 0.0, float(seen.release_phase[0]) * osc.period),
+    )
+
+
+def quiet_attractor(osc: ImpactOscillator, kind: MotionClass, status: int) -> Attractor:
+    """Return an attractor without impacts: the steady motion without a stop, or rest."""
+    if kind == MotionClass.STUCK_FOREVER:
+        start = State(osc.gap)
+    elif kind == MotionClass.AT_REST:
+        start = State(min(0.0, osc.gap))
+    else:
+        inertia = osc.stiffness - osc.mass * osc.omega**2
+        impedance = inertia**2 + (osc.damping * osc.omega) ** 2
+        sine, cosine = (
+            osc.amplitude * part / impedance if osc.amplitude else 0.0 for part in (inertia, -osc.damping * osc.omega)
+        )
+        start = State(cosine, sine * osc.omega)
+    return Attractor(kind=kind.word, status=Status(status), start=start)
+
+
+def _measured(sample: Impacts, cycle: Impacts | None) -> dict[str, Any]:
+    """Return the statistics of a sample of impacts, and the cycle if there is one."""
+    velocity: Floats = np.asarray(sample.velocities)
+    found: dict[str, Any] = {
+        "std": float(velocity.std()),
+        "mean_velocity": float(velocity.mean()),
+        "max_velocity": float(velocity.max()),
+    }
+    if cycle is not None:
+        found |= {name: tuple(np.asarray(column).tolist()) for name, column in cycle._asdict().items()}
+    return found
+
+
+@dataclass(frozen=True)
+class Basin:
+    """An attractor and the initial conditions that lead to it."""
+
+    attractor: Attractor
+    members: Counts
+
+
+def match(runner: Runner, cells: Cells, settled: Settled, longest: ImpactWindow) -> list[Basin]:
+    """Return the attractors, the one with the largest share first."""
+    found = [*_cycles(runner, cells, settled, longest), *_chaos(runner, cells, settled, longest)]
+    for kind in (MotionClass.STICKING, *QUIET):
+        members = np.flatnonzero(settled.kind == kind)
+        if members.size:
+            at = int(members[0])
+            if kind == MotionClass.STICKING:
+                attractor = sticking_attractor(runner, settled, at)
+            else:
+                attractor = quiet_attractor(runner.osc, kind, int(settled.status[at]))
+            found.append(Basin(attractor, members))
+    found.sort(key=lambda basin: (-len(basin.members), basin.attractor.name, -basin.attractor.max_velocity))
+    return [replace(b, attractor=replace(b.attractor, share=len(b.members) / len(cells))) for b in found]
+
+
+def _cycles(runner: Runner, cells: Cells, settled: Settled, longest: ImpactWindow) -> Iterator[Basin]:
+    osc, indices = runner.osc, settled.indices
+    scale = osc.velocity_scale
+    periodic = np.flatnonzero(settled.kind == MotionClass.PERIODIC)
+    if periodic.size == 0:
+        return
+    types, which = np.unique(
+        np.column_stack([indices["n_periods"][periodic], indices["n_impacts"][periodic]]), axis=0, return_inverse=True
+    )
+    for number in range(len(types)):
+        members = periodic[which.ravel() == number]
+        misses = np.nan_to_num(indices["grazing_margin"][members], posinf=-scale)
+        columns = [
+            (indices["dissipation"][members], ENERGY_GAP * osc.mass * scale**2),
+            (indices["lyapunov"][members] * osc.period * types[number, 0], EXPONENT_GAP),
+            (misses, MISS_GAP * scale / osc.natural_frequency),
+        ]
+        yield from _joined(runner, cells, settled, [members[part] for part in clusters(columns)], longest)
+
+
+def _chaos(runner: Runner, cells: Cells, settled: Settled, longest: ImpactWindow) -> Iterator[Basin]:
+    members = np.flatnonzero(settled.kind == MotionClass.CHAOTIC)
+    if members.size == 0:
+        return
+    columns = [
+        (settled.indices["mean_velocity"][members], MEAN_GAP * runner.osc.velocity_scale),
+        (settled.indices["impacts_per_period"][members], RATE_GAP),
+    ]
+    yield from _joined(runner, cells, settled, [members[part] for part in clusters(columns)], longest)
+
+
+def clusters(columns: Sequence[tuple[Floats, float]]) -> list[Counts]:
+    """Return groups of rows, parted wherever the sorted values of a column leave a gap wider than that column's.
+
+    Examples
+    --------
+    >>> [group.tolist() for group in clusters([(np.array([1.0, 5.0, 1.01, 1.02]), 0.1)])]
+    [[0, 2, 3], [1]]
+    """
+    label = np.zeros(len(columns[0][0]), dtype=np.int64)
+    for values, gap in columns:
+        order = np.lexsort((values, label))
+        steps = (np.diff(values[order]) > gap) | (np.diff(label[order]) > 0)
+        label[order] = np.concatenate([[0], np.cumsum(steps)])
+    order = np.argsort(label, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+
+
+def _joined(
+    runner: Runner, cells: Cells, settled: Settled, groups: Sequence[Counts], longest: ImpactWindow
+) -> Iterator[Basin]:
+    """Follow one initial condition of each group, join the groups that it shows to be one, and describe them."""
+    known: list[tuple[int, Impacts, list[Counts]]] = []
+    for group in groups:
+        at = int(group[settled.indices["impacts"][group].argmin()])  # the one that settled first
+        chaotic = settled.kind[at] == MotionClass.CHAOTIC
+        seen = settled_impacts(runner, cells, settled, at, longest)
+        for _, other, members in known:
+            if same_chaos(seen, other) if chaotic else same_orbit(seen, other, SAME):
+                members.append(group)
+                break
+        else:
+            known.append((at, seen, [group]))
+    for at, seen, joined in known:
+        together = np.sort(np.concatenate(joined))
+        yield Basin(attractor_of(runner, settled, at, together, seen), together)
