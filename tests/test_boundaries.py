@@ -236,12 +236,12 @@ def test_a_boundary_may_leave_the_motions_of_the_mass_and_says_so():
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        ((("omega",), ((1, 3),)), "`parameters` is"),
-        ((("omega", "omega"), ((1, 3), (1, 3))), "two different ones"),
-        ((("omega", "frequency"), ((1, 3), (0.1, 3))), "two different ones"),
-        ((("omega", "mas"), ((1, 3), (0.1, 3))), "`parameter` is 'mas'"),
-        ((("omega", "mass"), ((1, 2), (0.1, 3))), "`range` is"),
-        ((("omega", "mass"), ((1, 3),)), "`ranges` is"),
+        ((("omega",), ((1, 3),)), "`parameters` must be two names"),
+        ((("omega", "omega"), ((1, 3), (1, 3))), "two different parameters"),
+        ((("omega", "frequency"), ((1, 3), (0.1, 3))), "two different parameters"),
+        ((("omega", "mas"), ((1, 3), (0.1, 3))), "unknown parameter 'mas'"),
+        ((("omega", "mass"), ((1, 2), (0.1, 3))), "`range` must be .* holds"),
+        ((("omega", "mass"), ((1, 3),)), "`ranges` must be two pairs"),
     ],
 )
 def test_a_wrong_plane_is_refused_by_name(arguments, named):
@@ -253,9 +253,9 @@ def test_a_wrong_plane_is_refused_by_name(arguments, named):
 def test_a_point_that_is_no_boundary_is_refused():
     (orbit,) = find_orbit(vi.ImpactOscillator(omega=2.6))
     for kind in ("fold", "period_doubling", "grazing"):
-        with pytest.raises(ValueError, match="`point` is no"):
+        with pytest.raises(ValueError, match="`point` does not satisfy the condition"):
             continue_boundary(BifurcationPoint(kind, "omega", 2.6, orbit), ("omega", "mass"), ((2, 3), (0.5, 2)))
-    with pytest.raises(ValueError, match="`point` is 3"):
+    with pytest.raises(ValueError, match="`point` must be a BifurcationPoint, got 3"):
         continue_boundary(3, ("omega", "mass"), ((2, 3), (0.5, 2)))
 
 

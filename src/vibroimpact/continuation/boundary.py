@@ -14,11 +14,13 @@ from vibroimpact.continuation.branch import ENDS, MOST_POINTS
 from vibroimpact.continuation.points import Special, residual, special_orbit, touch_turns
 from vibroimpact.continuation.results import BifurcationPoint, Boundary
 from vibroimpact.continuation.sticking import LONGEST_STEP, sticking_curve
-from vibroimpact.continuation.system import LAST_IMPACT, TOUCH, System, check_parameter, check_range, check_step
+from vibroimpact.continuation.system import LAST_IMPACT, TOUCH, System, check_range, check_share
 from vibroimpact.orbits.admissibility import ROUNDING, nearest_misses, orbit_size
 from vibroimpact.orbits.equations import Floats
-from vibroimpact.orbits.orbit import solution_of
+from vibroimpact.orbits.orbit import Orbit, solution_of
 from vibroimpact.orbits.sticking import StickingEnd
+from vibroimpact.oscillator import Model, check_names
+from vibroimpact.parameters import invalid
 from vibroimpact.progress import Report, reporter
 
 Range = tuple[float, float]
@@ -86,7 +88,7 @@ def continue_boundary(
     ('period_doubling', True)
     """
     names, box = check_plane(point, parameters, ranges)
-    longest = check_step(step)
+    longest = check_share("step", step)
     with reporter(progress, "points") as report:
         return boundary_through(point, names, box, longest, virtual, report)
 
@@ -109,32 +111,29 @@ def boundary_through(
 
 
 def check_plane(point: Any, parameters: Any, ranges: Any) -> tuple[tuple[str, str], tuple[Range, Range]]:
-    """Return two parameters and their ranges, or say what is wrong with them or with the point they must hold."""
+    """Return two parameters and their ranges, checked together with the point that they must hold."""
     if isinstance(point, StickingEnd) and not point.found:
-        raise ValueError(f"`point` is {point.outcome!r}; allowed is one that was found; {point.message}")
+        raise invalid("point", point.outcome, "an end of sticking that was found", point.message)
     if not isinstance(point, (BifurcationPoint, StickingEnd)):
-        raise ValueError(
-            f"`point` is {point!r}; allowed is a BifurcationPoint; take one from the `special` of a branch"
-        )
-    names, box = plane_names(parameters), list(ranges)
-    if len(box) != 2:
-        raise ValueError(f"`ranges` is {ranges!r}; allowed are two pairs; give ((lowest, highest), (lowest, highest))")
-    osc = point.oscillator if isinstance(point, StickingEnd) else point.orbit.oscillator
-    return names, (
-        check_range(names[0], box[0], getattr(osc, names[0])),
-        check_range(names[1], box[1], getattr(osc, names[1])),
-    )
+        raise invalid("point", point, "a BifurcationPoint", "take one from the `special` of a branch")
+    assert point.orbit is not None
+    return check_box(point.orbit.model, parameters, ranges, point.orbit)
 
 
-def plane_names(parameters: Any) -> tuple[str, str]:
-    """Return the names of two different parameters."""
-    chosen = tuple(parameters) if isinstance(parameters, (tuple, list)) else ()
+def check_box(
+    model: Model, parameters: Any, ranges: Any, orbit: Orbit | None = None
+) -> tuple[tuple[str, str], tuple[Range, Range]]:
+    """Return two different parameters of a model and their ranges, which hold an orbit where one is given."""
+    chosen, box = (tuple(given) if isinstance(given, (tuple, list)) else () for given in (parameters, ranges))
     if len(chosen) != 2:
-        raise ValueError(f"`parameters` is {parameters!r}; allowed are two names; give for example ('omega', 'mass')")
-    first, second = map(check_parameter, chosen)
-    if first == second or {first, second} == {"omega", "frequency"}:
-        raise ValueError(f"`parameters` is {parameters!r}; allowed are two different ones; replace one of them")
-    return first, second
+        raise invalid("parameters", parameters, "two names", "give for example ('omega', 'mass')")
+    check_names(model.parameters, chosen)
+    if len({model.parameters[name].replaces or name for name in chosen}) < 2:
+        raise invalid("parameters", parameters, "two different parameters")
+    if len(box) != 2:
+        raise invalid("ranges", ranges, "two pairs", "give ((lowest, highest), (lowest, highest))")
+    first, second = (check_range(orbit or model, name, span) for name, span in zip(chosen, box, strict=True))
+    return (chosen[0], chosen[1]), (first, second)
 
 
 def boundary_system(point: BifurcationPoint, names: tuple[str, str], box: tuple[Range, Range]) -> tuple[System, Floats]:
@@ -152,8 +151,8 @@ def boundary_system(point: BifurcationPoint, names: tuple[str, str], box: tuple[
         if lowest is None:
             raise _no_boundary(point)
         where, touch = lowest.flight, lowest.turns
-    system = System(osc, cycle, names, box, speed, condition, where)
-    x = system.pack(z, osc, touch)
+    system = System(point.orbit.model, cycle, names, box, speed, condition, where)
+    x = system.pack(z, touch)
     if np.abs(system.misses(x)).max() > 1e-6:
         raise _no_boundary(point)
     return system, x
@@ -161,8 +160,8 @@ def boundary_system(point: BifurcationPoint, names: tuple[str, str], box: tuple[
 
 def _no_boundary(point: BifurcationPoint) -> ValueError:
     return ValueError(
-        f"`point` is no {point.kind.replace('_', ' ')}; allowed is a point whose orbit satisfies its condition; "
-        "take one from the `special` of a branch"
+        f"the orbit of `point` does not satisfy the condition of a {point.kind.replace('_', ' ')}; "
+        "take a point from the `special` of a branch"
     )
 
 
@@ -194,7 +193,7 @@ def trace_boundary(system: System, x: Floats, kind: str, longest: float, virtual
     """Return the curve through a point, both ways."""
     x, made = _onto(system, x)
     if not made:
-        raise ValueError("`point` cannot be corrected onto its boundary; allowed is a regular one; take another point")
+        raise ValueError("Newton's method does not lead from `point` to its boundary; take another point")
     both: list[list[Floats]] = []
     ends: list[str] = []
     along = tangent(system, x, np.ones(len(x)))

@@ -20,7 +20,7 @@ from vibroimpact.continuation.points import (
     touch_turns,
 )
 from vibroimpact.continuation.results import BifurcationPoint, Branch
-from vibroimpact.continuation.system import DOUBLING, System, check_orbit, check_parameter, check_range, check_step
+from vibroimpact.continuation.system import DOUBLING, System, check_orbit, check_range, check_share
 from vibroimpact.orbits.equations import Cycle, Floats
 from vibroimpact.orbits.orbit import Orbit, make_orbit, solution_of
 from vibroimpact.progress import Report, reporter
@@ -105,16 +105,16 @@ def continue_orbit(
     >>> [(point.kind, round(point.value, 9)) for point in branch.special]
     [('period_doubling', 2.65392352)]
     """
-    orbit, parameter = check_orbit("orbit", orbit), check_parameter(parameter)
-    ends = check_range(parameter, range, getattr(orbit.oscillator, parameter))
-    longest = check_step(step)
+    orbit = check_orbit("orbit", orbit)
+    ends = check_range(orbit, parameter, range)
+    longest = check_share("step", step)
     system, x = branch_system(orbit, parameter, ends)
     x = _settled(system, x)
     with reporter(progress, "orbits") as report:
         down, up = both_ways(system, x, longest, virtual, report)
     points = down.points[:0:-1] + up.points
     special = [s for s in down.special[::-1] + up.special if special_orbit(s).admissible]
-    orbits = [make_orbit(system.oscillator_at(p.x), system.cycle, system.solution(p.x)) for p in points]
+    orbits = [make_orbit(system.model_at(p.x), system.cycle, system.solution(p.x)) for p in points]
     outcome = (down.end, up.end)
     return Branch(
         parameter=parameter,
@@ -135,13 +135,11 @@ def _settled(system: System, x: Floats) -> Floats:
         return found
     if np.abs(system.misses(x)).max() < 1e-9:
         return x  # at a fold: solved, though the parameter does not fix it
-    raise ValueError(
-        "`orbit` does not return to itself; allowed is a periodic orbit of its own oscillator; find it with find_orbit"
-    )
+    raise ValueError("`orbit` does not return to itself; give a periodic orbit that find_orbit returned")
 
 
 def _message(orbits: list[Orbit], parameter: str, outcome: tuple[str, str]) -> str:
-    first, last = (getattr(orbit.oscillator, parameter) for orbit in (orbits[0], orbits[-1]))
+    first, last = (orbit.value(parameter) for orbit in (orbits[0], orbits[-1]))
     words = (
         f"from {parameter} = {first:.9g}, {ENDS[outcome[0]]}, to {parameter} = {last:.9g}, {ENDS[outcome[1]]}"
         if outcome[0] != "closed"
@@ -180,8 +178,8 @@ def branch_system(orbit: Orbit, parameter: str, range: tuple[float, float]) -> t
     """Return the equations of a branch and the unknown of the orbit it begins with."""
     cycle, z = solution_of(orbit)
     speed = max(orbit.oscillator.velocity_scale, float(np.abs(z[cycle.n_impacts :]).max()))
-    system = System(orbit.oscillator, cycle, (parameter,), (range,), speed)
-    return system, system.pack(z, orbit.oscillator)
+    system = System(orbit.model, cycle, (parameter,), (range,), speed)
+    return system, system.pack(z)
 
 
 def walk(system: System, x: Floats, along: Floats, longest: float, virtual: bool) -> Iterator[Way]:

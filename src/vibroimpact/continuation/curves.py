@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.boundary import Range, boundary_through, check_plane, plane_names
+from vibroimpact.continuation.boundary import Range, boundary_through, check_box, check_plane
 from vibroimpact.continuation.branch import bifurcation_point, both_ways, branch_system
 from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary
 from vibroimpact.continuation.sticking import ends_on_line
-from vibroimpact.continuation.system import check_range, check_step
+from vibroimpact.continuation.system import check_share
 from vibroimpact.orbits.closed_form import impact_1_orbits
 from vibroimpact.orbits.equations import Cycle, Floats
 from vibroimpact.orbits.orbit import make_orbit
 from vibroimpact.orbits.sticking import StickingEnd
-from vibroimpact.oscillator import ImpactOscillator
-from vibroimpact.parameters import whole_number
+from vibroimpact.oscillator import ImpactOscillator, Model, check_model
+from vibroimpact.parameters import choice, invalid, whole_number
 from vibroimpact.progress import Report, reporter
 
 SEEDS = 60  # orbits looked at along a line
@@ -26,7 +26,7 @@ SAME = 2.0  # steps: points of one kind nearer than this to a curve lie on it
 
 
 def boundary_curves(
-    osc: ImpactOscillator,
+    osc: ImpactOscillator | Model,
     parameters: tuple[str, str],
     ranges: tuple[Range, Range],
     *,
@@ -86,10 +86,9 @@ def boundary_curves(
     >>> sorted({(curve.kind, curve.orbits[0].n_periods) for curve in curves})
     [('end_of_sticking', 2), ('period_doubling', 1)]
     """
-    names = plane_names(parameters)
-    first, second = ranges
-    box = check_range(names[0], first, first[0]), check_range(names[1], second, second[0])
-    count, longest = whole_number("lines", lines, 2), check_step(step)
+    check_model(osc)
+    names, box = check_box(osc, parameters, ranges)
+    count, longest = whole_number("lines", lines, 2), check_share("step", step)
     lengths = [whole_number("n_periods", n, 1) for n in n_periods]
     wanted = _checked_kinds(kinds)
     sticking = "end_of_sticking" in wanted
@@ -146,7 +145,7 @@ def curves_through(
     ValueError
         An argument is out of its range, or a point lies outside `ranges`.
     """
-    longest = check_step(step)
+    longest = check_share("step", step)
     curves: list[Boundary] = []
     total: Any = None  # nobody knows how many curves there are
 
@@ -167,21 +166,23 @@ class _Stopped(Exception):
 
 def _checked_kinds(kinds: Any) -> frozenset[str]:
     wanted = frozenset([kinds] if isinstance(kinds, str) else kinds)
-    if not wanted or not wanted <= set(KINDS):
-        raise ValueError(f"`kinds` is {kinds!r}; allowed are {', '.join(KINDS)}; name at least one")
+    if not wanted:
+        raise invalid("kinds", kinds, f"at least one of {', '.join(KINDS)}")
+    for kind in wanted:
+        choice("kinds", kind, KINDS)
     return wanted
 
 
 def _on_line(
-    osc: ImpactOscillator, n: int, parameter: str, range: Range, longest: float, look: Callable[[], None]
+    model: Model, n: int, parameter: str, range: Range, longest: float, look: Callable[[], None]
 ) -> Iterator[BifurcationPoint]:
     """Yield the special points of the period-n impact-1 orbits along a line, each branch followed once."""
     cycle = Cycle(n, 1)
     covered: list[Floats] = []
     for value in np.linspace(*range, SEEDS).tolist():
         look()
-        here = osc.replace(**{parameter: value})
-        for z in impact_1_orbits(here, n)[0]:
+        here = model.replace(**{parameter: value})
+        for z in impact_1_orbits(here.at(), n)[0]:
             if _covered(covered, value, z):
                 continue
             orbit = make_orbit(here, cycle, z)
@@ -228,7 +229,7 @@ def _lies_on(point: BifurcationPoint | StickingEnd, curve: Boundary, box: tuple[
 
     def place(orbits: Sequence[Any]) -> Floats:
         spans = [high - low for low, high in box]
-        rows = [[getattr(q.oscillator, name) for name in curve.parameters] for q in orbits]
+        rows = [[q.value(name) for name in curve.parameters] for q in orbits]
         speeds = [max(q.velocities, default=0.0) / q.oscillator.velocity_scale for q in orbits]
         return np.column_stack([np.array(rows) / spans, speeds])
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from vibroimpact.continuation.arclength import Step, newton, tangent
 from vibroimpact.continuation.results import BifurcationPoint
-from vibroimpact.continuation.system import DOUBLING, FOLD, LAST_IMPACT, TOUCH, System
+from vibroimpact.continuation.system import DOUBLING, FOLD, LAST_IMPACT, TOUCH, System, check_share
 from vibroimpact.orbits.admissibility import NearMiss, nearest_misses, orbit_size
 from vibroimpact.orbits.equations import Cycle, Floats, flight_of, parameters_of
 from vibroimpact.orbits.orbit import Orbit, make_orbit, solution_of
-from vibroimpact.parameters import real_number
+from vibroimpact.parameters import invalid
 
 HALVINGS = 12  # of a step, in search of what happens inside
 
@@ -141,7 +141,7 @@ def _solved(system: System, condition: str, x: Floats, a: Point, b: Point) -> Sp
 def special_orbit(special: Special) -> Orbit:
     """Return the orbit at a special point."""
     system = special.system
-    return make_orbit(system.oscillator_at(special.x), system.cycle, system.solution(special.x))
+    return make_orbit(system.model_at(special.x), system.cycle, system.solution(special.x))
 
 
 def residual(special: Special) -> float:
@@ -220,21 +220,18 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Orbit:
     ('period-2 impact-2', True)
     """
     if not isinstance(point, BifurcationPoint) or point.kind != "period_doubling":
-        given = repr(getattr(point, "kind", point))
-        raise ValueError(f"`point` is {given}; allowed is a period doubling; take one from the `special` of a branch")
-    size = real_number("amplitude", amplitude, "a number above 0 and up to 0.5")
-    if not 0.0 < size <= 0.5:
-        raise ValueError(f"`amplitude` is {amplitude!r}; allowed is a number above 0 and up to 0.5; 0.01 is usual")
+        given = getattr(point, "kind", point)
+        raise invalid("point", given, "a period doubling", "take one from the `special` of a branch")
+    size = check_share("amplitude", amplitude)
     system, x, apart = _twice(point)
     for _ in range(TRIES):
         start = x + size * apart
         found, made = newton(system, start, apart[None, :], np.array([apart @ start]))
         if made and np.abs(found - start).max() < 0.5 * size:
-            return make_orbit(system.oscillator_at(found), system.cycle, system.solution(found))
+            return make_orbit(system.model_at(found), system.cycle, system.solution(found))
         size *= 0.5
     raise ValueError(
-        f"`point` at {point.parameter} = {point.value:.12g} leads to no doubled orbit; allowed is one that does; "
-        "try a smaller `amplitude`"
+        f"no doubled orbit was found from `point` at {point.parameter} = {point.value:.12g}; try a smaller `amplitude`"
     )
 
 
@@ -246,10 +243,12 @@ def _twice(point: BifurcationPoint) -> tuple[System, Any, Any]:
     turns, speeds = np.concatenate([z[:p], z[:p] + n]), np.tile(z[p:], 2)
     value = point.value
     around = (value - max(abs(value), 1e-3), value + max(abs(value), 1e-3))
-    system = System(osc, Cycle(2 * n, 2 * p), (parameter,), (around,), max(osc.velocity_scale, float(speeds.max())))
+    system = System(
+        point.orbit.model, Cycle(2 * n, 2 * p), (parameter,), (around,), max(osc.velocity_scale, float(speeds.max()))
+    )
     twice = np.concatenate([turns, speeds])
     scale = np.repeat([1.0, system.speed], 2 * p)
     matrix = system.cycle.jacobian(parameters_of(osc), twice) * scale
     rows = np.repeat([system.speed / max(osc.natural_frequency, osc.omega), system.speed], 2 * p)
     direction = np.linalg.svd(matrix / rows[:, None])[2][-1]
-    return system, system.pack(twice, osc), np.append(direction, 0.0)
+    return system, system.pack(twice), np.append(direction, 0.0)

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from vibroimpact.dataset import impact_speed, provenance, variable
+from vibroimpact.dataset import impact_speed, label, plain_variable, provenance, variable
 from vibroimpact.orbits.orbit import Orbit
+from vibroimpact.oscillator import Model
 
 KINDS = ("fold", "period_doubling", "grazing", "end_of_sticking")
 KIND_WORDS = ("fold", "period doubling", "grazing", "end of sticking")
@@ -82,18 +83,18 @@ class Branch:
     @property
     def values(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """The parameter at each orbit."""
-        return np.array([getattr(orbit.oscillator, self.parameter) for orbit in self.orbits])
+        return np.array([orbit.value(self.parameter) for orbit in self.orbits])
 
     @property
     def dataset(self) -> xr.Dataset:
         """The branch as a labelled dataset over `point`, its special points over `special`."""
-        p = max(orbit.n_impacts for orbit in self.orbits)
+        p, model = max(orbit.n_impacts for orbit in self.orbits), self.orbits[0].model
         multipliers = np.array([orbit.multipliers for orbit in self.orbits])
         content = orbit_variables(self.orbits, p, "point") | {
             "multiplier_real": number(("point", "multiplier"), multipliers.real, "real part of multiplier"),
             "multiplier_imag": number(("point", "multiplier"), multipliers.imag, "imaginary part of multiplier"),
             "special_kind": kind_variable("special", [point.kind for point in self.special]),
-            "special_value": variable(self.parameter, "special", np.array([point.value for point in self.special])),
+            "special_value": axis(model, self.parameter, "special", [point.value for point in self.special]),
             "special_residual": number(
                 "special", [point.residual for point in self.special], "miss of the defining condition"
             ),
@@ -105,8 +106,10 @@ class Branch:
         name = {"n_periods": self.orbits[0].n_periods, "n_impacts": self.orbits[0].n_impacts}
         ends = {"outcome": " ".join(self.outcome), "message": self.message}
         arguments = {"parameter": self.parameter, **name, **self.arguments}
-        attrs = provenance("continue_orbit", self.orbits[0].oscillator, arguments) | name | ends
-        return xr.Dataset(content, coords={self.parameter: variable(self.parameter, "point", self.values)}, attrs=attrs)
+        attrs = provenance("continue_orbit", model, arguments) | name | ends
+        return xr.Dataset(
+            content, coords={self.parameter: axis(model, self.parameter, "point", self.values)}, attrs=attrs
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +147,7 @@ class Boundary:
     @property
     def values(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """The two parameters at each point, shape (points, 2)."""
-        return np.array([[getattr(orbit.oscillator, name) for name in self.parameters] for orbit in self.orbits])
+        return np.array([[orbit.value(name) for name in self.parameters] for orbit in self.orbits])
 
     @property
     def dataset(self) -> xr.Dataset:
@@ -165,8 +168,8 @@ class Boundary:
         arguments = {"kind": self.kind, "parameters": self.parameters, **name, **self.arguments}
         return xr.Dataset(
             content,
-            coords={name: variable(name, "point", values[:, j]) for j, name in enumerate(self.parameters)},
-            attrs=provenance("continue_boundary", first.oscillator, arguments) | name | ends,
+            coords={name: axis(first.model, name, "point", values[:, j]) for j, name in enumerate(self.parameters)},
+            attrs=provenance("continue_boundary", first.model, arguments) | name | ends,
         )
 
 
@@ -180,6 +183,11 @@ def orbit_variables(orbits: Sequence[Orbit], p: int, dim: str) -> dict[str, xr.V
             dim, [orbit.admissible for orbit in orbits], "whether the mass moves so", "inadmissible admissible"
         ),
     }
+
+
+def axis(model: Model, name: str, dims: Any, values: Any) -> xr.Variable:
+    """Return values of a parameter of a model, labelled."""
+    return plain_variable(dims, np.asarray(values, dtype=np.float64), label(model.parameters[name]))
 
 
 def number(dims: Any, data: Any, long_name: str) -> xr.Variable:

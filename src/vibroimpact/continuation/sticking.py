@@ -15,7 +15,7 @@ import numpy as np
 
 from vibroimpact.continuation.results import Boundary
 from vibroimpact.options import Tolerances
-from vibroimpact.orbits.orbit import Orbit
+from vibroimpact.orbits.orbit import Orbit, family_of, value_of
 from vibroimpact.orbits.sticking import (
     KIND,
     MET,
@@ -26,7 +26,7 @@ from vibroimpact.orbits.sticking import (
     residual,
     sticking_orbit,
 )
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.oscillator import Model
 
 Point = tuple[float, float]
 Range = tuple[float, float]
@@ -72,7 +72,8 @@ def sticking_curve(
     A point costs about 70 walks from the release, some 10 ms at r = 0.8. Its residual is below 1e-10, except near a
     graze in the flight, where the stuck time changes with infinite slope.
     """
-    plane, start = _Plane(point.oscillator, names, box, point.n_periods, look), (0.0, 0.0)
+    assert point.orbit is not None
+    plane, start = _Plane(point.orbit.model, names, box, point.n_periods, look), (0.0, 0.0)
     ways: list[tuple[list[Point], str, str]] = []
     for side, heading in sorted(_headings(plane, start, longest).items()):
         if not ways or ways[0][1] != "closed":
@@ -82,27 +83,27 @@ def sticking_curve(
     points = ways[0][0][::-1] + (ways[1][0][1:] if len(ways) > 1 else [])
     ends = {end for _, end, _ in ways}
     outcome = "lost" if "lost" in ends else "budget" if "budget" in ends else "range"
-    sticks = [(plane.oscillator(at), plane.stick(at)) for at in points]
+    sticks = [(plane.model_at(at), plane.stick(at)) for at in points]
     return Boundary(
         kind=KIND,
         parameters=names,
-        orbits=[_orbit(osc, stick, point.n_periods) for osc, stick in sticks],
-        residuals=[residual(osc, stick.fraction if stick else math.nan) for osc, stick in sticks],
+        orbits=[_orbit(model, stick, point.n_periods) for model, stick in sticks],
+        residuals=[residual(model.at(), stick.fraction if stick else math.nan) for model, stick in sticks],
         touch_phases=[stick.release_phase if stick else math.nan for _, stick in sticks],
         outcome=(outcome, outcome),
         message="; ".join(message for _, _, message in ways),
     )
 
 
-def _orbit(osc: ImpactOscillator, stick: Stick | None, n_periods: int) -> Orbit:
+def _orbit(model: Model, stick: Stick | None, n_periods: int) -> Orbit:
     """Return the cycle about to be lost; on the last bit its stick may be gone already."""
     if stick and stick.periods == n_periods:
-        return sticking_orbit(osc, stick, Tolerances().chatter * osc.velocity_scale)
-    return Orbit(osc, n_periods, -1, (), (), (0j, 0j))
+        return sticking_orbit(model, stick, Tolerances().chatter)
+    return Orbit(model.at(), n_periods, -1, (), (), (0j, 0j), family=family_of(model))
 
 
 def ends_on_line(
-    osc: ImpactOscillator,
+    model: Model,
     parameter: str,
     range: Range,
     lengths: Sequence[int],
@@ -113,7 +114,7 @@ def ends_on_line(
 
     def periods(value: float) -> int:
         look()
-        stick = from_release(osc.replace(**{parameter: value}), max(lengths))
+        stick = from_release(model.at(**{parameter: value}), max(lengths))
         return stick.periods if stick else 0
 
     values = np.linspace(*range, seeds).tolist()
@@ -121,19 +122,21 @@ def ends_on_line(
     for (low, before), (high, after) in pairwise(zip(values, names, strict=True)):
         if before != after and {before, after} & set(lengths):
             inside, beyond = (low, high) if before in lengths else (high, low)
-            end = end_of_sticking(osc.replace(**{parameter: inside}), parameter, (inside, beyond), longest=max(lengths))
+            end = end_of_sticking(
+                model.replace(**{parameter: inside}), parameter, (inside, beyond), longest=max(lengths)
+            )
             if end.found and end.n_periods in lengths:
                 yield end
 
 
 @dataclass
 class _Plane:
-    """Two parameters of an oscillator, in units of their ranges from the oscillator's own values, and one cycle.
+    """Two parameters of a model, in units of their ranges from the model's own values, and one cycle.
 
     Beyond the edges of the ranges the plane goes on as it is at the edge.
     """
 
-    osc: ImpactOscillator
+    model: Model
     names: tuple[str, str]
     ranges: tuple[Point, Point]
     n_periods: int
@@ -142,29 +145,31 @@ class _Plane:
 
     @property
     def edges(self) -> tuple[Point, Point]:
-        x, y = (
-            ((low - getattr(self.osc, name)) / (high - low), (high - getattr(self.osc, name)) / (high - low))
-            for name, (low, high) in zip(self.names, self.ranges, strict=True)
+        (x, (left, right)), (y, (bottom, top)) = self._own()
+        return ((left - x) / (right - left), (right - x) / (right - left)), (
+            (bottom - y) / (top - bottom),
+            (top - y) / (top - bottom),
         )
-        return x, y
+
+    def _own(self) -> list[tuple[float, Point]]:
+        return [(value_of(self.model, name), ends) for name, ends in zip(self.names, self.ranges, strict=True)]
 
     def holds(self, at: Point) -> bool:
         return all(low <= z <= high for z, (low, high) in zip(at, self.edges, strict=True))
 
     def values(self, at: Point) -> Point:
         x, y = (
-            min(max(getattr(self.osc, name) + z * (high - low), low), high)
-            for z, name, (low, high) in zip(at, self.names, self.ranges, strict=True)
+            min(max(own + z * (high - low), low), high) for z, (own, (low, high)) in zip(at, self._own(), strict=True)
         )
         return x, y
 
-    def oscillator(self, at: Point) -> ImpactOscillator:
-        return self.osc.replace(**dict(zip(self.names, self.values(at), strict=True)))
+    def model_at(self, at: Point) -> Model:
+        return self.model.replace(**dict(zip(self.names, self.values(at), strict=True)))
 
     def stick(self, at: Point) -> Stick | None:
         """Return the stick that closes a cycle of at most so many periods, or None."""
         self.look()
-        return from_release(self.oscillator(at), self.n_periods)
+        return from_release(self.model_at(at).at(), self.n_periods)
 
     def stuck(self, at: Point) -> float:
         """Return the stuck time over T of the cycle, or NaN where it is not there."""
@@ -179,7 +184,7 @@ class _Plane:
         while (middle := 0.5 * (out + into)) not in (out, into) and self.values(place(out)) != self.values(place(into)):
             out, into = (out, middle) if self.sticks(place(middle)) else (middle, into)
         at = place(into)
-        if residual(self.oscillator(at), self.stuck(at)) <= MET:
+        if residual(self.model_at(at).at(), self.stuck(at)) <= MET:
             return into
         other = self.stick(place(out))
         self.why = (

@@ -57,7 +57,7 @@ class Window:
 
     def orbits_at(self, value: float) -> list[Orbit]:
         """Return the stable orbits that Newton's method reaches at a value from the two nearest ones of the window."""
-        nearest = sorted(self.orbits, key=lambda orbit: abs(_value(orbit, self.parameter) - value))
+        nearest = sorted(self.orbits, key=lambda orbit: abs(orbit.value(self.parameter) - value))
         return [found for orbit in nearest[:2] for found in _moved(orbit, self.parameter, value) if _lasts(found)]
 
 
@@ -131,7 +131,7 @@ def _born(branch: Branch, range: tuple[float, float], amplitude: float) -> Itera
             orbit = switch_branch(point, amplitude=amplitude)
         except ValueError:  # another boundary meets this one here
             continue
-        if range[0] <= _value(orbit, branch.parameter) <= range[1]:
+        if range[0] <= orbit.value(branch.parameter) <= range[1]:
             yield orbit
 
 
@@ -140,7 +140,7 @@ def _lies_on(orbit: Orbit, branch: Branch) -> bool:
     first = branch.orbits[0]
     if (first.n_periods, first.n_impacts) != (orbit.n_periods, orbit.n_impacts):
         return False
-    value = _value(orbit, branch.parameter)
+    value = orbit.value(branch.parameter)
     apart = branch.values - value
     around = np.flatnonzero(apart[:-1] * apart[1:] <= 0.0)
     nearest = {int(j if abs(apart[j]) < abs(apart[j + 1]) else j + 1) for j in around}
@@ -196,7 +196,7 @@ def _looked_between(branch: Branch, special: dict[float, str]) -> list[Orbit]:
     """Return the branch's orbits, with one between each two special points that follow each other."""
     orbits = [branch.orbits[0]]
     for a, b in pairwise(branch.orbits):
-        low, high = sorted((_value(a, branch.parameter), _value(b, branch.parameter)))
+        low, high = sorted((a.value(branch.parameter), b.value(branch.parameter)))
         if low in special and high in special and low < high:
             orbits += _moved(a, branch.parameter, 0.5 * (low + high))[:1]
         orbits.append(b)
@@ -205,11 +205,11 @@ def _looked_between(branch: Branch, special: dict[float, str]) -> list[Orbit]:
 
 def _end(branch: Branch, orbits: list[Orbit], special: dict[float, str], at: int, way: int) -> tuple[float, str]:
     """Return where a run of orbits ends, and why: at a special point on or beside its last one, or with the branch."""
-    here, beside = _value(orbits[at], branch.parameter), at + way
+    here, beside = orbits[at].value(branch.parameter), at + way
     if here in special:
         return here, special[here]
     if 0 <= beside < len(orbits):
-        there = _value(orbits[beside], branch.parameter)
+        there = orbits[beside].value(branch.parameter)
         return there, special.get(there, "lost")
     why = branch.outcome[0 if way < 0 else 1]
     if why == "period_doubling" and branch.special:  # of the orbit it comes from, which is none of its own
@@ -246,8 +246,8 @@ def swept_windows(sweep: xr.Dataset) -> list[Window]:
     missing = [name for name in NEEDED if name not in sweep]
     if missing or "impact" not in sweep.dims or sweep["count"].ndim != 1:
         raise ValueError(
-            f"`sweep` lacks {', '.join(missing) or 'impacts'}; allowed is a diagram of impacts that names its motions; "
-            "run bifurcation_diagram with indices=('n_periods', 'n_impacts', 'lyapunov_per_impact')"
+            f"`sweep` lacks {', '.join(missing) or 'impacts'}; "
+            "compute it by bifurcation_diagram with indices=('n_periods', 'n_impacts', 'lyapunov_per_impact')"
         )
     parameter = str(sweep["count"].dims[0])
     values = sweep[parameter].values.tolist()
@@ -265,14 +265,11 @@ def alike(orbit: Orbit, velocities: Iterable[float]) -> bool:
     return bool(min(misses) <= SAME * max(orbit.oscillator.velocity_scale, own.max()))
 
 
-def _value(orbit: Orbit, parameter: str) -> float:
-    return float(getattr(orbit.oscillator, parameter))
-
-
 def _lasts(orbit: Orbit) -> bool:
     return orbit.stable and orbit.admissible
 
 
 def _moved(orbit: Orbit, parameter: str, value: float) -> list[Orbit]:
-    osc = orbit.oscillator.replace(**{parameter: value})
-    return find_orbit(osc, n_periods=orbit.n_periods, n_impacts=orbit.n_impacts, near=orbit)
+    return find_orbit(
+        orbit.model.replace(**{parameter: value}), n_periods=orbit.n_periods, n_impacts=orbit.n_impacts, near=orbit
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING, objection
 from vibroimpact.orbits.equations import TURN, Cycle, Floats, parameters_of
-from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.oscillator import ImpactOscillator, Model, State
 
 SAME = 1e-7  # of the fastest impact, and in sine and cosine of the driving angle: nearer than this, two orbits are one
 
@@ -43,6 +43,8 @@ class Orbit:
         Driving phases, in [0, 1), at which the mass comes to rest at the stop and leaves it; NaN where it does not.
     stuck_time : float
         Time at rest in a cycle, in s.
+    family : family, optional
+        The family, at its own values, that the oscillator was made by.
 
     Examples
     --------
@@ -63,6 +65,16 @@ class Orbit:
     stick_phase: float = math.nan
     release_phase: float = math.nan
     stuck_time: float = 0.0
+    family: Model | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def model(self) -> Model:
+        """The family that made the oscillator, or the oscillator itself."""
+        return self.oscillator if self.family is None else self.family
+
+    def value(self, parameter: str) -> float:
+        """Return the value of a parameter of its model."""
+        return value_of(self.model, parameter)
 
     @property
     def trace(self) -> float:
@@ -107,12 +119,22 @@ class Orbit:
         return State(self.oscillator.gap, velocity, phase * self.oscillator.period)
 
 
-def make_orbit(osc: ImpactOscillator, cycle: Cycle, z: Floats, message: str | None = None) -> Orbit:
-    """Return the orbit of a solution z = (turns, velocities); `message` None asks the engine if it is admissible."""
-    p = cycle.n_impacts
+def family_of(model: Model) -> Model | None:
+    """Return a model that is a family, as an `Orbit` keeps it."""
+    return None if isinstance(model, ImpactOscillator) else model
+
+
+def value_of(model: Model, name: str) -> float:
+    """Return the value of a parameter of a model, also of one that replaces another."""
+    return float(getattr(model, name) if isinstance(model, ImpactOscillator) else model.values[name])
+
+
+def make_orbit(model: Model, cycle: Cycle, z: Floats) -> Orbit:
+    """Return the orbit of a solution z = (turns, velocities) of a model; the engine decides if it is admissible."""
+    osc, p = model.at(), cycle.n_impacts
     rounding = ROUNDING * max(float(np.abs(z[p:]).max()), osc.velocity_scale)
     z = np.where((np.arange(2 * p) >= p) & (np.abs(z) <= rounding), 0.0, z)  # grazes
-    message = objection(osc, cycle, z) if message is None else message
+    message = objection(osc, cycle, z)
     return Orbit(
         oscillator=osc,
         n_periods=cycle.n_periods,
@@ -122,6 +144,7 @@ def make_orbit(osc: ImpactOscillator, cycle: Cycle, z: Floats, message: str | No
         multipliers=cycle.multipliers(parameters_of(osc), z),
         admissible=not message,
         message=message,
+        family=family_of(model),
     )
 
 

@@ -19,8 +19,8 @@ from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.closed_form import impact_1_orbits
 from vibroimpact.orbits.equations import Cycle, Floats, parameters_of
 from vibroimpact.orbits.orbit import Orbit, from_hardest, impacts_of, make_orbit, same_orbit, solution_of, true_name
-from vibroimpact.oscillator import ImpactOscillator, State
-from vibroimpact.parameters import real_number, whole_number
+from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model
+from vibroimpact.parameters import invalid, real_number, whole_number
 
 Near = Orbit | State | tuple[float, float] | None
 
@@ -44,7 +44,7 @@ class Orbits(list[Orbit]):
         self.message = message
 
 
-def find_orbit(osc: ImpactOscillator, *, n_periods: int = 1, n_impacts: int = 1, near: Near = None) -> Orbits:
+def find_orbit(osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: int = 1, near: Near = None) -> Orbits:
     r"""Find the period-n impact-p orbits of an oscillator, stable or not.
 
     Impact times and velocities solve, flight by flight,
@@ -55,8 +55,8 @@ def find_orbit(osc: ImpactOscillator, *, n_periods: int = 1, n_impacts: int = 1,
 
     Parameters
     ----------
-    osc : ImpactOscillator
-        The seven numbers.
+    osc : ImpactOscillator or family
+        Whose orbits; of a family, those at its own values.
     n_periods : int, >= 1
         Driving periods in a cycle, n.
     n_impacts : int, >= 1 or -1
@@ -98,27 +98,24 @@ def find_orbit(osc: ImpactOscillator, *, n_periods: int = 1, n_impacts: int = 1,
     >>> find_orbit(ImpactOscillator(omega=2.0), n_periods=1, n_impacts=2).message
     'no start led to a period-1 impact-2 orbit'
     """
-    cycle = _checked(osc, n_periods, n_impacts)
-    begin = _start(osc, near, cycle)
+    check_model(osc)
+    cycle = _checked_cycle(n_periods, n_impacts)
+    begin = _start(osc.at(), near, cycle)
     if cycle.n_impacts == -1:
         return _sticking(osc, cycle.n_periods)
     if cycle.n_impacts == 1:
-        solutions, why = impact_1_orbits(osc, cycle.n_periods)
+        solutions, why = impact_1_orbits(osc.at(), cycle.n_periods)
         return _sorted(osc, cycle, solutions) if solutions else Orbits(outcome="none", message=why)
-    if osc.amplitude == 0.0:
-        return Orbits(outcome="none", message=impact_1_orbits(osc, cycle.n_periods)[1])
+    if osc.at().amplitude == 0.0:
+        return Orbits(outcome="none", message=impact_1_orbits(osc.at(), cycle.n_periods)[1])
     return _search(osc, cycle) if begin is None else _from(osc, cycle, begin)
 
 
-def _checked(osc: Any, n_periods: Any, n_impacts: Any) -> Cycle:
-    if not isinstance(osc, ImpactOscillator):
-        raise ValueError(
-            f"`osc` is {osc!r}; allowed is an ImpactOscillator; write ImpactOscillator(omega=2.0) for example"
-        )
+def _checked_cycle(n_periods: Any, n_impacts: Any) -> Cycle:
     n = whole_number("n_periods", n_periods, 1)
     p = whole_number("n_impacts", n_impacts, -1)
     if p == 0:
-        raise ValueError("`n_impacts` is 0; allowed is a whole number >= 1, or -1 for a complete chatter; give one")
+        raise invalid("n_impacts", p, "a whole number >= 1, or -1 for a complete chatter")
     return Cycle(n, p)
 
 
@@ -133,38 +130,33 @@ def _start(osc: ImpactOscillator, near: Any, cycle: Cycle) -> Orbit | tuple[floa
         return near.phases[0], near.velocities[0]
     if isinstance(near, State):
         if near.displacement != osc.gap:
-            raise ValueError(
-                f"`near` has displacement {near.displacement!r}; allowed is the gap, {osc.gap!r}; "
-                "give a state at an impact"
-            )
+            raise invalid("near", near, f"a state at an impact, with displacement = gap = {osc.gap!r}")
         return near.time / osc.period, _positive(near.velocity)
     if isinstance(near, (tuple, list)) and len(near) == 2:
         return real_number("near", near[0]), _positive(near[1])
-    raise ValueError(
-        f"`near` is {near!r}; allowed is an Orbit, a State at the stop, or (phase, velocity); "
-        "give for example near=(0.25, 1.4)"
-    )
+    raise invalid("near", near, "an Orbit, a State at the stop, or (phase, velocity)", "for example near=(0.25, 1.4)")
 
 
 def _positive(velocity: Any) -> float:
-    value = real_number("near", velocity, "a velocity > 0 at an impact")
+    allowed = "an impact of velocity > 0"
+    value = real_number("near", velocity, allowed)
     if value <= 0.0:
-        raise ValueError(f"`near` has velocity {velocity!r}; allowed is a number > 0; give the speed before an impact")
+        raise invalid("near", velocity, allowed, "give the speed just before contact")
     return value
 
 
-def _sticking(osc: ImpactOscillator, n_periods: int) -> Orbits:
+def _sticking(model: Model, n_periods: int) -> Orbits:
     from vibroimpact.orbits.sticking import find_sticking_orbit
 
-    found = find_sticking_orbit(osc, n_periods)
+    found = find_sticking_orbit(model, n_periods)
     if found:
         return Orbits(found)
     return Orbits(outcome="none", message=f"no period-{n_periods} orbit sticks")
 
 
-def _sorted(osc: ImpactOscillator, cycle: Cycle, solutions: Iterable[Floats]) -> Orbits:
+def _sorted(model: Model, cycle: Cycle, solutions: Iterable[Floats]) -> Orbits:
     orbits = sorted(
-        (make_orbit(osc, cycle, z) for z in solutions),
+        (make_orbit(model, cycle, z) for z in solutions),
         key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)),
     )
     good = sum(orbit.admissible for orbit in orbits)
@@ -177,8 +169,9 @@ def _called(cycle: Cycle) -> str:
     return cycle_name(cycle.n_periods, cycle.n_impacts)
 
 
-def _from(osc: ImpactOscillator, cycle: Cycle, begin: Orbit | tuple[float, float]) -> Orbits:
+def _from(model: Model, cycle: Cycle, begin: Orbit | tuple[float, float]) -> Orbits:
     """Return the orbit that Newton's method reaches from an orbit, or from the motion that follows an impact."""
+    osc = model.at()
     if isinstance(begin, Orbit):
         start = solution_of(begin)[1]
     else:
@@ -202,11 +195,12 @@ def _from(osc: ImpactOscillator, cycle: Cycle, begin: Orbit | tuple[float, float
         return Orbits(
             outcome="other_name", message=f"the start led to a {_called(name)} orbit, which is no {_called(cycle)} one"
         )
-    return _sorted(osc, cycle, [from_hardest(cycle, found.z)])
+    return _sorted(model, cycle, [from_hardest(cycle, found.z)])
 
 
-def _search(osc: ImpactOscillator, cycle: Cycle) -> Orbits:
+def _search(model: Model, cycle: Cycle) -> Orbits:
     """Return the admissible orbits that the attractor from rest and a grid of starts lead to."""
+    osc = model.at()
     solutions: list[Floats] = []
     others: dict[Cycle, int] = {}
     for start in candidates(osc, cycle):
@@ -221,7 +215,7 @@ def _search(osc: ImpactOscillator, cycle: Cycle) -> Orbits:
             others[name] = others.get(name, 0) + 1
             continue
         solutions.append(z)
-    orbits = _sorted(osc, cycle, solutions) if solutions else Orbits()
+    orbits = _sorted(model, cycle, solutions) if solutions else Orbits()
     real = [orbit for orbit in orbits if orbit.admissible]
     virtual = len(orbits) - len(real)
     if real:

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +34,9 @@ from vibroimpact.kernels.runner import LOOK
 from vibroimpact.kernels.traced_lanes import TRACE
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
-from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.oscillator import PARAMETERS, ImpactOscillator, State, parameter_value
-from vibroimpact.parameters import whole_number
+from vibroimpact.orbits.orbit import Orbit, family_of
+from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model, check_names
+from vibroimpact.parameters import invalid, whole_number
 
 Floats = NDArray[np.float64]
 
@@ -100,7 +101,7 @@ def _stick(row: Floats, impacts: Floats) -> Stick:
 
 
 def find_sticking_orbit(
-    osc: ImpactOscillator,
+    osc: ImpactOscillator | Model,
     n_periods: int | None = None,
     *,
     longest: int = LONGEST,
@@ -155,16 +156,17 @@ def find_sticking_orbit(
     []
     """
     wanted = None if n_periods is None else whole_number("n_periods", n_periods, 1)
-    stick = from_release(osc, max(whole_number("longest", longest, 1), wanted or 1))
+    check_model(osc)
+    stick = from_release(osc.at(), max(whole_number("longest", longest, 1), wanted or 1))
     if stick is None or wanted not in (None, stick.periods):
         return []
-    weakest = (tolerances or Tolerances()).chatter * osc.velocity_scale
-    return [sticking_orbit(osc, stick, weakest)]
+    return [sticking_orbit(osc, stick, (tolerances or Tolerances()).chatter)]
 
 
-def sticking_orbit(osc: ImpactOscillator, stick: Stick, weakest: float) -> Orbit:
-    """Return what is known of the cycle that a stick closes, its impacts of at least `weakest` m/s listed."""
-    listed = stick.impacts[stick.impacts[:, 2] >= weakest]
+def sticking_orbit(model: Model, stick: Stick, chatter: float) -> Orbit:
+    """Return what is known of the cycle that a stick closes; impacts above `chatter` times V are listed."""
+    osc = model.at()
+    listed = stick.impacts[stick.impacts[:, 2] >= chatter * osc.velocity_scale]
     return Orbit(
         oscillator=osc,
         n_periods=stick.periods,
@@ -175,6 +177,7 @@ def sticking_orbit(osc: ImpactOscillator, stick: Stick, weakest: float) -> Orbit
         stick_phase=stick.stick_phase,
         release_phase=stick.release_phase,
         stuck_time=stick.fraction * osc.period,
+        family=family_of(model),
     )
 
 
@@ -249,7 +252,7 @@ class StickingEnd:
 
 
 def end_of_sticking(
-    osc: ImpactOscillator, parameter: str, between: tuple[float, float], *, longest: int = LONGEST
+    osc: ImpactOscillator | Model, parameter: str, between: tuple[float, float], *, longest: int = LONGEST
 ) -> StickingEnd:
     r"""Find where a sticking cycle is lost: its chatter's end meets the release and the stuck time is zero.
 
@@ -288,17 +291,18 @@ def end_of_sticking(
     >>> point.n_periods, round(point.value, 12)
     (1, 0.347180413266)
     """
-    inside, outside = checked_interval(parameter, between)
+    check_model(osc)
+    inside, outside = _checked_interval(osc, parameter, between)
 
     def stick_at(value: float, periods: int) -> Stick | None:
-        return from_release(osc.replace(**{parameter: value}), periods)
+        return from_release(osc.at(**{parameter: value}), periods)
 
     ends = {value: stick_at(value, longest) for value in (inside, outside)}
     names = {value: stick.periods if stick else 0 for value, stick in ends.items()}
     if names[inside] == names[outside]:
         what = cycle_name(names[inside], -1) if names[inside] else "no sticking orbit"
         message = f"{what} at `{parameter}` = {inside:g} and at {outside:g}; give values with a change between them"
-        return StickingEnd(osc, parameter, outcome="no_change", message=message)
+        return StickingEnd(osc.at(), parameter, outcome="no_change", message=message)
     if not names[inside] or 0 < names[outside] < names[inside]:
         inside, outside = outside, inside
     n_periods = names[inside]
@@ -312,11 +316,11 @@ def end_of_sticking(
     beyond = stick_at(outside, n_periods)
     if beyond and beyond.periods < n_periods:  # lost to the chatter of an earlier period, which has its end here
         inside, outside = outside, inside
-    return _point(osc.replace(**{parameter: inside}), parameter, inside, osc.replace(**{parameter: outside}))
+    return _point(osc.replace(**{parameter: inside}), parameter, inside, osc.at(**{parameter: outside}))
 
 
-def _point(osc: ImpactOscillator, parameter: str, value: float, beyond: ImpactOscillator) -> StickingEnd:
-    (orbit,) = find_sticking_orbit(osc)
+def _point(model: Model, parameter: str, value: float, beyond: ImpactOscillator) -> StickingEnd:
+    (orbit,), osc = find_sticking_orbit(model), model.at()
     fraction = orbit.stuck_time / osc.period
     left = residual(osc, fraction)
     outcome, message = "found", ""
@@ -332,17 +336,13 @@ def _point(osc: ImpactOscillator, parameter: str, value: float, beyond: ImpactOs
     return StickingEnd(osc, parameter, value, orbit.n_periods, fraction, left, outcome, message, orbit)
 
 
-def checked_interval(parameter: str, between: tuple[float, float], name: str = "between") -> tuple[float, float]:
-    """Return two different allowed values of a parameter, or say what is allowed."""
-    if parameter not in (*PARAMETERS, "frequency"):
-        raise ValueError(
-            f"`parameter` is {parameter!r}; allowed are {', '.join(PARAMETERS)} and frequency; check the spelling"
-        )
+def _checked_interval(model: Model, parameter: str, between: Any) -> tuple[float, float]:
+    check_names(model.parameters, [parameter])
     try:
         first, second = between
     except (TypeError, ValueError):
-        raise ValueError(f"`{name}` is {between!r}; allowed are two values of {parameter}; give a pair") from None
-    first, second = parameter_value(parameter, first), parameter_value(parameter, second)
+        raise invalid("between", between, f"two values of {parameter}") from None
+    first, second = (model.parameters[parameter].check(value) for value in (first, second))
     if first == second:
-        raise ValueError(f"`{name}` is {between!r}; allowed are two different values of {parameter}; widen it")
+        raise invalid("between", between, f"two different values of {parameter}")
     return first, second
