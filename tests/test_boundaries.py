@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.continuation import BifurcationPoint, boundary_curves, continue_boundary, continue_orbit
+from vibroimpact.continuation import (
+    BifurcationPoint,
+    boundary_curves,
+    continue_boundary,
+    continue_orbit,
+    switch_branch,
+)
+from vibroimpact.continuation.sticking import sticking_curve
 from vibroimpact.files import load, save
 from vibroimpact.motion import recognise
 from vibroimpact.orbits import find_orbit
@@ -273,3 +280,75 @@ def test_an_end_of_sticking_is_a_boundary_like_the_others(tmp_path):
     np.testing.assert_allclose(np.interp(high[:, 0], *low.T), high[:, 1], atol=2e-3)
     for path in (tmp_path / "curve.zarr", tmp_path / "curve.nc"):
         assert load(save(curve.dataset, path)).equals(curve.dataset)
+
+
+# Families: any parameter of a model
+
+
+@vi.family
+def identity(mass=1.0, damping=0.01, omega=2.6, restitution=0.8, gap=0.0):
+    return vi.ImpactOscillator(mass=mass, damping=damping, omega=omega, restitution=restitution, gap=gap)
+
+
+@vi.family(units={"rpm": "1/min", "clearance_mm": "mm"})
+def shaker(unbalance=0.002, rpm=1500.0, clearance_mm=0.5):
+    """Tied parameters: the force of an unbalance grows with the square of the speed."""
+    omega = rpm * 2 * np.pi / 60
+    return vi.ImpactOscillator(
+        mass=2.0,
+        stiffness=45000.0,
+        damping_ratio=0.05,
+        amplitude=unbalance * omega**2,
+        omega=omega,
+        gap=clearance_mm / 1e3,
+        restitution=0.7,
+    )
+
+
+def test_an_identity_family_has_the_oscillators_own_curves():
+    # Beyond restitution 1 the family refuses its values; the oscillator's equations go on. Both end at the edge.
+    plane = ("omega", "restitution"), ((2.2, 3.0), (0.6, 1.0))
+    more = {"n_periods": (1,), "kinds": ("period_doubling", "end_of_sticking"), "lines": 2, "step": 0.05}
+    own, tied = (boundary_curves(model, *plane, **more) for model in (vi.ImpactOscillator(), identity))
+    assert [(c.kind, c.outcome) for c in own] == [(c.kind, c.outcome) for c in tied]
+    for one, other in zip(own, tied, strict=True):
+        np.testing.assert_allclose(one.values, other.values, rtol=1e-12)
+        assert [orbit.oscillator for orbit in other.orbits] == [orbit.model.at() for orbit in other.orbits]
+
+
+def test_ends_of_sticking_are_followed_along_a_familys_parameters():
+    ends = [end_of_sticking(model, "omega", (0.3, 0.4)) for model in (vi.ImpactOscillator(), identity)]
+    assert ends[0].value == ends[1].value
+    own, tied = (sticking_curve(end, ("omega", "mass"), ((0.3, 0.4), (0.8, 1.2)), longest=0.2) for end in ends)
+    np.testing.assert_array_equal(own.values, tied.values)
+
+
+def test_boundaries_in_a_familys_own_units_hold_for_the_oscillators_that_it_makes():
+    curves = boundary_curves(
+        shaker, ("rpm", "clearance_mm"), ((1200.0, 1800.0), (0.1, 0.9)), n_periods=(1,), lines=2, step=0.1
+    )
+    assert {curve.kind for curve in curves} >= {"period_doubling", "grazing"}
+    for curve in curves:
+        assert max(curve.residuals) < 1e-10
+        for (rpm, clearance), orbit in zip(curve.values, curve.orbits, strict=True):
+            assert orbit.oscillator == shaker.at(rpm=rpm, clearance_mm=clearance)
+            if curve.kind == "period_doubling":
+                found = find_orbit(orbit.oscillator)
+                assert min(abs(1 + o.trace + o.determinant) for o in found) < 1e-9
+        assert curve.dataset["rpm"].attrs["units"] == "1/min"
+        assert '"family": "shaker"' in curve.dataset.attrs["model"]
+
+
+def test_a_branch_along_a_familys_parameter_meets_the_same_bifurcation_as_the_tied_oscillators():
+    tight = shaker.replace(clearance_mm=0.1)
+    (orbit,) = find_orbit(tight)
+    branch = continue_orbit(orbit, "rpm", (1450.0, 1600.0), step=0.05)
+    (point,) = [point for point in branch.special if point.kind == "period_doubling"]
+    assert point.orbit.value("rpm") == point.value
+    assert branch.outcome == ("range", "range")
+    sides = [find_orbit(tight.at(rpm=point.value + change))[0].stable for change in (-1e-6, 1e-6)]
+    assert sorted(sides) == [False, True]
+    doubled = switch_branch(point)
+    assert (doubled.name, doubled.model.values["clearance_mm"]) == ("period-2 impact-2", 0.1)
+    with pytest.raises(ValueError, match="unknown parameter 'omega'; choose from unbalance, rpm, clearance_mm"):
+        continue_orbit(orbit, "omega", (1.0, 2.0))

@@ -53,7 +53,7 @@ def orbits_json(found: Orbits, osc: ImpactOscillator) -> dict[str, Any]:
 
 
 def _plain(orbit: Any) -> dict[str, Any]:
-    told = {key: value for key, value in vars(orbit).items() if key != "oscillator"}
+    told = {key: value for key, value in vars(orbit).items() if key not in ("oscillator", "family")}
     told["multipliers"] = [[z.real, z.imag] for z in orbit.multipliers]
     told |= {key: getattr(orbit, key) for key in ("name", "stable", "trace", "determinant")}
     return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in told.items()}
