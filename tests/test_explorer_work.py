@@ -12,15 +12,13 @@ from dataclasses import replace
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.explorer import answers, line, refining, searches
-from vibroimpact.explorer.export import export
-from vibroimpact.explorer.limits import granted
-from vibroimpact.explorer.line import compute_line
+from vibroimpact.explorer import around, session, work
+from vibroimpact.explorer.around import compute_line, find_curves, find_others
+from vibroimpact.explorer.files import export
 from vibroimpact.explorer.plane import SIDES, bands
-from vibroimpact.explorer.pool import Pool, Urgency
-from vibroimpact.explorer.searches import find_curves, find_others
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import FINEST, View
+from vibroimpact.explorer.state import FINEST, View, granted
+from vibroimpact.explorer.work import Pool, Urgency
 from vibroimpact.oscillator import ImpactOscillator
 
 SMALL = View(x_range=(1.8, 2.2), y_range=(0.9, 1.1), samples=200)
@@ -47,8 +45,8 @@ def explorer(heard, pool):
 
 @pytest.fixture
 def no_rest(monkeypatch):
-    monkeypatch.setattr(answers, "REST", 0.0)
-    monkeypatch.setattr(answers, "LINE_REST", 0.0)
+    monkeypatch.setattr(session, "OTHERS_DELAY", 0.0)
+    monkeypatch.setattr(session, "LINE_DELAY", 0.0)
 
 
 def told(heard, kind):
@@ -114,23 +112,22 @@ def test_the_search_for_boundaries_stops_when_the_plane_changes(explorer, heard,
 
 
 def test_boundaries_that_are_cut_short_say_so(explorer, heard, monkeypatch, no_rest):
-    monkeypatch.setattr(searches, "MOST_SECONDS", 0.0)
+    monkeypatch.setattr(around, "SEARCH_SECONDS", 0.0)
     explorer.set(boundaries=True)
     until(lambda: told(heard, "message"))
     assert told(heard, "message") == ["boundaries incomplete: stopped after 0 s"]
-    assert not explorer.curves.complete
 
 
 def test_coexisting_motions_that_are_cut_short_say_so(explorer, heard, monkeypatch, no_rest):
-    monkeypatch.setattr(searches, "MOST_SECONDS", 0.0)
+    monkeypatch.setattr(around, "SEARCH_SECONDS", 0.0)
     explorer.click(2.8, 1.0)
     until(lambda: told(heard, "message"))
     assert told(heard, "message") == ["coexisting motions incomplete: stopped after 0 s"]
 
 
 def test_a_diagram_that_is_cut_short_says_so(explorer, heard, monkeypatch, no_rest):
-    monkeypatch.setattr(line, "MOST_SECONDS", 0.0)
-    monkeypatch.setattr(line, "PART", 40)
+    monkeypatch.setattr(around, "LINE_SECONDS", 0.0)
+    monkeypatch.setattr(around, "PART", 40)
     explorer.click(2.0, 1.05)
     until(lambda: told(heard, "message"))
     assert told(heard, "message") == ["diagram incomplete: stopped after 0 s"]
@@ -138,14 +135,15 @@ def test_a_diagram_that_is_cut_short_says_so(explorer, heard, monkeypatch, no_re
 
 
 def test_searches_that_come_to_their_end_say_nothing(heard, no_rest):
-    curves = find_curves(
+    _, complete = find_curves(
         replace(SMALL, x="restitution", x_range=(0.5, 0.9), y="gap", y_range=(-0.1, 0.1)), lambda: True
     )
-    assert curves.complete
+    assert complete
     others, complete = find_others(SMALL, lambda: True)
     assert complete
     assert [other.name for other in others] == ["period-1 impact-1"]
-    assert compute_line(SMALL, lambda: True).complete
+    _, complete = compute_line(SMALL, lambda: True)
+    assert complete
 
 
 def test_what_is_not_wanted_is_not_returned():
@@ -178,7 +176,7 @@ def test_a_slow_boundary_is_asked_between_its_points_whether_to_go_on():
 
 
 def test_a_plane_that_takes_too_long_is_given_up_and_told_of_once(explorer, heard, monkeypatch):
-    monkeypatch.setattr(refining, "MOST_SECONDS", 0.0)
+    monkeypatch.setattr(work, "PLANE_SECONDS", 0.0)
     explorer.start()
     assert explorer.wait(20)
     messages = told(heard, "message")
@@ -195,7 +193,7 @@ def test_a_plane_that_cannot_be_computed_is_told_of_once(explorer, heard, monkey
     explorer.zoom((1.9, 2.1), (0.9, 1.0))
     assert explorer.wait(20)
     assert [message for message in told(heard, "message") if "plane" in message] == [
-        "The plane could not be computed; change the view, or tell us how to reach it."
+        "The plane could not be computed; change the view, and please report how to reproduce this."
     ]
 
 
@@ -208,7 +206,7 @@ def test_what_was_computed_for_one_plane_is_never_shown_as_another(explorer, hea
     assert explorer.zoom((1.9, 2.0), (1.0, 1.1))
     assert explorer.set(index="motion")
     assert not told(heard, "plane")
-    with pytest.raises(ValueError, match="not computed yet"):
+    with pytest.raises(ValueError, match="still being computed"):
         export("nc", explorer)
     gate.set()
     assert explorer.wait(60)

@@ -119,6 +119,30 @@ def simulate(
     density = whole_number("samples_per_period", samples_per_period, 1)
     window = StroboscopicWindow(0, int(np.floor(length * density + 1e-9)) + 1, None, density)
     seen, seconds = orbit.samples(window)
+    return _trajectory(seen, seconds, orbit.provenance("simulate", periods=length, samples_per_period=density))
+
+
+def record_orbit(
+    osc: Model,
+    *,
+    start: State | None = None,
+    transient_periods: int,
+    sample_periods: int,
+    samples_per_period: int,
+    tolerances: Tolerances | None = None,
+) -> xr.Dataset:
+    """Return all that a picture of one orbit needs, from one run: what `simulate` gives, but with a transient left out.
+
+    Every `samples_per_period`-th sample, from the first on, lies on the stroboscopic section of phase 0. The impacts
+    and the rests are those of the whole run, transient included; `impact_phase` lies in [0, 1).
+    """
+    orbit = _Orbit(osc, start, "cpu", None, tolerances)
+    window = StroboscopicWindow(transient_periods, sample_periods * samples_per_period, 0.0, samples_per_period)
+    seen, seconds = orbit.samples(window)
+    return _trajectory(seen, seconds, {}).assign(impact_phase=variable("phase", "impact", seen.impact_phase))
+
+
+def _trajectory(seen: Samples, seconds: Callable[[Any, Any], Any], attrs: dict[str, str]) -> xr.Dataset:
     return xr.Dataset(
         {
             "displacement": variable("displacement", "time", seen.look_displacement),
@@ -129,7 +153,7 @@ def simulate(
             "status": status_variable((), seen.status),
         },
         coords={"time": variable("time", "time", seconds(seen.look_periods, seen.look_phase))},
-        attrs=orbit.provenance("simulate", periods=length, samples_per_period=density),
+        attrs=attrs,
     )
 
 

@@ -1,32 +1,42 @@
-"""The controls tell the session what a person did, and show what it answers."""
+"""The controls: what a person asks for by menus, buttons, keys and fields, and how they show what the session has."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import Any
 
 from bokeh.layouts import column, row
-from bokeh.models import Div
+from bokeh.models import Button, Checkbox, Div, Dropdown, InlineStyleSheet, Select
 
-from vibroimpact.dataset import VARIABLES
+from vibroimpact.explorer.around import Other
 from vibroimpact.explorer.presets import BY_NAME, PRESETS, Preset, case_of, ranges_for
-from vibroimpact.explorer.searches import Other
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import GREEK, SAMPLES, Range, View
-from vibroimpact.explorer.widgets import WIDE, Kit, index_options
-from vibroimpact.oscillator import PARAMETERS
+from vibroimpact.explorer.state import MOTION, NAMES, SAMPLES, Range, View, allowed_range, rounded, symbol
+from vibroimpact.indices import INDICES
 
-MOST_OTHERS = 12  # offered as starts
+MOST_OTHERS = 12  # offered as initial conditions
+NUDGE = 1.0 / 64.0  # of the plane, per arrow key
+ZOOM = 0.5
+EXPORTS = (
+    ("Picture (.png)", "png"), ("Plane's data (.nc)", "nc"), ("Point's motion (.csv)", "csv"),
+    ("Study file (.toml)", "toml"), ("Python lines (.py)", "py"),
+)  # fmt: skip
 _COUNTS = {str(samples): samples for samples in SAMPLES}
+_WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 0}
+_TIGHT = (
+    ":host{font-size:12px} .bk-input{height:24px;min-height:24px;padding:1px 5px;font-size:12px}"
+    " .bk-input-group>label,.bk-input-group>.bk-label{margin:0;font-size:12px}"
+)
+_BAR = ":host{font-size:12px} .bk-btn{padding:3px 9px;font-size:12px;white-space:nowrap}"
 _ABOUT = (
     "<p style='font-size:11.5px;color:#5b6470;margin:6px 0'>Click a point of the plane to see its motion. Drag "
-    "to move, scroll to zoom. Cases above; keys and words under Help.</p>"
+    "to move, scroll to zoom. Choose a case above; Help explains terms and keys.</p>"
 )
 
 
 class Controls:
-    """The widgets of a page.
+    """The widgets of a page, and the ranges of its sliders.
 
     Parameters
     ----------
@@ -38,12 +48,13 @@ class Controls:
 
     def __init__(self, explorer: Explorer, export: Callable[[str], Any]) -> None:
         self.explorer = explorer
-        self._kit, self._quiet = Kit(), False
+        self._quiet = False
+        self._tight, self._bar = InlineStyleSheet(css=_TIGHT), InlineStyleSheet(css=_BAR)
         self._case = case_of(explorer.view)
         self.ranges: dict[str, Range] = ranges_for(explorer.view)
         self._reach: dict[str, Range] = {}  # of sliders, lately
         cases = [("", "Choose a case …"), *((preset.name, preset.title) for preset in PRESETS)]
-        self.preset = self._kit.menu("preset", "", cases)
+        self.preset = self._menu("preset", "", cases)
         self.preset.on_change("value", self._to_preset)
         self.about = Div(text="", sizing_mode="stretch_width", margin=(2, 2, 0, 2))
         self.column = self._controls()
@@ -51,49 +62,64 @@ class Controls:
 
     # ---- making them
 
+    def _menu(self, name: str, title: str, options: list[tuple[str, str]]) -> Select:
+        """Return a menu of values and their labels."""
+        return Select(
+            title=title, options=options, value=options[0][0], name=f"menu_{name}", stylesheets=[self._tight],
+            margin=(1, 4, 1, 4), sizing_mode="stretch_width",
+        )  # fmt: skip
+
+    def _tick(self, name: str, label: str) -> Checkbox:
+        return Checkbox(label=label, active=False, name=f"tick_{name}", margin=(2, 4, 0, 4), stylesheets=[self._tight])
+
     def _controls(self) -> Any:
-        menu, tick = self._kit.menu, self._kit.tick
-        names = [(name, f"{name} {GREEK.get(VARIABLES[name][2], VARIABLES[name][2])}") for name in PARAMETERS]
-        self.x, self.y = menu("x", "across", names), menu("y", "upwards", names)
-        self.start = menu("start", "point's motion starts", [("rest", "from rest")])
+        names = [(name, f"{name} {symbol(name)}") for name in NAMES]
+        self.x, self.y = self._menu("x", "x axis", names), self._menu("y", "y axis", names)
+        self.start = self._menu("start", "initial condition", [("rest", "at rest")])
         self.menus = {
-            "index": menu("index", "colour tells", index_options()),
-            "samples": menu("samples", "impacts a cell", [(text, text) for text in _COUNTS]),
-            "line": menu("line", "diagram along", [("x", "across"), ("y", "upwards")]),
+            "index": self._menu("index", "colour by", _index_options()),
+            "samples": self._menu("samples", "impacts per cell", [(text, text) for text in _COUNTS]),
+            "line": self._menu("line", "diagram along", [("x", "x axis"), ("y", "y axis")]),
         }
         self.ticks = {
-            "log": tick("log", "logarithmic colours"),
-            "boundaries": tick("boundaries", "exact boundaries (some seconds)"),
-            "settled": tick("settled", "show the settled motion"),
+            "log": self._tick("log", "logarithmic colours"),
+            "boundaries": self._tick("boundaries", "exact boundaries (some seconds)"),
+            "settled": self._tick("settled", "show the settled motion"),
         }
         for axis in (self.x, self.y):
             axis.on_change("value", self._to_axes)
         for name, chosen in self.menus.items():
-            chosen.on_change("value", lambda a, o, new, name=name: self._said(name, new))
+            chosen.on_change("value", lambda a, o, new, name=name: self._chosen(name, new))
         for name, box in self.ticks.items():
-            box.on_change("active", lambda a, o, new, name=name: self._said(name, new))
+            box.on_change("active", lambda a, o, new, name=name: self._chosen(name, new))
         self.start.on_change("value", self._to_start)
         return column(
-            row(self.x, self.y, **WIDE),
+            row(self.x, self.y, **_WIDE),
             self.menus["index"],
-            row(self.menus["samples"], self.menus["line"], **WIDE),
+            row(self.menus["samples"], self.menus["line"], **_WIDE),
             self.start,
             *self.ticks.values(),
             self.about,
-            **WIDE,
+            **_WIDE,
         )
 
     def _buttons(self, export: Callable[[str], Any]) -> Any:
         explorer = self.explorer
-        made = [
-            ("undo", "↶ Undo", explorer.undo), ("redo", "↷ Redo", explorer.redo), ("home", "Whole plane", self.home),
+        style: dict[str, Any] = {"margin": (2, 3, 2, 0), "stylesheets": [self._bar]}
+        made: list[Any] = []
+        for name, label, act in (
+            ("undo", "↶ Undo", explorer.undo), ("redo", "↷ Redo", explorer.redo), ("home", "Reset view", self.home),
             ("pin", "Pin point", explorer.pin), ("unpin", "Unpin", explorer.unpin),
-        ]  # fmt: skip
-        return row(*(self._kit.button(*one) for one in made), self._kit.exports(export), margin=0)
+        ):  # fmt: skip
+            made.append(Button(label=label, name=f"button_{name}", **style))
+            made[-1].on_click(lambda act=act: act())
+        made.append(Dropdown(label="Export", menu=list(EXPORTS), name="menu_export", **style))
+        made[-1].on_click(lambda event: export(event.item))
+        return row(*made, margin=0)
 
     # ---- what a person did
 
-    def _said(self, name: str, value: Any) -> None:
+    def _chosen(self, name: str, value: Any) -> None:
         if not self._quiet:
             changes: dict[str, Any] = {name: _COUNTS.get(value, value) if name == "samples" else value}
             self.explorer.set(**changes)
@@ -105,7 +131,7 @@ class Controls:
         view, x, y = self.explorer.view, self.x.value, self.y.value
         if x == y:  # the other axis takes the place of the one chosen
             x, y = (x, view.x) if x != view.x else (view.y, y)
-        if {x, y} <= set(PARAMETERS):
+        if {x, y} <= set(NAMES):
             self.explorer.set_axes(x, y, self.axis_range(x), self.axis_range(y))
         self.show_view(self.explorer.view)
 
@@ -128,11 +154,8 @@ class Controls:
         self.explorer.set(x_range=self.axis_range(view.x), y_range=self.axis_range(view.y))
 
     def axis_range(self, name: str) -> Range:
-        """Return the range that a parameter has along an axis: its slider's, without a zero that is not allowed."""
-        low, high = self.ranges[name]
-        if name in ("mass", "stiffness", "omega") and low <= 0.0:
-            low = high / 500.0
-        return low, high
+        """Return the range of a parameter along an axis: its slider's, without a zero that is not allowed."""
+        return allowed_range(name, self.ranges[name])
 
     # ---- what the session answers
 
@@ -140,7 +163,7 @@ class Controls:
         """Let the sliders reach as far as suits a view."""
         self._case, self.ranges, self._reach = case_of(view), ranges_for(view), {}
 
-    @contextmanager
+    @contextlib.contextmanager
     def _silently(self) -> Iterator[None]:
         before, self._quiet = self._quiet, True
         try:
@@ -154,51 +177,135 @@ class Controls:
         if case != self._case:
             self.fit(view)
         with self._silently():
-            menus = {name: str(getattr(view, name)) for name in self.menus}
-            shown = [(self.x, view.x), (self.y, view.y), (self.preset, case.name if case else "")]
-            for widget, value in (*shown, *((self.menus[name], value) for name, value in menus.items())):
+            menus = [(menu, str(getattr(view, name))) for name, menu in self.menus.items()]
+            for widget, value in ((self.x, view.x), (self.y, view.y), (self.preset, case.name if case else ""), *menus):
                 if widget.value != value:
                     widget.value = value
             for name, tick in self.ticks.items():
                 if tick.active != getattr(view, name):
                     tick.active = getattr(view, name)
-            self._tell_about(case)
+            text = _ABOUT if case is None else _description(case)
+            if self.about.text != text:
+                self.about.text = text
         self.show_others(self.explorer.others)
 
     def rows(self) -> dict[str, tuple[float, float, float]]:
         """Return every parameter as it is now, and the ends of its slider."""
-        told = {}
-        for name in PARAMETERS:
+        rows = {}
+        for name in NAMES:
             value, (low, high) = getattr(self.explorer.view.osc, name), self.ranges[name]
             if not low <= value <= high:  # ends that made room for a value stay as long as one is beyond its range
                 low, high = self._reach.get(name, (low, high))
             self._reach[name] = min(low, value), max(high, value)
-            told[name] = (value, *self._reach[name])
-        return told
-
-    def _tell_about(self, case: Preset | None) -> None:
-        text = _ABOUT
-        if case is not None:
-            text = (
-                f"<div style='font-size:11.5px;line-height:1.35;color:#3c4450'><p style='margin:6px 0 3px'>"
-                f"<b>{case.title}.</b> {case.source}</p>"
-                f"<p style='margin:0'><b>Idealised:</b> {case.idealised}</p></div>"
-            )
-        if self.about.text != text:
-            self.about.text = text
+            rows[name] = (value, *self._reach[name])
+        return rows
 
     def show_others(self, others: list[Other]) -> None:
-        """Offer the motions that coexist as starts of the point's motion."""
+        """Offer the motions that coexist as initial conditions of the point's motion."""
         start = self.explorer.view.start
-        options, chosen = [("rest", "from rest")], "rest"
+        options, chosen = [("rest", "at rest")], "rest"
         for at, other in enumerate(others[:MOST_OTHERS]):
             options.append((str(at), f"on {other.name} ({100 * other.share:.0f} %)"))
             chosen = str(at) if start == other.start else chosen
         if start is not None and chosen == "rest":
-            options.append(("kept", "as the link tells"))
+            options.append(("kept", "as in the link"))
             chosen = "kept"
         with self._silently():
             if self.start.options != options:
                 self.start.options = options
             if self.start.value != chosen:
                 self.start.value = chosen
+
+
+def _description(case: Preset) -> str:
+    return (
+        f"<div style='font-size:11.5px;line-height:1.35;color:#3c4450'><p style='margin:6px 0 3px'>"
+        f"<b>{case.title}.</b> {case.source}</p>"
+        f"<p style='margin:0'><b>Idealised:</b> {case.idealised}</p></div>"
+    )
+
+
+def _index_options() -> list[tuple[str, str]]:
+    """Return names and labels of what the plane can show."""
+    return [(MOTION, "motion")] + [
+        (index.name, index.long_name + ("" if index.units == "1" else f" [{index.units}]"))
+        for index in INDICES.values()
+    ]
+
+
+class Commands:
+    """Runs the commands of the page's script: a word, its arguments, and the message's serial number.
+
+    Parameters
+    ----------
+    explorer : Explorer
+        The session.
+    controls : Controls
+        They hold the range of each parameter.
+    """
+
+    def __init__(self, explorer: Explorer, controls: Controls) -> None:
+        self.heard = -1  # the serial number of the last message
+        self._explorer, self._controls = explorer, controls
+        self._simple: dict[str, Callable[[], Any]] = {
+            "undo": explorer.undo,
+            "redo": explorer.redo,
+            "pin": explorer.pin,
+            "unpin": explorer.unpin,
+            "home": controls.home,
+            "boundaries": lambda: explorer.set(boundaries=not explorer.view.boundaries),
+            "log": lambda: explorer.set(log=not explorer.view.log),
+            "line": lambda: explorer.set(line="y" if explorer.view.line == "x" else "x"),
+            "motion": lambda: explorer.set(index=MOTION if explorer.view.index != MOTION else "std"),
+            "left": lambda: self._nudge(-1, 0),
+            "right": lambda: self._nudge(1, 0),
+            "up": lambda: self._nudge(0, 1),
+            "down": lambda: self._nudge(0, -1),
+            "in": lambda: self._scale(ZOOM),
+            "out": lambda: self._scale(1.0 / ZOOM),
+        }
+        self._placed: dict[str, Callable[..., Any]] = {
+            "click": explorer.click,
+            "zoom": lambda x0, x1, y0, y1: explorer.zoom((x0, x1), (y0, y1)),
+            "along": self._along,
+        }
+        self._named: dict[str, Callable[[str, str], Any]] = {"slide": self._slide, "type": explorer.set_parameter}
+
+    def obey(self, text: str) -> None:
+        """Do what a message says; one that the page's own script does not send is ignored."""
+        word, *about, serial = text.split(" ") if " " in text else (text, "-1")
+        with contextlib.suppress(ValueError, TypeError):
+            self.heard = int(serial)
+            if word in self._simple:
+                self._simple[word]()
+            elif word in self._placed:
+                self._placed[word](*map(float, about))
+            elif word in self._named and about[:1] and about[0] in NAMES:
+                self._named[word](about[0], " ".join(about[1:]))
+
+    def _slide(self, name: str, text: str) -> None:
+        """Take a slider's place, with no more digits than its steps distinguish."""
+        value, (low, high) = float(text), self._controls.ranges[name]
+        low, high = min(low, value), max(high, value)
+        self._explorer.set_parameter(name, min(max(rounded(value, (low, high)), low), high))
+
+    def _along(self, value: float) -> None:
+        parameter, ends = self._explorer.view.along
+        self._explorer.set_parameter(parameter, rounded(value, ends))
+
+    def _nudge(self, right: int, up: int) -> None:
+        view = self._explorer.view
+        (x0, x1), (y0, y1) = view.x_range, view.y_range
+        self._explorer.click(
+            view.osc_value("x") + right * NUDGE * (x1 - x0), view.osc_value("y") + up * NUDGE * (y1 - y0)
+        )
+
+    def _scale(self, factor: float) -> None:
+        """Zoom about the point, or about the middle where the point lies outside."""
+        view, ranges = self._explorer.view, []
+        for axis in ("x", "y"):
+            low, high = getattr(view, f"{axis}_range")
+            middle = view.osc_value(axis)
+            middle = middle if low <= middle <= high else 0.5 * (low + high)
+            ranges.append((middle - factor * (middle - low), middle + factor * (high - middle)))
+        self._explorer.zoom(ranges[0], ranges[1])

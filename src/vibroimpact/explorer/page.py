@@ -6,29 +6,26 @@ import base64
 import json
 import threading
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
 from bokeh.models import TextInput
 
 from vibroimpact.explorer.address import to_query
-from vibroimpact.explorer.answers import Told
-from vibroimpact.explorer.commands import Commands
-from vibroimpact.explorer.controls import Controls
-from vibroimpact.explorer.export import KINDS, export
-from vibroimpact.explorer.line_view import LineView
-from vibroimpact.explorer.parcel import Parcel
+from vibroimpact.explorer.controls import Commands, Controls
+from vibroimpact.explorer.files import KINDS, export
 from vibroimpact.explorer.plane import Plane
-from vibroimpact.explorer.plane_view import PlaneView
-from vibroimpact.explorer.point_view import PointView
-from vibroimpact.explorer.pool import Pool
-from vibroimpact.explorer.session import Explorer
+from vibroimpact.explorer.point import compute_point
+from vibroimpact.explorer.session import Explorer, Message
 from vibroimpact.explorer.state import View
+from vibroimpact.explorer.views import LineView, PlaneView, PointView, Update
+from vibroimpact.explorer.work import Pool
 
 if TYPE_CHECKING:
     from bokeh.document import Document
 
-RESENT = 8  # letters that are sent again, for a browser that was not there yet when they came
+RESENT = 8  # letters that are sent again, for a browser that had not connected when they came
 
 
 class Page:
@@ -41,9 +38,8 @@ class Page:
     """
 
     def __init__(self, pool: Pool) -> None:
-        view = View()
-        self.explorer = Explorer(view, pool, self._hear)
-        self._inbox: list[Told] = []
+        self.explorer = Explorer(View(), pool, self._hear)
+        self._inbox: list[Message] = []
         self._lock = threading.Lock()
         self._serial = count()
         self._sent: list[dict[str, Any]] = []
@@ -53,23 +49,31 @@ class Page:
         self.mail = TextInput(value="", name="mail")
         self.command = TextInput(value="", name="command")
         self.command.on_change("value", lambda attr, old, new: self.commands.obey(new))
-        # no root shows these, and the script in the page reads them
-        self.view = Parcel("view")
+        self.view = Update("view")
+        self._show: dict[str, Callable[[Any], None]] = {
+            "view": self._show_view,
+            "plane": self.plane.show_plane,
+            "point": self.point.show_point,
+            "line": self.line.show,
+            "curves": self.plane.show_curves,
+            "others": self._show_others,
+            "pins": self.point.show_pins,
+        }
         views: tuple[Any, ...] = (self.plane, self.point, self.line)
-        parcels = [self.view, *(parcel for view in views for parcel in view.parcels.values())]
-        self.command.tags = [parcel.source for parcel in parcels]
+        updates = [self.view, *(update for view in views for update in view.updates.values())]
+        self.command.tags = [update.source for update in updates]  # no root holds these, and the script reads them
 
     def open(
-        self, doc: Document, view: View, complaint: str = "", stored: Callable[[View], Plane | None] | None = None
+        self, doc: Document, view: View, message: str = "", stored: Callable[[View], Plane | None] | None = None
     ) -> None:
-        """Fill the document of a tab with a view, say what there is to complain of, and begin to compute.
+        """Fill the document of a tab with a view and perhaps a message, and begin to compute.
 
         `stored` is as for `Explorer`.
         """
         self.doc = doc
         self.explorer.view, self.explorer.stored = view, stored
         self.controls.fit(view)
-        self._apply([("view", view), *([("message", complaint)] if complaint else [])])
+        self._apply([("view", view), *([("message", message)] if message else [])])
         self.doc.on_session_destroyed(lambda context: self.explorer.close())
         roots = {
             "preset": self.controls.preset, "buttons": self.controls.buttons, "controls": self.controls.column,
@@ -79,7 +83,7 @@ class Page:
             for name, model in roots.items():
                 model.name = name
                 doc.add_root(model)
-        # Not before the session stands: what threads tell until then would be lost.
+        # Not before the session exists: what threads send until then would be lost.
         doc.add_next_tick_callback(self.explorer.start)
 
     def export(self, kind: str) -> None:
@@ -97,11 +101,11 @@ class Page:
 
     # ---- what the session answers
 
-    def _hear(self, told: list[Told]) -> None:
-        """Take messages from any thread; the page shows them when it is its turn."""
+    def _hear(self, messages: list[Message]) -> None:
+        """Take messages from any thread; the page shows them in its own."""
         with self._lock:
             first = not self._inbox
-            self._inbox += told
+            self._inbox += messages
         if first:
             try:
                 self.doc.add_next_tick_callback(self._read)
@@ -110,39 +114,61 @@ class Page:
 
     def _read(self) -> None:
         with self._lock:
-            told, self._inbox = self._inbox, []
-        latest = {what: number for number, (what, _) in enumerate(told)}
-        self._apply([(what, content) for number, (what, content) in enumerate(told) if latest[what] == number])
+            messages, self._inbox = self._inbox, []
+        latest = {what: number for number, (what, _) in enumerate(messages)}
+        self._apply([message for number, message in enumerate(messages) if latest[message[0]] == number])
 
-    def _apply(self, told: list[Told]) -> None:
+    def _apply(self, messages: list[Message]) -> None:
         letters: list[dict[str, Any]] = []
-        for what, content in sorted(told, key=lambda one: one[0] != "point"):  # the motion first: eyes wait for it
-            if what == "view":
-                self.plane.show_view(content, self.view)
-                self.line.show_view(content, self.view)
-                self.view.pack("address", query=to_query(content))
-                self.controls.show_view(content)
-                self.view.pack("rows", heard=self.commands.heard, values=self.controls.rows())
-                self.view.send()
-            elif what == "plane":
-                self.plane.show_plane(content)
-            elif what == "point":
-                self.point.show_point(content)
-            elif what == "line":
-                self.line.show(content)
-            elif what == "curves":
-                self.plane.show_curves(content)
-            elif what == "others":
-                self.point.show_others(content)
-                self.controls.show_others(content)
-            elif what == "pins":
-                self.point.show_pins(content)
-            elif what == "message":
+        for what, content in sorted(messages, key=lambda one: one[0] != "point"):  # the motion first: eyes wait for it
+            if what == "message":
                 letters.append({"message": content})
             elif what == "file":
                 encoded = base64.b64encode(content.content).decode()
                 letters.append({"file": {"name": content.name, "type": content.type, "base64": encoded}})
+            else:
+                self._show[what](content)
         if letters:
             sent = [letter for letter in self._sent if "file" not in letter][-RESENT:]
             self._sent = [*sent, *({"serial": next(self._serial), **letter} for letter in letters)]
             self.mail.value = json.dumps(self._sent)
+
+    def _show_view(self, view: View) -> None:
+        self.plane.show_view(view, self.view)
+        self.line.show_view(view, self.view)
+        self.view.add("address", query=to_query(view))
+        self.controls.show_view(view)
+        self.view.add("rows", heard=self.commands.heard, values=self.controls.rows())
+        self.view.send()
+
+    def _show_others(self, others: Any) -> None:
+        self.point.show_others(others)
+        self.controls.show_others(others)
+
+
+class ReadyPages:
+    """One page ready, and another one made whenever it is taken, so that a tab opens at once.
+
+    Parameters
+    ----------
+    pool : Pool
+        The threads that compute for the pages.
+    """
+
+    def __init__(self, pool: Pool) -> None:
+        self._pool = pool
+        self._maker = ThreadPoolExecutor(1, thread_name_prefix="explorer-page")
+        self._lock = threading.Lock()
+        compute_point(View())  # compiles or loads what the first click needs
+        self._next: Future[Page] = self._maker.submit(Page, pool)
+
+    def take(self) -> Page:
+        """Return a page that no tab has."""
+        with self._lock:
+            page = self._next
+            self._next = self._maker.submit(self._make)
+        return page.result()
+
+    def _make(self) -> Page:
+        threading.Event().wait(0.5)  # the tab that just opened comes first
+        return Page(self._pool)

@@ -1,132 +1,172 @@
-"""The motion at a point: its history, portrait, maps, numbers and name."""
+"""The motion at a point: its history, portrait, sections, indices and name, from one orbit."""
 
 from __future__ import annotations
 
 import math
+import threading
+from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.explorer.limits import granted, stiffness
-from vibroimpact.explorer.plane import TRANSIENT
-from vibroimpact.explorer.state import View
+from vibroimpact.explorer.plane import TRANSIENT, compute_cells
+from vibroimpact.explorer.state import View, granted, stiffness
 from vibroimpact.indices import INDICES, spread_scale, told_spread
-from vibroimpact.motion import MotionClass, motion_name
+from vibroimpact.motion import MotionClass, decide, motion_name
 from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.sections import record_orbit
 from vibroimpact.status import Status
 
 Floats = NDArray[np.float64]
+Columns = dict[str, Floats]
 
 HISTORY = 4000  # samples, about
 IMPACTS = 800  # on the impact map
-LOOKS = 400  # on the Poincare map
-LEAD = 100  # driving periods left out before the Poincare map
+LOOKS = 400  # on the Poincaré map
+LEAD = 100  # driving periods left out before the Poincaré map
+FAINT = 1e-6  # of the largest velocity: slower impacts are not drawn
+REMEMBERED = 16  # motions per page
 
 
 @dataclass(frozen=True)
 class Point:
-    """What is told of a point."""
+    """What the page shows of a point."""
 
     osc: ImpactOscillator
     name: str
     sentence: str
-    kind: MotionClass
     n_periods: int
     settled: bool  # whether the history begins on the settled motion
     indices: dict[str, float]
-    history: dict[str, Floats]  # time, displacement, velocity, both sides of every impact
-    impacts: dict[str, Floats]  # time, velocity within the history
-    rests: dict[str, Floats]  # begin, end of rests at the stop within the history
-    impact_map: dict[str, Floats]  # phase, velocity
-    poincare: dict[str, Floats]  # displacement, velocity
+    history: Columns  # time, displacement, velocity, both sides of every impact
+    impacts: Columns  # time, velocity within the history
+    rests: Columns  # begin, end of rests at the stop within the history
+    impact_map: Columns  # phase, velocity
+    poincare: Columns  # displacement, velocity
+
+    @property
+    def size(self) -> float:
+        """The static deflection or the gap, whichever is larger, in m: a scale for axes."""
+        return max(self.osc.amplitude / self.osc.stiffness, abs(self.osc.gap)) or 1.0
 
 
 def compute_point(view: View, osc: ImpactOscillator | None = None) -> Point:
-    """Return what is told of the view's point, or of another one started in the same way."""
+    """Return what the page shows of the view's point, or of another one that starts from rest.
+
+    The indices take a run of their own, for the engine observes neighbours and near-misses only while it measures. All
+    else is read from one recorded orbit; only the impact map of a motion that does not repeat takes more impacts.
+    """
     start = view.start if osc is None else None
     osc = osc or view.osc
-    slow = max(1.0, osc.natural_frequency / osc.omega)  # free oscillations a driving period
-    stiff = stiffness(osc)
-    hits = vi.impact_section(
-        osc,
-        start=start,
-        transient_impacts=TRANSIENT,
-        sample_impacts=IMPACTS,
-        tolerances=granted(stiff, TRANSIENT + IMPACTS),
-    )
-    looks = vi.stroboscopic_section(
-        osc,
-        start=start,
-        transient_periods=max(20, int(LEAD / slow)),
-        sample_periods=max(20, int(LOOKS / slow)),
-        tolerances=granted(stiff, LEAD + LOOKS),
-    )
-    one = vi.parameter_map(
-        osc, indices=tuple(INDICES), start=start, transient_impacts=TRANSIENT, sample_impacts=view.samples,
-        tolerances=granted(stiff, TRANSIENT + view.samples), workers=1, omega=[osc.omega],
-    )  # fmt: skip
-    indices = {name: float(one[name][0]) for name in INDICES}
-    status = Status(int(one["status"][0]))
-    kind = MotionClass(int(vi.classify(one)["motion"][0]))
-    begin = _settled(osc, hits, looks) if view.settled else start
-    history, impacts, rests = _history(osc, begin, slow)
+    cell = compute_cells(osc, view.samples, stiffness(osc), {"omega": [osc.omega]}, start)
+    indices = {name: float(cell[name].values[0]) for name in INDICES}
+    status = Status(int(cell["status"].values[0]))
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
+    kind = MotionClass(int(decide(status, view.samples * indices["lyapunov_per_impact"], n, p)))
+
+    slow = max(1.0, osc.natural_frequency / osc.omega)  # free oscillations per driving period
+    lead, looks = max(20, int(LEAD / slow)), max(20, int(LOOKS / slow))
+    density = min(max(60, math.ceil(24 * slow)), HISTORY)  # samples per period
+    orbit = record_orbit(
+        osc,
+        start=start,
+        transient_periods=lead,
+        sample_periods=looks,
+        samples_per_period=density,
+        tolerances=granted(stiffness(osc), lead + looks),
+    )
+    length = max(2.0, min(40.0, HISTORY / density)) * osc.period
+    shown = _settled_part(osc, orbit, length, status.has_indices) if view.settled else None
+    settled = shown is not None
+    if shown is None:
+        shown = _from_start(osc, start, length, density)
     return Point(
         osc=osc,
         name=motion_name(kind, n, p),
         sentence=sentence(osc, kind, status, indices),
-        kind=kind,
         n_periods=n,
-        settled=view.settled and begin is not None,
+        settled=settled,
         indices=indices,
-        history=history,
-        impacts=impacts,
-        rests=rests,
-        impact_map={name: hits[name].values for name in ("phase", "velocity")},
-        poincare={name: looks[name].values for name in ("displacement", "velocity")},
+        history=_history(osc, shown),
+        impacts={"time": shown.impact_time, "velocity": shown.impact_velocity},
+        rests=shown.rests,
+        impact_map=_impact_map(osc, start, orbit, repeats=n > 0 or not status.has_indices),
+        poincare={name: orbit[name].values[::density] for name in ("displacement", "velocity")},
     )
 
 
-def _settled(osc: ImpactOscillator, hits: xr.Dataset, looks: xr.Dataset) -> State | None:
-    """Return a state on the settled motion: its hardest of the last hits, else where it was last looked at."""
-    velocities = hits["velocity"].values
-    filled = Status(int(hits["status"])).has_indices
-    if filled and len(velocities):
-        last = len(velocities) - 1 - int(velocities[:-65:-1].argmax())
-        return State(osc.gap, float(velocities[last]), float(hits["phase"][last]) * osc.period)
-    if not filled and looks.sizes["period"]:
-        return State(min(float(looks["displacement"][-1]), osc.gap), float(looks["velocity"][-1]), 0.0)
-    return None
+@dataclass(frozen=True)
+class _Part:
+    """Part of an orbit: samples, impacts that can be seen, and rests; times in s."""
+
+    time: Floats
+    displacement: Floats
+    velocity: Floats
+    impact_time: Floats
+    impact_velocity: Floats
+    rests: Columns
 
 
-def _history(osc: ImpactOscillator, begin: State | None, slow: float) -> tuple[dict[str, Floats], ...]:
-    """Return displacement and velocity over time, with both sides of every impact, and the rests at the stop."""
-    density = min(max(60, math.ceil(24 * slow)), HISTORY)
-    periods = max(2.0, min(40.0, HISTORY / density))
+def _part(orbit: xr.Dataset, begin: float, end: float, shift: float = 0.0) -> _Part:
+    """Return the part of an orbit between two times, told in times that are earlier by `shift`."""
+    time, hit_time, hit_speed = (orbit[name].values for name in ("time", "impact_time", "impact_velocity"))
+    within = (time >= begin) & (time <= end)
+    hit = (hit_time >= begin) & (hit_time <= end)
+    hit_time, hit_speed = hit_time[hit], hit_speed[hit]
+    seen = hit_speed > FAINT * float(hit_speed.max(initial=0.0))
+    stick, release = orbit["stick_time"].values, orbit["release_time"].values
+    left = np.where(np.isnan(release), end, release).clip(max=end)
+    rested = (left > begin) & (stick < end)
+    return _Part(
+        time=time[within] - shift,
+        displacement=orbit["displacement"].values[within],
+        velocity=orbit["velocity"].values[within],
+        impact_time=hit_time[seen][:HISTORY] - shift,
+        impact_velocity=hit_speed[seen][:HISTORY],
+        rests={"begin": stick[rested].clip(min=begin) - shift, "end": left[rested] - shift},
+    )
+
+
+def _from_start(osc: ImpactOscillator, start: State | None, length: float, density: int) -> _Part:
+    """Return the beginning of the motion."""
+    periods = length / osc.period
     limits = granted(stiffness(osc), math.ceil(periods))
-    seen = vi.simulate(osc, start=begin, periods=periods, samples_per_period=density, tolerances=limits)
-    hit_time, hit_speed = seen["impact_time"].values, seen["impact_velocity"].values
-    kept = hit_speed > 1e-6 * float(hit_speed.max(initial=0.0))
-    hit_time, hit_speed = hit_time[kept][:HISTORY], hit_speed[kept][:HISTORY]
-    apart = _apart(seen["time"].values, hit_time, 1e-9 * osc.period)
-    time = np.concatenate([seen["time"].values[apart], hit_time, hit_time])
-    order = np.argsort(time, kind="stable")
+    orbit = vi.simulate(osc, start=start, periods=periods, samples_per_period=density, tolerances=limits)
+    time = orbit["time"].values
+    return _part(orbit, time[0], time[-1]) if len(time) else _part(orbit, 0.0, 0.0)
+
+
+def _settled_part(osc: ImpactOscillator, orbit: xr.Dataset, length: float, hits: bool) -> _Part | None:
+    """Return the end of an orbit from the hardest of its last impacts on, as if it began in the first period."""
+    time, hit_time = orbit["time"].values, orbit["impact_time"].values
+    if not len(time) or time[-1] - time[0] < length:
+        return None
+    begin = float(time[-1]) - length
+    last = np.flatnonzero((hit_time >= time[0]) & (hit_time <= begin))[:-65:-1]
+    if hits and len(last):
+        begin = float(hit_time[last[int(orbit["impact_velocity"].values[last].argmax())]])
+    return _part(orbit, begin, begin + length, math.floor(begin / osc.period) * osc.period)
+
+
+def _history(osc: ImpactOscillator, part: _Part) -> Columns:
+    """Return displacement and velocity over time, with both sides of every impact."""
+    hit_time, hit_speed = part.impact_time, part.impact_velocity
+    between = _away_from(part.time, hit_time, 1e-9 * osc.period)
     stop = np.full(len(hit_time), osc.gap)
-    displacement = np.concatenate([seen["displacement"].values[apart], stop, stop])[order]
-    velocity = np.concatenate([seen["velocity"].values[apart], hit_speed, -osc.restitution * hit_speed])[order]
-    end = float(seen["time"][-1]) if seen.sizes["time"] else 0.0
-    release = seen["release_time"].values
-    rests = {"begin": seen["stick_time"].values, "end": np.where(np.isnan(release), end, release)}
-    history = {"time": time[order], "displacement": displacement, "velocity": velocity}
-    return history, {"time": hit_time, "velocity": hit_speed}, rests
+    time = np.concatenate([part.time[between], hit_time, hit_time])
+    order = np.argsort(time, kind="stable")
+    return {
+        "time": time[order],
+        "displacement": np.concatenate([part.displacement[between], stop, stop])[order],
+        "velocity": np.concatenate([part.velocity[between], hit_speed, -osc.restitution * hit_speed])[order],
+    }
 
 
-def _apart(time: Floats, events: Floats, width: float) -> NDArray[np.bool_]:
-    """Whether instants are no events: what is seen at an impact is told by its two sides."""
+def _away_from(time: Floats, events: Floats, width: float) -> NDArray[np.bool_]:
+    """Whether instants lie away from all events; a sample at an impact gives way to the impact's two sides."""
     if not len(events):
         return np.ones(len(time), bool)
     after = np.searchsorted(events, time).clip(1, len(events) - 1) if len(events) > 1 else np.zeros(len(time), int)
@@ -134,38 +174,70 @@ def _apart(time: Floats, events: Floats, width: float) -> NDArray[np.bool_]:
     return np.asarray(nearest > width)
 
 
+def _impact_map(osc: ImpactOscillator, start: State | None, orbit: xr.Dataset, repeats: bool) -> Columns:
+    """Return phase and velocity of the impacts after a transient; of a cycle those of the recorded orbit suffice."""
+    if repeats:
+        last = slice(TRANSIENT, TRANSIENT + IMPACTS)
+        return {"phase": orbit["impact_phase"].values[last], "velocity": orbit["impact_velocity"].values[last]}
+    limits = granted(stiffness(osc), TRANSIENT + IMPACTS)
+    hits = vi.impact_section(
+        osc, start=start, transient_impacts=TRANSIENT, sample_impacts=IMPACTS, tolerances=limits
+    )  # fmt: skip
+    return {name: hits[name].values for name in ("phase", "velocity")}
+
+
+class Motions:
+    """The last few motions of a page, so that going back to one costs nothing."""
+
+    def __init__(self) -> None:
+        self._known: dict[Hashable, Point] = {}
+        self._lock = threading.Lock()
+
+    def of(self, view: View, osc: ImpactOscillator | None = None) -> Point:
+        """Return the motion at the view's point, or at another one that starts from rest."""
+        key = view.point_key if osc is None else (osc, None, view.settled, view.samples)
+        with self._lock:
+            known = self._known.get(key)
+        if known is None:
+            known = compute_point(view, osc)
+            with self._lock:
+                while len(self._known) >= REMEMBERED:
+                    del self._known[next(iter(self._known))]
+                self._known[key] = known
+        return known
+
+
 def sentence(osc: ImpactOscillator, kind: MotionClass, status: Status, indices: dict[str, float]) -> str:
     """Return the motion in a sentence."""
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
-    hardest = f"hits hardest at {indices['max_velocity']:.3g} m/s"
-    often = "once a period" if n <= 1 else f"once in {n} periods"
+    name, hardest = motion_name(kind, n, p), f"largest impact velocity {indices['max_velocity']:.3g} m/s"
+    often = "once per period" if n <= 1 else f"once in {n} periods"
     if kind == MotionClass.PERIODIC:
         growth = indices["lyapunov"] * osc.period
-        calms = f"; disturbances halve in {_periods(-math.log(2.0) / growth)}" if -1e3 < growth < 0.0 else ""
-        return f"{motion_name(kind, n, p)}, stable, {hardest} {often}{calms}."
+        decays = f"; perturbations halve in {_periods(-math.log(2.0) / growth)}" if -1e3 < growth < 0.0 else ""
+        return f"{name}, stable, {hardest} {often}{decays}."
     if kind == MotionClass.STICKING and not n:
-        return f"Irregular with rests, {hardest}: it rests at the stop so seldom that rounding decides when."
+        return f"Intermittent sticking, {hardest}; its period is not resolved in double precision."
     if kind == MotionClass.STICKING:
         rest = 100.0 * indices["stick_fraction"]
-        resting = f"then comes to rest at the stop, {rest:.3g} % of the time"
-        return f"{motion_name(kind, n, p)}, stable, {hardest} {often}, {resting}."
+        return f"{name}, stable, {hardest} {often}; at rest at the stop {rest:.3g} % of the time."
     if kind == MotionClass.CHAOTIC:
         doubling = math.log(2.0) / (indices["lyapunov"] * osc.period)
-        return f"Chaotic, the impacts never repeat, {hardest}; disturbances double in {_periods(doubling)}."
-    if kind == MotionClass.NO_IMPACT:
+        return f"Chaotic, {hardest}; perturbations double in {_periods(doubling)}."
+    if kind.stored == MotionClass.NO_IMPACT:
         reach = osc.steady_amplitude
-        swings = f" It swings by {reach:.3g} m before a stop at {osc.gap:.3g} m." if reach < osc.gap else ""
-        return f"{status.sentence[0].upper()}{status.sentence[1:].split(';')[0]}.{swings}"
-    told = f", {hardest}" if math.isfinite(indices["max_velocity"]) else ""
-    reason = status.sentence.split(";")[0] if not status.has_indices else "no cycle was found, and chaos is not certain"
-    return f"Undecided{told}: {reason}; sample more impacts."
+        free = f" The amplitude is {reach:.3g} m, the gap {osc.gap:.3g} m." if reach < osc.gap else ""
+        return f"{status.sentence[0].upper()}{status.sentence[1:].split(';')[0]}.{free}"
+    known = f", {hardest}" if math.isfinite(indices["max_velocity"]) else ""
+    reason = "no cycle was found, and chaos is not certain" if status.has_indices else status.sentence.split(";")[0]
+    return f"Undecided{known}: {reason}; sample more impacts."
 
 
 def _periods(value: float) -> str:
     return f"{value:.2g} period" + ("" if value == 1.0 else "s")
 
 
-def words(index: str, value: float) -> str:
+def index_text(index: str, value: float) -> str:
     """Return the value of an index as a table shows it."""
     if math.isnan(value):
         return "–"
@@ -175,15 +247,17 @@ def words(index: str, value: float) -> str:
         return "∞ (chatter)"
     if index in ("n_periods", "n_impacts") and value == 0.0:
         return "no cycle"
-    text: str = f"{value:.5g}"
-    return text.replace("-", "−")
+    return f"{value:.5g}".replace("-", "−")
 
 
-def fields(point: Point) -> list[tuple[str, str, str, str]]:
-    """Return symbol, long name, value and unit of every index."""
-    rows: list[tuple[str, str, str, str]] = []
+def index_rows(point: Point) -> list[tuple[str, str, str]]:
+    """Return long name, value and unit of every index."""
+    rows = []
     for name, value in point.indices.items():
-        index: Any = INDICES[name]
-        told = words(name, told_spread(value, spread_scale(name, point.osc.velocity_scale)))
-        rows.append((index.symbol, index.long_name, told, "" if index.units == "1" else index.units))
+        index, scale = INDICES[name], spread_scale(name, point.osc.velocity_scale)
+        rows.append((index.long_name, index_text(name, told_spread(value, scale)), _plain(index.units)))
     return rows
+
+
+def _plain(units: str) -> str:
+    return "" if units == "1" else units

@@ -1,4 +1,4 @@
-"""The server: pages on loopback, from nothing but this machine."""
+"""The server: pages on loopback, with nothing loaded from elsewhere."""
 
 from __future__ import annotations
 
@@ -16,17 +16,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
 
+from vibroimpact.parameters import invalid
+
 if TYPE_CHECKING:
     from bokeh.document import Document
     from bokeh.server.server import Server
 
-    from vibroimpact.explorer.spares import Spares
+    from vibroimpact.explorer.page import ReadyPages
     from vibroimpact.explorer.state import View
 
 MOST_PAGES = 64
-PORTS = range(5006, 5026)  # tried in turn where none is asked for
+PORTS = range(5006, 5026)  # tried in turn unless a port is given
 MOST_BYTES = 1 << 20  # of a message from a page
-KEEP_ALIVE, UNUSED, LOOK = 15_000, 4_000, 2_000  # ms: of a connection; until a closed tab's work stops; between looks
+KEEP_ALIVE, UNUSED, CHECK = 15_000, 4_000, 2_000  # ms: of a connection; until a closed tab's work stops; between checks
+SCRIPTS = ("plots", "motion", "plane", "rows", "page")
 _ASSETS = Path(__file__).parent / "assets"
 
 
@@ -42,27 +45,27 @@ def explore(
     Parameters
     ----------
     store : path, optional
-        A stored sweep over two or more parameters to begin with: a `.zarr` folder or an `.nc` file.
+        A stored sweep over two or more parameters to show first: a `.zarr` folder or an `.nc` file.
     port : int, 0 to 65535, optional
-        Where to listen; None is the first free one from 5006 on, 0 any free one.
+        The port to listen on; None is the first free one from 5006, 0 any free one.
     host : str
-        The address to listen at. Any other than this machine's own lets others on the network in: a warning tells.
+        The address to listen on. Any address but this machine's own lets others on the network in; a warning says so.
     browser : bool
-        Whether to open the page.
+        Whether to open the page in the browser.
 
     Raises
     ------
     ValueError
-        `store` is no sweep that can be shown, or `port` is taken or out of its range.
+        `store` cannot be shown, or `port` is in use or out of range.
     ImportError
         The extra `[web]` is not installed.
 
     Notes
     -----
-    Nothing is loaded from outside. Pages share the machine's cores; at most 64 may be open. See docs/explorer.md.
+    Nothing is loaded from the internet. Pages share the machine's cores; at most 64 may be open. See docs/explorer.md.
     """
     server, address = make_server(store, port=port, host=host)
-    print(f"The explorer is at {address} (Ctrl-C ends it)", flush=True)
+    print(f"Explorer at {address} (stop with Ctrl-C)", flush=True)
     if browser:
         server.io_loop.call_later(0.1, lambda: webbrowser.open(address))
     try:
@@ -83,23 +86,22 @@ def make_server(
         raise ImportError(
             "the explorer needs the extra [web]; install it with: pip install 'vibroimpact[web]'"
         ) from error
-    from vibroimpact.explorer.pool import Pool
+    from vibroimpact.explorer.page import ReadyPages
     from vibroimpact.explorer.presets import PRESETS
+    from vibroimpact.explorer.work import Pool
 
     address = check_host(host)
-    view, look = PRESETS[0].view, None
+    view, stored = PRESETS[0].view, None
     if store is not None:
-        from vibroimpact.explorer.stored import open_study
+        from vibroimpact.explorer.files import open_study
 
-        view, look = open_study(store)
-    from vibroimpact.explorer.spares import Spares
-
+        view, stored = open_study(store)
     pool = Pool()
-    pages: set[Document] = set()
-    spares = Spares(pool)
+    open_pages: set[Document] = set()
+    ready = ReadyPages(pool)
 
     def begin(doc: Document) -> None:
-        _begin(doc, view, look, spares, pages)
+        _begin(doc, view, stored, ready, open_pages)
 
     logging.getLogger("bokeh").setLevel(logging.ERROR)
     logging.getLogger("tornado.access").setLevel(logging.ERROR)
@@ -114,60 +116,50 @@ def make_server(
                 allow_websocket_origin=origins(address, number),
                 keep_alive_milliseconds=KEEP_ALIVE,
                 unused_session_lifetime_milliseconds=UNUSED,
-                check_unused_sessions_milliseconds=LOOK,
+                check_unused_sessions_milliseconds=CHECK,
                 websocket_max_message_size=MOST_BYTES,
             )
         except OSError as error:
             fault = error
             continue
         server.start()
-        return server, f"http://{'localhost' if is_loopback(address) else _outer(address)}:{number}/"
+        outer = socket.gethostname() if address == "0.0.0.0" else address
+        return server, f"http://{'localhost' if is_loopback(address) else outer}:{number}/"
     pool.close()
-    told = port if port is not None else f"{PORTS[0]} to {PORTS[-1]}"
-    raise ValueError(
-        f"`port` is {told}, which cannot be listened at ({fault.strerror if fault else 'none is free'}); allowed is a "
-        "free port; give another with --port"
-    )
+    tried = f"port {port}" if port is not None else f"ports {PORTS[0]} to {PORTS[-1]}"
+    reason = f" ({fault.strerror})" if fault and fault.strerror else ""
+    raise ValueError(f"`port`: cannot listen on {tried}{reason}; choose another with --port")
 
 
-def _begin(doc: Document, view: View, look: Any, spares: Spares, pages: set[Document]) -> None:
+def _begin(doc: Document, view: View, stored: Any, ready: ReadyPages, open_pages: set[Document]) -> None:
     """Fill the document of a tab that was just opened."""
     from vibroimpact.explorer.address import from_query
-    from vibroimpact.explorer.state import parameter_label
-    from vibroimpact.oscillator import PARAMETERS
+    from vibroimpact.explorer.state import NAMES, parameter_label
 
     doc.title = "vibroimpact explorer"
-    if len(pages) >= MOST_PAGES:
+    if len(open_pages) >= MOST_PAGES:
         doc.template = _template("full.html")
         return
-    pages.add(doc)
-    doc.on_session_destroyed(lambda context: pages.discard(doc))
-    complaint = ""
-    context = doc.session_context
-    request: Any = context.request if context is not None else None
-    query = (
-        ""
-        if request is None
-        else urlencode([(k, v.decode("utf-8", "replace")) for k, vs in request.arguments.items() for v in vs])
-    )
-    if query:
+    open_pages.add(doc)
+    doc.on_session_destroyed(lambda context: open_pages.discard(doc))
+    message = ""
+    request: Any = doc.session_context.request if doc.session_context is not None else None
+    if request is not None and request.arguments:
         try:
-            view, look = from_query(query), look
+            view = from_query(
+                urlencode([(k, v.decode("utf-8", "replace")) for k, vs in request.arguments.items() for v in vs])
+            )
         except ValueError as error:
-            complaint = f"This link cannot be shown: {error}. You see the usual view instead."
+            message = f"This link cannot be shown: {error}. The default view is shown instead."
     doc.template = _template("page.html")
     doc.template_variables.update(
         page_css=_asset("page.css"),
-        parameters=[(name, parameter_label(name)) for name in PARAMETERS],
-        plots_js=_asset("plots.js"),
-        motion_js=_asset("motion.js"),
-        plane_js=_asset("plane.js"),
-        rows_js=_asset("rows.js"),
-        page_js=_asset("page.js"),
         help_html=_asset("help.html"),
+        parameters=[(name, parameter_label(name)) for name in NAMES],
         bokeh_version=version("bokeh"),
+        **{f"{name}_js": _asset(f"{name}.js") for name in SCRIPTS},
     )
-    spares.take().open(doc, view, complaint, look)
+    ready.take().open(doc, view, message, stored)
 
 
 @functools.cache
@@ -188,14 +180,11 @@ def is_loopback(address: str) -> bool:
 
 
 def check_host(host: str) -> str:
-    """Return the address to listen at; warn where it is not this machine's own."""
+    """Return the address to listen on; warn if others can reach it."""
     try:
         address = "127.0.0.1" if host == "localhost" else str(ipaddress.ip_address(socket.gethostbyname(host)))
     except (OSError, ValueError) as error:
-        raise ValueError(
-            f"`host` is {host!r}, which is no address of a machine; allowed is a name or an IPv4 address; "
-            "leave it out to serve this machine alone"
-        ) from error
+        raise invalid("host", host, "a host name or an IPv4 address", "omit it to serve this machine only") from error
     if not is_loopback(address):
         print(
             f"Warning: with --host {host} anyone who reaches this machine on the network can open the explorer and use "
@@ -206,12 +195,8 @@ def check_host(host: str) -> str:
     return address
 
 
-def _outer(address: str) -> str:
-    return socket.gethostname() if address == "0.0.0.0" else address
-
-
 def origins(address: str, port: int) -> list[str]:
-    """Return the pages whose scripts may talk to the server: its own, under each name that it has."""
+    """Return the pages whose scripts may talk to the server: its own, under each of its names."""
     names = {"localhost", "127.0.0.1", address}
     if not is_loopback(address):
         names |= {socket.gethostname(), socket.getfqdn()}
@@ -221,7 +206,7 @@ def origins(address: str, port: int) -> list[str]:
 
 
 def _try(address: str, port: int) -> None:
-    """Raise `OSError` if a port cannot be listened at."""
+    """Raise `OSError` if the server cannot listen on a port."""
     with socket.socket() as tried:
         if sys.platform != "win32":
             tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -232,7 +217,7 @@ def _ports(port: int | None, address: str) -> Iterable[int]:
     if port is None:
         return PORTS
     if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port <= 65535:
-        raise ValueError(f"`port` is {port!r}; allowed is a whole number from 0 to 65535; 5006 is usual")
+        raise invalid("port", port, "a whole number from 0 to 65535", "5006 is usual")
     if port == 0:
         with socket.socket() as free:
             free.bind((address, 0))

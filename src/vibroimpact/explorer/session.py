@@ -1,4 +1,4 @@
-"""One open page without its page: what a person may do with a view."""
+"""One open page without its page: what a person may do with a view, and what follows from the view."""
 
 from __future__ import annotations
 
@@ -7,32 +7,37 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from vibroimpact.explorer.answers import Answers, Listener
+from vibroimpact.explorer import around, work
+from vibroimpact.explorer.around import Curves, KeepGoing, Line, Other, compute_line, find_curves, find_others
 from vibroimpact.explorer.plane import Plane
-from vibroimpact.explorer.pool import Pool, Urgency
-from vibroimpact.explorer.searches import Other
-from vibroimpact.explorer.state import MOST_PINS, View, rounded
-from vibroimpact.explorer.zoom import typed_number, with_ranges
+from vibroimpact.explorer.point import Motions, Point
+from vibroimpact.explorer.state import MOST_PINS, Range, View, rounded, typed_number, with_ranges
+from vibroimpact.explorer.work import Job, Pool, Refinement, Urgency, Work
+
+Message = tuple[str, Any]
+Search = Callable[[View, KeepGoing], tuple[Any, bool] | None]
 
 MOST_UNDO = 200
 SAME_GESTURE = 1.0  # s: changes of one control within it are undone together
+OTHERS_DELAY = 1.2  # s without a click before coexisting motions are searched for
+LINE_DELAY = 0.15  # s
 
 
-class Explorer(Answers):
-    """A view that can be changed, and what is computed for it, told to a listener as it comes.
+class Explorer:
+    """A view that can be changed, what was computed for it, and what still runs.
 
     Parameters
     ----------
     view : View, optional
-        What is seen first.
+        What is shown first.
     pool : Pool, optional
         The threads that compute; None makes them.
     listener : callable, optional
-        Gets lists of what is told together, from any thread: ("view", View), ("plane", Plane), ("point", Point),
-        ("line", Line), ("curves", Curves or None), ("others", list of Other), ("pins", list of Point) and
-        ("message", str).
+        Gets lists of messages that belong together, from any thread: ("view", View), ("plane", Plane),
+        ("point", Point), ("line", Line), ("curves", Curves or None), ("others", list of Other), ("pins", list of
+        Point) and ("message", str).
     stored : callable, optional
-        Given a view, returns a `Plane` taken from a stored study, or None.
+        Given a view, returns a `Plane` taken from a stored sweep, or None.
 
     Notes
     -----
@@ -46,38 +51,74 @@ class Explorer(Answers):
         self,
         view: View | None = None,
         pool: Pool | None = None,
-        listener: Listener | None = None,
+        listener: Callable[[list[Message]], None] | None = None,
         stored: Callable[[View], Plane | None] | None = None,
     ) -> None:
+        self.view = view or View()
+        self.plane: Plane | None = None  # of this view: None until its first lattice is complete
+        self.point: Point | None = None  # of this view, too
+        self.line: Line | None = None
+        self.curves: Curves | None = None
+        self.others: list[Other] = []
+        self.pins: list[Point] = []
+        self.stored = stored
+        self._listener = listener
         self._own_pool = pool is None
-        super().__init__(view or View(), pool or Pool(), listener, stored)
+        self._work = Work(pool or Pool(), self._failed)
+        self._lock = self._work.lock
+        self._motions = Motions()
         self._past: list[View] = []
         self._future: list[View] = []
         self._gesture: tuple[str, float] = ("", 0.0)
 
+    @property
+    def closed(self) -> bool:
+        """Whether the page is gone."""
+        return self._work.closed
+
+    def wait(self, seconds: float = 60.0) -> bool:
+        """Wait until nothing is left to compute; return False if that takes longer."""
+        return self._work.wait(seconds)
+
     def start(self) -> None:
         """Compute everything for the first view."""
-        self._begin()
+        with self._lock:
+            self._send(("view", self.view))
+            self._renew_point()
+            self._renew_plane()
+            self._renew_pins()
+            self._renew_line()
+            self._work.later("others", OTHERS_DELAY, self._renew_others)
+            if self.view.boundaries:
+                self._renew_curves()
+
+    def close(self) -> None:
+        """Stop all work for this page."""
+        self._work.close()
+        if self._own_pool:
+            self._work.pool.close()
+
+    # ---- what a person does
 
     def set(self, gesture: str = "", **changes: Any) -> bool:
-        """Change parts of the view by their names; tell what is refused, and change nothing then."""
+        """Change parts of the view by their names; a refused change is answered and changes nothing."""
         try:
             return self.show(replace(self.view, **changes), gesture)
         except ValueError as error:
-            self._tell("message", str(error))
+            self._send(("message", str(error)))
             return False
 
     def set_parameter(self, name: str, value: Any) -> bool:
-        """Change one of the seven numbers, as typed or slid; where it is not taken, the view is told again."""
+        """Change one parameter, as typed or slid; where it is refused, the view is sent again."""
         changed = False
         try:
             osc = self.view.osc.replace(**{name: typed_number(name, value)})
         except ValueError as error:
-            self._tell("message", str(error))
+            self._send(("message", str(error)))
         else:
             changed = self.set(name, osc=osc, start=None)
         if not changed:
-            self._tell("view", self.view)
+            self._send(("view", self.view))
         return changed
 
     def click(self, x: Any, y: Any) -> bool:
@@ -87,22 +128,22 @@ class Explorer(Answers):
             place = {view.x: rounded(x, view.x_range), view.y: rounded(y, view.y_range)}
             osc = view.osc.replace(**place)
         except ValueError as error:
-            self._tell("message", str(error))
+            self._send(("message", str(error)))
             return False
         return self.set("click", osc=osc, start=None)
 
-    def zoom(self, x_range: tuple[float, float], y_range: tuple[float, float]) -> bool:
+    def zoom(self, x_range: Range, y_range: Range) -> bool:
         """Show another part of the plane, as far as it can be computed."""
         view, message = with_ranges(self.view, x_range, y_range)
         if message:
-            self._tell("message", f"As far as it goes: {message}")
+            self._send(("message", f"Zoomed as far as possible: {message}"))
         changed = self.show(view, "zoom")
         if not changed and message:
-            self._tell("view", self.view)
+            self._send(("view", self.view))
         return changed
 
-    def set_axes(self, x: str, y: str, x_range: tuple[float, float], y_range: tuple[float, float]) -> bool:
-        """Lay the plane along other parameters."""
+    def set_axes(self, x: str, y: str, x_range: Range, y_range: Range) -> bool:
+        """Vary other parameters along the plane's axes."""
         return self.set("axes", x=x, y=y, x_range=x_range, y_range=y_range)
 
     def follow(self, other: Other | None) -> bool:
@@ -110,7 +151,7 @@ class Explorer(Answers):
         return self.set("start", start=None if other is None else other.start)
 
     def pin(self) -> bool:
-        """Keep the point to compare with; of two, the older one goes."""
+        """Keep the point to compare with; the oldest pin goes when there are too many."""
         pins = tuple(pin for pin in self.view.pins if pin != self.view.osc)
         return self.set("pin", pins=(*pins, self.view.osc)[-MOST_PINS:])
 
@@ -123,11 +164,11 @@ class Explorer(Answers):
         return self._travel(self._past, self._future)
 
     def redo(self) -> bool:
-        """Take back what was undone."""
+        """Undo the last `undo`."""
         return self._travel(self._future, self._past)
 
     def show(self, view: View, gesture: str = "") -> bool:
-        """Show another view; what stays as it was is not computed again. Returns whether anything changed."""
+        """Show another view; parts that stay are not computed again. Returns whether anything changed."""
         with self._lock:
             if view == self.view or self.closed:
                 return False
@@ -139,15 +180,9 @@ class Explorer(Answers):
             self._replace(view)
         return True
 
-    def run(self, kind: str, job: Callable[[], None]) -> None:
+    def run(self, kind: str, job: Job) -> None:
         """Run a job for this page in its turn; a second one of its kind takes the place of one that waits."""
         self._work.submit(kind, Urgency.LINE, job)
-
-    def close(self) -> None:
-        """Stop all work for this page."""
-        self._work.close()
-        if self._own_pool:
-            self._work.pool.close()
 
     def _travel(self, origin: list[View], goal: list[View]) -> bool:
         with self._lock:
@@ -157,3 +192,124 @@ class Explorer(Answers):
             self._gesture = ("", 0.0)
             self._replace(origin.pop())
         return True
+
+    # ---- what follows
+
+    def _replace(self, view: View) -> None:
+        """Show another view, and compute what is different in it."""
+        before, self.view = self.view, view
+        moved, other_plane = view.point_key != before.point_key, view.plane_key != before.plane_key
+        if moved:
+            self.point = None
+        if moved and not other_plane:
+            self._renew_point(send_view=True)  # together with the point, so that the page is drawn once
+        else:
+            self._send(("view", view))
+            if moved:
+                self._renew_point()
+        if other_plane:
+            self._renew_plane()
+        elif self.plane is not None:
+            self.plane.view = view
+            if self.plane.stored and view.index != before.index:
+                self._renew_plane()  # the stored sweep may not hold this index
+            elif (view.index, view.log) != (before.index, before.log):
+                self._send(("plane", self.plane))
+        if view.pins != before.pins:
+            self._renew_pins()
+        if view.line_key != before.line_key:
+            self._work.later("line", LINE_DELAY, self._renew_line)
+        if view.osc != before.osc:
+            self.others = []
+            self._send(("others", []))
+            self._work.later("others", OTHERS_DELAY, self._renew_others)
+        if view.boundary_key != before.boundary_key:
+            self._work.later("curves", LINE_DELAY, self._renew_curves)
+
+    def _renew_point(self, send_view: bool = False) -> None:
+        view = self.view
+
+        def job() -> None:
+            point: Point | None = None
+            try:
+                point = self._motions.of(view)
+            finally:
+                with self._lock:  # the view may have changed meanwhile, and may have been sent already
+                    messages: list[Message] = [("view", self.view)] if send_view else []
+                    if point is not None and view.point_key == self.view.point_key:  # else a later job is on its way
+                        self.point = point
+                        messages.append(("point", point))
+                    self._send(*messages)
+
+        self._work.submit("point", Urgency.CLICK, job)
+
+    def _renew_pins(self) -> None:
+        view = self.view
+
+        def job() -> None:
+            pins = [self._motions.of(view, pin) for pin in view.pins]
+            with self._lock:
+                if view.pins != self.view.pins:  # a later job is on its way, or was quicker
+                    return
+                self.pins = pins
+                self._send(("pins", pins))
+
+        self._work.submit("pins", Urgency.CLICK, job)
+
+    def _renew_plane(self) -> None:
+        self.plane = None
+        known = self.stored(self.view) if self.stored else None
+        if known is not None:
+            self._work.submit("plane", Urgency.COARSE, lambda: self._show_plane(known))
+        else:
+            Refinement(Plane.unknown(self.view), self._work, self._show_plane, self._late)
+
+    def _show_plane(self, plane: Plane) -> None:
+        with self._lock:
+            if plane.view.plane_key != self.view.plane_key:
+                return
+            plane.view = self.view
+            self.plane = plane
+            self._send(("plane", plane))
+
+    def _late(self) -> None:
+        limit = f"{work.PLANE_SECONDS:g} s"
+        self._send(("message", f"This plane takes more than {limit}; zoom in, or sample fewer impacts per cell."))
+
+    def _renew_line(self) -> None:
+        self._search("line", Urgency.LINE, compute_line, "diagram", around.LINE_SECONDS)
+
+    def _renew_curves(self) -> None:
+        self._work.renew("curves")
+        self.curves = None
+        self._send(("curves", None))
+        if self.view.boundaries:
+            self._search("curves", Urgency.SEARCH, find_curves, "boundaries", around.SEARCH_SECONDS)
+
+    def _renew_others(self) -> None:
+        self._search("others", Urgency.SEARCH, find_others, "coexisting motions", around.SEARCH_SECONDS)
+
+    def _search(self, kind: str, urgency: Urgency, search: Search, name: str, seconds: float) -> None:
+        """Run a search; keep and send its result unless it is out of date by then."""
+        view, stamp = self.view, self._work.renew(kind)
+
+        def job() -> None:
+            found = search(view, lambda: self._work.wanted(kind, stamp))
+            with self._lock:
+                if found is None or not self._work.wanted(kind, stamp):
+                    return
+                content, complete = found
+                setattr(self, kind, content)
+                self._send((kind, content))
+                if not complete:
+                    self._send(("message", f"{name} incomplete: stopped after {seconds:g} s"))
+
+        self._work.submit(kind, urgency, job, stamp)
+
+    def _failed(self, kind: str, error: Exception) -> None:
+        fault = f"The {kind} could not be computed; change the view, and please report how to reproduce this."
+        self._send(("message", str(error) if isinstance(error, ValueError) else fault))
+
+    def _send(self, *messages: Message) -> None:
+        if self._listener is not None and messages and not self.closed:
+            self._listener(list(messages))

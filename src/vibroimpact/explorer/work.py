@@ -1,20 +1,149 @@
-"""What a page has to compute: kinds of work, of each of which only the newest is wanted."""
+"""Who computes what, and when: threads that all pages share, the jobs of one page, and the lattices of its plane."""
 
 from __future__ import annotations
 
+import contextlib
 import logging
+import math
+import os
+import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
+from enum import IntEnum
 from functools import partial
+from itertools import count
 
-from vibroimpact.explorer.pool import Job, Pool, Urgency
+from vibroimpact.execution.threads import worker_count
+from vibroimpact.explorer.plane import SIDES, Places, Plane, bands
 
+Job = Callable[[], None]
+
+NICE = 10  # niceness of threads whose work can wait
+CALM = 1.0  # s without a click before the last thread turns to work that can wait
+PLANE_SECONDS = 30.0  # that all threads may spend on a plane, time in the queue excluded
 log = logging.getLogger(__name__)
 
 
+class Urgency(IntEnum):
+    """What is done first."""
+
+    CLICK = 0
+    COARSE = 1
+    LINE = 2
+    FINE = 3
+    SEARCH = 4
+
+
+@dataclass(order=True)
+class _Waiting:
+    urgency: Urgency
+    number: int
+    owner: Hashable = field(compare=False)
+    job: Job = field(compare=False)
+
+
+class Pool:
+    """Threads that run the jobs of many owners; one more runs only clicks, and one only searches.
+
+    So no click waits for planes, and no plane for searches, which may take many seconds. Of equally urgent jobs the
+    owner that waited longest is served first.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Threads besides those two; None is one per core.
+    """
+
+    def __init__(self, workers: int | None = None) -> None:
+        self.workers = worker_count(workers)
+        self._waiting: list[_Waiting] = []
+        self._served: dict[Hashable, int] = {}  # when each owner was last served, in turns
+        self._numbers = count()
+        self._changed = threading.Condition()
+        self._open = True
+        self._clicked = -math.inf
+        general = (Urgency.CLICK, Urgency.COARSE, Urgency.LINE, Urgency.FINE)
+        duties = [general] * self.workers + [(Urgency.CLICK,), (Urgency.SEARCH,)]
+        self._threads = [
+            threading.Thread(
+                target=self._work, args=(duty, number == 0 < self.workers - 1), name=f"explorer-{number}", daemon=True
+            )
+            for number, duty in enumerate(duties)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def submit(self, owner: Hashable, urgency: Urgency, job: Job) -> None:
+        """Queue a job; the job itself must check whether it is still wanted."""
+        with self._changed:
+            self._waiting.append(_Waiting(urgency, next(self._numbers), owner, job))
+            if urgency == Urgency.CLICK:
+                self._clicked = time.monotonic()
+            self._changed.notify_all()
+
+    def forget(self, owner: Hashable) -> list[Job]:
+        """Drop and return all that an owner has queued."""
+        with self._changed:
+            dropped = [waiting.job for waiting in self._waiting if waiting.owner == owner]
+            self._waiting = [waiting for waiting in self._waiting if waiting.owner != owner]
+            self._served.pop(owner, None)
+        return dropped
+
+    @property
+    def queued(self) -> int:
+        """How many jobs wait."""
+        with self._changed:
+            return len(self._waiting)
+
+    def close(self) -> None:
+        """Let the threads end; queued jobs are dropped."""
+        with self._changed:
+            self._open = False
+            self._waiting.clear()
+            self._changed.notify_all()
+        for thread in self._threads:
+            thread.join(5.0)
+
+    def _work(self, duty: tuple[Urgency, ...], yields: bool) -> None:
+        if duty != (Urgency.CLICK,):
+            _lower_priority()
+        while (job := self._next(duty, yields)) is not None:
+            try:
+                job()
+            except Exception:
+                log.exception("a job of the explorer failed")
+            del job  # it refers to its page, which may be gone before the next one comes
+
+    def _next(self, duty: tuple[Urgency, ...], yields: bool) -> Job | None:
+        """Return what to do next; while people click, a thread that yields leaves its core to them."""
+        with self._changed:
+            while self._open:
+                busy = yields and time.monotonic() - self._clicked < CALM
+                least = Urgency.COARSE if busy else Urgency.SEARCH
+                ready = [waiting for waiting in self._waiting if waiting.urgency in duty and waiting.urgency <= least]
+                if ready:
+                    best = min(ready, key=self._rank)
+                    self._waiting.remove(best)
+                    self._served[best.owner] = next(self._numbers)
+                    return best.job
+                self._changed.wait(CALM if busy else None)
+        return None
+
+    def _rank(self, waiting: _Waiting) -> tuple[int, int, int]:
+        return waiting.urgency, self._served.get(waiting.owner, -1), waiting.number
+
+
+def _lower_priority() -> None:
+    """Let clicks, the server and browsers on this machine have the processor before the calling thread."""
+    if sys.platform == "linux":  # elsewhere a thread has no niceness of its own
+        with contextlib.suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
+
+
 class Work:
-    """Jobs of one page in the shared pool; a newer one of a kind makes the older ones out of date.
+    """Jobs of one page in the shared pool; a newer job of a kind makes the older ones out of date.
 
     Parameters
     ----------
@@ -53,7 +182,7 @@ class Work:
             self.pool.submit(self, urgency, partial(self._run, kind, stamp, job))
 
     def later(self, kind: str, seconds: float, renew: Callable[[], None]) -> None:
-        """Call `renew` after a rest; what there is of the kind is out of date at once."""
+        """Call `renew` after a delay; work of the kind is out of date at once."""
         self.renew(kind)
 
         def due() -> None:
@@ -79,7 +208,7 @@ class Work:
             self._ended(job.args[0])  # type: ignore[attr-defined]
 
     def wait(self, seconds: float) -> bool:
-        """Wait until nothing is left to do; return whether that came to pass."""
+        """Wait until nothing is left to do; return False if that takes longer."""
         deadline = time.monotonic() + seconds
         with self._idle:
             while self._running or any(timer.is_alive() for timer in self._timers.values()):
@@ -105,3 +234,71 @@ class Work:
             if not self._running[kind]:
                 del self._running[kind]
             self._idle.notify_all()
+
+
+class Refinement:
+    """The work on one plane, lattice by lattice; a later one of the same page makes it out of date.
+
+    Parameters
+    ----------
+    plane : Plane
+        What is filled.
+    work : Work
+        The page's jobs.
+    show : callable
+        Gets the plane whenever a lattice is complete.
+    late : callable
+        Called once if the plane takes longer than `PLANE_SECONDS`.
+    """
+
+    def __init__(self, plane: Plane, work: Work, show: Callable[[Plane], None], late: Callable[[], None]) -> None:
+        self.plane, self._work, self._show, self._late = plane, work, show, late
+        self._stamp, self._begun = work.renew("plane"), time.monotonic()
+        self._spent, self._left = 0.0, 0
+        self._queue(0)
+
+    @property
+    def wanted(self) -> bool:
+        """Whether the page still shows this plane."""
+        return self._work.wanted("plane", self._stamp)
+
+    def _queue(self, level: int) -> None:
+        parts = bands(SIDES[level], self.plane.view.samples)
+        self._left = len(parts)
+        urgency = Urgency.COARSE if level == 0 else Urgency.FINE
+        for part in parts:
+            self._work.submit("plane", urgency, partial(self._fill, level, part), self._stamp)
+
+    def _fill(self, level: int, part: tuple[Places, Places]) -> None:
+        """Compute a rectangle; the last one of a lattice shows it and begins the next."""
+        begun = time.monotonic()
+        granted = PLANE_SECONDS * self._work.pool.workers - self._spent
+
+        def keep_going() -> bool:
+            return self.wanted and time.monotonic() - begun < granted
+
+        try:
+            filled = keep_going() and self.plane.fill(*part, keep_going)
+        except Exception:
+            self._give_up()  # the other rectangles would fail as well
+            raise
+        with self._work.lock:
+            self._spent += time.monotonic() - begun
+            self._left -= filled
+            complete = self.wanted and not self._left
+        if not filled:
+            if self._give_up():
+                self._late()
+        elif complete:
+            self.plane.side, self.plane.seconds = SIDES[level], time.monotonic() - self._begun
+            self._show(self.plane)
+            if level + 1 < len(SIDES):
+                self._queue(level + 1)
+
+    def _give_up(self) -> bool:
+        """Drop the rest of the plane; return whether it was wanted until now."""
+        with self._work.lock:
+            wanted = self.wanted
+            if wanted:
+                self._work.renew("plane")
+            return wanted

@@ -38,9 +38,9 @@ window.Motion = (() => {
     portrait: phase("portrait", "Phase portrait", (plot, motion, color, first) => {
       plot.line(motion.displacement, motion.velocity, color, first ? 1.4 : 1.2, 0, motion.turn);
     }),
-    poincare: phase("poincare", "Poincaré map: once a driving period", (plot, motion, color) => plot.dots(motion.looks_y, motion.looks_v, color)),
+    poincare: phase("poincare", "Poincaré map: once per driving period", (plot, motion, color) => plot.dots(motion.looks_y, motion.looks_v, color)),
     impact_map: new Plot("impact_map", {
-      title: "Impact map: when and how hard", x: "phase of the driving period", y: "impact velocity [m/s]",
+      title: "Impact map: phase and impact velocity", x: "phase of the driving period", y: "impact velocity [m/s]",
       paint: (plot) => each((motion, color) => plot.dots(motion.phases, motion.speeds, color)),
     }),
   };
@@ -107,7 +107,7 @@ window.Motion = (() => {
   byId("play").addEventListener("click", play);
   window.addEventListener("resize", draw_mass);
 
-  // ---- what the server tells
+  // ---- what the server sends
   const takes = {
     motion: ({ slot, gap, begin, turn, lengths, values }) => {
       const motion = { gap, turn };
@@ -119,15 +119,15 @@ window.Motion = (() => {
       }
       motions[slot] = at > 0 ? motion : null;
     },
-    facts: (told) => { facts = told; },
-    home: (told) => {
-      for (const [name, [x, y]] of Object.entries(told)) {
+    facts: (content) => { facts = content; },
+    home: (content) => {
+      for (const [name, [x, y]] of Object.entries(content)) {
         const { home } = plots[name];
         if (`${[home.x, home.y]}` !== `${[x, y]}`) plots[name].fit(x, y);  // what is as it was stays as a person zoomed it
       }
     },
-    line: ({ low, high, dots, ...told }) => {
-      line = { ...line, ...told };
+    line: ({ low, high, dots, ...content }) => {
+      line = { ...line, ...content };
       if (!dots) return;
       const half = dots.length / 2, part = (from) => new Float32Array(dots.buffer, dots.byteOffset + 4 * from, half);
       Object.assign(line, { x: Float64Array.from(part(0), (share) => low + share * (high - low)), y: part(half) });
@@ -137,7 +137,7 @@ window.Motion = (() => {
   // Take parts of what is shown, by name; draw once what they change.
   const take = (parts) => {
     const names = parts.map(([name]) => name).filter((name) => name.replace(/_\d$/, "") in takes);
-    for (const [name, told] of parts) if (names.includes(name)) takes[name.replace(/_\d$/, "")](told);
+    for (const [name, content] of parts) if (names.includes(name)) takes[name.replace(/_\d$/, "")](content);
     if (names.some((name) => name.startsWith("line"))) below.draw();
     if (names.some((name) => !name.startsWith("line"))) { for (const plot of Object.values(plots)) plot.draw(); if (!playing) draw_mass(); }
   };

@@ -4,14 +4,14 @@
   let doc = null;
   const model = (name) => doc && doc.get_model_by_name(name);
   let serial = 0;
-  // Ask the server; returns the number of the message, which the server tells when it has heard it.
+  // Send a command to the server; returns its number, which the server sends back once it has run it.
   const command = (text) => {
     const box = model("command");
     if (box) box.value = `${text} ${++serial}`;
     return serial;
   };
 
-  // ---- what the server has to say
+  // ---- messages of the server
   let hush = null;
   const say = (text) => {
     const box = byId("message");
@@ -42,8 +42,8 @@
   // ---- link, help, keys
   byId("copy").addEventListener("click", async () => {
     write();
-    try { await navigator.clipboard.writeText(location.href); say("The link to this view is copied."); }
-    catch { say(`Copy the address from here: ${location.href}`); }
+    try { await navigator.clipboard.writeText(location.href); say("Link copied."); }
+    catch { say(`Copy this address: ${location.href}`); }
   });
   const help = byId("help");
   byId("help-button").addEventListener("click", () => help.showModal());
@@ -84,14 +84,14 @@
     history.replaceState(null, "", location.pathname + query + (unread ? location.hash : fragment()));
   };
   const write_soon = () => { clearTimeout(writing); writing = setTimeout(write, REST); };
-  // Once the plots know what there is to see.
+  // Once the plots have their data.
   const follow_fragment = () => {
     unread = false;
     for (const [name, text] of new URLSearchParams(location.hash.slice(1))) {
       const ends = text.split(",").map(Number), plot = Object.hasOwn(Motion.plots, name) ? Motion.plots[name] : null;
       if (name === "speed" && [...speed.options].some((one) => one.value === text)) speed.value = text;
       else if (plot && ends.length === 4 && ends.every(Number.isFinite) && ends[0] < ends[1] && ends[2] < ends[3]) plot.show(ends);
-      else say(`${name.slice(0, 40)}=${text.slice(0, 40)} behind # in the address cannot be read; it is left out.`);
+      else say(`${name.slice(0, 40)}=${text.slice(0, 40)} behind # in the address cannot be read and is ignored.`);
     }
     write();
   };
@@ -100,41 +100,41 @@
   window.addEventListener("hashchange", follow_fragment);
 
   // ---- what changes together, drawn together: what came since the last frame
-  const plain = (told) => (told instanceof Map ? Object.fromEntries([...told].map(([name, one]) => [name, plain(one)])) : told);
-  const parcels = new Set();
-  const take = (parcel) => {
-    if (!parcels.size) requestAnimationFrame(unpack);
-    parcels.delete(parcel);  // the last one that came is the last one read
-    parcels.add(parcel);
+  const plain = (value) => (value instanceof Map ? Object.fromEntries([...value].map(([name, one]) => [name, plain(one)])) : value);
+  const updates = new Set();
+  const take = (update) => {
+    if (!updates.size) requestAnimationFrame(unpack);
+    updates.delete(update);  // the last one that came is the last one read
+    updates.add(update);
   };
   const unpack = () => {
-    const parts = [...parcels].flatMap(({ data }) => (data.part || []).map((name, k) => [name, plain(data.content[k])]));
+    const parts = [...updates].flatMap(({ data }) => (data.part || []).map((name, k) => [name, plain(data.content[k])]));
     const came = new Map(parts);
-    parcels.clear();
+    updates.clear();
     for (const [name, { html }] of parts) if (name.startsWith("#")) byId(name.slice(1)).innerHTML = html;
     for (const taker of [Rows, Plane, Motion]) taker.take(parts);
     if (came.has("address")) query = `?${came.get("address").query}`;
     if (came.has("home") && unread) follow_fragment();
     if (came.has("address") || came.has("home")) write_soon();
-    if (came.has("motion_0")) requestAnimationFrame(() => { told.drawn += 1; told.drawn_at = performance.now(); });
+    if (came.has("motion_0")) requestAnimationFrame(() => { counts.drawn += 1; counts.drawn_at = performance.now(); });
   };
 
   Motion.below.clicked = ({ x }) => command(`along ${x}`);
-  for (const asker of [Rows, Plane]) asker.listen(command);
+  for (const part of [Rows, Plane]) part.listen(command);
 
-  // ---- when the page stands
-  const told = window.explorer;
+  // ---- when the page is ready
+  const counts = window.explorer;
   const begin = () => {
     doc = window.Bokeh && window.Bokeh.documents[0];
     if (!doc || !model("mail")) { setTimeout(begin, 10); return; }
     model("mail").properties.value.change.connect(read);
     read();
-    for (const name of ["view", "point", "plane", "curves", "pins", "others", "line"].map((one) => `${one}_parcel`)) {
-      const parcel = model(name);
-      parcel.properties.data.change.connect(() => take(parcel));
-      take(parcel);
+    for (const name of ["view", "point", "plane", "curves", "pins", "others", "line"].map((one) => `${one}_update`)) {
+      const update = model(name);
+      update.properties.data.change.connect(() => take(update));
+      take(update);
     }
-    told.ready = performance.now();
+    counts.ready = performance.now();
   };
   begin();
 })();

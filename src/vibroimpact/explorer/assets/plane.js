@@ -2,8 +2,7 @@
 window.Plane = (() => {
   "use strict";
   const { Plot, MARGINS, minus } = window.Plots;
-  const INK = "#222", REST = 150, HOVER = 60;  // ms after the last turn of the wheel, before the server hears of it; before words
-  const KINDS = ["undecided", "no impact", "", "", "chaotic"];
+  const INK = "#222", REST = 150, HOVER = 60;  // ms after the last turn of the wheel, before the server is told; before the text
   let picture = null, curves = { lengths: [], places: [], colors: [], words: [] }, pending = null;
   let marks = { x: 0, y: 0, along: "x", pins: [] };
   let names = { x: "", y: "" }, hovering = null;
@@ -67,7 +66,7 @@ window.Plane = (() => {
       }
     }
 
-    // Who clicks at once waits for the motion, not for words about the cell.
+    // A quick click waits for the motion, not for the text about the cell.
     tell({ offsetX, offsetY }) {
       clearTimeout(hovering);
       if (!tip.hidden) this.describe({ offsetX, offsetY });
@@ -91,10 +90,9 @@ window.Plane = (() => {
       const [rows, columns] = picture.shape, { x, y } = picture;
       const column = Math.floor((at.x - x[0]) / (x[1] - x[0]) * columns), row = Math.floor((at.y - y[0]) / (y[1] - y[0]) * rows);
       if (column < 0 || column >= columns || row < 0 || row >= rows) return lines;
-      const value = picture.values[row * columns + column], code = picture.told[picture.names[row * columns + column]];
+      const value = picture.values[row * columns + column];
       if (picture.index) lines.push(`${picture.index} ${minus(Number.isNaN(value) ? "no value" : Number.isFinite(value) ? String(Number(value.toPrecision(9))) : value < 0 ? "-∞" : "none")}`);
-      const kind = Math.floor(code / 1e10), rest = code - kind * 1e10, n = Math.floor(rest / 1e5), p = rest - n * 1e5 - 1;
-      lines.push(kind === 2 ? `period-${n} impact-${p}` : kind === 3 ? (n ? `period-${n} sticking` : "irregular with rests") : KINDS[kind]);
+      lines.push(picture.motions[picture.names[row * columns + column]]);
       return lines;
     }
 
@@ -126,29 +124,29 @@ window.Plane = (() => {
   // "#rrggbb" as a picture holds it: red first, whatever the order of bytes
   const pixel = (color) => new Uint32Array(new Uint8Array([1, 3, 5].map((at) => parseInt(color.slice(at, at + 2), 16)).concat(255)).buffer)[0];
 
-  // ---- what the server tells
+  // ---- what the server sends
   const takes = {
-    plane: (told) => {
-      const [rows, columns] = told.shape, colors = told.colors.map(pixel), pixels = new Uint32Array(rows * columns);
-      picture = { ...told, scale: told.colors.slice(0, -2) };  // without those of cells that have no value
+    plane: (content) => {
+      const [rows, columns] = content.shape, colors = content.colors.map(pixel), pixels = new Uint32Array(rows * columns);
+      picture = { ...content, scale: content.colors.slice(0, -2) };  // without those of cells that have no value
       image.width = columns;
       image.height = rows;
-      for (let k = 0; k < pixels.length; k++) pixels[k] = colors[told.cells[k]];
+      for (let k = 0; k < pixels.length; k++) pixels[k] = colors[content.cells[k]];
       image.getContext("2d").putImageData(new ImageData(new Uint8ClampedArray(pixels.buffer), columns, rows), 0, 0);
-      window.explorer.planes.push([told.side, performance.now()]);
+      window.explorer.planes.push([content.side, performance.now()]);
     },
     plane_home: ({ x, y, labels, symbols }) => {
       [plot.x, plot.y] = labels;
       [names.x, names.y] = symbols;
       if (!plot.held && pending === null) plot.fit(x, y);
     },
-    marks: (told) => { marks = told; },
-    curves: (told) => { curves = told; },
+    marks: (content) => { marks = content; },
+    curves: (content) => { curves = content; },
   };
   const take = (parts) => {
     const mine = parts.filter(([name]) => name in takes);
-    for (const [name, told] of mine) takes[name](told);
+    for (const [name, content] of mine) takes[name](content);
     if (mine.length) plot.draw();
   };
-  return { take, listen: (tell) => { report = tell; }, plot };
+  return { take, listen: (send) => { report = send; }, plot };
 })();

@@ -5,7 +5,7 @@ window.Plots = (() => {
   const INK = "#222", FRAME = "#555", GRID = "#e8e8e8", STEPS = [1, 2, 5, 10];
   const minus = (text) => text.replace(/-/g, "−");
 
-  // Round places within [low, high], and how to write them; what is far from zero is told from a round base.
+  // Round places within [low, high], and how to write them; values far from zero are counted from a round base.
   const ticks = (low, high, room) => {
     const span = high - low, size = Math.max(Math.abs(low), Math.abs(high));
     if (!(span > 0) || !Number.isFinite(size)) return { at: [], word: String, base: 0 };
@@ -22,7 +22,7 @@ window.Plots = (() => {
 
   class Plot {
     // `paint(plot)` draws what the plot is about, in its units; `fixed` are pixels left and right of the frame; `still`
-    // plots neither pan nor zoom; `clicked(place)` and `moved()` are told what a person did.
+    // plots neither pan nor zoom; `clicked(place)` and `moved()` are called when a person acts.
     constructor(id, { title = "", x, y, paint, fixed = null, still = false, clicked = () => {}, moved = () => {} }) {
       Object.assign(this, { x, y, title, paint, fixed, still, clicked, moved, held: null, deepest: 1e-7 });
       this.canvas = document.getElementById(id);

@@ -1,0 +1,299 @@
+"""The plane, the point's motion and the diagram as the page is sent them."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any
+
+import numpy as np
+from bokeh.models import ColumnDataSource
+from bokeh.palettes import RdBu11, Viridis256, interp_palette
+from numpy.typing import NDArray
+
+from vibroimpact.explorer.around import Curves, Line, Other
+from vibroimpact.explorer.plane import NOTHING, Plane, Shades, name_of, shades
+from vibroimpact.explorer.point import Point, index_rows
+from vibroimpact.explorer.state import NAMES, View, parameter_label, symbol, unit
+from vibroimpact.plotting.style import BLUE, GREEN, RED, STICKING
+from vibroimpact.plotting.style import view as limits
+
+PINS = (RED, GREEN)
+LETTERS = ("A", "B")
+COLORS = (BLUE, *PINS)  # of the present motion and the pinned ones
+CURVES = {"fold": "#e7298a", "period_doubling": "#ffffff", "grazing": "#ff9d2e", "end_of_sticking": "#f0e442"}
+SCALES = {"signed": interp_palette(RdBu11, 255), "sequential": Viridis256}
+OUTSIDE = (NOTHING, STICKING)  # cells without a place on the colour scale
+SHOWN_PERIODS = 6
+SHORT = {
+    "largest Lyapunov exponent": "Lyapunov exponent λ",
+    "largest Lyapunov exponent per impact": "λ per impact",
+    "energy lost at the stop per driving period": "energy lost per period",
+    "impacts per driving period": "impacts per period",
+    "share of time at rest at the stop": "share of time at rest",
+    "gap left by the closest near-miss": "closest near-miss",
+    "standard deviation of impact velocities": "Std of impact velocities",
+    "spread of the impact phases": "spread of phases",
+    "driving periods in a cycle": "periods in a cycle",
+}
+
+
+class Update:
+    """Parts of the page that change together, sent in one message; the page draws them once, in its next frame.
+
+    A browser that connects later finds the last update of each name: what must not be lost has an update of its own.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.source = ColumnDataSource({"part": [], "content": []}, name=f"{name}_update")
+        self._parts: dict[str, dict[str, Any]] = {}
+
+    def add(self, part: str, **content: Any) -> None:
+        """Add a part that the page's script knows, or the html of an element ("#numbers")."""
+        self._parts[part] = content
+
+    def send(self) -> None:
+        """Send all parts added since the last time."""
+        self.source.data = {"part": list(self._parts), "content": list(self._parts.values())}
+        self._parts = {}
+
+
+class PlaneView:
+    """The plane, its legend, and what lies over it."""
+
+    def __init__(self) -> None:
+        self.updates = {name: Update(name) for name in ("plane", "curves")}
+
+    def show_view(self, view: View, update: Update) -> None:
+        """Put ranges, labels, the point and the pins where the view has them."""
+        both = (view.x, view.y)
+        update.add(
+            "plane_home",
+            x=view.x_range,
+            y=view.y_range,
+            labels=[parameter_label(name) for name in both],
+            symbols=[symbol(name) for name in both],
+        )
+        pins = zip(view.pins, PINS, LETTERS, strict=False)
+        update.add(
+            "marks",
+            x=view.osc_value("x"),
+            y=view.osc_value("y"),
+            along=view.line,
+            pins=[(getattr(pin, view.x), getattr(pin, view.y), color, letter) for pin, color, letter in pins],
+        )
+
+    def show_plane(self, plane: Plane) -> None:
+        """Show a plane as far as it is known."""
+        seen, update, view = shades(plane), self.updates["plane"], plane.view
+        colors, named = (*SCALES.get(seen.palette, seen.colors), *OUTSIDE), seen.palette == "names"
+        motions, names = np.unique(seen.name, return_inverse=True)
+        update.add(
+            "plane",
+            side=plane.side,
+            shape=seen.shade.shape,
+            x=view.x_range,
+            y=view.y_range,
+            cells=color_numbers(seen, len(colors) - len(OUTSIDE)),
+            values=[] if named else seen.value.ravel(),
+            names=names.ravel().astype(np.uint16),
+            motions=[name_of(code) for code in motions.tolist()],
+            index="" if named else view.index,
+            colors=colors,
+            low=seen.low,
+            high=seen.high,
+            ticks=seen.ticks,
+        )
+        origin = f"stored sweep {escape(plane.stored)}" if plane.stored else f"{plane.side} × {plane.side} cells"
+        took = f", {plane.seconds:.1f} s" if plane.seconds >= 0.05 else ""
+        update.add("#plane-head", html=f"<b>{escape(seen.title)}</b> <span>{origin}{took}</span>")
+        update.add("#colours", html=" ".join(_legend_entry("key", color, label) for color, label in seen.legend))
+        update.send()
+
+    def show_curves(self, curves: Curves | None) -> None:
+        """Draw boundaries over the plane, or remove them."""
+        curves, update = curves or Curves([], [], [], []), self.updates["curves"]
+        colors = [CURVES.get(kind, "#ffffff") for kind in curves.kinds]
+        places = [np.column_stack([x, y]) for x, y in zip(curves.x, curves.y, strict=True)]
+        update.add(
+            "curves",
+            lengths=[len(points) for points in places],
+            places=np.concatenate([np.empty((0, 2)), *places]).ravel(),
+            colors=colors,
+            words=curves.descriptions,
+        )
+        kinds = {color: kind.replace("_", " ") for color, kind in zip(colors, curves.kinds, strict=True)}
+        html = " ".join(_legend_entry("key line", color, kind) for color, kind in kinds.items())
+        update.add("#boundaries", html=html)
+        update.send()
+
+
+def _legend_entry(kind: str, color: str, label: str) -> str:
+    return f"<span class='entry'><span class='{kind}' style='background:{color}'></span> {escape(label)}</span>"
+
+
+def color_numbers(seen: Shades, scale: int) -> NDArray[np.uint16]:
+    """Return the number of every cell's colour, the upper row first as in pictures."""
+    shade = seen.shade[::-1].astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        place = np.clip((shade - seen.low) / (seen.high - seen.low) * scale, 0, scale - 1)
+    number = np.nan_to_num(place, nan=scale).astype(np.uint16)
+    if seen.palette == "signed":
+        number[np.isneginf(seen.value[::-1])] = scale + 1
+    return number.ravel()
+
+
+class PointView:
+    """Four plots of the present motion, with those of up to two pinned ones beside it."""
+
+    def __init__(self) -> None:
+        self.updates = {name: Update(name) for name in ("point", "pins", "others")}
+        self._point: Point | None = None
+        self._pins: list[Point] = []
+        self._others = ""
+
+    def show_point(self, point: Point) -> None:
+        """Draw the present motion."""
+        self._point = point
+        update, osc = self.updates["point"], point.osc
+        update.add("motion_0", slot=0, **_motion(point))
+        y = point.history["displacement"]
+        update.add(
+            "facts",
+            gap=osc.gap,
+            period=osc.period,
+            force=1.0 if osc.amplitude else 0.0,
+            low=min(float(y.min()) if y.size else osc.gap, osc.gap - 1e-12 * (abs(osc.gap) or 1.0)),
+            begin=point.rests["begin"].tolist(),
+            end=point.rests["end"].tolist(),
+            colors=COLORS,
+        )
+        self._frame(update)
+        update.add("#sentence", html=escape(point.sentence[0].upper() + point.sentence[1:]))
+        update.add("#numbers", html=numbers_table(point, self._pins))
+        update.send()
+
+    def show_pins(self, pins: list[Point]) -> None:
+        """Draw the pinned motions beside it."""
+        self._pins = pins
+        update = self.updates["pins"]
+        for slot in (1, 2):
+            update.add(f"motion_{slot}", slot=slot, **_motion(pins[slot - 1] if slot <= len(pins) else None))
+        if self._point is not None:
+            self._frame(update)
+            update.add("#numbers", html=numbers_table(self._point, pins))
+        update.send()
+
+    def show_others(self, others: list[Other]) -> None:
+        """List the motions that coexist."""
+        listed = _coexistence(others)
+        if listed != self._others:
+            self._others = listed
+            self.updates["others"].add("#others", html=listed)
+            self.updates["others"].send()
+
+    def _frame(self, update: Update) -> None:
+        """Fit the axes to what is drawn, without zooming into rounding."""
+        assert self._point is not None
+        drawn, osc = [self._point, *self._pins], self._point.osc
+        y = np.concatenate([point.history["displacement"] for point in drawn])
+        v = np.concatenate([point.history["velocity"] for point in drawn])
+        speeds = np.concatenate([point.impact_map["velocity"] for point in drawn])
+        y_limits, v_limits = limits(np.append(y, osc.gap), self._point.size), limits(v, osc.velocity_scale or 1.0)
+        time = self._point.history["time"]
+        begin, last = (float(time[0]), float(time[-1])) if time.size else (0.0, osc.period)
+        shown = max(SHOWN_PERIODS, 2 * min(self._point.n_periods, 16)) * osc.period
+        most = float(speeds.max(initial=0.0)) or 1.0
+        update.add(
+            "home",
+            history=[(begin, min(begin + shown, last)), y_limits],
+            portrait=[y_limits, v_limits],
+            poincare=[y_limits, v_limits],
+            impact_map=[(0.0, 1.0), (-0.03 * most, 1.08 * most)],
+        )
+
+
+def _coexistence(others: list[Other]) -> str:
+    if not others:
+        return ""
+    if len(others) == 1:
+        return "All initial conditions that were tried lead to this motion."
+    listed = ", ".join(f"{escape(other.name)} ({100 * other.share:.0f} %)" for other in others[:5])
+    return f"{len(others)} motions coexist (share of initial conditions): {listed}."
+
+
+def numbers_table(point: Point, pins: list[Point]) -> str:
+    """Return all indices of the point, and of the pins beside them, as HTML."""
+    points = [point, *pins]
+    rows = []
+    for row in zip(*map(index_rows, points), strict=True):
+        long_name, _, units = row[0]
+        rows.append(_row(SHORT.get(long_name, long_name), [value for _, value, _ in row], units, long_name))
+    for name in NAMES:
+        values = [getattr(one.osc, name) for one in points]
+        if len(set(values)) > 1:
+            rows.append(_row(parameter_label(name, units=False), [f"{value:.5g}" for value in values], unit(name)))
+    head = "" if not pins else "<tr><th></th>" + "".join(
+        f"<td style='color:{color};font-weight:bold'>{name}</td>"
+        for name, color in zip(["here", *LETTERS[: len(pins)]], COLORS, strict=False)
+    ) + "<td></td></tr>"  # fmt: skip
+    half = (len(rows) + 1) // 2
+    tables = "".join(f"<table>{head}{''.join(part)}</table>" for part in (rows[:half], rows[half:]))
+    return f"<div class='n'>{tables}</div>"
+
+
+def _row(label: str, values: list[str], units: str, title: str = "") -> str:
+    cells = "".join(f"<td>{escape(value)}</td>" for value in values)
+    return f"<tr><th title='{escape(title or label)}'>{escape(label)}</th>{cells}<td class='u'>{units}</td></tr>"
+
+
+def _motion(point: Point | None) -> dict[str, Any]:
+    """Return the columns of a motion's plots, laid end to end since each array costs a message; None is nothing."""
+    if point is None:
+        return {"gap": 0.0, "begin": 0.0, "turn": 0, "lengths": {}, "values": []}
+    time = point.history["time"]
+    begin = float(time[0]) if time.size else 0.0
+    columns = {
+        "time": time - begin,
+        "displacement": point.history["displacement"],
+        "velocity": point.history["velocity"],
+        "hits": point.impacts["time"] - begin,
+        "looks_y": point.poincare["displacement"],
+        "looks_v": point.poincare["velocity"],
+        "phases": point.impact_map["phase"],
+        "speeds": point.impact_map["velocity"],
+    }
+    lengths = {name: len(values) for name, values in columns.items()}
+    values = np.concatenate(list(columns.values())).astype(np.float32)
+    return {"gap": point.osc.gap, "begin": begin, "turn": one_turn(point), "lengths": lengths, "values": values}
+
+
+def one_turn(point: Point) -> int:
+    """Return how many samples show all of the orbit: those of a cycle where the history is nothing but cycles."""
+    time = point.history["time"]
+    if not (point.settled and point.n_periods and time.size):
+        return int(time.size)
+    after = int(np.searchsorted(time, time[0] + point.n_periods * point.osc.period, "right"))
+    return min(after + 1, time.size)
+
+
+class LineView:
+    """Impact velocities along a line through the point."""
+
+    def __init__(self) -> None:
+        self.updates = {"line": Update("line")}
+
+    def show_view(self, view: View, update: Update) -> None:
+        """Put range and label where the view has them."""
+        parameter, ends = view.along
+        update.add("line_home", x=ends, label=parameter_label(parameter))
+        update.add("line", here=getattr(view.osc, parameter), color=BLUE)
+
+    def show(self, line: Line) -> None:
+        """Draw a diagram."""
+        most = float(line.velocities.max(initial=0.0)) or 1.0
+        update = self.updates["line"]
+        low, high = line.ends
+        dots = np.concatenate([(line.values - low) / (high - low), line.velocities])  # each array costs two messages
+        update.add("line", low=low, high=high, dots=dots.astype(np.float32))
+        update.add("line_home", y=(-0.02 * most, 1.05 * most))
+        update.send()
