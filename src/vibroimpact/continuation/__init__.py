@@ -5,7 +5,6 @@ from vibroimpact.continuation.branch import continue_orbit
 from vibroimpact.continuation.curves import boundary_curves, curves_through
 from vibroimpact.continuation.points import switch_branch
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, Branch
-from vibroimpact.continuation.window_matches import compare_windows
 from vibroimpact.continuation.windows import follow_all, stable_windows
 
 __all__ = [
@@ -13,7 +12,6 @@ __all__ = [
     "Boundary",
     "Branch",
     "boundary_curves",
-    "compare_windows",
     "continue_boundary",
     "continue_orbit",
     "curves_through",

@@ -256,15 +256,6 @@ def swept_windows(sweep: xr.Dataset) -> list[Window]:
     return [Window(parameter, *name, values[run[0]], values[run[-1]], ("grid", "grid")) for name, run in runs]
 
 
-def alike(orbit: Orbit, velocities: Iterable[float]) -> bool:
-    """Whether these are the velocities of the orbit, from whichever of its impacts on."""
-    own, seen = np.array(orbit.velocities), np.array([*velocities])
-    if own.size != seen.size:
-        return False
-    misses = [np.abs(np.roll(own, shift) - seen).max() for shift in range(own.size)]
-    return bool(min(misses) <= SAME * max(orbit.oscillator.velocity_scale, own.max()))
-
-
 def _lasts(orbit: Orbit) -> bool:
     return orbit.stable and orbit.admissible
 
