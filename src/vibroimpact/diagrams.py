@@ -70,8 +70,8 @@ def bifurcation_diagram(
     direction : {"fresh", "up", "down"}
         Start every value anew, or go up or down the axis and start each where the one before ended: clearance to the
         stop, velocity and phase are carried along, which shows hysteresis.
-    backend : {"cpu", "cuda", "reference", "fixed-step"}
-        Who computes; `time_step` in s is for "fixed-step" alone.
+    backend : str
+        Name of the back end; `time_step` in s goes with "fixed-step" only.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept (section "impact").
     phase : float, 0 <= phase < 1

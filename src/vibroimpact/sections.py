@@ -77,8 +77,8 @@ def simulate(
         How long, in driving periods T = 2 pi / omega.
     samples_per_period : int, >= 1
         Displacements and velocities given a period; impacts are found exactly, whatever this is.
-    backend : {"cpu", "cuda", "reference", "fixed-step"}
-        The back end; `time_step` in s goes with "fixed-step" only.
+    backend : str
+        Name of the back end; `time_step` in s goes with "fixed-step" only.
     tolerances : Tolerances, optional
         Numerical tolerances.
 
@@ -177,8 +177,8 @@ def impact_section(
         Initial condition; None is at rest at min(0, gap) at time 0.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept.
-    backend : {"cpu", "cuda", "reference", "fixed-step"}
-        The back end; `time_step` in s goes with "fixed-step" only.
+    backend : str
+        Name of the back end; `time_step` in s goes with "fixed-step" only.
     tolerances : Tolerances, optional
         Numerical tolerances; `chatter` says which impacts are too weak to be recorded.
 
@@ -247,8 +247,8 @@ def stroboscopic_section(
         When to look, (t mod T)/T.
     transient_periods, sample_periods : int, >= 0 and >= 1
         Driving periods left out, then kept.
-    backend : {"cpu", "cuda", "reference", "fixed-step"}
-        The back end; `time_step` in s goes with "fixed-step" only.
+    backend : str
+        Name of the back end; `time_step` in s goes with "fixed-step" only.
     tolerances : Tolerances, optional
         Numerical tolerances.
 
@@ -306,8 +306,8 @@ def impact_map(
     ----------
     osc : ImpactOscillator or family
         The design.
-    backend : {"cpu", "cuda", "reference", "fixed-step"}
-        The back end; `time_step` in s goes with "fixed-step" only.
+    backend : str
+        Name of the back end; `time_step` in s goes with "fixed-step" only.
     tolerances : Tolerances, optional
         Numerical tolerances; `chatter` says which impacts are too weak to be counted.
 

@@ -71,8 +71,8 @@ def parameter_map(
         name of the cycle, 0 where none was found, n_impacts = -1 for complete chatter; `dissipation` (J a period);
         `stick_fraction`; `impact_phase_spread` = 1 - \|<exp 2 pi i phase>\|; `grazing_margin` (m), the least gap that
         is no contact, inf where there is none.
-    backend : {"cpu", "cuda", "reference", "fixed-step"}
-        Who computes; `time_step` in s is for "fixed-step" alone.
+    backend : str
+        Name of the back end; `time_step` in s goes with "fixed-step" only.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept, in every cell.
     start : State or list of State, optional
