@@ -43,10 +43,10 @@ def test_the_first_ctrl_c_gives_up_cells_that_take_too_long_and_the_store_can_be
     process = started(tmp_path, 1.0, f"map --x omega=2:3:5 --y mass=1:2:5 {NEVER} --out run.zarr")
     await_file(process, tmp_path, "run.zarr/progress/tiles/lock")
     said = interrupt(process)
-    assert "what runs is given up after 1 s; what is finished is kept (Ctrl-C again to stop at once)" in said
+    assert "running cells are abandoned after 1 s; what is finished is kept (Ctrl-C again to stop at once)" in said
     out, complaints = process.communicate(timeout=60)
     assert (process.returncode, out) == (130, "")
-    assert "the same command goes on" in complaints
+    assert "run the same command again to continue" in complaints
     assert "Traceback" not in complaints
     store = SweepStore(tmp_path / "run.zarr")
     assert not store.records()[:, 0].any()
@@ -72,7 +72,7 @@ def test_the_first_ctrl_c_keeps_the_cells_that_have_ended_beside_one_that_takes_
 def test_the_second_ctrl_c_ends_at_once_and_leaves_no_tile_half_written(tmp_path):
     process = started(tmp_path, 1000.0, QUICK)
     await_file(process, tmp_path, "run.zarr/std/c/*/*")  # a tile takes 0.3 s to write, of which this is the first part
-    assert "stopping, what runs is given up after 1000 s" in interrupt(process)
+    assert "stopping, running cells are abandoned after 1000 s" in interrupt(process)
     assert "stopped at once, finished tiles are kept" in interrupt(process)
     process.communicate(timeout=60)
     assert process.returncode == 130

@@ -12,8 +12,8 @@ import xarray as xr
 import vibroimpact as vi
 from vibroimpact.bundles import bundle, unbundle
 from vibroimpact.classes import NEEDED
-from vibroimpact.cli import judge
-from vibroimpact.cli.progress import Meter
+from vibroimpact.cli import orbits
+from vibroimpact.progress import Meter
 
 PLANE = "--x omega=2.5:2.8 --y restitution=0.7:0.9 --lines 2 --step 0.05 --periods 1"
 STARTS = "--x phase=0:1:12 --y velocity=0:3:10"
@@ -75,7 +75,7 @@ def test_no_orbit_of_that_name_is_an_answer_and_no_fault(run, tmp_path):
 
 def test_solutions_that_are_no_motion_of_the_mass_say_why(run):
     _, told, _ = run("orbit -p omega=3 --periods 2")
-    assert told[0].startswith("no period-2 impact-1 orbit")
+    assert told[0].startswith("no admissible period-2 impact-1 orbit")
     assert "inadmissible: after impact 1 the mass first hits the stop" in told[2]
 
 
@@ -155,7 +155,7 @@ def test_boundaries_are_told_saved_and_drawn_over_maps(run, tmp_path):
 
 def test_a_kind_that_is_not_there_is_no_curve(run):
     code, told, _ = run(f"boundary {PLANE} --kind fold,grazing")
-    assert (code, told) == (0, ["no such boundary was met in the plane of omega and restitution"])
+    assert (code, told) == (0, ["no such boundary in the plane of omega and restitution"])
 
 
 def test_boundaries_of_an_orbit_with_two_impacts_start_from_that_orbit(run):
@@ -238,7 +238,7 @@ def test_starts_in_front_of_the_stop_take_one_phase(run, tmp_path):
 
 
 def test_axes_of_starts_left_out_span_the_impact_surface(run, monkeypatch, tmp_path):
-    monkeypatch.setattr(judge, "STARTS", 6)
+    monkeypatch.setattr(orbits, "INITIAL_CONDITIONS", 6)
     run("basins -p omega=2.0 --out basins.nc")
     held = vi.load(tmp_path / "basins.nc")
     assert (held["phase"].values[[0, -1]].tolist(), float(held["velocity"][-1])) == ([0.0, 1.0], 4.0)
@@ -342,7 +342,7 @@ def test_an_interrupted_verdict_tells_what_it_found(run, tmp_path):
     code, told, complaints = run("describe -p omega=2.0")
     assert code == 130
     assert any(line.startswith("motion      period-1 impact-1") for line in told)
-    assert "what was found until then is told" in complaints[-1]
+    assert "what was found so far is shown" in complaints[-1]
 
 
 # Requests that do not go together
@@ -351,13 +351,13 @@ def test_an_interrupted_verdict_tells_what_it_found(run, tmp_path):
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        ("orbit --impacts 0", "`n_impacts` is 0"),
-        ("orbit --periods x", "`n_periods` is 'x'; allowed is a whole number"),
-        ("orbit --near 1", "`--near` is '1'; allowed is phase,velocity"),
-        ("orbit --impacts 2 --near 0.1,-1", "`near` has velocity -1"),
-        ("continue --x omega=1:3 --diagram", "`--diagram` is given without a figure"),
-        ("continue --x omega=1:3 --diagram --out branch.nc", "`--diagram` is given without a figure"),
-        ("boundary --x omega=1:3 --y r=0.5:0.9 --over map.zarr", "`--over` is given without a figure"),
+        ("orbit --impacts 0", "`n_impacts` must be .*, got 0"),
+        ("orbit --periods x", "`n_periods` must be a whole number >= 1, got 'x'"),
+        ("orbit --near 1", "`--near` must be PHASE,VELOCITY .*, got '1'"),
+        ("orbit --impacts 2 --near 0.1,-1", "`near` must be .* velocity > 0, got -1"),
+        ("continue --x omega=1:3 --diagram", "`--diagram` needs a figure"),
+        ("continue --x omega=1:3 --diagram --out branch.nc", "`--diagram` needs a figure"),
+        ("boundary --x omega=1:3 --y r=0.5:0.9 --over map.zarr", "`--over` needs a figure"),
         ("describe --vary speed", "`parameters` holds 'speed'"),
         ("describe --within 0", "`within` is 0"),
     ],
@@ -374,7 +374,10 @@ def test_a_map_over_another_plane_is_refused_before_computing(run, monkeypatch):
     monkeypatch.setattr(vi, "boundary_curves", pytest.fail, raising=False)
     code, _, complaints = run(f"boundary {PLANE} --over map.zarr --out curves.png")
     assert code == 2
-    assert "`--over` is a result over omega and mass; allowed is a map over omega and restitution" in complaints[0]
+    assert (
+        "`--over` must be a map over omega and restitution, as the curves are, got one over omega and mass"
+        in complaints[0]
+    )
 
 
 @pytest.mark.parametrize("command", ["orbit", "continue --x omega=1.9:2.1", f"boundary {PLANE}", f"basins {STARTS}"])

@@ -84,18 +84,18 @@ def test_info_tells_how_far_a_refined_map_is_and_how_to_go_on(run, tmp_path):
     code, told, _ = run("info r.zarr")
     assert code == 0
     found = progress_of(SweepStore(tmp_path / "r.zarr"))
-    assert "a refined map of std" in told[0]
+    assert "refined map of std" in told[0]
     assert "refine 2" in told[1]
     assert told[2] == (
-        f"{found.computed:,} of {found.needed:,} cells computed that are known so far to be needed, for a picture of "
-        "2,401; it is drawn when the sweep ends or is stopped"
+        f"{found.computed:,} of {found.needed:,} cells computed (the total may grow), for a map of 2,401, which is "
+        "completed when the run ends or is stopped"
     )
     assert told[3] == "  level 0: 169 of 169 cells"
     assert told[4] == f"  level 1: {found.levels[1].computed} of {found.levels[1].needed} cells"
-    assert told[5] == "  level 2: not begun"
-    assert "s went by" in told[6]
+    assert told[5] == "  level 2: not started"
+    assert "s elapsed" in told[6]
     assert "left for the cells known so far" in told[6]
-    assert told[-1].startswith("go on with: ")
+    assert told[-1].startswith("continue with: ")
 
 
 def test_info_tells_of_damaged_cells_and_of_a_store_just_begun(run, tmp_path):
@@ -104,12 +104,12 @@ def test_info_tells_of_damaged_cells_and_of_a_store_just_begun(run, tmp_path):
     chunk = tmp_path / "r.zarr" / "progress" / "points" / "std" / "c" / "1" / "0"
     chunk.write_bytes(chunk.read_bytes()[:-3])
     told = run("info r.zarr")[1]
-    assert "1 chunks of cells are damaged; they are computed again when you go on" in told
+    assert "1 damaged chunks of cells; they are computed again when you continue" in told
     assert progress_of(SweepStore(tmp_path / "r.zarr")).computed == before - 69  # of 169, the second chunk
     driver.refined(tmp_path / "new.zarr", progress=lambda *seen: False)
     told = run("info new.zarr")[1]
     assert told[2].startswith("0 of 169 cells computed")
-    assert told[4:6] == ["  levels 1 to 2: not begun", "go on with: the same parameter_map(..., store=...) call"]
+    assert told[4:6] == ["  levels 1 to 2: not started", "continue with: the same parameter_map(..., store=...) call"]
 
 
 def test_info_of_a_finished_refined_map_has_nothing_to_go_on_with(run, tmp_path, whole):
@@ -117,10 +117,10 @@ def test_info_of_a_finished_refined_map_has_nothing_to_go_on_with(run, tmp_path,
     assert run(command)[0] == 0
     told = run("info r.zarr")[1]
     computed = whole.attrs["cells_computed"]
-    assert told[2] == f"finished: {computed:,} cells computed, {computed / 2401:.1%} of 2,401 in the picture"
-    assert "go on" not in " ".join(told)
+    assert told[2] == f"finished: {computed:,} cells computed, {computed / 2401:.1%} of 2,401 in the map"
+    assert "continue" not in " ".join(told)
     assert "left" not in " ".join(told)
-    assert f"finished: {computed:,} cells computed" in run(command)[2][0]  # stands there
+    assert f"finished: {computed:,} cells computed" in run(command)[2][0]  # it exists
 
 
 def test_points_whose_description_is_damaged_are_told_of(tmp_path):

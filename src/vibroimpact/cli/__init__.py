@@ -1,4 +1,4 @@
-"""The command line: one sub-command a public function, one line for every fault."""
+"""The command line: one command per public function, one line for every error."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ WRONG_REQUEST, FAILED, INTERRUPTED = 2, 1, 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit code: 0, 1 (it failed), 2 (wrong request) or 130 (interrupted)."""
+    """Run the command and return its exit code: 0, 1 (failed), 2 (wrong request) or 130 (interrupted)."""
     code = _run(arguments)
     if code == INTERRUPTED and arguments is None:
-        _leave_threads(code)
+        _exit_without_threads(code)
     return code
 
 
@@ -26,43 +26,38 @@ def _run(arguments: Sequence[str] | None) -> int:
         from typer.main import get_command
 
         from vibroimpact.cli.app import app
-        from vibroimpact.cli.finding import Nothing
-        from vibroimpact.cli.request import Interrupted, WrongRequest
+        from vibroimpact.cli.study import Ended
 
         try:
             given = None if arguments is None else list(arguments)
             code = get_command(app).main(args=given, prog_name="vibroimpact", standalone_mode=False)
             sys.stdout.flush()
-            if code == INTERRUPTED:  # typer's word for a Ctrl-C that nobody caught
-                return _tell("interrupted", INTERRUPTED)
+            if code == INTERRUPTED:  # what typer returns for a Ctrl-C that nobody caught
+                return _report("interrupted", INTERRUPTED)
             return code if isinstance(code, int) else 0
-        except WrongRequest as error:
-            return _tell(str(error), WRONG_REQUEST)
-        except Interrupted as error:
-            return _tell(str(error), INTERRUPTED)
-        except Nothing as error:
-            return _tell(str(error), FAILED)
+        except Ended as error:
+            return _report(str(error), error.code)
         except Abort:
-            return _tell("interrupted", INTERRUPTED)
+            return _report("interrupted", INTERRUPTED)
         except Exception as error:
             if hasattr(error, "format_message"):  # typer's own refusals, whichever click it carries
-                return _tell(f"{error.format_message()} Try --help.", WRONG_REQUEST)
+                return _report(f"{error.format_message()} Try --help.", WRONG_REQUEST)
             raise
     except KeyboardInterrupt:
-        return _tell("interrupted", INTERRUPTED)
+        return _report("interrupted", INTERRUPTED)
     except BrokenPipeError:  # the reader, such as `head`, has seen enough; keep the flush at exit silent
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except OSError as error:
-        return _tell(error.strerror or str(error), FAILED)
+        return _report(error.strerror or str(error), FAILED)
     except MemoryError:
-        return _tell("it failed: out of memory; ask for fewer points or samples", FAILED)
+        return _report("out of memory; reduce the number of points or samples", FAILED)
     except Exception as error:
-        return _tell(f"it failed: {type(error).__name__}: {error}", FAILED)
+        return _report(f"{type(error).__name__}: {error}", FAILED)
 
 
-def _tell(message: str, code: int) -> int:
-    """Say in one line what was wrong."""
+def _report(message: str, code: int) -> int:
+    """Print in one line what was wrong."""
     lines = [line.strip() for line in message.splitlines() if line.strip()]
     head = f"{lines[0]} " if lines and lines[0].endswith(":") else ""
     text = head + " | ".join(lines[1:] if head else lines)
@@ -70,8 +65,8 @@ def _tell(message: str, code: int) -> int:
     return code
 
 
-def _leave_threads(code: int) -> None:
-    """End at once where cells that were given up still compute: Python would wait for their threads."""
+def _exit_without_threads(code: int) -> None:
+    """Exit at once where abandoned cells are still being computed: Python would wait for their threads."""
     sweeps = sys.modules.get("vibroimpact.execution.threads")
     if sweeps and any(thread.name.startswith(sweeps.THREADS) for thread in threading.enumerate()):
         sys.stdout.flush()

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from vibroimpact.cli.explore_command import explore
-from vibroimpact.cli.file_commands import info, plot, reproduce
-from vibroimpact.cli.motion_commands import diagram, parameter_map, section, simulate
-from vibroimpact.cli.orbit_commands import basins, boundary, compare, describe, follow, orbit
+from vibroimpact.cli.compute import diagram, parameter_map, section, simulate
+from vibroimpact.cli.files import explore, info, plot, reproduce
+from vibroimpact.cli.orbits import basins, boundary, follow, orbit
+from vibroimpact.cli.verdict import compare, describe
 
 app = typer.Typer(
     name="vibroimpact",
@@ -35,7 +35,7 @@ def _help(context: typer.Context, wanted: bool) -> None:
         raise typer.Exit
 
 
-Version = Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Tell the version.")]
+Version = Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")]
 Help = Annotated[bool, typer.Option("-h", "--help", callback=_help, is_eager=True, help="Show this page.")]
 
 
@@ -50,8 +50,8 @@ def root(
 
     Seven numbers describe it, in SI units: mass m, damping c, stiffness k,
     driving amplitude f and frequency w, restitution r and gap g. Commands
-    take them as -p NAME=VALUE or from a study file, and tell their result
-    in words or write it to --out.
+    take them as -p NAME=VALUE or from a study file, and print a summary of
+    the result or write it to --out.
 
     For example:
 

@@ -1,148 +1,161 @@
-"""Run one public function as asked, and hand its result on."""
+"""The commands that compute motions, sections, diagrams and maps."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
-from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from vibroimpact.cli import output, stored
-from vibroimpact.cli.progress import Meter, speed
-from vibroimpact.cli.request import Interrupted, WrongRequest, asked, number, read_request
+from vibroimpact.cli import options as o
+from vibroimpact.cli import output, stores
+from vibroimpact.cli.study import Interrupted, Study, WrongRequest, read_study, refusing
+from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibroimpact.cli.study import Study
+    from vibroimpact.cli.options import Options
 
 
-def orbit(function: str, options: Mapping[str, Any]) -> None:
-    """Compute `simulate` or a section."""
-    study = read_request(options)
+@o.with_options(o.MODEL, o.START, o.DURATION, o.ENGINE, o.OUT, o.FIGURE, o.PICTURE)
+def simulate(options: Options) -> None:
+    """Compute the motion in time from its initial conditions.
+
+    For example:
+
+      vibroimpact simulate -p omega=2.8 --periods 30
+      vibroimpact simulate -p w=0.9 --start -1,0,0 --out orbit.csv
+      vibroimpact simulate -p w=0.9 --figure phase-portrait --out portrait.png
+    """
+    study = read_study(options)
+    _motion("simulate", study, options)
+    if options["out"] is None:
+        from vibroimpact.report import sentences_of
+
+        typer.echo(f"settles to: {sentences_of(_call('impact_section', study))[0]}")
+
+
+@o.with_options(o.MODEL, o.START, o.SECTION_KIND, o.IMPACTS, o.PERIODS, o.ENGINE, o.OUT, o.PICTURE)
+def section(options: Options) -> None:
+    """Impact map or Poincare map of the settled motion, and the name of that motion.
+
+    For example:
+
+      vibroimpact section -p omega=0.9
+      vibroimpact section -p frequency=0.45 --kind stroboscopic --out poincare.png
+    """
+    study = read_study(options)
+    _motion(f"{study.given.get('section', 'impact')}_section", study, options)
+
+
+def _motion(function: str, study: Study, options: Options) -> None:
     output.check(options, function)
     began = perf_counter()
-    with asked():
+    with refusing():
         dataset = _call(function, study)
-    hand_on(dataset, options, perf_counter() - began, study)
+    output.hand_on(dataset, options, perf_counter() - began)
 
 
-def section(options: Mapping[str, Any]) -> None:
-    """Compute the section that the options or the study ask for."""
-    study = read_request(options)
-    orbit(f"{study.run.section or 'impact'}_section", options)
+@o.with_options(
+    o.MODEL, o.START, o.X, o.SECTION, o.DIRECTION, o.INDICES, o.IMPACTS, o.PERIODS, o.ENGINE, o.WORKERS, o.OUT,
+    o.INDEX, o.PICTURE,
+)  # fmt: skip
+def diagram(options: Options) -> None:
+    """Bifurcation diagram: how the settled motion changes with one parameter.
+
+    For example:
+
+      vibroimpact diagram --x omega=0.01:5:1000 --out diagram.png
+      vibroimpact diagram --x omega=2:3:400 --direction up --sample-impacts 200
+      vibroimpact diagram --x gap=-0.5:0.5:200 -p w=0.9 --section stroboscopic
+      vibroimpact diagram --x w=2:3:400 --indices std --index std --out std.png
+    """
+    study = read_study(options)
+    if len(study.axes) != 1:
+        raise WrongRequest(f"a diagram needs exactly one axis, got {_listed(study)}; for example --x omega=0.025:5:200")
+    output.check(options, "bifurcation_diagram", study.given.get("indices", ()), 1)
+    _sweep("bifurcation_diagram", study, options)
 
 
-def sweep(function: str, options: Mapping[str, Any]) -> None:
-    """Compute a diagram or a map, told of while it runs."""
-    study = read_request(_with_needed(options))
-    axes = study.grid()
-    if not axes or (function == "bifurcation_diagram" and len(axes) > 1):
-        given = f"are {', '.join(axes)}" if axes else "are none"
-        wanted = "exactly one" if function == "bifurcation_diagram" else "one or more"
-        raise WrongRequest(f"`axes` {given}; allowed is {wanted}; write for example --x omega=0.025:5:200")
-    usual = ("std",) if function == "parameter_map" else ()
-    held, chosen = stored.wanted(function, options), study.run.indices or usual
-    stored.check_cluster(options)
-    stands = held and stored.stands(options)
-    if not stands:
-        output.check(options, function, chosen, len(axes))
-    more: dict[str, Any] = dict(axes)
-    if options.get("cluster") is not None:
+@o.with_options(
+    o.MODEL, o.START, o.X, o.Y, o.MORE_AXES, o.INDICES, o.IMPACTS, o.ENGINE, o.EVERY_IMPACT, o.WORKERS, o.CLUSTER,
+    o.TILE, o.REFINE, o.OUT, o.FIGURE, o.INDEX, o.LEVEL, o.PICTURE,
+)  # fmt: skip
+def parameter_map(options: Options) -> None:
+    """Stability map: an index of the impacts over one, two or more parameters.
+
+    Axes given here replace all axes of the study file. Ctrl-C keeps what is
+    finished; a map that goes to a .zarr is written tile by tile, and the same
+    command continues an interrupted one.
+
+    For example:
+
+      vibroimpact map --x omega=0.025:5:200 --y mass=0.1:5:200 --out map.zarr
+      vibroimpact map --x w=1:3:99 --y r=0.1:0.9:50 --indices max_velocity
+      vibroimpact map --x w=1:3:99 --y m=1:2:99 --figure motion-map -o names.png
+      vibroimpact map study.toml -p damping=0.02 --workers 4
+    """
+    needed = output.NEEDS.get(options["figure"] or "", ()) if output.is_figure(options) else ()
+    if needed and options["indices"] is None:  # those the figure is drawn from
+        options = options.with_values(indices=",".join(needed))
+    study = read_study(options)
+    if not study.axes:
+        raise WrongRequest("a map needs an axis; for example --x omega=0.025:5:200")
+    stores.check_cluster(options)
+    stored = stores.is_wanted(options)
+    resumed = stored and stores.exists(options)
+    if not resumed:
+        output.check(options, "parameter_map", study.given.get("indices", ("std",)), len(study.axes))
+    more = options.numbers("tile", "refine")
+    if options["cluster"] is not None:
         more["cluster"] = options["cluster"]
-    if options.get("tile") is not None:
-        more["tile"] = number(options["tile"])
-    if options.get("refine") is not None:
-        more["refine"] = number(options["refine"])
-    if held:
-        _into_store(study, options, more, stands=stands)
-        return
-    from vibroimpact.execution.threads import GRACE
+    if stored:
+        _into_store(study, options, more, resumed=resumed)
+    else:
+        _sweep("parameter_map", study, options, **more)
 
-    with Meter("diagram" if function == "bifurcation_diagram" else "map", patience=GRACE) as meter, asked():
-        dataset = _call(function, study, progress=meter, **more)
-    if not meter.stopped:
-        hand_on(dataset, options, meter.seconds)
-        return
+
+def _sweep(function: str, study: Study, options: Options, **more: Any) -> None:
+    """Compute a diagram or a map in memory, showing its progress."""
+    from vibroimpact.execution.threads import GRACE
     from vibroimpact.status import Status
 
-    keep_finished(dataset, options, meter.seconds, empty=bool((dataset["status"] == Status.INTERRUPTED).all()))
+    label = "diagram" if function == "bifurcation_diagram" else "map"
+    with Meter(label, patience=GRACE) as meter, refusing():
+        dataset = _call(function, study, progress=meter, **study.axes, **more)
+    if meter.stopped:
+        empty = bool((dataset["status"] == Status.INTERRUPTED).all())
+        output.keep_finished(None if empty else dataset, options, meter.seconds)
+    output.hand_on(dataset, options, meter.seconds)
 
 
-def _into_store(study: Study, options: Mapping[str, Any], more: dict[str, Any], *, stands: bool) -> None:
+def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed: bool) -> None:
+    """Compute a map tile by tile into its store, or the rest of it."""
     from vibroimpact.execution.store import StoreBusy, settle
     from vibroimpact.execution.threads import GRACE
 
     out = options["out"]
-    opening = partial(stored.going_on, out) if stands else None  # told once it is known to be the same study
+    opening = partial(stores.announce, out) if resumed else None  # once it is known to be of the same study
     with (
         Meter("map", patience=GRACE, settle=settle, opening=opening) as meter,
-        stored.making_room(options),
-        asked(StoreBusy),
+        stores.making_room(options),
+        refusing(StoreBusy),
     ):
-        _call("parameter_map", study, progress=meter, store=out, **more)
-    told = stored.told(out, meter.seconds)
+        _call("parameter_map", study, progress=meter, store=out, **study.axes, **more)
+    state = stores.state_of(out, meter.seconds)
     if meter.stopped:
-        raise Interrupted(f"interrupted; {told}; the same command goes on")
-    typer.echo(f"wrote {told}")
-
-
-def _with_needed(options: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the options, with the indices that the figure is drawn from where none are given."""
-    needed = output.NEEDS.get(options.get("figure") or "")
-    if needed is None or options.get("indices") is not None or not output.is_figure(options):
-        return options
-    return {**options, "indices": ",".join(needed)}
+        raise Interrupted(f"interrupted; {state}; run the same command again to continue")
+    typer.echo(f"wrote {state}")
 
 
 def _call(function: str, study: Study, **more: Any) -> xr.Dataset:
     import vibroimpact
 
-    dataset: xr.Dataset = getattr(vibroimpact, function)(study.make_oscillator(), **study.arguments(function), **more)
+    dataset: xr.Dataset = getattr(vibroimpact, function)(study.model, **study.arguments(function), **more)
     return dataset
 
 
-def hand_on(
-    dataset: xr.Dataset,
-    options: Mapping[str, Any],
-    seconds: float,
-    study: Study | None = None,
-    over: xr.Dataset | None = None,
-) -> None:
-    """Write the result where it shall go, or tell it in words."""
-    out = options.get("out")
-    if out is not None:
-        output.write(dataset, options, out, over)
-        typer.echo(f"wrote {out} ({seconds:.2g} s)")
-        return
-    from vibroimpact.report import sentences_of
-
-    impacts = speed(int(dataset.attrs.get("impacts_computed", 0)), seconds)
-    for line in (*sentences_of(dataset), ", ".join(part for part in (f"computed in {seconds:.2g} s", impacts) if part)):
-        typer.echo(line)
-    if study is not None and dataset.attrs["function"] == "simulate":
-        typer.echo(f"settles to: {sentences_of(_call('impact_section', study))[0]}")
-
-
-def keep_finished(
-    dataset: xr.Dataset | None,
-    options: Mapping[str, Any],
-    seconds: float,
-    *,
-    empty: bool = False,
-    over: xr.Dataset | None = None,
-) -> NoReturn:
-    """Hand on what an interrupted command had finished, without replacing anything complete."""
-    if empty or dataset is None:
-        raise Interrupted("interrupted before anything was finished; nothing was written")
-    out: Path | None = options.get("out")
-    marked = ", the rest has status interrupted" if "status" in dataset else ""
-    told = f"interrupted; what was finished is kept{marked}"
-    if out is not None and out.exists():
-        told += f"; {out} is as it was"
-        out = out.with_name(f"{out.stem}.partial{out.suffix}")
-    hand_on(dataset, {**options, "out": out}, seconds, over=over)
-    raise Interrupted(told)
+def _listed(study: Study) -> str:
+    return " and ".join(study.axes) or "none"

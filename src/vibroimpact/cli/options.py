@@ -1,242 +1,369 @@
-"""What every option is called, takes and means."""
+"""Every option of the command line, declared once: its name, value and help, and its key in a study file."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import KW_ONLY, dataclass
+from inspect import Parameter, Signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from typer import Argument, Option
+import typer
 
-# Numbers arrive as text: the study's own checks tell name, value, what is allowed and what to do.
-_Text = str | None
-_Texts = list[str] | None
+from vibroimpact.cli.study import ENDS, WrongRequest
 
-StudyFile = Annotated[
-    Path | None,
-    Argument(metavar="STUDY.toml", help="A study file; options complete it or take the place of its values."),
-]
-Parameters = Annotated[
-    _Texts,
-    Option(
-        "-p", "--parameter", metavar="NAME=VALUE", rich_help_panel="Oscillator",
-        help="One of mass (m, kg), damping (c, N s/m), stiffness (k, N/m), amplitude (f, N), omega (w, rad/s) or "
-        "frequency (Hz), restitution (r), gap (g, m); damping_ratio (zeta) may stand for damping. Repeat it for more. "
-        "Defaults are the paper's: "
-        "m=1 c=0.01 k=1 f=1 w=2 r=0.8 g=0.",
-    ),
-]  # fmt: skip
-Start = Annotated[
-    _Text,
-    Option(
-        metavar="Y,V,T", rich_help_panel="Oscillator",
-        help="Displacement in m, velocity in m/s and time in s to start from; V and T may be left out. "
-        "Default: at rest at min(0, gap), time 0.",
-    ),
-]  # fmt: skip
+# Numbers arrive as text: the checks of the study then name value, range and remedy.
+TEXT, TEXTS, FLAG, PATH = str | None, list[str] | None, bool, Path | None
 
 
-def _axis(*names: str, text: str) -> object:
-    return Option(*names, metavar="NAME=FROM:TO:POINTS", rich_help_panel="Axes", help=text)
+def number(text: str) -> int | float | str:
+    """Return the number that a text stands for, or the text, for the schema to refuse."""
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
 
 
-X = Annotated[_Text, _axis("--x", text="The first axis, linear, both ends included: omega=0.025:5:200.")]
-Y = Annotated[_Text, _axis("--y", text="The second axis.")]
-MoreAxes = Annotated[_Texts, _axis("--axis", text="A further axis; repeat it for more.")]
+def numbers(flag: str, text: str, example: str, count: int = 0) -> tuple[int | float | str, ...]:
+    """Return the numbers of a comma-separated list; `count` is how many there must be, if that is known."""
+    parts = tuple(number(part.strip()) for part in text.split(","))
+    if (count and len(parts) != count) or "" in parts:
+        raise WrongRequest(f"`{flag}` must be {example}, got {text!r}; separate numbers by commas")
+    return parts
 
 
-def _sampling(metavar: str, text: str) -> object:
-    return Option(metavar=metavar, rich_help_panel="Sampling", help=text)
+def parse_parameters(texts: list[str]) -> dict[str, Any]:
+    """Return the entries of `-p NAME=VALUE`; where a name is repeated the last one wins."""
+    entries: dict[str, Any] = {}
+    for text in texts:
+        name, sign, value = (part.strip() for part in text.partition("="))
+        if not (name and sign and value):
+            raise WrongRequest(f"`-p` must be NAME=VALUE such as omega=2.8, got {text!r}")
+        entries.pop(name, None)  # the order decides between a name and its symbol
+        entries[name] = number(value)
+    return entries
 
 
-TransientImpacts = Annotated[_Text, _sampling("N", "Impacts left out first. (default: 100)")]
-SampleImpacts = Annotated[_Text, _sampling("N", "Impacts kept after that. (default: 5000)")]
-BasinImpacts = Annotated[_Text, _sampling("N", "Impacts kept after that, in the first of three rounds. (default: 500)")]
-TransientPeriods = Annotated[_Text, _sampling("N", "Driving periods left out first. (default: 200)")]
-SamplePeriods = Annotated[_Text, _sampling("N", "Driving periods kept after that. (default: 500)")]
-Phase = Annotated[_Text, _sampling("PHI", "When in a period to look, from 0 to below 1. (default: 0)")]
-Periods = Annotated[_Text, _sampling("N", "Driving periods to follow. (default: 20)")]
-SamplesPerPeriod = Annotated[_Text, _sampling("N", "Instants given in each. (default: 200)")]
+def parse_axis(flag: str, text: str, form: str, example: str) -> dict[str, Any]:
+    """Return the entry of `NAME=FROM:TO:POINTS`; the points may be left out where `form` has none."""
+    name, _, values = (part.strip() for part in text.partition("="))
+    parts = values.split(":")
+    if not name or len(parts) not in ((3,) if form.endswith("POINTS") else (2, 3)):
+        raise WrongRequest(f"`{flag}` must be {form}, got {text!r}; for example {flag} {example}")
+    return {name: dict(zip(ENDS, map(number, [*parts, "2"][:3]), strict=True))}
 
 
-def _how(metavar: str, text: str) -> object:
-    return Option(metavar=metavar, rich_help_panel="How to compute", help=text)
+@dataclass(frozen=True)
+class Option:
+    """An option, or a positional argument, of a command.
+
+    `name` is the keyword that commands and functions know it by, `flags` what is typed (made of the name unless
+    given; an empty tuple makes it a positional argument). `table` is the table of a study file that has the same key,
+    and `read` returns that key's value, or several entries of that table, from the text.
+    """
+
+    name: str
+    metavar: str
+    help: str
+    panel: str | None = None
+    _: KW_ONLY
+    flags: tuple[str, ...] | None = None
+    kind: Any = TEXT
+    required: bool = False
+    table: str = ""
+    read: Callable[[Any], Any] = number
+
+    @property
+    def parameter(self) -> Parameter:
+        """The parameter of a function that typer makes this option of."""
+        flags = (f"--{self.name.replace('_', '-')}",) if self.flags is None else self.flags
+        more: dict[str, Any] = {"help": self.help} | ({} if self.kind is FLAG else {"metavar": self.metavar})
+        made: Any = typer.Option(*flags, rich_help_panel=self.panel, **more) if flags else typer.Argument(**more)
+        kind = Path if self.required else self.kind
+        usual = Parameter.empty if self.required else False if self.kind is FLAG else None
+        return Parameter(self.name, Parameter.KEYWORD_ONLY, default=usual, annotation=Annotated[kind, made])
 
 
-Backend = Annotated[
-    _Text, _how("NAME", "cpu, cuda (GPU), reference (slow witness) or fixed-step (the paper's). (default: cpu)")
-]
-TimeStep = Annotated[_Text, _how("S", "Step in s of the back end fixed-step. (default: 0.0005)")]
-Chatter = Annotated[
-    _Text, _how("X", "Impacts slower than this times max(f, k|g|)/sqrt(km) are not counted. (default: 1e-9)")
-]
-Workers = Annotated[_Text, _how("N", "Threads. (default: all cores)")]
-Cluster = Annotated[
-    _Text, _how("WHERE", "Compute on a Dask cluster: tcp://HOST:PORT of its scheduler, or local:N processes here.")
-]
-Tile = Annotated[
-    _Text, _how("N", "Cells of a tile in a store or on a cluster, about. (default: 4096; 4 with slow back ends)")
-]
-Refine = Annotated[
-    _Text, _how("L", "Halve the intervals of both axes L times, and compute only where the motion changes.")
-]
-EveryImpact = Annotated[
-    bool,
-    Option(
-        "--every-impact", rich_help_panel="How to compute", help="Step on even where a closed cycle tells the rest."
-    ),
-]
-Indices = Annotated[
-    _Text,
-    Option(
-        metavar="NAMES", rich_help_panel="What to compute",
-        help="Comma-separated: std, mean_velocity, max_velocity, impacts_per_period, lyapunov, lyapunov_per_impact, "
-        "n_periods, n_impacts, dissipation, stick_fraction, impact_phase_spread, grazing_margin; or all. "
-        "(default: std; of a diagram: none)",
-    ),
-]  # fmt: skip
-_SECTIONS = "impact: velocity and phase of impacts; stroboscopic: displacement and velocity once a driving period."
+class Options(Mapping[str, Any]):
+    """What was typed for the options that a command declares."""
+
+    def __init__(self, declared: tuple[Option, ...], typed: Mapping[str, Any]) -> None:
+        self._declared, self._typed = declared, typed
+
+    def __getitem__(self, name: str) -> Any:
+        return self._typed[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._typed)
+
+    def __len__(self) -> int:
+        return len(self._typed)
+
+    def with_values(self, **values: Any) -> Options:
+        """Return a copy with other values of some options."""
+        return Options(self._declared, {**self._typed, **values})
+
+    def number(self, name: str, usual: Any = None) -> Any:
+        """Return the number typed for an option, or the usual one."""
+        return usual if self.get(name) is None else number(self[name])
+
+    def numbers(self, *names: str) -> dict[str, Any]:
+        """Return the numbers typed for these options; those not given are left out."""
+        return {name: number(self[name]) for name in names if self.get(name) is not None}
+
+    def changes(self) -> dict[str, dict[str, Any]]:
+        """Return what was typed, as the tables of a study file."""
+        tables: dict[str, dict[str, Any]] = {}
+        for option in self._declared:
+            if option.table and self.get(option.name) not in (None, (), [], False):
+                value = option.read(self[option.name])
+                entries = value if isinstance(value, dict) else {option.name: value}
+                table = tables.setdefault(option.table, {})
+                if option.table == "axes" and (twice := set(table) & set(entries)):
+                    raise WrongRequest(f"the axis {min(twice)} is given twice; give each parameter one axis")
+                table.update(entries)
+        return tables
 
 
-def _section(name: str) -> object:
-    return Option(name, metavar="KIND", rich_help_panel="What to compute", help=f"{_SECTIONS} (default: impact)")
+def with_options(*groups: Option | tuple[Option, ...]) -> Callable[[Callable[[Options], None]], Callable[..., None]]:
+    """Make a command of a function of `Options`: typer sees one parameter for each option listed."""
+    declared = tuple(option for group in groups for option in (group if isinstance(group, tuple) else (group,)))
+
+    def made(function: Callable[[Options], None]) -> Callable[..., None]:
+        def command(**typed: Any) -> None:
+            function(Options(declared, typed))
+
+        parameters = [option.parameter for option in declared]
+        command.__doc__, command.__name__ = function.__doc__, function.__name__
+        command.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+        command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+        return command
+
+    return made
 
 
-SectionKind = Annotated[_Text, _section("--kind")]
-DiagramSection = Annotated[_Text, _section("--section")]
-Direction = Annotated[
-    _Text,
-    Option(
-        metavar="WAY", rich_help_panel="What to compute",
-        help="fresh: each value from the same start; up, down: each from where its neighbour ended. (default: fresh)",
-    ),
-]  # fmt: skip
+# What is computed: model, initial conditions, axes
+
+STUDY = Option("study", "STUDY.toml", "A study file; options complete it or replace its values.", flags=(), kind=PATH)
+PARAMETERS = Option(
+    "parameter", "NAME=VALUE",
+    "A parameter of the model: mass (m, kg), damping (c, N s/m), stiffness (k, N/m), amplitude (f, N), omega (w, "
+    "rad/s) or frequency (Hz), restitution (r), gap (g, m); damping_ratio (zeta) may replace damping. Repeat it for "
+    "more. Defaults are the paper's: m=1 c=0.01 k=1 f=1 w=2 r=0.8 g=0.",
+    "Oscillator", flags=("-p", "--parameter"), kind=TEXTS, table="oscillator", read=parse_parameters,
+)  # fmt: skip
+USER_MODEL = Option(
+    "model", "FILE.py:NAME",
+    "A model of your own: an oscillator, or a function marked @vibroimpact.family. -p and axes then take its "
+    "parameters.",
+    "Oscillator",
+)  # fmt: skip
+MODEL = (STUDY, PARAMETERS, USER_MODEL)
 
 
-def _output(*names: str, metavar: str, text: str) -> object:
-    return Option(*names, metavar=metavar, rich_help_panel="Output", help=text)
+def _start(text: str) -> dict[str, Any]:
+    parts = numbers("--start", text, "up to three numbers Y,V,T such as -1,0,0")
+    if len(parts) > 3:
+        raise WrongRequest(f"`--start` must be up to three numbers Y,V,T such as -1,0,0, got {text!r}")
+    return dict(zip(("displacement", "velocity", "time"), parts, strict=False))
 
 
-Out = Annotated[
-    Path | None,
-    _output(
-        "--out", "-o", metavar="FILE",
-        text="Data (.zarr .nc .csv .mat) or a figure (.png .svg .pdf). Without it: a summary in words.",
-    ),
-]  # fmt: skip
-Folder = Annotated[Path, _output("--out", "-o", metavar="DIR", text="Folder for the report, its figures and data.")]
-Overwrite = Annotated[bool, Option("--overwrite", rich_help_panel="Output", help="Replace an output that exists.")]
-Size = Annotated[_Text, _output("--size", metavar="WxH", text="Size of a figure in inches, such as 8x5.")]
-Dpi = Annotated[_Text, _output("--dpi", metavar="N", text="Dots an inch of a figure. (default: 150)")]
-Figure = Annotated[_Text, _output("--figure", metavar="KIND", text="Kind of figure, as for `vibroimpact plot --kind`.")]
-Index = Annotated[
-    _Text, _output("--index", metavar="NAME", text="Index a figure shows: of a sweep the first, of a diagram none.")
-]
-Level = Annotated[
-    _Text, _output("--level", metavar="X", text="Where a contour draws the boundary, in the unit of the index.")
-]
-PlotKind = Annotated[
-    _Text,
-    _output(
-        "--kind", metavar="KIND",
-        text="time-history, phase-portrait, impact-map, stroboscopic-map, bifurcation-diagram, index-curve, "
-        "index-contour, index-surface, motion-map, exponent-map, branch-diagram, boundaries, basin-portrait or "
-        "comparison. (default: what suits the result)",
-    ),
-]  # fmt: skip
-SweepFile = Annotated[
-    Path | None,
-    _output("--sweep", metavar="FILE", text="A saved map over the axis of the diagram FILE: draws its index on top."),
-]
+START = Option(
+    "start", "Y,V,T",
+    "Initial displacement in m, velocity in m/s and time in s; V and T may be left out. (default: at rest at min(0, "
+    "gap), time 0)",
+    "Oscillator", table="start", read=_start,
+)  # fmt: skip
+
+GRID, SPAN = "NAME=FROM:TO:POINTS", "NAME=FROM:TO"
 
 
-def _orbit(*names: str, metavar: str, text: str) -> object:
-    return Option(*names, metavar=metavar, rich_help_panel="Which orbits", help=text)
+def _axis(name: str, text: str, form: str = GRID, example: str = "omega=0.025:5:200", **more: Any) -> Option:
+    def read(given: str) -> dict[str, Any]:
+        return parse_axis(f"--{name}", given, form, example)
+
+    usual: dict[str, Any] = {"table": "axes", "read": read}
+    return Option(name, form, text, "Axes", **usual | more)
 
 
-OrbitPeriods = Annotated[_Text, _orbit("--periods", metavar="N", text="Driving periods in a cycle. (default: 1)")]
-OrbitImpacts = Annotated[
-    _Text,
-    _orbit("--impacts", metavar="P", text="Impacts in a cycle; -1 for one that sticks after a chatter. (default: 1)"),
-]
-Near = Annotated[
-    _Text,
-    _orbit(
-        "--near", metavar="PHASE,VELOCITY",
-        text="Phase, 0 to 1, and velocity in m/s of an impact to begin the search at. (default: from rest and a grid)",
-    ),
-]  # fmt: skip
-PeriodsList = Annotated[
-    _Text, _orbit("--periods", metavar="N,N", text="Driving periods in a cycle, one or several. (default: 1,2)")
-]
-Kinds = Annotated[
-    _Text,
-    _orbit(
-        "--kind", metavar="KINDS",
-        text="Comma-separated: fold, period-doubling, grazing, end-of-sticking. (default: all)",
-    ),
-]  # fmt: skip
+def _more_axes(given: list[str]) -> dict[str, Any]:
+    axes: dict[str, Any] = {}
+    for text in given:
+        axes |= parse_axis("--axis", text, GRID, "mass=0.1:5:200")
+    return axes
 
 
-def _span(*names: str, text: str) -> object:
-    return Option(*names, metavar="NAME=FROM:TO", rich_help_panel="Axes", help=text)
+X = _axis("x", "The first axis, linear, both ends included: omega=0.025:5:200.")
+Y = _axis("y", "The second axis.", example="mass=0.1:5:200")
+MORE_AXES = _axis("axis", "A further axis; repeat it for more.", kind=TEXTS, read=_more_axes)
+RANGE = _axis("x", "The parameter and its range: omega=0.8:3, or omega=0.8:3:400 with --diagram.", SPAN, "omega=0.8:3")
+RANGE_X = _axis("x", "The first parameter of the plane and its range: omega=0.025:5.", SPAN, "omega=0.025:5")
+RANGE_Y = _axis("y", "The second parameter and its range: mass=0.1:5.", SPAN, "mass=0.1:5")
+# Axes of initial conditions are no part of a study file.
+START_X = _axis("x", "phase=0:1:200 of impacts, or displacement=-3:0:200 of states. (default: phases 0 to 1)", table="")
+START_Y = _axis("y", "velocity=0:3:200, in m/s. (default: 0 to 4 max(f, k|g|)/sqrt(km))", table="")
+
+# Sampling
 
 
-Span = Annotated[
-    _Text,
-    _span("--x", text="The parameter to vary and its range: omega=0.8:3, or omega=0.8:3:400 with --diagram."),
-]
-SpanX = Annotated[_Text, _span("--x", text="The first parameter of the plane and its range: omega=0.025:5.")]
-SpanY = Annotated[_Text, _span("--y", text="The second one: mass=0.1:5.")]
-StartX = Annotated[
-    _Text,
-    _axis("--x", text="phase=0:1:200 of impacts, or displacement=-3:0:200 of states. (default: phases 0 to 1)"),
-]
-StartY = Annotated[_Text, _axis("--y", text="velocity=0:3:200, in m/s. (default: 0 to 4 max(f, k|g|)/sqrt(km))")]
-StartPhase = Annotated[
-    _Text,
-    Option("--phase", metavar="PHI", rich_help_panel="Axes", help="Of all states, with displacement. (default: 0)"),
-]
-Step = Annotated[
-    _Text, _how("X", "Longest step along a curve, in parts of the ranges and of a driving period. (default: 0.01)")
-]
-Lines = Annotated[_Text, _how("N", "Lines across the plane, each way, that boundaries are looked for on. (default: 5)")]
-Doublings = Annotated[
-    _Text, _how("N", "How often to go on along the doubled orbits born at period doublings. (default: 0)")
-]
-OverDiagram = Annotated[
-    bool,
-    Option(
-        "--diagram", rich_help_panel="Output",
-        help="Draw the figure over the bifurcation diagram of the settled motion. (400 values, or those of --x)",
-    ),
-]  # fmt: skip
-OverMap = Annotated[
-    Path | None,
-    _output("--over", metavar="FILE", text="A saved map over the same plane, drawn beneath the boundaries."),
-]
-OrbitOut = Annotated[
-    Path | None,
-    _output("--out", "-o", metavar="FILE", text="Data: .json .csv .zarr .nc .mat. Without it: a table in words."),
-]
-Json = Annotated[bool, Option("--json", rich_help_panel="Output", help="Tell it as JSON.")]
-Vary = Annotated[
-    _Text,
-    Option(
-        "--vary", metavar="NAMES", rich_help_panel="What to compute",
-        help="Comma-separated: the parameters varied in search of boundaries and remedies. (default: all seven)",
-    ),
-]  # fmt: skip
-Within = Annotated[
-    _Text,
-    Option(
-        "--within", metavar="X", rich_help_panel="What to compute",
-        help="How far: from value/(1+X) to value*(1+X). (default: 3)",
-    ),
-]  # fmt: skip
-CompareOut = Annotated[
-    Path | None,
-    _output(
-        "--out", "-o", metavar="FILE",
-        text="A figure (.png .svg .pdf) or data (.zarr .nc .csv .mat .json). The table is told in any case.",
-    ),
-]  # fmt: skip
+def _sampling(name: str, metavar: str, text: str) -> Option:
+    return Option(name, metavar, text, "Sampling", table="sampling")
+
+
+TRANSIENT_IMPACTS = _sampling("transient_impacts", "N", "Impacts discarded first. (default: 100)")
+SAMPLE_IMPACTS = _sampling("sample_impacts", "N", "Impacts kept after that. (default: 5000)")
+BASIN_IMPACTS = _sampling("sample_impacts", "N", "Impacts kept, in the first of three rounds. (default: 500)")
+PHASE = _sampling("phase", "PHI", "Phase of the stroboscopic section, from 0 to below 1. (default: 0)")
+IMPACTS = (TRANSIENT_IMPACTS, SAMPLE_IMPACTS)
+PERIODS = (
+    _sampling("transient_periods", "N", "Driving periods discarded first. (default: 200)"),
+    _sampling("sample_periods", "N", "Driving periods kept after that. (default: 500)"),
+    PHASE,
+)
+DURATION = (
+    _sampling("periods", "N", "Driving periods to compute. (default: 20)"),
+    _sampling("samples_per_period", "N", "Samples per driving period. (default: 200)"),
+)
+START_PHASE = Option(
+    "phase", "PHI", "Phase of all initial states, with displacement. (default: 0)", "Axes", table="sampling"
+)
+
+# How it is computed
+
+
+def _how(name: str, metavar: str, text: str, table: str = "", **more: Any) -> Option:
+    return Option(name, metavar, text, "How to compute", table=table, **more)
+
+
+BACKEND = _how(
+    "backend", "NAME", "cpu, cuda (GPU), reference (slow witness) or fixed-step (the paper's). (default: cpu)", "run"
+)
+TIME_STEP = _how("time_step", "S", "Time step of the back end fixed-step, in s. (default: 0.0005)", "run")
+TOLERANCE = _how(
+    "chatter", "X", "Impacts slower than this times max(f, k|g|)/sqrt(km) are not counted. (default: 1e-9)",
+    "tolerances",
+)  # fmt: skip
+WORKERS = _how("workers", "N", "Threads. (default: all cores)", "run")
+ENGINE = (BACKEND, TIME_STEP, TOLERANCE)
+EVERY_IMPACT = _how(
+    "early_closing", "", "Compute every impact, even where a closed cycle gives the rest.", "run",
+    flags=("--every-impact",), kind=FLAG, read=lambda given: not given,
+)  # fmt: skip
+CLUSTER = _how(
+    "cluster", "WHERE", "Compute on a Dask cluster: tcp://HOST:PORT of its scheduler, or local:N processes here."
+)
+TILE = _how("tile", "N", "Cells per tile in a store or on a cluster, roughly. (default: 4096; 4 with slow back ends)")
+REFINE = _how("refine", "L", "Halve the intervals of both axes L times, and compute only where the motion changes.")
+STEP = _how(
+    "step", "X", "Longest step along a curve, as a fraction of the ranges and of a driving period. (default: 0.01)"
+)
+LINES = _how("lines", "N", "Lines across the plane, each way, to search for boundaries on. (default: 5)")
+DOUBLINGS = _how("doublings", "N", "Number of period doublings to follow into the doubled orbits. (default: 0)")
+
+# What is computed
+
+
+def _what(name: str, metavar: str, text: str, table: str = "", **more: Any) -> Option:
+    return Option(name, metavar, text, "What to compute", table=table, **more)
+
+
+def _names(text: str) -> list[str]:
+    if text.strip() == "all":
+        from vibroimpact.indices import INDICES
+
+        return list(INDICES)
+    return [name.strip() for name in text.split(",")]
+
+
+INDICES = _what(
+    "indices", "NAMES",
+    "Comma-separated: std, mean_velocity, max_velocity, impacts_per_period, lyapunov, lyapunov_per_impact, "
+    "n_periods, n_impacts, dissipation, stick_fraction, impact_phase_spread, grazing_margin; or all. "
+    "(default: std; of a diagram: none)",
+    "run", read=_names,
+)  # fmt: skip
+_SECTIONS = (
+    "impact: velocity and phase of impacts; stroboscopic: displacement and velocity once per driving period. "
+    "(default: impact)"
+)
+SECTION = _what("section", "KIND", _SECTIONS, "run")
+SECTION_KIND = _what("section", "KIND", _SECTIONS, "run", flags=("--kind",))
+DIRECTION = _what(
+    "direction", "WAY",
+    "fresh: each value from the same initial conditions; up, down: each from where its neighbour ended. (default: "
+    "fresh)",
+    "run",
+)  # fmt: skip
+VARY = _what(
+    "vary", "NAMES", "Comma-separated: the parameters varied in search of boundaries and remedies. (default: all)"
+)
+WITHIN = _what("within", "X", "How far: from value/(1+X) to value*(1+X). (default: 3)")
+SEARCH = (VARY, WITHIN)
+
+
+def _orbit(name: str, metavar: str, text: str, **more: Any) -> Option:
+    return Option(name, metavar, text, "Which orbits", **more)
+
+
+ORBIT_PERIODS = _orbit("n_periods", "N", "Driving periods per cycle. (default: 1)", flags=("--periods",))
+PERIODS_LIST = _orbit(
+    "periods_list", "N,N", "Driving periods per cycle, one or several. (default: 1,2)", flags=("--periods",)
+)
+ORBIT_IMPACTS = _orbit(
+    "n_impacts", "P", "Impacts per cycle; -1 for complete chatter and sticking. (default: 1)", flags=("--impacts",)
+)
+NEAR = _orbit(
+    "near", "PHASE,VELOCITY",
+    "Phase, 0 to 1, and velocity in m/s of an impact to start the search at. (default: from rest and a grid)",
+)  # fmt: skip
+KINDS = _orbit(
+    "kinds", "KINDS", "Comma-separated: fold, period-doubling, grazing, end-of-sticking. (default: all)",
+    flags=("--kind",),
+)  # fmt: skip
+ORBIT = (ORBIT_PERIODS, ORBIT_IMPACTS, NEAR)
+
+# Where the result goes
+
+
+def _output(name: str, metavar: str, text: str, **more: Any) -> Option:
+    return Option(name, metavar, text, "Output", **more)
+
+
+def _out(metavar: str, text: str, **more: Any) -> Option:
+    return _output("out", metavar, text, flags=("--out", "-o"), kind=PATH, **more)
+
+
+OUT_FILE = _out("FILE", "Data (.zarr .nc .csv .mat) or a figure (.png .svg .pdf). Without it: a summary as text.")
+OVERWRITE = _output("overwrite", "", "Replace an existing output.", kind=FLAG)
+OUT = (OUT_FILE, OVERWRITE)
+ORBIT_OUT = (_out("FILE", "Data: .json .csv .zarr .nc .mat. Without it: a table as text."), OVERWRITE)
+COMPARE_OUT = (
+    _out("FILE", "A figure (.png .svg .pdf) or data (.zarr .nc .csv .mat .json). The table is printed in any case."),
+    OVERWRITE,
+)
+FOLDER = _out("DIR", "Folder for the report, its figures and data.", required=True)
+PICTURE = (
+    _output("size", "WxH", "Size of a figure in inches, such as 8x5."),
+    _output("dpi", "N", "Dots per inch of a figure. (default: 150)"),
+)
+FIGURE = _output("figure", "KIND", "Kind of figure, as for `vibroimpact plot --kind`.")
+FIGURE_KIND = _output(
+    "figure", "KIND",
+    "time-history, phase-portrait, impact-map, stroboscopic-map, bifurcation-diagram, index-curve, index-contour, "
+    "index-surface, motion-map, exponent-map, branch-diagram, boundaries, basin-portrait or comparison. (default: what "
+    "suits the result)",
+    flags=("--kind",),
+)  # fmt: skip
+INDEX = _output("index", "NAME", "Index that a figure shows. (default: the first of a sweep, none of a diagram)")
+LEVEL = _output("level", "X", "Contour level at which the boundary is drawn, in the unit of the index.")
+SWEEP_FILE = _output(
+    "sweep", "FILE", "A saved map over the axis of the diagram FILE: draws its index on top.", kind=PATH
+)
+OVER = _output("over", "FILE", "A saved map over the same plane, drawn beneath the boundaries.", kind=PATH)
+DIAGRAM = _output(
+    "diagram", "",
+    "Draw the figure over the bifurcation diagram of the settled motion. (400 values, or those of --x)", kind=FLAG,
+)  # fmt: skip
+JSON = _output("json", "", "Print as JSON.", kind=FLAG)

@@ -1,4 +1,4 @@
-"""The orbits that were found, as a labelled dataset and as plain JSON."""
+"""Periodic orbits as a labelled dataset and as plain JSON."""
 
 from __future__ import annotations
 
@@ -16,36 +16,36 @@ from vibroimpact.dataset import provenance
 
 if TYPE_CHECKING:
     from vibroimpact.orbits import Orbits
-    from vibroimpact.oscillator import ImpactOscillator
+    from vibroimpact.oscillator import Model
 
 WORDS = {"real": "real part of a Floquet multiplier", "imag": "imaginary part of a Floquet multiplier"}
 
 
-def orbits_dataset(found: Orbits, osc: ImpactOscillator, arguments: Mapping[str, Any]) -> xr.Dataset:
-    """Return orbits over `orbit` and `impact`, rows padded with NaN; `count` tells how many impacts there are."""
+def orbits_dataset(found: Orbits, model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
+    """Return orbits over `orbit` and `impact`, rows padded with NaN; `count` is the number of impacts."""
     multipliers = np.array([orbit.multipliers for orbit in found], complex).reshape(len(found), 2)
     content = orbit_variables(found, max((len(orbit.velocities) for orbit in found), default=0), "orbit")
     for i in (0, 1):
         parts = {"real": multipliers[:, i].real, "imag": multipliers[:, i].imag}
         content |= {f"multiplier_{i + 1}_{key}": number("orbit", part, WORDS[key]) for key, part in parts.items()}
     content |= {
-        "n_periods": _whole([orbit.n_periods for orbit in found], "driving periods in a cycle"),
-        "n_impacts": _whole([orbit.n_impacts for orbit in found], "impacts in a cycle"),
-        "count": _whole([len(orbit.velocities) for orbit in found], "number of impacts told"),
+        "n_periods": _whole([orbit.n_periods for orbit in found], "driving periods per cycle"),
+        "n_impacts": _whole([orbit.n_impacts for orbit in found], "impacts per cycle"),
+        "count": _whole([len(orbit.velocities) for orbit in found], "number of impacts listed"),
         "stick_phase": number("orbit", [orbit.stick_phase for orbit in found], "phase of coming to rest at the stop"),
         "release_phase": number("orbit", [orbit.release_phase for orbit in found], "phase of leaving the stop"),
-        "stuck_time": number("orbit", [orbit.stuck_time for orbit in found], "time at rest in a cycle"),
+        "stuck_time": number("orbit", [orbit.stuck_time for orbit in found], "time at rest per cycle"),
     }
     content["stuck_time"].attrs["units"] = "s"
-    told = {"outcome": found.outcome, "message": _sentence(found)}
-    told["messages"] = json.dumps([orbit.message for orbit in found])
-    return xr.Dataset(content, attrs=provenance("find_orbit", osc, arguments) | told)
+    outcome = {"outcome": found.outcome, "message": _sentence(found)}
+    outcome["messages"] = json.dumps([orbit.message for orbit in found])
+    return xr.Dataset(content, attrs=provenance("find_orbit", model, arguments) | outcome)
 
 
-def orbits_json(found: Orbits, osc: ImpactOscillator) -> dict[str, Any]:
+def orbits_json(found: Orbits, model: Model) -> dict[str, Any]:
     """Return orbits as plain dictionaries, lists, numbers and text: NaN as None, multipliers as pairs."""
     return {
-        "oscillator": asdict(osc),
+        "oscillator": asdict(model.at()),
         "outcome": found.outcome,
         "message": _sentence(found),
         "orbits": [_plain(orbit) for orbit in found],
@@ -53,15 +53,15 @@ def orbits_json(found: Orbits, osc: ImpactOscillator) -> dict[str, Any]:
 
 
 def _plain(orbit: Any) -> dict[str, Any]:
-    told = {key: value for key, value in vars(orbit).items() if key not in ("oscillator", "family")}
-    told["multipliers"] = [[z.real, z.imag] for z in orbit.multipliers]
-    told |= {key: getattr(orbit, key) for key in ("name", "stable", "trace", "determinant")}
-    return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in told.items()}
+    content = {key: value for key, value in vars(orbit).items() if key not in ("oscillator", "family")}
+    content["multipliers"] = [[z.real, z.imag] for z in orbit.multipliers]
+    content |= {key: getattr(orbit, key) for key in ("name", "stable", "trace", "determinant")}
+    return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in content.items()}
 
 
 def _sentence(found: Orbits) -> str:
     if found.outcome == "inadmissible":
-        return f"no {found[0].name} orbit: {len(found)} in the equations, none that the mass moves along"
+        return f"no admissible {found[0].name} orbit: the equations have {len(found)}"
     return found.message or f"{len(found)} {found[0].name} orbit{'s' * (len(found) > 1)}"
 
 

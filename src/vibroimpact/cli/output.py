@@ -1,13 +1,17 @@
-"""Where a result goes: to a file by its ending, or to the screen in words."""
+"""Where a result goes: to a file by its ending, or to the screen as text."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from vibroimpact.cli.request import WrongRequest, asked, number
+import typer
+
+from vibroimpact.cli.options import number
+from vibroimpact.cli.study import Interrupted, WrongRequest, refusing
+from vibroimpact.progress import speed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,8 +31,37 @@ _FIGURES_OF_SWEEPS = {1: ("index-curve",), 2: ("index-contour", "index-surface",
 # indices that figures are drawn from
 NEEDS = {"motion-map": ("lyapunov_per_impact", "n_periods", "n_impacts"), "exponent-map": ("lyapunov",)}
 EXPONENTS = ("lyapunov", "lyapunov_per_impact")
-MOTION = "motion"  # in place of an index: the names of motions
+MOTION = "motion"  # in place of an index: the types of motion
 _INCHES, _DOTS = (0.5, 100.0), (10.0, 2400.0)
+
+
+def hand_on(dataset: xr.Dataset, options: Mapping[str, Any], seconds: float, over: xr.Dataset | None = None) -> None:
+    """Write a result to its file, or print its sentences."""
+    if options["out"] is not None:
+        write(dataset, options, options["out"], over)
+        typer.echo(f"wrote {options['out']} ({seconds:.2g} s)")
+        return
+    from vibroimpact.report import sentences_of
+
+    rate = speed(int(dataset.attrs.get("impacts_computed", 0)), seconds)
+    for line in (*sentences_of(dataset), ", ".join(filter(None, (f"computed in {seconds:.2g} s", rate)))):
+        typer.echo(line)
+
+
+def keep_finished(
+    dataset: xr.Dataset | None, options: Mapping[str, Any], seconds: float, over: xr.Dataset | None = None
+) -> NoReturn:
+    """Hand on what an interrupted command had finished, without replacing a complete result."""
+    if dataset is None:
+        raise Interrupted("interrupted before anything was finished; nothing was written")
+    out: Path | None = options["out"]
+    marked = ", the rest has status interrupted" if "status" in dataset else ""
+    message = f"interrupted; what was finished is kept{marked}"
+    if out is not None and out.exists():
+        message += f"; {out} is unchanged"
+        out = out.with_name(f"{out.stem}.partial{out.suffix}")
+    hand_on(dataset, {**options, "out": out}, seconds, over)
+    raise Interrupted(message)
 
 
 def check(options: Mapping[str, Any], function: str, indices: tuple[str, ...] = (), n_axes: int = 0) -> None:
@@ -37,23 +70,20 @@ def check(options: Mapping[str, Any], function: str, indices: tuple[str, ...] = 
     kinds = _FIGURES_OF_SWEEPS.get(n_axes, ()) if function == "parameter_map" else _FIGURES[function]
     figure, index = options.get("figure"), options.get("index")
     if figure is not None and figure not in kinds:
-        raise WrongRequest(f"`--figure` is {figure!r}; allowed here are {', '.join(kinds) or 'none'}; choose one")
+        raise WrongRequest(f"unknown `--figure` {figure!r} for this result; choose from {', '.join(kinds) or 'none'}")
     if index is not None and index not in indices:
-        held = ", ".join(indices) or "none"
-        raise WrongRequest(f"`--index` is {index!r}; allowed here are {held}; add it to --indices")
+        computed = ", ".join(indices) or "none"
+        raise WrongRequest(
+            f"`--index` must be one of the computed indices ({computed}), got {index!r}; add it to --indices"
+        )
     if missing := [name for name in NEEDS.get(figure or "", ()) if name not in indices]:
-        raise WrongRequest(
-            f"`--indices` lack {', '.join(missing)}; allowed for a {figure} are those and more; leave --indices out"
-        )
-    out = options.get("out")
-    if out is not None and out.suffix.lower() in FIGURE_ENDINGS and not kinds:
-        raise WrongRequest(
-            f"`--out` is {str(out)!r}, a figure of {n_axes} axes; allowed are one or two; save a .zarr instead"
-        )
+        raise WrongRequest(f"`--indices` must include {', '.join(missing)} for a {figure}; or leave --indices out")
+    if is_figure(options) and not kinds:
+        raise WrongRequest(f"`--out` must be data such as .zarr for {n_axes} axes, got {str(options['out'])!r}")
 
 
 def check_looks(options: Mapping[str, Any], endings: tuple[str, ...] = FIGURE_ENDINGS) -> None:
-    """Refuse a place that cannot be written to, and sizes and levels that are no numbers.
+    """Refuse a place that cannot be written to, and invalid sizes and levels.
 
     `endings` are those allowed besides the formats of data.
     """
@@ -61,25 +91,25 @@ def check_looks(options: Mapping[str, Any], endings: tuple[str, ...] = FIGURE_EN
     if options.get("out") is not None:
         from vibroimpact.files import DATA_ENDINGS, check_output
 
-        with asked(OSError):
+        with refusing(OSError):
             check_output(options["out"], overwrite=options["overwrite"], endings=DATA_ENDINGS + endings)
 
 
 def is_figure(options: Mapping[str, Any]) -> bool:
-    """Return whether a figure shall be written."""
+    """Return whether the output is a figure."""
     out = options.get("out")
     return out is not None and out.suffix.lower() in FIGURE_ENDINGS
 
 
 def read(options: Mapping[str, Any], name: str) -> xr.Dataset | None:
-    """Return the saved result that an option names, which only a figure shows."""
+    """Return the saved result that an option names; it is drawn only in a figure."""
     if options.get(name) is None:
         return None
     if not is_figure(options):
-        raise WrongRequest(f"`--{name}` is given without a figure; allowed is it with one; write --out figure.png")
+        raise WrongRequest(f"`--{name}` needs a figure; add for example --out figure.png")
     from vibroimpact.files import load
 
-    with asked(OSError):
+    with refusing(OSError):
         return load(options[name])
 
 
@@ -97,7 +127,7 @@ def as_json(content: Any) -> str:
 
 
 def write(dataset: xr.Dataset, options: Mapping[str, Any], path: Path, over: xr.Dataset | None = None) -> None:
-    """Write data, or a figure drawn over another result, to `path`, as its ending says."""
+    """Write data, or a figure drawn over another result, in the format that the ending of `path` names."""
     if path.suffix.lower() not in FIGURE_ENDINGS:
         from vibroimpact.files import save
 
@@ -111,7 +141,7 @@ def write(dataset: xr.Dataset, options: Mapping[str, Any], path: Path, over: xr.
     from vibroimpact import plotting
 
     try:
-        with asked(OSError):
+        with refusing(OSError):
             drawn = draw(dataset, options, over)
         plotting.save_figure(drawn, path, size=_size(options), dpi=_dpi(options), overwrite=options["overwrite"])
     finally:
@@ -119,7 +149,7 @@ def write(dataset: xr.Dataset, options: Mapping[str, Any], path: Path, over: xr.
 
 
 def draw(dataset: xr.Dataset, options: Mapping[str, Any], over: xr.Dataset | None = None) -> Any:
-    """Return the Axes of the figure asked for, or of the one that shows the result best."""
+    """Return the Axes of the figure chosen, or of the one that suits the result."""
     from vibroimpact import plotting
 
     if options.get("sweep") is not None:
@@ -129,9 +159,9 @@ def draw(dataset: xr.Dataset, options: Mapping[str, Any], over: xr.Dataset | Non
     index = options.get("index")
     kind = options.get("figure") or _kind_for(index, plotting.default_kind(dataset))
     if kind not in plotting.KINDS:
-        raise ValueError(f"`--kind` is {kind!r}; allowed are {', '.join(plotting.KINDS)}; choose one of them")
+        raise ValueError(f"unknown `--kind` {kind!r}; choose from {', '.join(plotting.KINDS)}")
     if over is not None and kind not in ("boundaries", "branch-diagram"):
-        raise ValueError(f"`--over` is given for a {kind}; allowed is it for boundaries and branches; leave it out")
+        raise ValueError(f"`--over` is for boundaries and branches only, got a {kind}")
     more: dict[str, Any] = {}
     if kind.startswith("index-"):
         more["index"] = index or _first_index(dataset)
@@ -145,20 +175,20 @@ def draw(dataset: xr.Dataset, options: Mapping[str, Any], over: xr.Dataset | Non
         more |= _beneath_boundaries(over, index or _first_index(over))
     if kind == "bifurcation-diagram" and index is not None:
         if index not in dataset:
-            raise ValueError(f"`--index` is {index!r}; allowed are indices the diagram holds; add it to --indices")
+            raise ValueError(f"`--index` must be an index of the diagram, got {index!r}; add it to --indices")
         return plotting.diagram_with_index(dataset, dataset[[index, "status"]], index=index)
     return plotting.KINDS[kind](dataset, **more)
 
 
 def _kind_for(index: str | None, usual: str) -> str:
-    """Return the figure of an index over two axes: exponents and names of motions have their own."""
+    """Return the figure of an index over two axes: exponents and types of motion have their own."""
     if usual not in ("index-contour", "exponent-map") or index is None:
         return usual
     return "motion-map" if index == MOTION else "exponent-map" if index in EXPONENTS else "index-contour"
 
 
 def _beneath_boundaries(over: xr.Dataset, index: str) -> dict[str, Any]:
-    """Return what draws a map beneath boundaries: its names of motions, its exponents, or contours of another index."""
+    """Return what draws a map beneath boundaries: its types of motion, its exponents, or contours of an index."""
     from vibroimpact import plotting
 
     if index == MOTION:
@@ -181,7 +211,7 @@ def _size(options: Mapping[str, Any]) -> tuple[float, float] | None:
     sides = [number(part) for part in text.lower().split("x")]
     fit = [not isinstance(side, str) and _INCHES[0] <= side <= _INCHES[1] for side in sides]
     if len(sides) != 2 or not all(fit):
-        raise WrongRequest(f"`--size` is {text!r}; allowed is width x height, each 0.5 to 100 inches; write 8x5")
+        raise WrongRequest(f"`--size` must be width x height such as 8x5, each 0.5 to 100 inches, got {text!r}")
     return float(sides[0]), float(sides[1])
 
 
@@ -189,7 +219,7 @@ def _dpi(options: Mapping[str, Any]) -> float:
     text = options.get("dpi")
     dpi = 150.0 if text is None else number(text)
     if isinstance(dpi, str) or not _DOTS[0] <= dpi <= _DOTS[1]:
-        raise WrongRequest(f"`--dpi` is {text!r}; allowed is a number from 10 to 2400; 150 is usual")
+        raise WrongRequest(f"`--dpi` must be between 10 and 2400, got {text!r}; 150 is usual")
     return dpi
 
 
@@ -198,5 +228,5 @@ def level_of(options: Mapping[str, Any]) -> float | None:
     text = options.get("level")
     level = None if text is None else number(text)
     if isinstance(level, str) or (level is not None and not abs(level) < float("inf")):
-        raise WrongRequest(f"`--level` is {text!r}; allowed is a finite number; give it in the unit of the index")
+        raise WrongRequest(f"`--level` must be a finite number, got {text!r}; give it in the unit of the index")
     return level

@@ -1,0 +1,345 @@
+"""The commands that find periodic orbits, follow them and their boundaries, and find what coexists."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import typer
+
+from vibroimpact.cli import options as o
+from vibroimpact.cli import output
+from vibroimpact.cli.options import numbers, parse_axis
+from vibroimpact.cli.study import NothingFound, WrongRequest, read_study, refusing, span_values
+from vibroimpact.progress import Meter
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from vibroimpact.cli.options import Options
+    from vibroimpact.cli.study import Study
+    from vibroimpact.continuation import Boundary, Branch
+    from vibroimpact.orbits import Orbits
+
+Range = tuple[float, float]
+
+DIAGRAM_VALUES = 400  # of the diagram beneath a branch
+DIAGRAM = {"transient_impacts": 500, "sample_impacts": 100}  # of each value, unless the study gives them
+INITIAL_CONDITIONS = 200  # along an axis that is not given
+FASTEST = 4.0  # times the velocity scale: the hardest impact then
+
+
+# Orbits
+
+
+@o.with_options(o.MODEL, o.ORBIT, o.ORBIT_OUT)
+def orbit(options: Options) -> None:
+    """Periodic orbits of one (n, p) type, stable or not: impacts, Floquet multipliers.
+
+    For example:
+
+      vibroimpact orbit -p omega=2.0
+      vibroimpact orbit -p omega=0.9 --impacts 2 --out orbit.json
+      vibroimpact orbit -p omega=0.1 --impacts -1
+    """
+    study = read_study(options)
+    output.check_looks(options, (".json",))
+    began = perf_counter()
+    found = _find(study, options)
+    from vibroimpact.cli.orbit_data import orbits_dataset, orbits_json
+
+    out = options["out"]
+    if out is not None and out.suffix.lower() == ".json":
+        output.write_json(orbits_json(found, study.model), options, out)
+        typer.echo(f"wrote {out} ({perf_counter() - began:.2g} s)")
+        return
+    output.hand_on(orbits_dataset(found, study.model, _type(options)), options, perf_counter() - began)
+
+
+def _type(options: Options) -> dict[str, Any]:
+    return {name: options.number(name, 1) for name in ("n_periods", "n_impacts")}
+
+
+def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits:
+    """Return the orbits of the type asked for."""
+    import vibroimpact
+
+    near: Any = options["near"] and numbers("--near", options["near"], "PHASE,VELOCITY such as 0.25,1.4", 2)
+    with refusing():
+        return vibroimpact.find_orbit(study.model, **orbit_type or _type(options), near=near)
+
+
+# Branches
+
+
+@o.with_options(o.MODEL, o.RANGE, o.ORBIT, o.DOUBLINGS, o.STEP, o.WORKERS, o.OUT, o.DIAGRAM, o.PICTURE)
+def follow(options: Options) -> None:
+    """Follow the orbits of one (n, p) type along a parameter, through folds; report where they change.
+
+    The orbits are searched for at -p; the range contains that value. Ctrl-C
+    keeps what is finished.
+
+    For example:
+
+      vibroimpact continue -p omega=2.0 --x omega=0.8:3
+      vibroimpact continue -p w=2.6 --x w=2:3 --doublings 2 -o branch.zarr
+      vibroimpact continue -p w=2.6 --x w=2:3:400 --diagram --out branch.png
+      vibroimpact continue -p w=0.9 --impacts 2 --x gap=-0.5:0.5
+    """
+    study = read_study(options)
+    ((parameter, span),) = _ranges(study, 1).items()
+    output.check(options, "continue_orbit")
+    if options["diagram"] and not output.is_figure(options):
+        raise WrongRequest("`--diagram` needs a figure; add for example --out branch.png")
+    from vibroimpact.bundles import bundle
+    from vibroimpact.dataset import provenance
+    from vibroimpact.parameters import whole_number
+
+    with Meter("orbits") as meter, refusing():
+        doublings = whole_number("doublings", options.number("doublings", 0), 0)
+        found = _find(study, options)
+        branches = _branches(found, parameter, span, meter, doublings, **options.numbers("step"))
+    if not branches:
+        _nothing(found.message, options)
+    beneath = _diagram(study, parameter, span) if options["diagram"] and not meter.stopped else None
+    arguments = {"parameter": parameter, "range": span, **_type(options), "doublings": doublings}
+    made_by = provenance("continue_orbit", study.model, arguments)
+    dataset = bundle([branch.dataset for branch in branches], "continue_orbit", made_by)
+    if meter.stopped:
+        output.keep_finished(dataset, options, meter.seconds)
+    output.hand_on(dataset, options, meter.seconds, beneath)
+
+
+def _branches(
+    found: Orbits, parameter: str, span: Range, meter: Meter, doublings: int = 0, step: float = 0.01
+) -> list[Branch]:
+    """Return the branches of the orbits found, then of those that are born at their period doublings."""
+    from vibroimpact.continuation import follow_all
+
+    if found and found[0].n_impacts == -1:
+        raise WrongRequest(
+            "`--impacts` must not be -1 here, since orbits that rest at the stop have no branch; follow their end with "
+            "`vibroimpact boundary --kind end-of-sticking`"
+        )
+    return follow_all(
+        [orbit for orbit in found if orbit.admissible] or found,
+        parameter,
+        span,
+        longest=math.inf,
+        most=math.inf,
+        doublings=doublings,
+        step=step,
+        virtual=True,
+        amplitude=1e-3,
+        progress=meter,
+    )
+
+
+def _diagram(study: Study, parameter: str, span: Range) -> xr.Dataset:
+    """Return the settled motions over the same range."""
+    import numpy as np
+
+    import vibroimpact
+
+    values = study.axes[parameter]
+    axis: dict[str, Any] = {parameter: values if len(values) > 2 else np.linspace(*span, DIAGRAM_VALUES)}
+    chosen = DIAGRAM | study.arguments("bifurcation_diagram") | {"section": "impact", "indices": ()}
+    with Meter("diagram") as meter, refusing():
+        return vibroimpact.bifurcation_diagram(study.model, progress=meter, **chosen, **axis)
+
+
+def _ranges(study: Study, count: int, *, contain: bool = True) -> dict[str, Range]:
+    """Return the parameters to vary and their ranges, which contain the model whose orbits are followed."""
+    from vibroimpact.orbits.orbit import value_of
+
+    if len(study.axes) != count:
+        wanted, example = {1: ("one axis", ""), 2: ("two axes", " --y mass=0.1:5")}[count]
+        raise WrongRequest(
+            f"this command needs exactly {wanted}, got {' and '.join(study.axes) or 'none'}; for example --x "
+            f"omega=0.8:3{example}"
+        )
+    for name, values in study.axes.items():
+        if len(values) < 2:
+            raise WrongRequest(f"`{name}` must be a range, got one value; write {name}=FROM:TO")
+        low, high, value = float(values[0]), float(values[-1]), value_of(study.model, name)
+        if contain and not low <= value <= high:
+            raise WrongRequest(
+                f"`{name}` must have a range that contains {value:g}, where the orbit is searched for, got {low:g} to "
+                f"{high:g}; widen it, or search elsewhere with -p {name}=..."
+            )
+    return {name: (float(values[0]), float(values[-1])) for name, values in study.axes.items()}
+
+
+def _nothing(message: str, options: Options) -> NoReturn:
+    """End a command that found nothing: a failure only where a file was to be written."""
+    if options["out"] is not None:
+        raise NothingFound(f"{message}; nothing was written")
+    typer.echo(message)
+    raise typer.Exit
+
+
+# Boundaries
+
+
+@o.with_options(
+    o.MODEL, o.RANGE_X, o.RANGE_Y, o.KINDS, o.PERIODS_LIST, o.ORBIT_IMPACTS, o.NEAR, o.LINES, o.STEP, o.OUT, o.OVER,
+    o.INDEX, o.PICTURE,
+)  # fmt: skip
+def boundary(options: Options) -> None:
+    """Exact curves in a plane of two parameters on which motions fold, double, graze or cease to stick.
+
+    Of orbits with one impact all curves that cross a grid of lines are found;
+    of others (--impacts) those that the orbit at -p meets along --x.
+    Ctrl-C keeps what is finished.
+
+    For example:
+
+      vibroimpact boundary --x omega=0.025:5 --y mass=0.1:5 --out curves.zarr
+      vibroimpact boundary --x w=2:3 --y r=0.5:0.9 --kind fold,grazing
+      vibroimpact boundary --x w=1:5 --y m=0.1:5 --over map.zarr -o plane.png
+      vibroimpact boundary -p w=0.9 --impacts 2 --x w=0.6:1.1 --y r=0.5:0.9
+    """
+    study = read_study(options)
+    of_orbits = options["near"] is not None or options.number("n_impacts", 1) != 1
+    box = _ranges(study, 2, contain=of_orbits)
+    names, kinds = tuple(box), _kinds(options["kinds"])
+    from vibroimpact.indices import INDICES
+
+    output.check(options, "boundary_curves", (*INDICES, output.MOTION))
+    over = _map_beneath(options, names)
+    with Meter("boundaries") as meter, refusing():
+        curves = (_of_orbits if of_orbits else _all)(study, box, kinds, options, meter)
+    if not curves and not meter.stopped:
+        _nothing(f"no such boundary in the plane of {' and '.join(names)}", options)
+    dataset = _bundled(curves, study, box) if curves else None
+    if meter.stopped or dataset is None:
+        output.keep_finished(dataset, options, meter.seconds, over)
+    output.hand_on(dataset, options, meter.seconds, over)
+
+
+def _bundled(curves: list[Boundary], study: Study, box: Mapping[str, Range]) -> xr.Dataset:
+    """Return all curves as one dataset; of the many impacts of a chatter only the first."""
+    from vibroimpact.bundles import bundle
+    from vibroimpact.dataset import provenance
+
+    parts = [curve.dataset for curve in curves]
+    parts = [part.isel(impact=slice(0, 1)) if part.attrs["n_impacts"] == -1 else part for part in parts]
+    arguments = {"parameters": tuple(box), "ranges": tuple(box.values())}
+    return bundle(parts, "boundary_curves", provenance("boundary_curves", study.model, arguments))
+
+
+def _all(
+    study: Study, box: Mapping[str, Range], kinds: tuple[str, ...], options: Options, meter: Meter
+) -> list[Boundary]:
+    """Return the curves of orbits with one impact and of sticking."""
+    import vibroimpact
+
+    more = options.numbers("lines", "step") | {"n_periods": _periods(options, "1,2")}
+    plane: Any = tuple(box), tuple(box.values())
+    return vibroimpact.boundary_curves(study.model, *plane, kinds=kinds, progress=meter, **more)
+
+
+def _of_orbits(
+    study: Study, box: Mapping[str, Range], kinds: tuple[str, ...], options: Options, meter: Meter
+) -> list[Boundary]:
+    """Return the boundaries that the orbits at the model itself meet along the first parameter."""
+    from vibroimpact.continuation import curves_through
+
+    step, names = options.numbers("step"), tuple(box)
+    branches: list[Branch] = []
+    for n in _periods(options, "1"):
+        found = _find(study, options, n_periods=n, n_impacts=options.number("n_impacts", 1))
+        branches += _branches(found, names[0], box[names[0]], meter, **step)
+    points = [point for branch in branches for point in branch.special if point.kind in kinds]
+    plane: Any = names, tuple(box.values())
+    return curves_through(points, *plane, progress=meter, **step)
+
+
+def _periods(options: Options, usual: str) -> Any:
+    return numbers("--periods", options["periods_list"] or usual, "whole numbers such as 1,2")
+
+
+def _kinds(text: str | None) -> tuple[str, ...]:
+    from vibroimpact.continuation.results import KINDS
+
+    if text is None:
+        return KINDS
+    chosen = tuple(part.strip().replace("-", "_").replace(" ", "_") for part in text.split(","))
+    if unknown := [kind for kind in chosen if kind not in KINDS]:
+        raise WrongRequest(f"unknown `--kind` {unknown[0]!r}; choose from {', '.join(KINDS).replace('_', '-')}")
+    return chosen
+
+
+def _map_beneath(options: Options, names: tuple[str, ...]) -> xr.Dataset | None:
+    """Return the saved map that the curves are drawn over."""
+    over = output.read(options, "over")
+    if over is None:
+        return None
+    if set(map(str, over.dims)) != set(names):
+        dims = " and ".join(map(str, over.dims)) or "no axis"
+        raise WrongRequest(
+            f"`--over` must be a map over {' and '.join(names)}, as the curves are, got one over {dims}; compute "
+            "it with `vibroimpact map`"
+        )
+    index = options["index"]
+    needed = output.NEEDS["motion-map"] if index == output.MOTION else (index,) if index else ()
+    if missing := [name for name in needed if name not in over]:
+        raise WrongRequest(f"`--over` must be a map of {', '.join(missing)}, which this one lacks; compute it again")
+    return over
+
+
+# Basins
+
+
+@o.with_options(
+    o.MODEL, o.START_X, o.START_Y, o.START_PHASE, o.TRANSIENT_IMPACTS, o.BASIN_IMPACTS, o.BACKEND, o.TOLERANCE,
+    o.WORKERS, o.OUT, o.PICTURE,
+)  # fmt: skip
+def basins(options: Options) -> None:
+    """Which attractors coexist, and which initial conditions lead to which.
+
+    Ctrl-C keeps what is finished.
+
+    For example:
+
+      vibroimpact basins -p w=3 --x phase=0:1:400 --y velocity=0:3:400 -o b.png
+      vibroimpact basins --x displacement=-3:0:200 --y velocity=-2:2:200
+    """
+    study = read_study(options)
+    axes = _initial_conditions(study, options)
+    if "displacement" in axes and "phase" in study.given:
+        axes["phase"] = study.given["phase"]
+    elif options["phase"] is not None:
+        raise WrongRequest("`--phase` goes with an axis of displacement; for impacts write --x phase=0:1:200")
+    output.check(options, "basins")
+    import vibroimpact
+    from vibroimpact.status import Status
+
+    with Meter("initial conditions") as meter, refusing():
+        dataset = vibroimpact.basins(study.model, progress=meter, **study.arguments("basins"), **axes)
+    if meter.stopped:
+        empty = bool((dataset["status"] == Status.INTERRUPTED).all())
+        output.keep_finished(None if empty else dataset, options, meter.seconds)
+    output.hand_on(dataset, options, meter.seconds)
+
+
+def _initial_conditions(study: Study, options: Options) -> dict[str, Any]:
+    """Return the axes of initial conditions, completed by phases or velocities of impacts."""
+    import numpy as np
+
+    from vibroimpact.parameters import Parameter
+
+    axes: dict[str, Any] = {}
+    with refusing():
+        for flag, text in (("--x", options["x"]), ("--y", options["y"])):
+            for name, span in parse_axis(flag, text, o.GRID, "phase=0:1:200").items() if text else ():
+                if name in axes:
+                    raise WrongRequest(f"the axis {name} is given twice; give each coordinate one axis")
+                axes[name] = span_values(Parameter(name, name), span, least=2)
+    if set(axes) <= {"phase"} or set(axes) == {"velocity"}:
+        usual = {"phase": 1.0, "velocity": FASTEST * (study.model.at().velocity_scale or 1.0)}
+        for name, high in usual.items():
+            axes.setdefault(name, np.linspace(0.0, high, INITIAL_CONDITIONS))
+    return axes

@@ -1,0 +1,392 @@
+"""A checked request, from a study file (TOML), from options, or from both: one schema for either."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+import sys
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vibroimpact.options import Sampling, Tolerances
+from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.parameters import Parameter, choice, invalid, real_number, unknown, whole_number
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from vibroimpact.cli.options import Options
+
+    Floats = NDArray[np.float64]
+
+MOST_POINTS = 10_000_000  # of an axis; a typing error asks for more
+ENDS = ("from", "to", "points")
+
+
+class Ended(Exception):
+    """A command ended early; the message says why, in one line."""
+
+    code = 1
+
+
+class WrongRequest(Ended):
+    """The request cannot be carried out; nothing has been touched."""
+
+    code = 2
+
+
+class Interrupted(Ended):
+    """Ctrl-C stopped a computation; the message says what was kept."""
+
+    code = 130
+
+
+class NothingFound(Ended):
+    """What was to be written does not exist."""
+
+
+# how an input or a place is refused; a full disk, say, is another OSError
+REFUSALS = (FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
+
+
+@contextmanager
+def refusing(*errors: type[OSError]) -> Iterator[None]:
+    """Turn refused arguments, and these errors, into a `WrongRequest`; anything else is a failure."""
+    try:
+        yield
+    except errors as error:
+        raise WrongRequest(error.strerror or str(error)) from error
+    except ValueError as error:
+        # This package's refusals begin with the name of an argument; errors of libraries do not.
+        if not str(error).startswith(("`", "unknown ", "give either ", "invalid ")):
+            raise
+        raise WrongRequest(str(error)) from error
+
+
+# The schema: what each table of a study file may hold
+
+
+def _part_of(kind: type) -> dict[str, Callable[[str, Any], Any]]:
+    """Return the checks of a dataclass's fields, each made by the dataclass itself."""
+    return {field.name: lambda name, value: getattr(kind(**{name: value}), name) for field in fields(kind)}
+
+
+def _one_of(*values: str) -> Callable[[str, Any], str]:
+    return lambda name, value: choice(name, value, values)
+
+
+def _flag(name: str, value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise invalid(name, value, "true or false")
+    return value
+
+
+def _positive(name: str, value: Any) -> float:
+    positive = real_number(name, value, "a number > 0")
+    if positive <= 0.0:
+        raise invalid(name, value, "a number > 0")
+    return positive
+
+
+def _phase(name: str, value: Any) -> float:
+    allowed, hint = "at least 0 and below 1", "it is a fraction of the driving period"
+    phase = real_number(name, value, allowed, hint)
+    if not 0.0 <= phase < 1.0:
+        raise invalid(name, value, allowed, hint)
+    return phase
+
+
+def _count(name: str, value: Any) -> int:
+    return whole_number(name, value, 1)
+
+
+def _indices(name: str, value: Any) -> tuple[str, ...]:
+    from vibroimpact.indices import check_indices
+
+    if not isinstance(value, (str, list, tuple)):
+        raise invalid(name, value, 'a list of names such as ["std"]')
+    return check_indices(value)
+
+
+def _backend(name: str, value: Any) -> str:
+    from vibroimpact.backends import BACKENDS
+
+    return choice(name, value, BACKENDS)
+
+
+TABLES: dict[str, dict[str, Callable[[str, Any], Any]]] = {
+    "sampling": {**_part_of(Sampling), "phase": _phase, "periods": _positive, "samples_per_period": _count},
+    "start": {field.name: real_number for field in fields(State)},
+    "tolerances": _part_of(Tolerances),
+    "run": {
+        "indices": _indices,
+        "backend": _backend,
+        "time_step": _positive,
+        "workers": _count,
+        "section": _one_of("impact", "stroboscopic"),
+        "direction": _one_of("fresh", "up", "down"),
+        "early_closing": _flag,
+    },
+}
+
+
+@dataclass(frozen=True)
+class Study:
+    """A whole request: a model, axes, and the keyword arguments of the public functions.
+
+    Examples
+    --------
+    >>> study = make_study({"oscillator": {"m": 2.0}, "axes": {"w": {"from": 1, "to": 2, "points": 3}}})
+    >>> study.model.mass, study.axes
+    (2.0, {'omega': array([1. , 1.5, 2. ])})
+    """
+
+    model: Model
+    axes: dict[str, Floats]
+    given: dict[str, Any]
+
+    def arguments(self, function: str) -> dict[str, Any]:
+        """Return what the study gives for a public function, axes left out: a function takes what concerns it."""
+        import vibroimpact
+
+        takes = inspect.signature(getattr(vibroimpact, function)).parameters
+        return {name: value for name, value in self.given.items() if name in takes}
+
+
+def read_study(options: Options, file: Path | None = None) -> Study:
+    """Return the request that a study file and the options of a command make together."""
+    with refusing(OSError):
+        changes, path = options.changes(), file or options.get("study")
+        document = {} if path is None else _load(path)
+        if options.get("model"):
+            document["model"] = options["model"]
+        try:
+            return make_study(document, changes, dotted=path is not None)
+        except ValueError as error:
+            if path is None:
+                raise
+            faults = str(error).splitlines()
+            count = "1 error" if len(faults) == 1 else f"{len(faults)} errors"
+            raise ValueError("\n".join([f"`study` {str(path)!r} has {count}:", *faults])) from None
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        message = f"`study` {str(path)!r} cannot be read ({error.strerror}); give the name of a TOML file"
+        raise OSError(error.errno, message) from error
+    except ValueError as error:
+        raise ValueError(f"`study` {str(path)!r} is invalid TOML: {error}") from error
+
+
+def make_study(
+    document: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]] | None = None, *, dotted: bool = False
+) -> Study:
+    """Return the request that nested tables hold, or raise one `ValueError` with a line for each error.
+
+    Parameters
+    ----------
+    document : mapping
+        The tables of a study file.
+    changes : mapping of tables, optional
+        Values that complete those of `document` or take their place; axes given here replace all of its axes.
+    dotted : bool
+        Whether errors name a key with its table (`oscillator.mass`) or alone (`mass`).
+
+    Returns
+    -------
+    Study
+        The request, checked.
+
+    Raises
+    ------
+    ValueError
+        Something is misspelt, missing or out of its range.
+
+    Examples
+    --------
+    >>> make_study({"sampling": {"sample_impacts": 0}})
+    Traceback (most recent call last):
+    ValueError: `sample_impacts` must be a whole number >= 1, got 0
+    """
+    reader, typed = _Reader(dotted), changes or {}
+    own = reader.tables(document)
+    model = load_model(document["model"]) if "model" in document else ImpactOscillator()
+
+    values = reader.values("oscillator", model, Parameter.check, own["oscillator"], typed.get("oscillator", {}))
+    if not reader.faults:
+        model = reader.check("", "", lambda: model.replace(**values)) or model
+    axes = reader.values("axes", model, axis_values, typed.get("axes") or own["axes"])
+    given = {table: reader.entries(table, {**own[table], **typed.get(table, {})}) for table in TABLES}
+    if given["start"] and "displacement" not in given["start"]:
+        reader.faults.append("`start` must have a `displacement`, in m")
+    if not reader.faults:
+        reader.check("", "", _check_replaced, model, values, axes)
+    if reader.faults:
+        raise ValueError("\n".join(reader.faults))
+    start = {"start": State(**given["start"])} if given["start"] else {}
+    tolerances = {"tolerances": Tolerances(**given["tolerances"])} if given["tolerances"] else {}
+    return Study(model, axes, {**given["sampling"], **given["run"], **start, **tolerances})
+
+
+class _Reader:
+    """Checks entry by entry and collects what is wrong, so that all of it is reported at once."""
+
+    def __init__(self, dotted: bool) -> None:
+        self.dotted, self.faults = dotted, []  # type: bool, list[str]
+
+    def tables(self, document: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+        """Return every table, empty where there is none."""
+        found: dict[str, Mapping[str, Any]] = {name: {} for name in ("oscillator", "axes", *TABLES)}
+        for name, value in document.items():
+            if name not in (*found, "model"):
+                self.faults.append(str(unknown("table", name, (*found, "model"))))
+            elif isinstance(value, Mapping):
+                found[name] = value
+            elif name != "model":
+                self.faults.append(str(invalid(name, value, "a table", f"write [{name}] above its keys")))
+        return found
+
+    def values(
+        self,
+        table: str,
+        model: Model,
+        check: Callable[[Parameter, Any], Any],
+        own: Mapping[str, Any],
+        typed: Mapping[str, Any] | None = None,
+    ) -> dict[str, Any]:
+        """Return checked values by parameter; of those typed the last one wins, and replaces what a file has."""
+        parameters, typed = model.parameters, typed or {}
+        taken = {name_of(model, key) for key in typed}
+        taken |= {parameters[name].replaces or name for name in taken & set(parameters)}
+        found: dict[str, tuple[str, Any]] = {}
+        for key, value in own.items():
+            name = name_of(model, key)
+            if name in found:
+                self.faults.append(f"give either `{found[name][0]}` or `{key}`, not both")
+            elif name not in taken and (name not in parameters or parameters[name].replaces not in taken):
+                found[name] = key, value
+        found |= {name_of(model, key): (key, value) for key, value in typed.items()}
+        for key in [key for name, (key, _) in found.items() if name not in parameters]:
+            self.refuse(table, key, parameters)
+        known = [(name, *given) for name, given in found.items() if name in parameters]
+        return {name: self.check(table, key, check, parameters[name], value) for name, key, value in known}
+
+    def entries(self, table: str, entries: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the checked entries of a table."""
+        checks = TABLES[table]
+        for key in entries:
+            if key not in checks:
+                self.refuse(table, key, checks)
+        return {
+            key: self.check(table, key, check, key, entries[key]) for key, check in checks.items() if key in entries
+        }
+
+    def refuse(self, table: str, key: str, choices: Iterable[str]) -> None:
+        """Refuse an unknown key."""
+        self.faults.append(str(unknown(f"key in [{table}]" if self.dotted else "parameter", key, choices)))
+
+    def check(self, table: str, key: str, function: Callable[..., Any], *given: Any) -> Any:
+        """Return what a check makes of a value; its complaints then name the key as it was written."""
+        try:
+            return function(*given)
+        except ValueError as error:
+            name = f"{table}.{key}" if self.dotted else key
+            lines = str(error).splitlines()
+            self.faults += [re.sub(r"^(unknown |)`\w+", rf"\1`{name}", line) for line in lines] if key else lines
+
+
+# Parameters of the model, and axes over them
+
+
+def name_of(model: Model, key: str) -> str:
+    """Return the name of a parameter for its name or symbol; what is unknown stays as it is."""
+    symbols = {parameter.symbol: name for name, parameter in model.parameters.items()}
+    return key if key in model.parameters else symbols.get(key, key)
+
+
+def _check_replaced(model: Model, values: Mapping[str, Any], axes: Mapping[str, Floats]) -> None:
+    """Refuse a value, such as of the damping ratio, that changes along an axis because others change."""
+    for name, value in values.items():
+        replaces = model.parameters[name].replaces
+        for axis, points in axes.items():
+            if replaces in (None, axis) or axis == name:
+                continue
+            at_end = getattr(model.at(**{axis: float(points[-1])}), name, value)
+            if not math.isclose(at_end, value, rel_tol=1e-9):
+                raise ValueError(f"`{name}` must not be given where {axis} varies, which changes it; give `{replaces}`")
+
+
+def axis_values(parameter: Parameter, value: Any) -> Floats:
+    """Return the values of an axis, strictly increasing, or raise with a line for each error."""
+    import numpy as np
+
+    name = parameter.name
+    if isinstance(value, Mapping) and set(value) == {"values"}:
+        value = value["values"]
+    if isinstance(value, (list, tuple)):
+        if not value:
+            raise invalid(name, value, "at least one value")
+        listed = np.array([parameter.check(entry) for entry in value])
+        if not (np.diff(listed) > 0.0).all():
+            raise invalid(name, value, "strictly increasing", "sort the values")
+        return listed
+    if not isinstance(value, Mapping):
+        raise invalid(
+            name, value, "a list of values or { from, to, points }", "write { from = 1.0, to = 2.0, points = 11 }"
+        )
+    return span_values(parameter, value)
+
+
+def span_values(parameter: Parameter, span: Mapping[str, Any], least: int = 1) -> Floats:
+    """Return the values of `{ from, to, points }`: linear, both ends included."""
+    import numpy as np
+
+    name, reader = parameter.name, _Reader(dotted=False)
+    reader.faults += [f"`{name}.{key}` is missing; give from, to and points" for key in ENDS if key not in span]
+    reader.faults += [str(unknown(f"key in `{name}`", key, ENDS)) for key in span if key not in ENDS]
+    low, high = (reader.check("", f"{name}.{key}", parameter.check, span.get(key, 1.0)) for key in ENDS[:2])
+    points = reader.check("", f"{name}.points", whole_number, "points", span.get("points", least), least)
+    if not reader.faults:
+        if points > MOST_POINTS:
+            raise invalid(f"{name}.points", points, f"at most {MOST_POINTS:,}")
+        if points > 1 and not low < high:
+            raise ValueError(f"`{name}` must increase, got {low:g} to {high:g}; give the smaller end first")
+        if points == 1 and low != high:
+            hint = f"for a single value give {low:g} as both ends"
+            raise invalid(f"{name}.points", points, f"at least 2 from {low:g} to {high:g}", hint)
+    if reader.faults:
+        raise ValueError("\n".join(reader.faults))
+    return np.linspace(low, high, points)
+
+
+def load_model(place: Any) -> Model:
+    """Return the model or family NAME of `FILE.py:NAME`; the file may import what lies beside it."""
+    file, _, name = str(place).rpartition(":")
+    path = Path(file)
+    if not (file.endswith(".py") and name.isidentifier()):
+        raise invalid("model", place, "FILE.py:NAME such as tube.py:shaker")
+    if not path.is_file():
+        raise ValueError(f"`model` {place!r} cannot be loaded; there is no file {file!r}")
+    spec: Any = spec_from_file_location(path.stem, path)
+    module = module_from_spec(spec)
+    sys.path.insert(0, str(path.resolve().parent))
+    sys.modules.setdefault(path.stem, module)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise ValueError(f"`model` {place!r} cannot be loaded; {type(error).__name__}: {error}") from error
+    models = {
+        key: value for key, value in vars(module).items() if isinstance(value, Model) and not isinstance(value, type)
+    }
+    if name not in models:
+        raise unknown("model", name, models or ["none"], "" if models else "write @vibroimpact.family above a function")
+    return models[name]
