@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 import vibroimpact as vi
 from vibroimpact.coexistence import basins
-from vibroimpact.plotting.basins import COLORS, FURTHER, QUIET, UNDECIDED, basin_portrait
+from vibroimpact.plotting.motions import ATTRACTORS, FURTHER, QUIET, basin_portrait
+from vibroimpact.plotting.planes import OPEN
 from vibroimpact.plotting.style import STATUS_COLORS
 from vibroimpact.status import Status
 
@@ -63,7 +64,7 @@ def legend(ax):
 
 def test_every_start_has_the_colour_of_its_attractor(found, ax):
     basin_portrait(found, ax=ax)
-    expected = np.array([to_rgb(color) for color in COLORS])[found["attractor"].values.T]
+    expected = np.array([to_rgb(color) for color in ATTRACTORS])[found["attractor"].values.T]
     np.testing.assert_allclose(shades(ax), expected)
 
 
@@ -71,8 +72,8 @@ def test_the_legend_names_motions_their_hardest_hits_and_shares(found, ax):
     basin_portrait(found, ax=ax)
     first, second = (100 * float(share) for share in found["share"])
     assert legend(ax) == [
-        f"period-2 impact-2, hits up to 0.429 m/s: {first:.1f} %",
-        f"period-6 sticking, hits up to 0.0728 m/s: {second:.1f} %",
+        f"period-2 impact-2, impacts up to 0.429 m/s: {first:.1f} %",
+        f"period-6 sticking, impacts up to 0.0728 m/s: {second:.1f} %",
         "the attractors themselves",
     ]
 
@@ -104,7 +105,7 @@ def test_a_figure_of_its_own_tells_the_oscillator_and_the_phase_of_the_starts():
 def test_what_never_hits_or_never_moves_is_grey(ax):
     names = ["chaotic", "no_impact", "stuck_for_ever", "at_rest"]
     basin_portrait(made([[0, 1], [2, 3]], names), ax=ax)
-    colors = [COLORS[0], QUIET["no_impact"], QUIET["stuck_for_ever"], QUIET["at_rest"]]
+    colors = [ATTRACTORS[0], QUIET["no_impact"], QUIET["stuck_for_ever"], QUIET["at_rest"]]
     np.testing.assert_allclose(shades(ax)[[0, 1, 0, 1], [0, 0, 1, 1]], [to_rgb(color) for color in colors])
     assert legend(ax) == ["chaotic: 25.0 %", "no impact: 25.0 %", "stuck for ever: 25.0 %", "at rest: 25.0 %"]
 
@@ -112,7 +113,7 @@ def test_what_never_hits_or_never_moves_is_grey(ax):
 def test_starts_without_an_attractor_say_why(ax):
     status = np.array([[0, Status.BUDGET], [Status.INTERRUPTED, 0]], np.int8)
     basin_portrait(made([[-1, -1], [-1, 0]], ["chaotic"], status), ax=ax)
-    colors = [UNDECIDED, STATUS_COLORS[Status.BUDGET], STATUS_COLORS[Status.INTERRUPTED], COLORS[0]]
+    colors = [OPEN, STATUS_COLORS[Status.BUDGET], STATUS_COLORS[Status.INTERRUPTED], ATTRACTORS[0]]
     np.testing.assert_allclose(shades(ax)[[0, 1, 0, 1], [0, 0, 1, 1]], [to_rgb(color) for color in colors])
     assert [text.split(":")[0] for text in legend(ax)] == ["chaotic", "budget", "interrupted", "undecided"]
 
@@ -140,7 +141,7 @@ def test_colours_of_attractors_stay_apart_without_red_or_green():
     protanopia = np.array(
         [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
     )
-    colors = np.array([to_rgb(color) for color in (*COLORS[:4], UNDECIDED)])
+    colors = np.array([to_rgb(color) for color in (*ATTRACTORS[:4], OPEN)])
     linear = np.where(colors <= 0.04045, colors / 12.92, ((colors + 0.055) / 1.055) ** 2.4)
     for eyes in (np.eye(3), deuteranopia, protanopia):
         seen = np.clip(linear @ eyes.T, 0, 1) ** (1 / 2.2)
@@ -151,9 +152,9 @@ def test_colours_of_attractors_stay_apart_without_red_or_green():
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        (3, "`dataset` is no Dataset; allowed is a result of basins"),
-        (xr.Dataset({"std": ("omega", [1.0])}), "`dataset` holds std; allowed is a result of basins"),
-        (made([[0, 0]], ["chaotic"]), "`dataset` has 1 value along phase; allowed are two or more"),
+        (3, "`dataset` must be a result of basins .* got a int"),
+        (xr.Dataset({"std": ("omega", [1.0])}), "`dataset` must be a result of basins .* with std"),
+        (made([[0, 0]], ["chaotic"]), "`dataset` needs two or more values .* got 1 along phase"),
     ],
 )
 def test_other_results_are_refused(value, message):

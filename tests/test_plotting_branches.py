@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 import vibroimpact as vi
 from vibroimpact.continuation import continue_orbit, switch_branch
 from vibroimpact.orbits import find_orbit
-from vibroimpact.plotting.branches import INADMISSIBLE, LOOKS, SAMPLES, STABLE, UNSTABLE, branch_diagram, split
+from vibroimpact.plotting.continuation import INADMISSIBLE, LOOKS, SAMPLES, STABLE, UNSTABLE, branch_diagram, split
 
 mpl.use("Agg")
 OSC = vi.ImpactOscillator()
@@ -74,7 +74,7 @@ def test_stable_parts_are_solid_unstable_dashed_and_impossible_ones_dotted(branc
         "period-1 impact-1",
         "stable",
         "unstable",
-        "no motion of the mass",
+        "inadmissible orbits (they penetrate the stop)",
         "PD: period doubling",
         "G: grazing",
     ]
@@ -112,7 +112,7 @@ def test_the_samples_lie_in_grey_beneath_and_on_the_stable_part(branch, diagram,
     here = (x > 1.6) & (x < 2.5)
     stable = next(part for part in split(branch.dataset, "omega") if part.values[0] < 2.0 < part.values[-1])
     np.testing.assert_allclose(y[here], np.interp(x[here], stable.values, stable.velocities[:, 0]), rtol=2e-2)
-    assert legend_texts(ax)[0] == "impact velocity, one dot a sample"
+    assert legend_texts(ax)[0] == "impact velocity (one dot per impact)"
 
 
 def test_columns_without_a_sample_are_marked_over_branches_too(branch, diagram, ax):
@@ -144,16 +144,16 @@ def test_what_is_no_branch_or_goes_another_way_is_refused(branch, diagram):
     strobe = vi.bifurcation_diagram(OSC, omega=[1.0, 2.0], section="stroboscopic", sample_periods=5)
     over_gap = diagram.rename(omega="gap")
     for arguments, told in (
-        (([],), "`branches` is empty; allowed is one branch or more"),
-        ((diagram,), "`branches` comes from bifurcation_diagram and holds velocity"),
-        ((None,), "`branches` is a NoneType; allowed are branches of periodic orbits"),
-        (([branch, other],), "`branches` go along omega and gap; allowed is one parameter"),
-        ((branch, strobe), "`diagram` holds a sample each period over omega; allowed is a diagram of impacts"),
+        (([],), "`branches` must hold at least one"),
+        ((diagram,), "got a result of bifurcation_diagram with velocity"),
+        ((None,), "`branches` must be branches of periodic orbits, got a NoneType"),
+        (([branch, other],), "`branches` must go along one parameter, got omega and gap"),
+        ((branch, strobe), "`diagram` must hold impacts over omega, as `branches` do, got periods over omega"),
         (
             (branch, over_gap),
-            "`diagram` holds a sample each impact over gap; allowed is a diagram of impacts over om",
+            "got impacts over gap",
         ),
-        ((branch, branch.dataset), "`diagram` comes from continue_orbit and holds velocity"),
+        ((branch, branch.dataset), "`diagram` must be a result of bifurcation_diagram"),
     ):
         with pytest.raises(ValueError) as caught:  # noqa: PT011
             branch_diagram(*arguments)

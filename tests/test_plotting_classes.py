@@ -18,10 +18,18 @@ from vibroimpact.continuation import boundary_curves
 from vibroimpact.dataset import provenance, status_variable, variable
 from vibroimpact.motion import MotionClass
 from vibroimpact.plotting import index_contour
-from vibroimpact.plotting.boundaries import HALOS, KINDS, boundaries
-from vibroimpact.plotting.classes import COLORS, OTHER_PERIODIC, PALETTE, USUAL, motion_map, name_colors
-from vibroimpact.plotting.exponents import exponent_map
-from vibroimpact.plotting.style import INK, STATUS_COLORS, STICKING
+from vibroimpact.plotting.continuation import SPECIAL, boundaries
+from vibroimpact.plotting.motions import (
+    COLORS,
+    OTHER_PERIODIC,
+    PALETTE,
+    SEVERAL,
+    USUAL,
+    exponent_map,
+    motion_map,
+    name_colors,
+)
+from vibroimpact.plotting.style import STATUS_COLORS, STICKING
 from vibroimpact.status import Status
 
 mpl.use("Agg")
@@ -151,8 +159,8 @@ def seen(color, sight):
 
 @pytest.mark.parametrize("sight", SIGHT)
 def test_colours_stay_apart_for_colour_blind_readers(sight):
-    motions = [*PALETTE, OTHER_PERIODIC, *COLORS.values()]
-    lines = [color for color, _ in KINDS.values()]
+    motions = [*PALETTE, OTHER_PERIODIC, SEVERAL, *COLORS.values()]
+    lines = [special.color for special in SPECIAL.values()]
     for colors in (motions, lines):
         apart = [np.linalg.norm(seen(a, sight) - seen(b, sight)) for a, b in combinations(colors, 2)]
         assert min(apart) > 14.0  # neighbouring steps of a fine scale are 2 or 3 apart
@@ -177,13 +185,13 @@ def test_a_sweep_is_classified_on_the_way_to_its_map(ax):
 
 def test_maps_of_motions_refuse_other_results_with_the_way_out():
     row = classes([(P, 1, 1)]).isel(mass=0)
-    with pytest.raises(ValueError, match="`sweep` has 1 axis"):
+    with pytest.raises(ValueError, match="`sweep` must be a parameter_map over two axes, got 1 axis"):
         motion_map(row)
     with pytest.raises(ValueError, match="`sweep` lacks lyapunov_per_impact, n_periods, n_impacts"):
         motion_map(vi.parameter_map(OSC, omega=[2.0, 3.0], mass=[1.0, 2.0], sample_impacts=50))
-    with pytest.raises(ValueError, match="`index` is 'std'; allowed are lyapunov, lyapunov_per_impact"):
+    with pytest.raises(ValueError, match="unknown `index` 'std'; choose from lyapunov, lyapunov_per_impact"):
         exponent_map(row, "std")
-    with pytest.raises(ValueError, match="`index` is 'lyapunov'; allowed are motion"):
+    with pytest.raises(ValueError, match="unknown `index` 'lyapunov'; choose from motion"):
         exponent_map(classes([(P, 1, 1)]))
 
 
@@ -229,7 +237,7 @@ def test_boundaries_are_drawn_point_by_point_and_named_by_kind_and_orbit(curves,
     boundaries(curves, ax=ax)
     for line, curve in zip(ax.lines, curves, strict=True):
         np.testing.assert_array_equal(line.get_xydata(), curve.values)
-        assert line.get_color() == KINDS[curve.kind][0]
+        assert line.get_color() == SPECIAL[curve.kind].color
     words = {curve.kind: curve.kind.replace("_", " ") for curve in curves} | {"end_of_sticking": "end"}
     expected = {f"{words[curve.kind]} of {curve.orbits[0].name}" for curve in curves}
     assert len(expected) >= 2
@@ -290,10 +298,11 @@ def test_each_kind_of_curve_has_a_colour_of_its_own_and_a_halo_that_shows_where_
     def lightness(color):
         return seen(color, "all cones")[0]
 
-    assert len({color for color, _ in KINDS.values()}) == len(KINDS)
-    assert "#ffffff" not in {color for color, _ in KINDS.values()}, "white are the lines of a level"
-    for kind, (color, _) in KINDS.items():
-        assert abs(lightness(color) - lightness(HALOS.get(kind, INK))) > 45.0
+    colors = {special.color for special in SPECIAL.values()}
+    assert len(colors) == len(SPECIAL)
+    assert "#ffffff" not in colors, "white are the lines of a level"
+    for special in SPECIAL.values():
+        assert abs(lightness(special.color) - lightness(special.halo)) > 45.0
 
 
 def test_the_legend_of_a_map_of_motions_stays_beside_it(curves, ax):
@@ -325,9 +334,9 @@ def test_period_one_loses_its_name_across_its_period_doubling(curves):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (([],), "`curves` is empty; allowed is one boundary or more"),
-        (([3.0],), "`curves` is a float; allowed are boundaries"),
-        ((classes([(P, 1, 1)]),), "`curves` comes from parameter_map and holds motion, n_periods"),
+        (([],), "`curves` must hold at least one"),
+        (([3.0],), "`curves` must be boundaries in a plane of two parameters, got a float"),
+        ((classes([(P, 1, 1)]),), "got a result of parameter_map with motion, n_periods"),
     ],
 )
 def test_what_is_no_boundary_is_refused(arguments, told):
@@ -338,10 +347,15 @@ def test_what_is_no_boundary_is_refused(arguments, told):
 
 def test_boundaries_of_another_plane_are_refused(curves, ax):
     other = curves[0].dataset.rename(mass="gap")
-    with pytest.raises(ValueError, match="`curves` lie in the planes omega and mass, omega and gap; allowed is one"):
+    other["gap"].attrs = variable("gap", (), 0.0).attrs
+    with pytest.raises(
+        ValueError, match="`curves` must lie in one plane, got the planes omega and mass, omega and gap"
+    ):
         boundaries([curves[0], other])
-    with pytest.raises(ValueError, match="`sweep` runs over omega and mass and `curves` over omega and gap; allowed"):
+    with pytest.raises(ValueError, match="`sweep` must run over omega and gap, as `curves` do, got omega and mass"):
         boundaries(other, classes([(P, 1, 1)]))
     motion_map(classes([(P, 1, 1)]), ax=ax)
-    with pytest.raises(ValueError, match="`ax` shows angular driving frequency .* `curves` lie over omega and gap"):
+    with pytest.raises(
+        ValueError, match="`ax` must be new or show omega and gap, .* got axes of angular driving frequency"
+    ):
         boundaries(other, ax=ax)

@@ -166,15 +166,15 @@ def test_maps_of_other_shapes_are_refused_with_the_way_out():
     cube = paraboloid().expand_dims(damping=[0.01, 0.02]).transpose("omega", "mass", "damping")
     line = paraboloid().isel(mass=3)
     for wrong, told in (
-        (cube, "`sweep` has 3 axes (omega, mass, damping); allowed is a parameter_map over two axes; select one value"),
+        (cube, "must be a parameter_map over two axes, got 3 axes (omega, mass, damping); select one value"),
         (cube, "sweep.sel(damping=0.01, method='nearest')"),
-        (line, "`sweep` has 1 axis (omega); allowed is a parameter_map over two axes; draw it with index_curve"),
+        (line, "got 1 axis (omega); draw it with index_curve"),
     ):
         for draw in (plotting.index_contour, plotting.index_surface):
             with pytest.raises(ValueError) as caught:  # noqa: PT011
                 draw(wrong)
             assert told in str(caught.value)
-    with pytest.raises(ValueError, match="`dataset` has 3 axes"):
+    with pytest.raises(ValueError, match="`dataset` must be .* got 3 axes"):
         plotting.default_kind(cube)
     assert plotting.default_kind(paraboloid()) == "index-contour"
 
@@ -182,11 +182,11 @@ def test_maps_of_other_shapes_are_refused_with_the_way_out():
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ({"index": "lyapunov"}, "`index` is 'lyapunov'; allowed are std"),
-        ({"level": "low"}, "`level` is 'low'; allowed is a finite number"),
-        ({"level": np.inf}, "`level` is inf; allowed is a finite number"),
-        ({"reference": {"gap": 0.0}}, "`reference` names 'gap'; allowed are omega, mass"),
-        ({"reference": {"mass": 7.0}}, "`reference` is mass = 7.0; allowed is 0.5 to 2.5"),
+        ({"index": "lyapunov"}, "unknown `index` 'lyapunov'; choose from std"),
+        ({"level": "low"}, "`level` must be a finite number, got 'low'"),
+        ({"level": np.inf}, "`level` must be a finite number, got inf"),
+        ({"reference": {"gap": 0.0}}, "in `reference` 'gap'; choose from omega, mass"),
+        ({"reference": {"mass": 7.0}}, "must be between 0.5 and 2.5, the range of the map, got 7.0"),
     ],
 )
 def test_wrong_arguments_of_the_contour_are_refused_in_words(arguments, told, ax):
@@ -196,7 +196,7 @@ def test_wrong_arguments_of_the_contour_are_refused_in_words(arguments, told, ax
 
 
 def test_a_surface_on_flat_axes_is_refused(ax):
-    with pytest.raises(ValueError, match="`ax` is flat"):
+    with pytest.raises(ValueError, match="`ax` must be three-dimensional axes"):
         plotting.index_surface(paraboloid(), ax=ax)
 
 
@@ -243,8 +243,11 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_old_file_and_nothing_else(tmp_
     ("arguments", "told"),
     [
         ({"path": "figure.gif"}, r"'figure.gif'; allowed are \.png, \.svg, \.pdf"),
-        ({"path": "figure.png", "dpi": 0}, "`dpi` is 0; allowed is a number above 0"),
-        ({"path": "figure.png", "size": (3, 0)}, r"`size` is \(3, 0\); allowed is a width and a height"),
+        ({"path": "figure.png", "dpi": 0}, "`dpi` must be a number above 0, got 0"),
+        (
+            {"path": "figure.png", "size": (3, 0)},
+            r"`size` must be a width and a height above 0 in inches, got \(3, 0\)",
+        ),
     ],
 )
 def test_a_wrong_ending_size_or_resolution_is_refused(arguments, told, ax):

@@ -13,7 +13,7 @@ from vibroimpact.continuation import continue_orbit
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import recognise
 from vibroimpact.oscillator import PARAMETERS
-from vibroimpact.plotting.comparison import comparison_figure
+from vibroimpact.plotting import comparison_figure
 from vibroimpact.verdict import compare, describe
 from vibroimpact.verdict.advice import Advice
 from vibroimpact.verdict.edges import Edge

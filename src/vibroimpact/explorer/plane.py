@@ -18,7 +18,7 @@ from vibroimpact.explorer.state import FINEST, GREEK, MOTION, View, granted
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import MotionClass, cycle_name, motion_name
 from vibroimpact.oscillator import ImpactOscillator, State
-from vibroimpact.plotting.classes import COLORS, OTHER_PERIODIC, WORDS, name_colors
+from vibroimpact.plotting.motions import COLORS, OTHER_PERIODIC, WORDS, name_colors
 from vibroimpact.plotting.style import STICKING
 
 Floats = NDArray[np.float64]

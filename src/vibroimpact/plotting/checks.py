@@ -1,31 +1,29 @@
-"""Is this the kind of result the figure needs? If not, say what is."""
+"""Is this the kind of result that a figure shows? If not, the error says what is."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-import numpy as np
 import xarray as xr
+
+from vibroimpact.parameters import unknown
 
 SAMPLE_DIMS = ("impact", "period")
 
 
-def holding(value: Any) -> str:
-    """Return what a wrong argument is or holds, in words that follow its name."""
+def refused(argument: str, value: Any, allowed: str, hint: str) -> ValueError:
+    """Return the error for a result of another kind."""
+    return ValueError(f"`{argument}` must be {allowed}, got {_held(value)}; {hint}")
+
+
+def _held(value: Any) -> str:
+    """Return what a wrong argument is or holds."""
     if not isinstance(value, xr.Dataset):
-        return f"is a {type(value).__name__}"
+        return f"a {type(value).__name__}"
+    names, dims = (", ".join(map(str, found)) for found in (value.data_vars, value.dims))
     maker = value.attrs.get("function")
-    held = ", ".join(map(str, value.data_vars)) or "no variable"
-    over = ", ".join(map(str, value.dims)) or "no dimension"
-    return f"{f'comes from {maker} and ' if maker else ''}holds {held} over {over}"
-
-
-def datasets_of(given: Any) -> list[Any]:
-    """Return as a list what was given alone or in a sequence; each that has a `dataset` as that dataset."""
-    alone = isinstance(given, xr.Dataset) or hasattr(given, "dataset") or not isinstance(given, Iterable)
-    each = [given] if alone else list(given)
-    return [one if isinstance(one, xr.Dataset) else getattr(one, "dataset", one) for one in each]
+    return f"{f'a result of {maker}' if maker else 'a Dataset'} with {names or 'no variable'} over {dims or 'no axis'}"
 
 
 def check_result(argument: str, value: Any, maker: str, needed: dict[str, str]) -> xr.Dataset:
@@ -38,10 +36,28 @@ def check_result(argument: str, value: Any, maker: str, needed: dict[str, str]) 
     ):
         return value
     wanted = ", ".join(f"{name} over {dim}" for name, dim in needed.items())
-    raise ValueError(
-        f"`{argument}` {holding(value)}; allowed is a result of {maker} ({wanted}); "
-        f"pass what vibroimpact.{maker} returns"
-    )
+    raise refused(argument, value, f"a result of {maker} ({wanted})", f"pass what vibroimpact.{maker} returns")
+
+
+def check_parts(
+    argument: str, given: Any, belongs: Callable[[xr.Dataset], bool], what: str, makers: str
+) -> list[xr.Dataset]:
+    """Return what was given, alone or in a sequence, as a list of datasets that all belong; else raise `ValueError`.
+
+    A part may also be an object that has a `dataset`, such as a Branch.
+    """
+    alone = isinstance(given, xr.Dataset) or hasattr(given, "dataset") or not isinstance(given, Iterable)
+    parts = [part if isinstance(part, xr.Dataset) else getattr(part, "dataset", part) for part in _listed(given, alone)]
+    for part in parts:
+        if not isinstance(part, xr.Dataset) or not belongs(part):
+            raise refused(argument, part, what, f"pass what {makers} returns")
+    if not parts:
+        raise ValueError(f"`{argument}` must hold at least one of {what}, got none; pass what {makers} returns")
+    return parts
+
+
+def _listed(given: Any, alone: bool) -> list[Any]:
+    return [given] if alone else list(given)
 
 
 def check_diagram(argument: str, value: Any) -> tuple[xr.Dataset, str, str]:
@@ -51,58 +67,62 @@ def check_diagram(argument: str, value: Any) -> tuple[xr.Dataset, str, str]:
         axes = [str(dim) for dim in value["velocity"].dims if dim not in SAMPLE_DIMS]
         if len(axes) == 1 and len(samples) == 1 and axes[0] in value.coords:
             return value, axes[0], samples[0]
-    raise ValueError(
-        f"`{argument}` {holding(value)}; allowed is a result of bifurcation_diagram (velocity over its axis and "
-        "impact or period); pass what vibroimpact.bifurcation_diagram returns"
-    )
+    allowed = "a result of bifurcation_diagram (velocity over its axis and impact or period)"
+    raise refused(argument, value, allowed, "pass what vibroimpact.bifurcation_diagram returns")
 
 
-def check_sweep(argument: str, value: Any, index: str, n_axes: int) -> xr.DataArray:
-    """Return `index` of a parameter map over `n_axes` axes, or raise `ValueError` telling what to select."""
-    words = {1: "one axis", 2: "two axes"}[n_axes]
-    allowed = f"allowed is a parameter_map over {words}"
+def check_sweep(argument: str, value: Any, index: str, n_axes: int) -> tuple[xr.Dataset, xr.DataArray]:
+    """Return a parameter map over `n_axes` axes and its `index`, or raise `ValueError` saying what to select.
+
+    Of several initial conditions it is the largest value, which the map's `note` says.
+    """
+    allowed = f"a parameter_map over {('one axis', 'two axes')[n_axes - 1]}"
     if not isinstance(value, xr.Dataset) or "status" not in value or set(value.dims) & set(SAMPLE_DIMS):
-        raise ValueError(f"`{argument}` {holding(value)}; {allowed}; pass what vibroimpact.parameter_map returns")
-    field = _index_of(value, index)
-    axes = [str(dim) for dim in field.dims]
-    if len(axes) == n_axes:
+        raise refused(argument, value, allowed, "pass what vibroimpact.parameter_map returns")
+    value, field = _with_index(value, index)
+    axes = [str(dim) for dim in field.dims if dim != "start"]
+    if len(axes) == n_axes and "point" not in axes:
         short = [axis for axis in axes if field.sizes[axis] < 2]
         if short:
-            raise ValueError(
-                f"`{argument}` has 1 value along {short[0]}; allowed are two or more; give the sweep a longer axis"
-            )
-        return field
+            raise ValueError(f"`{argument}` needs two or more values along each axis, got 1 along {short[0]}")
+        return value, field
     count = f"{len(axes)} {'axis' if len(axes) == 1 else 'axes'} ({', '.join(axes)})"
-    raise ValueError(f"`{argument}` has {count}; {allowed}; {_axes_remedy(field, axes, n_axes)}")
+    raise ValueError(f"`{argument}` must be {allowed}, got {count}; {_axes_hint(field, axes, n_axes)}")
 
 
-def _axes_remedy(field: xr.DataArray, axes: Sequence[str], n_axes: int) -> str:
+def check_points(argument: str, value: Any, index: str) -> tuple[xr.Dataset, xr.DataArray, list[xr.DataArray]]:
+    """Return a map of scattered designs, its `index` and the parameters that vary, or raise `ValueError`."""
+    if not isinstance(value, xr.Dataset) or "status" not in value or "point" not in value["status"].dims:
+        hint = "pass what vibroimpact.parameter_map(points=...) returns"
+        raise refused(argument, value, "a parameter_map of scattered designs", hint)
+    value, field = _with_index(value, index)
+    varied = [coord for name, coord in value.coords.items() if coord.dims == ("point",) and name != "point"]
+    if not varied:
+        raise refused(argument, value, "a parameter_map with the parameters that vary", "keep its coordinates")
+    return value, field, varied
+
+
+def _with_index(sweep: xr.Dataset, index: str) -> tuple[xr.Dataset, xr.DataArray]:
+    """Return a map and its index: of several initial conditions the largest value."""
+    held = [str(name) for name in sweep.data_vars if name != "status"]
+    if index not in held:
+        raise unknown("`index`", index, held, "or run the map again with it among `indices`")
+    if "start" in sweep[index].dims and index != "motion":
+        sweep = _largest(sweep[[index, "status"]])
+    return sweep, sweep[index]
+
+
+def _largest(sweep: xr.Dataset) -> xr.Dataset:
+    """Return the largest value over the initial conditions; where none has one, the status of the first."""
+    status = sweep["status"].isel(start=0, drop=True)
+    found = sweep.drop_vars("status").max("start", keep_attrs=True).assign(status=status)
+    return found.assign_attrs(sweep.attrs, note=f"largest of {sweep.sizes['start']} initial conditions")
+
+
+def _axes_hint(field: xr.DataArray, axes: Sequence[str], n_axes: int) -> str:
+    if "point" in axes:
+        return "draw scattered designs with index_scatter"
     if len(axes) < n_axes:
         return "draw it with index_curve" if len(axes) == 1 else "sweep more axes"
     chosen = ", ".join(f"{axis}={float(field[axis][0]):g}" for axis in axes[n_axes:])
     return f"select one value of the others, for instance sweep.sel({chosen}, method='nearest')"
-
-
-def _index_of(sweep: xr.Dataset, index: str) -> xr.DataArray:
-    held = [str(name) for name in sweep.data_vars if name != "status"]
-    if index not in held:
-        raise ValueError(
-            f"`index` is {index!r}; allowed are {', '.join(held)}, which this parameter_map holds; "
-            "choose one, or run the map again with it among `indices`"
-        )
-    return sweep[index]
-
-
-def check_choice(argument: str, value: Any, allowed: Iterable[str]) -> str:
-    """Return `value` if it is among the allowed names, else raise `ValueError`."""
-    names = list(allowed)
-    if value not in names:
-        raise ValueError(f"`{argument}` is {value!r}; allowed are {', '.join(names)}; choose one")
-    return str(value)
-
-
-def check_number(argument: str, value: Any) -> float:
-    """Return `value` as a finite float, else raise `ValueError`."""
-    if isinstance(value, (bool, str)) or not np.isscalar(value) or not np.isfinite(np.real(value)):
-        raise ValueError(f"`{argument}` is {value!r}; allowed is a finite number; give a plain number")
-    return float(value)  # type: ignore[arg-type]

@@ -8,21 +8,23 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from vibroimpact.plotting.checks import SAMPLE_DIMS, check_choice, check_diagram, check_number, check_sweep
+from vibroimpact.parameters import choice, real_number
+from vibroimpact.plotting.checks import SAMPLE_DIMS, check_diagram, check_sweep
 from vibroimpact.plotting.style import (
     BLUE,
     INK,
     Floats,
+    described,
     label,
+    label_axes,
     legend_below,
     magnitude,
     mark_missing,
-    math,
     new_axes,
     reference,
+    symbol_of,
     title,
     view,
-    words,
 )
 
 DRAW_ALL = 200_000  # samples; up to so many, each is drawn
@@ -34,7 +36,7 @@ def _points(axis: Floats, columns: Floats) -> tuple[Floats, Floats]:
     """Return the points to draw of `columns`, shape (len(axis), samples), NaN-padded.
 
     Many samples are thinned by height, not by rank: every k-th sample of a period-k motion would show one
-    branch of k. What is drawn are samples, unrounded.
+    branch of k. The points drawn are samples, unrounded.
     """
     kept = np.isfinite(columns)
     if kept.sum() > DRAW_ALL:
@@ -53,11 +55,12 @@ def draw_samples(ax: Axes, diagram: xr.Dataset, axis: str, samples: str, quantit
     x, y = _points(diagram[axis].values, columns)
     dots = min(3.0, max(0.9, 550.0 / max(1, len(columns))))
     look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0, "rasterized": True}
-    ax.plot(x, y, color=color, markersize=dots, label=f"{words(diagram[quantity])[0]}, one dot a sample", **look)
+    ax.plot(
+        x, y, color=color, markersize=dots, label=f"{described(diagram[quantity])[0]} (one dot per {samples})", **look
+    )
     low, high = float(diagram[axis].min()), float(diagram[axis].max())
     ax.set_xlim(low, high if high > low else low + 1.0)
-    ax.set_xlabel(label(diagram[axis]))
-    ax.set_ylabel(label(diagram[quantity]))
+    label_axes(ax, diagram[axis], diagram[quantity])
     return y
 
 
@@ -69,7 +72,7 @@ def mark_empty(ax: Axes, diagram: xr.Dataset, axis: str) -> None:
 
 
 def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) -> None:
-    """Set the upright limits: speeds from zero, a phase from 0 to 1, the rest around what is drawn."""
+    """Set the limits of the y axis: speeds from zero, a phase from 0 to 1, the rest around what is drawn."""
     osc = reference(diagram)
     speed = osc.velocity_scale if osc else 1.0
     if quantity == "phase":
@@ -84,17 +87,17 @@ def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) ->
 
 
 def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Axes | None = None) -> Axes:
-    """Draw the settled samples of a motion against the swept parameter.
+    """Draw the samples of settled motions against the swept parameter.
 
     Parameters
     ----------
     diagram : xarray.Dataset
         What `vibroimpact.bifurcation_diagram` returns, of either section.
     quantity : {"velocity", "phase", "displacement"}, optional
-        What is drawn upwards: of an impact section its "velocity" or "phase", of a stroboscopic section its
-        "displacement" or "velocity"; the first named without it.
+        What lies along y: of an impact section "velocity" (the default) or "phase", of a stroboscopic section
+        "displacement" (the default) or "velocity".
     ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure without it.
+        Where to draw; None makes a new figure.
 
     Returns
     -------
@@ -108,8 +111,8 @@ def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Ax
     Notes
     -----
     Columns without a sample are marked along the bottom, and the legend says why they are empty. Up to
-    200,000 samples are all drawn; above it, those of one column that lie within the same 1/2000 of the
-    height are drawn once, so a thousand columns of 5000 samples take about a second.
+    200,000 samples are all drawn; of more, those of one column within the same 1/2000 of the height are
+    drawn once, so a thousand columns of 5000 samples take about a second.
 
     References
     ----------
@@ -124,7 +127,7 @@ def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Ax
     """
     _, axis, samples = check_diagram("diagram", diagram)
     offered = [name for name in ("displacement", "velocity", "phase") if name in diagram]
-    chosen = offered[0] if quantity is None else check_choice("quantity", quantity, offered)
+    chosen = offered[0] if quantity is None else choice("quantity", quantity, offered)
     ax = new_axes(ax, (8.0, 4.4), title(diagram))
     heights = draw_samples(ax, diagram, axis, samples, chosen)
     mark_empty(ax, diagram, axis)
@@ -141,7 +144,7 @@ def _draw_index(ax: Axes, field: xr.DataArray, scale: float) -> Floats:
     held = np.pad(np.isfinite(values), 1)
     alone = held[1:-1] & ~held[:-2] & ~held[2:]
     x = field[field.dims[0]].values
-    symbol = math(words(field)[2] or str(field.name))
+    symbol = symbol_of(field)
     name = symbol if scale == 1.0 else rf"{scale:g} $\times$ {symbol}"
     ax.plot(x, values, color=INK, linewidth=1.1, label=name, zorder=4)
     ax.plot(x[alone], values[alone], "o", color=INK, markersize=2, markeredgewidth=0, zorder=4)
@@ -153,8 +156,7 @@ def diagram_with_index(
 ) -> Axes:
     r"""Draw a bifurcation diagram of impact velocities (blue dots) with an index on top (black line).
 
-    Std lies over the velocities, five times enlarged as in the paper; other indices have an axis of their own on the
-    right.
+    Std lies over the velocities, five times enlarged as in the paper; other indices have their own axis on the right.
 
     Parameters
     ----------
@@ -165,9 +167,9 @@ def diagram_with_index(
     index : str
         The index drawn, one that `sweep` holds.
     scale : float, optional
-        Factor with which the index is drawn on the axis of the velocities. Without it, 5 for `std`.
+        Factor with which the index is drawn on the axis of the velocities. None is 5 for `std`.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure without it.
+        Where to draw; None makes a new figure.
 
     Returns
     -------
@@ -177,7 +179,7 @@ def diagram_with_index(
     Raises
     ------
     ValueError
-        One of the results is of another kind, or their axes differ, or `index` is not held.
+        One of the results is of another kind, or their axes differ, or `sweep` does not hold the `index`.
 
     References
     ----------
@@ -195,16 +197,12 @@ def diagram_with_index(
     _, axis, samples = check_diagram("diagram", diagram)
     if samples != "impact":
         raise ValueError(
-            "`diagram` holds looks once a period; allowed is a diagram of impacts; "
-            "call bifurcation_diagram with section='impact'"
+            "`diagram` must hold impacts, got one sample per period; call bifurcation_diagram with section='impact'"
         )
-    field = check_sweep("sweep", sweep, index, 1)
+    _, field = check_sweep("sweep", sweep, index, 1)
     if field.dims != (axis,):
-        raise ValueError(
-            f"`sweep` runs over {field.dims[0]} and `diagram` over {axis}; allowed is one axis for both; "
-            f"sweep {axis} in both"
-        )
-    factor = PAPERS_SCALE if scale is None else check_number("scale", scale)
+        raise ValueError(f"`sweep` must run over {axis}, as `diagram` does, got {field.dims[0]}")
+    factor = PAPERS_SCALE if scale is None else real_number("scale", scale)
     ax = new_axes(ax, (8.0, 4.4), title(diagram))
     heights = draw_samples(ax, diagram, axis, samples, "velocity")
     if scale is None and index != "std":
@@ -219,7 +217,7 @@ def diagram_with_index(
 
 
 def _draw_beside(ax: Axes, field: xr.DataArray) -> list[Any]:
-    """Draw an index on an axis of its own on the right; return the legend's entry."""
+    """Draw an index on its own axis on the right; return the legend's entry."""
     right = ax.twinx()
     right.spines["top"].set_visible(False)
     _frame_index(right, _draw_index(right, field, 1.0))
@@ -228,7 +226,7 @@ def _draw_beside(ax: Axes, field: xr.DataArray) -> list[Any]:
 
 
 def _frame_index(ax: Axes, values: Floats) -> None:
-    """Set the upright limits around an index and zero, with a line at zero where it is negative somewhere."""
+    """Set the limits of the y axis around an index and zero, with a line at zero if it is negative somewhere."""
     finite = values[np.isfinite(values)]
     low, high = finite.min(initial=0.0), finite.max(initial=0.0)
     span = float(high - low) or 1.0
@@ -247,7 +245,7 @@ def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -
     index : str
         The index drawn, one that `sweep` holds.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure without it.
+        Where to draw; None makes a new figure.
 
     Returns
     -------
@@ -256,11 +254,12 @@ def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -
     Raises
     ------
     ValueError
-        `sweep` has no or several axes, or does not hold the `index`.
+        `sweep` does not have one axis, or does not hold the `index`.
 
     Notes
     -----
-    The line is broken where the index has no value; the statuses that say why are marked along the bottom.
+    The line is broken where the index has no value; marks along the bottom show the statuses that say why. Of several
+    initial conditions the largest value is drawn.
 
     Examples
     --------
@@ -269,15 +268,14 @@ def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -
     >>> vi.plotting.index_curve(sweep).get_xlabel()
     'angular driving frequency $\\omega$ [rad/s]'
     """
-    field = check_sweep("sweep", sweep, index, 1)
+    sweep, field = check_sweep("sweep", sweep, index, 1)
     axis = field[field.dims[0]]
     ax = new_axes(ax, (8.0, 4.0), title(sweep))
     values = _draw_index(ax, field, 1.0)
     mark_missing(ax, axis.values, sweep["status"].values, ~np.isfinite(values))
     _frame_index(ax, values)
     ax.set_xlim(float(axis.min()), float(axis.max()))
-    ax.set_xlabel(label(axis))
-    ax.set_ylabel(label(field))
+    label_axes(ax, axis, field)
     handles = ax.get_legend_handles_labels()[0]
     if len(handles) > 1:
         legend_below(ax, handles[1:])

@@ -1,4 +1,4 @@
-"""Figures on disk: whole or not at all."""
+"""Figures on disk, written completely or not at all."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vibroimpact.files import check_output, replacing
+from vibroimpact.parameters import invalid
 
 ENDINGS = (".png", ".svg", ".pdf")
 
@@ -24,18 +25,18 @@ def save_figure(
     dpi: float = 150.0,
     overwrite: bool = False,
 ) -> Path:
-    """Write a figure under its final name in one step, so that no half-written file is ever seen there.
+    """Write a figure under its final name in one step, so that no half-written file ever appears there.
 
     Parameters
     ----------
     figure : matplotlib.axes.Axes or matplotlib.figure.Figure
-        What to write; of axes, the figure they stand in.
+        What to write; of axes, the whole figure that holds them.
     path : path
-        The file; its ending, .png, .svg or .pdf, tells the format.
+        The file; its ending, .png, .svg or .pdf, sets the format.
     size : (float, float), optional
-        Width and height in inches; the figure's own without it.
+        Width and height in inches; None keeps the figure's own.
     dpi : float, > 0
-        Dots an inch of pixels, also of those inside an .svg or .pdf.
+        Dots per inch, also of pixel parts inside an .svg or .pdf.
     overwrite : bool
         Whether an existing file may be replaced.
 
@@ -47,9 +48,9 @@ def save_figure(
     Raises
     ------
     ValueError
-        The ending, `size` or `dpi` is not one of the allowed.
+        The ending, `size` or `dpi` is not allowed.
     OSError
-        There is such a file already and `overwrite` is False, or it cannot be written; nothing is left behind.
+        The file exists and `overwrite` is False, or it cannot be written; nothing is left behind.
 
     Examples
     --------
@@ -59,12 +60,14 @@ def save_figure(
     'model.svg'
     """
     if not dpi > 0:
-        raise ValueError(f"`dpi` is {dpi!r}; allowed is a number above 0; 150 is usual")
+        raise invalid("dpi", dpi, "a number above 0", "150 is usual")
     if size is not None and (len(size) != 2 or not min(size) > 0):
-        raise ValueError(f"`size` is {size!r}; allowed is a width and a height above 0 in inches; (8, 5) is usual")
+        raise invalid("size", size, "a width and a height above 0 in inches", "(8, 5) is usual")
     whole = figure if isinstance(figure, Figure) else figure.get_figure(root=True)
     if whole is None:
-        raise ValueError("`figure` stands in no figure any more; allowed are axes on a figure; draw it again")
+        raise ValueError(
+            "`figure` must be axes that belong to a figure; these were removed from theirs, draw them again"
+        )
     target = check_output(path, overwrite=overwrite, endings=ENDINGS)
     ending, own_size = target.suffix.lower(), whole.get_size_inches()
     try:

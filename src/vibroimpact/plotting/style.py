@@ -1,7 +1,10 @@
-"""One look for every figure: colours, labels with symbol and unit, the stop, legends clear of the data."""
+"""One look for every figure: colours, labels with symbol and unit, titles, limits, the stop, legends."""
 
 from __future__ import annotations
 
+import json
+import re
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -13,12 +16,13 @@ from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
 from vibroimpact.dataset import VARIABLES, oscillator_of
-from vibroimpact.oscillator import PARAMETERS, ImpactOscillator
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.status import Status
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
-# Okabe and Ito's palette: the hues stay apart for colour-blind readers and in print.
+# Okabe and Ito's palette: the hues differ for colour-blind readers and in print.
 BLUE, RED, GREEN, INK, WALL = "#0072b2", "#d55e00", "#009e73", "#222222", "#b8b8b8"
 STICKING = "#f0e442"  # in every map that shows where the mass comes to rest at the stop
 
@@ -53,6 +57,7 @@ STYLE: Any = {
 _MATH = {
     "w": r"\omega",
     "w/2pi": r"\omega/2\pi",
+    "zeta": r"\zeta",
     "psi/T": r"\psi/T",
     "y'": r"\dot y",
     "Std": r"\mathrm{Std}",
@@ -64,10 +69,134 @@ _MATH = {
     "spread": r"\mathrm{spread}",
     "margin": r"\mathrm{margin}",
 }
+BESIDE = "beside"  # marks a legend that leaves the room below the axes free
+
+
+# Labels and titles
+
+
+def math(symbol: str) -> str:
+    """Return a symbol of the glossary as mathtext; a name of several letters as plain text."""
+    if symbol in _MATH or re.fullmatch(r"\w(/\w)?", symbol):
+        return f"${_MATH.get(symbol, symbol)}$"
+    return symbol.replace("$", r"\$")
+
+
+def unit_suffix(units: str, form: str = " [{}]") -> str:
+    """Return the unit as a label shows it; nothing for a pure number."""
+    return "" if units in ("", "1") else form.format(units)
+
+
+def described(data: xr.DataArray) -> tuple[str, str, str]:
+    """Return long name, unit and symbol of a labelled array; the package's table fills in what is missing."""
+    usual = VARIABLES.get(str(data.name), (str(data.name), "", ""))
+    long_name, units, symbol = (
+        str(data.attrs.get(key, other)) for key, other in zip(("long_name", "units", "symbol"), usual, strict=True)
+    )
+    return long_name, units, symbol
+
+
+def symbol_of(data: xr.DataArray) -> str:
+    """Return the symbol of a labelled array as mathtext, or its name if it has none."""
+    return math(described(data)[2] or str(data.name))
+
+
+def label(data: xr.DataArray) -> str:
+    r"""Return an axis label such as 'angular driving frequency $\omega$ [rad/s]'."""
+    long_name, units, symbol = described(data)
+    shown = f" {math(symbol)}" if symbol and symbol not in (long_name, data.name) else ""
+    return f"{long_name}{shown}{unit_suffix(units)}"
+
+
+def label_axes(ax: Axes, x: xr.DataArray, y: xr.DataArray) -> None:
+    """Label both axes with name, symbol and unit of what lies along them."""
+    ax.set_xlabel(label(x))
+    ax.set_ylabel(label(y))
+
+
+def value_text(symbol: str, value: float, units: str) -> str:
+    """Return 'm = 1 kg' for a quantity and its value."""
+    return f"{math(symbol)} = {value:.5g}{unit_suffix(units, ' {}')}"
+
+
+def parameter_text(name: str, osc: ImpactOscillator) -> str:
+    """Return a parameter of an oscillator and its value, an angular frequency also in Hz."""
+    parameter = osc.parameters[name]
+    text = value_text(parameter.symbol, getattr(osc, name), parameter.unit)
+    return f"{text} ({osc.frequency:.5g} Hz)" if name == "omega" else text
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent."""
+    return f"{100.0 * share:.1f} %" if share >= 0.0005 else "<0.1 %"
+
+
+def counted(count: int, noun: str) -> str:
+    """Return '1 impact', '2 impacts'."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def _selected(dataset: xr.Dataset) -> dict[str, float]:
+    """Return the values selected from the axes of a result."""
+    return {str(name): float(coord) for name, coord in dataset.coords.items() if coord.ndim == 0}
+
+
+def _family(dataset: xr.Dataset) -> tuple[str, dict[str, float]] | None:
+    """Return the name of the family that made a result, and its parameters; None for a plain oscillator."""
+    if "model" not in dataset.attrs:
+        return None
+    values = json.loads(dataset.attrs["model"])
+    return str(values.pop("family")), values | {k: v for k, v in _selected(dataset).items() if k in values}
+
+
+def reference(dataset: xr.Dataset) -> ImpactOscillator | None:
+    """Return the oscillator of a result, with the values selected from its axes; None if it is not recorded.
+
+    Of a family it is the oscillator at the family's own values.
+    """
+    if "oscillator" not in dataset.attrs:
+        return None
+    osc = oscillator_of(dataset)
+    if _family(dataset):
+        return osc
+    return osc.replace(**{name: value for name, value in _selected(dataset).items() if name in osc.parameters})
+
+
+def own_value(dataset: xr.Dataset, name: str) -> float | None:
+    """Return a parameter's own value in the model of a result; None if there is none."""
+    family = _family(dataset)
+    return family[1].get(name) if family else getattr(reference(dataset), name, None)
+
+
+def title(dataset: xr.Dataset) -> str:
+    """Return the parameters that a result holds fixed, and its note if it has one, in one line."""
+    osc, family = reference(dataset), _family(dataset)
+    varied = {str(name) for name, coord in dataset.coords.items() if coord.ndim}
+    held: list[str] = []
+    if family:
+        held = [family[0], *(f"{name} = {value:.5g}" for name, value in family[1].items() if name not in varied)]
+    elif osc:
+        varied |= {osc.parameters[name].replaces or name for name in varied if name in osc.parameters}
+        held = [parameter_text(name, osc) for name in osc.values if name not in varied]
+    return ",  ".join([*held, *([str(dataset.attrs["note"])] if "note" in dataset.attrs else [])])
+
+
+def required_oscillator(argument: str, dataset: xr.Dataset) -> ImpactOscillator:
+    """Return the oscillator of a result whose figure shows the stop, or raise `ValueError`."""
+    osc = reference(dataset)
+    if osc is None:
+        raise ValueError(
+            f"`{argument}` has no attribute 'oscillator', which says where the stop is; "
+            "keep the attributes (xarray.set_options(keep_attrs=True)) when you compute with a result"
+        )
+    return osc
+
+
+# Axes and their limits
 
 
 def new_axes(ax: Axes | None, size: tuple[float, float], title: str = "", projection: str | None = None) -> Axes:
-    """Return `ax`, or the axes of a fresh pyplot figure in the house style; global settings stay as they are."""
+    """Return `ax`, or the axes of a new pyplot figure in the package's style; global settings do not change."""
     if ax is not None:
         return ax
     import matplotlib.pyplot as plt
@@ -80,7 +209,7 @@ def new_axes(ax: Axes | None, size: tuple[float, float], title: str = "", projec
 
 
 def _broken(title: str, room: float) -> str:
-    """Return a title in two lines if it has more characters than there is room for."""
+    """Return a title in two lines if it has more characters than fit into one."""
     if len(title.replace("$", "")) <= room:
         return title
     parts = title.split(",  ")
@@ -88,84 +217,8 @@ def _broken(title: str, room: float) -> str:
     return ",  ".join(parts[:half]) + ",\n" + ",  ".join(parts[half:])
 
 
-def math(symbol: str) -> str:
-    """Return a symbol of the glossary as mathtext."""
-    return f"${_MATH.get(symbol, symbol)}$"
-
-
-def unit_suffix(units: str, form: str = " [{}]") -> str:
-    """Return the unit as a label shows it; nothing where the quantity is a pure number."""
-    return "" if units in ("", "1") else form.format(units)
-
-
-def words(data: xr.DataArray) -> tuple[str, str, str]:
-    """Return long name, unit and symbol of a labelled array; the house's table where a label is missing."""
-    usual = VARIABLES.get(str(data.name), (str(data.name), "", ""))
-    return tuple(  # type: ignore[return-value]
-        str(data.attrs.get(key, other)) for key, other in zip(("long_name", "units", "symbol"), usual, strict=True)
-    )
-
-
-def label(data: xr.DataArray) -> str:
-    r"""Return an axis label such as 'angular driving frequency $\omega$ [rad/s]'."""
-    long_name, units, symbol = words(data)
-    return f"{long_name}{f' {math(symbol)}' if symbol else ''}{unit_suffix(units)}"
-
-
-def value_text(name: str, value: float) -> str:
-    """Return 'm = 1 kg' for a parameter and its value."""
-    _, units, symbol = VARIABLES[name]
-    return f"{math(symbol)} = {value:.5g}{unit_suffix(units, ' {}')}"
-
-
-def reference(dataset: xr.Dataset) -> ImpactOscillator | None:
-    """Return the oscillator a result was made from, with the values selected from its axes, if it is told."""
-    if "oscillator" not in dataset.attrs:
-        return None
-    selected = {
-        str(name): float(coord)
-        for name, coord in dataset.coords.items()
-        if coord.ndim == 0 and name in (*PARAMETERS, "frequency")
-    }
-    return oscillator_of(dataset).replace(**selected)
-
-
-def title(dataset: xr.Dataset) -> str:
-    """Return the parameters that a result holds fixed, in one line."""
-    osc = reference(dataset)
-    if osc is None:
-        return ""
-    varied = [str(name) for name, coord in dataset.coords.items() if coord.ndim]
-    swept = {"omega" if name == "frequency" else name for name in varied}
-    return ",  ".join(held_text(name, osc) for name in PARAMETERS if name not in swept)
-
-
-def held_text(name: str, osc: ImpactOscillator) -> str:
-    """Return a parameter and its value, an angular frequency also in Hz."""
-    told = value_text(name, getattr(osc, name))
-    return f"{told} ({osc.frequency:.5g} Hz)" if name == "omega" else told
-
-
-def required_oscillator(argument: str, dataset: xr.Dataset) -> ImpactOscillator:
-    """Return the oscillator of a result whose figure shows the stop, or raise `ValueError`."""
-    osc = reference(dataset)
-    if osc is None:
-        raise ValueError(
-            f"`{argument}` has no attribute 'oscillator'; allowed is a result that tells where its stop is; "
-            "keep the attributes (xarray.set_options(keep_attrs=True)) when you compute with a result"
-        )
-    return osc
-
-
-def draw_stop(ax: Axes, gap: float, beyond: float, *, upright: bool) -> None:
-    """Shade the room behind the stop, from the gap to the axis limit `beyond`."""
-    span, line = (ax.axvspan, ax.axvline) if upright else (ax.axhspan, ax.axhline)
-    span(gap, beyond, facecolor="#ededed", edgecolor="#c4c4c4", hatch="////", linewidth=0.0, zorder=1.5)
-    line(gap, color="#555555", linewidth=1.2, zorder=1.6)
-
-
 def magnitude(values: Floats, scale: float) -> float:
-    """Return the largest magnitude of the values, or `scale` where they are nothing but rounding beside it."""
+    """Return the largest magnitude of the values, or `scale` if they are mere rounding compared with it."""
     largest = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
     return largest if largest > 1e-10 * scale else scale or 1.0
 
@@ -185,6 +238,16 @@ def view(values: Floats, size: float, least: float = 1e-6) -> tuple[float, float
     return 0.5 * (low + high) - half, 0.5 * (low + high) + half
 
 
+def draw_stop(ax: Axes, gap: float, beyond: float, *, upright: bool) -> None:
+    """Shade the room behind the stop, from the gap to the axis limit `beyond`."""
+    span, line = (ax.axvspan, ax.axvline) if upright else (ax.axhspan, ax.axhline)
+    span(gap, beyond, facecolor="#ededed", edgecolor="#c4c4c4", hatch="////", linewidth=0.0, zorder=1.5)
+    line(gap, color="#555555", linewidth=1.2, zorder=1.6)
+
+
+# Legends
+
+
 def _legible(handle: Any) -> Any:
     """Return a stand-in for fine dots that can be seen in a legend; other handles as they are."""
     if not isinstance(handle, Line2D) or handle.get_linestyle() != "None" or handle.get_markersize() >= 4:
@@ -193,7 +256,7 @@ def _legible(handle: Any) -> Any:
     return Line2D([], [], linestyle="none", marker="o", markersize=4, markeredgewidth=0, color=color, label=name)
 
 
-def legend_below(ax: Axes, handles: list[Any] | None = None) -> None:
+def legend_below(ax: Axes, handles: Sequence[Any] | None = None) -> None:
     """Put the legend under the axis label, where it hides no data and leaves the title alone.
 
     It has as many columns as fit if all entries were as long as the longest.
@@ -217,10 +280,36 @@ def legend_below(ax: Axes, handles: list[Any] | None = None) -> None:
     )
 
 
-def legend_lines(ax: Axes) -> int:
-    """Return how many lines the legend of the axes has."""
-    told = ax.get_legend()
-    return -(-len(told.get_texts()) // told._ncols) if told else 0  # type: ignore[attr-defined]
+def legend_beside(ax: Axes, handles: Sequence[Any], heading: str) -> None:
+    """Put the legend to the right of the axes, where it hides no data."""
+    legend = ax.legend(
+        handles=handles,
+        title=heading,
+        loc="upper left",
+        bbox_to_anchor=(1.02, 1.0),
+        borderaxespad=0.0,
+        frameon=False,
+        fontsize=8.5,
+        title_fontsize=8.5,
+        alignment="left",
+        handlelength=1.4,
+        handleheight=1.1,
+        labelspacing=0.45,
+    )
+    legend.set_gid(BESIDE)
+
+
+def legend_added(ax: Axes, handles: Sequence[Any]) -> None:
+    """Put entries below the axes, after those of a legend that is there already."""
+    before = ax.get_legend()
+    if before is not None and before.get_gid() == BESIDE:
+        legend_below(ax, handles)
+        ax.add_artist(before).set_clip_on(False)
+    else:
+        legend_below(ax, [*(before.legend_handles if before else []), *handles])
+
+
+# How motions ended
 
 
 def outcome(status: Status) -> str:
@@ -230,42 +319,41 @@ def outcome(status: Status) -> str:
 
 def status_label(status: Status, count: int, of_what: str) -> str:
     """Return a legend entry that says what happened in so many cells."""
-    return f"{outcome(status)} ({count} {of_what}{'' if count == 1 else 's'})"
+    return f"{outcome(status)} ({counted(count, of_what)})"
 
 
-def mark_missing(ax: Axes, positions: Floats, codes: NDArray[np.integer[Any]], missing: NDArray[np.bool_]) -> None:
-    """Mark along the bottom axis where there is nothing to draw, one colour a status."""
+def status_color(status: Status) -> str:
+    """Return the colour of cells and columns without a value."""
+    return STATUS_COLORS.get(status, WALL)
+
+
+def mark_missing(
+    ax: Axes, positions: Floats, codes: NDArray[np.integer[Any]], missing: Mask, of_what: str = "column"
+) -> None:
+    """Mark along the bottom axis where there is nothing to draw, one colour per status."""
+    look: dict[str, Any] = {"linestyle": "none", "marker": "s", "markersize": 4.0, "markeredgewidth": 0.0, "zorder": 4}
     for status in Status:
         here = missing & (codes == status)
-        if here.any():
-            count = int(here.sum())
-            ax.add_line(
-                Line2D(
-                    positions[here],
-                    np.full(count, 0.012),
-                    transform=ax.get_xaxis_transform(),
-                    linestyle="none",
-                    marker="s",
-                    markersize=4.0,
-                    markeredgewidth=0.0,
-                    color=STATUS_COLORS.get(status, WALL),
-                    label=status_label(status, count, "column"),
-                    zorder=4,
-                )
-            )
+        if count := int(here.sum()):
+            look |= {"color": status_color(status), "label": status_label(status, count, of_what)}
+            bottom = np.full(count, 0.012)
+            ax.add_line(Line2D(positions[here], bottom, transform=ax.get_xaxis_transform(), **look))
 
 
-def tell_outcome(ax: Axes, dataset: xr.Dataset) -> None:
-    """Let the legend say how a motion ended, unless it simply filled its window."""
-    if "status" in dataset and dataset["status"].ndim == 0:
-        status = Status(int(dataset["status"]))
-        if not status.has_indices:
-            ax.plot([], [], linestyle="none", label=outcome(status))
+def ended(dataset: xr.Dataset) -> Status | None:
+    """Return how the one motion of a result ended; None if there are several."""
+    return Status(int(dataset["status"])) if "status" in dataset and dataset["status"].ndim == 0 else None
+
+
+def note_outcome(ax: Axes, dataset: xr.Dataset) -> None:
+    """Add to the legend how a motion ended, unless it simply filled its window."""
+    status = ended(dataset)
+    if status is not None and not status.has_indices:
+        ax.plot([], [], linestyle="none", label=outcome(status))
 
 
 def note_empty(ax: Axes, dataset: xr.Dataset) -> None:
     """Say in the middle of empty axes why there is nothing to see."""
-    text = "no sample"
-    if "status" in dataset and dataset["status"].ndim == 0:
-        text = Status(int(dataset["status"])).sentence.replace("; ", ";\n")
+    status = ended(dataset)
+    text = "no sample" if status is None else status.sentence.replace("; ", ";\n")
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color="#555555")

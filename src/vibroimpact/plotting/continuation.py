@@ -1,0 +1,399 @@
+"""What is followed: branches of periodic orbits over a diagram, boundaries of motions in a plane."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+
+from vibroimpact.motion import cycle_name
+from vibroimpact.plotting.checks import check_diagram, check_parts, check_sweep
+from vibroimpact.plotting.diagrams import draw_samples, mark_empty, set_height
+from vibroimpact.plotting.maps import draw_cells
+from vibroimpact.plotting.style import (
+    BLUE,
+    GREEN,
+    INK,
+    RED,
+    Floats,
+    label,
+    label_axes,
+    legend_added,
+    legend_below,
+    new_axes,
+    title,
+    view,
+)
+
+SAMPLES = "#a9a9a9"
+COLORS = (BLUE, RED, GREEN, "#8a5fa8", "#b8860b", "#56b4e9")  # one per name of an orbit, in their order
+
+NAME_WIDTH, NAME_HEIGHT = 0.03, 0.05  # of the axes: the room that the letters of a point take
+LEGEND_LINE = 0.16  # inches per line of a legend
+
+STABLE, UNSTABLE, INADMISSIBLE = 0, 1, 2
+LOOKS: dict[int, dict[str, Any]] = {
+    STABLE: {"linestyle": "solid", "linewidth": 2.0, "label": "stable"},
+    UNSTABLE: {"linestyle": (0, (4, 2)), "linewidth": 1.3, "label": "unstable"},
+    INADMISSIBLE: {
+        "linestyle": (0, (1, 2)),
+        "linewidth": 1.0,
+        "alpha": 0.5,
+        "label": "inadmissible orbits (they penetrate the stop)",
+    },
+}
+
+
+class Special(NamedTuple):
+    """How a kind of special point and its curve look: name, letters, marker, and colours that show on any map."""
+
+    name: str
+    letters: str
+    marker: str
+    color: str
+    halo: str  # light around a dark line, dark around a light one
+
+
+SPECIAL = {
+    "fold": Special("fold", "F", "D", "#000000", "#ffffff"),
+    "period_doubling": Special("period doubling", "PD", "o", "#ff5d8f", INK),
+    "grazing": Special("grazing", "G", "s", "#ffb000", INK),
+    "end_of_sticking": Special("end of sticking", "S", "^", "#7fe3ff", INK),
+}
+DASHES: dict[int, Any] = {1: "solid", 2: (0, (5, 2)), 3: (0, (2, 1.5))}  # by n_periods
+MORE_PERIODS = (0, (1, 1))
+
+
+def _kinds(codes: xr.DataArray) -> list[str]:
+    """Return the kinds of special points or of a curve by name."""
+    names = str(codes.attrs["flag_meanings"]).split()
+    return [names[int(code)] for code in np.atleast_1d(codes.values)]
+
+
+def orbit_name(followed: xr.Dataset, sticks: bool = False) -> str:
+    """Return the name of the orbits on a branch or a curve."""
+    return cycle_name(int(followed.attrs["n_periods"]), int(followed.attrs["n_impacts"]), sticks)
+
+
+def _along(followed: xr.Dataset) -> list[str]:
+    """Return the parameters that vary along a branch or a curve."""
+    return [str(name) for name, coord in followed.coords.items() if coord.dims == ("point",) and name != "point"]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A stretch of a branch of one look: parameter values, and a velocity of each impact."""
+
+    look: int
+    values: Floats
+    velocities: Floats
+
+
+def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | None = None) -> Axes:
+    """Draw branches of periodic orbits: stable parts solid, unstable ones dashed, bifurcations marked and named.
+
+    Parameters
+    ----------
+    branches : Branch, xarray.Dataset, or sequence of them
+        What `continue_orbit` returns, or the `dataset` of each, all along one parameter.
+    diagram : xarray.Dataset, optional
+        What `vibroimpact.bifurcation_diagram` returns with section="impact" over the same parameter, drawn beneath as
+        grey dots.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None makes a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        `branches` is empty, not a branch, or along several parameters; `diagram` is of another kind or parameter.
+
+    Notes
+    -----
+    Each impact of a cycle is a line. Parts with inadmissible orbits, which would penetrate the stop, are dotted; they
+    do not widen the view. A point on two branches is named once.
+
+    Examples
+    --------
+    >>> import vibroimpact as vi
+    >>> from vibroimpact.continuation import continue_orbit
+    >>> from vibroimpact.orbits import find_orbit
+    >>> (orbit,) = find_orbit(vi.ImpactOscillator(omega=2.6))
+    >>> ax = branch_diagram(continue_orbit(orbit, "omega", (2.5, 2.7)))
+    >>> [text.get_text() for text in ax.texts]
+    ['PD']
+    """
+    drawn = check_parts("branches", branches, _is_branch, "branches of periodic orbits", "continue_orbit")
+    parameter = _parameter(drawn)
+    ax = new_axes(ax, (8.0, 5.0), title(drawn[0] if diagram is None else diagram))
+    heights = _draw_beneath(ax, diagram, parameter)
+    entries = ax.get_legend_handles_labels()[0]
+    colors = _colors(drawn)
+    looks: set[int] = set()
+    seen = [heights]
+    for branch, name in zip(drawn, map(orbit_name, drawn), strict=True):
+        for part in split(branch, parameter):
+            ax.plot(part.values, part.velocities, color=colors[name], zorder=3, **LOOKS[part.look] | {"label": None})
+            looks.add(part.look)
+            seen += [part.velocities.ravel()] if part.look != INADMISSIBLE else []
+    entries += [Line2D([], [], color=color, linewidth=2.0, label=name) for name, color in colors.items()]
+    entries += [Line2D([], [], color=INK, **LOOKS[look]) for look in sorted(looks)]
+    _frame(ax, drawn, parameter, diagram, np.concatenate(seen))
+    entries += _draw_special(ax, drawn, colors)
+    legend_below(ax, entries)
+    return ax
+
+
+def split(branch: xr.Dataset, parameter: str) -> Iterator[Part]:
+    """Yield the stretches of a branch on which it stays stable, unstable, or inadmissible.
+
+    A special point belongs to both stretches that meet in it.
+    """
+    values, velocities = branch[parameter].values, branch["velocity"].transpose("point", "impact").values
+    stable, admissible = (branch[name].values.astype(bool) for name in ("stable", "admissible"))
+    looks = np.where(admissible, np.where(stable, STABLE, UNSTABLE), INADMISSIBLE)
+    special = np.isin(values, branch["special_value"].values)
+    # Between two points: of a special one rounding decides the side, so its neighbour decides the look.
+    left, right = looks[:-1], looks[1:]
+    between = np.where(special[:-1], right, np.where(special[1:], left, np.maximum(left, right)))
+    # Between two special points the second decides: the look beyond it is known, and changes at it.
+    kinds = dict(zip(branch["special_value"].values.tolist(), _kinds(branch["special_kind"]), strict=True))
+    for k in np.flatnonzero(special[:-1] & special[1:])[::-1]:
+        if k + 1 < len(between):
+            between[k] = _before(kinds[values[k + 1]], int(between[k + 1]), int(between[k]))
+    cuts = np.flatnonzero(np.diff(between)) + 1
+    ends = zip([0, *cuts], [*cuts, len(between)], strict=True) if len(between) else [(0, 0)]
+    look_of: NDArray[Any] = between if len(between) else looks
+    for i, j in ends:
+        yield Part(int(look_of[i]), values[i : j + 1], velocities[i : j + 1])
+
+
+def _before(kind: str, beyond: int, otherwise: int) -> int:
+    """Return the look before a special point from that beyond it."""
+    if kind == "grazing":
+        return otherwise if beyond == INADMISSIBLE else INADMISSIBLE
+    return {STABLE: UNSTABLE, UNSTABLE: STABLE}.get(beyond, beyond)
+
+
+def _colors(drawn: list[xr.Dataset]) -> dict[str, str]:
+    """Return a colour for each name of orbits, in the order of the branches."""
+    names = dict.fromkeys(map(orbit_name, drawn))
+    return {name: COLORS[i % len(COLORS)] for i, name in enumerate(names)}
+
+
+def _special_points(drawn: list[xr.Dataset]) -> Iterator[tuple[str, float, Floats, xr.Dataset]]:
+    """Yield kind, parameter value, impact velocities and branch of the special points, each once."""
+    met: list[tuple[str, float]] = []
+    for branch in drawn:
+        rows = branch["special_velocity"].transpose("special", "impact").values
+        for kind, value, row in zip(_kinds(branch["special_kind"]), branch["special_value"].values, rows, strict=True):
+            if not any(kind == other and np.isclose(value, at, rtol=1e-9, atol=0.0) for other, at in met):
+                met.append((kind, float(value)))
+                yield kind, float(value), row[np.isfinite(row)], branch
+
+
+def _draw_special(ax: Axes, drawn: list[xr.Dataset], colors: dict[str, str]) -> list[Line2D]:
+    """Mark and name the special points of all branches; return the legend's entries."""
+    entries, names = {}, []
+    for kind, value, speeds, branch in _special_points(drawn):
+        special = SPECIAL[kind]
+        look: dict[str, Any] = {
+            "linestyle": "none",
+            "marker": special.marker,
+            "markersize": 6.0,
+            "markerfacecolor": "white",
+            "zorder": 5,
+        }
+        ax.plot(np.full(len(speeds), value), speeds, markeredgecolor=colors[orbit_name(branch)], **look)
+        entries[kind] = Line2D([], [], markeredgecolor=INK, label=f"{special.letters}: {special.name}", **look)
+        names.append((value, float(speeds.max()), special.letters))
+    halo = [withStroke(linewidth=2.4, foreground="white")]
+    for value, height, letters in _merged(ax, names):
+        ax.annotate(letters, (value, height), (3, 6), textcoords="offset points", fontsize=9, color=INK,
+                    path_effects=halo, zorder=6, annotation_clip=True)  # fmt: skip
+    return [entries[kind] for kind in SPECIAL if kind in entries]
+
+
+def _merged(ax: Axes, names: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
+    """Return names and their places; those that would overlap are joined into one."""
+    wide, high = np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())
+    joined: list[tuple[float, float, str]] = []
+    for value, height, letters in sorted(names):
+        if joined and value - joined[-1][0] < NAME_WIDTH * wide and abs(height - joined[-1][1]) < NAME_HEIGHT * high:
+            at, top, before = joined.pop()
+            joined.append((at, max(top, height), f"{before}, {letters}"))
+        else:
+            joined.append((value, height, letters))
+    return joined
+
+
+def _draw_beneath(ax: Axes, diagram: xr.Dataset | None, parameter: str) -> Floats:
+    """Draw the samples of the diagram in grey; return the heights drawn."""
+    if diagram is None:
+        return np.empty(0)
+    _, axis, samples = check_diagram("diagram", diagram)
+    if samples != "impact" or axis != parameter:
+        raise ValueError(
+            f"`diagram` must hold impacts over {parameter}, as `branches` do, got {samples}s over {axis}; "
+            f"call bifurcation_diagram with section='impact' over {parameter}"
+        )
+    heights = draw_samples(ax, diagram, axis, samples, "velocity", SAMPLES)
+    mark_empty(ax, diagram, axis)
+    return heights
+
+
+def _frame(ax: Axes, drawn: list[xr.Dataset], parameter: str, diagram: xr.Dataset | None, heights: Floats) -> None:
+    """Limit and label the axes."""
+    if diagram is None:
+        values = np.concatenate([branch[parameter].values for branch in drawn])
+        ax.set_xlim(*view(values, float(np.abs(values).max()) or 1.0))
+    set_height(ax, drawn[0], "velocity", heights)
+    label_axes(ax, drawn[0][parameter], drawn[0]["velocity"])
+
+
+def _is_branch(part: xr.Dataset) -> bool:
+    return "special_kind" in part and "point" in part.dims
+
+
+def _parameter(drawn: list[xr.Dataset]) -> str:
+    """Return the one parameter along which all branches go."""
+    names = list(dict.fromkeys(name for branch in drawn for name in _along(branch)))
+    if len(names) > 1:
+        raise ValueError(f"`branches` must go along one parameter, got {' and '.join(names)}; draw one figure for each")
+    return names[0]
+
+
+def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std", ax: Axes | None = None) -> Axes:
+    """Draw the curves on which motions fold, double their period, graze, or cease to stick.
+
+    Parameters
+    ----------
+    curves : Boundary, xarray.Dataset, or sequence of them
+        What `continue_boundary` or `boundary_curves` returns, or the `dataset` of each, all in one plane.
+    sweep : xarray.Dataset, optional
+        A `vibroimpact.parameter_map` over the same two parameters, drawn beneath as by `index_contour`, without its
+        boundary lines; its first axis lies along x.
+    index : str
+        Which index of `sweep` is drawn.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; axes that show the plane already keep their limits and their legend. A new figure without it.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        `curves` is empty, not a boundary, or of several planes; `sweep` or `ax` shows another plane.
+
+    Notes
+    -----
+    The colour shows the kind, the dashes the driving periods in a cycle. Without `sweep` the first parameter of the
+    curves lies along x, unless `ax` is labelled the other way round. Between its points a curve is drawn straight.
+
+    Examples
+    --------
+    >>> import vibroimpact as vi
+    >>> from vibroimpact.continuation import boundary_curves
+    >>> curves = boundary_curves(vi.ImpactOscillator(), ("omega", "restitution"), ((2, 3), (0.5, 0.9)), lines=3)
+    >>> boundaries(curves).get_legend().get_texts()[0].get_text()
+    'period doubling of period-1 impact-1'
+    """
+    makers = "continue_boundary or boundary_curves"
+    drawn = check_parts("curves", curves, _is_boundary, "boundaries in a plane of two parameters", makers)
+    plane = _plane(drawn)
+    own, below = ax is None, []
+    if sweep is not None:
+        _check_plane(sweep, plane)
+        sweep, field = check_sweep("sweep", sweep, index, 2)
+        ax = new_axes(ax, (7.2, 5.4), title(sweep))
+        below = draw_cells(ax, sweep, field)
+    ax = new_axes(ax, (7.2, 5.4), title(drawn[0]))
+    x, y = _order(ax, drawn[0], plane)
+    labelled = bool(ax.get_xlabel())
+    limits = ax.get_xlim(), ax.get_ylim()
+    entries = {str(line.get_label()): line for line in (_draw_curve(ax, curve, x, y) for curve in drawn)}
+    if labelled:
+        ax.set(xlim=limits[0], ylim=limits[1])
+    label_axes(ax, drawn[0][x], drawn[0][y])
+    legend_added(ax, [*below, *(entries[text] for text in sorted(entries, key=_by_orbit))])
+    if own:
+        _make_room(ax)
+    return ax
+
+
+def _by_orbit(text: str) -> tuple[str, str]:
+    """Return what entries of the legend are ordered by: the orbit, then the kind."""
+    kind, _, orbit = text.partition(" of period-")
+    return orbit, kind
+
+
+def _make_room(ax: Axes) -> None:
+    """Make the figure higher by what its legend takes, so that the plane keeps its height."""
+    figure, legend = ax.get_figure(root=True), ax.get_legend()
+    if figure is not None and legend is not None:
+        lines = -(-len(legend.get_texts()) // legend._ncols)  # type: ignore[attr-defined]
+        width, height = figure.get_size_inches()
+        figure.set_size_inches(width, height + LEGEND_LINE * lines)
+
+
+def _is_boundary(part: xr.Dataset) -> bool:
+    return "kind" in part and len(_along(part)) == 2
+
+
+def _plane(drawn: list[xr.Dataset]) -> tuple[str, str]:
+    """Return the two parameters of all curves, in the order of the first one."""
+    first, second = _along(drawn[0])
+    for curve in drawn[1:]:
+        if set(_along(curve)) != {first, second}:
+            planes = f"{first} and {second}, {' and '.join(_along(curve))}"
+            raise ValueError(f"`curves` must lie in one plane, got the planes {planes}; draw one figure for each")
+    return first, second
+
+
+def _check_plane(sweep: Any, plane: tuple[str, str]) -> None:
+    over = [str(dim) for dim in getattr(sweep, "dims", ()) if dim != "start"]
+    if not isinstance(sweep, xr.Dataset) or set(over) != set(plane):
+        raise ValueError(
+            f"`sweep` must run over {' and '.join(plane)}, as `curves` do, got {' and '.join(over) or 'no axis'}; "
+            "select values of further axes with .sel"
+        )
+
+
+def _order(ax: Axes, curve: xr.Dataset, plane: tuple[str, str]) -> tuple[str, str]:
+    """Return which parameter lies along x and which along y: as the axes are labelled, else in the plane's order."""
+    shown = ax.get_xlabel(), ax.get_ylabel()
+    for x, y in (plane, plane[::-1]):
+        if shown in (("", ""), (label(curve[x]), label(curve[y]))):
+            return x, y
+    raise ValueError(
+        f"`ax` must be new or show {' and '.join(plane)}, as `curves` do, got axes of {shown[0]} and {shown[1]}"
+    )
+
+
+def _draw_curve(ax: Axes, curve: xr.Dataset, x: str, y: str) -> Line2D:
+    """Draw one curve and return it, labelled with its kind and its orbit."""
+    (kind,), n = _kinds(curve["kind"]), int(curve.attrs["n_periods"])
+    sticks, special = kind == "end_of_sticking", SPECIAL[kind]
+    (line,) = ax.plot(
+        curve[x].values,
+        curve[y].values,
+        color=special.color,
+        linewidth=1.7,
+        linestyle=DASHES.get(n, MORE_PERIODS),
+        path_effects=[withStroke(linewidth=3.1, foreground=special.halo)],
+        label=f"{'end' if sticks else special.name} of {orbit_name(curve, sticks)}",
+        zorder=5,
+    )
+    return line

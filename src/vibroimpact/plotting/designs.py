@@ -1,0 +1,231 @@
+"""Pictures of designs: the model as a sketch, and the settled motions of two designs side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyBboxPatch, Rectangle
+
+from vibroimpact.motion import recognise
+from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.plotting.checks import refused
+from vibroimpact.plotting.orbits import impact_map, phase_portrait, time_history
+from vibroimpact.plotting.style import BLUE, INK, RED, STYLE, draw_stop, new_axes, parameter_text
+from vibroimpact.sections import impact_section, simulate, stroboscopic_section
+
+# Positions in drawing units: frame | spring and damper | mass | clearance | stop.
+_FRAME, _MASS_LEFT, _MASS_RIGHT, _STOP = 0.0, 4.0, 6.4, 8.0
+_BOTTOM, _TOP = 0.0, 2.8
+_SPRING, _DAMPER = 2.05, 0.75
+
+
+SETTLED = 1000  # impacts, and periods, left out before a comparison
+SAMPLED = 2000
+COMPARABLE = 4.0  # designs whose views differ by more than this factor keep views of their own
+
+
+def _wall(ax: Axes, left: float, right: float, bottom: float, top: float, face: str) -> None:
+    """Draw fixed ground: hatched, with a firm line on the side named by `face`."""
+    ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, facecolor="#f0f0f0", edgecolor="#8a8a8a",
+                           hatch="/////", linewidth=0.0))  # fmt: skip
+    edges = {"left": ([left, left], [bottom, top]), "right": ([right, right], [bottom, top]),
+             "top": ([left, right], [top, top])}  # fmt: skip
+    ax.plot(*edges[face], color=INK, linewidth=2.0, solid_capstyle="butt")
+
+
+def _spring(ax: Axes) -> None:
+    """Draw a spring of seven turns between the frame and the mass."""
+    lead, turns = 0.55, 7
+    along = np.linspace(_FRAME + lead, _MASS_LEFT - lead, 2 * turns + 1)
+    across = np.concatenate([[0.0], 0.27 * np.tile([1.0, -1.0], turns)[: 2 * turns - 1], [0.0]])
+    x = np.concatenate([[_FRAME], along, [_MASS_LEFT]])
+    ax.plot(x, _SPRING + np.concatenate([[0.0], across, [0.0]]), color=INK, linewidth=1.5, solid_joinstyle="round")
+
+
+def _damper(ax: Axes) -> None:
+    """Draw a dashpot: an open cylinder fixed to the frame, a piston fixed to the mass."""
+    back, mouth, piston, half = 1.45, 2.65, 2.15, 0.26
+    ax.plot([_FRAME, back], [_DAMPER] * 2, color=INK, linewidth=1.5)
+    ax.plot([mouth, back, back, mouth], [_DAMPER + half] * 2 + [_DAMPER - half] * 2, color=INK, linewidth=1.5)
+    ax.plot([piston] * 2, [_DAMPER - 0.8 * half, _DAMPER + 0.8 * half], color=INK, linewidth=3.0)
+    ax.plot([piston, _MASS_LEFT], [_DAMPER] * 2, color=INK, linewidth=1.5)
+
+
+def _arrow(ax: Axes, start: tuple[float, float], end: tuple[float, float], color: str, both: bool = False) -> None:
+    style = {"arrowstyle": "<|-|>" if both else "-|>", "color": color, "linewidth": 1.5, "shrinkA": 0, "shrinkB": 0,
+             "mutation_scale": 14}  # fmt: skip
+    ax.annotate("", xy=end, xytext=start, arrowprops=style)
+
+
+def _mass(ax: Axes) -> None:
+    """Draw the mass on its two rollers."""
+    width = _MASS_RIGHT - _MASS_LEFT
+    ax.add_patch(FancyBboxPatch((_MASS_LEFT + 0.08, 0.38), width - 0.16, 2.1, boxstyle="round,pad=0.08",
+                                facecolor="#d6e6f2", edgecolor=BLUE, linewidth=1.8))  # fmt: skip
+    for roller in (_MASS_LEFT + 0.55, _MASS_RIGHT - 0.55):
+        ax.plot(roller, 0.15, "o", markersize=8.5, markerfacecolor="white", markeredgecolor=INK, markeredgewidth=1.3)
+
+
+def oscillator_sketch(oscillator: ImpactOscillator | None = None, ax: Axes | None = None) -> Axes:
+    r"""Draw the model: mass, spring, damper, sine force, clearance and stop.
+
+    .. math:: m \ddot y + c \dot y + k y = f \sin \omega t \quad (y < g), \qquad
+              \dot y \to -r \dot y \quad (y = g,\ \dot y > 0)
+
+    Parameters
+    ----------
+    oscillator : ImpactOscillator, optional
+        Its parameters are written under the sketch.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None makes a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    References
+    ----------
+    Lee, equation 1 (which prints k y' for k y, a misprint) and figure 1.
+
+    Examples
+    --------
+    >>> oscillator_sketch(ImpactOscillator(omega=2.8)).axison
+    False
+    """
+    ax = new_axes(ax, (7.2, 3.4))
+    ax.set_axis_off()
+    ax.set_aspect("equal")
+    _wall(ax, _FRAME - 0.45, _FRAME, _BOTTOM, _TOP, "right")
+    _wall(ax, _STOP, _STOP + 0.6, 0.35, 2.45, "left")
+    _wall(ax, _FRAME - 0.45, _STOP + 0.6, _BOTTOM - 0.4, _BOTTOM, "top")
+    _spring(ax)
+    _damper(ax)
+    _mass(ax)
+    _arrow(ax, (_MASS_RIGHT, 1.65), (_MASS_RIGHT + 1.15, 1.65), RED)
+    # The rest position of the striking face: both y and the clearance are measured from it.
+    ax.plot([_MASS_RIGHT] * 2, [2.5, 3.25], color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
+    _arrow(ax, (_MASS_RIGHT, 3.05), (_MASS_RIGHT + 0.9, 3.05), INK)
+    _arrow(ax, (_MASS_RIGHT, 0.75), (_STOP, 0.75), INK, both=True)
+    for x, y, text, color in (
+        (2.0, 2.55, "$k$", INK),
+        (2.0, 1.22, "$c$", INK),
+        (5.2, 1.4, "$m$", BLUE),
+        (7.18, 1.98, r"$f\,\sin\,\omega t$", RED),
+        (7.5, 3.05, "$y$", INK),
+        (7.2, 0.98, "$g$", INK),
+        (_STOP + 0.3, 2.7, "$r$", INK),
+    ):
+        ax.text(x, y, text, color=color, fontsize=14, ha="center", va="center")
+    if oscillator is not None:
+        text = ",   ".join(parameter_text(name, oscillator) for name in oscillator.values)
+        ax.text(4.0, -0.75, text, ha="center", va="center", fontsize=8.5, color="#555555")
+    ax.set_xlim(_FRAME - 0.6, _STOP + 0.75)
+    ax.set_ylim(-0.55 if oscillator is None else -1.0, 3.4)
+    return ax
+
+
+def comparison_figure(
+    designs: xr.Dataset | Sequence[ImpactOscillator],
+    *,
+    names: Sequence[str] = ("A", "B"),
+    periods: float = 8,
+    size: tuple[float, float] = (11.0, 12.0),
+) -> Figure:
+    """Draw the settled motion of two designs side by side: time history, phase portrait, impact map.
+
+    Parameters
+    ----------
+    designs : xarray.Dataset or two ImpactOscillator
+        The `dataset` of what `vibroimpact.compare` returns, or the two designs.
+    names : two str
+        The names of two oscillators; a dataset has its own.
+    periods : float, > 0
+        Driving periods shown.
+    size : (float, float)
+        Width and height in inches.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    ValueError
+        `designs` is neither of these.
+
+    Notes
+    -----
+    Each motion starts from rest and is drawn after 1000 driving periods. Figures in a row share their
+    view unless the motions differ more than fourfold in size.
+
+    Examples
+    --------
+    >>> import vibroimpact as vi
+    >>> figure = comparison_figure([vi.ImpactOscillator(omega=1.4), vi.ImpactOscillator(omega=2.8)])
+    >>> len(figure.axes), figure.axes[1].get_title().splitlines()[0]
+    (6, 'B: aperiodic')
+    """
+    import matplotlib.pyplot as plt
+
+    oscillators, names = _designs(designs, names)
+    with mpl.rc_context(STYLE):
+        figure, axes = plt.subplots(3, 2, figsize=size, layout="constrained")
+    for column, (osc, name) in enumerate(zip(oscillators, names, strict=True)):
+        section = impact_section(osc, transient_impacts=SETTLED, sample_impacts=SAMPLED)
+        motion = simulate(osc, start=_settled(osc), periods=periods)
+        time_history(motion, ax=axes[0, column])
+        phase_portrait(motion, ax=axes[1, column])
+        impact_map(section, ax=axes[2, column])
+        axes[0, column].set_title(f"{name}: {recognise(section).name}\n{_differing(osc, oscillators)}", fontsize=10)
+    gaps = [osc.gap for osc in oscillators]
+    _share(axes[0], "y", gaps)
+    _share(axes[1], "x", gaps)
+    _share(axes[1], "y")
+    if all(ax.lines for ax in axes[2]):
+        _share(axes[2], "y")
+    return figure
+
+
+def _designs(designs: Any, names: Sequence[str]) -> tuple[list[ImpactOscillator], list[str]]:
+    if isinstance(designs, xr.Dataset) and designs.sizes.get("design") == 2:
+        rows = [designs.isel(design=i) for i in range(2)]
+        given = [{name: float(row[name]) for name in ImpactOscillator().values if name in row} for row in rows]
+        if all(given):
+            return [ImpactOscillator(**values) for values in given], [str(name) for name in designs["design"].values]
+    if isinstance(designs, (list, tuple)) and len(designs) == 2:
+        pair = [osc for osc in designs if isinstance(osc, ImpactOscillator)]
+        if len(pair) == 2 and len(names) == 2:
+            return pair, [str(name) for name in names]
+    allowed = "the dataset of a comparison, or two oscillators with two names"
+    raise refused("designs", designs, allowed, "pass for example compare(a, b).dataset")
+
+
+def _settled(osc: ImpactOscillator) -> State | None:
+    """Return the state of the settled motion at phase 0; None if it has none. An impact there counts as before it."""
+    looks = stroboscopic_section(osc, transient_periods=SETTLED, sample_periods=1)
+    if not looks.sizes["period"]:
+        return None
+    return State(min(float(looks["displacement"][0]), osc.gap), float(looks["velocity"][0]))
+
+
+def _differing(osc: ImpactOscillator, both: Sequence[ImpactOscillator]) -> str:
+    a, b = both
+    return ",  ".join(parameter_text(name, osc) for name in a.values if a.values[name] != b.values[name])
+
+
+def _share(axes: Sequence[Axes], along: str, gaps: Sequence[float] | None = None) -> None:
+    """Give figures of comparable size one view, and extend the stop to its end."""
+    views = [ax.get_xlim() if along == "x" else ax.get_ylim() for ax in axes]
+    low, high = min(low for low, _ in views), max(high for _, high in views)
+    if high - low > COMPARABLE * min(b - a for a, b in views):
+        return
+    for i, ax in enumerate(axes):
+        (ax.set_xlim if along == "x" else ax.set_ylim)(low, high)
+        if gaps is not None and gaps[i] < high:
+            draw_stop(ax, gaps[i], high, upright=along == "x")

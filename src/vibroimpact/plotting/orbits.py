@@ -1,0 +1,403 @@
+"""One motion: time history, phase portrait, stroboscopic (Poincare) map and impact map."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+
+from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.plotting.checks import check_result
+from vibroimpact.plotting.style import (
+    BLUE,
+    GREEN,
+    INK,
+    RED,
+    Floats,
+    Mask,
+    counted,
+    described,
+    draw_stop,
+    label_axes,
+    legend_below,
+    magnitude,
+    new_axes,
+    note_empty,
+    note_outcome,
+    reference,
+    required_oscillator,
+    title,
+    value_text,
+    view,
+)
+
+MANY = 200  # more distinct points than this are drawn as an attractor, fewer as separate marks
+_NEEDED = {"displacement": "time", "velocity": "time", "impact_time": "impact", "impact_velocity": "impact"}
+
+
+def _broken_orbit(simulation: xr.Dataset, gap: float, restitution: float) -> tuple[Floats, Floats, Floats]:
+    """Return time, y and y' with each impact put in: arrival, a break (NaN), departure at -r times the speed.
+
+    Samples alone would cut the corner at each impact with a chord that the mass never follows.
+    """
+    times, speeds = simulation["impact_time"].values, simulation["impact_velocity"].values
+    jump = np.column_stack([speeds, np.full_like(speeds, np.nan), -restitution * speeds]).ravel()
+    sampled = simulation["time"].values
+    # A sample at an impact holds the state after it, but rounding may put its time before: it adds nothing.
+    own = ~_beside(sampled, times)
+    t = np.concatenate([np.repeat(times, 3), sampled[own]])
+    y = np.concatenate([np.where(np.isnan(jump), np.nan, gap), simulation["displacement"].values[own]])
+    dy = np.concatenate([jump, simulation["velocity"].values[own]])
+    order = np.argsort(t, kind="stable")
+    return _rounded(t[order], y[order], dy[order])
+
+
+def _beside(sampled: Floats, times: Floats) -> Mask:
+    """Return which samples lie at an impact, to a millionth of the sampling."""
+    if times.size == 0 or sampled.size < 2:
+        return np.zeros(sampled.shape, dtype=bool)
+    following = np.searchsorted(times, sampled)
+    nearest = np.minimum(
+        np.abs(times[np.clip(following, 0, times.size - 1)] - sampled),
+        np.abs(times[np.clip(following - 1, 0, times.size - 1)] - sampled),
+    )
+    return np.asarray(nearest < 1e-6 * (sampled[1] - sampled[0]))
+
+
+def _rounded(t: Floats, y: Floats, dy: Floats, parts: int = 6) -> tuple[Floats, Floats, Floats]:
+    """Return the cubic through neighbouring states (y and y' at both ends), so that few samples draw no polygon.
+
+    Between samples h apart it errs by (h w)^4/384 of the motion's size, less than a line's width. NaN stays a break.
+    """
+    if len(t) > 50_000:
+        return t, y, dy
+    s, h = np.arange(parts) / parts, np.diff(t)[:, None]
+    y0, y1, v0, v1 = y[:-1, None], y[1:, None], dy[:-1, None], dy[1:, None]
+    # Between nearly equal instants, as at an impact, a slope would be mere rounding.
+    apart = h > 1e-6 * h.max(initial=0.0)
+    slope = (y1 - y0) / np.where(apart, h, 1.0)
+    bend = s * s * (3.0 - 2.0 * s)
+    fine_t = t[:-1, None] + h * s
+    fine_y = y0 + bend * (y1 - y0) + h * s * (1.0 - s) * ((1.0 - s) * v0 - s * v1)
+    fine_dy = 6.0 * s * (1.0 - s) * slope + (1.0 - s) * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
+    fine_y[:, 0], fine_dy[:, 0] = y[:-1], dy[:-1]
+    keep = apart | (s == 0.0)
+    return np.append(fine_t[keep], t[-1:]), np.append(fine_y[keep], y[-1:]), np.append(fine_dy[keep], dy[-1:])
+
+
+def _sticks(simulation: xr.Dataset) -> Floats:
+    """Return the (start, end) of each stick; one not released lasts to the end of the record."""
+    if "stick_time" not in simulation:
+        return np.empty((0, 2))
+    ends = simulation["release_time"].values
+    ends = np.where(np.isnan(ends), float(simulation["time"][-1]), ends)
+    return np.column_stack([simulation["stick_time"].values, ends])
+
+
+def _stop(ax: Axes, displacement: Floats, osc: ImpactOscillator, unit: str, *, upright: bool) -> tuple[float, float]:
+    """Draw the stop and return the limits of the displacement axis; an arrow points to a stop too far off."""
+    size = magnitude(displacement, osc.velocity_scale / osc.natural_frequency)
+    text = f"stop, {value_text('g', osc.gap, unit)}"
+    low, high = view(displacement, size)
+    near = osc.gap - high <= 3.0 * (high - low)
+    if near:
+        low, high = view(np.append(displacement, osc.gap), size)
+        start = osc.gap
+        high = start + max(0.12 * (high - low), high - start)
+        draw_stop(ax, start, high, upright=upright)
+    else:
+        # Turned with its text by a quarter, the downward arrow points right, to where the stop is.
+        text += r" $\downarrow$" if upright else r" $\uparrow$"
+        start, high = high, high + 0.12 * (high - low)
+    middle = 0.5 * (start + high)
+    place: dict[str, Any] = {"x": 0.995, "y": middle, "transform": ax.get_yaxis_transform(), "ha": "right"}
+    if upright:
+        place = {"x": middle, "y": 0.995, "transform": ax.get_xaxis_transform(), "rotation": 90, "ha": "center"}
+    box = {"facecolor": "#ededed", "edgecolor": "none", "pad": 2}
+    ax.text(s=text, va="top" if upright else "center", fontsize=8.5, color=INK, bbox=box, **place)
+    return low, high
+
+
+def _unit(simulation: xr.Dataset) -> str:
+    return described(simulation["displacement"])[1]
+
+
+def time_history(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw displacement against time, with the stop, the impacts on it and the sticks.
+
+    Parameters
+    ----------
+    simulation : xarray.Dataset
+        What `vibroimpact.simulate` returns.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None makes a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        `simulation` is another kind of result, or has lost its oscillator.
+
+    Notes
+    -----
+    The line includes the instants of impact, so that it reaches the stop where the mass does.
+
+    Examples
+    --------
+    >>> import vibroimpact as vi
+    >>> ax = vi.plotting.time_history(vi.simulate(vi.ImpactOscillator(omega=2.0), periods=5))
+    >>> ax.get_xlabel()
+    'time $t$ [s]'
+    """
+    check_result("simulation", simulation, "simulate", _NEEDED)
+    osc = required_oscillator("simulation", simulation)
+    ax = new_axes(ax, (8.0, 3.8), title(simulation))
+    t, y, _ = _broken_orbit(simulation, osc.gap, osc.restitution)
+    whole = ~np.isnan(y)
+    ax.plot(t[whole], y[whole], color=BLUE, linewidth=1.2, zorder=2)
+
+    ax.set_ylim(*_stop(ax, y, osc, _unit(simulation), upright=False))
+    impacts = simulation["impact_time"].values
+    if impacts.size:
+        at_stop = np.full_like(impacts, osc.gap)
+        name = counted(impacts.size, "impact")
+        ax.plot(impacts, at_stop, "o", color=RED, markersize=4, markeredgewidth=0, label=name, zorder=5)
+    sticks = _sticks(simulation)
+    if len(sticks):
+        bars = [[(start, osc.gap), (end, osc.gap)] for start, end in sticks]
+        name = f"{counted(len(sticks), 'stick')} (at rest at the stop)"
+        ax.add_collection(LineCollection(bars, colors=GREEN, linewidths=5, label=name, zorder=4), autolim=False)
+    ax.set_xlim(float(simulation["time"][0]), float(simulation["time"][-1]))
+    label_axes(ax, simulation["time"], simulation["displacement"])
+    note_outcome(ax, simulation)
+    legend_below(ax)
+    return ax
+
+
+def phase_portrait(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw velocity against displacement, with the stop and the jumps of velocity at it.
+
+    The line is broken at each impact; a thin dashed line joins arrival (y' = v) and departure (y' = -r v).
+
+    Parameters
+    ----------
+    simulation : xarray.Dataset
+        What `vibroimpact.simulate` returns.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None makes a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        `simulation` is another kind of result, or has lost its oscillator.
+
+    Notes
+    -----
+    Between samples both figures follow the cubic through the states at either end.
+
+    Examples
+    --------
+    >>> import vibroimpact as vi
+    >>> ax = vi.plotting.phase_portrait(vi.simulate(vi.ImpactOscillator(omega=2.8)))
+    >>> ax.get_xlabel()
+    'displacement $y$ [m]'
+    """
+    check_result("simulation", simulation, "simulate", _NEEDED)
+    osc = required_oscillator("simulation", simulation)
+    ax = new_axes(ax, (6.4, 5.4), title(simulation))
+    _, y, dy = _broken_orbit(simulation, osc.gap, osc.restitution)
+    ax.plot(y, dy, color=BLUE, linewidth=0.9, label="flight", zorder=2)
+    speeds = simulation["impact_velocity"].values
+    if speeds.size:
+        jumps = [[(osc.gap, speed), (osc.gap, -osc.restitution * speed)] for speed in speeds]
+        style: dict[str, Any] = {"colors": RED, "linewidths": 0.8, "linestyles": (0, (3, 2)), "zorder": 3, "alpha": 0.6}
+        ax.add_collection(LineCollection(jumps, label=counted(speeds.size, "impact"), **style), autolim=False)
+        ax.plot(np.full_like(speeds, osc.gap), speeds, "o", color=RED, markersize=3, markeredgewidth=0, zorder=4)
+    if len(sticks := _sticks(simulation)):
+        name = counted(len(sticks), "stick")
+        ax.plot([osc.gap], [0.0], "s", color=GREEN, markersize=7, markeredgewidth=0, label=name, zorder=5)
+    first = simulation.isel(time=0)
+    ax.plot(float(first["displacement"]), float(first["velocity"]), "o", markerfacecolor="white",
+            markeredgecolor=INK, markersize=5, label="start", zorder=6, linestyle="none")  # fmt: skip
+
+    ax.set_xlim(*_stop(ax, y, osc, _unit(simulation), upright=True))
+    ax.set_ylim(*view(dy, magnitude(dy, osc.velocity_scale)))
+    label_axes(ax, simulation["displacement"], simulation["velocity"])
+    note_outcome(ax, simulation)
+    legend_below(ax)
+    return ax
+
+
+def distinct_points(points: Floats, tolerance: Floats, wrap: bool = False) -> Floats | None:
+    """Return one point for each place visited, to within `tolerance`; None if there are more than `MANY`.
+
+    With `wrap` the first coordinate is a phase, so that 0 and 1 are the same place.
+    """
+    left = points
+    found: list[Floats] = []
+    while len(left) and len(found) < MANY:
+        found.append(left[0])
+        away = np.abs(left - left[0])
+        if wrap:
+            away[:, 0] = np.minimum(away[:, 0], 1.0 - away[:, 0])
+        left = left[(away > tolerance).any(axis=1)]
+    return None if len(left) else np.array(found).reshape(-1, 2)
+
+
+def _points(ax: Axes, section: xr.Dataset, across: str) -> Floats:
+    """Return the points of a section, label the axes, and say why there are none."""
+    points: Floats = np.column_stack([section[across].values, section["velocity"].values])
+    points = points[np.isfinite(points).all(axis=1)]
+    label_axes(ax, section[across], section["velocity"])
+    if not len(points):
+        note_empty(ax, section)
+    return points
+
+
+def _draw_points(ax: Axes, points: Floats, tolerance: Floats, noun: str, wrap: bool = False) -> bool:
+    """Draw few places as large marks and an attractor as fine translucent dots; return whether they are few."""
+    places = distinct_points(points, tolerance, wrap)
+    total = counted(len(points), noun)
+    look: dict[str, Any] = {"linestyle": "none", "marker": "o", "color": BLUE, "markeredgewidth": 0, "zorder": 3}
+    if places is None:
+        fine = {"markersize": 1.6, "alpha": 0.55 if len(points) > 1000 else 0.8, "rasterized": len(points) > 2000}
+        ax.plot(*points.T, label=total, **(look | fine))
+        return False
+    name = f"{counted(len(places), 'point')} in {total}"
+    ax.plot(*places.T, label=name, **(look | {"markersize": 9 if len(places) <= 12 else 4.5, "clip_on": False}))
+    return True
+
+
+def stroboscopic_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw the Poincare map: velocity against displacement once a driving period.
+
+    A period-n motion shows n points, a chaotic motion its attractor.
+
+    Parameters
+    ----------
+    section : xarray.Dataset
+        What `vibroimpact.stroboscopic_section` returns.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None makes a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        `section` is another kind of result.
+
+    Notes
+    -----
+    Samples that agree to 1e-6 of the size of the motion are one point, drawn once and counted in the legend.
+    Around a periodic orbit an axis spans at least a tenth of that size; less would show only rounding.
+
+    References
+    ----------
+    Lee, section 2 and figures 4a to 9a.
+
+    Examples
+    --------
+    >>> import vibroimpact as vi
+    >>> section = vi.stroboscopic_section(vi.ImpactOscillator(omega=2.0), sample_periods=50)
+    >>> vi.plotting.stroboscopic_map(section).get_legend().get_texts()[0].get_text()
+    '1 point in 50 periods'
+    """
+    check_result("section", section, "stroboscopic_section", {"displacement": "period", "velocity": "period"})
+    ax = new_axes(ax, (6.2, 5.0), title(section))
+    points = _points(ax, section, "displacement")
+    if not len(points):
+        return ax
+    osc = reference(section)
+    # One size for both axes: an orbit may well pass the section near y = 0 or at y' = 0.
+    rate = max(osc.omega, osc.natural_frequency) if osc else 1.0
+    size = magnitude(points * [1.0, 1.0 / rate], osc.velocity_scale / osc.natural_frequency if osc else 1.0)
+    sizes = np.array([size, size * rate])
+    least = 0.1 if _draw_points(ax, points, 1e-6 * sizes, "period") else 1e-6
+    low, high = view(points[:, 0], sizes[0], least)
+    ax.set_xlim(low, high)
+    ax.set_ylim(*view(points[:, 1], sizes[1], least))
+    ax.locator_params(axis="x", nbins=6)
+    if osc and osc.gap < high:
+        draw_stop(ax, osc.gap, high, upright=True)
+    note_outcome(ax, section)
+    legend_below(ax)
+    return ax
+
+
+def _stick_bars(section: xr.Dataset, period: float) -> list[list[tuple[float, float]]]:
+    """Return bars on the phase axis from each stick to its release, cut where the phase wraps."""
+    bars = []
+    spans = np.column_stack([section["stick_time"].values, section["release_time"].values]) / period
+    for start, end in np.unique(spans[np.isfinite(spans).all(axis=1)] % 1.0, axis=0):
+        pieces = [(start, end)] if start <= end else [(start, 1.0), (0.0, end)]
+        bars += [[(a, 0.0), (b, 0.0)] for a, b in pieces]
+    return bars
+
+
+def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw the impact map: the velocity of each impact against its phase in the driving period.
+
+    An impact-p motion shows p points; a complete chatter a sequence that runs down to the green bar of
+    the stick, from coming to rest at the stop until the release.
+
+    Parameters
+    ----------
+    section : xarray.Dataset
+        What `vibroimpact.impact_section` returns.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None makes a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        `section` is another kind of result.
+
+    Notes
+    -----
+    Phases run over the whole period and velocities from zero, so that maps compare at a glance. Impacts that
+    agree to 1e-6 (of the period, of the largest velocity) are one point, counted in the legend.
+
+    References
+    ----------
+    Lee, section 2 and figures 4b to 9b.
+
+    Examples
+    --------
+    >>> import vibroimpact as vi
+    >>> section = vi.impact_section(vi.ImpactOscillator(omega=2.0), sample_impacts=50)
+    >>> vi.plotting.impact_map(section).get_legend().get_texts()[0].get_text()
+    '1 point in 50 impacts'
+    """
+    check_result("section", section, "impact_section", {"phase": "impact", "velocity": "impact"})
+    ax = new_axes(ax, (6.2, 5.0), title(section))
+    ax.set_xlim(0.0, 1.0)
+    points = _points(ax, section, "phase")
+    if not len(points):
+        return ax
+    fastest = float(points[:, 1].max())
+    _draw_points(ax, points, np.array([1e-6, 1e-6 * fastest]), "impact", wrap=True)
+    osc = reference(section)
+    if osc and "stick_time" in section and (bars := _stick_bars(section, osc.period)):
+        name = "stick (at rest at the stop)"
+        ax.add_collection(LineCollection(bars, colors=GREEN, linewidths=5, label=name, zorder=2), autolim=False)
+    ax.set_ylim(-0.03 * fastest, 1.08 * fastest)
+    note_outcome(ax, section)
+    legend_below(ax)
+    return ax
