@@ -68,7 +68,7 @@ def test_a_sticking_orbit_is_told_with_its_rest(run):
 
 def test_no_orbit_of_that_name_is_an_answer_and_no_fault(run, tmp_path):
     code, told, _ = run("orbit -p omega=2.0 --impacts 2")
-    assert (code, told[0]) == (0, "no start led to a period-1 impact-2 orbit")
+    assert (code, told[0]) == (0, "no initial guess converged to a period-1 impact-2 orbit")
     assert run("orbit -p omega=2.0 --impacts 2 --out none.json")[0] == 0
     assert json.loads((tmp_path / "none.json").read_text())["orbits"] == []
 
@@ -130,7 +130,7 @@ def test_a_branch_from_a_file_is_drawn_over_a_saved_diagram(run, tmp_path):
 
 def test_nothing_to_follow_is_told_and_fails_only_where_a_file_was_asked_for(run, tmp_path):
     request = "continue -p omega=2 --impacts 3 --x omega=1:3"
-    assert run(request)[:2] == (0, ["no start led to a period-1 impact-3 orbit"])
+    assert run(request)[:2] == (0, ["no initial guess converged to a period-1 impact-3 orbit"])
     code, _, complaints = run(f"{request} --out branch.zarr")
     assert (code, len(complaints)) == (1, 1)
     assert "nothing was written" in complaints[0]

@@ -1,4 +1,4 @@
-"""Several curves or branches in one dataset, and back: their points one behind another, a number telling whose."""
+"""Several curves or branches in one dataset, and back: their points one after another, each with the curve's number."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-NAMES = {"boundary_curves": "curve", "continue_orbit": "branch"}  # what each function's results are called
+NAMES = {"boundary_curves": "curve", "continue_orbit": "branch"}  # the name of each function's results
 LAID_OUT = ("point", "special")  # dims along which the parts follow one another
-TOLD = ("outcome", "message", "arguments")  # attributes of each part, kept as lists
+ENDS = ("outcome", "message", "arguments")  # attributes of each part, kept as lists
 
 
 def bundle(parts: Sequence[xr.Dataset], function: str, provenance: Mapping[str, str]) -> xr.Dataset:
@@ -22,19 +22,19 @@ def bundle(parts: Sequence[xr.Dataset], function: str, provenance: Mapping[str, 
     parts : sequence of xarray.Dataset
         The `dataset` of each, all in one plane or along one parameter.
     function : {"boundary_curves", "continue_orbit"}
-        Whose results they are.
+        The function that returned them.
     provenance : mapping
         Attributes that say which call made them all.
 
     Returns
     -------
     xarray.Dataset
-        Variables over `point` (and `special`), with the number of each point's part in `curve` or `branch`; what
-        belongs to a whole part, over `curve_id` or `branch_id`.
+        Variables over `point` (and `special`), with the number of each point's part in `curve` or `branch`; variables
+        of a whole part over `curve_id` or `branch_id`.
 
     Notes
     -----
-    Rows of impacts are padded with NaN to the longest; `count` tells how many there are.
+    Rows of impacts are padded with NaN to the longest; `count` is their number.
 
     Examples
     --------
@@ -51,13 +51,13 @@ def bundle(parts: Sequence[xr.Dataset], function: str, provenance: Mapping[str, 
     for dim in LAID_OUT:
         if dim in parts[0].dims:
             rows |= _in_a_row(padded, dim, name)
-    told = {key: json.dumps([str(part.attrs.get(key, "")) for part in parts]) for key in TOLD}
-    attrs = {**provenance, "function": function} | {f"{name}_{key}": text for key, text in told.items()}
+    ends = {key: json.dumps([str(part.attrs.get(key, "")) for part in parts]) for key in ENDS}
+    attrs = {**provenance, "function": function} | {f"{name}_{key}": text for key, text in ends.items()}
     return xr.Dataset(rows | _of_each(parts, f"{name}_id"), attrs=attrs).set_coords(list(parts[0].coords))
 
 
 def _in_a_row(parts: Sequence[xr.Dataset], dim: str, name: str) -> dict[str, Any]:
-    """Return what lies along `dim`, the parts one behind another, and whose each entry is."""
+    """Return the variables along `dim`, the parts one after another, and the number of each entry's part."""
     keys = [str(key) for key, variable in parts[0].variables.items() if dim in variable.dims]
     join: Any = xr.Variable.concat
     rows = {key: join([part[key].variable for part in parts], dim) for key in keys}
@@ -65,12 +65,12 @@ def _in_a_row(parts: Sequence[xr.Dataset], dim: str, name: str) -> dict[str, Any
     rows[_owner(dim, name)] = xr.Variable(dim, owner, {"long_name": f"number of the {name}", "units": "1"})
     if dim == "point":
         kept = np.isfinite(rows["velocity"].transpose("point", "impact").values).sum(axis=1)
-        rows["count"] = xr.Variable("point", kept, {"long_name": "number of impacts told", "units": "1", "symbol": "N"})
+        rows["count"] = xr.Variable("point", kept, {"long_name": "number of impacts", "units": "1", "symbol": "N"})
     return rows
 
 
 def _of_each(parts: Sequence[xr.Dataset], dim: str) -> dict[str, Any]:
-    """Return what belongs to whole parts, over the parts."""
+    """Return the variables of whole parts, over the parts."""
     words = {"n_periods": "driving periods in a cycle", "n_impacts": "impacts in a cycle", dim: "number"}
     columns = {
         str(key): xr.Variable(dim, np.array([part[key].item() for part in parts], variable.dtype), variable.attrs)
@@ -92,7 +92,7 @@ def unbundle(dataset: xr.Dataset) -> list[xr.Dataset]:
     name = next((name for name in NAMES.values() if f"{name}_id" in dataset.dims), None)
     if name is None:
         return [_in_order(dataset)]
-    told = {key: json.loads(dataset.attrs[f"{name}_{key}"]) for key in TOLD}
+    ends = {key: json.loads(dataset.attrs[f"{name}_{key}"]) for key in ENDS}
     parts = []
     for number in range(dataset.sizes[f"{name}_id"]):
         part = dataset.isel({f"{name}_id": number})
@@ -102,7 +102,7 @@ def unbundle(dataset: xr.Dataset) -> list[xr.Dataset]:
         own = {key: int(part[key]) for key in ("n_periods", "n_impacts")}
         attrs = {key: value for key, value in dataset.attrs.items() if not key.startswith(f"{name}_")}
         part = part.isel(impact=slice(0, int(part["count"].max()))).drop_vars([f"{name}_id", "count", *own])
-        part.attrs = attrs | own | {key: values[number] for key, values in told.items()}
+        part.attrs = attrs | own | {key: values[number] for key, values in ends.items()}
         parts.append(_in_order(part))
     return parts
 

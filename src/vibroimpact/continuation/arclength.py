@@ -1,4 +1,8 @@
-"""Newton's method, and curves followed by pseudo-arclength."""
+"""Newton's method, and curves followed by pseudo-arclength.
+
+A step leads along the tangent; Newton's method then corrects it on the hyperplane normal to the tangent, which passes
+folds where the parameter turns (H. B. Keller, in Applications of Bifurcation Theory, Academic Press (1977) 359-384).
+"""
 
 from __future__ import annotations
 
@@ -7,20 +11,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vibroimpact.continuation.system import System
+from vibroimpact.continuation.system import TOUCH, System
 from vibroimpact.orbits.equations import Floats
 
-MOST = 12  # corrections of a point
-CLOSE = 1e-9  # the correction after which convergence, being quadratic, is complete
+MOST = 12  # corrections per point
+CLOSE = 1e-9  # the correction after which convergence, which is quadratic, is complete
 SHORTEST = 1e-6  # of the longest step
 STRAIGHT = 0.97  # least cosine between the tangents at two points
 EASY = 3  # corrections up to which the next step may be longer
 
 
 def newton(system: System, x: Floats, rows: Floats | None = None, targets: Floats | None = None) -> tuple[Floats, int]:
-    """Return the solution near x, with linear equations rows . x = targets beside the system's, and corrections made.
+    """Return the solution near x of the system and of linear equations rows . x = targets, and corrections made.
 
-    The number is 0 where it did not converge.
+    The number is 0 if it did not converge.
     """
     x = x.copy()
     for made in range(1, MOST + 1):
@@ -45,14 +49,14 @@ def newton(system: System, x: Floats, rows: Floats | None = None, targets: Float
 
 
 def weights(system: System, x: Floats) -> Floats:
-    """Return what each unknown counts in the length of a step: velocities in parts of the largest once that grows."""
+    """Return the weight of each unknown in the length of a step; velocities are relative to the largest above 1."""
     p, counts = system.cycle.n_impacts, np.ones(len(x))
     counts[p : 2 * p] /= max(1.0, float(np.abs(x[p : 2 * p]).max()))
     return counts
 
 
 def tangent(system: System, x: Floats, along: Floats) -> Floats:
-    """Return the tangent of the curve at x that points the way `along` does, its weighted length 1."""
+    """Return the tangent of the curve at x, in the direction of `along`, of weighted length 1."""
     counts = weights(system, x)
     direction = np.linalg.svd(system.jacobian(x) / counts)[2][-1]
     return np.asarray(direction / counts * (1.0 if direction @ (along * counts) >= 0.0 else -1.0))
@@ -60,7 +64,7 @@ def tangent(system: System, x: Floats, along: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Step:
-    """A point of a curve and its tangent; `end` says why no point follows: "" if one does, "edge" or "lost"."""
+    """A point of a curve and its tangent; `end` is why no point follows, "edge" or "lost", or empty if one does."""
 
     x: Floats
     tangent: Floats
@@ -68,7 +72,7 @@ class Step:
 
 
 def follow(system: System, x: Floats, along: Floats, longest: float) -> Iterator[Step]:
-    """Yield the points of a curve after x, the way `along` points, up to the edge of the parameters' ranges."""
+    """Yield the points of a curve after x, in the direction of `along`, up to the edge of the parameters' ranges."""
     way, step = tangent(system, x, along), longest
     while True:
         counts, ahead = weights(system, x), x + step * way
@@ -92,7 +96,7 @@ def follow(system: System, x: Floats, along: Floats, longest: float) -> Iterator
 
 
 def _to_edge(system: System, inside: Floats, beyond: Floats, outside: list[int], way: Floats) -> Step:
-    """Return the point of the curve at which it first leaves the ranges, between a point inside and one beyond."""
+    """Return the point at which the curve first leaves the ranges, between a point inside and one beyond."""
     reached = {j: ((0.0 if beyond[j] < 0.0 else 1.0) - inside[j]) / (beyond[j] - inside[j]) for j in outside}
     j = min(reached, key=lambda key: reached[key])
     row = np.zeros((1, len(inside)))
@@ -103,3 +107,21 @@ def _to_edge(system: System, inside: Floats, beyond: Floats, outside: list[int],
     if not made or np.abs(found - start).max() > np.abs(beyond - inside).max() + 1e-12:
         return Step(inside, way, "lost")
     return Step(found, tangent(system, found, way), "edge")
+
+
+class Loop:
+    """Whether a curve has come back to its first point after it went away from it."""
+
+    def __init__(self, system: System, start: Floats, along: Floats, longest: float) -> None:
+        p = system.cycle.n_impacts
+        self._turns = [*range(p), *([2 * p] if system.condition == TOUCH else [])]
+        self._start, self._along, self._longest = start, along, longest
+        self._weights, self._far = weights(system, start), False
+
+    def closed_by(self, step: Step) -> bool:
+        """Whether the curve closes at its next point; whole turns do not count."""
+        apart = (step.x - self._start) * self._weights
+        apart[self._turns] -= np.rint(apart[0])
+        distance = float(np.linalg.norm(apart))
+        self._far = self._far or distance > 3.0 * self._longest
+        return self._far and distance < self._longest and bool(step.tangent @ self._along > 0.0)

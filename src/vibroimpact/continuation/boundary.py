@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.arclength import follow, newton, tangent, weights
+from vibroimpact.continuation.arclength import Loop, follow, newton, tangent
 from vibroimpact.continuation.branch import ENDS, MOST_POINTS
 from vibroimpact.continuation.points import Special, residual, special_orbit, touch_turns
 from vibroimpact.continuation.results import BifurcationPoint, Boundary
@@ -24,6 +24,8 @@ from vibroimpact.parameters import invalid
 from vibroimpact.progress import Report, reporter
 
 Range = tuple[float, float]
+HALVINGS = 20  # of the step within which the orbits of a boundary become inadmissible
+WORST = 1e-10  # residual of a point
 
 
 def continue_boundary(
@@ -46,17 +48,17 @@ def continue_boundary(
 
     Parameters
     ----------
-    point : BifurcationPoint
-        Where to begin: from the `special` of a `Branch`. An end of sticking is followed by its own method.
+    point : BifurcationPoint or StickingEnd
+        Where to begin: from the `special` of a `Branch`, or what `end_of_sticking` found.
     parameters : tuple of two str
-        The plane: any two different ones of the seven, or `frequency` (Hz).
+        The plane: two different parameters of the orbit's model.
     ranges : tuple of two pairs of float
         Lowest and highest value of each; the point lies between.
     step : float, 0 to 0.5
-        Longest step along the curve, where 1 is a whole range, a driving period, or the orbit's speed.
+        Longest step along the curve, where 1 is a whole range, a driving period, or the orbit's speed; along an end of
+        sticking at most 0.02.
     virtual : bool
-        Whether to go on where the orbit on the boundary is no motion of the mass (`admissible` False); else the curve
-        ends there.
+        Whether to go on where the orbit on the boundary is inadmissible; otherwise the curve ends there.
     progress : bool or callable
         True shows a count; a callable gets (points done, None, None) and stops by returning False.
 
@@ -72,9 +74,16 @@ def continue_boundary(
 
     Notes
     -----
-    Pseudo-arclength with Newton's method at each point. Each point is tested anew: its residual, the larger of the miss
-    of its flights and of its condition in parts of the orbit's size, stays below 1e-10, else the curve ends there as
-    "lost". Some milliseconds a point.
+    Pseudo-arclength continuation with Newton's method at each point. The residual of each point, the larger of the miss
+    of its flights and of its condition relative to the orbit's size, stays below 1e-10; otherwise the curve ends there
+    as "lost". Some milliseconds per point. An end of sticking is no smooth equation: its curve is followed by
+    bisection on small circles, some 10 ms per point.
+
+    References
+    ----------
+    .. [1] H. B. Keller, "Numerical solution of bifurcation and nonlinear eigenvalue problems", in Applications of
+       Bifurcation Theory, Academic Press (1977) 359-384.
+    .. [2] S. Foale and S. R. Bishop, "Bifurcations in impact oscillations", Nonlinear Dynamics 6 (1994) 285-299.
 
     Examples
     --------
@@ -137,7 +146,7 @@ def check_box(
 
 
 def boundary_system(point: BifurcationPoint, names: tuple[str, str], box: tuple[Range, Range]) -> tuple[System, Floats]:
-    """Return the equations of a boundary and the unknown of the point it begins with."""
+    """Return the equations of a boundary, and the unknown of the point where it begins."""
     osc, p = point.orbit.oscillator, point.orbit.n_impacts
     cycle, z = solution_of(point.orbit)
     speed = max(osc.velocity_scale, float(z[p:].max()))
@@ -165,12 +174,8 @@ def _no_boundary(point: BifurcationPoint) -> ValueError:
     )
 
 
-HALVINGS = 20  # of the step at which a boundary ceases to be one of the motion
-WORST = 1e-10  # residual of a point
-
-
-def sound(special: Special) -> bool:
-    """Whether the mass moves along the orbit of a boundary, but for the graze that the boundary itself is."""
+def admissible(special: Special) -> bool:
+    """Whether the mass can move along the orbit of a boundary; the graze that defines the boundary is allowed."""
     system, x = special.system, special.x
     osc, z, p = system.oscillator_at(x), system.solution(x), system.cycle.n_impacts
     others = np.delete(z[p:], system.where) if system.condition == LAST_IMPACT else z[p:]
@@ -181,16 +186,13 @@ def sound(special: Special) -> bool:
 
 
 def _inside(system: System, x: Floats) -> bool:
-    """Whether impacts follow in order, and the touch lies inside its flight."""
-    p = system.cycle.n_impacts
-    turns = np.append(x[:p], x[0] + system.cycle.n_periods)
-    if (np.diff(turns) <= 0.0).any():
-        return False
-    return system.condition != TOUCH or bool(turns[system.where] < x[system.inner - 1] < turns[system.where + 1])
+    """Whether impacts are in order, and the touch is inside its flight."""
+    begin, end = system.cycle.span(x, system.where)
+    return system.cycle.in_order(x) and (system.condition != TOUCH or begin < x[system.inner - 1] < end)
 
 
 def trace_boundary(system: System, x: Floats, kind: str, longest: float, virtual: bool, report: Any = None) -> Boundary:
-    """Return the curve through a point, both ways."""
+    """Return the curve through a point, in both directions."""
     x, made = _onto(system, x)
     if not made:
         raise ValueError("Newton's method does not lead from `point` to its boundary; take another point")
@@ -220,9 +222,9 @@ def _onto(system: System, x: Floats) -> tuple[Floats, int]:
 def _walk(
     system: System, x: Floats, along: Floats, kind: str, longest: float, virtual: bool
 ) -> Iterator[tuple[Floats, str]]:
-    """Yield points one way, each with the reason for which the curve would end there; "" is turned to the last one."""
-    start, far, here, p = x, False, x, system.cycle.n_impacts
-    begun_sound = sound(Special(kind, system, x))
+    """Yield points in one direction, each with the reason for which the curve would end there."""
+    here, loop = x, Loop(system, x, along, longest)
+    at_first = admissible(Special(kind, system, x))
     for number, step in enumerate(follow(system, x, along, longest)):
         if step.end == "lost" or residual(Special(kind, system, step.x)) > WORST:
             yield here, "lost"
@@ -230,14 +232,10 @@ def _walk(
         if not _inside(system, step.x):
             yield here, "impacts_merge"
             return
-        if begun_sound and not virtual and not sound(Special(kind, system, step.x)):
-            yield _last_sound(system, here, step.x, kind), "inadmissible"
+        if at_first and not virtual and not admissible(Special(kind, system, step.x)):
+            yield _last_admissible(system, here, step.x, kind), "inadmissible"
             return
-        apart = (step.x - start) * weights(system, start)
-        apart[[*range(p), *([2 * p] if system.condition == TOUCH else [])]] -= np.rint(apart[0])
-        distance = float(np.linalg.norm(apart))
-        far = far or distance > 3.0 * longest
-        closed = far and distance < longest and bool(step.tangent @ along > 0.0)
+        closed = loop.closed_by(step)
         end = "range" if step.end == "edge" else "closed" if closed else "budget"
         yield step.x, end
         if end != "budget" or number > MOST_POINTS:
@@ -245,8 +243,8 @@ def _walk(
         here = step.x
 
 
-def _last_sound(system: System, inside: Floats, outside: Floats, kind: str) -> Floats:
-    """Return the last point between two at which the boundary is one of the motion."""
+def _last_admissible(system: System, inside: Floats, outside: Floats, kind: str) -> Floats:
+    """Return the last point between two at which the boundary is admissible."""
     for _ in range(HALVINGS):
         way = outside - inside
         middle = inside + 0.5 * way
@@ -254,7 +252,7 @@ def _last_sound(system: System, inside: Floats, outside: Floats, kind: str) -> F
         if not made:
             break
         special = Special(kind, system, found)
-        if sound(special) and residual(special) <= WORST:
+        if admissible(special) and residual(special) <= WORST:
             inside = found
         else:
             outside = found

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.arclength import follow, newton, tangent
+from vibroimpact.continuation.arclength import Loop, follow, newton, tangent
 from vibroimpact.continuation.points import (
     Point,
     Special,
@@ -24,6 +24,21 @@ from vibroimpact.continuation.system import DOUBLING, System, check_orbit, check
 from vibroimpact.orbits.equations import Cycle, Floats
 from vibroimpact.orbits.orbit import Orbit, make_orbit, solution_of
 from vibroimpact.progress import Report, reporter
+
+MOST_POINTS = 20_000  # of one direction
+ONE_HALF = 1e-6  # halves of a doubled orbit that differ by less are one orbit
+
+ENDS = {
+    "range": "at the end of the range",
+    "grazing": "where it grazes the stop",
+    "inadmissible": "where its orbits become inadmissible",
+    "period_doubling": "at the period doubling it comes from",
+    "closed": "where it began (closed)",
+    "impacts_merge": "where two impacts merge",
+    "lost": "where Newton's method finds no next orbit",
+    "budget": f"after {MOST_POINTS} orbits",
+    "stopped": "where it was stopped",
+}
 
 
 def bifurcation_point(special: Special, parameter: str) -> BifurcationPoint:
@@ -62,14 +77,14 @@ def continue_orbit(
     orbit : Orbit
         Where to begin; one that `find_orbit` or `switch_branch` returned, with n_impacts >= 1.
     parameter : str
-        What to vary: one of the seven parameters, or `frequency` (Hz).
+        What to vary: any parameter of the orbit's model, `frequency` (Hz) and the parameters of a family included.
     range : tuple of two float
         Its lowest and highest value; the orbit's own lies between.
     step : float, 0 to 0.5
         Longest step along the curve, where 1 is the whole range, a driving period, or the orbit's speed.
     virtual : bool
-        Whether to go on beyond a graze, where the mass does not move so any more (`admissible` False) but may do so
-        again; else the branch ends at the graze.
+        Whether to go on beyond a graze, where orbits are inadmissible but may become admissible again; otherwise the
+        branch ends at the graze.
     progress : bool or callable
         True shows a count; a callable gets (orbits done, None, None) and stops by returning False.
 
@@ -81,20 +96,26 @@ def continue_orbit(
     Raises
     ------
     ValueError
-        An argument is out of its range, or the orbit solves no equations (it is of another oscillator).
+        An argument is out of its range, or the orbit does not solve its oscillator's equations.
 
     Notes
     -----
-    Pseudo-arclength with Newton's method at each point; special points solve their own equations together with the
-    orbit's, to rounding: about 1e-14 of the parameter where the condition passes zero at a finite slope. Only those
-    along which the mass moves so are listed. A doubled branch ends at the period doubling it comes from. Two events of
-    one kind within a step may be missed: halve `step`. At r = 0 the graze at which the force begins to hold the mass
-    after an impact is seen in `admissible` alone. About a millisecond an orbit and impact.
+    Pseudo-arclength continuation [1]_ with Newton's method at each point. Special points solve their own equations
+    together with the orbit's, to rounding: about 1e-14 of the parameter where the condition crosses zero at a finite
+    slope. Only admissible ones are listed. A doubled branch ends at the period doubling it comes from. Two events of
+    one kind within a step may be missed: halve `step`. At a graze one multiplier of the orbit that gains an impact
+    tends to infinity [2]_. At r = 0 the graze at which the force begins to hold the mass after an impact is seen in
+    `admissible` alone. About a millisecond per orbit and impact.
+
+    Derivatives by turns and velocities are in closed form. Those by a free parameter, and those of the conditions, are
+    central differences: accurate to about 1e-10, which affects the convergence of Newton's method, not its limit.
 
     References
     ----------
     .. [1] H. B. Keller, "Numerical solution of bifurcation and nonlinear eigenvalue problems", in Applications of
        Bifurcation Theory, Academic Press (1977) 359-384.
+    .. [2] A. B. Nordmark, "Non-periodic motion caused by grazing incidence in an impact oscillator", J. Sound Vib. 145
+       (1991) 279-297.
 
     Examples
     --------
@@ -113,13 +134,13 @@ def continue_orbit(
     with reporter(progress, "orbits") as report:
         down, up = both_ways(system, x, longest, virtual, report)
     points = down.points[:0:-1] + up.points
-    special = [s for s in down.special[::-1] + up.special if special_orbit(s).admissible]
+    special = [bifurcation_point(special, parameter) for special in down.special[::-1] + up.special]
     orbits = [make_orbit(system.model_at(p.x), system.cycle, system.solution(p.x)) for p in points]
     outcome = (down.end, up.end)
     return Branch(
         parameter=parameter,
         orbits=orbits,
-        special=[bifurcation_point(s, parameter) for s in special],
+        special=[point for point in special if point.orbit.admissible],
         outcome=outcome,
         message=_message(orbits, parameter, outcome),
         arguments={"range": ends, "step": longest, "virtual": virtual},
@@ -127,7 +148,7 @@ def continue_orbit(
 
 
 def _settled(system: System, x: Floats) -> Floats:
-    """Return the orbit corrected at its own parameter, or refuse one that solves nothing."""
+    """Return the orbit corrected at its own parameter, or refuse one that does not solve its equations."""
     row = np.zeros((1, len(x)))
     row[0, -1] = 1.0
     found, made = newton(system, x, row, x[-1:])
@@ -146,28 +167,12 @@ def _message(orbits: list[Orbit], parameter: str, outcome: tuple[str, str]) -> s
         else f"a closed branch through {parameter} = {last:.9g}"
     )
     hidden = sum(not orbit.admissible for orbit in orbits)
-    return words + (f"; {hidden} of {len(orbits)} orbits are no motion of the mass" if hidden else "")
-
-
-MOST_POINTS = 20_000  # of one direction
-ONE_HALF = 1e-6  # of the halves of a doubled orbit: nearer than this they are one orbit
-
-ENDS = {
-    "range": "at the end of the range",
-    "grazing": "where it grazes the stop",
-    "inadmissible": "where it is no motion of the mass any more",
-    "period_doubling": "at the period doubling it comes from",
-    "closed": "where it began: the branch is closed",
-    "impacts_merge": "where two impacts become one",
-    "lost": "where Newton's method finds no next orbit",
-    "budget": f"after {MOST_POINTS} orbits",
-    "stopped": "where it was told to stop",
-}
+    return words + (f"; {hidden} of {len(orbits)} orbits are inadmissible (they penetrate the stop)" if hidden else "")
 
 
 @dataclass
 class Way:
-    """What was met along one direction of a branch, and why it ended."""
+    """The points and bifurcations along one direction of a branch, and why it ended."""
 
     points: list[Point]
     special: list[Special]
@@ -183,15 +188,15 @@ def branch_system(orbit: Orbit, parameter: str, range: tuple[float, float]) -> t
 
 
 def walk(system: System, x: Floats, along: Floats, longest: float, virtual: bool) -> Iterator[Way]:
-    """Yield, point by point, what one direction of a branch has met so far."""
+    """Yield, point by point, one direction of a branch as far as it has been followed."""
     start = here = point(system, x, along)
-    way, far = Way([start], []), False
+    way, loop = Way([start], []), Loop(system, x, start.tangent, longest)
     for step in follow(system, x, along, longest):
         if step.end == "lost":
             way.end = "lost"
             break
         there = point(system, step)
-        if _merged(system.cycle, there.x):
+        if not system.cycle.in_order(there.x):
             way.end = "impacts_merge"
             break
         halved = _halved(system, here, there)
@@ -212,25 +217,17 @@ def walk(system: System, x: Floats, along: Floats, longest: float, virtual: bool
             break
         way.points.append(there)
         here = there
-        apart = there.x - start.x
-        apart[: system.cycle.n_impacts] -= np.rint(apart[0])
-        distance = float(np.linalg.norm(apart))
-        far = far or distance > 3.0 * longest
+        closed = loop.closed_by(step)
         if step.end == "edge":
             way.end = "range"
             break
-        if far and distance < longest and there.tangent @ start.tangent > 0.0:
+        if closed:
             way.end = "closed"
             break
         if len(way.points) > MOST_POINTS:
             break
         yield way
     yield way
-
-
-def _merged(cycle: Cycle, x: Floats) -> bool:
-    turns = np.append(x[: cycle.n_impacts], x[0] + cycle.n_periods)
-    return bool((np.diff(turns) <= 0.0).any())
 
 
 def _apart(system: System, x: Floats) -> Floats | None:
@@ -243,7 +240,7 @@ def _apart(system: System, x: Floats) -> Floats | None:
 
 
 def _halved(system: System, a: Point, b: Point) -> Special | None:
-    """Return the period doubling at which the halves of a doubled orbit become one between two points."""
+    """Return the period doubling between two points at which the halves of a doubled orbit coincide, or None."""
     before, after = _apart(system, a.x), _apart(system, b.x)
     if before is None or after is None:
         return None
@@ -259,7 +256,7 @@ def _halved(system: System, a: Point, b: Point) -> Special | None:
 
 
 def both_ways(system: System, x: Floats, longest: float, virtual: bool, report: Any = None) -> tuple[Way, Way]:
-    """Return what lies down and up the parameter from an orbit."""
+    """Return the two directions of a branch from an orbit: down and up the parameter."""
     up = np.zeros(len(x))
     up[-1] = 1.0
     ways: list[Way] = []

@@ -21,11 +21,12 @@ from vibroimpact.orbits.orbit import Orbit, make_orbit, solution_of
 from vibroimpact.parameters import invalid
 
 HALVINGS = 12  # of a step, in search of what happens inside
+TRIES = 12  # of an amplitude, halved each time
 
 
 @dataclass(frozen=True)
 class Point:
-    """A point of a branch with what is tested along it; each test is positive or negative, `margin` maybe infinite."""
+    """A point of a branch and the tests along it, which change sign at bifurcations; `margin` may be infinite."""
 
     x: Floats
     tangent: Floats
@@ -37,13 +38,13 @@ class Point:
 
     @property
     def clear(self) -> bool:
-        """Whether no flight passes the stop and no impact has a velocity away from it."""
+        """Whether no flight penetrates the stop and no impact has a velocity away from it."""
         return self.weakest > 0.0 and self.margin > 0.0
 
 
 @dataclass(frozen=True)
 class Special:
-    """A boundary met along a branch: which, the system it solves, where, and its unknown."""
+    """A bifurcation on a branch: its kind, the system it solves, and its unknown."""
 
     kind: str
     system: System
@@ -51,7 +52,7 @@ class Special:
 
 
 def point(system: System, step: Step | Floats, along: Floats | None = None) -> Point:
-    """Return a point of a branch with its tests made."""
+    """Return a point of a branch with its tests evaluated."""
     if isinstance(step, Step):
         x, way = step.x, step.tangent
     else:
@@ -73,7 +74,7 @@ def point(system: System, step: Step | Floats, along: Floats | None = None) -> P
 
 
 def between(system: System, a: Point, b: Point) -> list[Special]:
-    """Return the boundaries that lie between two neighbouring points of a branch, in their order."""
+    """Return the bifurcations between two neighbouring points of a branch, in their order."""
     found: list[Special] = []
     if (a.fold > 0.0) != (b.fold > 0.0):
         found += _located(system, FOLD, a, b)
@@ -97,7 +98,7 @@ def _test(condition: str, at: Point) -> float:
 
 
 def _located(system: System, condition: str, a: Point, b: Point) -> list[Special]:
-    """Solve for the boundary between two points, halving the way between them while Newton's method leaves it."""
+    """Solve for the bifurcation between two points; while Newton's method leaves the interval, halve it."""
     for _ in range(HALVINGS):
         low, high = _test(condition, a), _test(condition, b)
         share = low / (low - high) if low != high else 0.5
@@ -123,7 +124,7 @@ def _solved(system: System, condition: str, x: Floats, a: Point, b: Point) -> Sp
         if closest is None:
             return None
         where = closest.flight
-        # Turns move along with the orbit's: the way from the flight's begin is kept.
+        # The touch moves with the orbit: its distance from the start of the flight is kept.
         owner = a if a.margin < b.margin else b
         touch = closest.turns + float(x[where] - owner.x[where])
     bounded = replace(system, condition=condition, where=where)
@@ -145,7 +146,7 @@ def special_orbit(special: Special) -> Orbit:
 
 
 def residual(special: Special) -> float:
-    """Return by how much an orbit misses its flights and its defining condition, in parts of its own size."""
+    """Return by how much an orbit misses its flights and its defining condition, relative to its own size."""
     system, x = special.system, special.x
     osc, z, cycle = system.oscillator_at(x), system.solution(x), system.cycle
     parameters, p = parameters_of(osc), system.cycle.n_impacts
@@ -165,48 +166,51 @@ def residual(special: Special) -> float:
 
 
 def touch_turns(special: Special) -> float:
-    """Return the turns at which the orbit grazes; NaN where that is no part of the condition."""
+    """Return the turns at which the orbit grazes; NaN for other conditions."""
     system = special.system
     if system.condition == LAST_IMPACT:
         return float(special.x[system.where])
     return float(special.x[system.inner - 1]) if system.condition == TOUCH else math.nan
 
 
-TRIES = 12  # of an amplitude, halved each time
-
-
 def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Orbit:
     r"""Return an orbit of the doubled branch that is born at a period doubling.
 
-    There the orbit, gone through twice, solves the equations of 2n periods and 2p impacts with a singular Jacobian; its
-    null vector :math:`\phi` says how the two rounds come to differ. The doubled orbit solves the same equations with
+    There the orbit, traversed twice, solves the equations of 2n periods and 2p impacts with a singular Jacobian; its
+    null vector :math:`\phi` is the direction in which the two rounds separate. The doubled orbit solves the same
+    equations with
 
     .. math:: \phi \cdot (z - z_0) = \varepsilon,
 
-    the parameter being free, which is regular for :math:`\varepsilon \ne 0`.
+    and a free parameter, which is regular for :math:`\varepsilon \ne 0` [1]_.
 
     Parameters
     ----------
     point : BifurcationPoint
         Of kind "period_doubling".
     amplitude : float, 0 to 0.5
-        How far the two rounds lie apart, :math:`\varepsilon`, in driving periods and in parts of the orbit's speed;
-        halved as often as needed.
+        Separation :math:`\varepsilon` of the two rounds, in driving periods and relative to the orbit's speed; halved
+        as often as needed.
 
     Returns
     -------
     Orbit
-        A period-2n impact-2p orbit, at a parameter near the point's: above it or below, as the doubled branch goes.
+        A period-2n impact-2p orbit, at a parameter above or below the point's, wherever the doubled branch is.
 
     Raises
     ------
     ValueError
-        `point` is no period doubling, `amplitude` is out of its range, or no doubled orbit is found.
+        `point` is not a period doubling, `amplitude` is out of its range, or no doubled orbit is found.
 
     Notes
     -----
-    Follow it with `continue_orbit`; its branch ends at the period doubling, where the two rounds are one. A stable
-    orbit is doubled into a stable one (supercritical) or meets an unstable one (subcritical). A few milliseconds.
+    Follow it with `continue_orbit`; its branch ends at the period doubling, where the two rounds coincide. The doubled
+    orbit is stable beyond a supercritical period doubling, unstable before a subcritical one. A few milliseconds.
+
+    References
+    ----------
+    .. [1] E. Doedel, H. B. Keller and J. P. Kernévez, "Numerical analysis and control of bifurcation problems (I)",
+       Int. J. Bifurcation Chaos 1 (1991) 493-520.
 
     Examples
     --------
@@ -236,7 +240,7 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Orbit:
 
 
 def _twice(point: BifurcationPoint) -> tuple[System, Any, Any]:
-    """Return the doubled equations, the orbit gone through twice, and the direction in which the rounds differ."""
+    """Return the doubled equations, the orbit traversed twice, and the direction in which the rounds separate."""
     osc, parameter = point.orbit.oscillator, point.parameter
     cycle, z = solution_of(point.orbit)
     p, n = cycle.n_impacts, cycle.n_periods

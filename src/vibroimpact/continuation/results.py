@@ -1,4 +1,4 @@
-"""What continuation returns: branches, special points and boundaries, and their datasets."""
+"""The results of continuation: branches, bifurcation points and boundaries, and their datasets."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ KIND_WORDS = ("fold", "period doubling", "grazing", "end of sticking")
 
 @dataclass(frozen=True)
 class BifurcationPoint:
-    """Where a branch changes: the kind, the parameter and its value, and the orbit there.
+    """A bifurcation: the kind, the parameter and its value, and the orbit there.
 
     Parameters
     ----------
     kind : {"fold", "period_doubling", "grazing", "end_of_sticking"}
-        A multiplier is 1; a multiplier is -1; the orbit touches the stop, or one of its impacts has velocity zero;
-        the end of a chatter meets the release.
+        A multiplier is 1; a multiplier is -1; the orbit touches the stop, or one of its impacts has velocity zero; the
+        end of a chatter meets the release.
     parameter : str
         The parameter that varied along the branch.
     value : float
@@ -56,12 +56,12 @@ class BifurcationPoint:
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """The orbits of one name along a parameter, in the order of the curve.
+    """The orbits of one (n, p) type along a parameter, in the order of the curve.
 
     Attributes
     ----------
     parameter : str
-        Which one varies.
+        The one that varies.
     orbits : list of Orbit
         Along the branch; the impacts keep their order.
     special : list of BifurcationPoint
@@ -70,7 +70,7 @@ class Branch:
         Why it ends at its first and at its last orbit: "range", "grazing", "inadmissible", "period_doubling",
         "closed", "impacts_merge", "lost", "budget" or "stopped".
     message : str
-        The same in sentences.
+        The outcome in sentences.
     """
 
     parameter: str
@@ -132,7 +132,7 @@ class Boundary:
         Why it ends at its first and at its last point: "range", "closed", "inadmissible", "impacts_merge", "lost",
         "budget" or "stopped".
     message : str
-        The same in sentences.
+        The outcome in sentences.
     """
 
     kind: str

@@ -1,4 +1,4 @@
-"""Windows of a parameter in which a motion is stable: those that continuation finds, those that a sweep shows."""
+"""Windows of a parameter in which a motion is stable: those found by continuation, and those seen in a sweep."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ class Window:
     parameter : str
         What varies.
     n_periods, n_impacts : int
-        The motion's name.
+        Driving periods and impacts of its cycle.
     low, high : float
         Ends of the window; in a sweep the first and the last value that show the motion.
     ends : tuple of two str
         What ends it: "fold", "period_doubling", "grazing", or the outcome of the branch; "grid" in a sweep.
     orbits : tuple of Orbit
-        Along it, from continuation; empty in a sweep.
+        Along the window, from continuation; empty in a sweep.
     """
 
     parameter: str
@@ -152,10 +152,10 @@ def _lies_on(orbit: Orbit, branch: Branch) -> bool:
 
 
 def stable_windows(branches: Branch | Iterable[Branch]) -> list[Window]:
-    r"""Return the windows of the parameter over which the orbits of branches are stable and motions of the mass.
+    r"""Return the windows of the parameter over which the orbits of branches are stable and admissible.
 
-    Inside, both Floquet multipliers obey :math:`|\mu| < 1`, and each flight ends at the orbit's next impact; their
-    ends are the branch's folds, period doublings and grazes, exact to rounding.
+    Inside, both Floquet multipliers obey :math:`|\mu| < 1`, and each flight ends at the orbit's next impact. The ends
+    are the branch's folds, period doublings and grazes, accurate to rounding.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def _end(branch: Branch, orbits: list[Orbit], special: dict[float, str], at: int
 
 
 def swept_windows(sweep: xr.Dataset) -> list[Window]:
-    """Return the longest runs of values at which a diagram names one cycle.
+    """Return the longest runs of values at which a diagram has cycles of one (n, p) type.
 
     Parameters
     ----------
@@ -228,12 +228,12 @@ def swept_windows(sweep: xr.Dataset) -> list[Window]:
     Returns
     -------
     list of Window
-        From low to high, down to single values; cycles that stick (n_impacts = -1) are among them.
+        From low to high, down to single values; cycles that stick (n_impacts = -1) are included.
 
     Raises
     ------
     ValueError
-        The sweep lacks what names a motion.
+        The sweep lacks one of these variables.
 
     Examples
     --------

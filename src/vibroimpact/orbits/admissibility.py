@@ -1,4 +1,4 @@
-"""Whether the mass really moves along an orbit: the engine's certified contacts, and near-misses in closed form."""
+"""Whether the mass can move along an orbit: the engine's certified contacts, and near-misses in closed form."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from vibroimpact.orbits.equations import TURN, Cycle, Flight, flight_of, paramet
 from vibroimpact.oscillator import ImpactOscillator
 
 SAME = 1e-7  # of a period and of the orbit's speed: contacts nearer than this are one
-ROUNDING = 1e-12  # of the orbit's size: a gap this small may go either way
+ROUNDING = 1e-12  # of the orbit's size: the sign of a gap this small is undecided
 LOWEST = 3  # sampled near-misses that are looked at closely
 
 
 @dataclass(frozen=True)
 class NearMiss:
-    """Where a flight comes closest to the stop between its ends: flight, turns, gap in m (negative: beyond)."""
+    """Where a flight comes closest to the stop between its ends: flight, turns, gap in m (negative: penetrating)."""
 
     flight: int
     turns: float
@@ -84,10 +84,10 @@ def _minimum(flight: Flight, angle: float, rate: float, low: float, high: float)
 
 
 def objection(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
-    """Return why the mass does not move along this orbit, or nothing if it does.
+    """Return why the mass cannot move along this orbit; empty if it can.
 
-    Each flight is followed by the engine from its impact: its next certified contact must be the orbit's next impact.
-    Only a near-miss, or an impact, within rounding of a graze is believed against it.
+    The engine follows each flight from its impact: its next certified contact must be the orbit's next impact. Where a
+    near-miss or an impact is within rounding of a graze the closed form decides.
     """
     p = cycle.n_impacts
     speeds, fastest = z[p:], max(float(np.abs(z[p:]).max()), osc.velocity_scale)
@@ -106,15 +106,15 @@ def objection(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
 
 
 def _beyond(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
-    """Return where the flights pass the stop between their ends, or nothing."""
+    """Return where a flight penetrates the stop between its ends; empty if none does."""
     for miss in nearest_misses(osc, cycle, z):
         if miss.gap < -ROUNDING * orbit_size(osc, z):
-            return f"after impact {miss.flight + 1} the mass would be beyond the stop at phase {miss.turns % 1.0:.6g}"
+            return f"after impact {miss.flight + 1} the mass would penetrate the stop at phase {miss.turns % 1.0:.6g}"
     return ""
 
 
 def _first_difference(seen: Samples, turns: float, velocity: float, largest: float) -> str:
-    """Return what the engine meets before an impact expected some turns later, or nothing."""
+    """Return what the engine meets before an impact expected some turns later; empty if it meets that impact."""
     if len(seen.stick_phase):
         return f"the mass comes to rest at the stop at phase {seen.stick_phase[0]:.6g}"
     if len(seen.impact_phase) < 2:

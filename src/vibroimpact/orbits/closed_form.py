@@ -6,7 +6,8 @@ Over nT the gap returns to zero and the velocity to v if, with the flight's resp
     (f/m) Im(e^{i psi} (q + i w E)) = (1 + r q') v + (k g/m) q.
 
 Two linear equations give sin psi and cos psi as straight lines in v; sin^2 + cos^2 = 1 is a quadratic in v. This is
-the usual (alpha^2 + beta^2/w^2) v^2 + 2 alpha g v + g^2 - R^2 = 0, but nothing in it is infinite at resonance.
+the usual (alpha^2 + beta^2/w^2) v^2 + 2 alpha g v + g^2 - R^2 = 0 (Shaw and Holmes, J. Sound Vib. 90 (1983) 129-155),
+but no term of it is infinite at resonance.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ import numpy as np
 from vibroimpact.orbits.equations import TURN, Floats, flight_of, parameters_of
 from vibroimpact.oscillator import ImpactOscillator
 
-VANISHED = 1e-12  # relative: a response this small is zero but for rounding
-BOUNDLESS = 1e12  # of V: a velocity this large is infinite but for rounding
+VANISHED = 1e-12  # relative: a response this small is rounding
+BOUNDLESS = 1e12  # of V: a velocity this large stands for infinity
 
 
 def impact_1_orbits(osc: ImpactOscillator, n_periods: int) -> tuple[list[Floats], str]:
-    """Return every (turns, velocity) of a period-n impact-1 orbit, the faster first, and why there is none."""
+    """Return every (turns, velocity) of a period-n impact-1 orbit, the faster first, and why there is none, if so."""
     if osc.amplitude == 0.0:
         return [], _unforced(osc)
     flight, tau = flight_of(parameters_of(osc)), n_periods * osc.period
@@ -32,7 +33,7 @@ def impact_1_orbits(osc: ImpactOscillator, n_periods: int) -> tuple[list[Floats]
     if abs(driven) <= VANISHED * tau / max(osc.omega, osc.natural_frequency):
         return [], (
             f"undamped, and {n_periods} driving period{'s are' if n_periods > 1 else ' is'} a whole number of free "
-            "periods: each flight returns of itself, and no impact can be balanced"
+            "periods: each flight returns unchanged by the force, which cannot make up for the loss at impact"
         )
     velocity = q + 1j * osc.omega * driven
     force, r, preload = osc.amplitude / osc.mass, osc.restitution, osc.stiffness * osc.gap / osc.mass
@@ -59,13 +60,13 @@ def _roots(a: float, b: float, c: float) -> list[float]:
 
 def _unforced(osc: ImpactOscillator) -> str:
     if osc.restitution == 1.0 and osc.damping == 0.0:
-        return "unforced and without loss: any free motion that reaches the stop repeats at its own pace"
-    return "unforced: each impact or the damper takes energy out, and nothing puts it back"
+        return "unforced and without loss: any free motion that reaches the stop repeats at its own period"
+    return "unforced: impacts and damping dissipate energy, and nothing supplies it"
 
 
 def _nowhere(osc: ImpactOscillator, slope: Floats, n_periods: int) -> str:
     if float(np.abs(slope).max()) * osc.velocity_scale < 1.0 / BOUNDLESS:
-        return "undamped, without loss and in resonance: impacts grow for ever, and no velocity returns to itself"
+        return "undamped, without loss and in resonance: impact velocities grow without bound"
     reach = osc.steady_amplitude
     far = f", beyond the steady amplitude {reach:.6g} m" if abs(osc.gap) > reach else ""
     return f"no velocity > 0 returns to itself after {n_periods} periods: the gap is {osc.gap:.6g} m{far}"

@@ -6,7 +6,7 @@ v_{i+1}:
 
     u_i(s_{i+1}) = 0,    -u_i'(s_{i+1}) = v_{i+1}.
 
-They are smooth also where the mass could not really move so, which is how a branch passes a graze.
+They are smooth even where the mass could not move so, which is how a branch passes a graze.
 
 Each flight is known in closed form, by one formula at any damping, at resonance and beside it. The gap u = g - y obeys
 m u'' + c u' + k u = k g - f sin(w t). With the response q to a unit kick,
@@ -14,8 +14,15 @@ m u'' + c u' + k u = k g - f sin(w t). With the response q to a unit kick,
     u(tau) = q u0' + (k g/m) E(0) - (f/m) Im(e^{i angle} E(i w)),
     E(nu)  = integral of q(tau - s) e^{nu s} over the flight, from u = 0.
 
-E is the divided difference of exp(tau x) over the two rates of free motion and nu, so nothing is infinite where two of
-the three meet, and a short flight is as exact as a long one.
+E is the divided difference of exp(tau x) over the two rates of free motion and nu, so no term is infinite where two of
+the three coincide, and a short flight is as accurate as a long one.
+
+Stability follows from the product over all flights of the flow and the saltation matrix of the impact at its end,
+
+    [ -r, 0; (a+ + r a-)/v, -r ],   a-, a+ = y'' just before and after the impact of velocity v
+
+(P. C. Müller, Chaos, Solitons & Fractals 5 (1995) 1671-1681; the engine's tangent uses the same), which is infinite at
+a graze, v = 0 (A. B. Nordmark, J. Sound Vib. 145 (1991) 279-297).
 """
 
 from __future__ import annotations
@@ -32,11 +39,11 @@ from numpy.typing import NDArray
 from vibroimpact.oscillator import ImpactOscillator
 
 Floats = NDArray[np.float64]
-Parameters = Sequence[float]  # in the order of oscillator.PARAMETERS
+Parameters = Sequence[float]  # m, c, k, f, w, r, g
 
 TURN = 2.0 * math.pi
 STEP = 1e-5  # of a variable's size: differences are then right to about 1e-10, enough for Newton's method
-NEAR = 0.5  # of rate times duration: nearer nodes than this are not told apart by subtraction
+NEAR = 0.5  # of rate times duration: nodes nearer than this are not subtracted from one another
 STRIDE = 0.15  # radians of the fastest rate between two samples of a flight
 MOST_SAMPLES = 1 << 15
 
@@ -164,19 +171,19 @@ class Flight:
 
 
 def parameters_of(osc: ImpactOscillator) -> list[float]:
-    """Return the seven numbers."""
+    """Return m, c, k, f, w, r, g."""
     return [osc.mass, osc.damping, osc.stiffness, osc.amplitude, osc.omega, osc.restitution, osc.gap]
 
 
 def flight_of(parameters: Parameters) -> Flight:
-    """Return the free flight of an oscillator given by its seven numbers."""
+    """Return the free flight of an oscillator given by its numbers."""
     m, c, k, f, w, _, g = parameters
     return Flight(m, c, k, f, w, g)
 
 
 @dataclass(frozen=True)
 class Cycle:
-    """The equations for one name: n driving periods and p impacts. The unknown is z = (s_1 ... s_p, v_1 ... v_p)."""
+    """The equations of one (n, p) type: n driving periods, p impacts; the unknown is z = (s_1 ... s_p, v_1 ... v_p)."""
 
     n_periods: int
     n_impacts: int
@@ -184,6 +191,10 @@ class Cycle:
     def span(self, z: Floats, i: int) -> tuple[float, float]:
         """Return the turns at which flight i begins and ends."""
         return float(z[i]), float(z[i + 1] if i + 1 < self.n_impacts else z[0] + self.n_periods)
+
+    def in_order(self, turns: Floats) -> bool:
+        """Whether the impacts follow one another, the first of the next cycle included."""
+        return bool((np.diff(np.append(turns[: self.n_impacts], turns[0] + self.n_periods)) > 0.0).all())
 
     def takeoff(self, parameters: Parameters, z: Floats, i: int) -> tuple[float, float, float]:
         """Return driving angle and rate with which flight i leaves the stop, and its duration in s."""
@@ -198,7 +209,7 @@ class Cycle:
         return np.array([gap for gap, _ in ends] + late)
 
     def jacobian(self, parameters: Parameters, z: Floats) -> Floats:
-        """Return the derivative of the misses by z: a flight knows its two ends and its start's velocity alone."""
+        """Return the derivative of the misses by z: a flight depends on its two ends and its first velocity alone."""
         p, flight, matrix = self.n_impacts, flight_of(parameters), np.zeros((2 * self.n_impacts, 2 * self.n_impacts))
         period = TURN / parameters[4]
         for i in range(p):
@@ -217,7 +228,7 @@ class Cycle:
         return r ** (2 * self.n_impacts) * math.exp(-c * self.n_periods * TURN / (w * m))
 
     def trace(self, parameters: Parameters, z: Floats) -> float:
-        """Return the trace of the cycle's Jacobian in (y, y'): flows and saltations in turns."""
+        """Return the trace of the cycle's Jacobian in (y, y'), the product of flows and saltation matrices."""
         p, flight, r = self.n_impacts, flight_of(parameters), parameters[5]
         a, b, c, d = 1.0, 0.0, 0.0, 1.0
         for i in range(p):
@@ -251,6 +262,6 @@ def multipliers(trace: float, determinant: float) -> tuple[complex, complex]:
 
 
 def slope(function: Callable[[float], Floats], at: float, size: float) -> Floats:
-    """Return the derivative of a function at a number of that size, by differences."""
+    """Return the derivative of a function by a number of that size, by central differences."""
     h = STEP * size
     return (function(at + h) - function(at - h)) / (2.0 * h)

@@ -1,4 +1,4 @@
-"""One periodic orbit: what is known of it, how it follows from a solution of the equations, and which are the same."""
+"""A periodic orbit: its properties, how to make it from a solution of the equations, and which orbits are the same."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ class Orbit:
     Parameters
     ----------
     oscillator : ImpactOscillator
-        Whose motion it is.
+        The oscillator that moves so.
     n_periods : int, >= 1
         Driving periods in a cycle.
     n_impacts : int, >= 1 or -1
         Impacts in a cycle; -1 for a complete chatter.
     velocities : tuple of float
-        Speeds just before contact, in m/s, in the order of time; of a complete chatter those above its cut.
+        Speeds just before contact, in m/s, in the order of time; of a complete chatter those above its cutoff.
     phases : tuple of float
         Driving phases of these impacts, in [0, 1).
     multipliers : tuple of two complex
-        Floquet multipliers of the cycle, in (y, y'); both 0 for an orbit that sticks, whose memory is erased.
+        Floquet multipliers of the cycle, in (y, y'); both 0 for an orbit that sticks, which erases all memory.
     admissible : bool
-        Whether the mass really moves so: no contact before the next impact, no velocity away from the stop.
+        Whether the mass can move so: no contact before the next impact, no impact velocity away from the stop.
     message : str
-        Why it is not admissible; empty where it is.
+        Why it is inadmissible; empty if it is admissible.
     stick_phase, release_phase : float
         Driving phases, in [0, 1), at which the mass comes to rest at the stop and leaves it; NaN where it does not.
     stuck_time : float
@@ -93,7 +93,7 @@ class Orbit:
 
     @property
     def stable(self) -> bool:
-        """Whether neighbours approach it: both multipliers lie inside the unit circle."""
+        """Whether perturbations decay: both multipliers lie inside the unit circle."""
         return max(map(abs, self.multipliers)) < 1.0
 
     @property
@@ -154,7 +154,7 @@ def _phase(turns: float) -> float:
 
 
 def solution_of(orbit: Orbit) -> tuple[Cycle, Floats]:
-    """Return the equations and the solution of an orbit; whole periods in a flight are those that come back best."""
+    """Return the equations and the solution of an orbit; whole periods in a flight are those that fit best."""
     cycle, p = Cycle(orbit.n_periods, orbit.n_impacts), orbit.n_impacts
     parameters, turns = parameters_of(orbit.oscillator), [orbit.phases[0]]
     for i in range(p - 1):

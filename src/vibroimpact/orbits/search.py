@@ -26,16 +26,16 @@ Near = Orbit | State | tuple[float, float] | None
 
 
 class Orbits(list[Orbit]):
-    """The orbits of one name, stable ones first, with the outcome of the search.
+    """The orbits of one (n, p) type, stable ones first, with the outcome of the search.
 
     Attributes
     ----------
     outcome : str
-        "found"; "inadmissible" (solutions, but the mass does not move along any); "none" (there is none, or no start
-        led to one); "other_name" (the start led to an orbit with a smaller name); "not_converged"; "singular" (it
-        led to a fold or a graze, where the equations do not fix an orbit).
+        "found"; "inadmissible" (solutions, but each penetrates the stop); "none" (none exists, or no initial guess
+        converged to one); "other_name" (the guess converged to an orbit of fewer periods and impacts);
+        "not_converged"; "singular" (it converged to a fold or a graze, where the equations do not fix an orbit).
     message : str
-        The same in a sentence.
+        The outcome in a sentence.
     """
 
     def __init__(self, orbits: Iterable[Orbit] = (), *, outcome: str = "found", message: str = "") -> None:
@@ -62,16 +62,16 @@ def find_orbit(osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: 
     n_impacts : int, >= 1 or -1
         Impacts in a cycle, p; -1 for an orbit with a complete chatter, which sticks.
     near : Orbit, State or (phase, velocity), optional
-        Where to begin: an orbit of this or another oscillator, a state at the stop with velocity > 0 (m/s), or phase
-        in [0, 1) and velocity of an impact. None: the attractor reached from rest, and a grid over the impact
-        surface. One impact needs no start: all solutions are known in closed form.
+        Initial guess: an orbit of this or another oscillator, a state at the stop with velocity > 0 (m/s), or phase
+        in [0, 1) and velocity of an impact. None tries the attractor reached from rest and a grid over the impact
+        surface. With one impact it is not used: all solutions are known in closed form.
 
     Returns
     -------
     Orbits
-        A list of `Orbit`, stable ones first, each told from its hardest hit on; with `outcome` and `message`. With
-        one impact, or with `near`, orbits that the mass cannot follow are among them, `admissible` False and saying
-        why; without, only admissible ones are kept.
+        A list of `Orbit`, stable ones first, each from its hardest impact on; with `outcome` and `message`. With one
+        impact, or with `near`, it includes inadmissible orbits (they penetrate the stop), whose `message` gives the
+        reason; otherwise only admissible ones.
 
     Raises
     ------
@@ -80,15 +80,20 @@ def find_orbit(osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: 
 
     Notes
     -----
-    Derivatives are exact (complex step), so Newton's method ends at rounding: velocities and phases are right to
-    about 1e-14 times the condition of the equations. An orbit is admissible if each flight's first certified
-    contact is the orbit's next impact. With several impacts and without `near` nothing proves the list complete. One
-    impact takes about a millisecond, several about a tenth of a second.
+    Flights and their derivatives are in closed form, so Newton's method converges to rounding: velocities and phases
+    are accurate to about 1e-14 times the condition number of the equations. The multipliers are those of the product
+    of flows and saltation matrices [2]_ [3]_. An orbit is admissible if each flight's first certified contact is the
+    orbit's next impact. With several impacts and without `near` the list may be incomplete. One impact takes about a
+    millisecond, several take about a tenth of a second.
 
     References
     ----------
     .. [1] S. W. Shaw and P. J. Holmes, "A periodically forced piecewise linear oscillator", J. Sound Vib. 90 (1983)
        129-155: the closed form for one impact.
+    .. [2] P. C. Müller, "Calculation of Lyapunov exponents for dynamic systems with discontinuities", Chaos, Solitons
+       & Fractals 5 (1995) 1671-1681: saltation.
+    .. [3] M. di Bernardo, C. J. Budd, A. R. Champneys and P. Kowalczyk, "Piecewise-smooth Dynamical Systems",
+       Springer (2008), chapter 2.
 
     Examples
     --------
@@ -96,7 +101,7 @@ def find_orbit(osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: 
     >>> orbit.name, orbit.stable, round(orbit.velocities[0], 6)
     ('period-1 impact-1', True, 6.226413)
     >>> find_orbit(ImpactOscillator(omega=2.0), n_periods=1, n_impacts=2).message
-    'no start led to a period-1 impact-2 orbit'
+    'no initial guess converged to a period-1 impact-2 orbit'
     """
     check_model(osc)
     cycle = _checked_cycle(n_periods, n_impacts)
@@ -177,29 +182,29 @@ def _from(model: Model, cycle: Cycle, begin: Orbit | tuple[float, float]) -> Orb
     else:
         (chain,) = followed(osc, cycle, np.array([begin[0]]), np.array([begin[1]]))
         if chain is None:
-            few = f"from there fewer than {cycle.n_impacts} impacts follow; start where the mass hits more often"
+            few = f"fewer than {cycle.n_impacts} impacts follow from there; begin where the mass hits more often"
             return Orbits(outcome="not_converged", message=few)
         start = cycle_of(chain)
     found = solve(osc, cycle, start)
     if found.singular:
         return Orbits(
             outcome="singular",
-            message="the start led to where the equations are singular (a fold or a graze); start beside it",
+            message="converged to a fold or a graze, where the equations are singular; begin beside it",
         )
     if not found.converged:
         return Orbits(
-            outcome="not_converged", message=f"the start led to no {_called(cycle)} orbit; start nearer to one"
+            outcome="not_converged", message=f"not converged to a {_called(cycle)} orbit; begin nearer to one"
         )
     name = true_name(cycle, found.z)
     if name != cycle:
         return Orbits(
-            outcome="other_name", message=f"the start led to a {_called(name)} orbit, which is no {_called(cycle)} one"
+            outcome="other_name", message=f"converged to a {_called(name)} orbit instead of a {_called(cycle)} one"
         )
     return _sorted(model, cycle, [from_hardest(cycle, found.z)])
 
 
 def _search(model: Model, cycle: Cycle) -> Orbits:
-    """Return the admissible orbits that the attractor from rest and a grid of starts lead to."""
+    """Return the admissible orbits found from the attractor reached from rest and from a grid of impacts."""
     osc = model.at()
     solutions: list[Floats] = []
     others: dict[Cycle, int] = {}
@@ -220,16 +225,16 @@ def _search(model: Model, cycle: Cycle) -> Orbits:
     virtual = len(orbits) - len(real)
     if real:
         return Orbits(real, message=f"{len(real)} {_called(cycle)} orbit{'s' if len(real) > 1 else ''}")
-    message = f"no start led to a {_called(cycle)} orbit"
+    message = f"no initial guess converged to a {_called(cycle)} orbit"
     if others:
-        message += "; some led to a " + ", ".join(_called(name) for name in others) + " orbit"
+        message += f"; some converged to {' or '.join(_called(name) for name in others)} orbits"
     if virtual:
-        message += f"; {virtual} solutions are no motion of the mass"
+        message += f"; {virtual} solution{'s' if virtual > 1 else ''} inadmissible (penetrating the stop)"
     return Orbits(outcome="other_name" if others else "none", message=message)
 
 
-GRID = (40, 28)  # starts on the impact surface: phases, velocities
-TRIES = 40  # of them that Newton's method is given beside the local minima of the miss
+GRID = (40, 28)  # initial impacts: phases, velocities
+TRIES = 40  # of them that Newton's method tries besides the local minima of the miss
 SETTLING = 2000  # impacts left out on the way to the attractor
 
 
@@ -249,13 +254,13 @@ def _chain(seen: Samples, p: int) -> Floats | None:
 
 
 def cycle_of(chain: Floats) -> Floats:
-    """Return the cycle that a chain would be if its last impact were its first again."""
+    """Return the cycle that a chain would be if its last impact were its first."""
     p = len(chain) // 2 - 1
     return np.concatenate([chain[:p], chain[p + 1 : -1]])
 
 
 def _miss(cycle: Cycle, chain: Floats | None, speed: float) -> float:
-    """Return how badly a chain closes after n periods, in turns and parts of a speed; infinite if it is another one."""
+    """Return how far a chain is from closing after n periods, in turns and parts of a speed; or infinity."""
     if chain is None:
         return np.inf
     p = cycle.n_impacts
@@ -264,9 +269,9 @@ def _miss(cycle: Cycle, chain: Floats | None, speed: float) -> float:
 
 
 def settled(osc: ImpactOscillator, cycle: Cycle) -> Floats | None:
-    """Return the last impacts of the motion that the mass settles on from rest."""
+    """Return the last impacts of the attractor reached from rest."""
     cells = osc.cells({})
-    if osc.gap <= 0.0:  # a hair off balance, else nothing starts
+    if osc.gap <= 0.0:  # slightly out of balance, otherwise nothing starts
         cells = cells.replace(velocity=cells["velocity"] - 1e-3 * osc.velocity_scale)
     window = ImpactWindow(SETTLING, cycle.n_impacts + 1)
     (seen,) = get_backend("cpu").samples(cells, Measurement(window))
@@ -274,7 +279,7 @@ def settled(osc: ImpactOscillator, cycle: Cycle) -> Floats | None:
 
 
 def candidates(osc: ImpactOscillator, cycle: Cycle) -> list[Floats]:
-    """Return cycles to begin with: the attractor's, then those of a grid on the impact surface that close best."""
+    """Return initial guesses: the attractor's cycle, then those of a grid on the impact surface that close best."""
     attractor = settled(osc, cycle)
     hardest = 0.0 if attractor is None else float(attractor[cycle.n_impacts + 1 :].max())
     fastest = max(2.0 * osc.velocity_scale, 1.5 * hardest)
@@ -299,7 +304,7 @@ SINGULAR = 1e13
 
 @dataclass(frozen=True)
 class Solved:
-    """Where Newton's method arrived, and whether that is a solution and an isolated one."""
+    """The result of Newton's method: whether it converged, and whether the solution is not isolated."""
 
     z: Floats
     converged: bool
@@ -315,10 +320,10 @@ def scales(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> tuple[Floats, Floa
 
 
 def solve(osc: ImpactOscillator, cycle: Cycle, start: Floats) -> Solved:
-    """Return the orbit that Newton's method reaches from a start, its steps cut while they raise the misses."""
+    """Return the solution that damped Newton's method reaches: steps are halved while they raise the misses."""
     parameters, z = parameters_of(osc), np.array(start, dtype=float)
     rows, columns = scales(osc, cycle, z)
-    misses = _misses(parameters, cycle, z) / rows
+    misses = cycle.misses(parameters, z) / rows
     for _ in range(MOST):
         matrix = cycle.jacobian(parameters, z) * columns / rows[:, None]
         if not np.isfinite(matrix).all():
@@ -327,24 +332,15 @@ def solve(osc: ImpactOscillator, cycle: Cycle, start: Floats) -> Solved:
         size, part = float(np.abs(correction).max()), 1.0
         while part > 1e-3:
             trial = z - part * columns * correction
-            left = _misses(parameters, cycle, trial) / rows
-            if size < CLOSE or (np.abs(left).max() < np.abs(misses).max() and _in_order(cycle, trial)):
+            left = cycle.misses(parameters, trial) / rows
+            if size < CLOSE or (np.abs(left).max() < np.abs(misses).max() and cycle.in_order(trial)):
                 break
             part *= 0.5
         else:
             break
         z, misses = trial, left
         if size < CLOSE:
-            return Solved(z, _in_order(cycle, z), bool(np.linalg.cond(matrix) > SINGULAR))
+            return Solved(z, cycle.in_order(z), bool(np.linalg.cond(matrix) > SINGULAR))
     matrix = cycle.jacobian(parameters, z) * columns / rows[:, None]
     singular = bool(not np.isfinite(matrix).all() or np.linalg.cond(matrix) > 1e6)
     return Solved(z, False, singular)
-
-
-def _misses(parameters: list[float], cycle: Cycle, z: Floats) -> Floats:
-    return np.array(cycle.misses(parameters, z))
-
-
-def _in_order(cycle: Cycle, z: Floats) -> bool:
-    turns = np.append(z[: cycle.n_impacts], z[0] + cycle.n_periods)
-    return bool((np.diff(turns) > 0.0).all())

@@ -1,6 +1,6 @@
 r"""Orbits that come to rest at the stop: from the release, through a chatter, back to the release.
 
-The force lets a resting mass go where f sin(w t) falls through k g: once a period, always in the same state. A stick
+The force releases a resting mass where f sin(w t) falls through k g: once per period, always in the same state. A stick
 erases all memory, so the motion from one release to the next *is* the cycle: an oscillator has one sticking
 orbit or none, and it sticks once per cycle.
 
@@ -14,8 +14,12 @@ Weaker impacts complete their chatter before the release, stronger ones never do
 sticking therefore leaves a stuck time that goes as d^e, e = ln(1/(1 - x)) / ln(r (3 - x) / ((3 - 2 x) (1 - x)^3)),
 from 1 at r = 0 down to 0.6 at r = 1: in double precision, d = 1e-16, the mass may still rest for 1e-9 of a period.
 
-A graze does not end sticking: the impact it adds is weightless, and all that follows moves on continuously, if with
-infinite slope. So a sticking cycle is lost at the end of its own chatter, or at that of one in an earlier period.
+A graze does not end sticking: the impact it adds has velocity zero, and all that follows changes continuously, though
+with infinite slope. So a sticking cycle is lost at the end of its own chatter, or at that of one in an earlier period.
+
+Chatter and its limit are those of C. Budd and F. Dux, "Chattering and related behaviour in impact oscillators", Phil.
+Trans. R. Soc. Lond. A 347 (1994) 365-389, and of A. B. Nordmark and P. T. Piiroinen, "Simulation and stability analysis
+of impacting systems with complete chattering", Nonlinear Dynamics 58 (2009) 85-106.
 """
 
 from __future__ import annotations
@@ -40,10 +44,10 @@ from vibroimpact.parameters import invalid, whole_number
 
 Floats = NDArray[np.float64]
 
-# Where the end of a chatter meets the release an engine that stops early holds a mass that would have flown on: impacts
-# of 1e-12 V still leave the fate of the last 1e-6 T open. Down here only 1e-14 T are left.
-FINEST = 1e-24  # of V: the cut of a chatter that is followed from a release
-LONGEST = 1000  # driving periods in which a mass let go must come to rest
+# Close to the end of sticking a chatter that is cut off early would hold a mass that flies on: impacts of 1e-12 V still
+# leave the last 1e-6 T open. At this cutoff only 1e-14 T are left.
+FINEST = 1e-24  # of V: the cutoff of a chatter that is followed from a release
+LONGEST = 1000  # driving periods in which a released mass must come to rest
 CREST = 0.25  # phase of the largest force: a mass put at the stop here, at rest, leaves at the very release
 _ROOM = 4096  # impacts recorded at a time
 _MOST_STEPS = 5e7  # certified steps in all: some seconds
@@ -51,7 +55,7 @@ _MOST_STEPS = 5e7  # certified steps in all: some seconds
 
 @dataclass(frozen=True)
 class Stick:
-    """How the mass comes to rest after its release: that `periods` later it is let go again.
+    """How the mass comes to rest after its release, and is released again `periods` later.
 
     `impacts` has a row (whole periods, phase, speed in m/s) for each; `fraction` is the time at rest over T.
     """
@@ -64,7 +68,7 @@ class Stick:
 
 
 def lets_go(osc: ImpactOscillator) -> bool:
-    """Return whether the force both presses the mass on the stop and lets it go once a period: k |g| < f."""
+    """Return whether the force both presses the mass against the stop and releases it once per period: k |g| < f."""
     return abs(osc.stiffness * osc.gap) < osc.amplitude
 
 
@@ -109,43 +113,46 @@ def find_sticking_orbit(
 ) -> list[Orbit]:
     r"""Return the orbit on which the mass comes to rest at the stop, in a list; an empty list if there is none.
 
-    It leaves the stop where the force stops pressing, and is at rest again once a chatter is complete:
+    The mass leaves the stop where the force stops pressing, and is at rest again when a chatter is complete:
 
     .. math:: \sin \psi_r = k g / f,\ \cos \psi_r < 0; \qquad
               v_{j+1} \to r v_{j+1},\quad t_\infty = \sum_j (t_{j+1} - t_j) < t_r + n T
 
     Parameters
     ----------
-    osc : ImpactOscillator
-        The seven numbers.
+    osc : ImpactOscillator or family
+        The oscillator; of a family, the one at its own values.
     n_periods : int, >= 1, optional
-        Driving periods of the cycle wanted; None takes any.
+        Driving periods of the cycle; None takes any.
     longest : int, >= 1
-        Driving periods after which a mass that has not come to rest is given up.
+        Driving periods after which a mass that has not come to rest is taken not to stick.
     tolerances : Tolerances, optional
-        `chatter` says which impacts are too weak to be listed; the chatter itself is followed to 1e-24 V.
+        `chatter` sets the impacts too weak to be listed; the chatter itself is followed to 1e-24 V.
 
     Returns
     -------
     list of Orbit
-        At most one: all sticks end in the same release, so the next stick closes the cycle. Its impacts stand in the
+        At most one: all sticks end in the same release, so the next stick closes the cycle. Its impacts are in the
         order of time, from the release on; `n_impacts` is -1 for a complete chatter, their number for r = 0;
         both multipliers are 0. `stuck_time` is that of the one stick in a cycle.
 
     Raises
     ------
     ValueError
-        `n_periods` or `longest` is no whole number >= 1.
+        `n_periods` or `longest` is not a whole number >= 1.
 
     Notes
     -----
-    Empty where the mass does not come to rest within `longest` periods of its release, where the force never
-    lets it go (k g <= -f) or never presses (k g >= f), and for r = 1, where no chatter ends. Phases and velocities are
-    exact to rounding and the growth of errors along one cycle. About 0.3 ms at r = 0.8, growing as 1/(1 - r).
+    Empty if the mass does not come to rest within `longest` periods of its release, if the force never releases it
+    (k g <= -f) or never presses (k g >= f), and for r = 1, where no chatter completes. Phases and velocities are
+    accurate to rounding times the growth of perturbations along one cycle. About 0.3 ms at r = 0.8, growing as
+    1/(1 - r).
 
     References
     ----------
     .. [1] J.-Y. Lee, section 3.2: the motion with complete chatter at low driving frequency.
+    .. [2] C. Budd and F. Dux, "Chattering and related behaviour in impact oscillators", Phil. Trans. R. Soc. Lond. A
+       347 (1994) 365-389.
 
     Examples
     --------
@@ -182,8 +189,8 @@ def sticking_orbit(model: Model, stick: Stick, chatter: float) -> Orbit:
 
 
 KIND = "end_of_sticking"
-MET = 1e-7  # most of (stuck time / T)^(1/e): 1e-16 as a rule, its root beside a graze, 1e-2 where it jumps
-LIFTED = 1e-6  # of f: a preload this close to f is not told from one that the force never lifts
+MET = 1e-7  # largest (stuck time / T)^(1/e): usually 1e-16, its square root beside a graze, 1e-2 where it jumps
+LIFTED = 1e-6  # of f: a preload this close to f counts as one that the force never lifts
 
 
 def scaling_exponent(restitution: float) -> float:
@@ -205,31 +212,31 @@ def scaling_exponent(restitution: float) -> float:
 
 
 def residual(osc: ImpactOscillator, stuck_fraction: float) -> float:
-    """Return (stuck time / T)^(1/e): how far the chatter's end is from the release, linear in every parameter."""
+    """Return (stuck time / T)^(1/e), linear in every parameter: how far the end of the chatter is from the release."""
     return float(max(stuck_fraction, 0.0) ** (1.0 / scaling_exponent(osc.restitution)))
 
 
 @dataclass(frozen=True)
 class StickingEnd:
-    """A point of the boundary where a sticking cycle is lost because its chatter's end meets the release.
+    """A point of the boundary at which a sticking cycle is lost because the end of its chatter meets the release.
 
     Parameters
     ----------
     oscillator : ImpactOscillator
         With the parameter at the boundary: the last value in double precision at which the mass still sticks.
     parameter, value : str, float
-        What was varied, and its value there; NaN where none was found.
+        What was varied, and its value there; NaN if none was found.
     n_periods : int
         Driving periods of the sticking cycle that ends here.
     stuck_fraction : float
-        Time at rest over T, there.
+        Time at rest over T at that value.
     residual : float
-        (stuck time / T)^(1/e), which falls linearly to zero; below 1e-10 where found, but for 1e-7 beside a graze.
+        (stuck time / T)^(1/e), which falls linearly to zero; below 1e-10 if found, or 1e-7 beside a graze.
     outcome : str
-        "found"; "no_change" (the same cycle, or none, at both values), "pressed_for_ever" (the mass is never let go
-        beyond `value`), "unresolved" (the stuck time jumps between neighbouring numbers).
+        "found"; "no_change" (the same cycle, or none, at both values), "pressed_for_ever" (beyond `value` the mass is
+        never released), "unresolved" (the stuck time jumps between neighbouring numbers).
     message : str
-        The same in a sentence.
+        The outcome in a sentence.
     orbit : Orbit or None
         The sticking cycle at the boundary.
     """
@@ -254,18 +261,18 @@ class StickingEnd:
 def end_of_sticking(
     osc: ImpactOscillator | Model, parameter: str, between: tuple[float, float], *, longest: int = LONGEST
 ) -> StickingEnd:
-    r"""Find where a sticking cycle is lost: its chatter's end meets the release and the stuck time is zero.
+    r"""Find where a sticking cycle is lost: the end of its chatter meets the release, and the stuck time is zero.
 
     .. math:: t_\infty(p) = t_r(p) + n T(p)
 
     Parameters
     ----------
-    osc : ImpactOscillator
-        The other six numbers.
+    osc : ImpactOscillator or family
+        The model; its own value of `parameter` does not matter.
     parameter : str
-        What is varied: a parameter of the oscillator, or "frequency".
+        What is varied: any parameter of the model.
     between : tuple of two float
-        Values of the parameter; the mass sticks at one of them, and does not, or after more periods, at the other.
+        Values of the parameter; the mass sticks at one of them; at the other it does not, or after more periods.
     longest : int, >= 1
         Driving periods after which a mass that has not come to rest is taken not to stick.
 
@@ -277,13 +284,19 @@ def end_of_sticking(
     Raises
     ------
     ValueError
-        `parameter` is none, or `between` holds no two different allowed values.
+        `parameter` is unknown, or `between` is not a pair of different values in its range.
 
     Notes
     -----
     By bisection on whether the mass rests, down to neighbouring floating-point numbers. The stuck time there is about
-    1e-10 to 1e-8 of T, all that double precision allows (see the exponent e above); a stuck time that is not small
-    there is told as "unresolved". Between values with several ends one of them is found. About 60 walks, 10 to 30 ms.
+    1e-10 to 1e-8 of T, the limit of double precision: it vanishes as the distance to the power e, from 1 at r = 0 to
+    0.6 at r = 1. If it is not small, the outcome is "unresolved". Of several ends between the values one is found.
+    About 60 walks from the release, 10 to 30 ms.
+
+    References
+    ----------
+    .. [1] A. B. Nordmark and P. T. Piiroinen, "Simulation and stability analysis of impacting systems with complete
+       chattering", Nonlinear Dynamics 58 (2009) 85-106.
 
     Examples
     --------
@@ -330,7 +343,7 @@ def _point(model: Model, parameter: str, value: float, beyond: ImpactOscillator)
     elif left > MET:
         outcome = "unresolved"
         message = (
-            f"the mass rests for {fraction:.3g} T at `{parameter}` = {value!r} and does not at the number next to it: "
+            f"the mass rests for {fraction:.3g} T at `{parameter}` = {value!r} and not at the next number: "
             "a long transient magnifies rounding beyond double precision; look for cycles of fewer periods"
         )
     return StickingEnd(osc, parameter, value, orbit.n_periods, fraction, left, outcome, message, orbit)
