@@ -10,16 +10,17 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from vibroimpact.dataset import VARIABLES, provenance, status_variable, variable
+from vibroimpact.dataset import VARIABLES, label, plain_variable, provenance, status_variable, variable
 from vibroimpact.indices import INDICES, spread_scale, told_spread
 from vibroimpact.options import Tolerances
-from vibroimpact.oscillator import PARAMETERS, ImpactOscillator
+from vibroimpact.oscillator import Model
+from vibroimpact.parameters import Parameter, invalid
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
+from vibroimpact.verdict.boundaries import KIND_WORDS, Edge
 from vibroimpact.verdict.describe import Verdict, describe
-from vibroimpact.verdict.edges import KIND_WORDS, Edge
-from vibroimpact.verdict.reach import reach_of
-from vibroimpact.verdict.words import advice_words
+from vibroimpact.verdict.ranges import range_of
+from vibroimpact.verdict.text import advice_words
 
 KINDS = tuple(KIND_WORDS)
 
@@ -33,7 +34,7 @@ class Comparison:
     names : tuple of two str
         What the designs are called.
     verdicts : tuple of two Verdict
-        What `describe` tells of each.
+        What `describe` returns for each.
     """
 
     names: tuple[str, str]
@@ -48,26 +49,34 @@ class Comparison:
     def _rows(self) -> Iterator[tuple[str, str, str]]:
         """Yield label and both cells; a star marks parameters that differ."""
         first, second = self.verdicts
-        for name in PARAMETERS:
-            a, b = (getattr(verdict.oscillator, name) for verdict in self.verdicts)
+        for parameter, (a, b) in self._parameters():
             star = " *" if a != b else ""
-            yield _labelled(name) + star, _number(a), _number(b)
-            if name == "omega":
-                yield _labelled("frequency") + star, _number(a / (2.0 * math.pi)), _number(b / (2.0 * math.pi))
+            yield _labelled(parameter.long_name, parameter.unit) + star, _number(a), _number(b)
+            if parameter.unit == "rad/s":
+                hertz = _labelled(parameter.long_name.replace("angular ", ""), "Hz")
+                yield hertz + star, _number(a / (2.0 * math.pi)), _number(b / (2.0 * math.pi))
         yield "motion", first.motion.name, second.motion.name
         yield "hardest hit, settled [m/s]", _number(first.max_velocity), _number(second.max_velocity)
         for name in INDICES:
-            yield _labelled(name), _index(first, name), _index(second, name)
+            yield _labelled(*VARIABLES[name][:2]), _index(first, name), _index(second, name)
         yield "mean power lost [W]", _number(first.power), _number(second.power)
-        for a, b in zip(first.boundaries, second.boundaries, strict=False):
-            side = "below" if a.direction < 0 else "above"
-            yield f"{a.parameter}, boundary {side}", _boundary(first, a), _boundary(second, b)
+        for one, other in zip(first.boundaries, second.boundaries, strict=False):
+            side = "below" if one.direction < 0 else "above"
+            yield f"{one.parameter}, boundary {side}", _boundary(first, one), _boundary(second, other)
         yield "coexisting motions", _others(first), _others(second)
+
+    def _parameters(self) -> Iterator[tuple[Parameter, tuple[float, float]]]:
+        """Yield the parameters of both designs: their models' own if these are the same, else the oscillators'."""
+        models: list[Model] = [verdict.model for verdict in self.verdicts]
+        if set(models[0].values) != set(models[1].values):
+            models = [verdict.oscillator for verdict in self.verdicts]
+        for name, value in models[0].values.items():
+            yield models[0].parameters[name], (value, models[1].values[name])
 
     def _advice(self) -> Iterator[str]:
         for name, verdict in zip(self.names, self.verdicts, strict=True):
             if verdict.advice:
-                yield f"to calm {name}: {advice_words(verdict.oscillator, verdict.advice[0])}"
+                yield f"to soften the impacts of {name}: {advice_words(verdict.model, verdict.advice[0])}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return both verdicts as plain dictionaries, ready for JSON."""
@@ -76,9 +85,9 @@ class Comparison:
     @property
     def dataset(self) -> xr.Dataset:
         """Parameters, indices and boundaries as a labelled dataset over `design`."""
-        oscillators = [verdict.oscillator for verdict in self.verdicts]
         content: dict[str, Any] = {
-            name: variable(name, "design", [getattr(osc, name) for osc in oscillators]) for name in PARAMETERS
+            parameter.name: plain_variable("design", list(values), label(parameter))
+            for parameter, values in self._parameters()
         }
         for name, index in INDICES.items():
             values = np.array([verdict.indices[name] for verdict in self.verdicts])
@@ -94,17 +103,17 @@ class Comparison:
         varied = [edge.parameter for edge in self.verdicts[0].boundaries[::2]]
         if all(len(table) == len(varied) for table in edges):
             content |= _boundary_variables(edges)
-        arguments = {"names": self.names, "oscillators": [asdict(osc) for osc in oscillators]}
+        arguments = {"names": self.names, "oscillators": [asdict(verdict.oscillator) for verdict in self.verdicts]}
         return xr.Dataset(
             content,
             coords={"design": _texts(self.names), "parameter": _texts(varied), "direction": np.array([-1, 1], np.int8)},
-            attrs=provenance("compare", oscillators[0], arguments),
+            attrs=provenance("compare", self.verdicts[0].model, arguments),
         )
 
 
-def _texts(words: Iterable[str]) -> np.ndarray[Any, Any]:
+def _texts(items: Iterable[str]) -> np.ndarray[Any, Any]:
     """Return text as stores keep it: of any length."""
-    return np.array(list(words), dtype=object)
+    return np.array(list(items), dtype=object)
 
 
 def _table(edges: tuple[Edge, ...]) -> list[tuple[Edge, Edge]]:
@@ -136,9 +145,8 @@ def _boundary_variables(tables: list[list[tuple[Edge, Edge]]]) -> dict[str, xr.V
     }
 
 
-def _labelled(name: str) -> str:
-    long_name, units, _ = VARIABLES[name]
-    return long_name if units == "1" else f"{long_name} [{units}]"
+def _labelled(long_name: str, unit: str) -> str:
+    return long_name if unit == "1" else f"{long_name} [{unit}]"
 
 
 def _number(value: float) -> str:
@@ -155,7 +163,7 @@ def _boundary(verdict: Verdict, edge: Edge) -> str:
     what = edge.beyond or KIND_WORDS[edge.kind] if edge.kind == "change" else KIND_WORDS[edge.kind]
     if edge.at_once:
         return f"at once ({what})"
-    change = reach_of(verdict.oscillator, edge.parameter, 1.0).percent(edge.value)
+    change = range_of(verdict.model, edge.parameter, 1.0).percent(edge.value)
     return f"{edge.value:.6g} ({'-' if edge.direction < 0 else '+'}{change}, {what})"
 
 
@@ -165,8 +173,8 @@ def _others(verdict: Verdict) -> str:
 
 
 def compare(
-    a: ImpactOscillator,
-    b: ImpactOscillator,
+    a: Model,
+    b: Model,
     *,
     names: tuple[str, str] = ("A", "B"),
     parameters: Iterable[str] | None = None,
@@ -175,14 +183,14 @@ def compare(
     workers: int | None = None,
     progress: bool | Report = False,
 ) -> Comparison:
-    """Set two designs side by side: parameters, motion, every index, boundaries, what would calm each.
+    """Compare two designs side by side: parameters, motion, every index, boundaries, ways to soften the impacts.
 
     Parameters
     ----------
-    a, b : ImpactOscillator
+    a, b : ImpactOscillator or family
         The two designs.
     names : tuple of two str
-        What they are called; not the same.
+        Their names; not the same.
     parameters, within, tolerances, workers
         As of `describe`.
     progress : bool or callable
@@ -204,8 +212,9 @@ def compare(
 
     Examples
     --------
-    >>> told = compare(ImpactOscillator(omega=1.4), ImpactOscillator(omega=2.0), names=("slow", "fast"), parameters=[])
-    >>> str(told).splitlines()[5].split()
+    >>> import vibroimpact as vi
+    >>> slow, fast = (vi.ImpactOscillator(omega=omega) for omega in (1.4, 2.0))
+    >>> str(compare(slow, fast, names=("slow", "fast"), parameters=[])).splitlines()[5].split()
     ['angular', 'driving', 'frequency', '[rad/s]', '*', '1.4', '2']
     """
     first, second = _two_names(names)
@@ -226,5 +235,5 @@ def compare(
 def _two_names(names: Any) -> tuple[str, str]:
     pair = tuple(names) if isinstance(names, (tuple, list)) else ()
     if len(pair) != 2 or not all(isinstance(name, str) and name for name in pair) or pair[0] == pair[1]:
-        raise ValueError(f'`names` is {names!r}; allowed are two different words; give for example ("old", "new")')
+        raise invalid("names", names, "two different names", 'give for example ("old", "new")')
     return pair[0], pair[1]

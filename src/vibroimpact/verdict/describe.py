@@ -1,4 +1,4 @@
-"""What an oscillator does, how safely, and what would calm it."""
+"""What a design does, how far it is from doing something else, and which changes soften its impacts."""
 
 from __future__ import annotations
 
@@ -10,28 +10,27 @@ from typing import Any
 from vibroimpact.motion import Motion
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits import Orbit
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.oscillator import ImpactOscillator, Model, check_model
 from vibroimpact.progress import Report, reporter
 from vibroimpact.verdict.advice import Advice, advise
-from vibroimpact.verdict.distances import nearest_boundaries
-from vibroimpact.verdict.edges import Edge
-from vibroimpact.verdict.others import Coexisting, coexisting_motions
-from vibroimpact.verdict.present import Present, present_motion
-from vibroimpact.verdict.reach import check_parameters, check_within, reach_of
-from vibroimpact.verdict.readings import Laboratory
-from vibroimpact.verdict.words import lines
+from vibroimpact.verdict.boundaries import Edge, nearest_boundaries
+from vibroimpact.verdict.motions import Coexisting, Engine, coexisting_motions, present_motion
+from vibroimpact.verdict.ranges import check_parameters, check_within, range_of
+from vibroimpact.verdict.text import lines
 
-BESIDE = 3  # parts of the work besides one a parameter
+BESIDE = 3  # parts of the work besides one per parameter
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What `describe` found; `str()` tells it in words.
+    """What `describe` found; `str()` gives it in words.
 
     Attributes
     ----------
+    model : ImpactOscillator or family
+        The design that was described, whose parameters were varied.
     oscillator : ImpactOscillator
-        Whose verdict it is.
+        The oscillator that it is.
     kind : str
         "periodic", "sticking", "chaotic", "undecided", "no_impact", "stuck_forever", "decaying" or "budget".
     motion : Motion
@@ -39,21 +38,22 @@ class Verdict:
     orbit : Orbit or None
         The same solved exactly, with multipliers, where it is periodic or sticks.
     status : str
-        How the sampled motion ended, as `parameter_map` tells it.
+        How the sampled motion ended, as in `parameter_map`.
     indices : dict
         Every index of `parameter_map`, with its default sampling; NaN where there is no value.
     boundaries : tuple of Edge
-        The nearest boundary down and up each parameter.
+        The nearest boundary below and above each parameter.
     attractors : tuple of Coexisting
-        The motions that a grid of starts settles to, that from rest first.
+        The motions that 256 spread initial conditions settle to, that from rest first.
     advice : tuple of Advice
-        For each parameter the smallest change that calms the motion, the smallest of all first.
+        For each parameter the smallest change to a gentler motion, the smallest of all first.
     complete : bool
         False where `progress` asked to stop before the end.
     cells : int
         Motions computed for it.
     """
 
+    model: Model
     oscillator: ImpactOscillator
     kind: str
     motion: Motion
@@ -84,6 +84,7 @@ class Verdict:
     def to_dict(self) -> dict[str, Any]:
         """Return plain dictionaries, lists, numbers and text, ready for JSON: NaN as None, infinity as "-inf"."""
         content = {
+            **({} if self.model is self.oscillator else {"model": {"family": str(self.model), **self.model.values}}),
             "oscillator": asdict(self.oscillator),
             "kind": self.kind,
             "motion": asdict(self.motion) | {"name": self.motion.name},
@@ -112,7 +113,7 @@ def _plain(value: Any) -> Any:
 
 
 def describe(
-    osc: ImpactOscillator,
+    osc: Model,
     *,
     parameters: Iterable[str] | None = None,
     within: float = 3.0,
@@ -120,25 +121,25 @@ def describe(
     workers: int | None = None,
     progress: bool | Report = False,
 ) -> Verdict:
-    """Tell in words what an oscillator does, how far it is from doing something else, and what would calm it.
+    """Describe what a design does, how far it is from doing something else, and which changes soften its impacts.
 
     Parameters
     ----------
-    osc : ImpactOscillator
-        The seven numbers.
+    osc : ImpactOscillator or family
+        The design.
     parameters : names, optional
-        Which parameters to vary in search of boundaries and advice; None is all seven, `frequency` may stand for
-        `omega`.
+        Which parameters to vary in search of boundaries and advice; None is all (seven, of an oscillator), and
+        `frequency` may replace `omega`. Those of a family are the function's own.
     within : float, > 0
         How far each is varied: from value / (1 + within) to value * (1 + within), where 3 is a quarter to fourfold; the
         gap by `within` times the larger of |g| and f/k.
     tolerances : Tolerances, optional
-        How small is small.
+        Numerical tolerances.
     workers : int, optional
-        Threads; None is one a core. The verdict does not depend on it.
+        Threads; None is one per core. The verdict does not depend on it.
     progress : bool or callable
         True shows a bar; a callable gets (parts done, parts in all, None) and stops by returning False: the verdict
-        then tells what was found until then.
+        then holds what was found until then.
 
     Returns
     -------
@@ -152,12 +153,13 @@ def describe(
 
     Notes
     -----
-    The motion told is that from rest. The orbit of a periodic motion is continued until it folds, doubles or grazes;
-    of a sticking one the end of the chatter is followed to the release; without impacts R = g and f = -k g are solved:
-    such boundaries are exact to about 1e-12. Others are bisected between motions, the state being carried along so
-    that coexisting motions are not mistaken for changes; there, and with sticking, windows narrower than about a per
-    cent near by and 6 % far off may be stepped over. "Gentler" is no impact, no chaos, or a hardest hit at least a
-    fifth softer, both from rest and from the present motion. About a second on two cores, 500 to 1,000 motions.
+    The motion described is that from rest. The orbit of a periodic motion is continued until it folds, doubles or
+    grazes; of a sticking one the end of the chatter is followed to the release; without impacts R = g and f = -k g are
+    solved: such boundaries are exact to about 1e-12. Others are bisected between motions, the state being carried along
+    so that coexisting motions are not mistaken for changes; there, and with sticking, windows narrower than about 1 %
+    near the present value and 6 % far from it may be stepped over. A gentler motion is one without impacts, without
+    chaos, or with a hardest hit at least a fifth lower, both from rest and from the present motion. About a second on
+    two cores, 500 to 1,000 motions.
 
     Examples
     --------
@@ -168,10 +170,11 @@ def describe(
     >>> down.kind, round(down.value, 9), down.accuracy
     ('period_doubling', 1.258962235, 'exact')
     """
-    names = check_parameters(parameters)
-    reaches = [reach_of(_checked(osc), name, check_within(within)) for name in names]
-    laboratory = Laboratory(tolerances or Tolerances(), workers)
-    parts = len(reaches) + BESIDE
+    check_model(osc)
+    far = check_within(within)
+    ranges = [range_of(osc, name, far) for name in check_parameters(osc, parameters)]
+    engine = Engine(tolerances or Tolerances(), workers)
+    parts = len(ranges) + BESIDE
     with reporter(progress, "parts") as report:
         done = 0
 
@@ -180,38 +183,26 @@ def describe(
             done += 1
             return report(done, parts, None) is not False
 
-        present = present_motion(osc, laboratory)
+        present = present_motion(osc, engine)
         found: dict[str, Any] = {}
         if complete := going():
-            found["boundaries"] = nearest_boundaries(present, reaches, laboratory, going)
-            complete = len(found["boundaries"]) == 2 * len(reaches)
+            found["boundaries"] = nearest_boundaries(present, ranges, engine, going)
+            complete = len(found["boundaries"]) == 2 * len(ranges)
         if complete:
-            found["attractors"] = coexisting_motions(present, laboratory)
+            found["attractors"] = coexisting_motions(present, engine)
             complete = going()
         if complete:
-            found["advice"] = advise(present, reaches, laboratory)
+            found["advice"] = advise(present, ranges, engine)
             going()
-    return _verdict(present, found, complete, laboratory.cells[0])
-
-
-def _checked(osc: Any) -> ImpactOscillator:
-    if not isinstance(osc, ImpactOscillator):
-        raise ValueError(
-            f"`osc` is {osc!r}; allowed is an ImpactOscillator; write ImpactOscillator(omega=2.0) for example"
-        )
-    return osc
-
-
-def _verdict(present: Present, found: dict[str, Any], complete: bool, cells: int) -> Verdict:
-    reading = present.reading
     return Verdict(
+        model=osc,
         oscillator=present.oscillator,
-        kind=reading.kind,
+        kind=present.measured.kind,
         motion=present.motion,
         orbit=present.orbit,
-        status=reading.status.word,
-        indices=reading.indices,
+        status=present.measured.status.word,
+        indices=present.measured.indices,
         complete=complete,
-        cells=cells,
+        cells=engine.cells[0],
         **found,
     )

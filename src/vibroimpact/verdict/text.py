@@ -8,29 +8,28 @@ import textwrap
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
-from vibroimpact.dataset import VARIABLES
-from vibroimpact.oscillator import PARAMETERS, ImpactOscillator
+from vibroimpact.oscillator import Model
 from vibroimpact.status import Status
-from vibroimpact.verdict.edges import KIND_WORDS, NOISE, Edge
-from vibroimpact.verdict.reach import percent, reach_of
+from vibroimpact.verdict.boundaries import KIND_WORDS, NOISE, Edge
+from vibroimpact.verdict.ranges import percent, range_of
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.advice import Advice
     from vibroimpact.verdict.describe import Verdict
 
 MARGIN, WIDTH = 12, 110
-KNOWN = 1e-6  # of the motion's size: how well a state is known whose future is foretold
-TOLD = 3  # pieces of advice
-LISTED = 4  # impacts of a cycle
-SHOWN = 12  # coexisting motions
-MANY_GAPS = 10.0  # a change so many times the gap is told as a part of f/k alone
+KNOWN = 1e-6  # of the motion's size: how well a state is known whose future is predicted
+ADVICE = 3  # changes listed, at most
+LISTED = 4  # impacts of a cycle listed, at most
+SHOWN = 12  # coexisting motions listed, at most
+MANY_GAPS = 10.0  # a change so many times the gap is given relative to f/k alone
 _TIED = "\u00a0"
 
 
 def lines(verdict: Verdict) -> Iterator[str]:
     """Yield the lines of a verdict."""
     parts: list[tuple[str, Iterable[str]]] = [
-        ("oscillator", [parameters_line(verdict.oscillator)]),
+        ("oscillator", [parameters_line(verdict.model)]),
         ("motion", _motion(verdict)),
         ("hits", _hits(verdict)),
         ("energy", _energy(verdict)),
@@ -38,14 +37,14 @@ def lines(verdict: Verdict) -> Iterator[str]:
         ("stability", _stability(verdict)),
         ("boundaries", _boundaries(verdict)),
         ("coexisting", _coexisting(verdict)),
-        ("to calm it", _advice(verdict)),
+        ("advice", _advice(verdict)),
     ]
-    for title, told in parts:
-        for i, line in enumerate(told):
+    for title, facts in parts:
+        for i, line in enumerate(facts):
             head = (title if i == 0 else "").ljust(MARGIN)
             yield from _wrapped(head, line)
     if not verdict.complete:
-        yield "stopped".ljust(MARGIN) + "before the end; run it again for what is missing"
+        yield "stopped".ljust(MARGIN) + "before the end; run it again to complete it"
 
 
 def _wrapped(head: str, line: str) -> Iterator[str]:
@@ -55,16 +54,16 @@ def _wrapped(head: str, line: str) -> Iterator[str]:
         yield part.replace(_TIED, " ")
 
 
-def parameters_line(osc: ImpactOscillator) -> str:
-    """Return the seven numbers in a line."""
-    return ", ".join(f"{name} {quantity(name, getattr(osc, name), 6)}" for name in PARAMETERS)
+def parameters_line(model: Model) -> str:
+    """Return the parameters of a model in a line."""
+    return ", ".join(f"{name} {quantity(model, name, value, 6)}" for name, value in model.values.items())
 
 
-def quantity(name: str, value: float, digits: int = 4) -> str:
-    """Return a value with its unit; an angular frequency also in Hz."""
-    units = VARIABLES[name][1]
-    told = f"{value:.{digits}g}" + ("" if units == "1" else f" {units}")
-    return f"{told} ({value / (2.0 * math.pi):.{digits}g} Hz)" if name == "omega" else told
+def quantity(model: Model, name: str, value: float, digits: int = 4) -> str:
+    """Return a value of a parameter with its unit; an angular frequency also in Hz."""
+    unit = model.parameters[name].unit
+    text = f"{value:.{digits}g}" + ("" if unit == "1" else f" {unit}")
+    return f"{text} ({value / (2.0 * math.pi):.{digits}g} Hz)" if unit == "rad/s" else text
 
 
 def _motion(verdict: Verdict) -> Iterator[str]:
@@ -74,9 +73,9 @@ def _motion(verdict: Verdict) -> Iterator[str]:
     elif verdict.kind == "sticking":
         yield motion.sentence(osc.period)
     elif verdict.kind == "chaotic":
-        yield "chaotic, the impacts never repeat"
+        yield "chaotic, the impacts do not repeat"
     elif verdict.kind == "undecided":
-        yield "aperiodic as far as was looked, neither a cycle nor certain chaos"
+        yield "undecided: no cycle was found, and chaos is not certain"
     else:
         yield f"{motion.name}: {Status[verdict.status.upper()].sentence}"
     if verdict.kind == "no_impact" and math.isfinite(osc.steady_amplitude):
@@ -95,25 +94,25 @@ def _hits(verdict: Verdict) -> Iterator[str]:
     hardest = f"{verdict.max_velocity:.5g} m/s"
     if verdict.kind == "sticking":
         at = f" at phase {motion.phases[0]:.3g}" if motion.phases else ""
-        some = f"{motion.n_impacts} in a cycle" if motion.n_impacts > 0 else "then ever weaker and faster, a chatter"
+        some = f"{motion.n_impacts} per cycle" if motion.n_impacts > 0 else "followed by a complete chatter"
         yield f"hardest {hardest}{at}, {some}"
     elif verdict.kind == "periodic" and motion.velocities:
-        often = "once a period" if rate == 1.0 else f"{rate:.4g} times a period"
+        often = "once per period" if rate == 1.0 else f"{rate:.4g} times per period"
         pairs = list(zip(motion.velocities, motion.phases, strict=True))
-        told = ", ".join(f"{speed:.5g} m/s at phase {phase:.3g}" for speed, phase in pairs[:LISTED])
+        hits = ", ".join(f"{speed:.5g} m/s at phase {phase:.3g}" for speed, phase in pairs[:LISTED])
         more = f", and {len(pairs) - LISTED} softer or equal" if len(pairs) > LISTED else ""
-        yield f"{often}: {told}{more}"
+        yield f"{often}: {hits}{more}"
     else:
         yield (
-            f"{rate:.3g} times a period on average, hardest {hardest}, mean {verdict.indices['mean_velocity']:.3g} "
-            f"m/s; phases spread {verdict.indices['impact_phase_spread']:.2g} (0 one phase, 1 all alike)"
+            f"{rate:.3g} times per period on average, hardest {hardest}, mean {verdict.indices['mean_velocity']:.3g} "
+            f"m/s; phases spread {verdict.indices['impact_phase_spread']:.2g} (0 one phase, 1 uniform)"
         )
 
 
 def _energy(verdict: Verdict) -> Iterator[str]:
     lost = verdict.indices["dissipation"]
     if math.isfinite(lost):
-        yield f"{lost:.4g} J lost at the stop a period, {verdict.power:.4g} W on average"
+        yield f"{lost:.4g} J lost at the stop per period, {verdict.power:.4g} W on average"
 
 
 def _rest(verdict: Verdict) -> Iterator[str]:
@@ -129,24 +128,21 @@ def _stability(verdict: Verdict) -> Iterator[str]:
     if math.isnan(exponent):
         return
     if math.isinf(exponent):
-        yield "a rest at the stop erases all memory: neighbouring motions become one (exponent -inf)"
+        yield "a rest at the stop erases all memory: perturbations vanish (exponent -inf)"
     elif verdict.kind == "chaotic":
         ahead = -math.log(KNOWN) / exponent / period
         yield (
-            f"neighbouring motions diverge, doubling their distance every {math.log(2.0) / exponent:.3g} s "
+            f"perturbations double every {math.log(2.0) / exponent:.3g} s "
             f"(exponent {exponent:.4g} 1/s): a state known to {KNOWN:g} of its size is predictable for about "
             f"{ahead:.2g} periods"
         )
     elif exponent < 0.0 and verdict.kind == "periodic":
         half = -math.log(2.0) / exponent
-        yield (
-            f"neighbouring motions approach by half every {half:.3g} s, {half / period:.2g} periods (exponent "
-            f"{exponent:.4g} 1/s)"
-        )
+        yield (f"perturbations halve every {half:.3g} s, {half / period:.2g} periods (exponent {exponent:.4g} 1/s)")
     elif abs(exponent) * period < NOISE:
-        yield "neighbouring motions neither approach nor diverge"
+        yield "perturbations neither decay nor grow"
     else:
-        yield f"neighbouring motions hardly approach or diverge (exponent {exponent:.2g} 1/s)"
+        yield f"perturbations hardly decay or grow (exponent {exponent:.2g} 1/s)"
 
 
 def _boundaries(verdict: Verdict) -> Iterator[str]:
@@ -155,15 +151,15 @@ def _boundaries(verdict: Verdict) -> Iterator[str]:
             span = " to ".join(f"{edge.searched_to:.4g}" for edge in (down, up))
             yield f"{down.parameter}: none from {span}"
         else:
-            yield f"{down.parameter}: {edge_words(verdict.oscillator, down)}; {edge_words(verdict.oscillator, up)}"
+            yield f"{down.parameter}: {edge_words(verdict.model, down)}; {edge_words(verdict.model, up)}"
 
 
-def edge_words(osc: ImpactOscillator, edge: Edge) -> str:
+def edge_words(model: Model, edge: Edge) -> str:
     """Return a boundary in words, such as 'up 3.1 % to 2.693 rad/s (period doubling, then period-2 impact-2)'."""
     way = "down" if edge.direction < 0 else "up"
     if not edge.found:
         return f"{way} none to {edge.searched_to:.4g}"
-    place = quantity(edge.parameter, edge.value, 6 if edge.exact else 5)
+    place = quantity(model, edge.parameter, edge.value, 6 if edge.exact else 5)
     what = KIND_WORDS[edge.kind]
     if edge.kind == "change":
         what = edge.beyond or what
@@ -171,44 +167,48 @@ def edge_words(osc: ImpactOscillator, edge: Edge) -> str:
         what += f", then {edge.beyond}"
     if edge.at_once:
         return f"{way} at once ({what})"
-    change = change_words(osc, edge.parameter, edge.value)
+    change = change_words(model, edge.parameter, edge.value)
     return f"{way} {change} to {place} ({what}{'' if edge.exact else f'; {edge.accuracy}'})"
 
 
-def change_words(osc: ImpactOscillator, parameter: str, value: float) -> str:
-    """Return the size of a change, of the gap also beside the gap itself: '3.1 %', or '14 % (4.1 % of f/k)'."""
-    told = reach_of(osc, parameter, 1.0).percent(value)
-    share = abs(value / osc.gap - 1.0) if parameter == "gap" and osc.gap else math.inf
-    return f"{percent(share)} ({told})" if " of " in told and share < MANY_GAPS else told
+def change_words(model: Model, parameter: str, value: float) -> str:
+    """Return the size of a change, of the gap also relative to the gap itself: '3.1 %', or '14 % (4.1 % of f/k)'."""
+    varied = range_of(model, parameter, 1.0)
+    size = varied.percent(value)
+    if varied.of != "f/k" or not varied.value:
+        return size
+    share = abs(value / varied.value - 1.0)
+    return f"{percent(share)} ({size})" if share < MANY_GAPS else size
 
 
 def _coexisting(verdict: Verdict) -> Iterator[str]:
     undecided = 1.0 - sum(motion.share for motion in verdict.attractors)
     if len(verdict.attractors) == 1 and undecided < 1e-9:
-        yield "none: all starts that were tried settle to this motion"
+        yield "none: all initial conditions tried settle to this motion"
         return
     for motion in verdict.attractors[:SHOWN]:
         hit = f", hardest hit {motion.max_velocity:.3g} m/s" if motion.max_velocity > 0.0 else ""
         here = " (this motion)" if motion.from_rest else ""
-        yield f"{100.0 * motion.share:.3g} % of the starts: {motion.name}{here}{hit}"
+        yield f"{100.0 * motion.share:.3g} % of the initial conditions: {motion.name}{here}{hit}"
     if len(verdict.attractors) > SHOWN:
         yield f"and {len(verdict.attractors) - SHOWN} more"
     if verdict.attractors and undecided >= 1e-9:
-        yield f"{100.0 * undecided:.3g} % of the starts: not decided"
+        yield f"{100.0 * undecided:.3g} % of the initial conditions: undecided"
 
 
 def _advice(verdict: Verdict) -> Iterator[str]:
-    for i, advice in enumerate(verdict.advice[:TOLD]):
-        yield ("or " if i else "") + advice_words(verdict.oscillator, advice)
+    for i, advice in enumerate(verdict.advice[:ADVICE]):
+        yield ("or " if i else "to soften the impacts, ") + advice_words(verdict.model, advice)
     if verdict.complete and not verdict.advice:
-        yield "nothing to calm" if verdict.max_velocity == 0.0 else "no change of one parameter within reach does"
+        quiet = verdict.max_velocity == 0.0
+        yield "no impacts from rest" if quiet else "no change of one parameter within its range softens the impacts"
 
 
-def advice_words(osc: ImpactOscillator, advice: Advice) -> str:
+def advice_words(model: Model, advice: Advice) -> str:
     """Return a piece of advice in words."""
-    change = change_words(osc, advice.parameter, advice.value)
+    change = change_words(model, advice.parameter, advice.value)
     verb = "raise" if advice.change > 0.0 else "lower"
-    head = f"{verb} {advice.parameter} by {change} to {quantity(advice.parameter, advice.value, 6)}: "
+    head = f"{verb} {advice.parameter} by {change} to {quantity(model, advice.parameter, advice.value, 6)}: "
     if advice.benefit == "no_impact":
         return f"{head}{advice.motion}"
     softer = 100.0 * (1.0 - advice.max_velocity / advice.before)

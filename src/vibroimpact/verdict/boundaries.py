@@ -1,0 +1,344 @@
+"""Where a motion ends along each parameter: its nearest boundary down and up, and the motion beyond.
+
+Where an equation gives the boundary - the orbit's own bifurcations, the end of sticking, or a closed form - it is
+solved. Elsewhere one motion is followed along many paths at once, its state carried along, and the step in which its
+class changes is bisected.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from vibroimpact.backends import ImpactWindow
+from vibroimpact.continuation.arclength import tangent
+from vibroimpact.continuation.branch import branch_system, walk
+from vibroimpact.continuation.points import special_orbit
+from vibroimpact.motion import MotionClass
+from vibroimpact.orbits import Orbit
+from vibroimpact.orbits.sticking import end_of_sticking, from_release
+from vibroimpact.oscillator import ImpactOscillator, Model
+from vibroimpact.verdict.motions import BRIEF, Engine, Present, Start
+from vibroimpact.verdict.ranges import Range
+
+NOISE = 1e-12  # relative: what is smaller is rounding
+STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch
+MOST = 800  # orbits times impacts that are solved for along one direction
+SCANNED = 60  # values along a path at which a condition is evaluated
+PLACES = 36  # values along a path at which a motion is followed
+HALVINGS = 12  # of the step in which the class changes
+BOUNCY = 0.99  # restitution up to which sticking is followed: chatters grow longer as 1/(1 - r)
+AT_REST = Start(0.0, 0.0, 0.25)  # at the stop, where the force presses most
+ACROSS = ImpactWindow(1500, 2000)  # close to a boundary motions settle slowly
+KIND_WORDS = {
+    "period_doubling": "period doubling",
+    "fold": "fold",
+    "grazing": "grazing",
+    "end_of_sticking": "end of sticking",
+    "first_contact": "the motion first touches the stop",
+    "lift_off": "the force first lifts the mass off the stop",
+    "pressed_for_ever": "the force no longer lifts the mass off the stop",
+    "change": "another motion",
+    "none": "none",
+}
+
+
+@dataclass(frozen=True)
+class Edge:
+    """The nearest boundary of a motion along one parameter, downwards or upwards.
+
+    Parameters
+    ----------
+    parameter : str
+        The one that is varied.
+    direction : int
+        -1 for smaller values, +1 for larger ones.
+    kind : str
+        "period_doubling", "fold", "grazing", "end_of_sticking", "first_contact" and "lift_off" (of a motion without
+        impacts), "pressed_for_ever", "change" (another class of motion, found by bisection), or "none" within the
+        range.
+    value : float
+        The parameter there; NaN for "none".
+    change : float
+        From the present value to there, signed, relative to the present value, or to `of`.
+    of : str
+        What the change is relative to, where that is not the present value: "f/k" for a gap smaller than that.
+    half_width : float
+        0 where `value` solves the boundary's own equation (to some 1e-12); else it lies within this of `value`.
+    beyond : str
+        The motion just beyond, followed across; empty where none was found.
+    beyond_at : float
+        The value at which that motion was computed; NaN where it was not.
+    searched_to : float
+        The end of the range.
+    """
+
+    parameter: str
+    direction: int
+    kind: str
+    value: float
+    change: float
+    of: str
+    half_width: float = 0.0
+    beyond: str = ""
+    beyond_at: float = math.nan
+    searched_to: float = math.nan
+
+    @property
+    def found(self) -> bool:
+        """Whether there is one."""
+        return self.kind != "none"
+
+    @property
+    def exact(self) -> bool:
+        """Whether the value solves the boundary's own equation."""
+        return self.found and self.half_width == 0.0
+
+    @property
+    def at_once(self) -> bool:
+        """Whether the present value lies on the boundary, as far as rounding can tell."""
+        return self.exact and abs(self.change) < NOISE
+
+    @property
+    def accuracy(self) -> str:
+        """`exact`, `to within ...`, or nothing where no boundary was found."""
+        return "" if not self.found else "exact" if self.exact else f"to within {self.half_width:.1g}"
+
+
+@dataclass(frozen=True)
+class Found:
+    """A boundary before one has looked beyond it; `start` is what to carry across."""
+
+    range: Range
+    direction: int
+    kind: str = "none"
+    value: float = math.nan
+    half_width: float = 0.0
+    start: Start | None = None
+
+    def beyond_at(self) -> float:
+        """Return a value a little beyond the boundary, NaN where the range ends first."""
+        if self.kind == "none":
+            return math.nan
+        scale = self.range.scale
+        ahead = min(0.02 * abs(self.value - self.range.value) + 1e-6 * scale, 4e-3 * scale) + 2.0 * self.half_width
+        value = self.value + self.direction * ahead
+        end = self.range.end(self.direction)
+        value = min(value, end) if self.direction > 0 else max(value, end)
+        return value if (value - self.value) * self.direction > 0.0 else math.nan
+
+    def edge(self, beyond: str, at: float) -> Edge:
+        """Return what callers see."""
+        change, end = self.range.change(self.value), self.range.end(self.direction)
+        what = self.range.name, self.direction, self.kind, self.value, change, self.range.of, self.half_width
+        return Edge(*what, beyond, at, end)
+
+
+def nearest_boundaries(
+    present: Present, ranges: Sequence[Range], engine: Engine, done: Callable[[], bool] = lambda: True
+) -> tuple[Edge, ...]:
+    """Return the nearest boundary of a motion down and up each parameter; `done` is called for each, False stops."""
+    found: dict[tuple[str, int], Found] = {}
+    unknown: list[tuple[Range, int]] = []
+    for each in ranges:
+        for direction in (-1, 1):
+            known = _exact(present, each, direction)
+            if known is None:
+                unknown.append((each, direction))
+            else:
+                found[each.name, direction] = known
+        if not done():
+            return ()
+    for known in _bisected(present, unknown, engine):
+        found[known.range.name, known.direction] = known
+    return _with_beyond(present, [found[each.name, direction] for each in ranges for direction in (-1, 1)], engine)
+
+
+def _with_beyond(present: Present, found: Sequence[Found], engine: Engine) -> tuple[Edge, ...]:
+    values = [boundary.beyond_at() for boundary in found]
+    beyond = [i for i, value in enumerate(values) if not math.isnan(value)]
+    there = [present.model.replace(**{found[i].range.name: values[i]}) for i in beyond]
+    motions = engine.measure(there, [found[i].start for i in beyond], ACROSS)
+    names = {
+        i: motion.name
+        for i, motion in zip(beyond, motions, strict=True)
+        if motion.motion_class != MotionClass.UNDECIDED
+    }
+    return tuple(boundary.edge(names.get(i, ""), values[i]) for i, boundary in enumerate(found))
+
+
+# Boundaries that are solutions of equations
+
+
+def _exact(present: Present, range: Range, direction: int) -> Found | None:
+    """Return the boundary, or `none` up to the end of the range; None where no equation gives it."""
+    if not range.path(direction, 1):
+        return Found(range, direction)
+    osc, model = present.oscillator, present.model
+    if model is osc and range.name == "amplitude" and osc.gap == 0.0 and osc.amplitude > 0.0:
+        return Found(range, direction)  # the motion only grows in proportion
+    if present.kind == MotionClass.NO_IMPACT and osc.damping > 0.0 and osc.gap > osc.steady_amplitude:
+        return _first_contact(model, range, direction)
+    if present.kind == MotionClass.STUCK_FOREVER and osc.stiffness * osc.gap <= -osc.amplitude:
+        return _lift_off(model, range, direction)
+    if present.orbit is None:
+        return None
+    if present.orbit.sticks:
+        return _end_of_sticking(present, range, direction)
+    try:
+        return _bifurcation(present.orbit, range, direction)
+    except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+        return None  # the branch runs where its equations have no meaning
+
+
+def _bifurcation(orbit: Orbit, range: Range, direction: int) -> Found | None:
+    """Follow the orbit until it folds, doubles or grazes."""
+    system, x = branch_system(orbit, range.name, (range.low, range.high))
+    along = np.zeros(len(x))
+    along[-1] = direction
+    way = None
+    for way in walk(system, x, tangent(system, x, along), STEP, False):
+        for special in way.special:
+            at = special_orbit(special)
+            if at.admissible:
+                value = special.system.values(special.x)[0]
+                start = Start(0.0, at.velocities[0], at.phases[0]) if min(at.velocities) > 0.0 else _hardest(at)
+                return Found(range, direction, special.kind, value, start=start)
+        if len(way.points) * orbit.n_impacts > MOST:
+            return None
+    return Found(range, direction) if way is not None and way.end == "range" else None
+
+
+def _hardest(orbit: Orbit) -> Start:
+    i = int(np.argmax(orbit.velocities))
+    return Start(0.0, orbit.velocities[i], orbit.phases[i])
+
+
+def _end_of_sticking(present: Present, range: Range, direction: int) -> Found:
+    """Walk outwards until the mass, let go, does not rest again after as many periods; bisect there."""
+    model, osc = present.model, present.oscillator
+    assert present.orbit is not None
+    n = present.orbit.n_periods
+    if model is osc and range.name == "restitution":
+        range = replace(range, high=min(range.high, max(BOUNCY, 0.5 * (1.0 + osc.restitution))))
+    inside = range.value
+    for outside in range.path(direction, SCANNED):
+        stick = from_release(model.at(**{range.name: outside}), n)
+        if stick is None or stick.periods != n:
+            break
+        inside = outside
+    else:
+        return Found(range, direction)
+    end = end_of_sticking(model, range.name, (inside, outside), longest=n)
+    if end.outcome == "pressed_for_ever":
+        return Found(range, direction, "pressed_for_ever", end.value, start=AT_REST)
+    if end.outcome == "found":
+        return Found(range, direction, "end_of_sticking", end.value, start=AT_REST)
+    value = end.value if math.isfinite(end.value) else 0.5 * (inside + outside)
+    width = math.ulp(value) if math.isfinite(end.value) else 0.5 * abs(outside - inside)
+    return Found(range, direction, "change", value, width, AT_REST)
+
+
+def _first_contact(model: Model, range: Range, direction: int) -> Found:
+    """Where the amplitude of the motion without a stop reaches the gap: R = g."""
+    value = _root(model, range, direction, lambda o: o.gap - o.steady_amplitude)
+    if math.isnan(value):
+        return Found(range, direction)
+    return Found(range, direction, "first_contact", value, start=_steady(model.at(**{range.name: value})))
+
+
+def _steady(osc: ImpactOscillator) -> Start | None:
+    """Return the motion without a stop at phase 0: f Im(H), w f Re(H) with H = 1/(k - m w^2 + i c w)."""
+    impedance = complex(osc.stiffness - osc.mass * osc.omega**2, osc.damping * osc.omega)
+    if impedance == 0.0:
+        return None
+    answer = osc.amplitude / impedance
+    return Start(max(osc.gap - answer.imag, 0.0), osc.omega * answer.real, 0.0)
+
+
+def _lift_off(model: Model, range: Range, direction: int) -> Found:
+    """Where the force reaches the preload: f = -k g."""
+    value = _root(model, range, direction, lambda o: -o.stiffness * o.gap - o.amplitude)
+    if math.isnan(value):
+        return Found(range, direction)
+    return Found(range, direction, "lift_off", value, start=AT_REST)
+
+
+def _root(model: Model, range: Range, direction: int, margin: Callable[[ImpactOscillator], float]) -> float:
+    """Return the first value outwards at which a margin becomes negative; NaN if there is none."""
+    inside = range.value
+    for outside in range.path(direction, 4 * SCANNED):
+        if margin(model.at(**{range.name: outside})) < 0.0:
+            break
+        inside = outside
+    else:
+        return math.nan
+    narrow = 1e-17 * range.scale
+    while abs(outside - inside) > narrow and (middle := 0.5 * (inside + outside)) not in (inside, outside):
+        if margin(model.at(**{range.name: middle})) >= 0.0:
+            inside = middle
+        else:
+            outside = middle
+    return inside if abs(inside) > narrow else 0.0
+
+
+# Boundaries by bisection
+
+
+@dataclass
+class Track:
+    """A path, how far the motion was followed along it, and the step in which it became another."""
+
+    range: Range
+    direction: int
+    inside: float
+    start: Start | None
+    outside: float | None = None
+    ahead: list[float] = field(default_factory=list)
+
+    @property
+    def next(self) -> float:
+        """The next value outwards, or the middle of the step in which the class changes."""
+        return self.ahead[0] if self.outside is None else self.range.between(self.inside, self.outside, 0.5)
+
+    def found(self) -> Found:
+        """Return where the motion ends."""
+        if self.outside is None:
+            return Found(self.range, self.direction)
+        middle, half = 0.5 * (self.inside + self.outside), 0.5 * abs(self.outside - self.inside)
+        return Found(self.range, self.direction, "change", middle, half, self.start)
+
+
+def _bisected(present: Present, wanted: Sequence[tuple[Range, int]], engine: Engine) -> list[Found]:
+    """Return, for each parameter and direction, where the motion that is followed first changes its class."""
+    tracks = [
+        Track(each, direction, each.value, present.state, ahead=each.path(direction, PLACES))
+        for each, direction in wanted
+    ]
+    while active := [track for track in tracks if track.outside is None and track.ahead]:
+        _step(present, active, engine)
+        for track in active:
+            track.ahead.pop(0)
+    changed = [track for track in tracks if track.outside is not None]
+    for _ in range(HALVINGS if changed else 0):
+        _step(present, changed, engine)
+    return [track.found() for track in tracks]
+
+
+def _step(present: Present, tracks: Sequence[Track], engine: Engine) -> None:
+    """Carry each motion to its next value, and see whether it is still the same."""
+    values = [track.next for track in tracks]
+    there = [present.model.replace(**{t.range.name: value}) for t, value in zip(tracks, values, strict=True)]
+    starts = [track.start for track in tracks]
+    motions = engine.measure(there, starts, BRIEF)
+    same = [m.group == present.measured.group or m.motion_class == MotionClass.UNDECIDED for m in motions]
+    kept = [i for i, is_same in enumerate(same) if is_same]
+    carried = engine.follow([there[i] for i in kept], [starts[i] for i in kept])
+    for i, state in zip(kept, carried, strict=True):
+        tracks[i].inside, tracks[i].start = values[i], state
+    for track, value, is_same in zip(tracks, values, same, strict=True):
+        if not is_same:
+            track.outside = value
