@@ -149,7 +149,7 @@ def test_a_slider_renews_the_plane(tab):
 
 def test_a_typed_number_out_of_range_is_answered(tab):
     load(tab)
-    for typed, told in (("3", "got '3'"), ("bouncy", "got 'bouncy'")):
+    for typed, told in (("3", "must be between 0 and 1, got 3"), ("bouncy", "must be a number, got 'bouncy'")):
         tab.fill("#number_restitution", typed)
         tab.press("#number_restitution", "Enter")
         until(tab, f"document.getElementById('message').textContent.includes({told!r})")

@@ -217,13 +217,13 @@ def sentence(osc: ImpactOscillator, kind: MotionClass, status: Status, indices: 
         decays = f"; perturbations halve in {_periods(-math.log(2.0) / growth)}" if -1e3 < growth < 0.0 else ""
         return f"{name}, stable, {hardest} {often}{decays}."
     if kind == MotionClass.STICKING and not n:
-        return f"Intermittent sticking, {hardest}; its period is not resolved in double precision."
+        return f"{name}, {hardest}; its period is not resolved in double precision."
     if kind == MotionClass.STICKING:
         rest = 100.0 * indices["stick_fraction"]
         return f"{name}, stable, {hardest} {often}; at rest at the stop {rest:.3g} % of the time."
     if kind == MotionClass.CHAOTIC:
         doubling = math.log(2.0) / (indices["lyapunov"] * osc.period)
-        return f"Chaotic, {hardest}; perturbations double in {_periods(doubling)}."
+        return f"{name}, {hardest}; perturbations double in {_periods(doubling)}."
     if kind.stored == MotionClass.NO_IMPACT:
         reach = osc.steady_amplitude
         free = f" The amplitude is {reach:.3g} m, the gap {osc.gap:.3g} m." if reach < osc.gap else ""
