@@ -54,7 +54,7 @@ def load(page: Any, address: str) -> float:
     return 1e3 * (time.perf_counter() - begun)
 
 
-def settle(page: Any) -> None:
+def wait_until_settled(page: Any) -> None:
     page.wait_for_function("window.explorer.planes.some(p => p[0] === 256)", timeout=60_000)
     page.wait_for_timeout(2500)
 
@@ -106,7 +106,7 @@ def crowd(browser: Any, address: str, pages: int, rounds: int, settled: bool) ->
         load(page, address)
         open_pages.append((page, places(page, random.Random(len(open_pages)))))
     for page, _ in open_pages if settled else ():
-        settle(page)
+        wait_until_settled(page)
     open_pages[-1][0].wait_for_timeout(3000)
     arm = """() => { window.times = window.times || []; const e = window.explorer, before = e.drawn;
       document.addEventListener("pointerup", () => { const up = performance.now(); const look = () => {
@@ -147,7 +147,7 @@ def main() -> None:
     parser.add_argument("--clicks", type=int, default=60)
     parser.add_argument("--pages", type=int, default=20)
     parser.add_argument("--soak", type=float, default=60.0, help="seconds")
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     measured: dict[str, float] = {}
     with serving() as (address, pid), sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
@@ -160,19 +160,19 @@ def main() -> None:
         measured["load"] = float(np.median(loads))
         page = browser.new_page(viewport={"width": 1366, "height": 768})
         load(page, address)
-        settle(page)
-        times = clicks(page, asked.clicks)
+        wait_until_settled(page)
+        times = clicks(page, arguments.clicks)
         measured["click, median"], measured["click, 95 %"] = map(float, np.percentile(times, [50, 95]))
-        settle(page)
+        wait_until_settled(page)
         coarse, fine = slides(page, 5)
         measured["slider to 64 x 64"] = float(np.median(coarse))
         measured["slider to 256 x 256"] = float(np.median(fine))
-        if asked.soak > 0.0:
-            measured["soak, growth"] = soak(page, pid, asked.soak)
+        if arguments.soak > 0.0:
+            measured["soak, growth"] = soak(page, pid, arguments.soak)
         page.close()
-        if asked.pages > 0:
+        if arguments.pages > 0:
             for name, settled in (("twenty pages, click, median", True), ("the same, planes on their way", False)):
-                measured[name] = float(np.median(crowd(browser, address, asked.pages, 5, settled)))
+                measured[name] = float(np.median(crowd(browser, address, arguments.pages, 5, settled)))
                 time.sleep(5.0)
         browser.close()
     for name, value in measured.items():

@@ -23,8 +23,8 @@ MOVED = View(
 class Idle(Explorer):
     """A session that computes nothing."""
 
-    def __init__(self, told):
-        super().__init__(listener=told.extend)
+    def __init__(self, received):
+        super().__init__(listener=received.extend)
         self._work.close()
 
     @property
@@ -33,14 +33,14 @@ class Idle(Explorer):
 
 
 @pytest.fixture
-def told():
+def received():
     return []
 
 
 @pytest.fixture
-def controls(told):
-    explorer = Idle(told)
-    yield Controls(explorer, told.append)
+def controls(received):
+    explorer = Idle(received)
+    yield Controls(explorer, received.append)
     explorer._work.pool.close()
 
 
@@ -75,11 +75,11 @@ def test_widgets_tell_the_session_what_was_done(controls):
 @pytest.mark.parametrize(("widget", "value"), [
     ("samples", "five"), ("samples", "²"), ("samples", "9" * 5000), ("index", "__class__"), ("line", ""),
 ])  # fmt: skip
-def test_a_menu_with_a_value_that_it_does_not_offer_is_answered_and_put_back(controls, told, widget, value):
+def test_a_menu_with_a_value_that_it_does_not_offer_is_answered_and_put_back(controls, received, widget, value):
     before = controls.explorer.view
     controls.menus[widget].value = value
     assert controls.explorer.view == before
-    assert any(what == "message" and f"`{widget}` must be one of" in content for what, content in told)
+    assert any(what == "message" and f"`{widget}` must be one of" in content for what, content in received)
     assert controls.menus[widget].value == str(getattr(before, widget))
 
 
@@ -144,33 +144,33 @@ def commands(controls):
 
 
 def test_a_typed_number_is_taken_as_typed_and_a_slid_one_with_the_digits_that_a_slider_tells_apart(commands, controls):
-    commands.obey("type mass 1.2345678901234567 0")
+    commands.run("type mass 1.2345678901234567 0")
     assert controls.explorer.view.osc.mass == 1.2345678901234567
-    commands.obey("slide mass 1.2345678901234567 1")
+    commands.run("slide mass 1.2345678901234567 1")
     assert controls.explorer.view.osc.mass == 1.235  # a 2000th of 0.1 to 5 kg
-    assert commands.heard == 1
+    assert commands.last == 1
     for end in (0.025, 5.0):  # round numbers or not, the ends can be reached and not passed
-        commands.obey(f"slide omega {end} 2")
+        commands.run(f"slide omega {end} 2")
         assert controls.explorer.view.osc.omega == end
-    commands.obey("type omega 10 3")
+    commands.run("type omega 10 3")
     assert controls.rows()["omega"] == (10.0, 0.025, 10.0)
-    commands.obey("slide omega 9.98005 4")  # beyond its range a slider keeps the room that it has
+    commands.run("slide omega 9.98005 4")  # beyond its range a slider keeps the room that it has
     assert controls.rows()["omega"] == (9.98, 0.025, 10.0)
-    commands.obey("type omega 3 5")
+    commands.run("type omega 3 5")
     assert controls.rows()["omega"] == (3.0, 0.025, 5.0)
 
 
 @pytest.mark.parametrize(
     "text", ["", "nan", "inf", "1e400", "1e300", "-1", "1,5", "1 5", "1_0", "١", "heavy", "9" * 5000]
 )
-def test_what_is_typed_and_no_mass_is_answered_and_put_back(commands, controls, told, text):
-    commands.obey(f"type mass {text} 7")
+def test_what_is_typed_and_no_mass_is_answered_and_put_back(commands, controls, received, text):
+    commands.run(f"type mass {text} 7")
     assert controls.explorer.view == View()
-    (complaint,) = [content for what, content in told if what == "message"]
+    (complaint,) = [content for what, content in received if what == "message"]
     assert re.match("`mass` must (be|have) .*, got ", complaint)
     assert len(complaint) < 300
-    assert told[-1] == ("view", View())
-    assert commands.heard == 7
+    assert received[-1] == ("view", View())
+    assert commands.last == 7
 
 
 @pytest.mark.parametrize("text", [
@@ -179,7 +179,7 @@ def test_what_is_typed_and_no_mass_is_answered_and_put_back(commands, controls, 
     "type mass 2 " + "9" * 5000,
 ])  # fmt: skip
 def test_messages_that_the_page_does_not_send_change_nothing(commands, controls, text):
-    commands.obey(text)
+    commands.run(text)
     assert controls.explorer.view == View()
 
 
@@ -187,7 +187,7 @@ def test_every_key_does_what_the_help_says(commands, controls):
     explorer = controls.explorer
 
     def after(word):
-        commands.obey(f"{word} 1")
+        commands.run(f"{word} 1")
         return explorer.view
 
     assert after("right").osc.omega == pytest.approx(2.0 + (5.0 - 0.025) / 64, abs=1e-3)
@@ -204,5 +204,5 @@ def test_every_key_does_what_the_help_says(commands, controls):
     assert after("home").x_range == (0.025, 5.0)
     assert after("undo").x_range != (0.025, 5.0)
     assert after("redo").x_range == (0.025, 5.0)
-    commands.obey("along 2.5 2")
+    commands.run("along 2.5 2")
     assert explorer.view.osc.mass == 2.5

@@ -35,7 +35,7 @@ def explorer(heard):
     made.close()
 
 
-def told(heard, kind):
+def received(heard, kind):
     return [content for what, content in heard if what == kind]
 
 
@@ -82,11 +82,11 @@ def test_a_click_tells_a_motion_and_leaves_the_plane_alone(explorer, heard):
     explorer.wait(60)
     assert explorer.click(2.0, 1.0)
     explorer.wait(60)
-    other, point = told(heard, "point")
+    other, point = received(heard, "point")
     assert other.osc.omega == 2.1
     assert point.name == "period-1 impact-1"
     assert "largest impact velocity 6.23 m/s once per period" in point.sentence
-    assert not told(heard, "plane")
+    assert not received(heard, "plane")
     assert explorer.plane is plane
 
 
@@ -96,7 +96,7 @@ def test_where_the_point_went_and_its_motion_are_told_together():
     explorer.click(2.1, 1.05)
     assert explorer.wait(20)
     explorer.close()
-    (first, *_) = [told for told in together if told[0][0] == "view"]
+    (first, *_) = [received for received in together if received[0][0] == "view"]
     assert [what for what, _ in first] == ["view", "point"]
     assert first[0][1].osc == first[1][1].osc
 
@@ -109,7 +109,7 @@ def test_what_is_told_last_is_the_view_as_it_is():
         explorer.set(**change)  # while the motion there is computed
         while explorer.point is None:
             time.sleep(0.005)
-        assert told(heard, "view")[-1] == explorer.view
+        assert received(heard, "view")[-1] == explorer.view
     explorer.close()
 
 
@@ -171,7 +171,7 @@ def test_changing_the_index_computes_nothing(explorer, heard):
     heard.clear()
     explorer.set(index="lyapunov")
     explorer.set(index="motion")
-    assert [plane.side for plane in told(heard, "plane")] == [FINEST, FINEST]
+    assert [plane.side for plane in received(heard, "plane")] == [FINEST, FINEST]
     assert (explorer.plane.values["std"] == before).all()
 
 
@@ -182,9 +182,9 @@ def test_a_change_cancels_what_runs(heard):
     time.sleep(0.1)
     begun = time.monotonic()
     explorer.show(SMALL)
-    while not told(heard, "plane") and time.monotonic() - begun < 30.0:
+    while not received(heard, "plane") and time.monotonic() - begun < 30.0:
         time.sleep(0.005)
-    first = told(heard, "plane")[0]
+    first = received(heard, "plane")[0]
     assert first.view.x_range == SMALL.x_range
     explorer.close()
 
@@ -206,8 +206,8 @@ def test_what_is_refused_is_told_and_changes_nothing(explorer, heard):
     assert not explorer.set(index="os.system")
     assert not explorer.click(float("nan"), 1.0)
     assert explorer.view == SMALL
-    assert len(told(heard, "message")) == 5
-    assert all("must be" in message for message in told(heard, "message"))
+    assert len(received(heard, "message")) == 5
+    assert all("must be" in message for message in received(heard, "message"))
 
 
 def test_undo_and_redo_walk_through_views(explorer):
@@ -332,10 +332,10 @@ def test_a_click_does_not_wait_for_planes():
 def test_a_job_that_fails_is_told_and_stops_nothing(explorer, heard):
     explorer.run("bad", lambda: 1 / 0)
     assert explorer.wait(20)
-    assert "could not be computed" in told(heard, "message")[0]
+    assert "could not be computed" in received(heard, "message")[0]
     explorer.click(2.1, 1.0)
     assert explorer.wait(20)
-    assert told(heard, "point")
+    assert received(heard, "point")
 
 
 def test_exports_hold_the_view(explorer, tmp_path):

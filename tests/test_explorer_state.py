@@ -1,4 +1,4 @@
-"""The explorer's view: what it may be, and how it is told in an address."""
+"""The explorer's view: what it may be, and how an address holds it."""
 
 import math
 from dataclasses import fields, replace
@@ -143,7 +143,7 @@ def test_addresses_keep_every_digit(ratio, mass, restitution):
 
 
 @pytest.mark.parametrize(
-    ("query", "told"),
+    ("query", "part"),
     [
         ("w=fast", "`w`"),
         ("w=nan", "`omega`"),
@@ -185,10 +185,10 @@ def test_addresses_keep_every_digit(ratio, mass, restitution):
         ("w=<script>alert(1)</script>", "`w`"),
     ],
 )
-def test_hostile_addresses_are_refused_in_words(query, told):
+def test_hostile_addresses_are_refused_in_words(query, part):
     with pytest.raises(ValueError, match=r"must|choose from") as refusal:
         from_query(query)
-    assert told in str(refusal.value)
+    assert part in str(refusal.value)
     assert len(str(refusal.value)) < 500
 
 

@@ -49,7 +49,7 @@ def no_rest(monkeypatch):
     monkeypatch.setattr(session, "LINE_DELAY", 0.0)
 
 
-def told(heard, kind):
+def received(heard, kind):
     return [content for what, content in heard if what == kind]
 
 
@@ -61,7 +61,7 @@ def until(condition, seconds=20.0):
 
 
 class Endless:
-    """Stands for a search that only stops when it is told to."""
+    """Stands for a search that only stops when it is received to."""
 
     def __init__(self, monkeypatch, name):
         self.begun, self.stopped, self.oscillators = threading.Event(), threading.Event(), []
@@ -87,7 +87,7 @@ def test_the_search_for_coexisting_motions_stops_when_the_point_moves(explorer, 
     heard.clear()
     change(explorer)
     assert search.stopped.wait(10.0)
-    assert not any(told(heard, "others"))
+    assert not any(received(heard, "others"))
 
 
 def test_the_search_for_coexisting_motions_goes_on_when_only_colours_change(explorer, monkeypatch, no_rest):
@@ -108,29 +108,29 @@ def test_the_search_for_boundaries_stops_when_the_plane_changes(explorer, heard,
     heard.clear()
     change(explorer)
     assert search.stopped.wait(10.0)
-    assert not any(told(heard, "curves"))
+    assert not any(received(heard, "curves"))
 
 
 def test_boundaries_that_are_cut_short_say_so(explorer, heard, monkeypatch, no_rest):
     monkeypatch.setattr(around, "SEARCH_SECONDS", 0.0)
     explorer.set(boundaries=True)
-    until(lambda: told(heard, "message"))
-    assert told(heard, "message") == ["boundaries incomplete: stopped after 0 s"]
+    until(lambda: received(heard, "message"))
+    assert received(heard, "message") == ["boundaries incomplete: stopped after 0 s"]
 
 
 def test_coexisting_motions_that_are_cut_short_say_so(explorer, heard, monkeypatch, no_rest):
     monkeypatch.setattr(around, "SEARCH_SECONDS", 0.0)
     explorer.click(2.8, 1.0)
-    until(lambda: told(heard, "message"))
-    assert told(heard, "message") == ["coexisting motions incomplete: stopped after 0 s"]
+    until(lambda: received(heard, "message"))
+    assert received(heard, "message") == ["coexisting motions incomplete: stopped after 0 s"]
 
 
 def test_a_diagram_that_is_cut_short_says_so(explorer, heard, monkeypatch, no_rest):
     monkeypatch.setattr(around, "LINE_SECONDS", 0.0)
     monkeypatch.setattr(around, "PART", 40)
     explorer.click(2.0, 1.05)
-    until(lambda: told(heard, "message"))
-    assert told(heard, "message") == ["diagram incomplete: stopped after 0 s"]
+    until(lambda: received(heard, "message"))
+    assert received(heard, "message") == ["diagram incomplete: stopped after 0 s"]
     assert explorer.line.values.max() < 1.9
 
 
@@ -153,33 +153,35 @@ def test_what_is_not_wanted_is_not_returned():
 
 
 def test_the_search_for_attractors_stops_where_it_is_told_to():
-    asked = []
-    vi.attractors(ImpactOscillator(omega=2.8), workers=1, progress=lambda *told: asked.append(told))
-    assert len(asked) > 3
-    assert {(total, len(status)) for _, total, status in asked} == {(256, 256)}
+    calls = []
+    vi.attractors(ImpactOscillator(omega=2.8), workers=1, progress=lambda *received: calls.append(received))
+    assert len(calls) > 3
+    assert {(total, len(status)) for _, total, status in calls} == {(256, 256)}
     few = []
-    vi.attractors(ImpactOscillator(omega=2.8), workers=1, progress=lambda *told: few.append(told) or len(few) < 2)
+    vi.attractors(
+        ImpactOscillator(omega=2.8), workers=1, progress=lambda *received: few.append(received) or len(few) < 2
+    )
     assert len(few) == 2
 
 
 def test_a_slow_boundary_is_asked_between_its_points_whether_to_go_on():
     osc = ImpactOscillator(omega=0.5)
     plane = ("omega", "restitution"), ((0.3, 0.4), (0.7, 0.9))
-    asked = []
+    calls = []
     vi.boundary_curves(osc, *plane, n_periods=[1], kinds=["end_of_sticking"], lines=2,
-                       progress=lambda done, total, curves: asked.append(done))  # fmt: skip
-    assert len(asked) > 20 * asked[-1]
+                       progress=lambda done, total, curves: calls.append(done))  # fmt: skip
+    assert len(calls) > 20 * calls[-1]
     few = []
     vi.boundary_curves(osc, *plane, n_periods=[1], kinds=["end_of_sticking"], lines=2,
                        progress=lambda done, total, curves: few.append(done) or len(few) < 50)  # fmt: skip
-    assert few == asked[:50]
+    assert few == calls[:50]
 
 
 def test_a_plane_that_takes_too_long_is_given_up_and_told_of_once(explorer, heard, monkeypatch):
     monkeypatch.setattr(work, "PLANE_SECONDS", 0.0)
     explorer.start()
     assert explorer.wait(20)
-    messages = told(heard, "message")
+    messages = received(heard, "message")
     assert len(messages) == 1
     assert "takes more than 0 s; zoom in" in messages[0]
     assert explorer.plane is None
@@ -192,7 +194,7 @@ def test_a_plane_that_cannot_be_computed_is_told_of_once(explorer, heard, monkey
     monkeypatch.setattr(vi, "parameter_map", fault)
     explorer.zoom((1.9, 2.1), (0.9, 1.0))
     assert explorer.wait(20)
-    assert [message for message in told(heard, "message") if "plane" in message] == [
+    assert [message for message in received(heard, "message") if "plane" in message] == [
         "The plane could not be computed; change the view, and please report how to reproduce this."
     ]
 
@@ -205,12 +207,12 @@ def test_what_was_computed_for_one_plane_is_never_shown_as_another(explorer, hea
     heard.clear()
     assert explorer.zoom((1.9, 2.0), (1.0, 1.1))
     assert explorer.set(index="motion")
-    assert not told(heard, "plane")
+    assert not received(heard, "plane")
     with pytest.raises(ValueError, match="still being computed"):
         export("nc", explorer)
     gate.set()
     assert explorer.wait(60)
-    assert {(plane.view.x_range, plane.view.index) for plane in told(heard, "plane")} == {((1.9, 2.0), "motion")}
+    assert {(plane.view.x_range, plane.view.index) for plane in received(heard, "plane")} == {((1.9, 2.0), "motion")}
 
 
 def test_a_search_holds_up_neither_planes_nor_clicks(pool):
@@ -228,11 +230,11 @@ def test_pages_share_one_pool_and_all_get_what_they_asked_for(pool):
     pages = [Explorer(replace(SMALL, x_range=(1.8 + 0.01 * i, 2.2)), pool, heard[i].extend) for i in range(6)]
     for page in pages:
         page.start()
-    until(lambda: all(told(words, "point") for words in heard))
-    until(lambda: all(told(words, "plane") for words in heard), 60.0)
+    until(lambda: all(received(words, "point") for words in heard))
+    until(lambda: all(received(words, "plane") for words in heard), 60.0)
     # none is whole before all have their first picture
-    assert all(plane.side < FINEST for words in heard for plane in told(words, "plane")[:1])
-    assert not any(told(words, "message") for words in heard)
+    assert all(plane.side < FINEST for words in heard for plane in received(words, "plane")[:1])
+    assert not any(received(words, "message") for words in heard)
     for page in pages:
         page.close()
 
@@ -244,8 +246,8 @@ def test_a_page_that_asks_for_much_does_not_hold_up_one_that_asks_for_little(poo
     heavy.start()
     time.sleep(0.05)
     light.start()
-    until(lambda: told(heard[1], "plane"), 60.0)
-    assert FINEST not in {plane.side for plane in told(heard[0], "plane")}
+    until(lambda: received(heard[1], "plane"), 60.0)
+    assert FINEST not in {plane.side for plane in received(heard[0], "plane")}
     heavy.close()
     light.close()
 
@@ -282,11 +284,11 @@ def test_a_budget_is_at_least_what_fast_driving_needs():
 @pytest.mark.skipif(sys.platform != "linux", reason="only on Linux has a thread a niceness of its own")
 def test_what_may_wait_leaves_the_processor_to_clicks():
     pool = Pool(workers=1)
-    told = queue.SimpleQueue()
+    received = queue.SimpleQueue()
     waiting = threading.Barrier(2)
 
     def tell(name):
-        told.put((name, os.getpriority(os.PRIO_PROCESS, threading.get_native_id())))
+        received.put((name, os.getpriority(os.PRIO_PROCESS, threading.get_native_id())))
 
     def hold():
         tell("plane")
@@ -297,7 +299,7 @@ def test_what_may_wait_leaves_the_processor_to_clicks():
         time.sleep(0.01)
     pool.submit("page", Urgency.CLICK, lambda: (tell("click"), waiting.wait(10)))
     ours = os.getpriority(os.PRIO_PROCESS, 0)
-    seen = dict(told.get(timeout=10) for _ in range(2))
+    seen = dict(received.get(timeout=10) for _ in range(2))
     assert seen["click"] == ours
     assert seen["plane"] > ours
     pool.close()

@@ -6,13 +6,13 @@ from collections.abc import Iterable
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
-from vibroimpact.explorer.state import MODEL, NAMES, PARAMETERS, View, no_number
+from vibroimpact.explorer.state import MODEL, NAMES, TABLE, View, no_number
 from vibroimpact.oscillator import State
 from vibroimpact.parameters import invalid, unknown
 
 LONGEST = 2000  # characters
 MOST = 40  # entries
-SYMBOLS = {PARAMETERS[name].symbol: name for name in NAMES}
+SYMBOLS = {TABLE[name].symbol: name for name in NAMES}
 FLAGS = {"log": "log", "b": "boundaries"}
 KEYS = (*SYMBOLS, "x", "y", "index", *FLAGS, "line", "n", "from", "start", "case", "pin")
 
@@ -28,7 +28,7 @@ def to_query(view: View) -> str:
     """
     pairs = [(symbol, _number(getattr(view.osc, name))) for symbol, name in SYMBOLS.items()]
     for axis in ("x", "y"):
-        symbol, ends = PARAMETERS[getattr(view, axis)].symbol, getattr(view, f"{axis}_range")
+        symbol, ends = TABLE[getattr(view, axis)].symbol, getattr(view, f"{axis}_range")
         pairs.append((axis, f"{symbol},{_numbers(ends)}"))
     pairs.append(("index", view.index))
     pairs += [(key, "1") for key, name in FLAGS.items() if getattr(view, name)]

@@ -234,7 +234,7 @@ def _index_options() -> list[tuple[str, str]]:
 
 
 class Commands:
-    """Runs the commands of the page's script: a word, its arguments, and the message's serial number.
+    """Runs the commands of the page's script: a name, its arguments, and the message's serial number.
 
     Parameters
     ----------
@@ -245,7 +245,7 @@ class Commands:
     """
 
     def __init__(self, explorer: Explorer, controls: Controls) -> None:
-        self.heard = -1  # the serial number of the last message
+        self.last = -1  # the serial number of the last message
         self._explorer, self._controls = explorer, controls
         self._simple: dict[str, Callable[[], Any]] = {
             "undo": explorer.undo,
@@ -271,17 +271,17 @@ class Commands:
         }
         self._named: dict[str, Callable[[str, str], Any]] = {"slide": self._slide, "type": explorer.set_parameter}
 
-    def obey(self, text: str) -> None:
+    def run(self, text: str) -> None:
         """Do what a message says; one that the page's own script does not send is ignored."""
-        word, *about, serial = text.split(" ") if " " in text else (text, "-1")
+        command, *arguments, serial = text.split(" ") if " " in text else (text, "-1")
         with contextlib.suppress(ValueError, TypeError):
-            self.heard = int(serial)
-            if word in self._simple:
-                self._simple[word]()
-            elif word in self._placed:
-                self._placed[word](*map(float, about))
-            elif word in self._named and about[:1] and about[0] in NAMES:
-                self._named[word](about[0], " ".join(about[1:]))
+            self.last = int(serial)
+            if command in self._simple:
+                self._simple[command]()
+            elif command in self._placed:
+                self._placed[command](*map(float, arguments))
+            elif command in self._named and arguments[:1] and arguments[0] in NAMES:
+                self._named[command](arguments[0], " ".join(arguments[1:]))
 
     def _slide(self, name: str, text: str) -> None:
         """Take a slider's place, with no more digits than its steps distinguish."""

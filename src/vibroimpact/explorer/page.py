@@ -25,7 +25,7 @@ from vibroimpact.explorer.work import Pool
 if TYPE_CHECKING:
     from bokeh.document import Document
 
-RESENT = 8  # letters that are sent again, for a browser that had not connected when they came
+RESENT = 8  # messages that are sent again, for a browser that had not connected when they came
 
 
 class Page:
@@ -38,7 +38,7 @@ class Page:
     """
 
     def __init__(self, pool: Pool) -> None:
-        self.explorer = Explorer(View(), pool, self._hear)
+        self.explorer = Explorer(View(), pool, self._receive)
         self._inbox: list[Message] = []
         self._lock = threading.Lock()
         self._serial = count()
@@ -48,7 +48,7 @@ class Page:
         self.commands = Commands(self.explorer, self.controls)
         self.mail = TextInput(value="", name="mail")
         self.command = TextInput(value="", name="command")
-        self.command.on_change("value", lambda attr, old, new: self.commands.obey(new))
+        self.command.on_change("value", lambda attr, old, new: self.commands.run(new))
         self.view = Update("view")
         self._show: dict[str, Callable[[Any], None]] = {
             "view": self._show_view,
@@ -93,15 +93,15 @@ class Page:
 
         def job() -> None:
             try:
-                self._hear([("file", export(kind, self.explorer))])
+                self._receive([("file", export(kind, self.explorer))])
             except (ValueError, OSError) as error:
-                self._hear([("message", str(error))])
+                self._receive([("message", str(error))])
 
         self.explorer.run("export", job)
 
     # ---- what the session answers
 
-    def _hear(self, messages: list[Message]) -> None:
+    def _receive(self, messages: list[Message]) -> None:
         """Take messages from any thread; the page shows them in its own."""
         with self._lock:
             first = not self._inbox
@@ -119,18 +119,20 @@ class Page:
         self._apply([message for number, message in enumerate(messages) if latest[message[0]] == number])
 
     def _apply(self, messages: list[Message]) -> None:
-        letters: list[dict[str, Any]] = []
-        for what, content in sorted(messages, key=lambda one: one[0] != "point"):  # the motion first: eyes wait for it
+        items: list[dict[str, Any]] = []
+        for what, content in sorted(
+            messages, key=lambda one: one[0] != "point"
+        ):  # the motion first: people wait for it
             if what == "message":
-                letters.append({"message": content})
+                items.append({"message": content})
             elif what == "file":
                 encoded = base64.b64encode(content.content).decode()
-                letters.append({"file": {"name": content.name, "type": content.type, "base64": encoded}})
+                items.append({"file": {"name": content.name, "type": content.type, "base64": encoded}})
             else:
                 self._show[what](content)
-        if letters:
-            sent = [letter for letter in self._sent if "file" not in letter][-RESENT:]
-            self._sent = [*sent, *({"serial": next(self._serial), **letter} for letter in letters)]
+        if items:
+            sent = [item for item in self._sent if "file" not in item][-RESENT:]
+            self._sent = [*sent, *({"serial": next(self._serial), **item} for item in items)]
             self.mail.value = json.dumps(self._sent)
 
     def _show_view(self, view: View) -> None:
@@ -138,7 +140,7 @@ class Page:
         self.line.show_view(view, self.view)
         self.view.add("address", query=to_query(view))
         self.controls.show_view(view)
-        self.view.add("rows", heard=self.commands.heard, values=self.controls.rows())
+        self.view.add("rows", heard=self.commands.last, values=self.controls.rows())
         self.view.send()
 
     def _show_others(self, others: Any) -> None:

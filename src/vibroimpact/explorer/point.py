@@ -61,7 +61,7 @@ def compute_point(view: View, osc: ImpactOscillator | None = None) -> Point:
     """
     start = view.start if osc is None else None
     osc = osc or view.osc
-    cell = compute_cells(osc, view.samples, stiffness(osc), {"omega": [osc.omega]}, start)
+    cell = compute_cells(osc, view.samples, stiffness(osc), {view.x: [getattr(osc, view.x)]}, start)
     indices = {name: float(cell[name].values[0]) for name in INDICES}
     status = Status(int(cell["status"].values[0]))
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
@@ -111,7 +111,7 @@ class _Part:
 
 
 def _part(orbit: xr.Dataset, begin: float, end: float, shift: float = 0.0) -> _Part:
-    """Return the part of an orbit between two times, told in times that are earlier by `shift`."""
+    """Return the part of an orbit between two times, its times made earlier by `shift`."""
     time, hit_time, hit_speed = (orbit[name].values for name in ("time", "impact_time", "impact_velocity"))
     within = (time >= begin) & (time <= end)
     hit = (hit_time >= begin) & (hit_time <= end)
@@ -210,25 +210,25 @@ class Motions:
 def sentence(osc: ImpactOscillator, kind: MotionClass, status: Status, indices: dict[str, float]) -> str:
     """Return the motion in a sentence."""
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
-    name, hardest = motion_name(kind, n, p), f"largest impact velocity {indices['max_velocity']:.3g} m/s"
+    name, peak = motion_name(kind, n, p), f"largest impact velocity {indices['max_velocity']:.3g} m/s"
     often = "once per period" if n <= 1 else f"once in {n} periods"
     if kind == MotionClass.PERIODIC:
         growth = indices["lyapunov"] * osc.period
         decays = f"; perturbations halve in {_periods(-math.log(2.0) / growth)}" if -1e3 < growth < 0.0 else ""
-        return f"{name}, stable, {hardest} {often}{decays}."
+        return f"{name}, stable, {peak} {often}{decays}."
     if kind == MotionClass.STICKING and not n:
-        return f"{name}, {hardest}; its period is not resolved in double precision."
+        return f"{name}, {peak}; its period is not resolved in double precision."
     if kind == MotionClass.STICKING:
         rest = 100.0 * indices["stick_fraction"]
-        return f"{name}, stable, {hardest} {often}; at rest at the stop {rest:.3g} % of the time."
+        return f"{name}, stable, {peak} {often}; at rest at the stop {rest:.3g} % of the time."
     if kind == MotionClass.CHAOTIC:
         doubling = math.log(2.0) / (indices["lyapunov"] * osc.period)
-        return f"{name}, {hardest}; perturbations double in {_periods(doubling)}."
+        return f"{name}, {peak}; perturbations double in {_periods(doubling)}."
     if kind.stored == MotionClass.NO_IMPACT:
         reach = osc.steady_amplitude
         free = f" The amplitude is {reach:.3g} m, the gap {osc.gap:.3g} m." if reach < osc.gap else ""
         return f"{status.sentence[0].upper()}{status.sentence[1:].split(';')[0]}.{free}"
-    known = f", {hardest}" if math.isfinite(indices["max_velocity"]) else ""
+    known = f", {peak}" if math.isfinite(indices["max_velocity"]) else ""
     reason = "no cycle was found, and chaos is not certain" if status.has_indices else status.sentence.split(";")[0]
     return f"Undecided{known}: {reason}; sample more impacts."
 

@@ -19,8 +19,8 @@ from vibroimpact.parameters import invalid, real_number
 Range = tuple[float, float]
 
 MODEL = ImpactOscillator
-PARAMETERS = {name: parameter for name, parameter in MODEL.parameters.items() if not parameter.replaces}
-NAMES = tuple(PARAMETERS)
+TABLE = {name: parameter for name, parameter in MODEL.parameters.items() if not parameter.replaces}
+NAMES = tuple(TABLE)
 MOTION = "motion"  # the index that is a name
 SHOWN = (MOTION, *INDICES)
 SAMPLES = (200, 500, 1000, 2000, 5000)
@@ -332,7 +332,7 @@ def _some_range(ends: Any) -> bool:
 
 def parameter_value(name: str, value: Any) -> float:
     """Return a parameter as a float within its range."""
-    return PARAMETERS[name].check(value)
+    return TABLE[name].check(value)
 
 
 def typed_number(name: str, value: Any) -> float:
@@ -358,21 +358,21 @@ def rounded(value: Any, ends: Range) -> float:
 def allowed_range(name: str, ends: Range) -> Range:
     """Return a slider's range without a zero that the parameter may not have."""
     low, high = ends
-    parameter = PARAMETERS[name]
+    parameter = TABLE[name]
     return (high / 500.0 if low <= parameter.low and not parameter.closed else low), high
 
 
 def symbol(name: str) -> str:
     """Return a parameter's symbol, as ω."""
-    return GREEK.get(PARAMETERS[name].symbol, PARAMETERS[name].symbol)
+    return GREEK.get(TABLE[name].symbol, TABLE[name].symbol)
 
 
 def unit(name: str) -> str:
     """Return a parameter's unit; "" where it has none."""
-    return "" if PARAMETERS[name].unit == "1" else PARAMETERS[name].unit
+    return "" if TABLE[name].unit == "1" else TABLE[name].unit
 
 
 def parameter_label(name: str, units: bool = True) -> str:
     """Return 'driving frequency ω [rad/s]'."""
-    label = f"{LABELS.get(name, PARAMETERS[name].long_name)} {symbol(name)}"
+    label = f"{LABELS.get(name, TABLE[name].long_name)} {symbol(name)}"
     return f"{label} [{unit(name)}]" if units and unit(name) else label
