@@ -17,6 +17,10 @@ _TABLE = (
     Parameter("mass", "mass", "kg", "m", 0.0, closed=False, hint="give the moving mass in kg"),
     Parameter("damping", "damping", "N s/m", "c", 0.0, hint="a damper takes energy out; use 0 for none"),
     Parameter(
+        "damping_ratio", "damping ratio", "1", "zeta", 0.0, replaces="damping",
+        hint="it is c / (2 sqrt(k m)), 0.01 for 1 % of critical damping",
+    ),
+    Parameter(
         "stiffness", "stiffness", "N/m", "k", 0.0, closed=False,
         hint="give the spring constant in N/m; without a spring there is no rest position",
     ),
@@ -29,18 +33,14 @@ _TABLE = (
         hint="give the angular driving frequency in rad/s, or `frequency` in Hz",
     ),
     Parameter(
-        "restitution", "coefficient of restitution", "1", "r", 0.0, 1.0,
-        hint="it is the speed after an impact over the speed before it",
-    ),
-    Parameter("gap", "gap", "m", "g", hint="give the clearance in m; negative means preloaded against the stop"),
-    Parameter(
         "frequency", "driving frequency", "Hz", "w/2pi", 0.0, closed=False, replaces="omega",
         hint="give the driving frequency in Hz, or `omega` in rad/s",
     ),
     Parameter(
-        "damping_ratio", "damping ratio", "1", "zeta", 0.0, replaces="damping",
-        hint="it is c / (2 sqrt(k m)), 0.01 for 1 % of critical damping",
+        "restitution", "coefficient of restitution", "1", "r", 0.0, 1.0,
+        hint="it is the speed after an impact over the speed before it",
     ),
+    Parameter("gap", "gap", "m", "g", hint="give the clearance in m; negative means preloaded against the stop"),
 )  # fmt: skip
 PARAMETERS = tuple(parameter.name for parameter in _TABLE if parameter.replaces is None)
 
