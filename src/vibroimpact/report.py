@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -12,22 +12,14 @@ import numpy as np
 
 from vibroimpact.bundles import unbundle
 from vibroimpact.classes import NEEDED, classify
-from vibroimpact.dataset import VARIABLES, oscillator_of
+from vibroimpact.dataset import oscillator_of
 from vibroimpact.indices import INDICES, ROUNDING, spread_scale, told_spread
-from vibroimpact.motion import (
-    CERTAIN_GROWTH,
-    MotionClass,
-    cycle_length,
-    cycle_name,
-    motion_name,
-    recognise,
-    recurrence,
-)
-from vibroimpact.oscillator import PARAMETERS
+from vibroimpact.motion import MotionClass, cycle_length, cycle_name, decide, motion_name, recognise, recurrence
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
+    from numpy.typing import NDArray
 
 MOTIONS = 8  # listed of a map, at most
 INTERVALS = 12  # listed of a diagram, at most
@@ -86,9 +78,8 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def quantity(name: str, value: float, digits: int = 12) -> str:
-    """Return a value of a named variable with its unit."""
-    units = VARIABLES[name][1]
+def quantity(value: float, units: str, digits: int = 12) -> str:
+    """Return a value with its unit."""
     return f"{value:.{digits}g}" + ("" if units == "1" else f" {units}")
 
 
@@ -150,8 +141,9 @@ def _spaced(word: str) -> str:
 
 
 def _map(dataset: xr.Dataset) -> Iterator[str]:
-    axes = [str(dim) for dim in dataset["status"].dims]
-    shape = " x ".join(str(dataset.sizes[axis]) for axis in axes)
+    dims = [str(dim) for dim in dataset["status"].dims]
+    axes = [str(name) for dim in dims for name, axis in dataset.coords.items() if axis.dims == (dim,)]
+    shape = " x ".join(str(dataset.sizes[dim]) for dim in dims)
     cells = "cell" if dataset["status"].size == 1 else "cells"
     yield f"{shape} {cells}: " + "; ".join(axis_range(dataset, axis) for axis in axes)
     for name in (name for name in INDICES if name in dataset):
@@ -224,55 +216,46 @@ def _sample_range(samples: xr.DataArray, axis: str) -> Iterator[str]:
         return
     hardest = float(samples.max())
     if float(samples.min()) < CHATTER * hardest:
-        yield f"{head} up to {quantity('velocity', hardest, 4)}"
+        yield f"{head} up to {quantity(hardest, 'm/s', 4)}"
     else:
         yield f"{head} {span(samples)}"
     column = int(np.nanargmax(samples.transpose(axis, "impact").values)) // samples.sizes["impact"]
-    value = quantity(axis, float(samples[axis][column]), 4)
-    yield f"hardest impact {quantity('velocity', hardest, 4)} at {axis} {value}"
+    value = quantity(float(samples[axis][column]), samples[axis].attrs["units"], 4)
+    yield f"hardest impact {quantity(hardest, 'm/s', 4)} at {axis} {value}"
 
 
 def _motion_at(row: xr.Dataset, axis: str) -> str:
-    """Return the motion at one value of a diagram's axis."""
+    """Return the motion at one value of a diagram's axis, from its indices and samples."""
     status, count = Status(int(row["status"])), int(row["count"])
     if not status.has_indices:
         return _spaced(status.word)
-    if cycle := _cycle(row):
-        return cycle
     kept = {name: row[name].values[:count] for name in ("displacement", "velocity", "phase") if name in row}
+    n, p = (int(row[name]) if name in row else 0 for name in ("n_periods", "n_impacts"))
+    kind = MotionClass(int(decide(status, _growth(row, axis, kept), n, p)))
+    if kind in (MotionClass.PERIODIC, MotionClass.STICKING):
+        return motion_name(kind, n, p)
     if "phase" not in kept:
-        n = recurrence(kept["displacement"], kept["velocity"])
-        return f"period-{n}" if n else "chaotic" if _diverges(row, axis, count) else "aperiodic"
-    if status == Status.STICKING:
+        if n := recurrence(kept["displacement"], kept["velocity"]):
+            return f"period-{n}"
+    elif status == Status.STICKING:
         return "sticking"
-    if p := cycle_length(kept["velocity"], kept["phase"]):
+    elif p := cycle_length(kept["velocity"], kept["phase"]):
         return f"{counted(p, 'impact')} per cycle"
-    if status == Status.SHORT_WINDOW:
+    elif status == Status.SHORT_WINDOW:
         return "sample too short to classify"
+    return "chaotic" if kind == MotionClass.CHAOTIC else "aperiodic"
+
+
+def _growth(row: xr.Dataset, axis: str, kept: Mapping[str, NDArray[np.float64]]) -> float:
+    """Return ln of the growth of perturbations over the sample; NaN where no index gives it."""
+    if "lyapunov_per_impact" in row and "phase" in kept:
+        return float(row["lyapunov_per_impact"]) * int(row["count"])
+    osc = oscillator_of(row)
+    if "lyapunov" not in row or axis not in osc.parameters:
+        return math.nan
     # A phase that falls from one impact to the next shows that a driving period began between them.
-    begun = int((np.diff(kept["phase"]) < 0.0).sum())
-    return "chaotic" if _diverges(row, axis, begun) else "aperiodic"
-
-
-def _cycle(row: xr.Dataset) -> str:
-    """Return the name of the cycle that the indices give, if any."""
-    if not {"n_periods", "n_impacts"} <= set(map(str, row.data_vars)):
-        return ""
-    n, p = int(row["n_periods"]), int(row["n_impacts"])
-    if not (n and p) and p >= 0:
-        return ""
-    rests = p < 0 or any(name in row and math.isinf(float(row[name])) for name in ("lyapunov", "lyapunov_per_impact"))
-    return cycle_name(n, p, rests)
-
-
-def _diverges(row: xr.Dataset, axis: str, periods: int) -> bool:
-    """Return whether perturbations certainly grow, by the rule of `classify`, over the sample or that many periods."""
-    if "lyapunov_per_impact" in row and "phase" in row:
-        return float(row["lyapunov_per_impact"]) * int(row["count"]) > CERTAIN_GROWTH
-    if "lyapunov" not in row:
-        return False
-    period = oscillator_of(row).replace(**{axis: float(row[axis])}).period
-    return float(row["lyapunov"]) * period * periods > CERTAIN_GROWTH
+    periods = int((np.diff(kept["phase"]) < 0.0).sum()) if "phase" in kept else int(row["count"])
+    return float(row["lyapunov"]) * osc.replace(**{axis: float(row[axis])}).period * periods
 
 
 # Orbits, branches and boundaries
@@ -336,7 +319,7 @@ def _branches(dataset: xr.Dataset) -> Iterator[str]:
             kind = _spaced(kinds[int(point["special_kind"])])
             touch = float(point["special_touch_phase"])
             at_phase = f", touches the stop at phase {touch:.6g}" if math.isfinite(touch) else ""
-            value = quantity(parameter, float(point["special_value"]))
+            value = quantity(float(point["special_value"]), point["special_value"].attrs["units"])
             yield f"  {kind} at {parameter} = {value}, hits at {hits} m/s{at_phase}"
 
 
@@ -394,13 +377,14 @@ def _basins(dataset: xr.Dataset) -> Iterator[str]:
 def _comparison(dataset: xr.Dataset) -> Iterator[str]:
     names = [str(name) for name in dataset["design"].values]
     yield f"{names[0]} and {names[1]}: {' and '.join(map(str, dataset['motion'].values))}"
-    for name in (*PARAMETERS, *INDICES):
+    for name in (name for name in (*oscillator_of(dataset).parameters, *INDICES) if name in dataset):
         scales = [spread_scale(name, float(speed)) for speed in dataset["max_velocity"].values]
         first, second = map(told_spread, dataset[name].values.tolist(), scales)
-        yield f"  {dataset[name].attrs['long_name']}: {quantity(name, first, 6)} and {quantity(name, second, 6)}"
+        units = dataset[name].attrs["units"]
+        yield f"  {dataset[name].attrs['long_name']}: {quantity(first, units, 6)} and {quantity(second, units, 6)}"
         if name == "omega":
             first, second = first / (2.0 * math.pi), second / (2.0 * math.pi)
-            yield f"  driving frequency: {quantity('frequency', first, 6)} and {quantity('frequency', second, 6)}"
+            yield f"  driving frequency: {quantity(first, 'Hz', 6)} and {quantity(second, 'Hz', 6)}"
 
 
 _WRITERS: dict[str, Callable[[xr.Dataset], Iterator[str]]] = {

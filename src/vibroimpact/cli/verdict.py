@@ -31,7 +31,7 @@ def describe(options: Options) -> None:
 
     with Meter("verdict") as meter, refusing():
         verdict = vibroimpact.describe(
-            study.model.at(), progress=meter, **_search(study, options), **study.arguments("describe")
+            study.model, progress=meter, **_search(study, options), **study.arguments("describe")
         )
     typer.echo(output.as_json(verdict.to_dict()) if options["json"] else str(verdict))
     if not verdict.complete:
@@ -61,8 +61,8 @@ def compare(options: Options) -> None:
     chosen = second.arguments("compare") | first.arguments("compare")
     with Meter("comparison") as meter, refusing():
         comparison = vibroimpact.compare(
-            first.model.at(),
-            second.model.at(),
+            first.model,
+            second.model,
             names=_names(*files),
             progress=meter,
             **_search(first, options),
@@ -84,7 +84,7 @@ def _search(study: Study, options: Options) -> dict[str, Any]:
     """Return which parameters a verdict varies, and how far."""
     chosen = options.numbers("within")
     if options["vary"] is not None:
-        chosen["parameters"] = [name_of(study.model.at(), name.strip()) for name in options["vary"].split(",")]
+        chosen["parameters"] = [name_of(study.model, name.strip()) for name in options["vary"].split(",")]
     return chosen
 
 

@@ -1,0 +1,89 @@
+"""A model of one's own on the command line: its parameters are what -p and the axes take."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+import vibroimpact as vi
+
+TUBE = """
+import math
+import vibroimpact as vi
+
+@vi.family(units={"rpm": "1/min"})
+def shaker(unbalance=0.002, rpm=1500.0, clearance_mm=0.5):
+    omega = rpm * 2 * math.pi / 60
+    force, gap = unbalance * omega**2, clearance_mm / 1e3
+    return vi.ImpactOscillator(mass=1.0, stiffness=2e4, damping_ratio=0.02, amplitude=force, omega=omega, gap=gap)
+
+heavy = vi.ImpactOscillator(mass=2.0)
+plain = 3
+"""
+MODEL = "--model tube.py:shaker"
+
+
+@pytest.fixture(autouse=True)
+def tube(tmp_path):
+    (tmp_path / "tube.py").write_text(TUBE)
+
+
+def test_a_family_takes_its_own_parameters_and_axes(run, tmp_path):
+    command = f"map {MODEL} -p unbalance=0.001 --x rpm=1200:1500:4 --y clearance_mm=0.1:0.5:3 --sample-impacts 50"
+    assert run(f"{command} --out map.zarr")[0] == 0
+    stored = vi.load(tmp_path / "map.zarr")
+    assert stored["std"].dims == ("rpm", "clearance_mm")
+    assert stored["rpm"].attrs["units"] == "1/min"
+    assert run("plot map.zarr")[1][0] == "4 x 3 cells: rpm 1200 to 1500 1/min; clearance mm 0.1 to 0.5"
+    assert "over rpm 1200 to 1500 in 4 and clearance_mm" in run("info map.zarr")[1][0]
+
+
+@pytest.mark.parametrize(
+    ("command", "line"),
+    [
+        ("section -p rpm=1700 --sample-impacts 50", "period-1 impact-1"),
+        ("simulate --periods 3", "3 driving periods of 0.04 s"),
+        ("diagram --x rpm=1600:1700:2 --sample-impacts 50", "hardest impact .* at rpm .* 1/min"),
+        ("orbit -p rpm=1700", "1. period-1 impact-1, stable"),
+        ("continue -p rpm=1700 --x rpm=1690:1710 --step 0.1", "stable for rpm 1690 to 1710"),
+        ("basins -p rpm=1700 --x phase=0:1:3 --y velocity=0:1:2 --sample-impacts 50", "period-1 impact-1"),
+    ],
+)
+def test_a_command_computes_a_family(run, command, line):
+    code, told, complaints = run(f"{command} {MODEL}")
+    assert code == 0, complaints
+    assert any(re.search(line, entry) for entry in told), told
+
+
+def test_an_oscillator_in_a_file_is_a_model_with_its_values_for_defaults(run):
+    assert (
+        run("section --model tube.py:heavy --sample-impacts 50")[1][:2]
+        == run("section -p m=2 --sample-impacts 50")[1][:2]
+    )
+
+
+def test_a_study_file_may_name_the_model(run, tmp_path):
+    (tmp_path / "study.toml").write_text(
+        'model = "tube.py:shaker"\n[oscillator]\nrpm = 1700\n[sampling]\nsample_impacts = 50\n'
+    )
+    assert run("section study.toml")[1][0] == run(f"section {MODEL} -p rpm=1700 --sample-impacts 50")[1][0]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("--model tube.py:shaker -p omega=2", "unknown parameter 'omega'; choose from unbalance, rpm, clearance_mm"),
+        ("--model tube.py:shaker -p rpm=fast", "`rpm` must be a finite number, got 'fast'"),
+        ("--model tube.py:none", "unknown model 'none'; choose from shaker, heavy"),
+        ("--model tube.py:plain", "unknown model 'plain'; choose from shaker, heavy"),
+        ("--model tube.py", "`model` must be FILE.py:NAME such as tube.py:shaker, got 'tube.py'"),
+        ("--model none.py:shaker", "there is no file 'none.py'"),
+        ("--model broken.py:shaker", "`model` 'broken.py:shaker' cannot be loaded; ZeroDivisionError"),
+    ],
+)
+def test_a_wrong_model_is_refused_in_one_line(run, tmp_path, given, words):
+    (tmp_path / "broken.py").write_text("1 / 0")
+    code, told, complaints = run(f"section {given}")
+    assert (code, told, len(complaints)) == (2, [], 1)
+    assert words in complaints[0]
