@@ -87,7 +87,7 @@ def test_undamped_resonance_leaves_the_limit_velocity():
     [
         ({"damping": 0.0, "omega": 0.5}, 1, "whole number of free periods"),
         ({"damping": 0.0, "omega": 2.0}, 2, "2 driving periods are a whole number of free periods"),
-        ({"damping": 0.0, "restitution": 1.0}, 1, "grow for ever"),
+        ({"damping": 0.0, "restitution": 1.0}, 1, "grow without bound"),
         ({"amplitude": 0.0, "gap": -1.0}, 1, "unforced"),
         ({"amplitude": 0.0, "damping": 0.0, "restitution": 1.0, "gap": -1.0}, 1, "without loss"),
         ({"gap": 5.0}, 1, "beyond the steady amplitude"),
