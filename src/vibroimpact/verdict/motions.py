@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from threading import Event
 from typing import Any
 
@@ -18,7 +18,8 @@ from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import Motion, MotionClass, decide, motion_name, recognise
 from vibroimpact.options import Tolerances
-from vibroimpact.orbits import Orbit, find_orbit
+from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
+from vibroimpact.orbits.orbit import Impacts
 from vibroimpact.oscillator import ImpactOscillator, Model
 from vibroimpact.sections import impact_section
 from vibroimpact.status import Status
@@ -28,8 +29,7 @@ BRIEF = ImpactWindow(100, 1500)  # enough for a name, and an exponent to a few p
 THRIFT = 100  # certified steps per impact, but for the motion itself: others are not worth a long wait for rare hits
 HARDLY_EVER = 64  # periods: chaos in which the mass rests now and then is, strictly, a long sticking cycle
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
-ALIKE = 1e-3  # of the fastest hit and of a period: an orbit this near the settled motion is it
-SAME_HIT = 1e-4  # relative: cycles of the same n and p whose hardest hits agree so well are one
+ALIKE = 5e-3  # `orbit_distance` from the settled motion within which an orbit or attractor is the same
 LONGEST = 16  # impacts in a cycle that is still solved for
 QUIET = (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER)
 
@@ -211,23 +211,17 @@ def _sticking_orbit(model: Model, n_periods: int) -> Orbit | None:
 
 
 def _cycle(model: Model, measured: Measured, section: xr.Dataset) -> Orbit | None:
-    """Return the stable orbit that the settled motion's last impact lies on."""
-    if measured.n_impacts > LONGEST or not section.sizes["impact"]:
+    """Return the stable orbit that the settled motion is on."""
+    if measured.n_impacts > LONGEST or section.sizes["impact"] < measured.n_impacts:
         return None
-    last = float(section["phase"][-1]), float(section["velocity"][-1])
-    near = [
+    last = Impacts(*(section[name].values[-measured.n_impacts :] for name in ("phase", "velocity")))
+    near = float(last.phases[-1]), float(last.velocities[-1])
+    found = [
         orbit
-        for orbit in find_orbit(model, n_periods=measured.n_periods, n_impacts=measured.n_impacts, near=last)
-        if orbit.stable and orbit.admissible and _distance(orbit, *last) < ALIKE
+        for orbit in find_orbit(model, n_periods=measured.n_periods, n_impacts=measured.n_impacts, near=near)
+        if orbit.stable and orbit.admissible and same_orbit(orbit, last, ALIKE)
     ]
-    return min(near, key=lambda orbit: _distance(orbit, *last), default=None)
-
-
-def _distance(orbit: Orbit, phase: float, velocity: float) -> float:
-    """Return how far an impact is from the nearest one of an orbit, in turns and relative to its fastest."""
-    turns = np.abs(np.array(orbit.phases) - phase)
-    speeds = np.abs(np.array(orbit.velocities) - velocity) / max(orbit.velocities)
-    return float(np.maximum(np.minimum(turns, 1.0 - turns), speeds).min())
+    return min(found, key=partial(orbit_distance, last), default=None)
 
 
 @dataclass(frozen=True)
@@ -278,9 +272,9 @@ def _is_present(attractor: Attractor, present: Present) -> bool:
     """Whether an attractor is the present motion; of those that stick or do not hit there is one of each kind."""
     measured = present.measured
     if attractor.kind == measured.kind == MotionClass.PERIODIC.word:
-        hardest = max(present.motion.velocities, default=measured.hardest)
-        same_type = (attractor.n_periods, attractor.n_impacts) == (measured.n_periods, measured.n_impacts)
-        return same_type and abs(attractor.max_velocity - hardest) <= SAME_HIT * hardest
+        if present.motion.velocities:
+            return same_orbit(attractor, present.motion, ALIKE)
+        return (attractor.n_periods, attractor.n_impacts) == (measured.n_periods, measured.n_impacts)
     if attractor.kind == MotionClass.AT_REST.word:
         return measured.motion_class in (*QUIET, MotionClass.DECAYING)
     return attractor.kind == measured.kind
