@@ -5,8 +5,9 @@ import pytest
 from numba import njit
 
 import vibroimpact as vi
-from vibroimpact.kernels.cell import prepare
-from vibroimpact.kernels.tangent import flow, product, saltation
+from vibroimpact.kernels.cell import Cell, prepare
+from vibroimpact.kernels.law import saltation
+from vibroimpact.kernels.tangent import flow, product
 
 OSC = vi.ImpactOscillator()
 NAMES = ("std", "mean_velocity", "max_velocity", "impacts_per_period")
@@ -89,11 +90,11 @@ def test_chaos_is_never_closed():
 @njit
 def cycle_tangent(omega, v, s, c):
     """Return the tangent over the period-1 impact-1 orbit that hits with v at (s, c), from just after an impact."""
-    h, C, K, A, G = prepare(1.0, 0.01, 1.0, 1.0, omega, 0.8, 0.0)[:5]
+    h, _, k = prepare(Cell(1.0, 0.01, 1.0, 1.0, omega, 0.8, 0.0, 0.0, 0.0, 0.0, 0.0), 1e-9)
     tangent = (1.0, 0.0, 0.0, 1.0)
     for _ in range(100):
-        tangent = product(flow(C, K, 2 * np.pi / omega / h / 100), tangent)
-    return product(saltation(h * v, s, c, C, A, G, 0.8), tangent)
+        tangent = product(flow(k.C, k.K, 2 * np.pi / omega / h / 100), tangent)
+    return product(saltation(h * v, s, k), tangent)
 
 
 @pytest.mark.parametrize("name", ["w=2.0,n=1", "w=1.4,n=1", "w=2.6,n=1"])

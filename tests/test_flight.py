@@ -5,18 +5,22 @@ import math
 import pytest
 from numba import njit
 
-from vibroimpact.kernels.cell import pair_of, phase_of, prepare
+from vibroimpact.kernels.cell import Cell, pair_of, phase_of, prepare
 from vibroimpact.kernels.flight import REACH, evaluate, rotate, series, sine_cosine
+from vibroimpact.kernels.state import Constants, Motion
 
 STOP = 2.0  # out of reach: only the flight matters
 
 
 @njit
-def fly(h, C, K, A, G, th, u, p, s, c, x):
-    a = series(u, p, s, c, C, K, A, G, th, th * th, False)
-    u, p = evaluate(a, x)
-    s, c = rotate(s, c, th * x)
-    return u, p, s, c
+def fly(k, motion, x):
+    u, p = evaluate(series(motion, k, False), x)
+    s, c = rotate(motion.s, motion.c, k.th * x)
+    return Motion(u, p, s, c, 0.0)
+
+
+def constants(C, K, A, G, th):
+    return Constants(C, K, A, G, th, th * th, 0.8, 0.0, 0.0, 0.0, 0.0)
 
 
 @njit
@@ -31,20 +35,19 @@ def test_a_flight_ends_where_50_digits_say(values, regime):
     known = values["flow_values"][regime]
     m, c, k, f, w = map(float, known["m_c_k_f_w"])
     if k > 0:
-        h, C, K, A, G, th = prepare(m, c, k, f, w, 0.8, STOP)[:6]
+        h, _, constant = prepare(Cell(m, c, k, f, w, 0.8, STOP, STOP, 0.0, 0.0, 0.0), 1e-9)
     else:  # refused above the kernel, which does not mind
         h = REACH / (w + c / m)
-        C, K, A, G, th = c * h / m, k * h * h / m, f * h * h / m, k * STOP * h * h / m, w * h
+        constant = constants(c * h / m, k * h * h / m, f * h * h / m, k * STOP * h * h / m, w * h)
     turns = 0.2 * w / (2 * math.pi)
-    s, co = pair_of(turns)
-    u, p = STOP + 0.3, -0.4 * h
+    motion = Motion(STOP + 0.3, -0.4 * h, *pair_of(turns), 0.0)
     steps = math.ceil(1.7 / h)
     for _ in range(steps):
-        u, p, s, co = fly(h, C, K, A, G, th, u, p, s, co, 1.7 / h / steps)
+        motion = fly(constant, motion, 1.7 / h / steps)
     y, v = map(float, known["y_v"])
-    assert STOP - u == pytest.approx(y, abs=5e-15 * STOP)
-    assert -p / h == pytest.approx(v, abs=1e-14 * max(1.0, abs(v)))
-    assert phase_of(s, co) == pytest.approx((turns + 1.7 * w / (2 * math.pi)) % 1, abs=1e-15)
+    assert STOP - motion.u == pytest.approx(y, abs=5e-15 * STOP)
+    assert -motion.p / h == pytest.approx(v, abs=1e-14 * max(1.0, abs(v)))
+    assert phase_of(motion.s, motion.c) == pytest.approx((turns + 1.7 * w / (2 * math.pi)) % 1, abs=1e-15)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 0.1, 0.75, 1.2, REACH])
@@ -56,9 +59,11 @@ def test_the_polynomials_of_sine_and_cosine_are_exact_to_rounding(angle):
 
 
 def test_ten_thousand_rotations_keep_the_length_and_lose_a_rounding_of_phase_each():
-    s, c = 0.0, 1.0
+    turning = constants(0.0, 0.0, 0.0, 0.0, 1.0)
+    motion = Motion(1.0, 0.0, 0.0, 1.0, 0.0)
     for _ in range(10_000):
-        _, _, s, c = fly(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, s, c, 1.0)
+        motion = fly(turning, motion, 1.0)
+    s, c = motion.s, motion.c
     assert math.hypot(s, c) == pytest.approx(1.0, abs=4e-16)
     assert phase_of(s, c) == pytest.approx((10_000 / (2 * math.pi)) % 1, abs=10_000 * 2.3e-16 / (2 * math.pi))
 

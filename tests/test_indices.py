@@ -9,8 +9,9 @@ from numba import njit
 import vibroimpact as vi
 from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.kernels.advance import IMPACT, RELEASE, advance
-from vibroimpact.kernels.cell import pair_of, prepare
-from vibroimpact.kernels.tangent import flow, saltation
+from vibroimpact.kernels.cell import Cell, prepare
+from vibroimpact.kernels.law import saltation
+from vibroimpact.kernels.tangent import flow
 from vibroimpact.orbits import find_orbit
 
 ALL = tuple(INDICES)
@@ -27,24 +28,22 @@ def spread():
 
 
 @njit(error_model="numpy")
-def growths(cell, start, transient, impacts):
+def growths(cell, transient, impacts):
     """Walk an orbit with two tangent vectors; return ln of their stretching, ln of their area's, and the time in steps.
 
     The vectors are kept apart by turning the second square to the first at every step.
     """
-    h, C, K, A, G, th, Q, tail, sr, cr = prepare(*cell)
-    r = cell[5]
-    u, p, s, c, n = start[0], -h * start[1], start[2], start[3], 0.0
+    _, motion, k = prepare(cell, 1e-9)
     a0, a1, b0, b1 = 1.0, 0.0, 0.0, 1.0
     stretch, area, passed, number = 0.0, 0.0, 0.0, 0
     while number < transient + impacts:
-        u, p, s, c, n, event, v, x = advance(u, p, s, c, n, C, K, A, G, th, Q, r, h * 1e-9, tail, sr, cr)
+        motion, event, v, x = advance(motion, k)
         if event == RELEASE:
             return math.nan, math.nan, math.nan
-        m0, m1, m2, m3 = flow(C, K, x)
+        m0, m1, m2, m3 = flow(k.C, k.K, x)
         a0, a1, b0, b1 = m0 * a0 + m1 * a1, m2 * a0 + m3 * a1, m0 * b0 + m1 * b1, m2 * b0 + m3 * b1
-        if u == 0.0:
-            m0, m1, m2, m3 = saltation(v, s, c, C, A, G, r)
+        if motion.u == 0.0:
+            m0, m1, m2, m3 = saltation(v, motion.s, k)
             a0, a1, b0, b1 = m0 * a0 + m1 * a1, m2 * a0 + m3 * a1, m0 * b0 + m1 * b1, m2 * b0 + m3 * b1
         size, product = math.hypot(a0, a1), abs(a0 * b1 - a1 * b0)
         if number >= transient:
@@ -58,9 +57,11 @@ def growths(cell, start, transient, impacts):
 
 
 def walked(omega, transient=100, impacts=5000):
-    cell = (OSC.mass, OSC.damping, OSC.stiffness, OSC.amplitude, omega, OSC.restitution, OSC.gap)
-    stretch, area, passed = growths(cell, (1.0, 0.0, *pair_of(0.0)), transient, impacts)
-    return stretch, area, passed * prepare(*cell)[0]
+    cell = Cell(
+        OSC.mass, OSC.damping, OSC.stiffness, OSC.amplitude, omega, OSC.restitution, OSC.gap, 1.0, 0.0, 0.0, 0.0
+    )
+    stretch, area, passed = growths(cell, transient, impacts)
+    return stretch, area, passed * prepare(cell, 1e-9)[0]
 
 
 def test_the_exponents_of_two_vectors_sum_to_what_restitution_and_damping_take():

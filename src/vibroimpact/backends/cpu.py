@@ -10,55 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.backends.base import Counts, Floats, ImpactWindow, Measurement, Outcome, Samples
-from vibroimpact.backends.sampling import ended_as, sample
+from vibroimpact.backends.sampling import aligned, ended_as, sample
 from vibroimpact.cells import Cells
-from vibroimpact.indices import INDICES, VELOCITY_INDICES
+from vibroimpact.indices import INDICES
 from vibroimpact.kernels.cell import FILLED
 from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.lanes import LANES, ROWS
-from vibroimpact.kernels.runner import (
-    COLUMNS,
-    COUNTED,
-    CYCLE_IMPACTS,
-    CYCLE_PERIODS,
-    EXPONENT,
-    KNOWN_WITHOUT,
-    LARGEST,
-    LOSS,
-    MEAN,
-    MISSED,
-    NOTES,
-    PER_IMPACT,
-    RATE,
-    RESTING,
-    SPAN,
-    SPREAD,
-    STD,
-    STEPS,
-    STICKS,
-    THOROUGH_COLUMNS,
-    run_cells,
-)
+from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
+from vibroimpact.kernels.runner import LOOK, run_cells
+from vibroimpact.kernels.walk import TRACE
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 
 _LOOKS = 2000  # at the lanes, some 20 ms, before a thread asks whether to stop
 _BATCH = 4096  # cells that end before they are handed on
-_COLUMNS = {
-    "std": STD,
-    "mean_velocity": MEAN,
-    "max_velocity": LARGEST,
-    "impacts_per_period": RATE,
-    "lyapunov": EXPONENT,
-    "lyapunov_per_impact": PER_IMPACT,
-    "n_periods": CYCLE_PERIODS,
-    "n_impacts": CYCLE_IMPACTS,
-    "dissipation": LOSS,
-    "stick_fraction": RESTING,
-    "impact_phase_spread": SPREAD,
-    "grazing_margin": MISSED,
-}
 
 
 def limits(tolerances: Tolerances) -> tuple[float, float, float]:
@@ -69,19 +35,23 @@ def limits(tolerances: Tolerances) -> tuple[float, float, float]:
 def outcomes(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> Outcome:
     """Return what a back end promises of cells, from the columns that lanes hand out and why each cell ended."""
     full = ends == FILLED
-    columns = _COLUMNS if results.shape[1] > COLUMNS else {name: _COLUMNS[name] for name in VELOCITY_INDICES}
-    table = {name: np.where(full, results[:, column], INDICES[name].fill) for name, column in columns.items()}
-    return {name: values.astype(INDICES[name].dtype) for name, values in table.items()} | {
-        "status": _statuses(results, ends, window),
-        "impacts": results[:, COUNTED].astype(np.int64),
-        "steps": results[:, STEPS].astype(np.int64),
+    columns = dict(zip(THOROUGH, results.T, strict=False))
+    found = {
+        name: np.where(full, columns[name], index.fill).astype(index.dtype)
+        for name, index in INDICES.items()
+        if name in columns
+    }
+    return found | {
+        "status": _statuses(columns, ends, window),
+        "impacts": columns["counted"].astype(np.int64),
+        "steps": columns["steps"].astype(np.int64),
     }
 
 
-def _statuses(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> NDArray[np.int8]:
+def _statuses(columns: dict[str, Floats], ends: NDArray[np.int8], window: ImpactWindow) -> NDArray[np.int8]:
     """Return the status of every cell: each of the few kinds of cells there are is judged once."""
     flags = np.stack(
-        [results[:, COUNTED] > 0.0, results[:, STICKS] > 0.0, results[:, SPAN] < 10.0, results[:, KNOWN_WITHOUT] > 0.0],
+        [columns["counted"] > 0.0, columns["sticks"] > 0.0, columns["span"] < 10.0, columns["known"] > 0.0],
         axis=1,
     )
     kinds, which = np.unique(ends.astype(np.int64) * 16 + flags @ (8, 4, 2, 1), return_inverse=True)
@@ -143,7 +113,7 @@ class _Sweep:
     def __init__(self, cells: Cells, asked: Measurement) -> None:
         self.thorough = asked.thorough
         self.cells = np.ascontiguousarray(cells.table)
-        self.results = np.zeros((len(cells), THOROUGH_COLUMNS if self.thorough else COLUMNS))
+        self.results = np.zeros((len(cells), len(THOROUGH if self.thorough else PLAIN)))
         self.ends = np.zeros(len(cells), dtype=np.int8)
         self._tickets = np.zeros(1, dtype=np.int64)
         window = asked.impacts
@@ -163,5 +133,6 @@ class _Sweep:
 
 
 def _seat() -> tuple[NDArray[Any], ...]:
-    """Return the arrays of a thread: lanes, the cell in each (-1: none), notes, room for one cycle."""
-    return np.zeros(ROWS * LANES), np.full(LANES, -1), np.zeros((LANES, NOTES)), np.zeros((LONGEST, 4))
+    """Return the arrays of a thread: lanes, the cell in each (-1: none), notes, room for one cycle and for a walk."""
+    owner, notes = np.full(LANES, -1), np.zeros((LANES, NOTES))
+    return aligned(ROWS * LANES), owner, notes, np.zeros((LONGEST, 4)), np.zeros((LOOK, TRACE))

@@ -23,7 +23,7 @@ from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.compilation import config
 from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.lanes import LANES, ROWS
-from vibroimpact.kernels.runner import COLUMNS, NOTES, THOROUGH_COLUMNS
+from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
 
 Counts = NDArray[np.int64]
 
@@ -32,7 +32,7 @@ LOOKS = 32  # between two compactions: some 1000 steps, a few milliseconds
 AT_ONCE = 2  # tiles on the device: one fills it while the last cells of the other finish
 SHARE = 0.25  # of the device's free memory that one tile may take
 CLOSERS = 2048  # cycles walked side by side
-CELL_BYTES = 8 * (11 + ROWS + NOTES + FACTS + THOROUGH_COLUMNS + 2)  # its row, lane, notes, columns, place in lists
+CELL_BYTES = 8 * (11 + ROWS + NOTES + FACTS + len(THOROUGH) + 2)  # its row, lane, notes, columns, place in lists
 CYCLE_BYTES = 8 * 4 * LONGEST
 
 # The simulator runs one kernel at a time.
@@ -50,7 +50,7 @@ class CudaBackend:
     def indices(self, cells: Cells, asked: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""
         rows, thorough = np.ascontiguousarray(cells.table), asked.thorough
-        results = np.zeros((len(rows), THOROUGH_COLUMNS if thorough else COLUMNS))
+        results = np.zeros((len(rows), len(THOROUGH if thorough else PLAIN)))
         ends = np.zeros(len(rows), dtype=np.int8)
         low = 0
         while low < len(rows):
@@ -126,7 +126,7 @@ class _Tile:
         self.sums = self.lanes, self.notes, self.facts, self.states
         self.listing = room(self.number, dtype=np.int64)
         self.cycles = room(closers, LONGEST, 4)
-        self.results = room(self.number, THOROUGH_COLUMNS if thorough else COLUMNS)
+        self.results = room(self.number, len(THOROUGH if thorough else PLAIN))
         self.cells = cuda.to_device(rows, stream=self.stream)
         self._launch(device.begin, self.number, self.cells, *self.sums, self.total, *tolerances)
 

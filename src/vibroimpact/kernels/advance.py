@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from numba import njit
 
-from vibroimpact.kernels.arithmetic import fma, select
 from vibroimpact.kernels.chatter import pressed, rebound
 from vibroimpact.kernels.contact import certified_step
-from vibroimpact.kernels.flight import evaluate, rotate, series
+from vibroimpact.kernels.flight import acceleration, evaluate, rotate, series
+from vibroimpact.kernels.machine import fma, select
+from vibroimpact.kernels.state import Motion
 
 FLIGHT = 0.0  # flew on, or rebounded below the cut
 IMPACT = 1.0  # a recorded impact
@@ -28,53 +29,54 @@ def _passes_zero(s, c, s1, c1):
 
 
 @njit(inline="always", error_model="numpy")
-def _touch_down(u, p, s, c, C, K, A, G, th):
+def _touch_down(u, p, s, c, k):
     """Return whether the contact is next to here, how far away, with which rate p, and its (s, c).
 
     Within CLOSE of a transversal contact u + p d + p2 d^2/2 = 0 is solved by its series.
     """
-    p2 = fma(-C, p, fma(-K, u, fma(-A, s, G)))
-    p3 = fma(-C, p2, fma(-K, p, -A * th * c))
+    p2 = acceleration(u, p, s, k)
+    p3 = fma(-k.C, p2, fma(-k.K, p, -k.A * k.th * c))
     inverse = 1.0 / p
     d0 = -u * inverse
     bend = 0.5 * p2 * (d0 * inverse)
     close = (p < 0.0) & (d0 < CLOSE) & (abs(bend) < BEND)
     d = d0 * fma(bend, fma(2.0, bend, -1.0), 1.0)
     p = fma(d, fma(0.5 * d, p3, p2), p)
-    angle = th * d
+    angle = k.th * d
     half = -0.5 * angle * angle
     return close, d, p, fma(half, s, fma(angle, c, s)), fma(half, c, fma(-angle, s, c))
 
 
 @njit(inline="always", error_model="numpy")
-def advance(u, p, s, c, n, C, K, A, G, th, Q, r, cut, tail, sr, cr):
-    """Return (u, p, s, c, n) one certified step on, the event, the speed v of a contact, and the steps passed.
+def advance(motion, k):
+    """Return the motion one certified step on, the event, the speed v of a contact, and the steps passed.
 
-    At most one contact lies in a step, at its end; the state returned is the one after it.
+    At most one contact lies in a step, at its end; the motion returned is the one after it.
     """
+    u, p, s, c, n = motion
     touching = u <= 0.0
     at_rest = touching & (p == 0.0)
-    pressing, balance = pressed(s, c, A, G)
+    pressing, balance = pressed(s, c, k)
     held = at_rest & pressing
     at_release = at_rest & balance
-    a = series(u, p, s, c, C, K, A, G, th, Q, at_release)
-    x = certified_step(a, A, touching & (p >= 0.0), at_rest, at_release)
+    a = series(motion, k, at_release)
+    x = certified_step(a, k.A, touching & (p >= 0.0), at_rest, at_release)
     u1, p1 = evaluate(a, x)
-    s1, c1 = rotate(s, c, th * x)
+    s1, c1 = rotate(s, c, k.th * x)
 
-    close, d, pc, sc, cc = _touch_down(u1, p1, s1, c1, C, K, A, G, th)
+    close, d, pc, sc, cc = _touch_down(u1, p1, s1, c1, k)
     contact = close & (held == False)  # noqa: E712
     v = -pc
-    back, tail_closed = rebound(v, sc, cc, A, G, th, r, cut, tail, sr, cr)
+    back, tail_closed = rebound(v, sc, cc, k)
 
-    forever = held & (G <= -A)
-    s2 = select(held, select(forever, s, sr), select(contact, sc, s1))
-    c2 = select(held, select(forever, c, cr), select(contact, cc, c1))
+    forever = held & (k.G <= -k.A)
+    s2 = select(held, select(forever, s, k.sr), select(contact, sc, s1))
+    c2 = select(held, select(forever, c, k.cr), select(contact, cc, c1))
     u2 = select(held | contact, 0.0, u1)
     p2 = select(held, 0.0, select(contact, back, p1))
     # A step in flight turns by less than half a turn, a hold by up to a whole one.
     wrapped = ((s < 0.0) & (s2 >= 0.0)) | (held & _passes_zero(s, c, s2, c2))
-    n1 = n + select(wrapped, 1.0, 0.0)
-    struck = select(tail_closed, CHATTER, select(v < cut, FLIGHT, IMPACT))
+    n2 = n + select(wrapped, 1.0, 0.0)
+    struck = select(tail_closed, CHATTER, select(v < k.cut, FLIGHT, IMPACT))
     event = select(forever, STUCK, select(held, RELEASE, select(contact, struck, FLIGHT)))
-    return u2, p2, s2, c2, n1, event, v, x + select(contact, d, 0.0)
+    return Motion(u2, p2, s2, c2, n2), event, v, x + select(contact, d, 0.0)

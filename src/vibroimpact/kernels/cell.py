@@ -1,88 +1,129 @@
-"""The numbers a cell is stepped with, and when it can stop."""
+"""A cell: from its numbers to a motion and constants to step with, and when it can stop."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from numba import njit
 
 from vibroimpact.kernels.flight import REACH
+from vibroimpact.kernels.law import chatter_factor
+from vibroimpact.kernels.state import Constants, Motion
 
-NEVER = 1e300  # stands for 2 r / (1 - r) at r = 1, where chatter does not end
 
+class Cell(NamedTuple):
+    """The numbers of a cell, in the order of a row of the table that back ends pass.
 
-@njit(inline="always", error_model="numpy")
-def fastest_rate(m, c, k, w):
-    """Return L: the driving rate, the natural one, or the fast decay of overdamped motion."""
-    stiff = k / m
-    natural = math.sqrt(stiff)
-    half = 0.5 * c / m
-    over = half * half - stiff
-    decay = half + math.sqrt(over) if over > 0.0 else 0.0
-    return max(w, natural, decay)
+    `clearance` is the gap at the start, at time (`periods` + `phase`) T.
+    """
+
+    mass: float
+    damping: float
+    stiffness: float
+    amplitude: float
+    omega: float
+    restitution: float
+    gap: float
+    clearance: float
+    velocity: float
+    periods: float
+    phase: float
 
 
 @njit(error_model="numpy")
-def prepare(m, c, k, f, w, r, g):
-    """Return h and the constants C, K, A, G, th, Q, tail, sr, cr of a cell."""
-    h = REACH / fastest_rate(m, c, k, w)
-    per_mass = h * h / m
-    A = f * per_mass
-    G = k * g * per_mass
-    th = w * h
+def cell_of(row):
+    """Return the cell in a row of a table."""
+    return Cell(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10])
+
+
+@njit(error_model="numpy")
+def _fastest_rate(cell):
+    """Return L: the driving rate, the natural one, or the fast decay of overdamped motion."""
+    stiff = cell.stiffness / cell.mass
+    natural = math.sqrt(stiff)
+    half = 0.5 * cell.damping / cell.mass
+    over = half * half - stiff
+    decay = half + math.sqrt(over) if over > 0.0 else 0.0
+    return max(cell.omega, natural, decay)
+
+
+@njit(error_model="numpy")
+def prepare(cell, chatter):
+    """Return the length h of a step, and the motion and the constants to begin with, from a cell and its tolerance."""
+    h = REACH / _fastest_rate(cell)
+    per_mass = h * h / cell.mass
+    A = cell.amplitude * per_mass
+    G = cell.stiffness * cell.gap * per_mass
+    th = cell.omega * h
     inside = -A < G < A
     sr = G / A if inside else 0.0
     cr = -math.sqrt((1.0 - sr) * (1.0 + sr))
-    tail = 2.0 * r / (1.0 - r) if r < 1.0 else NEVER
-    return h, c * h / m, k * per_mass, A, G, th, th * th, tail, sr, cr
+    constants = Constants(
+        C=cell.damping * h / cell.mass,
+        K=cell.stiffness * per_mass,
+        A=A,
+        G=G,
+        th=th,
+        Q=th * th,
+        r=cell.restitution,
+        cut=h * _cut_velocity(cell, chatter),
+        tail=chatter_factor(cell.restitution),
+        sr=sr,
+        cr=cr,
+    )
+    s, c = pair_of(cell.phase)
+    return h, Motion(cell.clearance, -h * cell.velocity, s, c, cell.periods), constants
 
 
 @njit(error_model="numpy")
-def cut_velocity(m, k, f, g, clearance, velocity, chatter):
+def _cut_velocity(cell, chatter):
     """Return the speed below which impacts are not recorded: chatter V, V = max(f, k |g|)/sqrt(k m).
 
     Without force and gap the only scale is the start's own speed.
     """
-    force = max(f, k * abs(g))
+    m, k = cell.mass, cell.stiffness
+    force = max(cell.amplitude, k * abs(cell.gap))
     if force > 0.0:
         return chatter * (force / math.sqrt(k * m))
-    return chatter * math.sqrt(velocity * velocity + k / m * clearance * clearance)
+    return chatter * math.sqrt(cell.velocity * cell.velocity + k / m * cell.clearance * cell.clearance)
 
 
 @njit(error_model="numpy")
-def budgets(m, c, k, w, flight_periods, steps_per_impact):
+def budgets(cell, flight_periods, steps_per_impact):
     """Return the longest flight in steps, and the steps granted an impact, which grow with stiffness."""
-    rate = fastest_rate(m, c, k, w)
-    slowest = min(w, math.sqrt(k / m))
+    rate = _fastest_rate(cell)
+    slowest = min(cell.omega, math.sqrt(cell.stiffness / cell.mass))
     return flight_periods * 2.0 * math.pi * rate / (slowest * REACH), steps_per_impact * (rate / slowest)
 
 
 @njit(error_model="numpy")
-def steady_motion(C, K, A, G, th):
+def steady_motion(k):
     """Return the amplitudes (in phase, in quadrature) of the motion without a stop; infinite at resonance."""
-    inertia = K - th * th
-    damper = C * th
+    inertia = k.K - k.th * k.th
+    damper = k.C * k.th
     impedance = inertia * inertia + damper * damper
     if impedance == 0.0:
         return math.inf, math.inf
-    return A * inertia / impedance, -A * damper / impedance
+    return k.A * inertia / impedance, -k.A * damper / impedance
 
 
 @njit(error_model="numpy")
-def never_again(u, p, s, c, C, K, A, G, th):
+def never_again(motion, k):
     """Return whether no impact can follow: R + sqrt(z^2 + (m/k) z'^2) < g, z = y - steady motion.
 
     Damping only lowers the energy of z, so the bound holds for ever, at any damping.
     """
-    if not G > 0.0:
+    if not k.G > 0.0:
         return False
-    in_phase, quadrature = steady_motion(C, K, A, G, th)
+    in_phase, quadrature = steady_motion(k)
     if math.isinf(in_phase):
         return False
-    gap = G / K
+    u, p, s, c, _ = motion
+    gap = k.G / k.K
     z = gap - u - (in_phase * s + quadrature * c)
-    dz = -p - th * (in_phase * c - quadrature * s)
-    return math.hypot(in_phase, quadrature) + math.sqrt(z * z + dz * dz / K) < gap
+    dz = -p - k.th * (in_phase * c - quadrature * s)
+    return math.hypot(in_phase, quadrature) + math.sqrt(z * z + dz * dz / k.K) < gap
 
 
 @njit(error_model="numpy")
@@ -113,20 +154,19 @@ RUNNING, FILLED, QUIET, PINNED, DYING, SPENT = range(6)
 
 
 @njit(error_model="numpy")
-def ending(state, constants, cut, age, longest, steps, granted):
+def ending(motion, k, age, longest, steps, granted):
     """Return why a cell that has not filled its window ends here, or RUNNING.
 
     QUIET: it never reaches the stop again. PINNED: at rest, pressed for ever. DYING: unforced rebounds
     have died out below the cut. SPENT: the flight or the whole cell is past its budget.
     """
-    u, p, s, c = state
-    C, K, A, G, th = constants
+    u, p = motion.u, motion.p
     resting = u == 0.0 and p == 0.0
-    if resting and G <= -A:
+    if resting and k.G <= -k.A:
         return PINNED
-    if not resting and never_again(u, p, s, c, C, K, A, G, th):
+    if not resting and never_again(motion, k):
         return QUIET
     # Without force energy only falls: no impact to come is faster than the speed it would leave at the stop.
-    if A == 0.0 and G >= 0.0 and not resting and p * p + u * (K * u - 2.0 * G) < cut * cut:
+    if k.A == 0.0 and k.G >= 0.0 and not resting and p * p + u * (k.K * u - 2.0 * k.G) < k.cut * k.cut:
         return DYING
     return SPENT if age > longest or steps > granted else RUNNING

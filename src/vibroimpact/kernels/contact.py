@@ -15,7 +15,7 @@ import math
 
 from numba import njit
 
-from vibroimpact.kernels.arithmetic import fma, select
+from vibroimpact.kernels.machine import fma, select
 
 FAR = 4.0  # stands for "no root on this step"; anything above 1 would do
 

@@ -6,13 +6,15 @@ import math
 
 from numba import njit
 
-from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, advance
+from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE
 from vibroimpact.kernels.cell import phase_of
 from vibroimpact.kernels.chatter import tail_duration
-from vibroimpact.kernels.lanes import constants_of, state_of
+from vibroimpact.kernels.law import across_impact
 from vibroimpact.kernels.near_miss import NONE, least_gap_exactly
-from vibroimpact.kernels.tangent import across_impact, undamped_flow
-from vibroimpact.kernels.thorough_lanes import START
+from vibroimpact.kernels.observers import DEVIATION
+from vibroimpact.kernels.state import Motion
+from vibroimpact.kernels.tangent import undamped_flow
+from vibroimpact.kernels.walk import step_at, walk
 
 ALIKE = 1e-8  # of V: two impacts of a cycle that are one and the same
 HOP = 0.2  # of a step: a flight from contact to contact as short as this has no dip
@@ -56,8 +58,8 @@ def log_spectral_radius(tangent):
 
 
 @njit(error_model="numpy")
-def describe(lanes, i, number, periods, tangent, cycle, blur, facts):
-    """Note the facts of the certain cycle of lane i, which starts at the lane's state; the lane is not moved."""
+def describe(start, k, number, periods, tangent, cycle, blur, facts, trace):
+    """Note the facts of a certain cycle, which starts at the motion `start`."""
     fewest = fewest_impacts(cycle, number, periods, blur)
     facts[PERIODS], facts[IMPACTS] = periods * fewest / number, fewest
     facts[LOG_RADIUS] = log_spectral_radius(tangent) * fewest / number
@@ -65,58 +67,60 @@ def describe(lanes, i, number, periods, tangent, cycle, blur, facts):
     for j in range(fewest):
         squares += cycle[j, 3] * cycle[j, 3]
     facts[SQUARES], facts[RESTS], facts[PARTING] = squares, 0.0, 1.0
-    facts[MISS] = _closest_miss(lanes, i, fewest)
+    facts[MISS] = _closest_miss(start, k, fewest, trace)
 
 
 @njit(error_model="numpy")
-def _closest_miss(lanes, i, impacts):
-    """Walk one cycle; return the least gap between two contacts."""
-    C, K, A, G, th, Q, r, cut, tail, sr, cr = constants_of(lanes, i)
-    u, p, s, c, n = state_of(lanes, i)
+def _closest_miss(motion, k, impacts, trace):
+    """Return the least gap between two contacts of a cycle of so many impacts."""
     least = NONE
     number = 0
     while number < impacts:
-        u1, p1, s1, c1, n1, event, _, x = advance(u, p, s, c, n, C, K, A, G, th, Q, r, cut, tail, sr, cr)
-        least = min(least, least_gap_exactly(u, p, s, c, C, K, A, G, th, Q, x))
-        u, p, s, c, n = u1, p1, s1, c1, n1
-        number += event == IMPACT
+        for row in range(walk(motion, k, trace, len(trace), impacts - number)):
+            before = motion
+            motion, event, _, x = step_at(trace, row)
+            least = min(least, least_gap_exactly(before, k, x))
+            number += event == IMPACT
     return least
 
 
 @njit(error_model="numpy")
-def describe_turn(lanes, i, limit, facts):
+def describe_turn(k, limit, facts, trace):
     """Note the facts of a motion that sticks: those of the turn from its release to the next one.
 
     No cycle is known if none comes within `limit` steps. The turn is exact, but where rounding on the way grows to the
-    size of the motion, how long it takes is an accident: PARTING tells the largest growth between any two of its times.
+    size of the motion, how long it takes is an accident: PARTING is the largest growth between any two of its times.
     """
-    C, K, A, G, th, Q, r, cut, tail, sr, cr = constants_of(lanes, i)
-    u, p, s, c, n = 0.0, 0.0, sr, cr, 0.0
+    motion = Motion(0.0, 0.0, k.sr, k.cr, 0.0)
     squares, hits, rests, least, settling = 0.0, 0.0, 0.0, NONE, 0.0
     facts[PERIODS], facts[IMPACTS], facts[PARTING] = 0.0, 0.0, 1.0
-    du, dp = START
-    for _ in range(limit):
-        u1, p1, s1, c1, n1, event, v, x = advance(u, p, s, c, n, C, K, A, G, th, Q, r, cut, tail, sr, cr)
-        if event == RELEASE:
-            turned = phase_of(s1, c1) - phase_of(s, c)
-            rests = turned + (1.0 if turned <= 0.0 else 0.0) - settling
-            facts[PERIODS], facts[IMPACTS] = n1, (-1.0 if r > 0.0 else hits)
-            break
-        if x > HOP or u > 0.0 or u1 > 0.0:
-            least = min(least, least_gap_exactly(u, p, s, c, C, K, A, G, th, Q, x))
-        settling = tail_duration(v, s1, c1, C, A, G, th, tail) * th / (2.0 * math.pi) if event == CHATTER else 0.0
-        if event == IMPACT:
-            hits += 1.0
-            squares += v * v
-        if facts[PARTING] < UNTOLD:
-            du, dp = undamped_flow(du, dp, C, K, x)
-            decay = math.exp(-0.5 * C * x)
-            du, dp = decay * du, decay * dp
-            if u1 == 0.0:
-                du, dp = across_impact(du, dp, v, s1, C, A, G, r)
-            parted = (abs(du) + abs(dp)) / (START[0] + START[1])
-            if parted < 1.0:  # nothing of what came before matters more than the rounding made here
-                du, dp = START
-            facts[PARTING] = max(facts[PARTING], parted)
-        u, p, s, c, n = u1, p1, s1, c1, n1
+    du, dp = DEVIATION
+    made, event = 0, -1.0
+    while made < limit and event != RELEASE:
+        rows = walk(motion, k, trace, limit - made, 0)
+        made += rows
+        for row in range(rows):
+            before = motion
+            motion, event, v, x = step_at(trace, row)
+            if event == RELEASE:
+                turned = phase_of(motion.s, motion.c) - phase_of(before.s, before.c)
+                rests = turned + (1.0 if turned <= 0.0 else 0.0) - settling
+                facts[PERIODS], facts[IMPACTS] = motion.n, (-1.0 if k.r > 0.0 else hits)
+                break
+            if x > HOP or before.u > 0.0 or motion.u > 0.0:
+                least = min(least, least_gap_exactly(before, k, x))
+            settling = tail_duration(v, motion.s, motion.c, k) * k.th / (2.0 * math.pi) if event == CHATTER else 0.0
+            if event == IMPACT:
+                hits += 1.0
+                squares += v * v
+            if facts[PARTING] < UNTOLD:
+                du, dp = undamped_flow(du, dp, k.C, k.K, x)
+                decay = math.exp(-0.5 * k.C * x)
+                du, dp = decay * du, decay * dp
+                if motion.u == 0.0:
+                    du, dp = across_impact(du, dp, v, motion.s, k)
+                parted = (abs(du) + abs(dp)) / (DEVIATION[0] + DEVIATION[1])
+                if parted < 1.0:  # nothing of what came before matters more than the rounding made here
+                    du, dp = DEVIATION
+                facts[PARTING] = max(facts[PARTING], parted)
     facts[LOG_RADIUS], facts[SQUARES], facts[RESTS], facts[MISS] = -math.inf, squares, rests, least

@@ -8,17 +8,19 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import Any
 
-from numba import cuda, njit
+from numba import cuda, float64, njit
 
 from vibroimpact.kernels import runner
-from vibroimpact.kernels.cell import RUNNING
+from vibroimpact.kernels.cell import RUNNING, cell_of
 from vibroimpact.kernels.compilation import cache_folder, config
 from vibroimpact.kernels.cycle import IMPACTS, PERIODS
-from vibroimpact.kernels.lanes import LANES, step_lane
-from vibroimpact.kernels.runner import LOOK, MADE, ending_of, harvest, harvest_thoroughly, may_close
-from vibroimpact.kernels.thorough_lanes import step_thorough_lane
+from vibroimpact.kernels.lanes import LANES, step_lane, step_thorough_lane
+from vibroimpact.kernels.results import MADE, harvest, harvest_thoroughly
+from vibroimpact.kernels.runner import LOOK, ending_of, may_close
+from vibroimpact.kernels.walk import TRACE
 
 CLOSES = 100  # a cell that waits for its cycle to be walked; other codes are why a cell ended, or RUNNING
+CHUNK = 8  # rows of a thread's trace, which lies in its local memory
 SIMULATED = bool(config.ENABLE_CUDASIM)
 
 
@@ -61,7 +63,7 @@ def begin(cells, lanes, notes, facts, states, total, chatter, flight_periods, st
             _plain(lanes[j // LANES]),
             j % LANES,
             _plain(notes[j]),
-            _plain(cells[j]),
+            cell_of(_plain(cells[j])),
             total,
             chatter,
             flight_periods,
@@ -95,13 +97,13 @@ def step_thoroughly(running, lanes, notes, facts, states, looks, transient, tota
     t = cuda.grid(1)
     if t < len(running):
         j = running[t]
-        group, i, note, told = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), _plain(facts[j])
+        group, i, note, own_facts = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), _plain(facts[j])
         state = RUNNING
         for _ in range(looks):
             for _ in range(LOOK):
                 step_thorough_lane(group, i, transient, total)
             note[MADE] += LOOK
-            state = CLOSES if may_close(group, i, note, total, told) else ending_of(group, i, note, total)
+            state = CLOSES if may_close(group, i, note, total, own_facts) else ending_of(group, i, note, total)
             if state != RUNNING:
                 break
         states[j] = state
@@ -114,18 +116,20 @@ def close(waiting, lanes, notes, facts, states, cycles, transient, total, early_
     if t < len(waiting):
         j = waiting[t]
         group, i, note = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j])
-        runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), None)
+        trace = cuda.local.array((CHUNK, TRACE), float64)
+        runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), None, trace)
         states[j] = ending_of(group, i, note, total)
 
 
 @_kernel
 def close_thoroughly(waiting, lanes, notes, facts, states, cycles, transient, total, early_closing):
-    """Do what `close` does, and note what there is to tell of the cycle."""
+    """Do what `close` does, and note the facts of the cycle."""
     t = cuda.grid(1)
     if t < len(waiting):
         j = waiting[t]
-        group, i, note, told = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), _plain(facts[j])
-        runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), told)
+        group, i, note, own_facts = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), _plain(facts[j])
+        trace = cuda.local.array((CHUNK, TRACE), float64)
+        runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), own_facts, trace)
         states[j] = ending_of(group, i, note, total)
 
 
@@ -144,4 +148,6 @@ def hand_out_thoroughly(cells, lanes, notes, facts, results, keep):
     if j < len(results):
         group, note, result = _plain(lanes[j // LANES]), _plain(notes[j]), _plain(results[j])
         harvest(group, j % LANES, note, keep, result)
-        harvest_thoroughly(group, j % LANES, note, _plain(facts[j]), _plain(cells[j]), keep, result)
+        trace = cuda.local.array((CHUNK, TRACE), float64)
+        cell = cell_of(_plain(cells[j]))
+        harvest_thoroughly(group, j % LANES, note, _plain(facts[j]), cell, keep, result, trace)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from vibroimpact.kernels.arithmetic import fma, select
+from vibroimpact.kernels.machine import fma, select
 
 # A full step is H radians of the fastest rate. What the series leaves out after degree 25 is about H^26/26! of the
 # motion's size: 2e-17 at 2.4, 1e-15 at 2.8. Longer steps of a higher degree cost less an impact (degree 21 with
@@ -29,11 +29,19 @@ def _four_more(b0, b1, e0, e1, C, K, Q):
 
 
 @njit(inline="always", error_model="numpy")
-def series(u, p, s, c, C, K, A, G, th, Q, at_release):
+def acceleration(u, p, s, k):
+    """Return u'' in flight."""
+    return fma(-k.C, p, fma(-k.K, u, fma(-k.A, s, k.G)))
+
+
+@njit(inline="always", error_model="numpy")
+def series(motion, k, at_release):
     """Return the coefficients a_0 ... a_25 of u(x); `at_release` the acceleration is zero by assignment."""
-    e0 = -A * s
-    e1 = -A * th * c
-    b2 = select(at_release, 0.0, fma(-C, p, fma(-K, u, G + e0)))
+    u, p, s, c, _ = motion
+    C, K, Q = k.C, k.K, k.Q
+    e0 = -k.A * s
+    e1 = -k.A * k.th * c
+    b2 = select(at_release, 0.0, fma(-C, p, fma(-K, u, k.G + e0)))
     b3 = fma(-C, b2, fma(-K, p, e1))
     b4, b5, b6, b7, e4, e5 = _four_more(b2, b3, -Q * e0, -Q * e1, C, K, Q)
     b8, b9, b10, b11, e8, e9 = _four_more(b6, b7, e4, e5, C, K, Q)

@@ -2,145 +2,156 @@
 
 A lane's numbers stand in one flat array, row after row of LANES entries, so that the compiler sees constant distances
 between all of them and turns the inner loop into vector instructions.
+
+Lanes are stepped in three ways, by the same operations, so that the bits of the motion are the same: plain ones keep
+what the velocities of impacts give, thorough ones all that can be observed, traced ones leave a record of every step.
 """
 
 from __future__ import annotations
 
 from numba import njit
 
-from vibroimpact.kernels.advance import IMPACT, RELEASE, advance
-from vibroimpact.kernels.arithmetic import select
-from vibroimpact.kernels.observers import count_impact, recurrence, stamp, sticks_within, velocity_sums
-from vibroimpact.kernels.vector_loop import each_lane
+from vibroimpact.kernels.advance import advance
+from vibroimpact.kernels.machine import each_lane
+from vibroimpact.kernels.observers import (
+    Deviation,
+    Misses,
+    Phases,
+    Recurrence,
+    Rests,
+    Stamp,
+    Sums,
+    count_impact,
+    deviation,
+    misses,
+    phases,
+    recurrence,
+    rests,
+    stamp,
+    sums,
+)
+from vibroimpact.kernels.state import Constants, Motion, kept
+from vibroimpact.kernels.walk import STATE, TRACE
 
 LANES = 32
-# Rows: the state, the cell's constants, what the observers keep.
-U, P, S, C, N = range(5)
-DAMP, STIFF, DRIVE, PRELOAD, TURN, TURN2, REST, CUT, TAIL, SIN_R, COS_R = range(5, 16)
-COUNT, SHIFT, SUM1, SUM2, LARGEST, N0, S0, C0, N1, S1, C1, STUCK_SEEN, AGE = range(16, 29)
-RELEASES, REF_V, REF_COUNT, REF_NEXT, NEAR, CANDIDATE = range(29, 35)
-# What thorough lanes keep beside it.
-DU, DP, FOLDS, SIZE0, FOLDS0, SIZE1, FOLDS1, SUM_S, SUM_C, MARGIN, LET_GO = range(35, 46)
-ROWS = 46
 
 
-@njit(error_model="numpy")
-def constants_of(lanes, i):
-    """Return C, K, A, G, th, Q, r, cut, tail, sr, cr of lane i."""
-    return (
-        lanes[DAMP * LANES + i],
-        lanes[STIFF * LANES + i],
-        lanes[DRIVE * LANES + i],
-        lanes[PRELOAD * LANES + i],
-        lanes[TURN * LANES + i],
-        lanes[TURN2 * LANES + i],
-        lanes[REST * LANES + i],
-        lanes[CUT * LANES + i],
-        lanes[TAIL * LANES + i],
-        lanes[SIN_R * LANES + i],
-        lanes[COS_R * LANES + i],
-    )
+def _rows(first, *kinds):
+    """Return load and store of each tuple, laid out one after the other from row `first` on, and the row after all."""
+    pairs = []
+    for kind in kinds:
+        pairs.append(kept(kind, first, LANES))
+        first += len(kind._fields)
+    return *pairs, first
 
 
-@njit(error_model="numpy")
-def state_of(lanes, i):
-    """Return u, p, s, c, n of lane i."""
-    return (
-        lanes[U * LANES + i],
-        lanes[P * LANES + i],
-        lanes[S * LANES + i],
-        lanes[C * LANES + i],
-        lanes[N * LANES + i],
-    )
+(load_motion, store_motion), (load_constants, store_constants), CELL = _rows(0, Motion, Constants)
+(
+    (load_sums, store_sums),
+    (load_first, store_first),
+    (load_last, store_last),
+    (load_rests, store_rests),
+    (load_recurrence, store_recurrence),
+    (load_deviation, store_deviation),
+    (load_phases, store_phases),
+    (load_misses, store_misses),
+    ROWS,
+) = _rows(CELL, Sums, Stamp, Stamp, Rests, Recurrence, Deviation, Phases, Misses)
+# What traced lanes keep beside the cell: the event, the speed of a contact, the steps passed.
+TRACED_ROWS = CELL + TRACE - STATE
+
+
+@njit(inline="always", error_model="numpy")
+def _move(lanes, i):
+    """Make one certified step in lane i; return the motion before, the constants, and what `advance` gives."""
+    before, k = load_motion(lanes, i), load_constants(lanes, i)
+    motion, event, v, x = advance(before, k)
+    store_motion(lanes, i, motion)
+    return before, k, motion, event, v, x
+
+
+@njit(inline="always", error_model="numpy")
+def observe(lanes, i, motion, event, v, x, transient, total):
+    """Observe the step of lane i that led to a motion; impacts past `total` no longer count.
+
+    Return the recorded impacts so far, and whether the step ends in a kept impact, in the first and the last of them.
+    """
+    old = load_sums(lanes, i)
+    count, hit = count_impact(old.hits, event, total)
+    kept = hit & (count > transient)
+    first = hit & (count == transient + 1.0)
+    last = hit & (count == total)
+    store_sums(lanes, i, sums(old, count, v, first, kept))
+    store_first(lanes, i, stamp(load_first(lanes, i), motion, first))
+    store_last(lanes, i, stamp(load_last(lanes, i), motion, last))
+    store_rests(lanes, i, rests(load_rests(lanes, i), event, x, count, transient, total))
+    store_recurrence(lanes, i, recurrence(load_recurrence(lanes, i), v, count, hit))
+    return count, kept, first, last
+
+
+@njit(inline="always", error_model="numpy")
+def observe_thoroughly(lanes, i, before, k, motion, event, v, x, transient, total):
+    """Observe all that can be observed of the step of lane i that led from `before` to a motion."""
+    count, kept, first, last = observe(lanes, i, motion, event, v, x, transient, total)
+    store_deviation(lanes, i, deviation(load_deviation(lanes, i), motion, k, event, v, x, first, last))
+    store_phases(lanes, i, phases(load_phases(lanes, i), motion, kept))
+    store_misses(lanes, i, misses(load_misses(lanes, i), before, motion, k, event, x, count, transient, total))
 
 
 @njit(inline="always", error_model="numpy")
 def step_lane(lanes, i, transient, total):
-    """Make one certified step in lane i; impacts past `total` no longer count.
+    """Make one certified step in lane i and observe it."""
+    _, _, motion, event, v, x = _move(lanes, i)
+    observe(lanes, i, motion, event, v, x, transient, total)
 
-    Return the event, whether it is a kept impact, the first and the last of them, its speed, and the steps passed.
-    """
-    u, p, s, c, n, event, v, x = advance(
-        lanes[U * LANES + i],
-        lanes[P * LANES + i],
-        lanes[S * LANES + i],
-        lanes[C * LANES + i],
-        lanes[N * LANES + i],
-        lanes[DAMP * LANES + i],
-        lanes[STIFF * LANES + i],
-        lanes[DRIVE * LANES + i],
-        lanes[PRELOAD * LANES + i],
-        lanes[TURN * LANES + i],
-        lanes[TURN2 * LANES + i],
-        lanes[REST * LANES + i],
-        lanes[CUT * LANES + i],
-        lanes[TAIL * LANES + i],
-        lanes[SIN_R * LANES + i],
-        lanes[COS_R * LANES + i],
-    )
-    lanes[U * LANES + i] = u
-    lanes[P * LANES + i] = p
-    lanes[S * LANES + i] = s
-    lanes[C * LANES + i] = c
-    lanes[N * LANES + i] = n
 
-    count, hit = count_impact(lanes[COUNT * LANES + i], event, total)
-    lanes[COUNT * LANES + i] = count
-    kept = hit & (count > transient)
-    first = hit & (count == transient + 1.0)
-    last = hit & (count == total)
-    shift, sum1, sum2, largest = velocity_sums(
-        lanes[SHIFT * LANES + i],
-        lanes[SUM1 * LANES + i],
-        lanes[SUM2 * LANES + i],
-        lanes[LARGEST * LANES + i],
-        v,
-        first,
-        kept,
-    )
-    lanes[SHIFT * LANES + i] = shift
-    lanes[SUM1 * LANES + i] = sum1
-    lanes[SUM2 * LANES + i] = sum2
-    lanes[LARGEST * LANES + i] = largest
-    n0, s0, c0 = stamp(first, lanes[N0 * LANES + i], lanes[S0 * LANES + i], lanes[C0 * LANES + i], n, s, c)
-    lanes[N0 * LANES + i] = n0
-    lanes[S0 * LANES + i] = s0
-    lanes[C0 * LANES + i] = c0
-    n1, s1, c1 = stamp(last, lanes[N1 * LANES + i], lanes[S1 * LANES + i], lanes[C1 * LANES + i], n, s, c)
-    lanes[N1 * LANES + i] = n1
-    lanes[S1 * LANES + i] = s1
-    lanes[C1 * LANES + i] = c1
-    lanes[STUCK_SEEN * LANES + i] = sticks_within(lanes[STUCK_SEEN * LANES + i], event, count, transient, total)
-    lanes[AGE * LANES + i] = select(event == IMPACT, 0.0, lanes[AGE * LANES + i] + x)
-    lanes[RELEASES * LANES + i] = lanes[RELEASES * LANES + i] + select(event == RELEASE, 1.0, 0.0)
-
-    ref_v, ref_count, ref_next, candidate = recurrence(
-        lanes[REF_V * LANES + i],
-        lanes[REF_COUNT * LANES + i],
-        lanes[REF_NEXT * LANES + i],
-        lanes[NEAR * LANES + i],
-        lanes[CANDIDATE * LANES + i],
-        v,
-        count,
-        hit,
-    )
-    lanes[REF_V * LANES + i] = ref_v
-    lanes[REF_COUNT * LANES + i] = ref_count
-    lanes[REF_NEXT * LANES + i] = ref_next
-    lanes[CANDIDATE * LANES + i] = candidate
-    return event, kept, first, last, v, x
+@njit(inline="always", error_model="numpy")
+def step_thorough_lane(lanes, i, transient, total):
+    """Make one certified step in lane i and observe all that can be observed."""
+    before, k, motion, event, v, x = _move(lanes, i)
+    observe_thoroughly(lanes, i, before, k, motion, event, v, x, transient, total)
 
 
 @njit(error_model="numpy", forceinline=True)
-def _step(lanes, i, transient, total):
+def _plain(lanes, i, transient, total):
     step_lane(lanes, i, transient, total)
 
 
-_every_lane = each_lane(_step, LANES)
+@njit(error_model="numpy", forceinline=True)
+def _thorough(lanes, i, transient, total):
+    step_thorough_lane(lanes, i, transient, total)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _traced(lanes, i, transient, total):
+    _, _, _, event, v, x = _move(lanes, i)
+    lanes[CELL * LANES + i], lanes[(CELL + 1) * LANES + i], lanes[(CELL + 2) * LANES + i] = event, v, x
+
+
+_every_plain, _every_thorough, _every_traced = (each_lane(step, LANES) for step in (_plain, _thorough, _traced))
 
 
 @njit(error_model="numpy", nogil=True)
 def step_lanes(lanes, steps, transient, total):
     """Make `steps` certified steps in every lane."""
     for _ in range(steps):
-        _every_lane(lanes, transient, total)
+        _every_plain(lanes, transient, total)
+
+
+@njit(error_model="numpy", nogil=True)
+def step_thorough_lanes(lanes, steps, transient, total):
+    """Make `steps` certified steps in every lane, all observers at work."""
+    for _ in range(steps):
+        _every_thorough(lanes, transient, total)
+
+
+@njit(error_model="numpy", nogil=True)
+def trace_lanes(lanes, trace):
+    """Make as many certified steps in every lane as the trace has rows, and leave each in its row."""
+    for k in range(len(trace)):
+        _every_traced(lanes, 0.0, 0.0)
+        row = trace[k]
+        for j in range(STATE * LANES):
+            row[j] = lanes[j]
+        for j in range((TRACE - STATE) * LANES):
+            row[STATE * LANES + j] = lanes[CELL * LANES + j]

@@ -1,15 +1,16 @@
 """Near-misses: where the gap has a least value in flight and no contact follows.
 
 The rate p(x) of the gap rises through zero there. Its root is estimated, and the least gap is u - p^2/(2 u'') by the
-step's own series near it.
+step's own series near it. Where it passes zero the orbit grazes, and the impact map has a square root: A. B. Nordmark,
+"Non-periodic motion caused by grazing incidence in an impact oscillator", J. Sound Vib. 145 (1991) 279-297.
 """
 
 from __future__ import annotations
 
 from numba import njit
 
-from vibroimpact.kernels.arithmetic import fma, select
-from vibroimpact.kernels.flight import evaluate, evaluate_roughly, rotate, series
+from vibroimpact.kernels.flight import acceleration, evaluate, evaluate_roughly, rotate, series
+from vibroimpact.kernels.machine import fma, select
 
 NONE = 1e300  # stands for "no near-miss"
 PIECES = 16  # of a step that is searched to rounding: 0.15 radians of the fastest rate each
@@ -41,11 +42,11 @@ def least_gap(a, x, p1, q1, lands):
 
 
 @njit(error_model="numpy")
-def least_gap_exactly(u, p, s, c, C, K, A, G, th, Q, x):
+def least_gap_exactly(motion, k, x):
     """Return the least gap within a flight of x steps, to rounding, or NONE; the step is searched in pieces."""
-    a = series(u, p, s, c, C, K, A, G, th, Q, False)
+    a = series(motion, k, False)
     least = NONE
-    before = p
+    before = motion.p
     for piece in range(PIECES):
         low, high = x * piece / PIECES, x * (piece + 1.0) / PIECES
         after = evaluate(a, high)[1]
@@ -57,8 +58,8 @@ def least_gap_exactly(u, p, s, c, C, K, A, G, th, Q, x):
                     high = at
                 else:
                     low = at
-                s1, _ = rotate(s, c, th * at)
-                curvature = fma(-C, rate, fma(-K, value, fma(-A, s1, G)))
+                s, _ = rotate(motion.s, motion.c, k.th * at)
+                curvature = acceleration(value, rate, s, k)
                 better = at - rate / curvature if curvature > 0.0 else 0.5 * (low + high)
                 if not low <= better <= high:
                     better = 0.5 * (low + high)

@@ -1,13 +1,91 @@
-"""What is kept of a motion while it is stepped; observers change no state."""
+"""What is kept of a motion while it is stepped; observers change no state.
+
+Each tuple is what one observer keeps of a cell, and the function of its name in lower case brings it up to date.
+"""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from numba import njit
 
-from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE
-from vibroimpact.kernels.arithmetic import fma, select
+from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, STUCK
+from vibroimpact.kernels.chatter import pressed
+from vibroimpact.kernels.flight import acceleration, series
+from vibroimpact.kernels.law import across_impact
+from vibroimpact.kernels.machine import fma, select
+from vibroimpact.kernels.near_miss import NONE, least_gap
+from vibroimpact.kernels.tangent import undamped_flow
 
 WHOLE = 6755399441055744.0  # 1.5 * 2^52: adding and taking it away again rounds to a whole number
+FOLD = 1.6069380442589903e60  # 2^200: a power of two rescales without rounding
+DEVIATION = (1.0, 0.7)  # a tangent vector to begin with, in a direction that no cell singles out
+
+
+class Sums(NamedTuple):
+    """Recorded impacts so far, and sums of the kept speeds, each less the first one `shift`."""
+
+    hits: float
+    shift: float
+    sum1: float
+    sum2: float
+    largest: float
+
+
+class Stamp(NamedTuple):
+    """When something happened: whole periods and the pair of the phase."""
+
+    n: float
+    s: float
+    c: float
+
+
+class Rests(NamedTuple):
+    """Whether the mass came to rest among the kept impacts; steps since the last impact; releases since a look."""
+
+    stuck: float
+    age: float
+    releases: float
+
+
+class Recurrence(NamedTuple):
+    """The reference impact, its number, when the next one takes its place, how near is a return, and the return.
+
+    `candidate` is the number of impacts after which the reference came back within `near`, a speed, or 0; whether the
+    states agree too is looked at where a cycle is to be closed.
+    """
+
+    speed: float
+    number: float
+    following: float
+    near: float
+    candidate: float
+
+
+class Deviation(NamedTuple):
+    """A tangent vector, folds by 2^200 taken out of it, and both at the first and the last kept impact."""
+
+    du: float
+    dp: float
+    folds: float
+    first_size: float
+    first_folds: float
+    last_size: float
+    last_folds: float
+
+
+class Phases(NamedTuple):
+    """Sums of (sin wt, cos wt) of the kept impacts."""
+
+    s: float
+    c: float
+
+
+class Misses(NamedTuple):
+    """The least gap of a near-miss within the window, and all releases."""
+
+    margin: float
+    releases: float
 
 
 @njit(inline="always", error_model="numpy")
@@ -18,42 +96,91 @@ def count_impact(count, event, total):
 
 
 @njit(inline="always", error_model="numpy")
-def velocity_sums(shift, sum1, sum2, largest, v, first, kept):
+def sums(old, count, v, first, kept):
     """Accumulate velocities shifted by the first one, which keeps their variance free of cancellation."""
-    shift = select(first, v, shift)
+    shift = select(first, v, old.shift)
     deviation = select(kept, v - shift, 0.0)
-    return shift, sum1 + deviation, fma(deviation, deviation, sum2), select(kept & (v > largest), v, largest)
+    largest = select(kept & (v > old.largest), v, old.largest)
+    return Sums(count, shift, old.sum1 + deviation, fma(deviation, deviation, old.sum2), largest)
 
 
 @njit(inline="always", error_model="numpy")
-def stamp(take, old_n, old_s, old_c, n, s, c):
-    """Take down when something happened, as whole periods and the pair of the phase."""
-    return select(take, n, old_n), select(take, s, old_s), select(take, c, old_c)
+def stamp(old, motion, take):
+    """Record the time of a motion where `take` holds."""
+    return Stamp(select(take, motion.n, old.n), select(take, motion.s, old.s), select(take, motion.c, old.c))
 
 
 @njit(inline="always", error_model="numpy")
-def sticks_within(stuck, event, count, transient, total):
-    """Return 1 once the mass has come to rest between the first and the last kept impact."""
-    rests = (event == CHATTER) | (event == RELEASE)
-    return select(rests & (count > transient) & (count < total), 1.0, stuck)
+def rests(old, event, x, count, transient, total):
+    """Note sticks between the first and the last kept impact, and how long the last impact is past."""
+    stays = (event == CHATTER) | (event == RELEASE)
+    return Rests(
+        stuck=select(stays & (count > transient) & (count < total), 1.0, old.stuck),
+        age=select(event == IMPACT, 0.0, old.age + x),
+        releases=old.releases + select(event == RELEASE, 1.0, 0.0),
+    )
 
 
 @njit(inline="always", error_model="numpy")
-def recurrence(ref_v, ref_count, ref_next, near, candidate, v, count, hit):
+def recurrence(old, v, count, hit):
     """Watch for impacts that recur: compare the speed of each with that of a reference impact.
 
-    `candidate` becomes the number of impacts after which the reference came back within `near`, a speed; whether the
-    states agree too is looked at where a cycle is to be closed. The reference moves on every 32 impacts at first, later
-    more rarely, so that longer cycles are seen too.
+    The reference moves on every 32 impacts at first, later more rarely, so that longer cycles are seen too.
     """
-    back = hit & (abs(v - ref_v) < near) & (candidate == 0.0)
-    candidate = select(back, count - ref_count, candidate)
-    moves = hit & (count == ref_next)
+    back = hit & (abs(v - old.speed) < old.near) & (old.candidate == 0.0)
+    moves = hit & (count == old.following)
     stride = (0.125 * count + WHOLE) - WHOLE
     following = count + select(stride > 32.0, stride, 32.0)
-    return (
-        select(moves, v, ref_v),
-        select(moves, count, ref_count),
-        select(moves, following, ref_next),
-        candidate,
+    return Recurrence(
+        speed=select(moves, v, old.speed),
+        number=select(moves, count, old.number),
+        following=select(moves, following, old.following),
+        near=old.near,
+        candidate=select(back, count - old.number, old.candidate),
+    )
+
+
+@njit(inline="always", error_model="numpy")
+def deviation(old, motion, k, event, v, x, first, last):
+    """Carry a tangent vector over a step; a hold erases what came before."""
+    held = (event == RELEASE) | (event == STUCK)
+    contact = (motion.u <= 0.0) & (held == False)  # noqa: E712
+    du, dp = undamped_flow(old.du, old.dp, k.C, k.K, x)
+    du1, dp1 = across_impact(du, dp, v, motion.s, k)
+    du = select(held, DEVIATION[0], select(contact, du1, du))
+    dp = select(held, DEVIATION[1], select(contact, dp1, dp))
+    size = abs(du) + abs(dp)
+    large, small = size > FOLD, size < 1.0 / FOLD
+    scale = select(large, 1.0 / FOLD, select(small, FOLD, 1.0))
+    return Deviation(
+        du=du * scale,
+        dp=dp * scale,
+        folds=old.folds + select(large, 1.0, select(small, -1.0, 0.0)),
+        first_size=select(first, size, old.first_size),
+        first_folds=select(first, old.folds, old.first_folds),
+        last_size=select(last, size, old.last_size),
+        last_folds=select(last, old.folds, old.last_folds),
+    )
+
+
+@njit(inline="always", error_model="numpy")
+def phases(old, motion, kept):
+    """Add up the phases of kept impacts, as points on the unit circle."""
+    return Phases(old.s + select(kept, motion.s, 0.0), old.c + select(kept, motion.c, 0.0))
+
+
+@njit(inline="always", error_model="numpy")
+def misses(old, before, after, k, event, x, count, transient, total):
+    """Look for a near-miss in the step, and count releases."""
+    held = (event == RELEASE) | (event == STUCK)
+    contact = (after.u <= 0.0) & (held == False)  # noqa: E712
+    # The coefficients are those of the step itself: the compiler computes them once.
+    at_release = (before.u <= 0.0) & (before.p == 0.0) & pressed(before.s, before.c, k)[1]
+    a = series(before, k, at_release)
+    least = least_gap(a, x, after.p, acceleration(after.u, after.p, after.s, k), contact)
+    least = select(held, NONE, least)
+    within = (count > transient) & (count < total)
+    return Misses(
+        margin=select(within & (least < old.margin), least, old.margin),
+        releases=old.releases + select(event == RELEASE, 1.0, 0.0),
     )

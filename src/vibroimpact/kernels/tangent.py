@@ -1,36 +1,24 @@
-"""How neighbours of an orbit move: the tangent of a certified step, and of the contact at its end.
+"""How neighbours of an orbit move in free flight: the tangent of a certified step. `law` has that of a contact.
 
-A deviation (du, dp) at a common time obeys the homogeneous equation in flight. At an impact, with p the rate just
-before it and a-, a+ the second derivatives of the gap just before and after, saltation takes it to
-
-    du -> -r du,    dp -> (a+ + r a-)/p du - r dp.
-
-Over a closed cycle of n periods and p impacts the determinant is r^(2p) exp(-c n T / m).
+A deviation (du, dp) at a common time obeys the homogeneous equation of motion.
 """
 
 from __future__ import annotations
 
 from numba import njit
 
-from vibroimpact.kernels.arithmetic import fma
 from vibroimpact.kernels.flight import evaluate, series
+from vibroimpact.kernels.machine import fma
+from vibroimpact.kernels.state import Constants, Motion
 
 
 @njit(error_model="numpy")
 def flow(C, K, x):
     """Return the transition matrix of (u, p) over x steps of free flight, row by row."""
-    u0, p0 = evaluate(series(1.0, 0.0, 0.0, 1.0, C, K, 0.0, 0.0, 0.0, 0.0, False), x)
-    u1, p1 = evaluate(series(0.0, 1.0, 0.0, 1.0, C, K, 0.0, 0.0, 0.0, 0.0, False), x)
+    homogeneous = Constants(C, K, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    u0, p0 = evaluate(series(Motion(1.0, 0.0, 0.0, 1.0, 0.0), homogeneous, False), x)
+    u1, p1 = evaluate(series(Motion(0.0, 1.0, 0.0, 1.0, 0.0), homogeneous, False), x)
     return u0, u1, p0, p1
-
-
-@njit(error_model="numpy")
-def saltation(v, s, c, C, A, G, r):
-    """Return the saltation matrix of an impact of speed v (in steps) at (s, c), row by row."""
-    force = fma(-A, s, G)
-    before = fma(C, v, force)
-    after = fma(-C * r, v, force)
-    return -r, 0.0, -(after + r * before) / v, -r
 
 
 @njit(error_model="numpy")
@@ -79,12 +67,3 @@ def undamped_flow(du, dp, C, K, x):
     sine = x * fma(z, sine, 1.0)
     mean = half * sine
     return fma(cosine + mean, du, sine * dp), fma(cosine - mean, dp, -K * sine * du)
-
-
-@njit(inline="always", error_model="numpy")
-def across_impact(du, dp, v, s, C, A, G, r):
-    """Carry a deviation over an impact of speed v (in steps) under the force at sin wt = s: its saltation."""
-    force = fma(-A, s, G)
-    before = fma(C, v, force)
-    after = fma(-C * r, v, force)
-    return -r * du, fma(-fma(r, before, after) / v, du, -r * dp)

@@ -1,9 +1,4 @@
-"""A loop over lanes that the compiler vectorises two registers at a time.
-
-A certified step is one long chain of dependent operations: with one register of lanes the processor waits for itself.
-Two registers in turns cost a quarter less. LLVM does that for a loop that asks for it in its metadata, which touches no
-other loop of the process; numba has no way to ask, so the loop is built here.
-"""
+"""What the processor can do and Python cannot express: fused multiply-add, select, a shared counter, a vector loop."""
 
 from __future__ import annotations
 
@@ -18,8 +13,44 @@ REGISTERS = 2
 WIDTH = 8
 
 
+@intrinsic
+def fma(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
+    """Return a b + c with one rounding."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
+        return builder.fma(*args)
+
+    return types.float64(types.float64, types.float64, types.float64), codegen
+
+
+@intrinsic
+def select(typingctx: Any, condition: Any, yes: Any, no: Any) -> Any:
+    """Return `yes` where the condition holds, else `no`; both are evaluated, neither may matter untaken."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
+        return builder.select(*args)
+
+    return types.float64(types.boolean, types.float64, types.float64), codegen
+
+
+@intrinsic
+def next_ticket(typingctx: Any, counter: Any) -> Any:
+    """Return `counter[0]` and add one to it, at one stroke."""
+
+    def codegen(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, args[0])
+        return builder.atomic_rmw("add", array.data, ir.Constant(ir.IntType(64), 1), "monotonic")
+
+    return types.int64(counter), codegen
+
+
 def each_lane(step: Any, number: int) -> Any:
-    """Return a function (lanes, transient, total) that calls `step(lanes, i, transient, total)` for each lane i."""
+    """Return a function (lanes, transient, total) that calls `step(lanes, i, transient, total)` for each lane i.
+
+    A certified step is one long chain of dependent operations: with one register of lanes the processor waits for
+    itself; two registers in turns cost a quarter less. LLVM makes such a loop where the loop's metadata request it;
+    numba has no way to write them, so the loop is built here.
+    """
 
     @intrinsic
     def loop(typingctx: Any, lanes: Any, transient: Any, total: Any) -> Any:

@@ -1,0 +1,153 @@
+"""From what observers keep to the indices of a cell: one field an index, named as in `vibroimpact.indices`."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from numba import njit
+
+from vibroimpact.kernels.cell import phase_of
+from vibroimpact.kernels.cycle import (
+    IMPACTS,
+    LOG_RADIUS,
+    MISS,
+    PARTING,
+    PERIODS,
+    RESTS,
+    SQUARES,
+    UNTOLD,
+    describe_turn,
+)
+from vibroimpact.kernels.lanes import (
+    load_constants,
+    load_deviation,
+    load_first,
+    load_last,
+    load_misses,
+    load_phases,
+    load_rests,
+    load_sums,
+)
+from vibroimpact.kernels.law import energy_loss
+from vibroimpact.kernels.near_miss import NONE
+from vibroimpact.kernels.observers import FOLD
+
+H, SCALE, FLIGHT, GRANTED, MADE, RATIO, KNOWN = range(7)  # what is noted of a cell beside its lane
+NOTES = 7
+WALK = 50_000  # steps after which a cycle is given up
+PERHAPS = 2000  # steps in which a mass that has stuck once may stick again
+
+
+class Course(NamedTuple):
+    """What decides the status: periods that the window spans, sticks in it, impacts and steps computed, and not."""
+
+    span: float
+    sticks: float
+    counted: float
+    steps: float
+    known: float
+
+
+class VelocityIndices(NamedTuple):
+    """Indices from sums over the velocities of impacts."""
+
+    std: float
+    mean_velocity: float
+    max_velocity: float
+    impacts_per_period: float
+
+
+class ThoroughIndices(NamedTuple):
+    """Indices that thorough lanes give beside them."""
+
+    lyapunov: float
+    lyapunov_per_impact: float
+    n_periods: float
+    n_impacts: float
+    dissipation: float
+    stick_fraction: float
+    impact_phase_spread: float
+    grazing_margin: float
+
+
+# The columns of what cells hand out.
+PLAIN = Course._fields + VelocityIndices._fields
+THOROUGH = PLAIN + ThoroughIndices._fields
+_VELOCITIES, _THOROUGH = len(Course._fields), len(PLAIN)
+
+
+@njit(error_model="numpy")
+def _put(result, first, values):
+    for j in range(len(values)):
+        result[first + j] = values[j]
+
+
+@njit(error_model="numpy")
+def harvest(lanes, i, note, keep, result):
+    """Turn the sums of lane i, in lengths of a step, into indices per second and the course of its window."""
+    h = note[H]
+    count, shift, sum1, sum2, largest = load_sums(lanes, i)
+    first, last = load_first(lanes, i), load_last(lanes, i)
+    span = (last.n - first.n) + (phase_of(last.s, last.c) - phase_of(first.s, first.c))
+    mean = sum1 / keep
+    variance = sum2 / keep - mean * mean
+    rate = (keep - 1.0) / span if keep > 1.0 else math.nan
+    course = Course(
+        span=span, sticks=load_rests(lanes, i).stuck, counted=count - note[KNOWN], steps=note[MADE], known=note[KNOWN]
+    )
+    indices = VelocityIndices(
+        std=math.sqrt(max(variance, 0.0)) / h,
+        mean_velocity=(shift + mean) / h,
+        max_velocity=largest / h,
+        impacts_per_period=note[RATIO] if note[RATIO] > 0.0 else rate,  # of a closed cycle exactly p/n
+    )
+    _put(result, 0, course)
+    _put(result, _VELOCITIES, indices)
+
+
+@njit(error_model="numpy")
+def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
+    """Turn what a thorough lane and its cycle tell into indices; `harvest` comes first."""
+    _, shift, sum1, sum2, _ = load_sums(lanes, i)
+    margin, releases = load_misses(lanes, i)
+    returns = releases > 1.0
+    stuck = returns or load_rests(lanes, i).stuck > 0.0
+    if stuck:
+        describe_turn(load_constants(lanes, i), WALK if returns else PERHAPS, facts, trace)
+    period = 2.0 * math.pi / cell.omega
+    n_periods, n_impacts = facts[PERIODS], facts[IMPACTS]
+    if facts[PERIODS] > 0.0 and facts[PARTING] >= UNTOLD:  # it rests again, but rounding decides when
+        n_periods, n_impacts = 0.0, -1.0
+    sine, cosine = load_phases(lanes, i)
+    lost = energy_loss(cell.mass, cell.restitution) / (note[H] * note[H])
+    if facts[PERIODS] > 0.0:
+        exponent = facts[LOG_RADIUS] / (facts[PERIODS] * period)
+        per_impact = facts[LOG_RADIUS] / abs(facts[IMPACTS])
+        dissipation = lost * facts[SQUARES] / facts[PERIODS]
+        resting = facts[RESTS] / facts[PERIODS]
+        margin = facts[MISS]
+    else:
+        span, gone = result[0], keep - 1.0
+        grown = load_deviation(lanes, i)
+        growth = -math.inf
+        if grown.last_size > 0.0 and not stuck:
+            folds = grown.last_folds - grown.first_folds
+            growth = math.log(grown.last_size / grown.first_size) + folds * math.log(FOLD)
+            growth -= 0.5 * cell.damping / cell.mass * span * period
+        exponent = growth / (span * period) if gone > 0.0 else math.nan
+        per_impact = growth / gone if gone > 0.0 else math.nan
+        squares = sum2 + shift * (2.0 * sum1 + gone * shift)
+        dissipation = lost * squares / span if gone > 0.0 else math.nan
+        resting = 0.0 if gone > 0.0 and not stuck else math.nan
+    indices = ThoroughIndices(
+        lyapunov=exponent,
+        lyapunov_per_impact=per_impact,
+        n_periods=n_periods,
+        n_impacts=n_impacts,
+        dissipation=dissipation,
+        stick_fraction=resting,
+        impact_phase_spread=max(1.0 - math.hypot(sine, cosine) / keep, 0.0),
+        grazing_margin=margin if margin < NONE else math.inf,
+    )
+    _put(result, _THOROUGH, indices)
