@@ -117,6 +117,15 @@ def test_each_motion_has_its_colour_in_its_place_and_the_legend_its_share(ax):
     assert (ax.get_xlabel(), ax.get_ylabel()) == LABELS
 
 
+def test_cells_whose_motion_depends_on_the_initial_condition_have_a_colour_of_their_own(ax):
+    one, two = classes([(P, 1, 1), (P, 1, 1)]), classes([(P, 1, 1), (P, 2, 1)])
+    both = xr.concat([one, two], xr.Variable("start", [0, 1]), combine_attrs="override")
+    motion_map(both.transpose("omega", "mass", "start"), ax=ax)
+    assert legend_texts(ax) == ["5.0 %   period-1 impact-1", "95.0 %   depends on the initial condition"]
+    shade = meshes(ax)[0].get_array()
+    np.testing.assert_allclose(shade[:, 1], np.tile(to_rgb(SEVERAL), (30, 1)))
+
+
 def test_rare_names_share_a_colour_and_shares_sum_to_all_cells(ax):
     names = [(P, n, p) for n in range(1, 13) for p in (1,)]
     motion_map(classes(names), ax=ax)

@@ -4,10 +4,12 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib import pyplot as plt
 from matplotlib.collections import LineCollection, QuadMesh
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+import vibroimpact as vi
 from vibroimpact import ImpactOscillator, plotting
 from vibroimpact.dataset import provenance, status_variable, variable
 from vibroimpact.plotting.style import STATUS_COLORS
@@ -177,6 +179,73 @@ def test_maps_of_other_shapes_are_refused_with_the_way_out():
     with pytest.raises(ValueError, match="`dataset` must be .* got 3 axes"):
         plotting.default_kind(cube)
     assert plotting.default_kind(paraboloid()) == "index-contour"
+
+
+def from_starts():
+    """Return the paraboloid from two initial conditions: the second is twice as high, and has no value at omega = 0."""
+    one, two = paraboloid(), paraboloid()
+    two["std"].values *= 2.0
+    two["std"].values[0], two["status"].values[0] = np.nan, Status.NO_IMPACT
+    both = xr.concat([one, two], xr.Variable("start", [0, 1]), combine_attrs="override")
+    return both.transpose("omega", "mass", "start")
+
+
+def test_of_several_initial_conditions_the_largest_value_is_drawn_and_the_title_says_so():
+    drawn = plotting.index_contour(from_starts())
+    values = meshes(drawn)[0].get_array()
+    one = paraboloid()["std"].values.T
+    np.testing.assert_allclose(values[:, 1:], 2.0 * one[:, 1:])
+    np.testing.assert_allclose(values[:, 0], one[:, 0])
+    assert "largest of 2 initial conditions" in drawn.get_title().replace("\n", " ")
+    plt.close(drawn.get_figure())
+    line = plotting.index_curve(from_starts().isel(mass=0), ax=Figure().add_subplot()).lines[0]
+    np.testing.assert_allclose(line.get_ydata()[1:], 2.0 * one[0, 1:])
+    assert plotting.default_kind(from_starts()) == "index-contour"
+
+
+def designs(**columns):
+    found = vi.parameter_map(vi.ImpactOscillator(), points=columns, sample_impacts=100)
+    assert plotting.default_kind(found) == "index-scatter"
+    return found
+
+
+def test_scattered_designs_are_dots_over_their_first_two_parameters_coloured_by_the_index(ax):
+    columns = {"omega": [1.9, 2.0, 2.1, 5.0], "mass": [1.0, 1.1, 0.9, 4.0], "gap": [0.0, 0.1, 0.2, 9.0]}
+    found = designs(**columns)
+    plotting.index_scatter(found, ax=ax)
+    dots, crosses = ax.collections
+    np.testing.assert_allclose(dots.get_offsets(), np.column_stack([columns["omega"], columns["mass"]])[:3])
+    np.testing.assert_allclose(dots.get_array(), found["std"].values[:3])
+    np.testing.assert_allclose(crosses.get_offsets(), [[5.0, 4.0]])
+    assert legend_texts(ax)[0].endswith("(1 design)")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"angular driving frequency $\omega$ [rad/s]", "mass $m$ [kg]")
+    with pytest.raises(ValueError, match="index_scatter"):
+        plotting.index_contour(found)
+    with pytest.raises(ValueError, match="`designs` must be a parameter_map of scattered designs"):
+        plotting.index_scatter(paraboloid())
+
+
+def test_designs_of_one_parameter_have_the_index_along_y(ax):
+    found = designs(omega=[1.9, 2.0, 2.1])
+    plotting.index_scatter(found, ax=ax)
+    np.testing.assert_allclose(ax.lines[0].get_xydata(), np.column_stack([found["omega"], found["std"]]))
+    assert ax.get_ylabel() == r"standard deviation of impact velocities $\mathrm{Std}$ [m/s]"
+
+
+def test_a_family_is_drawn_over_its_own_parameters_with_their_units():
+    @vi.family(units={"rpm": "1/min", "clearance_mm": "mm"})
+    def shaker(rpm=20.0, clearance_mm=100.0, unbalance=0.5):
+        omega = rpm * 2.0 * np.pi / 60.0
+        return vi.ImpactOscillator(omega=omega, gap=clearance_mm / 1e3, amplitude=unbalance * omega**2)
+
+    found = vi.parameter_map(shaker, rpm=[18.0, 20.0, 22.0], clearance_mm=[50.0, 100.0, 150.0], sample_impacts=100)
+    drawn = plotting.index_contour(found)
+    assert (drawn.get_xlabel(), drawn.get_ylabel()) == ("rpm [1/min]", "clearance mm [mm]")
+    assert drawn.get_title() == "shaker,  unbalance = 0.5"
+    assert [text.get_text() for text in drawn.texts] == ["clearance_mm = 100 mm"]
+    held = plotting.index_curve(found.sel(clearance_mm=150.0))
+    assert held.get_title() == "shaker,  clearance_mm = 150,  unbalance = 0.5"
+    plt.close("all")
 
 
 @pytest.mark.parametrize(

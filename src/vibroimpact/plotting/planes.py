@@ -75,6 +75,6 @@ def draw_missing(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch
 def add_bar(ax: Axes, mesh: Any, field: xr.DataArray, note: str = "", **how: Any) -> None:
     """Put the scale of colours beside a map, labelled with quantity and unit."""
     bar = ax.get_figure().colorbar(mesh, ax=ax, **how)  # type: ignore[union-attr]
-    bar.set_label(label(field))
+    bar.set_label(label(field), labelpad=6)
     if note:
         bar.ax.set_xlabel(note, loc="left", labelpad=6, fontsize=8.5)

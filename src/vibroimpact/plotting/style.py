@@ -69,6 +69,7 @@ _MATH = {
     "spread": r"\mathrm{spread}",
     "margin": r"\mathrm{margin}",
 }
+LETTERS = 12.5  # of a legend, per inch of the figure
 BESIDE = "beside"  # marks a legend that leaves the room below the axes free
 
 
@@ -256,20 +257,29 @@ def _legible(handle: Any) -> Any:
     return Line2D([], [], linestyle="none", marker="o", markersize=4, markeredgewidth=0, color=color, label=name)
 
 
-def legend_below(ax: Axes, handles: Sequence[Any] | None = None) -> None:
-    """Put the legend under the axis label, where it hides no data and leaves the title alone.
+def _columns(ax: Axes, handles: Sequence[Any]) -> int:
+    """Return how many columns of legend entries fit below the axes."""
+    figure: Any = ax.get_figure(root=True)
+    spec = ax.get_subplotspec()
+    abreast = spec.get_topmost_subplotspec().get_gridspec().ncols if spec else 1
+    room = LETTERS * figure.get_size_inches()[0] / abreast
+    lengths = [len(str(handle.get_label())) for handle in handles]
+    for columns in range(len(handles), 1, -1):  # Matplotlib fills column by column, as array_split does
+        if sum(part.max() + 6 for part in np.array_split(lengths, columns)) <= room:
+            return columns
+    return 1
 
-    It has as many columns as fit if all entries were as long as the longest.
-    """
+
+def legend_below(ax: Axes, handles: Sequence[Any] | None = None) -> None:
+    """Put the legend under the axis label, in as many columns as fit, where it hides no data."""
     handles = ax.get_legend_handles_labels()[0] if handles is None else handles
     if not handles:
         return
-    longest = max(len(str(handle.get_label())) for handle in handles)
     under_label = ScaledTranslation(0.0, -34 / 72, ax.get_figure(root=True).dpi_scale_trans)  # type: ignore[union-attr]
     ax.legend(
         handles=[_legible(handle) for handle in handles],
         loc="upper center",
-        ncols=max(1, min(len(handles), 84 // (longest + 6))),
+        ncols=_columns(ax, handles),
         bbox_to_anchor=(0.5, 0.0),
         bbox_transform=ax.transAxes + under_label,
         frameon=False,
