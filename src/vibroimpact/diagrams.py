@@ -116,6 +116,7 @@ def bifurcation_diagram(
 
     Examples
     --------
+    >>> from vibroimpact import ImpactOscillator
     >>> diagram = bifurcation_diagram(ImpactOscillator(), omega=[2.0, 4.0], sample_impacts=10)
     >>> diagram["velocity"].dims
     ('omega', 'impact')

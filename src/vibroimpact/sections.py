@@ -106,6 +106,7 @@ def simulate(
 
     Examples
     --------
+    >>> from vibroimpact import ImpactOscillator
     >>> orbit = simulate(ImpactOscillator(omega=2.0), periods=3)
     >>> orbit.sizes["time"]
     601
@@ -204,6 +205,7 @@ def impact_section(
 
     Examples
     --------
+    >>> from vibroimpact import ImpactOscillator
     >>> hits = impact_section(ImpactOscillator(omega=2.0), sample_impacts=3)
     >>> [round(float(v), 6) for v in hits.velocity]
     [6.226413, 6.226413, 6.226413]
@@ -273,6 +275,7 @@ def stroboscopic_section(
 
     Examples
     --------
+    >>> from vibroimpact import ImpactOscillator
     >>> looks = stroboscopic_section(ImpactOscillator(omega=4.0), sample_periods=4)
     >>> len(set(looks.displacement.values.round(9)))  # period-2
     2
@@ -330,12 +333,13 @@ def impact_map(
 
     Examples
     --------
+    >>> from vibroimpact import ImpactOscillator
     >>> following = impact_map(ImpactOscillator(omega=2.0))
     >>> phase, velocity = 0.3, 5.0
     >>> for _ in range(2000):
     ...     phase, velocity = following(phase, velocity)
     >>> round(float(velocity), 9)
-    6.226413237
+    6.226413477
     """
     design = the_oscillator(osc)
     engine = get_backend(backend, time_step=time_step)

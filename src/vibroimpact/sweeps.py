@@ -137,6 +137,7 @@ def parameter_map(
 
     Examples
     --------
+    >>> from vibroimpact import ImpactOscillator
     >>> sweep = parameter_map(ImpactOscillator(), omega=[2.0, 2.8], mass=[1.0, 2.0], sample_impacts=200)
     >>> sweep["std"].dims
     ('omega', 'mass')
@@ -251,6 +252,7 @@ def refined_map(osc: Model, *, refine: int, jump: float | None = None, **how: An
     Examples
     --------
     >>> import numpy as np
+    >>> from vibroimpact import ImpactOscillator
     >>> plane = refined_map(ImpactOscillator(), refine=3, omega=np.linspace(2, 3, 5), mass=[0.9, 1.0, 1.1],
     ...                     sample_impacts=500)
     >>> dict(plane.sizes), int((plane["level"] == 0).sum())

@@ -91,6 +91,7 @@ def to_uniform(plane: xr.Dataset, *, shape: tuple[int, int] | None = None) -> xr
 
     Examples
     --------
+    >>> from vibroimpact import ImpactOscillator, refined_map
     >>> plane = refined_map(ImpactOscillator(), refine=2, omega=[2.0, 2.4, 3.0], mass=[0.9, 1.1], sample_impacts=100)
     >>> dict(to_uniform(plane, shape=(11, 6)).sizes)
     {'omega': 11, 'mass': 6}
