@@ -143,3 +143,11 @@ def test_a_window_narrower_than_a_step_of_the_branch_is_not_lost():
 def test_a_sweep_that_does_not_name_its_motions_is_refused(sweeps):
     with pytest.raises(ValueError, match="`sweep` lacks n_periods; .*indices="):
         swept_windows(sweeps["up"].drop_vars("n_periods"))
+
+
+def test_two_orbits_of_one_impact_at_one_value_lie_on_branches_of_their_own():
+    osc = vi.ImpactOscillator(damping=0.05, gap=0.3, omega=2.4)
+    fast, slow = find_orbit(osc, n_periods=2)
+    branches = follow_all([fast, slow, *find_orbit(osc.replace(omega=2.5), n_periods=2)], "omega", (2.2, 2.6))
+    assert [branch.outcome for branch in branches] == [("grazing", "range"), ("range", "range")]
+    assert all(branch.values.min() < 2.4 < branch.values.max() for branch in branches)

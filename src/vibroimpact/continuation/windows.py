@@ -58,7 +58,8 @@ class Window:
     def orbits_at(self, value: float) -> list[Orbit]:
         """Return the stable orbits that Newton's method reaches at a value from the two nearest ones of the window."""
         nearest = sorted(self.orbits, key=lambda orbit: abs(orbit.value(self.parameter) - value))
-        return [found for orbit in nearest[:2] for found in _moved(orbit, self.parameter, value) if _lasts(found)]
+        moved = [_moved(orbit, self.parameter, value) for orbit in nearest[:2]]
+        return [found for found in moved if found and _lasts(found)]
 
 
 def follow_all(
@@ -144,11 +145,8 @@ def _lies_on(orbit: Orbit, branch: Branch) -> bool:
     apart = branch.values - value
     around = np.flatnonzero(apart[:-1] * apart[1:] <= 0.0)
     nearest = {int(j if abs(apart[j]) < abs(apart[j + 1]) else j + 1) for j in around}
-    for beside in (branch.orbits[j] for j in nearest):
-        moved = _moved(beside, branch.parameter, value)
-        if moved and same_orbit(min(moved, key=partial(orbit_distance, beside)), orbit, SAME):
-            return True
-    return False
+    moved = [_moved(branch.orbits[j], branch.parameter, value) for j in nearest]
+    return any(same_orbit(found, orbit, SAME) for found in moved if found)
 
 
 def stable_windows(branches: Branch | Iterable[Branch]) -> list[Window]:
@@ -198,7 +196,8 @@ def _looked_between(branch: Branch, special: dict[float, str]) -> list[Orbit]:
     for a, b in pairwise(branch.orbits):
         low, high = sorted((a.value(branch.parameter), b.value(branch.parameter)))
         if low in special and high in special and low < high:
-            orbits += _moved(a, branch.parameter, 0.5 * (low + high))[:1]
+            between = _moved(a, branch.parameter, 0.5 * (low + high))
+            orbits += [between] if between else []
         orbits.append(b)
     return orbits
 
@@ -260,7 +259,9 @@ def _lasts(orbit: Orbit) -> bool:
     return orbit.stable and orbit.admissible
 
 
-def _moved(orbit: Orbit, parameter: str, value: float) -> list[Orbit]:
-    return find_orbit(
-        orbit.model.replace(**{parameter: value}), n_periods=orbit.n_periods, n_impacts=orbit.n_impacts, near=orbit
-    )
+def _moved(orbit: Orbit, parameter: str, value: float) -> Orbit | None:
+    """Return the orbit at another value of a parameter that Newton's method reaches from this one, or None."""
+    model = orbit.model.replace(**{parameter: value})
+    found = find_orbit(model, n_periods=orbit.n_periods, n_impacts=orbit.n_impacts, near=orbit)
+    # With one impact all orbits are found, in closed form.
+    return min(found, key=partial(orbit_distance, orbit), default=None)
