@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,9 +15,9 @@ from numpy.typing import NDArray
 import vibroimpact as vi
 from vibroimpact.explorer.state import FINEST, GREEK, MOTION, View, granted
 from vibroimpact.indices import INDICES
-from vibroimpact.motion import MotionClass, cycle_name, motion_name
+from vibroimpact.motion import MotionClass, motion_name
 from vibroimpact.oscillator import ImpactOscillator, State
-from vibroimpact.plotting.motions import COLORS, OTHER_PERIODIC, WORDS, name_colors
+from vibroimpact.plotting.motions import motion_layers, symmetric_limit
 from vibroimpact.plotting.style import STICKING
 
 Floats = NDArray[np.float64]
@@ -203,7 +202,7 @@ def _limits(finite: Floats, signed: bool, log: bool) -> tuple[float, float]:
     if not finite.size:
         return (-1.0, 1.0) if signed else (0.1, 1.0)
     if signed:
-        most = float(np.percentile(np.abs(finite), 99.0)) or 1.0
+        most = symmetric_limit(finite)
         return -most, most
     low, high = float(finite.min()), float(np.percentile(finite, PERCENT))
     if log:
@@ -229,19 +228,11 @@ def _special(value: Floats, motion: Floats) -> list[tuple[str, str]]:
 
 
 def _names(motion: Floats, n: Floats, p: Floats, name: Floats) -> Shades:
-    rest = motion == MotionClass.PERIODIC
-    counts = Counter(zip(n[rest].astype(int).tolist(), p[rest].astype(int).tolist(), strict=True))
-    layers: list[tuple[Any, str, str]] = []
-    for (periods, impacts), color in name_colors(counts, motion.size).items():
-        here = (motion == MotionClass.PERIODIC) & (n == periods) & (p == impacts)
-        rest = rest & ~here
-        layers.append((here, color, cycle_name(periods, impacts)))
-    layers.append((rest, OTHER_PERIODIC, "other periodic"))
-    layers += [(motion == kind, COLORS[kind], word) for kind, word in WORDS.items()]
+    layers = list(motion_layers(motion, n.astype(int), p.astype(int)))
     shade = np.zeros(motion.shape, np.float32)
     for number, (where, _, _) in enumerate(layers):
         shade[where] = number
-    legend = tuple((color, f"{_share(where)} {word}") for where, color, word in layers if where.any())
+    legend = tuple((color, f"{_share(where)} {label}") for where, color, label in layers if where.any())
     colors = tuple(color for _, color, _ in layers)
     return Shades(shade, motion, name, -0.5, len(layers) - 0.5, "names", colors, "motion", (), legend)
 

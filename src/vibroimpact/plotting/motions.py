@@ -174,17 +174,20 @@ def _layers(classes: xr.Dataset, field: xr.DataArray, several: Mask) -> Iterator
     """Yield which cells each motion of the legend fills, its colour and its name; motions that occur nowhere not."""
     codes = np.where(several, -1, grid_of(field)[2].astype(int))
     n, p = (grid_of(classes[name].transpose(*field.dims))[2].astype(int) for name in ("n_periods", "n_impacts"))
-    rest = codes == MotionClass.PERIODIC
-    counts = Counter(zip(n[rest].tolist(), p[rest].tolist(), strict=True))
-    layers: list[Layer] = []
-    for name, color in name_colors(counts, codes.size).items():
-        here = (codes == MotionClass.PERIODIC) & (n == name[0]) & (p == name[1])
-        rest &= ~here
-        layers.append((here, color, cycle_name(*name)))
-    layers.append((rest, OTHER_PERIODIC, "other periodic"))
-    layers += [(codes == kind, COLORS[kind], word) for kind, word in WORDS.items()]
-    layers.append((several, SEVERAL, "depends on the initial condition"))
+    layers = [*motion_layers(codes, n, p), (several, SEVERAL, "depends on the initial condition")]
     yield from (layer for layer in layers if layer[0].any())
+
+
+def motion_layers(codes: Any, n_periods: Any, n_impacts: Any) -> Iterator[Layer]:
+    """Yield for each entry of a legend of motions which cells it fills, perhaps none, its colour and its name."""
+    rest = codes == MotionClass.PERIODIC
+    counts = Counter(zip(n_periods[rest].tolist(), n_impacts[rest].tolist(), strict=True))
+    for name, color in name_colors(counts, codes.size).items():
+        here = (codes == MotionClass.PERIODIC) & (n_periods == name[0]) & (n_impacts == name[1])
+        rest = rest & ~here
+        yield here, color, cycle_name(*name)
+    yield rest, OTHER_PERIODIC, "other periodic"
+    yield from ((codes == kind, COLORS[kind], word) for kind, word in WORDS.items())
 
 
 def _padded(where: Mask) -> str:
