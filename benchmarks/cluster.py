@@ -15,8 +15,9 @@ import numpy as np
 import vibroimpact as vi
 from benchmarks.effort import Effort
 from benchmarks.measure import Job, child_result, interleaved, ratio
-from vibroimpact.execution.cluster import connect, parcels
-from vibroimpact.execution.cluster.farm import farm_out
+from vibroimpact.execution import cluster
+from vibroimpact.execution.cluster import Cluster, connect
+from vibroimpact.sweeps import request_map
 
 WORKERS = (1, 2)
 TILES = 400  # that do nothing
@@ -37,14 +38,11 @@ def compare(rounds: int, points: int) -> dict[str, Any]:
             job()
         cost = interleaved(jobs, rounds)
         nothing = [_nothing_but_the_way(two) for _ in range(rounds)]
-        with patch.object(parcels, "MOST", 1):  # as tiles travel that take long
-            alone = [_nothing_but_the_way(two) for _ in range(rounds)]
     return {
         "points": points,
         "ns_an_impact": {name: median(values) for name, values in cost.items()},
         "speed_up": ratio(cost["one"], cost["two"]),
         "milliseconds_a_tile": median(nothing),
-        "milliseconds_a_tile_alone": median(alone),
     }
 
 
@@ -54,10 +52,16 @@ def _load() -> None:
 
 
 def _nothing_but_the_way(client: Any) -> float:
+    request = request_map(vi.ImpactOscillator(), {"omega": np.linspace(1.0, 2.0, TILES)})
     begin = time.perf_counter()
-    for _ in farm_out(client, lambda number: partial(abs, number), range(TILES), Event()):
-        pass
+    with patch.object(cluster, "_work", _nothing):
+        for _ in Cluster(client).compute(request, [slice(tile, tile + 1) for tile in range(TILES)], Event()):
+            pass
     return (time.perf_counter() - begin) / TILES * 1e3
+
+
+def _nothing(part: slice, shared: object) -> int:
+    return part.start
 
 
 def measure(effort: Effort) -> dict[str, Any]:

@@ -15,13 +15,10 @@ import xarray as xr
 
 import vibroimpact as vi
 from vibroimpact.backends import ImpactWindow, Measurement
+from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.cli import main
-from vibroimpact.execution import threads as distributed
-from vibroimpact.execution.store import StoreBusy
-from vibroimpact.execution.store import run as run
-from vibroimpact.execution.store.store import SweepStore
-from vibroimpact.execution.store.writer import TileWriter
-from vibroimpact.refinement import computing
+from vibroimpact.execution import threads, tiling
+from vibroimpact.execution.store import StoreBusy, SweepStore, writer
 from vibroimpact.request import Request
 
 OSC = vi.ImpactOscillator()
@@ -36,7 +33,8 @@ TILE, TILES = 36, 24
 
 
 def sweep(store, **options):
-    """Run the study into a store; return it."""
+    """Run the study into a store, some tiles at a time; return it."""
+    threads.BLOCK = min(threads.BLOCK, 2 * TILE)
     return vi.parameter_map(OSC, store=store, tile=TILE, workers=2, **STUDY | options)
 
 
@@ -44,19 +42,23 @@ def warm_up():
     """Load kernels and libraries, in this thread alone: a process with threads must not fork."""
     xr.Variable("x", [0.0]), xr.backends.list_engines(), filelock.FileLock
     axes = {name: STUDY[name][:2] for name in ("omega", "gap")}
-    request = Request(OSC, axes, Measurement(ImpactWindow(0, 10), indices=STUDY["indices"]))
-    run.compute(request, (slice(2), slice(2)))
+    threads.compute_here(Request(OSC, axes, Measurement(ImpactWindow(0, 10), indices=STUDY["indices"])), slice(4))
 
 
 def slow_down(seconds):
     """Let every tile take a while longer, in which its thread hears no signal."""
-    compute = run.compute
+    threads.BLOCK, share = TILE, CpuBackend.share
 
-    def slowly(request, part, *stop):
-        time.sleep(seconds)
-        return compute(request, part, *stop)
+    def slowly(backend, cells, asked):
+        work = share(backend, cells, asked)
 
-    run.compute = slowly
+        def slow_work(stopped):
+            time.sleep(seconds)
+            yield from work(stopped)
+
+        return slow_work
+
+    CpuBackend.share = slowly
 
 
 def forked(job):
@@ -108,7 +110,7 @@ REFINED = {"omega": np.linspace(1.5, 3.5, 13), "mass": np.linspace(0.5, 1.5, 13)
 
 def refined(store, **options):
     """Refine a plane into a store, kept in chunks of a hundred cells; return it."""
-    computing.CHUNK = 100
+    tiling.LISTED = 100
     return vi.parameter_map(OSC, refine=2, store=store, **{"workers": 2} | REFINED | options)
 
 
@@ -210,14 +212,14 @@ def large(folder):
 
 def typed(folder, patience, *words):
     """Run the command line as typed, with another patience for what runs when it is stopped, and with slow disks."""
-    distributed.GRACE = float(patience)
-    array = TileWriter._array
+    threads.GRACE = float(patience)
+    keeping = writer._keeping
 
-    def slow_array(writer, name):
+    def slow_array(array):
         time.sleep(0.1)
-        return array(writer, name)
+        return keeping(array)
 
-    TileWriter._array = slow_array
+    writer._keeping = slow_array
     os.chdir(folder)
     sys.argv = ["vibroimpact", *words]
     sys.exit(main())

@@ -14,11 +14,10 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.execution.cluster import connect, connection, farm, parcels, tiles
-from vibroimpact.execution.store.store import SweepStore
-from vibroimpact.execution.store.writer import TileWriter
+from vibroimpact.execution import cluster
+from vibroimpact.execution.cluster import connect
+from vibroimpact.execution.store import SweepStore, layout
 
-dask = pytest.importorskip("dask", reason="needs the extra [cluster]")
 distributed = pytest.importorskip("distributed", reason="needs the extra [cluster]")
 
 # On a busy machine, killed workers take their time to be there again.
@@ -46,8 +45,8 @@ def assert_same(one, other):
 
 @pytest.fixture(scope="module")
 def shared():
-    """Return a client of two workers; Dask gives a tile up at the first worker that dies with it."""
-    with dask.config.set({"distributed.scheduler.allowed-failures": 0}), connect("local:2") as client:
+    """Return a client of two workers."""
+    with connect("local:2") as client:
         yield client
 
 
@@ -87,7 +86,7 @@ def test_workers_compute_with_any_back_end(client, backend):
 
 
 def test_workers_that_see_the_store_write_to_it_themselves(client, whole, tmp_path, monkeypatch):
-    monkeypatch.setattr(TileWriter, "write", lambda *arguments: pytest.fail("the client wrote a tile"))
+    monkeypatch.setattr("vibroimpact.execution.store.writer.put", lambda *what: pytest.fail("the client wrote a tile"))
     stored = sweep(cluster=client, store=tmp_path / "run.zarr")
     assert_same(stored, whole)
     assert SweepStore(tmp_path / "run.zarr").damaged() == []
@@ -103,23 +102,23 @@ def test_tiles_of_workers_that_do_not_see_the_store_are_written_by_the_client(cl
     try:
         stored = sweep(cluster=client, store=tmp_path / "run.zarr")
     finally:
-        client.run(_look_for, tiles.MARK)
+        client.run(_look_for, layout.MARK)
     assert_same(stored, whole)
     assert SweepStore(tmp_path / "run.zarr").damaged() == []
 
 
 def _look_for(mark):
-    tiles.MARK = mark
+    layout.MARK = mark
 
 
 def test_an_older_copy_of_the_same_study_at_the_same_path_is_not_taken_for_the_store(tmp_path):
     sweep(store=tmp_path / "run.zarr", progress=lambda done, total, partial: False)
     store = SweepStore(tmp_path / "run.zarr")
     before = store.records()
-    with tiles.marked(store.path) as mark:
-        assert tiles.sees(str(store.path), mark)
-        assert not tiles.sees(str(store.path), "the mark of a run elsewhere")
-    assert not tiles.sees(str(store.path), mark)  # a worker that comes late writes nothing either
+    with cluster._marked(store.path) as mark:
+        assert cluster.sees(str(store.path), mark)
+        assert not cluster.sees(str(store.path), "the mark of a run elsewhere")
+    assert not cluster.sees(str(store.path), mark)  # a worker that comes late writes nothing either
     assert np.array_equal(store.records(), before)
 
 
@@ -171,41 +170,68 @@ def _await(condition, seconds=30):
 
 
 def test_a_tile_whose_worker_dies_every_time_is_told_of_in_the_end(client, monkeypatch):
-    monkeypatch.setattr(farm, "ATTEMPTS", 2)
-    with pytest.raises(RuntimeError, match=r"^`cluster` has lost a tile with its workers 2 times .* more memory"):
-        list(farm.farm_out(client, lambda number: _die, [0], threading.Event()))
+    monkeypatch.setattr(cluster, "_work", _die)
+    with pytest.raises(RuntimeError, match=r"^`cluster` has lost a tile with its workers too often .* more memory"):
+        sweep(cluster=client)
 
 
-def _die():
+def _die(part, shared):
     time.sleep(1.0)  # a worker that ends in its first moments is not started anew
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def test_what_a_task_raises_is_raised_here(client):
+def test_what_a_task_raises_is_raised_here(client, monkeypatch):
+    monkeypatch.setattr(cluster, "_work", _fail)
     with pytest.raises(ZeroDivisionError):
-        list(farm.farm_out(client, lambda number: functools.partial(divmod, 1, number), [1, 0, 1], threading.Event()))
+        list(pieces(client, 3))
 
 
-def test_a_slow_worker_keeps_the_others_from_nothing(client):
-    naps = [2.0, *[0.01] * 30]
-    order = [n for n, _ in farm.farm_out(client, lambda n: functools.partial(_nap, naps[n]), range(31), _never())]
+def _fail(part, shared):
+    return 1 // (part.start - 1)
+
+
+def test_a_task_that_fails_now_and_then_is_tried_again(client, whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "_work", functools.partial(_fail_once, cluster._work, tmp_path))
+    assert_same(sweep(cluster=client), whole)
+    assert len(list(tmp_path.iterdir())) == 15
+
+
+def _fail_once(work, folder, part, shared):
+    try:
+        (folder / str(part.start)).touch(exist_ok=False)
+    except FileExistsError:
+        return work(part, shared)
+    raise OSError("for a moment")
+
+
+def test_a_slow_worker_keeps_the_others_from_nothing(client, monkeypatch):
+    monkeypatch.setattr(cluster, "_work", _nap_at_first)
+    order = [number for number, _, _ in pieces(client, 31)]
     assert order.index(0) >= 25  # a task or two wait behind it
     assert sorted(order) == list(range(31))
 
 
-def _nap(seconds):
-    time.sleep(seconds)
+def pieces(client, number, stop=None):
+    """Compute so many parts of one cell."""
+    request = vi.sweeps.request_map(vi.ImpactOscillator(), {"omega": np.linspace(1.0, 2.0, number)})
+    return cluster.Cluster(client).compute(request, [slice(n, n + 1) for n in range(number)], stop or threading.Event())
+
+
+def _nap_at_first(part, shared):
+    time.sleep(0.01 if part.start else 2.0)
     return os.getpid()
 
 
-def _never():
-    return threading.Event()
+def _nap(part, shared):
+    time.sleep(0.05)
+    return os.getpid()
 
 
-def test_a_worker_that_joins_later_gets_its_share(client):
+def test_a_worker_that_joins_later_gets_its_share(client, monkeypatch):
+    monkeypatch.setattr(cluster, "_work", _nap)
     stop, workers = threading.Event(), set()
-    for number, pid in farm.farm_out(client, lambda number: functools.partial(_nap, 0.05), range(2000), stop):
-        if number == 0:
+    for done, (_, _, pid) in enumerate(pieces(client, 2000, stop)):
+        if done == 0:
             client.cluster.scale(3)
         workers.add(pid)
         if len(workers) == 3:
@@ -214,67 +240,15 @@ def test_a_worker_that_joins_later_gets_its_share(client):
     assert len(workers) == 3
 
 
-def test_a_few_tiles_a_thread_are_on_their_way_and_no_more(client):
-    made = []
-
-    def task(number):
-        made.append(number)
-        return functools.partial(_nap, 0.02)
-
-    for finished, _ in enumerate(farm.farm_out(client, task, range(40), _never()), 1):
-        assert len(made) - finished < farm.IN_FLIGHT * 4
-    assert made == list(range(40))
+def test_nothing_that_was_sent_stays_with_the_workers(client):
+    before = set(client.run_on_scheduler(_tasks))
+    for ended in (False, None):
+        sweep(cluster=client, progress=lambda done, total, partial, ended=ended: ended)
+        _await(lambda: not set(client.run_on_scheduler(_tasks)) - before)
 
 
-def test_quick_tasks_travel_together_and_each_is_done_once(client, monkeypatch):
-    journeys, expect = [], farm._Field._expect
-    monkeypatch.setattr(
-        farm._Field, "_expect", lambda self, future, parcel: journeys.append(parcel) or expect(self, future, parcel)
-    )
-    results = dict(farm.farm_out(client, lambda number: functools.partial(abs, -number), range(600), _never()))
-    assert results == {number: number for number in range(600)}
-    assert sorted(number for parcel in journeys for number in parcel) == list(range(600))
-    assert len(journeys) < 200
-    assert max(map(len, journeys)) <= parcels.MOST
-
-
-def test_no_more_travel_together_than_are_worth_a_journey():
-    waiting = parcels.Waiting(range(100_000))
-    assert waiting.take(2) == (0,)  # nothing is known yet
-    waiting.learn(parcels.WORTH / 4.0, 1)
-    assert waiting.take(2) == (1, 2, 3, 4)
-    waiting.learn(parcels.WORTH * 8.0, 1)  # one that is long counts as much as one of many
-    assert waiting.take(2) == (5,)
-
-
-def test_the_scheduler_of_many_threads_has_time_for_each():
-    waiting = parcels.Waiting(range(1_000_000))
-    waiting.learn(parcels.WORTH, 1)
-    assert len(waiting.take(2)) == 1
-    assert len(waiting.take(200)) == round(200 * parcels.WORTH_A_THREAD / parcels.WORTH)
-
-
-def test_the_last_ones_travel_alone_so_that_all_threads_end_together():
-    waiting, sizes = parcels.Waiting(range(1000)), []
-    waiting.learn(1e-4, 1)
-    while waiting:
-        sizes.append(len(waiting.take(2)))
-    assert sizes == sorted(sizes, reverse=True)
-    assert sizes[0] == parcels.MOST
-    assert sizes[-2 * parcels.CUT :] == [1] * (2 * parcels.CUT)
-    assert sum(sizes) == 1000
-
-
-def test_what_was_lost_on_the_way_travels_alone():
-    waiting = parcels.Waiting(range(10_000))
-    waiting.learn(parcels.WORTH / 4.0, 1)
-    waiting.put_back(waiting.take(2))
-    left = []
-    while waiting:
-        left.append(waiting.take(2))
-    assert left[-4:] == [(0,), (1,), (2,), (3,)]
-    assert sorted(number for parcel in left for number in parcel) == list(range(10_000))
-    assert [waiting.losses[number] for number in range(5)] == [1, 1, 1, 1, 0]
+def _tasks(dask_scheduler):
+    return list(dask_scheduler.tasks)
 
 
 @pytest.mark.parametrize("stored", [True, False])
@@ -285,7 +259,7 @@ def test_a_sweep_that_is_stopped_keeps_what_is_done_and_goes_on_later(client, wh
     assert 0 < missing.sum() < missing.size
     assert np.array_equal(part["std"].values[~missing], whole["std"].values[~missing], equal_nan=True)
     if stored:
-        assert part.attrs["cells_missing"] == missing.sum()
+        assert part.attrs["cells_missing"] >= missing.sum()  # a worker may have written what was given up by then
         assert_same(sweep(cluster=client, **store), whole)
 
 
@@ -310,40 +284,27 @@ def test_a_running_scheduler_is_reached_by_its_address(client, whole):
     assert client.status == "running"
 
 
-def test_a_worker_gone_before_it_was_known_to_be_there_does_not_keep_a_cluster_from_closing():
-    with connect("local:1") as made:
-        made.run_on_scheduler(_report_gone, "tcp://127.0.0.1:1")
-        made.cluster.scale(2)  # the watch over the workers goes on
-        _await(lambda: len(made.cluster.scheduler_info["workers"]) == 2)
-    assert made.cluster.status.name == "closed"
-
-
-def _report_gone(address, dask_scheduler):
-    (watch,) = [plugin for name, plugin in dask_scheduler.plugins.items() if "worker-status" in name]
-    watch.remove_worker(dask_scheduler, address)
-
-
 @pytest.mark.parametrize("wrong", ["local", "local:0", "local:two", "10.0.0.1:8786", "tcp://host", "", 8786, None])
 def test_what_is_no_cluster_is_refused(wrong):
-    with pytest.raises(ValueError, match=r"^`cluster` is .*; allowed is .*; give"), connect(wrong):
+    with pytest.raises(ValueError, match=r"^`cluster` must be a .*, got"), connect(wrong):
         pass
 
 
 def test_threads_here_and_a_cluster_at_once_are_refused():
-    with pytest.raises(ValueError, match=r"^`workers` is 3 with `cluster`; allowed .*cluster='local:3'"):
+    with pytest.raises(ValueError, match=r"either `workers` or `cluster`.*cluster='local:3'"):
         sweep(workers=3, cluster="local:2")
 
 
 def test_a_closed_client_is_refused(client):
     with connect(client.cluster.scheduler_address) as closed:
         pass
-    with pytest.raises(ValueError, match="`cluster` is a Client that is closed"):
+    with pytest.raises(ValueError, match="`cluster` must be an open Client, got one that is closed"):
         sweep(cluster=closed)
 
 
 @pytest.mark.parametrize("listening", [True, False])
 def test_an_address_where_no_scheduler_answers_is_told_of_within_seconds(listening, monkeypatch):
-    monkeypatch.setattr(connection, "PATIENCE", 1)
+    monkeypatch.setattr(cluster, "PATIENCE", 1)
     with socket.socket() as deaf:
         deaf.bind(("127.0.0.1", 0))
         if listening:
@@ -361,16 +322,17 @@ def test_without_dask_the_extra_is_named(monkeypatch):
 
 
 def test_a_worker_with_another_version_is_refused(client, monkeypatch):
-    monkeypatch.setattr("vibroimpact.execution.cluster.tiles.package_version", lambda: "0.0.1")
-    with pytest.raises(RuntimeError, match=r"here it is 0\.0\.1; allowed is one version"):
+    monkeypatch.setattr("vibroimpact.execution.cluster.package_version", lambda: "0.0.1")
+    with pytest.raises(RuntimeError, match=r"this is 0\.0\.1; .* one version"):
         sweep(cluster=client)
 
 
 @pytest.mark.parametrize("what", ["scheduler", "client"])
 def test_a_cluster_that_goes_away_is_told_of(what, monkeypatch):
-    monkeypatch.setattr(connection, "PATIENCE", 2)
+    monkeypatch.setattr(cluster, "PATIENCE", 2)
     with connect("local:1") as made:
-        results = farm.farm_out(made, lambda number: functools.partial(_nap, 0.05), range(100), _never())
+        monkeypatch.setattr(cluster, "_work", _nap)
+        results = pieces(made, 100)
         next(results)
         (made.cluster if what == "scheduler" else made).close()
         with pytest.raises(ConnectionError, match="lost its scheduler"):
@@ -378,7 +340,7 @@ def test_a_cluster_that_goes_away_is_told_of(what, monkeypatch):
 
 
 def test_a_scheduler_that_is_killed_is_told_of(monkeypatch):
-    monkeypatch.setattr(connection, "PATIENCE", 2)
+    monkeypatch.setattr(cluster, "PATIENCE", 2)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -389,7 +351,7 @@ def test_a_scheduler_that_is_killed_is_told_of(monkeypatch):
             with connect(f"tcp://127.0.0.1:{port}") as client:
                 threading.Timer(0.5, scheduler.kill).start()
                 with pytest.raises(ConnectionError, match="lost its scheduler"):
-                    list(farm.farm_out(client, lambda number: functools.partial(abs, number), range(10), _never()))
+                    list(pieces(client, 10))
         finally:
             scheduler.kill()
 

@@ -4,14 +4,14 @@ import tracemalloc
 
 import numpy as np
 import pytest
-import zarr
 
 import vibroimpact as vi
 from cells import make_cells
 from vibroimpact import refined_map, to_uniform
 from vibroimpact.backends import ImpactWindow, Measurement
+from vibroimpact.execution.store import SweepStore
 from vibroimpact.motion import MotionClass
-from vibroimpact.refinement.lattice import finer
+from vibroimpact.refinement.picture import finer
 from vibroimpact.request import Request
 
 OSC = vi.ImpactOscillator()
@@ -155,17 +155,17 @@ def test_a_stopped_sweep_goes_on_where_it_stopped_with_the_same_bits(hard, tmp_p
     assert not again  # nothing was left to do
 
 
-def test_damaged_points_are_computed_anew_and_another_study_is_refused(tmp_path):
+def test_damaged_cells_are_computed_anew_and_another_study_is_refused(tmp_path):
     axes = {"omega": np.linspace(2.0, 3.0, 5), "mass": np.linspace(0.5, 1.5, 5)}
     request = {"refine": 2, "store": tmp_path / "r.zarr", **BRIEF, **axes}
     whole = refined_map(OSC, **request).load()
-    for name in ("std", "progress/points/n_periods"):
-        chunk = tmp_path / "r.zarr" / name / "c" / "0" / "0"
+    for name in ("std/c/0/0", "level/c/0/0", "progress/cells/n_periods/c/0"):
+        chunk = tmp_path / "r.zarr" / name
         chunk.write_bytes(chunk.read_bytes()[:-3])
-    assert refined_map(OSC, **request).load().equals(whole)
-    root = zarr.open_group(tmp_path / "r.zarr", mode="r+")
-    root["level"][0, 0] = 2
-    assert refined_map(OSC, **request).load().equals(whole)
+        assert not SweepStore(tmp_path / "r.zarr").is_whole() or "cells" in name
+        assert refined_map(OSC, **request).load().equals(whole)
+        chunk.unlink()
+        assert refined_map(OSC, **request).load().equals(whole)
     with pytest.raises(ValueError, match="jump is None there, 0.5 here"):
         refined_map(OSC, **request, jump=0.5)
 
@@ -177,8 +177,12 @@ def test_a_sweep_stopped_on_its_first_cells_says_which_are_missing():
 
 
 def test_memory_is_that_of_the_picture_and_little_more(monkeypatch):
-    for place, number in (("computing.CHUNK", 256), ("picture.BAND", 8)):
-        monkeypatch.setattr(f"vibroimpact.refinement.{place}", number)  # what is taken at a time is next to nothing
+    for place, number in (
+        ("execution.tiling.LISTED", 256),
+        ("execution.threads.BLOCK", 256),
+        ("refinement.picture.BAND", 8),
+    ):
+        monkeypatch.setattr(f"vibroimpact.{place}", number)  # what is taken at a time is next to nothing
     plane = {"omega": np.linspace(1.5, 2.5, 33), "mass": np.linspace(0.5, 1.5, 33)}
     refined_map(OSC, refine=1, sample_impacts=50, **plane)  # compiles
     tracemalloc.start()
@@ -221,7 +225,7 @@ def test_a_wrong_request_is_told_what_is_allowed(wrong, words):
 
 
 def test_a_uniform_map_is_no_refined_one():
-    with pytest.raises(ValueError, match="`plane` is a Dataset without levels"):
+    with pytest.raises(ValueError, match="`plane` must be what `refined_map` returned, got a Dataset without"):
         to_uniform(vi.parameter_map(OSC, omega=[1.0, 2.0], sample_impacts=10))
     plane = refined_map(OSC, refine=1, omega=[1.9, 2.0], mass=[1.0, 1.1], sample_impacts=50)
     with pytest.raises(ValueError, match="`shape` is"):

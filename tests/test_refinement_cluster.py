@@ -5,10 +5,7 @@ import pytest
 import zarr
 
 import vibroimpact as vi
-from cells import make_cells
-from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.execution.store import SweepStore
-from vibroimpact.request import Request
 
 distributed = pytest.importorskip("distributed", reason="needs the extra [cluster]")
 
@@ -48,7 +45,7 @@ def test_a_refined_map_on_a_cluster_has_the_bits_of_one_machine(client, whole, t
 
 
 def test_a_sweep_stopped_on_a_cluster_goes_on_here_and_the_other_way_round(client, whole, tmp_path, monkeypatch):
-    monkeypatch.setattr("vibroimpact.refinement.computing.CHUNK", 32)
+    monkeypatch.setattr("vibroimpact.execution.tiling.LISTED", 32)
     for first, then in (({"cluster": client}, {}), ({}, {"cluster": client})):
         store = tmp_path / f"{len(first)}.zarr"
         partial = plane(store=store, progress=lambda done, total, partial: done < 150, **first)
@@ -68,24 +65,13 @@ def test_a_finished_refined_store_needs_no_cluster(whole, tmp_path):
     assert again["std"].values.tobytes() == whole["std"].values.tobytes()
 
 
-def test_a_batch_travels_without_the_axes_and_spans_the_cells_of_the_grid():
-    axes = {"gap": np.linspace(0.4, 0.9, 5000), "frequency": np.linspace(0.5, 0.8, 4)}
-    start = vi.State(0.3, 0.1, 1.7)
-    request = Request(OSC, axes, Measurement(ImpactWindow(0, 1)), start)
-    at = np.array([19_999, 0, 7, 8])
-    batch = request.scatter(at)
-    assert batch.shape == (4,)
-    whole, some = make_cells(OSC.replace(gap=0.4), start, axes)[at], batch.cells()
-    assert np.array_equal(whole.table, some.table)
-
-
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"cluster": "local"}, "`cluster` is 'local'; allowed is"),
+        ({"cluster": "local"}, "`cluster` must be .*, got 'local'"),
         ({"cluster": "local:2", "workers": 2}, "either `workers` or `cluster`"),
-        ({"tile": 100}, "`tile` is 100 with `refine`; allowed is one with `cluster` only"),
-        ({"cluster": "local:2", "tile": 0}, "`tile` is 0"),
+        ({"tile": 100}, "with `refine`, `tile` goes with `cluster` only"),
+        ({"cluster": "local:2", "tile": 0}, "`tile` must be a whole number >= 1, got 0"),
     ],
 )
 def test_a_wrong_place_is_refused_before_anything_is_started(wrong, words, tmp_path):

@@ -9,19 +9,19 @@ import sys
 
 import numpy as np
 import pytest
+import zarr
 
 import store_driver as driver
 import vibroimpact as vi
 from vibroimpact.execution.store import SweepStore
-from vibroimpact.refinement.progress import progress_of
 
 NAMES = ("std", "lyapunov_per_impact", "n_periods", "n_impacts", "status", "level")
 
 
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch):
-    monkeypatch.setattr("vibroimpact.refinement.computing.CHUNK", 100)
-    monkeypatch.setattr("vibroimpact.refinement.computing.FEWEST", 1)  # and computed one at a time
+    monkeypatch.setattr("vibroimpact.execution.tiling.LISTED", 100)
+    monkeypatch.setattr("vibroimpact.execution.threads.BLOCK", 100)  # and computed one at a time
 
 
 def partly(store, **options):
@@ -51,65 +51,55 @@ def test_a_refined_map_killed_at_random_moments_is_in_the_end_the_uninterrupted_
         assert not list((tmp_path / f"{name}.zarr").rglob("*.partial"))
 
 
-def test_progress_counts_the_cells_of_each_level(tmp_path, whole):
+def summary(store):
+    return SweepStore(store).summary()
+
+
+def test_the_summary_counts_cells_while_a_refined_map_is_computed(tmp_path, whole):
     store, seen = tmp_path / "r.zarr", []
 
     def look(done, total, partial):
-        seen.append((done, total, progress_of(SweepStore(store))))  # while it runs
+        seen.append((done, total, summary(store)))
         return done < 269
 
     driver.refined(store, workers=1, progress=look)
     for done, total, found in seen:
-        assert found.needed == total
-        assert done - 2 * 100 < found.computed <= done  # but for chunks that have not ended
-    found = progress_of(SweepStore(store))
-    assert [level.level for level in found.levels] == [0, 1]
-    assert found.levels[0].computed == found.levels[0].needed == 169
-    assert found.levels[1].computed == 100 < found.levels[1].needed
-    assert not found.drawn
-    assert sum(found.statuses.values()) == found.computed
-    assert found.seconds > 0.0
+        assert found["needed"] == total
+        assert done - 2 * 100 < found["cells_done"] <= done  # but for tiles that have not ended
+    found = summary(store)
+    assert found["cells_done"] == 269 < found["needed"] < found["cells"] == 2401
+    assert sum(found["statuses"].values()) == 269
+    assert found["seconds"] > 0.0
+    assert not SweepStore(store).is_complete()
     driver.refined(store)
-    found = progress_of(SweepStore(store))
-    levels = whole["level"].values
-    assert [(level.computed, level.needed) for level in found.levels] == [
-        (int((levels == n).sum()),) * 2 for n in range(3)
-    ]
-    assert found.impacts == whole.attrs["impacts_computed"]
-    assert found.drawn
+    found = summary(store)
+    assert found["cells_done"] == found["needed"] == int((whole["level"] >= 0).sum()) == whole.attrs["cells_computed"]
+    assert found["impacts"] == whole.attrs["impacts_computed"]
+    assert SweepStore(store).is_complete()
 
 
 def test_info_tells_how_far_a_refined_map_is_and_how_to_go_on(run, tmp_path):
     partly(tmp_path / "r.zarr")
     code, told, _ = run("info r.zarr")
     assert code == 0
-    found = progress_of(SweepStore(tmp_path / "r.zarr"))
     assert "refined map of std" in told[0]
     assert "refine 2" in told[1]
-    assert told[2] == (
-        f"{found.computed:,} of {found.needed:,} cells computed (the total may grow), for a map of 2,401, which is "
-        "completed when the run ends or is stopped"
-    )
-    assert told[3] == "  level 0: 169 of 169 cells"
-    assert told[4] == f"  level 1: {found.levels[1].computed} of {found.levels[1].needed} cells"
-    assert told[5] == "  level 2: not started"
-    assert "s elapsed" in told[6]
-    assert "left for the cells known so far" in told[6]
+    needed = summary(tmp_path / "r.zarr")["needed"]
+    assert told[2] == f"269 of {needed:,} cells computed (the total may grow), for a map of 2,401"
+    assert "s elapsed" in told[3]
+    assert "s left" in told[3]
     assert told[-1].startswith("continue with: ")
 
 
 def test_info_tells_of_damaged_cells_and_of_a_store_just_begun(run, tmp_path):
     partly(tmp_path / "r.zarr")
-    before = progress_of(SweepStore(tmp_path / "r.zarr")).computed
-    chunk = tmp_path / "r.zarr" / "progress" / "points" / "std" / "c" / "1" / "0"
+    chunk = tmp_path / "r.zarr" / "progress" / "cells" / "std" / "c" / "1"
     chunk.write_bytes(chunk.read_bytes()[:-3])
-    told = run("info r.zarr")[1]
-    assert "1 damaged chunks of cells; they are computed again when you continue" in told
-    assert progress_of(SweepStore(tmp_path / "r.zarr")).computed == before - 69  # of 169, the second chunk
+    assert "1 damaged tiles; they are computed again when you continue" in run("info r.zarr")[1]
     driver.refined(tmp_path / "new.zarr", progress=lambda *seen: False)
     told = run("info new.zarr")[1]
     assert told[2].startswith("0 of 169 cells computed")
-    assert told[4:6] == ["  levels 1 to 2: not started", "continue with: the same parameter_map(..., store=...) call"]
+    assert told[-1] == "continue with: the same parameter_map(..., store=...) call"
 
 
 def test_info_of_a_finished_refined_map_has_nothing_to_go_on_with(run, tmp_path, whole):
@@ -123,24 +113,35 @@ def test_info_of_a_finished_refined_map_has_nothing_to_go_on_with(run, tmp_path,
     assert f"finished: {computed:,} cells computed" in run(command)[2][0]  # it exists
 
 
-def test_points_whose_description_is_damaged_are_told_of(tmp_path):
+@pytest.mark.parametrize("name", ["status", "cell", "n_periods"])
+def test_lists_whose_description_is_damaged_are_told_of(tmp_path, name):
     store = tmp_path / "r.zarr"
     partly(store)
-    (store / "progress" / "points" / "zarr.json").write_text("{")
-    assert progress_of(SweepStore(store)).computed == 0
-    with pytest.raises(OSError, match=r"cells is damaged .*; remove its folder progress/points, and"):
+    (store / "progress" / "cells" / name / "zarr.json").write_text("{")
+    with pytest.raises(OSError, match="which is no stored sweep, or a damaged one"):
         driver.refined(store)
+
+
+def test_cells_that_are_not_those_asked_for_are_computed_anew(tmp_path, whole):
+    driver.refined(tmp_path / "r.zarr", workers=1, progress=lambda done, total, partial: done < 400)
+    root = zarr.open_group(tmp_path / "r.zarr", mode="r+")
+    cells = root["progress/cells/cell"][:100]
+    root["progress/cells/cell"][:100] = cells[::-1]
+    root["progress/cells/std"][:100] = 7.0
+    found = driver.refined(tmp_path / "r.zarr")
+    assert all(found[name].values.tobytes() == whole[name].values.tobytes() for name in NAMES)
+
+
+def test_batches_for_which_the_lists_have_no_room_are_computed_all_the_same(tmp_path, whole, monkeypatch):
+    monkeypatch.setattr("vibroimpact.execution.store.layout.SPARE", -20)  # 4 tiles of 100 cells
+    found = driver.refined(tmp_path / "r.zarr")
+    assert SweepStore(tmp_path / "r.zarr").summary()["tiles"] == 4
+    assert all(found[name].values.tobytes() == whole[name].values.tobytes() for name in NAMES)
 
 
 def test_cells_of_a_slow_back_end_are_kept_a_few_at_a_time(tmp_path):
     axes = {"omega": np.linspace(2.0, 2.6, 9), "gap": np.linspace(0.0, 0.3, 9)}
-    told = []
-    more = {
-        "refine": 1,
-        "backend": "reference",
-        "transient_impacts": 1,
-        "sample_impacts": 2,
-        "store": tmp_path / "r.zarr",
-    }
-    vi.parameter_map(driver.OSC, progress=lambda *seen: told.append(seen[0]) or seen[0] < 70, **more, **axes)
-    assert progress_of(SweepStore(tmp_path / "r.zarr")).computed == 64
+    more = {"refine": 1, "backend": "reference", "transient_impacts": 1, "sample_impacts": 2}
+    store = tmp_path / "r.zarr"
+    vi.parameter_map(driver.OSC, progress=lambda done, total, partial: done < 70, store=store, **more, **axes)
+    assert summary(store)["cells_done"] == 64

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -18,8 +17,10 @@ from matplotlib import pyplot as plt
 import store_driver as driver
 import vibroimpact as vi
 from vibroimpact import memory
-from vibroimpact.execution.store import SweepStore, summary
-from vibroimpact.execution.store.tiling import Tiling, cut
+from vibroimpact.backends.cpu import CpuBackend
+from vibroimpact.execution import threads
+from vibroimpact.execution.store import SweepStore
+from vibroimpact.execution.tiling import cut
 
 matplotlib.use("Agg")
 
@@ -42,6 +43,12 @@ class Counting:
         self.cells.append(done)
         self.attrs = dict(partial.attrs)
         return len(self.cells) - 1 != self.tiles
+
+
+@pytest.fixture(autouse=True)
+def small_blocks(monkeypatch):
+    """Let threads share a tile or two at a time, so that a sweep that is stopped leaves some of these few cells."""
+    monkeypatch.setattr(threads, "BLOCK", 30)
 
 
 @pytest.fixture
@@ -114,9 +121,10 @@ def test_a_second_run_computes_only_what_the_first_one_left(tmp_path):
 
 
 def test_a_finished_tile_is_not_written_again(partly):
-    finished = {file: file.stat().st_mtime_ns for file in partly.rglob("c/*/*") if file.is_file()}
+    chunks = [*partly.glob("std/c/*/*"), *partly.glob("status/c/*/*")]
+    finished = {file: file.stat().st_mtime_ns for file in chunks}
     plane(store=partly)
-    assert len(finished) >= 3 * 5
+    assert len(finished) >= 2 * 5
     assert {file: file.stat().st_mtime_ns for file in finished} == finished
 
 
@@ -177,7 +185,7 @@ def test_a_partly_finished_store_opens_without_a_warning_and_its_root_holds_resu
 
 def test_what_is_missing_is_told_by_the_dataset_and_by_the_summary(partly):
     store = SweepStore(partly)
-    told, dataset = summary(store.records(), store.tiling), store.dataset().load()
+    told, dataset = store.summary(), store.dataset().load()
     missing = int((dataset["status"] == vi.Status.INTERRUPTED).sum())
     assert dataset.attrs["cells_missing"] == missing == told["cells"] - told["cells_done"]
     assert (told["cells"], told["tiles"]) == (391, len(store.tiling))
@@ -192,7 +200,7 @@ def test_a_store_of_which_nothing_is_done_opens(tmp_path):
     stored = plane(store=tmp_path / "run.zarr", progress=lambda *news: False).load()
     assert (stored["status"] == vi.Status.INTERRUPTED).all()
     assert stored["std"].isnull().all()
-    assert summary(SweepStore(tmp_path / "run.zarr").records(), Tiling((23, 17), (23, 17)))["statuses"] == {}
+    assert SweepStore(tmp_path / "run.zarr").summary()["statuses"] == {}
 
 
 @pytest.mark.filterwarnings("error")
@@ -206,8 +214,9 @@ def test_the_picture_of_a_partly_finished_store_says_which_part_is_missing(partl
     plt.close("all")
 
 
-def test_the_curve_of_a_partly_finished_store_says_which_part_is_missing(tmp_path):
+def test_the_curve_of_a_partly_finished_store_says_which_part_is_missing(tmp_path, monkeypatch):
     study = {"omega": OMEGA, "sample_impacts": 50, "store": tmp_path / "run.zarr", "tile": 4, "workers": 1}
+    monkeypatch.setattr(threads, "BLOCK", 4)
     ax = vi.plotting.index_curve(vi.parameter_map(OSC, progress=Counting(2), **study))
     legend = ax.get_legend() or ax.get_figure().legends[0]
     assert any("interrupted" in text.get_text() for text in legend.get_texts())
@@ -244,7 +253,6 @@ def test_tiles_cover_every_cell_once_and_none_is_larger_than_asked_by_much(shape
     for number in range(len(tiling)):
         count[tiling[number]] += 1
         assert count[tiling[number]].size == tiling.cells(number) <= 2 ** len(shape) * cells
-        assert tiling.place(number) == np.unravel_index(number, tiling.counts)
     assert (count == 1).all()
 
 
@@ -281,13 +289,6 @@ def test_a_store_may_be_a_link(tmp_path, there):
     assert (tmp_path / "link.zarr").is_symlink()
 
 
-def test_a_writer_travels_to_other_processes(partly):
-    with SweepStore(partly).writing() as writer:
-        other = pickle.loads(pickle.dumps(writer))
-        other.sweep_up()
-        assert other.path == writer.path
-
-
 # Refused
 
 
@@ -302,8 +303,8 @@ def test_a_start_beyond_the_stop_anywhere_on_a_gap_axis_is_refused_before_the_st
 @pytest.mark.parametrize(
     ("store", "error", "words"),
     [
-        ("run.nc", ValueError, r"`store` is '.*run.nc'; allowed is a folder ending in .zarr"),
-        ("missing/run.zarr", FileNotFoundError, "its folder does not exist; make it first"),
+        ("run.nc", ValueError, "`store` must be a folder ending in .zarr, got"),
+        ("missing/run.zarr", FileNotFoundError, "folder does not exist; make it first"),
         ("file.zarr", OSError, "which is no stored sweep"),
         ("empty.zarr", OSError, "which is no stored sweep"),
         ("saved.zarr", OSError, "which is no stored sweep"),
@@ -321,7 +322,7 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path, store, error, word
 
 @pytest.mark.parametrize("store", [5, True, object()])
 def test_a_store_that_is_no_path_is_refused(store):
-    with pytest.raises(ValueError, match="`store` is .*; allowed is the path of a folder"):
+    with pytest.raises(ValueError, match="`store` must be the path of a folder ending in .zarr, got"):
         plane(store=store)
 
 
@@ -333,17 +334,17 @@ def test_a_tile_is_a_number_of_cells(tmp_path, tile):
 
 
 def test_a_failing_back_end_ends_the_sweep_and_frees_the_store(tmp_path, monkeypatch):
-    from vibroimpact.execution.store import run
+    share, begun = CpuBackend.share, []
 
-    compute = run.compute
-
-    def fail(request, part, *stop):
-        if part[0].start:
+    def fail(backend, cells, asked):
+        begun.append(len(cells))
+        if len(begun) == 3:
             raise MemoryError("no room for the cells")
-        return compute(request, part, *stop)
+        return share(backend, cells, asked)
 
     with monkeypatch.context() as patched:
-        patched.setattr(run, "compute", fail)
+        patched.setattr(CpuBackend, "share", fail)
         with pytest.raises(MemoryError):
             plane(store=tmp_path / "run.zarr", tile=60)
+    assert len(begun) == 3
     xr.testing.assert_equal(plane(store=tmp_path / "run.zarr").load(), plane())

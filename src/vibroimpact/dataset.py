@@ -75,6 +75,12 @@ def status_variable(dims: str | Sequence[str], codes: Any) -> xr.Variable:
     )
 
 
+def level_variable(dims: str | Sequence[str], levels: Any) -> xr.Variable:
+    """Return levels of refinement with their meaning."""
+    meaning = "level of refinement at which a cell was computed, -1 where it was filled in"
+    return plain_variable(dims, levels, {"long_name": meaning, "units": "1", "symbol": "level"})
+
+
 def stick_times(seconds: Callable[[Any, Any], Any], seen: Any) -> dict[str, xr.Variable]:
     """Return when the mass came to rest at the stop and when it left, from a back end's samples."""
     return {

@@ -7,7 +7,7 @@ import json
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from itertools import product
 from typing import Any
 
@@ -117,21 +117,6 @@ class Request:
         """Return the flat indices of a box of cells."""
         ranges = [np.arange(*along.indices(size)) for along, size in zip(part, self.shape, strict=True)]
         return np.ravel_multi_index(np.ix_(*ranges), self.shape).ravel()
-
-    def cut_out(self, part: tuple[slice, ...]) -> Request:
-        """Return the request of a box of cells, which holds its own stretch of the axes only."""
-        if self.scattered:
-            axes = {name: values[part[0]] for name, values in self.axes.items()}
-        else:
-            axes = {name: values[along] for (name, values), along in zip(self.axes.items(), part, strict=False)}
-        start = self.start[part[-1]] if isinstance(self.start, tuple) else self.start
-        return replace(self, axes=axes, start=start)
-
-    def scatter(self, at: Places) -> Request:
-        """Return the request of some cells of a grid, by their flat indices, as scattered points."""
-        places = np.unravel_index(at, self.shape)
-        columns = {name: values[rows] for (name, values), rows in zip(self.axes.items(), places, strict=True)}
-        return replace(self, axes=columns, scattered=True)
 
     def check_starts(self) -> None:
         """Refuse an initial condition beyond the stop at a corner of the grid, before anything is computed."""

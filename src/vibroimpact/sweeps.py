@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,10 +14,11 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibroimpact import memory
-from vibroimpact.backends import ImpactWindow, Measurement, check_told, get_backend
+from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.dataset import missing
-from vibroimpact.execution.store.tiling import usual_tile
-from vibroimpact.execution.threads import check_alone, run_sweep, worker_count
+from vibroimpact.execution import check_place, computing
+from vibroimpact.execution.threads import BLOCK
+from vibroimpact.execution.tiling import usual_tile
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import Model, State, check_model
@@ -156,31 +158,27 @@ def parameter_map(
         return refine_map(
             request, refine, jump, workers=workers, store=store, cluster=cluster, tile=tile, progress=progress
         )
-    threads = worker_count(workers)
-    if cluster is not None:
-        _check_place(cluster, workers)
-    if cluster is None or backend != "cuda":  # the GPUs are those of the workers
-        check_told(request.indices, get_backend(backend, time_step=time_step))
-    size = None if tile is None else whole_number("tile", tile, 1)
+    check_place(request, workers, cluster, tile)
     request.check_starts()
+    size = tile or usual_tile(request)
     if store is not None:
+        from vibroimpact.execution.store import run_into_store
+
         with reporter(progress, "cells") as report:
-            return _run_into_store(request, store, cluster, threads, size, report)
+            return run_into_store(request, store, size, partial(computing, cluster, workers), report)
     _check_room(request)
     dataset, flat = _empty_map(request)
     done, stop = 0, Stop(progress)
-    parts: Any
-    if cluster is None:
-        engine = get_backend(backend, time_step=time_step)
-        parts = run_sweep(engine, request.cells(), request.asked, threads, stop)
-    else:
-        from vibroimpact.execution.cluster import in_memory
-
-        parts = in_memory(cluster, request, size or usual_tile(request), stop)
-    with reporter(progress, "cells") as report, closing(parts):
-        for which, result in parts:
+    size = BLOCK if cluster is None else size
+    parts = [slice(low, min(low + size, len(request))) for low in range(0, len(request), size)]
+    with (
+        reporter(progress, "cells") as report,
+        computing(cluster, workers) as place,
+        closing(place.compute(request, parts, stop)) as pieces,
+    ):
+        for part, which, result in pieces:
             for name, values in flat.items():
-                values[which] = result[name]
+                values[parts[part]][which] = result[name]
             for count in ("impacts", "steps"):
                 dataset.attrs[f"{count}_computed"] += int(result[count].sum())
             done += len(result["status"])
@@ -308,31 +306,6 @@ def _check_room_refined(request: Request, levels: int) -> None:
 
 def _spanned(shape: tuple[int, ...]) -> str:
     return f"{' x '.join(map(str, shape))} = {math.prod(shape):,} cells"
-
-
-def _check_place(cluster: Client | str, workers: int | None) -> None:
-    from vibroimpact.execution.cluster import check_cluster
-
-    check_cluster(cluster)
-    check_alone(workers)
-
-
-# What needs Zarr and Dask is imported where a store or a cluster is asked for: a first map does not wait for them.
-def _run_into_store(
-    request: Request,
-    store: str | os.PathLike[str],
-    cluster: Client | str | None,
-    threads: int,
-    size: int | None,
-    report: Report,
-) -> xr.Dataset:
-    from vibroimpact.execution.store import in_threads, run_into_store
-
-    if cluster is None:
-        return run_into_store(request, store, in_threads(threads), report, size)
-    from vibroimpact.execution.cluster import on_cluster
-
-    return run_into_store(request, store, on_cluster(cluster), report, size)
 
 
 def _empty_map(request: Request) -> tuple[xr.Dataset, dict[str, NDArray[Any]]]:

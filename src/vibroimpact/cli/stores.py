@@ -13,7 +13,6 @@ from vibroimpact.cli.study import REFUSALS, WrongRequest, refusing
 
 if TYPE_CHECKING:
     from vibroimpact.execution.store import SweepStore
-    from vibroimpact.refinement.progress import RefinedProgress
 
 
 def is_wanted(options: Mapping[str, Any]) -> bool:
@@ -31,7 +30,7 @@ def announce(out: Path) -> None:
     """Show how far the existing store of the same study is."""
     store = _opened(out)
     if store is not None:
-        left = "nothing is left to compute" if _is_complete(store) else "continuing"
+        left = "nothing is left to compute" if store.is_complete() else "continuing"
         # By way of `sys.stderr` as it is now, so that it does not run into a bar.
         print(f"{out} exists: {_progress(store)[0]}; {left}", file=sys.stderr, flush=True)
 
@@ -90,10 +89,10 @@ def sentences_of_store(path: Path) -> Iterator[str]:
     yield f"{path}: {kind} of {identity.pop('indices')} over {' and '.join(axes)}"
     yield "  " + ", ".join(f"{name} {value}" for name, value in identity.items() if value is not None)
     yield from _progress(store)
-    damaged = store.damaged(store.records())
+    damaged = store.damaged()
     if damaged:
         yield f"{len(damaged)} damaged tiles; they are computed again when you continue"
-    if damaged or not _is_complete(store):
+    if damaged or not store.is_complete():
         words = [word for word in store.command.split(" ") if word != "--overwrite"]
         typed = words[0] == "vibroimpact"
         yield f"continue with: {' '.join(words) if typed else 'the same parameter_map(..., store=...) call'}"
@@ -108,59 +107,19 @@ def _opened(path: Path) -> SweepStore | None:
         return None
 
 
-def _is_complete(store: SweepStore) -> bool:
-    return bool(store.records()[:, 0].all())
-
-
 def _progress(store: SweepStore) -> list[str]:
-    """Return how far a sweep is, what it cost, and how its cells ended, a line each."""
-    if "refine" in store.identity:
-        return _refined(store)
-    from vibroimpact.execution.store import summary
-
-    found = summary(store.records(), store.tiling)
-    share = found["cells_done"] / found["cells"]
-    lines = [f"{found['tiles_done']} of {found['tiles']} tiles done, {share:.0%} of {found['cells']:,} cells"]
-    if found["tiles_done"]:
-        left = found["seconds"] * (1.0 / share - 1.0)
-        lines.append(
-            f"{found['seconds']:.3g} s of computing, {found['impacts']:.3g} impacts"
-            + (f", about {left:.2g} s on one core left" if left else "")
-        )
-        lines.append(_statuses(found["statuses"]))
+    """Return how far a sweep is, what it cost, and how its cells ended, one line each."""
+    found = store.summary()
+    done, needed, cells = (found[name] for name in ("cells_done", "needed", "cells"))
+    if not store.refined:
+        lines = [f"{found['tiles_done']} of {found['tiles']} tiles done, {done / cells:.0%} of {cells:,} cells"]
+    elif store.is_complete():
+        lines = [f"finished: {done:,} cells computed, {done / cells:.1%} of {cells:,} in the map"]
+    else:
+        lines = [f"{done:,} of {needed:,} cells computed (the total may grow), for a map of {cells:,}"]
+    if done:
+        left = found["seconds"] * (needed - done) / done
+        more = f", about {left:.2g} s left" if left else ""
+        lines.append(f"{found['seconds']:.3g} s elapsed, {found['impacts']:.3g} impacts{more}")
+        lines.append(", ".join(f"{word.replace('_', ' ')} {count:,}" for word, count in found["statuses"].items()))
     return lines
-
-
-def _refined(store: SweepStore) -> list[str]:
-    """Return how far a refined map is, level by level, what it cost, and how its cells ended."""
-    from vibroimpact.refinement.progress import progress_of
-
-    found, picture = progress_of(store), int(store.tiling.shape[0] * store.tiling.shape[1])
-    drawn = found.drawn and _is_complete(store)
-    lines = [_computed(found, picture, drawn)]
-    lines += [f"  level {level.level}: {level.computed:,} of {level.needed:,} cells" for level in found.levels]
-    last, deepest = (found.levels[-1].level if found.levels else -1), int(store.identity["refine"])
-    if last < deepest and not drawn:
-        levels = f"level {deepest}" if last + 1 == deepest else f"levels {last + 1} to {deepest}"
-        lines.append(f"  {levels}: not started")
-    if found.computed:
-        left = 0.0 if drawn else found.seconds * (found.needed - found.computed) / found.computed
-        more = f", about {left:.2g} s left for the cells known so far" if left else ""
-        lines += [f"{found.seconds:.3g} s elapsed, {found.impacts:.3g} impacts{more}", _statuses(found.statuses)]
-    if found.damaged:
-        lines.append(f"{found.damaged} damaged chunks of cells; they are computed again when you continue")
-    return lines
-
-
-def _computed(found: RefinedProgress, picture: int, drawn: bool) -> str:
-    if drawn:
-        share = found.computed / picture
-        return f"finished: {found.computed:,} cells computed, {share:.1%} of {picture:,} in the map"
-    return (
-        f"{found.computed:,} of {found.needed:,} cells computed (the total may grow), for a map of {picture:,}, which "
-        "is completed when the run ends or is stopped"
-    )
-
-
-def _statuses(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{word.replace('_', ' ')} {count:,}" for word, count in counts.items())

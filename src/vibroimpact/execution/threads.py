@@ -1,40 +1,38 @@
-"""Where a sweep runs: its cells one by one, or in tiles, in threads."""
+"""Cells computed by threads of this process: one by one, or in tiles."""
 
 from __future__ import annotations
 
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from itertools import islice, takewhile
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
 from queue import SimpleQueue
 from threading import Event, Thread
-from time import perf_counter
 from typing import Any, TypeVar
 
 import numpy as np
 
 from vibroimpact.backends import Backend, Cells, Measurement, get_backend
 from vibroimpact.backends.base import Counts, Outcome, SharesCells
+from vibroimpact.execution.tiling import Part, Pieces, flat
 from vibroimpact.parameters import whole_number
-from vibroimpact.request import Request
+from vibroimpact.request import Places, Request
 
 Result = TypeVar("Result")
-Computed = tuple[Outcome, float]
 
-BLOCK = 1 << 20  # cells that threads share at once: some 250 MB
+BLOCK = 1 << 18  # cells that threads share at once: some 60 MB
+PARTS = 1024  # of cells that threads share at once
 LOOK = 0.1  # seconds between two looks at whether to stop
-GRACE = 10.0  # seconds that running tiles are waited for once a sweep is to stop; later ones are given up
+GRACE = 10.0  # seconds for which a sweep that is stopped waits for running tiles; later ones are given up
 THREADS = "vibroimpact"  # how names of threads that compute begin
 
 
-class GivenUp(Exception):
-    """A sweep was stopped before these cells had ended."""
-
-
 def worker_count(workers: int | None) -> int:
-    """Return how many threads to use; None is one a core that this process may run on."""
+    """Return how many threads to use; None is one per core that this process may run on."""
     if workers is not None:
         return whole_number("workers", workers, 1)
     if hasattr(os, "sched_getaffinity"):
@@ -42,10 +40,54 @@ def worker_count(workers: int | None) -> int:
     return os.cpu_count() or 1
 
 
-def check_alone(workers: int | None) -> None:
-    """Refuse threads here beside a cluster."""
-    if workers is not None:
-        raise ValueError(f"give either `workers` or `cluster`, not both; or cluster='local:{workers}'")
+def compute_here(request: Request, part: Part) -> Outcome:
+    """Return the results of a part of a request's cells, computed by the calling thread."""
+    engine = get_backend(request.backend, time_step=request.time_step)
+    outcome = engine.indices(request.cells(flat(part, request)), request.asked)
+    return {name: outcome[name] for name in (*request.indices, "status", "impacts", "steps")}
+
+
+@dataclass(frozen=True)
+class Threads:
+    """Computes cells in threads of this process."""
+
+    workers: int
+
+    def part_size(self, request: Request, cells: int) -> int:
+        """Return how many of so many cells a part should hold: threads share whatever they get."""
+        return BLOCK
+
+    def compute(self, request: Request, parts: Sequence[Part], stop: Event, store: Path | None = None) -> Pieces:
+        """Yield (number of a part, which of its cells have ended, their results) until all have or `stop` is set.
+
+        Parts are begun in their order, as many at a time as hold a `BLOCK` of cells.
+        """
+        engine = get_backend(request.backend, time_step=request.time_step)
+        first = 0
+        while first < len(parts) and not stop.is_set():
+            block = _block(request, parts, first)
+            bounds = np.cumsum([0, *map(len, block)])
+            cells = request.cells(np.concatenate(block))
+            for which, outcome in run_sweep(engine, cells, request.asked, self.workers, stop):
+                ended = np.arange(which.start, which.stop) if isinstance(which, slice) else which
+                owner = np.searchsorted(bounds, ended, side="right") - 1
+                for part in np.unique(owner).tolist():
+                    own = owner == part
+                    results = {name: values[own] for name, values in outcome.items()}
+                    yield first + part, ended[own] - bounds[part], results
+            first += len(block)
+
+
+def _block(request: Request, parts: Sequence[Part], first: int) -> list[Places]:
+    """Return the cells of the next parts, as many as threads share at once."""
+    block, cells = [flat(parts[first], request)], 0
+    while first + len(block) < len(parts) and len(block) < PARTS:
+        cells += len(block[-1])
+        following = flat(parts[first + len(block)], request)
+        if cells + len(following) > BLOCK:
+            break
+        block.append(following)
+    return block
 
 
 def run_sweep(
@@ -67,48 +109,6 @@ def run_sweep(
         work = engine.share(cells[low : low + BLOCK], asked)
         for done, outcome in run_shared(work, workers, stop):
             yield done + low, outcome
-
-
-def run_here(engine: Backend, cells: Cells, asked: Measurement, stop: Event) -> Outcome:
-    """Return the cells' indices, computed by the calling thread.
-
-    Raises
-    ------
-    GivenUp
-        `stop` was set before all had ended.
-    """
-    parts: Iterator[tuple[Counts | slice, Outcome]]
-    if isinstance(engine, SharesCells):
-        parts = engine.share(cells, asked)(stop.is_set)
-    else:
-        whole = tiles(len(cells), 1, engine.largest_tile, engine.largest_tile)
-        going = takewhile(lambda part: not stop.is_set(), whole)
-        parts = ((part, engine.indices(cells[part], asked)) for part in going)
-    outcome: Outcome = {}
-    ended = 0
-    for which, found in parts:
-        for name, values in found.items():
-            outcome.setdefault(name, np.empty(len(cells), values.dtype))[which] = values
-        ended += len(found["status"])
-    if ended < len(cells):
-        raise GivenUp
-    return outcome
-
-
-def compute(request: Request, part: tuple[slice, ...], stop: Event | None = None) -> Computed:
-    """Return indices, status, impacts and steps of a box of cells, each in its shape, and the seconds it took.
-
-    Raises
-    ------
-    GivenUp
-        `stop` was set before all cells had ended.
-    """
-    began = perf_counter()
-    engine = get_backend(request.backend, time_step=request.time_step)
-    result = run_here(engine, request.cells(request.box(part)), request.asked, stop or Event())
-    shape = tuple(len(range(*along.indices(size))) for along, size in zip(part, request.shape, strict=True))
-    kept = {name: result[name].reshape(shape) for name in (*request.indices, "status", "impacts", "steps")}
-    return kept, perf_counter() - began
 
 
 def run_shared(work: Callable[[Callable[[], bool]], Iterator[Result]], workers: int, stop: Event) -> Iterator[Result]:

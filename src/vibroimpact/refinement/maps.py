@@ -5,18 +5,18 @@ from __future__ import annotations
 import os
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
-from vibroimpact.dataset import variable
+from vibroimpact.dataset import level_variable, plain_variable
+from vibroimpact.execution import check_place, computing
+from vibroimpact.execution.tiling import listed_tile
 from vibroimpact.parameters import invalid, real_number, whole_number
-from vibroimpact.progress import Report, Stop, reporter
-from vibroimpact.refinement.computing import Computer, check_place, computing
-from vibroimpact.refinement.lattice import finer
-from vibroimpact.refinement.picture import NAMING, Picture, level_variable
-from vibroimpact.refinement.points import Points
+from vibroimpact.progress import Report, reporter
+from vibroimpact.refinement.batches import Batches
+from vibroimpact.refinement.picture import NAMING, Picture, finer
 from vibroimpact.refinement.quadtree import refine as refine_picture
 from vibroimpact.request import Request, map_of
 
@@ -40,17 +40,33 @@ def refine_map(
     """Return the refined map of a request's grid; see `refined_map`."""
     request = refined(coarse, refine, jump)
     check_place(request, workers, cluster, tile)
+    if tile is not None and cluster is None:
+        raise ValueError("with `refine`, `tile` goes with `cluster` only; leave it out")
     with reporter(progress, "cells") as report, ExitStack() as stack:
         kept = None
         if store is not None:
-            from vibroimpact.refinement.stored import finished, keeping, open_refined
+            from vibroimpact.execution.store import open_or_create
 
-            stored = open_refined(store, request)
-            if (whole := finished(stored)) is not None:
-                return whole
-            kept = stack.enter_context(keeping(stored, request))
-        computer = stack.enter_context(computing(request, workers, cluster, tile))
-        return _run(request, computer, report, kept)
+            stored = open_or_create(store, request, listed_tile(request))
+            if stored.is_whole():
+                return stored.dataset()
+            kept = stored, stack.enter_context(stored.writing(request))
+        place = stack.enter_context(computing(cluster, workers))
+        picture = Picture(request.shape, request.indices, request.asked.impacts.keep)
+        level = {"level": level_variable(request.dims, picture.level)}
+        dataset = map_of(request, picture.values).assign(level)
+        batches = Batches(request, picture, dataset, place, tile, report, kept)
+        complete = refine_picture(picture, request.further["refine"], request.further["jump"], request.indices, batches)
+        dataset.attrs |= {
+            "complete": int(complete),
+            "cells_computed": picture.computed,
+            "fraction_computed": picture.computed / picture.level.size,
+        }
+        if kept is None:
+            return dataset
+        stored, writer = kept
+        writer.draw({**picture.values, "level": picture.level}, dataset.attrs)
+        return stored.dataset()
 
 
 def refined(coarse: Request, refine: int, jump: float | None) -> Request:
@@ -87,7 +103,7 @@ def to_uniform(plane: xr.Dataset, *, shape: tuple[int, int] | None = None) -> xr
     Raises
     ------
     ValueError
-        `plane` is no refined map, or `shape` no pair of whole numbers >= 2.
+        `plane` is not a refined map, or `shape` not a pair of whole numbers >= 2.
 
     Examples
     --------
@@ -97,19 +113,16 @@ def to_uniform(plane: xr.Dataset, *, shape: tuple[int, int] | None = None) -> xr
     {'omega': 11, 'mass': 6}
     """
     if not isinstance(plane, xr.Dataset) or "level" not in plane or len(plane["level"].dims) != 2:
-        raise ValueError(
-            f"`plane` is a {type(plane).__name__} without levels; allowed is a refined map; "
-            "give what `refined_map` returned"
-        )
+        raise ValueError(f"`plane` must be what `refined_map` returned, got a {type(plane).__name__} without levels")
     dims = [str(dim) for dim in plane["level"].dims]
     sizes = plane["level"].shape if shape is None else tuple(shape)
     if len(sizes) != 2:
-        raise ValueError(f"`shape` is {shape!r}; allowed is a pair of whole numbers; give one a dimension")
+        raise invalid("shape", shape, "a pair of whole numbers")
     targets: dict[str, xr.Variable] = {}
     for dim, size in zip(dims, sizes, strict=True):
         values = plane[dim].values
         even = np.linspace(values[0], values[-1], whole_number("shape", size, 2))
-        targets[dim] = variable(dim, dim, even)
+        targets[dim] = plain_variable(dim, even, plane[dim].attrs)
     return plane.sel({dim: target.values for dim, target in targets.items()}, method="nearest").assign_coords(targets)
 
 
@@ -121,27 +134,3 @@ def _check_plane(request: Request) -> None:
     for name, values in request.axes.items():
         if len(values) < 2:
             raise ValueError(f"`{name}` must have two or more values with `refine`, got 1; give its ends at least")
-
-
-def _run(request: Request, computer: Computer, report: Report, kept: Any) -> xr.Dataset:
-    picture = Picture(request.shape, request.indices, request.asked.impacts.keep)
-    dataset = _labelled(request, picture)
-
-    def told(done: int, total: int, impacts: int, steps: int) -> Any:
-        dataset.attrs |= {"impacts_computed": impacts, "steps_computed": steps}
-        return report(done, total, dataset)
-
-    points = Points(request, picture, computer, told, Stop(report), kept)
-    complete = refine_picture(picture, request.further["refine"], request.further["jump"], request.indices, points)
-    dataset.attrs |= {
-        "complete": int(complete),
-        "cells_computed": picture.computed,
-        "fraction_computed": picture.computed / picture.level.size,
-    }
-    return dataset if kept is None else kept.draw(picture, dataset.attrs, complete=complete)
-
-
-def _labelled(request: Request, picture: Picture) -> xr.Dataset:
-    """Return the picture as a Dataset that shares its memory."""
-    level = {"level": level_variable(request.dims, picture.level)}
-    return map_of(request, picture.values).assign(level)

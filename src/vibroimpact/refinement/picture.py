@@ -1,4 +1,4 @@
-"""The fine grid as far as it is known: computed where it matters, filled in elsewhere."""
+"""The fine grid as far as it is known: computed where it matters, filled in elsewhere; and the lattices in it."""
 
 from __future__ import annotations
 
@@ -6,19 +6,20 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
+from vibroimpact.cells import Floats
 from vibroimpact.classes import NEEDED
-from vibroimpact.dataset import missing, plain_variable
+from vibroimpact.dataset import missing
 from vibroimpact.motion import MotionClass, decide, stored
-from vibroimpact.refinement.lattice import Places
+from vibroimpact.request import Places
 from vibroimpact.status import Status
 
 FILLED = -1  # the level of a cell that was not computed
 NAMING = NEEDED[:3]  # the indices that a class is decided from
 BAND = 256  # rows filled at a time, to save memory
 Arrays = Mapping[str, NDArray[Any]]
+Flags = NDArray[np.bool_]
 
 
 class Picture:
@@ -31,7 +32,7 @@ class Picture:
     names : tuple of str
         The indices.
     sample_impacts : int
-        Impacts sampled in each cell, by which chaos is told.
+        Impacts sampled in each cell, by which chaos is recognised.
     """
 
     def __init__(self, shape: tuple[int, ...], names: tuple[str, ...], sample_impacts: int) -> None:
@@ -83,7 +84,7 @@ def _neighbours(field: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[A
 
 
 def motion_codes(result: Arrays, sample_impacts: int) -> NDArray[np.uint32]:
-    """Return one number a cell for its class and, of a periodic motion, its name."""
+    """Return one number per cell for its class and, of a periodic motion, its n and p."""
     periods, impacts = (np.asarray(result[name], np.int64) for name in ("n_periods", "n_impacts"))
     growth = sample_impacts * result["lyapunov_per_impact"]
     kind = stored(decide(result["status"], growth, periods, impacts)).astype(np.uint32)
@@ -92,7 +93,39 @@ def motion_codes(result: Arrays, sample_impacts: int) -> NDArray[np.uint32]:
     return codes
 
 
-def level_variable(dims: tuple[str, ...], levels: NDArray[np.int8]) -> xr.Variable:
-    """Return levels with their meaning."""
-    meaning = f"level of refinement at which a cell was computed, {FILLED} where it was filled in"
-    return plain_variable(dims, levels, {"long_name": meaning, "units": "1", "symbol": "level"})
+def finer(values: Floats, levels: int) -> Floats:
+    """Return an axis whose every interval is cut into 2^levels equal ones; its own values stay as they are.
+
+    Examples
+    --------
+    >>> finer(np.array([0.0, 1.0, 3.0]), 1).tolist()
+    [0.0, 0.5, 1.0, 2.0, 3.0]
+    """
+    cuts = 1 << levels
+    parts = np.arange(cuts) / cuts
+    between = values[:-1, None] + np.diff(values)[:, None] * parts
+    return np.append(between.ravel(), values[-1])
+
+
+def quads(field: NDArray[Any]) -> tuple[NDArray[Any], ...]:
+    """Return the four corners of every square of neighbours of a lattice."""
+    return field[:-1, :-1], field[1:, :-1], field[:-1, 1:], field[1:, 1:]
+
+
+def points_of(squares: Flags) -> Flags:
+    """Return the points of the lattice of half the step that lie in or on the marked squares."""
+    rows, columns = squares.shape
+    points = np.zeros((2 * rows + 1, 2 * columns + 1), bool)
+    for i in range(3):
+        for j in range(3):
+            points[i : i + 2 * rows - 1 : 2, j : j + 2 * columns - 1 : 2] |= squares
+    return points
+
+
+def places(points: Flags, step: int, shape: tuple[int, ...]) -> Places:
+    """Return where marked points of a lattice lie on the fine grid, as flat indices in ascending order."""
+    i, j = np.nonzero(points)
+    at = i * shape[1]
+    at += j
+    at *= step
+    return at

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from vibroimpact.indices import INDICES
-from vibroimpact.refinement.lattice import Flags, Places, places, points_of, quads
-from vibroimpact.refinement.picture import NAMING, Picture
+from vibroimpact.refinement.picture import NAMING, Flags, Picture, places, points_of, quads
+from vibroimpact.request import Places
 
 # Computes cells and puts them into the picture at a level; returns whether all were computed.
 Compute = Callable[[Places, int], bool]

@@ -1,87 +1,216 @@
-"""What lies in a stored sweep: result variables at the root, flags and timings of tiles in a group below."""
+"""What lies in a store, and how it is made: it appears whole, and one process at a time makes it or writes to it.
+
+At the root lie the results, one array per variable, each chunk a tile of the grid. A group `progress` holds the tiles'
+records. The cells of a refined map come in no grid: they are kept in lists, `progress/cells`, of which each chunk is a
+tile, and the picture made of them is drawn at the root in the end.
+
+Every chunk bears Zarr's checksum: one that was altered is refused by readers of any kind, and computed again here.
+"""
 
 from __future__ import annotations
 
 import json
+import math
+import os
+import shutil
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from shlex import join
 from typing import Any
 
 import numpy as np
+import xarray as xr
 import zarr
-from numcodecs.zstd import Zstd  # type: ignore[import-untyped]
-from numpy.typing import NDArray
 from zarr.codecs import ZstdCodec
 
-from vibroimpact.dataset import missing, status_variable, variable
-from vibroimpact.execution.store.records import COLUMNS
-from vibroimpact.execution.store.tiling import Tiling
+from vibroimpact import memory
+from vibroimpact.dataset import level_variable, missing, plain_variable, status_variable, variable
+from vibroimpact.execution.tiling import Tiling, cut
+from vibroimpact.files import remove_folder
 from vibroimpact.formats import ORDER, order_of
 from vibroimpact.request import Request, key_of
 from vibroimpact.status import Status
 
-PROGRESS = "progress"
-RECORDS = "tiles"
-# Readers of any kind refuse a chunk that was altered since, instead of taking it for numbers.
+PROGRESS, RECORDS, LIST = "progress", "progress/tiles", "progress/cells"
+CELL = "cell"  # in the lists: where on the fine grid each cell lies, by its flat index; -1 beyond the end of a batch
+LOCK = "lock"
+MARK = "cluster"  # the file in `progress` by which workers of a cluster recognise the store
 PACKING = ZstdCodec(checksum=True)
+PICTURE = 1 << 18  # cells in a chunk of a refined map's picture
+SPARE = 4096  # batches of a refined map, at most: each leaves a tile of the lists half empty
+# The record of a tile: whether it is done, what it cost, and how many of its cells have each status.
+DONE, MICROSECONDS, IMPACTS, STEPS, FIRST_STATUS = range(5)
+COLUMNS = FIRST_STATUS + len(Status)
+ROWS = 64  # records in a chunk
+NEEDED = "cells_needed"  # the attribute of the records that says how many cells a refined map is known to need
 
 
-def lay_out(folder: Path, request: Request, tiling: Tiling, command: str) -> None:
+class StoreBusy(OSError):
+    """Another process writes to the store."""
+
+
+@contextmanager
+def locked(lock: Path, store: Path, patience: float = 0.0) -> Iterator[None]:
+    """Hold a lock of a store; the system takes it back from a process that ends, however it ends."""
+    from filelock import FileLock, Timeout
+
+    held = FileLock(lock, thread_local=False)
+    try:
+        held.acquire(timeout=patience, poll_interval=0.01)
+    except Timeout:
+        raise StoreBusy(
+            f"`store` is {str(store)!r}, to which another process writes; wait until it has ended, or choose another "
+            "name"
+        ) from None
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise PermissionError(
+            error.errno,
+            f"`store` is {str(store)!r}, which cannot be written to ({error.strerror or error}); choose another folder",
+        ) from error
+    try:
+        yield
+    finally:
+        held.release()
+
+
+def scratch_of(folder: Path) -> Path:
+    """Return where a store is laid out before it gets its name."""
+    return folder.with_name(f".{folder.name}.part")
+
+
+def create(folder: Path, request: Request, cells: int) -> None:
+    """Make the store of a request, unless one exists by now; remove what a killed process left half made."""
+    if not folder.parent.is_dir():
+        raise FileNotFoundError(f"`store` is {str(folder)!r}, whose folder does not exist; make it first")
+    tiling = _tiling(request, cells)
+    _check_room(request, tiling)
+    try:
+        with _claimed(scratch_of(folder), folder) as part:
+            if not os.path.lexists(folder):
+                _lay_out(part, request, tiling)
+                # Refused where another store has appeared: a rename never replaces a folder that holds something.
+                os.rename(part, folder)
+    except StoreBusy:
+        raise
+    except OSError as error:
+        if folder.is_dir() and scratch_of(folder).exists():
+            return  # it exists; only a leftover beside it could not be removed
+        message = (
+            f"`store` is {str(folder)!r}, which could not be made ({error.strerror or error}); nothing was changed; "
+            "make room there or choose another folder"
+        )
+        kind = PermissionError if isinstance(error, PermissionError) else OSError
+        raise kind(error.errno, message) from error
+
+
+def _tiling(request: Request, cells: int) -> Tiling:
+    """Return the tiles of a grid, or of the lists of a refined map."""
+    if not refined(request.further):
+        return cut(request.shape, cells)
+    return Tiling(((len(request) // cells + SPARE) * cells,), (cells,))
+
+
+def refined(how: Mapping[str, Any]) -> bool:
+    """Whether a request, by its further arguments or its identity, is that of a refined map."""
+    return "refine" in how
+
+
+def _check_room(request: Request, tiling: Tiling) -> None:
+    """Refuse tiles of which memory cannot hold one, or whose records it cannot hold."""
+    many = f"span {math.prod(tiling.shape):,} cells in {len(tiling):,} tiles, whose records take"
+    memory.check_fits("axes", many, len(tiling) * COLUMNS * 8, "take fewer points, or larger tiles")
+    one = math.prod(tiling.tile) * (memory.CELL + memory.INDEX * (len(request.indices) - 1))
+    memory.check_fits("tile", f"is {math.prod(tiling.tile):,} cells, which take", one, "4096 is usual")
+
+
+@contextmanager
+def _claimed(scratch: Path, folder: Path) -> Iterator[Path]:
+    """Yield a free name in the scratch folder, which no other process uses meanwhile."""
+    part = scratch / folder.name
+    with ExitStack() as held:
+        held.callback(_remove_empty, scratch)
+        _claim(scratch, folder, held)
+        try:
+            shutil.rmtree(part, ignore_errors=True)
+            yield part
+        except BaseException:
+            remove_folder(part)
+            raise
+        finally:
+            with suppress(OSError):  # Windows removes no open file
+                (scratch / LOCK).unlink()
+
+
+def _claim(scratch: Path, folder: Path, held: ExitStack) -> None:
+    for _ in range(100):
+        scratch.mkdir(exist_ok=True)
+        with suppress(FileNotFoundError):  # whoever held it has just removed it
+            held.enter_context(locked(scratch / LOCK, folder, patience=20.0))
+            return
+    raise StoreBusy(f"`store` is {str(folder)!r}, which another process keeps making; wait until it has ended")
+
+
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()
+
+
+def _lay_out(folder: Path, request: Request, tiling: Tiling) -> None:
     """Write a store in which no tile is done."""
     identity = request.identity()
+    names = (*request.indices, "status")
+    command = join([Path(sys.argv[0]).name, *sys.argv[1:]])
     root = zarr.open_group(folder, mode="w-", zarr_format=3)
     root.attrs.update(
         request.provenance("parameter_map")
         | {"study": json.dumps(identity), "key": key_of(identity), "command": command, "tile": list(tiling.tile)}
     )
-    root.attrs[ORDER] = order_of((*request.indices, "status", *request.coordinates()))
-    dims = list(request.dims)
+    root.attrs[ORDER] = order_of((*names, *request.coordinates()))
     for name, axis in request.coordinates().items():
-        array = root.create_array(
-            name,
-            shape=axis.shape,
-            dtype=axis.dtype,
-            chunks=axis.shape,
-            compressors=PACKING,
-            fill_value=np.nan if axis.dtype.kind == "f" else 0,
-            dimension_names=[str(dim) for dim in axis.dims],
-            attributes=axis.attrs,
-        )
-        array[:] = axis.values
-    for name in (*request.indices, "status"):
-        labelled = _label(name)
-        root.create_array(
-            name,
-            shape=tiling.shape,
-            dtype=labelled.dtype,
-            chunks=tiling.tile,
-            compressors=PACKING,
-            fill_value=labelled.values.flat[0].item(),
-            dimension_names=dims,
-            attributes={key: _plain(value) for key, value in labelled.attrs.items()},
-        )
-    group = root.create_group(PROGRESS)
-    group.create_array(
-        RECORDS,
-        shape=(len(tiling), COLUMNS),
-        dtype="int64",
-        chunks=(1, COLUMNS),
+        fill = np.nan if axis.dtype.kind == "f" else 0
+        _array(root, name, axis, axis.shape, axis.shape, fill)[:] = axis.values
+    root.create_group(PROGRESS)
+    chunks = tiling.tile
+    if refined(request.further):
+        chunks = cut(request.shape, PICTURE).tile
+        _array(root, "level", _label("level", request.dims), request.shape, chunks)
+        root.create_group(LIST)
+        for name in (*names, CELL):
+            _array(root, f"{LIST}/{name}", _label(name, (CELL,)), tiling.shape, tiling.tile)
+    for name in names:
+        _array(root, name, _label(name, request.dims), request.shape, chunks)
+    records = plain_variable(("tile", "column"), np.zeros((1, 1), np.int64), {})
+    _array(root, RECORDS, records, (len(tiling), COLUMNS), (ROWS, COLUMNS))
+
+
+def _array(
+    root: Any, name: str, like: xr.Variable, shape: tuple[int, ...], chunks: tuple[int, ...], fill: float | None = None
+) -> Any:
+    """Make an array with the type and labels of a variable, filled with `fill` or else the variable's first value."""
+    attrs = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in like.attrs.items()}
+    return root.create_array(
+        name,
+        shape=shape,
+        dtype=like.dtype,
+        chunks=chunks,
         compressors=PACKING,
-        fill_value=0,
-        dimension_names=["tile", "column"],
+        fill_value=like.values.flat[0].item() if fill is None else fill,
+        dimension_names=[str(dim) for dim in like.dims],
+        attributes=attrs,
     )
 
 
-def _label(name: str) -> Any:
+def _label(name: str, dims: tuple[str, ...]) -> xr.Variable:
+    """Return a variable of missing values."""
+    one = (1,) * len(dims)
     if name == "status":
-        return status_variable("cell", np.array([Status.INTERRUPTED]))
-    return variable(name, "cell", missing(name, 1))
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray) else value
-
-
-def unpacked(array: Path, place: tuple[int, ...], like: NDArray[Any]) -> NDArray[Any]:
-    """Return a chunk as its file holds it, of the shape and type of `like`: for small ones ten times Zarr's speed."""
-    packed = array.joinpath("c", *map(str, place)).read_bytes()
-    return np.frombuffer(Zstd().decode(packed), like.dtype.newbyteorder("<")).reshape(like.shape)
+        return status_variable(dims, np.full(one, Status.INTERRUPTED, np.int8))
+    if name == "level":
+        return level_variable(dims, np.full(one, -1, np.int8))
+    if name == CELL:
+        return plain_variable(dims, np.full(one, -1, np.int64), {})
+    return variable(name, dims, missing(name, one))

@@ -3,42 +3,47 @@
 from __future__ import annotations
 
 import json
+import math
 import os
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from time import perf_counter
+from typing import Any
 
 import numpy as np
+import xarray as xr
 import zarr
 
-from vibroimpact.execution.store.creation import create, scratch_of
-from vibroimpact.execution.store.layout import PROGRESS, RECORDS, unpacked
-from vibroimpact.execution.store.locks import LOCK, StoreBusy, locked
-from vibroimpact.execution.store.records import (
-    CHECKSUM,
+from vibroimpact.execution import Gathered, Place
+from vibroimpact.execution.store.layout import (
+    CELL,
     COLUMNS,
     DONE,
+    FIRST_STATUS,
     IMPACTS,
+    LIST,
+    LOCK,
+    MICROSECONDS,
+    NEEDED,
+    RECORDS,
+    ROWS,
     STEPS,
-    Arrays,
-    Record,
-    Rows,
-    believed,
-    checksum,
-    place_of,
-    summary,
+    StoreBusy,
+    create,
+    locked,
+    refined,
+    scratch_of,
 )
-from vibroimpact.execution.store.tiling import CELLS, Tiling
-from vibroimpact.execution.store.writer import TileWriter
+from vibroimpact.execution.store.writer import Arrays, Rows, TileWriter
+from vibroimpact.execution.tiling import Tiling
 from vibroimpact.files import load_lazily
+from vibroimpact.parameters import invalid
+from vibroimpact.progress import Report, Stop
 from vibroimpact.request import Request, differences, key_of, mark
+from vibroimpact.status import Status
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-__all__ = ["Record", "StoreBusy", "SweepStore", "TileWriter", "open_or_create", "summary"]
+READ = 64  # tiles read at once, or one row of them: Zarr reads many chunks together in a third of the time
 
 
 class SweepStore:
@@ -52,7 +57,7 @@ class SweepStore:
     Raises
     ------
     OSError
-        What stands there is no stored sweep, or what describes it is damaged.
+        There is no stored sweep, or what describes it is damaged.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -74,41 +79,71 @@ class SweepStore:
         if self.key != attrs["key"]:
             raise ValueError("its study was altered")
         self.axes = tuple(str(text).split()[0] for key, text in self.identity.items() if key.startswith("axis "))
-        self.names = (*str(self.identity["indices"]).split(", "), "status")
-        self.tiling = Tiling(root["status"].shape, tuple(attrs["tile"]))
-        if any(root[name].chunks != self.tiling.tile for name in self.names):
+        self.shape: tuple[int, ...] = root["status"].shape
+        self.refined = refined(self.identity)
+        names = (*str(self.identity["indices"]).split(", "), "status")
+        self.arrays = {name: f"{LIST}/{name}" for name in (*names, CELL)} if self.refined else {n: n for n in names}
+        self.tiling = Tiling(root[self.arrays["status"]].shape, tuple(attrs["tile"]))
+        if any(root[place].chunks != self.tiling.tile for place in self.arrays.values()):
             raise ValueError("its tiles differ")
-        if root[f"{PROGRESS}/{RECORDS}"].shape != (len(self.tiling), COLUMNS):
+        if root[RECORDS].shape != (len(self.tiling), COLUMNS):
             raise ValueError("its records differ")
-        self._tiles = {name: np.empty(self.tiling.tile, root[name].dtype) for name in self.names}
 
     def records(self) -> Rows:
-        """Return the record of every tile, one a row; a record that is damaged is one of a tile not done."""
+        """Return the record of every tile, one per row; tiles whose records are damaged count as not done."""
         rows = np.zeros((len(self.tiling), COLUMNS), np.int64)
-        for number in range(len(self.tiling)):
-            with suppress(Exception):  # it is not there, or it is damaged
-                rows[number] = unpacked(self.path / PROGRESS / RECORDS, (number, 0), rows[number])
-        return believed(rows, self.key)
+        try:
+            rows[:] = self._root[RECORDS][:]
+        except Exception:
+            for low in range(0, len(rows), ROWS):
+                with suppress(Exception):
+                    rows[low : low + ROWS] = self._root[RECORDS][low : low + ROWS]
+        return rows
 
     def read(self, number: int) -> Arrays:
-        """Return a tile as it lies on disk; raise where a file of it is lost or damaged."""
-        place = self.tiling.place(number)
-        inside = tuple(slice(part.stop - part.start) for part in self.tiling[number])
-        return {name: unpacked(self.path / name, place, like)[inside] for name, like in self._tiles.items()}
+        """Return a tile as it lies on disk; raise where a chunk of it is lost or was altered."""
+        part = self.tiling[number]
+        for place in self.arrays.values():
+            if not self._chunk(place, part).exists():
+                raise FileNotFoundError(place)
+        return {name: np.asarray(self._root[place][part]) for name, place in self.arrays.items()}
+
+    def _chunk(self, place: str, part: tuple[slice, ...]) -> Path:
+        at = tuple(along.start // side for along, side in zip(part, self.tiling.tile, strict=True))
+        return self.path / place / str(self._root[place].metadata.encode_chunk_key(at))
 
     def damaged(self, records: Rows | None = None) -> list[int]:
-        """Return the tiles whose numbers are not those that were written: truncated, lost or altered since."""
+        """Return the tiles of which a chunk is lost or was altered since it was written."""
         rows = self.records() if records is None else records
+        done = np.flatnonzero(rows[:, DONE])
+        row = math.prod(self.tiling.counts[1:])  # of tiles, along the first axis
+        block = row * max(READ // row, 1)
+        return [
+            number
+            for first in np.unique(done // block).tolist()
+            for number in self._damaged_among(done[done // block == first].tolist())
+        ]
+
+    def _damaged_among(self, numbers: list[int]) -> list[int]:
+        """Return which of these tiles are damaged; all are read at once, and one by one where that fails."""
+        low, high = self.tiling[numbers[0]][0].start, self.tiling[numbers[-1]][0].stop
+        with suppress(Exception):
+            for place in self.arrays.values():
+                self._root[place][low:high]
+            return [number for number in numbers if not self._is_there(number)]
 
         def is_damaged(number: int) -> bool:
             try:
-                return checksum(self.read(number), place_of(self.key, number)) != int(rows[number, CHECKSUM])
+                self.read(number)
             except Exception:
                 return True
+            return False
 
-        done = np.flatnonzero(rows[:, DONE]).tolist()
-        with ThreadPoolExecutor(4) as pool:
-            return [number for number, bad in zip(done, pool.map(is_damaged, done), strict=True) if bad]
+        return list(filter(is_damaged, numbers))
+
+    def _is_there(self, number: int) -> bool:
+        part = self.tiling[number]
+        return all(self._chunk(place, part).exists() for place in self.arrays.values())
 
     def damaged_axes(self) -> list[str]:
         """Return the axes whose values are not those that were written."""
@@ -121,10 +156,46 @@ class SweepStore:
 
         return [name for number, name in enumerate(self.axes, 1) if is_damaged(number, name)]
 
+    def is_complete(self) -> bool:
+        """Whether all has been computed, and the picture of a refined map drawn."""
+        return self._root.attrs.get("complete") == 1 if self.refined else bool(self.records()[:, DONE].all())
+
     def is_whole(self) -> bool:
-        """Whether every tile is done and nothing is damaged."""
+        """Whether all has been computed and nothing is damaged."""
+        if not self.is_complete() or self.damaged_axes():
+            return False
+        return self._is_drawn() if self.refined else not self.damaged()
+
+    def _is_drawn(self) -> bool:
+        """Whether every chunk of a refined map's picture can be read."""
+        try:
+            for _, array in self._root.arrays():
+                if array.nchunks_initialized < array.nchunks:
+                    return False
+                array[:]
+        except Exception:
+            return False
+        return True
+
+    def summary(self) -> dict[str, Any]:
+        """Return how far the sweep is: tiles and cells done, seconds that went by, impacts, and cells of each status.
+
+        Of a refined map, `cells` are those of the picture, and `needed` those known so far to be computed for it.
+        """
         records = self.records()
-        return bool(records[:, DONE].all()) and not self.damaged_axes() and not self.damaged(records)
+        done = records[records[:, DONE] > 0]
+        counts = done[:, FIRST_STATUS:].sum(axis=0)
+        return {
+            "tiles_done": len(done),
+            "tiles": len(self.tiling),
+            "cells_done": int(counts.sum()),
+            "cells": math.prod(self.shape),
+            "needed": int(self._root[RECORDS].attrs.get(NEEDED, 0)) if self.refined else math.prod(self.shape),
+            "seconds": float(done[:, MICROSECONDS].sum() * 1e-6),
+            "impacts": int(done[:, IMPACTS].sum()),
+            "steps": int(done[:, STEPS].sum()),
+            "statuses": {status.word: int(count) for status, count in zip(Status, counts, strict=True) if count},
+        }
 
     def dataset(self) -> xr.Dataset:
         """Return the sweep as far as it is done, read from disk where it is looked at.
@@ -132,27 +203,29 @@ class SweepStore:
         Raises
         ------
         OSError
-            An axis is damaged. A tile that was altered since raises where it is looked at; one whose file is gone
-            reads as missing cells. Both are what `damaged` finds, and what running the same sweep again mends.
+            An axis is damaged. A chunk that was altered raises where it is looked at; one whose file is gone reads as
+            missing cells. Both are what `damaged` finds, and what running the same sweep again repairs.
         """
         if axes := self.damaged_axes():
             raise OSError(
                 f"`store` is {str(self.path)!r}, in which the values along {' and '.join(axes)} are damaged; run the "
                 "same sweep again, which writes them anew"
             )
-        records = self.records()
-        done = records[:, DONE] > 0
-        cells = sum(self.tiling.cells(number) for number in np.flatnonzero(~done).tolist())
-        totals = {
-            "impacts_computed": int(records[done, IMPACTS].sum()),
-            "steps_computed": int(records[done, STEPS].sum()),
-            "cells_missing": cells,
-        }
-        return load_lazily(self.path).assign_attrs(totals)
+        dataset = load_lazily(self.path)
+        if self.refined:
+            return dataset
+        found = self.summary()
+        return dataset.assign_attrs(
+            impacts_computed=found["impacts"],
+            steps_computed=found["steps"],
+            cells_missing=found["cells"] - found["cells_done"],
+        )
 
     @contextmanager
-    def writing(self) -> Iterator[TileWriter]:
+    def writing(self, request: Request | None = None) -> Iterator[TileWriter]:
         """Yield what writes tiles; no second process is let in meanwhile.
+
+        With the `request`, the store is cleared first of what was left half written, lost or altered.
 
         Raises
         ------
@@ -161,30 +234,35 @@ class SweepStore:
         PermissionError
             Nothing can be written there.
         """
-        with locked(self.path / PROGRESS / RECORDS / LOCK, self.path):
-            writer = TileWriter(self.path)
+        with locked(self.path / RECORDS / LOCK, self.path):
+            writer = TileWriter(self.path, self.tiling, self.arrays, self.records())
             try:
+                if request is not None:
+                    writer.sweep_up()
+                    for name in self.damaged_axes():
+                        writer.draw({name: request.axes[name]}, {})
+                    writer.forget(self.damaged(writer.records))
                 yield writer
             finally:
                 writer.close()
 
 
-def open_or_create(path: str | os.PathLike[str], request: Request, cells: int = CELLS) -> SweepStore:
-    """Return the store of a request: the one that stands there, or a new one.
+def open_or_create(path: str | os.PathLike[str], request: Request, cells: int) -> SweepStore:
+    """Return the store of a request: the one that exists there, or a new one with tiles of so many cells.
 
     Raises
     ------
     ValueError
-        Another study's numbers stand there, or the name does not end in .zarr.
+        The store there holds another study, or the name does not end in .zarr.
     OSError
-        What stands there is no stored sweep, or nothing can be written there.
+        What is there is no stored sweep, or nothing can be written there.
     """
     try:
         folder = Path(path)
     except TypeError:
-        raise ValueError(f"`store` is {path!r}; allowed is the path of a folder ending in .zarr; give one") from None
+        raise invalid("store", path, "the path of a folder ending in .zarr") from None
     if folder.suffix.lower() != ".zarr":
-        raise ValueError(f"`store` is {str(path)!r}; allowed is a folder ending in .zarr; give it that ending")
+        raise invalid("store", str(path), "a folder ending in .zarr", "give it that ending")
     folder = Path(os.path.realpath(folder))  # a link to a folder that is not there yet is followed too
     if not folder.exists() or scratch_of(folder).exists():
         create(folder, request, cells)
@@ -193,6 +271,80 @@ def open_or_create(path: str | os.PathLike[str], request: Request, cells: int = 
     if store.key != key_of(asked):
         raise ValueError(
             f"`store` is {str(path)!r}, which holds another study ({differences(store.identity, asked)}); "
-            "allowed is the same study; choose another name, or ask for what it holds"
+            "choose another name, or ask for what it holds"
         )
     return store
+
+
+def run_into_store(
+    request: Request,
+    path: str | os.PathLike[str],
+    cells: int,
+    computing: Callable[[], AbstractContextManager[Place]],
+    report: Report,
+) -> xr.Dataset:
+    """Compute the tiles that a store lacks and write them; return the sweep, read from disk where it is looked at.
+
+    Parameters
+    ----------
+    cells : int
+        Cells of a tile, if the store is made now.
+    computing : callable
+        Makes the context of the place where cells are computed; called if any are left to compute.
+    """
+    store = open_or_create(path, request, cells)
+    try:
+        with store.writing(request) as writer:
+            _fill(store, writer, request, computing, report)
+    except (StoreBusy, PermissionError):
+        if not store.is_whole():
+            raise
+        _Tally(store, store.records()).tell(report)  # nothing is left to write
+    return store.dataset()
+
+
+def _fill(
+    store: SweepStore,
+    writer: TileWriter,
+    request: Request,
+    computing: Callable[[], AbstractContextManager[Place]],
+    report: Report,
+) -> None:
+    tally, stop = _Tally(store, writer.records), Stop(report)
+    waiting = np.flatnonzero(writer.records[:, DONE] == 0).tolist()
+    if not tally.tell(report) or not waiting:
+        return
+    gathered, began = Gathered(), perf_counter()
+    tiles = [store.tiling[number] for number in waiting]
+    with computing() as place, closing(place.compute(request, tiles, stop, store.path)) as pieces:
+        for part, which, results in pieces:
+            number = waiting[part]
+            if not isinstance(which, slice):
+                results = gathered.add(number, store.tiling.cells(number), which, results)
+            if results is None:
+                continue
+            record = writer.write(number, results, perf_counter() - began)
+            began = perf_counter()
+            tally.add(record)
+            if not tally.tell(report):
+                stop.set()
+
+
+class _Tally:
+    """How far a stored sweep is, in the shape in which sweeps in memory report it."""
+
+    def __init__(self, store: SweepStore, records: Rows) -> None:
+        done = records[records[:, DONE] > 0]
+        self.total, self.cells = math.prod(store.shape), int(done[:, FIRST_STATUS:].sum())
+        skipped = {"cells_skipped": self.cells, "tiles_skipped": len(done)}
+        self.dataset = xr.Dataset(attrs={"impacts_computed": 0, "steps_computed": 0, **skipped})
+
+    def add(self, record: Rows) -> None:
+        """Count a tile."""
+        self.cells += int(record[FIRST_STATUS:].sum())
+        self.dataset.attrs["impacts_computed"] += int(record[IMPACTS])
+        self.dataset.attrs["steps_computed"] += int(record[STEPS])
+
+    def tell(self, report: Report) -> bool:
+        """Report; return whether to go on."""
+        return report(self.cells, self.total, self.dataset) is not False

@@ -3,90 +3,161 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from threading import Condition
-from typing import Any, ClassVar
-from weakref import WeakSet
+from threading import Lock
+from typing import Any, TypeVar
 
 import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from vibroimpact.execution.store.layout import PROGRESS, RECORDS
-from vibroimpact.execution.store.locks import LOCK
-from vibroimpact.execution.store.records import Arrays, Record, place_of
+from vibroimpact.execution.store.layout import DONE, IMPACTS, MARK, MICROSECONDS, NEEDED, PROGRESS, RECORDS, ROWS, STEPS
+from vibroimpact.execution.tiling import Tiling
+from vibroimpact.status import Status
 
-SETTLING = 5.0  # seconds that a process about to end waits for files it is writing
+Arrays = Mapping[str, NDArray[Any]]
+Rows = NDArray[np.int64]
+Result = TypeVar("Result")
+
+SETTLING = 5.0  # seconds for which a process about to end waits for the tile that it is writing
+_writing = Lock()  # held while files are written that belong together
+
+
+def settle() -> None:
+    """Wait until the tile that this process is writing is whole, and write no more: the process is about to end."""
+    _writing.acquire(timeout=SETTLING)
 
 
 class TileWriter:
-    """Writes tiles into a store, from whichever process and machine sees its folder; it can be pickled.
+    """Writes tiles into a store, one at a time, in a thread of its own, into which Ctrl-C does not break.
 
-    A tile's numbers are written first and its record last, each file whole or not at all: wherever the process ends,
-    a tile without a record is computed again. Nothing is flushed to the disk by force: after a power failure, tiles
-    that never reached it have the wrong checksum and are computed again.
+    A tile's numbers are written first and its record last, each file whole or not at all: wherever the process ends, a
+    tile without a record is computed again. Nothing is flushed to the disk by force: chunks that a power failure kept
+    from it fail their checksum and are computed again.
+
+    Parameters
+    ----------
+    path : Path
+        The store.
+    tiling : Tiling
+        Its tiles.
+    arrays : mapping
+        The path in the store of each array that holds tiles, by the name of its variable.
+    records : array of int64, one row per tile
+        The records of the tiles, kept up to date.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._root: Any = zarr.open_group(path, mode="r+", zarr_format=3)
-        self._key = str(self._root.attrs["key"])
-        self._arrays: dict[str, Any] = {}
-        self._gate = _Gate()
+    def __init__(self, path: Path, tiling: Tiling, arrays: Mapping[str, str], records: Rows) -> None:
+        self.path, self.tiling, self.arrays, self.records = path, tiling, arrays, records
+        self.root: Any = zarr.open_group(path, mode="r+", zarr_format=3)
+        self._thread = ThreadPoolExecutor(1, "store")
 
-    def write(self, number: int, part: tuple[slice, ...], result: Arrays, seconds: float) -> Record:
-        """Write a tile's numbers, then that it is done; each file appears whole or not at all."""
-        kept = {name: values for name, values in result.items() if name not in ("impacts", "steps")}
-        place = place_of(self._key, number)
-        record = Record.of(kept, int(result["impacts"].sum()), int(result["steps"].sum()), seconds, place)
-        with self.passing():
-            for name, values in kept.items():
-                self._array(name)[part] = values
-            self._array(f"{PROGRESS}/{RECORDS}")[number] = record.row(place)
+    def write(self, number: int, result: Arrays | Rows, seconds: float) -> Rows:
+        """Write a tile's results, or take its record from a worker that has written them; return its record."""
+
+        def job() -> Rows:
+            if isinstance(result, Mapping):
+                put(self.root, self.arrays, self.tiling[number], result)
+                record = record_of(result)
+            else:
+                record = result.copy()
+            record[MICROSECONDS] = round(1e6 * seconds)
+            return self._note(number, record)
+
+        return self.whole(job)
+
+    def is_done(self, number: int) -> bool:
+        """Whether a tile is in the store; those beyond its end never are."""
+        return number < len(self.records) and bool(self.records[number, DONE])
+
+    def cost(self, number: int) -> tuple[int, int]:
+        """Return the impacts and steps that a tile took."""
+        return int(self.records[number, IMPACTS]), int(self.records[number, STEPS])
+
+    def forget(self, numbers: Iterable[int]) -> None:
+        """Take tiles for not done and their numbers for missing: Zarr removes the chunks."""
+
+        def job() -> None:
+            for number in numbers:
+                self._note(number, np.zeros_like(self.records[number]))
+                for place in self.arrays.values():
+                    self.root[place][self.tiling[number]] = self.root[place].fill_value
+
+        self.whole(job)
+
+    def _note(self, number: int, record: Rows) -> Rows:
+        self.records[number] = record
+        chunk = slice(number // ROWS * ROWS, (number // ROWS + 1) * ROWS)
+        _keeping(self.root[RECORDS])[chunk] = self.records[chunk]
         return record
 
-    @contextmanager
-    def passing(self) -> Iterator[None]:
-        """Let the caller write files that belong together; it is waited for before the store is handed to others."""
-        with self._gate.passed(self.path), told(self.path):
-            yield
+    def draw(self, arrays: Arrays, attrs: Mapping[str, Any]) -> None:
+        """Write whole arrays at the root, and attributes once they are written."""
 
-    def forget(self, number: int, place: tuple[int, ...], names: tuple[str, ...]) -> None:
-        """Take a tile for not done and its numbers for missing; `place` counts tiles along each axis."""
-        with told(self.path):
-            self.path.joinpath(PROGRESS, RECORDS, "c", str(number), "0").unlink(missing_ok=True)
-            for name in ("status", *names):
-                self.path.joinpath(name, "c", *map(str, place)).unlink(missing_ok=True)
+        def job() -> None:
+            for name, values in arrays.items():
+                _keeping(self.root[name])[...] = values
+            self.root.attrs.update(attrs)
 
-    def write_axis(self, name: str, values: NDArray[np.float64]) -> None:
-        """Write the values along an axis anew."""
-        with told(self.path):
-            self._array(name)[:] = values
+        self.whole(job)
+
+    def need(self, cells: int) -> None:
+        """Note how many cells a refined map is known to need."""
+        if cells > self.root[RECORDS].attrs.get(NEEDED, 0):
+            self.whole(lambda: self.root[RECORDS].attrs.update({NEEDED: cells}))
 
     def sweep_up(self) -> None:
-        """Remove what writers left behind that were ended in mid-file, and words left to their workers."""
-        progress = self.path / PROGRESS
-        with told(self.path):
-            notes = [entry for folder in (progress, progress / RECORDS) for entry in folder.iterdir()]
-            words = [note for note in notes if note.is_file() and note.name not in ("zarr.json", LOCK)]
-            for leftover in (*self.path.rglob("*.partial"), *words):
+        """Remove what runs left behind that were ended in the middle."""
+
+        def job() -> None:
+            (self.path / PROGRESS / MARK).unlink(missing_ok=True)
+            for leftover in self.path.rglob("*.partial"):
                 leftover.unlink(missing_ok=True)
 
-    def close(self) -> None:
-        """Wait for tiles being written; refuse those that threads bring later."""
-        self._gate.close()
+        self.whole(job)
 
-    def _array(self, name: str) -> Any:
-        if name not in self._arrays:
-            # Tiles equal to the fill value are written too: a file that is not there has been lost.
-            self._arrays[name] = self._root[name].with_config({"write_empty_chunks": True})
-        return self._arrays[name]
+    def whole(self, job: Callable[[], Result]) -> Result:
+        """Return what a job returns that writes files which belong together."""
+
+        def run() -> Result:
+            with _writing, _explained(self.path):
+                if not (self.path / "zarr.json").exists():
+                    raise OSError(f"`store` is {str(self.path)!r}, which has been removed; run the same again")
+                return job()
+
+        return self._thread.submit(run).result()
+
+    def close(self) -> None:
+        """Wait for files being written."""
+        self._thread.shutdown()
+
+
+def put(root: Any, arrays: Mapping[str, str], part: tuple[slice, ...], result: Arrays) -> None:
+    """Write the results of a tile's cells, in the order of the grid; a tile of a list may be filled in part."""
+    box = tuple(along.stop - along.start for along in part)
+    for name, place in arrays.items():
+        array = root[place]
+        values = np.full(box, array.fill_value, array.dtype)
+        values.ravel()[: result[name].size] = result[name].ravel()
+        _keeping(array)[part] = values
+
+
+def record_of(result: Arrays) -> Rows:
+    """Return the record of a tile whose results these are, but for the time that it took."""
+    counts = np.bincount(result["status"].ravel(), minlength=len(Status))
+    return np.array([1, 0, result["impacts"].sum(), result["steps"].sum(), *counts], np.int64)
+
+
+def _keeping(array: Any) -> Any:
+    """Return an array of which chunks equal to the fill value are written too: a file that is not there was lost."""
+    return array.with_config({"write_empty_chunks": True})
 
 
 @contextmanager
-def told(path: Path) -> Iterator[None]:
+def _explained(path: Path) -> Iterator[None]:
     """Say what to do where the disk refuses."""
     try:
         yield
@@ -99,46 +170,3 @@ def told(path: Path) -> Iterator[None]:
             "kept; make room there or see to its permissions, then run the same again to go on"
         )
         raise kind(error.errno, message) from error
-
-
-def settle() -> None:
-    """Wait until what this process writes into stores is whole, and hold up what it would write next: it is to end."""
-    for gate in list(_Gate.all):
-        gate.hold()
-
-
-class _Gate:
-    """Lets writers pass until it is closed; whoever closes it waits for those on their way."""
-
-    all: ClassVar[WeakSet[_Gate]] = WeakSet()
-
-    def __init__(self) -> None:
-        self._changed, self._inside, self._open, self._held = Condition(), 0, True, False
-        _Gate.all.add(self)
-
-    def __reduce__(self) -> tuple[type[_Gate], tuple[()]]:
-        return _Gate, ()
-
-    @contextmanager
-    def passed(self, path: Path) -> Iterator[None]:
-        with self._changed:
-            self._changed.wait_for(lambda: not self._held)
-            if not self._open or not (path / "zarr.json").exists():
-                raise OSError(f"`store` is {str(path)!r}, which has been closed or removed; run the same again")
-            self._inside += 1
-        try:
-            yield
-        finally:
-            with self._changed:
-                self._inside -= 1
-                self._changed.notify_all()
-
-    def close(self) -> None:
-        with self._changed:
-            self._open = False
-            self._changed.wait_for(lambda: not self._inside)
-
-    def hold(self) -> None:
-        with self._changed:
-            self._held = True
-            self._changed.wait_for(lambda: not self._inside, SETTLING)

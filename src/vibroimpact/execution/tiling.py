@@ -1,20 +1,26 @@
-"""How a grid is cut into tiles."""
+"""How a grid is cut into tiles, and which cells a part of it holds."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from dataclasses import dataclass
+from typing import Any
 
-from vibroimpact.request import Request
+import numpy as np
+
+from vibroimpact.request import Places, Request
 
 SLOW = ("reference", "fixed-step")  # back ends that take up to seconds per cell
-FEW = 4  # cells of a tile with them
 CELLS = 4096  # of a tile: a quarter of a second's work, in which writing it is 1 % and the last lanes' idling 2 %
 
+FEW = 4  # cells of a tile with slow back ends: no more may be lost when a sweep ends at once
+LISTED, FEW_LISTED = 1 << 14, 64  # the same, of the cells of a refined map
 
-def usual_tile(request: Request) -> int:
-    """Return the cells of a tile unless told otherwise: no more than may be lost when a sweep ends at once."""
-    return FEW if request.backend in SLOW else CELLS
+# Cells of a request: by their flat indices, or a box.
+Part = slice | Places | tuple[slice, ...]
+# What comes of parts, as it comes: the number of a part, which of its cells have ended, and their results.
+Pieces = Generator[tuple[int, slice | Places, Any], None, None]
 
 
 @dataclass(frozen=True)
@@ -40,10 +46,6 @@ class Tiling:
     def __len__(self) -> int:
         return math.prod(self.counts)
 
-    def place(self, number: int) -> tuple[int, ...]:
-        """Return how many tiles lie before tile `number` along each axis."""
-        return tuple(part.start // side for part, side in zip(self[number], self.tile, strict=True))
-
     def __getitem__(self, number: int) -> tuple[slice, ...]:
         """Return where tile `number` lies, the last axis fastest."""
         places = []
@@ -55,6 +57,16 @@ class Tiling:
     def cells(self, number: int) -> int:
         """Return how many cells a tile holds."""
         return math.prod(part.stop - part.start for part in self[number])
+
+
+def usual_tile(request: Request) -> int:
+    """Return the cells of a tile unless the user gives a number."""
+    return FEW if request.backend in SLOW else CELLS
+
+
+def listed_tile(request: Request) -> int:
+    """Return how many cells of a refined map are kept together."""
+    return FEW_LISTED if request.backend in SLOW else LISTED
 
 
 def cut(shape: tuple[int, ...], cells: int = CELLS) -> Tiling:
@@ -73,3 +85,10 @@ def cut(shape: tuple[int, ...], cells: int = CELLS) -> Tiling:
         sides[axis] = min(shape[axis], math.ceil(round(left ** (1.0 / waiting), 9)))
         left = max(left / sides[axis], 1.0)
     return Tiling(shape, tuple(sides))
+
+
+def flat(part: Part, request: Request) -> Places:
+    """Return the flat indices of the cells of a part of a request."""
+    if isinstance(part, tuple):
+        return request.box(part)
+    return np.arange(*part.indices(len(request))) if isinstance(part, slice) else part
