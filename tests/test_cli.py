@@ -87,7 +87,7 @@ def test_a_map_is_told_by_ranges_shares_and_speed(run):
 def test_a_motion_without_impacts_is_told_and_no_fault(run):
     code, told, _ = run("section -p gap=10")
     assert code == 0
-    assert told[0] == "no impact: the mass never reaches the stop from this start"
+    assert told[0] == "no impact: the mass never reaches the stop from these initial conditions"
 
 
 # Files

@@ -267,7 +267,7 @@ def test_an_index_curve_breaks_where_there_is_no_value_and_says_why(ax):
     plotting.index_curve(curve([0.1, np.nan, 0.3], status), ax=ax)
     np.testing.assert_array_equal(ax.lines[0].get_ydata(), [0.1, np.nan, 0.3])
     np.testing.assert_array_equal(ax.lines[1].get_ydata(), [0.1, 0.3])
-    assert legend_texts(ax)[0].startswith("stopped impacting: impacts ceased")
+    assert legend_texts(ax)[0].startswith("stopped impacting: impacts cease")
 
 
 def test_a_negative_exponent_is_drawn_whole_with_a_line_at_zero(ax):

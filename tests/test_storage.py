@@ -259,19 +259,27 @@ def test_csv_of_a_motion_without_impacts_tells_its_status(tmp_path):
 
 @pytest.mark.parametrize("what", [OSC, sweep()["std"], [sweep()], None])
 def test_only_results_are_saved(tmp_path, what):
-    with pytest.raises(ValueError, match="`dataset` is of type .*; allowed is an xarray.Dataset, .*; save "):
+    with pytest.raises(ValueError, match="`dataset` must be an xarray.Dataset, .*, got .*; .* save its .dataset"):
         vi.save(what, tmp_path / "x.zarr")
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("ending", [".csv", ".mat", ".xls"])
 def test_load_refuses_exports_with_a_remedy(tmp_path, ending):
-    with pytest.raises(ValueError, match=r"`path` is .*allowed are \.zarr and \.nc"):
+    with pytest.raises(ValueError, match=r"`path` must be a \.zarr folder or a \.nc file, got"):
         vi.load(tmp_path / f"map{ending}")
 
 
-def test_load_says_that_nothing_is_there_or_that_it_is_damaged(tmp_path):
-    with pytest.raises(FileNotFoundError, match="nothing is there"):
+@pytest.mark.parametrize("path", [3, None, ["map.zarr"]])
+def test_what_is_no_path_is_refused(path):
+    with pytest.raises(ValueError, match="`path` must be the name of a file or folder, got"):
+        vi.load(path)
+    with pytest.raises(ValueError, match="`out` must be the name of a file or folder, got"):
+        vi.save(sweep(), path)
+
+
+def test_load_says_that_a_file_is_missing_or_damaged(tmp_path):
+    with pytest.raises(FileNotFoundError, match="does not exist"):
         vi.load(tmp_path / "none.nc")
     (tmp_path / "bad.nc").write_text("no HDF5")
     (tmp_path / "bad.zarr").mkdir()
@@ -281,7 +289,7 @@ def test_load_says_that_nothing_is_there_or_that_it_is_damaged(tmp_path):
 
 
 def test_an_unknown_ending_is_refused_before_anything_is_written(tmp_path):
-    with pytest.raises(ValueError, match=r"`out` is .*map\.xls.*allowed are \.zarr, \.nc, \.csv, \.mat"):
+    with pytest.raises(ValueError, match=r"`out` must end in \.zarr, \.nc, \.csv or \.mat, got .*map\.xls"):
         vi.save(sweep(), tmp_path / "map.xls")
     assert not list(tmp_path.iterdir())
 
@@ -303,7 +311,7 @@ def test_a_folder_that_is_no_store_is_never_replaced(tmp_path):
     folder = tmp_path / "thesis.zarr"
     folder.mkdir()
     (folder / "chapter.txt").write_text("precious")
-    with pytest.raises(IsADirectoryError, match="no Zarr store"):
+    with pytest.raises(IsADirectoryError, match="not a Zarr store"):
         vi.save(sweep(), folder, overwrite=True)
     assert (folder / "chapter.txt").read_text() == "precious"
 
@@ -372,7 +380,7 @@ try:
         part.mkdir()
         (part / "zarr.json").write_text(number)
 except FileExistsError as error:
-    refused = "which exists by now; choose another name" in str(error)
+    refused = "exists by now; choose another name" in str(error)
 print(int(refused))
 """
 

@@ -1,4 +1,4 @@
-"""Results on disk: written whole or not at all, in the format the file's ending names."""
+"""Results on disk: written completely or not at all, in the format that the ending of the file names."""
 
 from __future__ import annotations
 
@@ -15,48 +15,49 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.formats import WRITERS, in_order
+from vibroimpact.parameters import invalid
 
 if TYPE_CHECKING:
     import xarray as xr
 
 DATA_ENDINGS = tuple(WRITERS)
-MOVES = 1000  # times that one output is tried to be put in the place of others that are put there meanwhile
+MOVES = 1000  # attempts to replace an output that other processes keep replacing
 
 
 def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Write a result in the format its ending names, whole or not at all.
+    """Write a result in the format that the ending names, completely or not at all.
 
-    The result is written under a temporary name in the same folder and moved to its own name when it is
-    complete; what stood there before goes only then.
+    The result is written under a temporary name in the same folder and renamed when it is complete; a previous
+    output is removed only then.
 
     Parameters
     ----------
     dataset : xarray.Dataset
-        What any function of this package returned.
+        The result of any function of this package.
     path : path
         `.zarr`: Zarr format 3, opens with ``xarray.open_zarr(path, consolidated=False)``;
-        `.nc`: NetCDF-4; `.csv`: long form, see Notes; `.mat`: MATLAB 5, one array a variable.
+        `.nc`: NetCDF-4; `.csv`: long form, see Notes; `.mat`: MATLAB 5, one array per variable.
     overwrite : bool
         Whether an existing output may be replaced.
 
     Returns
     -------
     pathlib.Path
-        Where the result lies.
+        The path of the result.
 
     Raises
     ------
     ValueError
-        The ending is none of the four, or `dataset` is no Dataset.
+        The ending is not one of the four, or `dataset` is not a Dataset.
     OSError
-        The output exists and `overwrite` is false, or it cannot be written (folder, rights, full disk).
+        The output exists and `overwrite` is false, or it cannot be written (folder, permissions, full disk).
 
     Notes
     -----
-    A `.csv` starts with lines ``# name: meaning [unit]``, so that ``pandas.read_csv(path, comment="#")`` reads
-    it; then one row a cell, impact, look or instant. Where a result has variables over dimensions that do not nest, a
-    first column `record` names those a row is over, such as `time` or `point x impact`; variables over fewer of them
-    are repeated in each row. Padding is left out; statuses, kinds and other codes are words.
+    A `.csv` starts with lines ``# name: meaning [unit]``; ``pandas.read_csv(path, comment="#")`` reads it. Then comes
+    one row per cell, impact, sample or time. Where a result has variables over dimensions that do not nest, a first
+    column `record` names the dimensions of each row, such as `time` or `point x impact`; variables over fewer of them
+    are repeated in each row. Padding is left out; statuses, kinds and other codes are written as words.
 
     Examples
     --------
@@ -72,8 +73,8 @@ def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
 
     if not isinstance(dataset, xr.Dataset):
         raise ValueError(
-            f"`dataset` is of type {type(dataset).__name__}; allowed is an xarray.Dataset, which functions of this "
-            "package return; save such a result, of a branch or boundary its .dataset"
+            f"`dataset` must be an xarray.Dataset, as functions of this package return, got {type(dataset).__name__}; "
+            "of a branch or a boundary save its .dataset"
         )
     target = check_output(path, overwrite=overwrite)
     with replacing(target, overwrite=overwrite) as part:
@@ -92,51 +93,55 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        The result, in memory, with labels, provenance and the order of its variables as they were; by name where a
-        file does not tell their order.
+        The result, in memory, with its labels, its provenance and the order of its variables; sorted by name where a
+        file does not record their order.
 
     Raises
     ------
     ValueError
-        The ending is another one; `.csv` and `.mat` are exports that do not keep every label.
+        The ending is not `.zarr` or `.nc`; `.csv` and `.mat` are exports that do not keep every label.
     OSError
-        Nothing is there, or it cannot be read.
+        The file does not exist, or it cannot be read.
 
     Examples
     --------
     >>> load("map.csv")
     Traceback (most recent call last):
-    ValueError: `path` is 'map.csv'; allowed are .zarr and .nc (.csv, .mat are exports); save the result as .zarr too
+    ValueError: `path` must be a .zarr folder or a .nc file, got 'map.csv'; .csv and .mat are exports only
     """
     import xarray as xr
 
-    source = Path(path)
+    source = _path("path", path)
     ending = source.suffix.lower()
-    if ending not in (".zarr", ".nc"):
-        raise ValueError(
-            f"`path` is {str(path)!r}; allowed are .zarr and .nc (.csv, .mat are exports); save the result as .zarr too"
-        )
+    if ending not in _OPEN:
+        raise invalid("path", str(path), "a .zarr folder or a .nc file", ".csv and .mat are exports only")
     if not source.exists():
-        raise FileNotFoundError(f"`path` is {str(path)!r}; nothing is there; check the spelling")
+        raise FileNotFoundError(f"`path` {str(path)!r} does not exist; check the spelling")
     try:
         with xr.open_dataset(source, **_OPEN[ending]) as stored:
-            return _as_it_was(stored.load())
-    except Exception as error:  # each library under xarray has its own words for a damaged file
+            return _restored(stored.load())
+    except Exception as error:  # each library under xarray has its own errors for a damaged file
         raise OSError(
-            f"`path` is {str(path)!r}, which cannot be read ({_first_line(error)}); give a result this package saved"
+            f"`path` {str(path)!r} cannot be read ({_first_line(error)}); give a result that this package saved"
         ) from error
 
 
 def load_lazily(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Open a Zarr store as `load` does, but read from disk what is looked at, when it is."""
+    """Open a Zarr store as `load` does, but read values from disk only when they are used."""
     import xarray as xr
 
-    return _as_it_was(xr.open_dataset(Path(path), **_OPEN[".zarr"]))
+    return _restored(xr.open_dataset(Path(path), **_OPEN[".zarr"]))
 
 
-def _as_it_was(dataset: xr.Dataset) -> xr.Dataset:
+def _path(name: str, given: Any) -> Path:
+    if not isinstance(given, (str, os.PathLike)):
+        raise invalid(name, given, "the name of a file or folder")
+    return Path(given)
+
+
+def _restored(dataset: xr.Dataset) -> xr.Dataset:
     for variable in dataset.variables.values():
-        if "flag_values" in variable.attrs:  # JSON knows lists only, NetCDF makes a number of a list of one
+        if "flag_values" in variable.attrs:  # JSON has lists only, NetCDF turns a list of one into a number
             values = np.asarray(variable.attrs["flag_values"], dtype=variable.dtype)
             variable.attrs["flag_values"] = np.atleast_1d(values)
         variable.encoding = {}
@@ -146,12 +151,12 @@ def _as_it_was(dataset: xr.Dataset) -> xr.Dataset:
 def check_output(
     path: str | os.PathLike[str], *, overwrite: bool = False, endings: Sequence[str] = DATA_ENDINGS
 ) -> Path:
-    """Return the path if an output can be put there, else raise before anything is computed.
+    """Return the path if an output can be written there, else raise before anything is computed.
 
     Parameters
     ----------
     path : path
-        Where the output shall lie.
+        The path of the output.
     overwrite : bool
         Whether an existing output may be replaced.
     endings : sequence of str
@@ -165,7 +170,7 @@ def check_output(
     Raises
     ------
     ValueError
-        The ending is not allowed.
+        The ending is not one of `endings`.
     OSError
         The folder is missing or not writable, or the output exists and must not, or cannot, be replaced.
 
@@ -173,34 +178,34 @@ def check_output(
     --------
     >>> check_output("map.xls")
     Traceback (most recent call last):
-    ValueError: `out` is 'map.xls'; allowed are .zarr, .nc, .csv, .mat; give it one of these endings
+    ValueError: `out` must end in .zarr, .nc, .csv or .mat, got 'map.xls'
     """
-    target, shown = Path(path), repr(str(path))
+    target, shown = _path("out", path), repr(str(path))
     if target.suffix.lower() not in endings:
-        raise ValueError(f"`out` is {shown}; allowed are {', '.join(endings)}; give it one of these endings")
+        raise ValueError(f"`out` must end in {', '.join(endings[:-1])} or {endings[-1]}, got {shown}")
     if not target.parent.is_dir():
-        raise FileNotFoundError(f"`out` is {shown}; its folder does not exist; make {str(target.parent)!r} first")
+        raise FileNotFoundError(f"`out` {shown}: its folder does not exist; create {str(target.parent)!r} first")
     if not os.access(target.parent, os.W_OK | os.X_OK):
-        raise PermissionError(f"`out` is {shown}; its folder cannot be written to; choose another one")
+        raise PermissionError(f"`out` {shown}: its folder cannot be written to; choose another one")
     if not os.path.lexists(target):
         return target
     if not overwrite:
-        raise FileExistsError(f"`out` is {shown}, which exists; overwrite it (--overwrite) or choose another name")
+        raise FileExistsError(f"`out` {shown} exists; overwrite it (--overwrite) or choose another name")
     if target.is_dir() and not (target.suffix.lower() == ".zarr" and _is_store(target)):
-        raise IsADirectoryError(f"`out` is {shown}, a folder that is no Zarr store; choose another name")
+        raise IsADirectoryError(f"`out` {shown} is a folder, but not a Zarr store; choose another name")
     return target
 
 
 @contextmanager
 def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator[Path]:
-    """Yield a temporary name in the same folder; move what was written there to `path` if all went well.
+    """Yield a temporary name in the same folder; move what is written there to `path` if no error occurs.
 
     Parameters
     ----------
     path : path
-        The final name; whatever is there stays until the new output is complete.
+        The final name; an existing output stays until the new one is complete.
     overwrite : bool
-        Whether an output that has appeared there may be replaced.
+        Whether an output that has appeared meanwhile may be replaced.
 
     Yields
     ------
@@ -219,7 +224,7 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
             part = scratch / target.name
             yield part
             if os.path.lexists(target) and not overwrite:
-                raise _exists_by_now(target)
+                raise _appeared(target)
             _move(part, target, old=scratch.with_suffix(".old"), overwrite=overwrite)
             shutil.rmtree(scratch)
         except BaseException:
@@ -228,12 +233,12 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
     except OSError as error:
         if str(error).startswith("`out`"):
             raise
-        message = f"`out` is {str(path)!r}, which could not be written ({_first_line(error)}); nothing was changed"
+        message = f"`out` {str(path)!r} could not be written ({_first_line(error)}); nothing was changed"
         raise OSError(error.errno, message) from error
 
 
 def remove_folder(folder: Path) -> None:
-    """Remove a folder that threads of a failed writer may still be filling, or making anew, for a moment."""
+    """Remove a folder that threads of a failed writer may go on filling, or recreate, for a moment."""
     quiet = 0
     for _ in range(100):
         quiet = 0 if folder.exists() else quiet + 1
@@ -244,10 +249,10 @@ def remove_folder(folder: Path) -> None:
 
 
 def _move(part: Path, target: Path, *, old: Path, overwrite: bool) -> None:
-    """Put `part` in the place of `target`; a folder cannot be replaced in one step, so the old one steps aside.
+    """Replace `target` by `part`; a folder cannot be replaced in one step, so the old one is set aside first.
 
-    Other processes may do the same at the same moment: whoever finds the place taken, or what stood there gone, looks
-    again. In the end the last one's output stands there, whole.
+    Other processes may do the same at the same moment: each tries again when the name is taken, or the old output
+    gone. In the end the last one's complete output has the name.
     """
     aside: list[Path] = []
     try:
@@ -255,14 +260,14 @@ def _move(part: Path, target: Path, *, old: Path, overwrite: bool) -> None:
             if _moved(part, target):
                 return
             if not overwrite:
-                raise _exists_by_now(target)
-            with suppress(FileNotFoundError):  # somebody else has set it aside
+                raise _appeared(target)
+            with suppress(FileNotFoundError):  # another process has set it aside
                 os.rename(target, old.with_name(f"{old.name}{turn}"))
                 aside.append(old.with_name(f"{old.name}{turn}"))
-        raise OSError(errno.EBUSY, "others keep writing there")
+        raise OSError(errno.EBUSY, "other processes keep writing there")
     except BaseException:
         if aside and not os.path.lexists(target):
-            with suppress(OSError):  # somebody else's stands there by now
+            with suppress(OSError):  # another process has put its output there
                 os.rename(aside.pop(), target)
         raise
     finally:
@@ -271,7 +276,7 @@ def _move(part: Path, target: Path, *, old: Path, overwrite: bool) -> None:
 
 
 def _moved(part: Path, target: Path) -> bool:
-    """Move `part` to `target`, unless a folder stands there that holds something; return whether it was moved."""
+    """Move `part` to `target`, unless that is a folder with content; return whether it was moved."""
     try:
         os.replace(part, target)
     except OSError as error:
@@ -282,8 +287,8 @@ def _moved(part: Path, target: Path) -> bool:
     return True
 
 
-def _exists_by_now(target: Path) -> FileExistsError:
-    return FileExistsError(f"`out` is {str(target)!r}, which exists by now; choose another name")
+def _appeared(target: Path) -> FileExistsError:
+    return FileExistsError(f"`out` {str(target)!r} exists by now; choose another name")
 
 
 def _is_store(folder: Path) -> bool:

@@ -1,4 +1,4 @@
-"""One writer a file format; each gives up by raising `OSError`."""
+"""One writer per file format; each fails by raising `OSError`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-ORDER = "variable_order"  # attribute of a file, which is none of the result
+ORDER = "variable_order"  # an attribute of the file, not of the result
 
 
 def _write_zarr(dataset: xr.Dataset, part: Path) -> None:
@@ -39,14 +39,13 @@ def _with_order(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def order_of(names: Iterable[Any]) -> str:
-    """Return the attribute that keeps the order of variables, which Zarr and NetCDF do not."""
+    """Return the attribute that keeps the order of variables, which Zarr and NetCDF do not keep."""
     return json.dumps([str(name) for name in names])
 
 
 def in_order(dataset: xr.Dataset) -> xr.Dataset:
-    """Return a dataset with its variables in the order that its attribute tells, others behind them by name."""
-    told = dataset.attrs.pop(ORDER, "[]")
-    rank = {name: at for at, name in enumerate(json.loads(told))}
+    """Return a dataset with its variables in the order that its attribute records, others after them by name."""
+    rank = {name: at for at, name in enumerate(json.loads(dataset.attrs.pop(ORDER, "[]")))}
     return dataset[sorted(map(str, dataset.variables), key=lambda name: (rank.get(name, len(rank)), name))]
 
 
@@ -77,7 +76,7 @@ def _entries(dataset: xr.Dataset, dims: tuple[str, ...]) -> int:
 
 
 def _table(dataset: xr.Dataset, dims: tuple[str, ...]) -> pd.DataFrame:
-    """Return one row an entry of `dims`, without the NaN padding of ragged rows."""
+    """Return one row per entry of `dims`, without the NaN padding of ragged rows."""
     import pandas as pd
 
     inside = [name for name, v in dataset.variables.items() if set(v.dims) <= set(dims)]
@@ -85,15 +84,15 @@ def _table(dataset: xr.Dataset, dims: tuple[str, ...]) -> pd.DataFrame:
     if not dims:
         return pd.DataFrame({str(name): [v.values.item()] for name, v in mine.variables.items()})
     table: pd.DataFrame = mine.to_dataframe(dim_order=list(dims)).reset_index()
-    told = [str(name) for name, v in mine.data_vars.items() if len(v.dims) == len(dims) > 1]
-    if told and len(table) and dims[-1] not in mine.coords:  # what has no values of its own is counted, and padded
+    ragged = [str(name) for name, v in mine.data_vars.items() if len(v.dims) == len(dims) > 1]
+    if ragged and len(table) and dims[-1] not in mine.coords:  # a dimension without values is counted, and padded
         first = table[dims[-1]] == table[dims[-1]].iloc[0]  # keeps a row of a cell without any impact
-        table = table[first | table[told].notna().any(axis=1)]
+        table = table[first | table[ragged].notna().any(axis=1)]
     return table
 
 
 def _in_words(dataset: xr.Dataset) -> xr.Dataset:
-    """Return a dataset with the meanings of codes in the place of the codes."""
+    """Return a dataset with words in place of codes."""
     coded = {name: v for name, v in dataset.variables.items() if "flag_meanings" in v.attrs}
     words = {name: (v.dims, _meanings(v)) for name, v in coded.items()}
     axes = {name: word for name, word in words.items() if name in dataset.coords}
@@ -102,9 +101,9 @@ def _in_words(dataset: xr.Dataset) -> xr.Dataset:
 
 def _meanings(variable: xr.Variable) -> NDArray[Any]:
     words = variable.attrs["flag_meanings"].split()
-    told = dict(zip(np.asarray(variable.attrs.get("flag_values", range(len(words)))).tolist(), words, strict=True))
+    meanings = dict(zip(np.asarray(variable.attrs.get("flag_values", range(len(words)))).tolist(), words, strict=True))
     codes, at = np.unique(variable.values, return_inverse=True)
-    return np.array([told.get(code, str(code)) for code in codes.tolist()], str)[at].reshape(variable.shape)
+    return np.array([meanings.get(code, str(code)) for code in codes.tolist()], str)[at].reshape(variable.shape)
 
 
 def _joined(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
@@ -118,7 +117,7 @@ def _joined(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def _whole(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table whose whole numbers stay so beside rows that have none."""
+    """Return a table whose integers stay integers next to rows without a value."""
     return table.astype({name: "Int64" for name, kind in table.dtypes.items() if kind.kind in "iu"})
 
 

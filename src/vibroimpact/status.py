@@ -1,4 +1,4 @@
-"""How a motion ended: codes, their sentences, and which one speaks for a cell."""
+"""How a motion ended: codes, their sentences, and which one a cell gets."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Status(IntEnum):
 
     @property
     def word(self) -> str:
-        """The name as it stands in datasets and on the command line."""
+        """The name in datasets and on the command line."""
         return self.name.lower()
 
     @property
@@ -36,15 +36,15 @@ class Status(IntEnum):
 
 
 _SENTENCES = {
-    Status.OK: "all impacts asked for were sampled",
-    Status.CLOSED: "the motion closed a periodic cycle; its indices were finished in closed form",
+    Status.OK: "all requested impacts were sampled",
+    Status.CLOSED: "the motion closed a periodic cycle; its indices were completed in closed form",
     Status.STICKING: "the mass came to rest at the stop within the sample (complete chatter or stick)",
     Status.SHORT_WINDOW: "the sampled impacts span fewer than 10 driving periods; raise `sample_impacts`",
-    Status.NO_IMPACT: "the mass never reaches the stop from this start",
-    Status.STOPPED_IMPACTING: "impacts ceased: the motion settled clear of the stop",
-    Status.STUCK_FOREVER: "the mass came to rest at the stop and the force never lets it go",
-    Status.DECAYING: "unforced impacts die out for ever; give an `amplitude` or sample fewer impacts",
-    Status.BUDGET: "a flight or the whole motion outlasted its budget; raise `flight_periods` or `steps_per_impact`",
+    Status.NO_IMPACT: "the mass never reaches the stop from these initial conditions",
+    Status.STOPPED_IMPACTING: "impacts cease after a transient; the motion settles clear of the stop",
+    Status.STUCK_FOREVER: "permanently in contact: the mass came to rest at the stop and the force never releases it",
+    Status.DECAYING: "unforced impacts decay for ever; give an `amplitude` or sample fewer impacts",
+    Status.BUDGET: "a flight or the whole motion exceeded its budget; raise `flight_periods` or `steps_per_impact`",
     Status.INTERRUPTED: "the sweep was stopped before this cell was finished; run it again",
 }
 
@@ -52,8 +52,8 @@ _SENTENCES = {
 def window_status(*, sampled: int, wanted: int, stuck: bool, periods: float, ended: Status) -> Status:
     """Return the one status of a cell: what ended it, else what its window says.
 
-    `ended` speaks if the window was not filled. A filled window that spans fewer than 10
-    periods is `short_window`; else one in which the mass stuck is `sticking`; else `ok`.
+    It is `ended` if the window was not filled. A filled window that spans fewer than 10 periods is `short_window`;
+    else one in which the mass stuck is `sticking`; else `ok`.
     """
     if sampled < wanted:
         return ended
