@@ -234,14 +234,6 @@ def _check_one(name: str, value: Any, other: str, other_value: Any) -> None:
         raise ValueError(f"give either `{name}` or `{other}`, not both; got {value!r} and {other_value!r}")
 
 
-STAND_FOR = {name: entry.replaces for name, entry in ImpactOscillator.parameters.items() if entry.replaces}
-
-
-def parameter_value(name: str, value: Any) -> float:
-    """Return a parameter as a float inside its range."""
-    return ImpactOscillator.parameters[name].check(value)
-
-
 @runtime_checkable
 class Model(Protocol):
     """What the machinery knows of a model: its table of parameters, their values, and the cells that it makes."""
