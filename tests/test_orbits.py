@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.orbits import Orbit, find_orbit
+from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.equations import Cycle, Flight, parameters_of
+from vibroimpact.orbits.orbit import Impacts
 
 
 def random_oscillator(rng, **fixed):
@@ -283,3 +284,31 @@ def test_a_wrong_request_is_refused_by_name(arguments, named):
 def test_what_is_no_oscillator_is_refused():
     with pytest.raises(ValueError, match="`osc` must be .*, got 2"):
         find_orbit(2.0)
+
+
+# The same orbit
+
+
+def test_the_first_impact_and_whole_turns_do_not_make_another_orbit():
+    one = Impacts([0.1, 0.6, 1.0 - 1e-9], [2.0, 1.0, 0.5])
+    other = Impacts([1e-9, 0.1, 0.6], [0.5, 2.0, 1.0])
+    assert orbit_distance(one, other) == pytest.approx(2 * math.pi * 2e-9)
+    assert same_orbit(one, other)
+    assert not same_orbit(one, other, tolerance=1e-9)
+    assert orbit_distance(one, Impacts([0.6, 1.1, 1.6], [2.0, 1.0, 0.5])) > 0.5  # half a period later: another one
+
+
+def test_orbits_of_different_numbers_of_impacts_are_never_the_same():
+    twice = Impacts([0.1, 0.1], [2.0, 2.0])
+    assert orbit_distance(Impacts([0.1], [2.0]), twice) == math.inf
+    assert not same_orbit(Impacts([0.1], [2.0]), twice, tolerance=1.0)
+    assert orbit_distance(Impacts([], []), Impacts([], [])) == 0.0
+
+
+def test_the_distance_of_orbits_is_symmetric_and_knows_no_unit():
+    rng = np.random.default_rng(3)
+    for p in (1, 2, 5):
+        one, other = (Impacts(rng.random(p), rng.random(p)) for _ in range(2))
+        assert orbit_distance(one, other) == pytest.approx(orbit_distance(other, one))
+        faster = [Impacts(cycle.phases, 1e6 * cycle.velocities) for cycle in (one, other)]
+        assert orbit_distance(*faster) == pytest.approx(orbit_distance(one, other))

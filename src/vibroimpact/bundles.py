@@ -71,13 +71,13 @@ def _in_a_row(parts: Sequence[xr.Dataset], dim: str, name: str) -> dict[str, Any
 
 def _of_each(parts: Sequence[xr.Dataset], dim: str) -> dict[str, Any]:
     """Return the variables of whole parts, over the parts."""
-    words = {"n_periods": "driving periods in a cycle", "n_impacts": "impacts in a cycle", dim: "number"}
+    names = {"n_periods": "driving periods in a cycle", "n_impacts": "impacts in a cycle", dim: "number"}
     columns = {
         str(key): xr.Variable(dim, np.array([part[key].item() for part in parts], variable.dtype), variable.attrs)
         for key, variable in parts[0].data_vars.items()
         if not variable.dims
     }
-    for key, long_name in words.items():
+    for key, long_name in names.items():
         numbers = range(len(parts)) if key == dim else [part.attrs[key] for part in parts]
         columns[key] = xr.Variable(dim, np.array(numbers, np.int32), {"long_name": long_name, "units": "1"})
     return columns

@@ -28,6 +28,10 @@ HALVINGS = 20  # of the step within which the orbits of a boundary become inadmi
 WORST = 1e-10  # residual of a point
 
 
+class NoBoundary(ValueError):
+    """A point from which no boundary can be followed."""
+
+
 def continue_boundary(
     point: BifurcationPoint | StickingEnd,
     parameters: tuple[str, str],
@@ -167,8 +171,8 @@ def boundary_system(point: BifurcationPoint, names: tuple[str, str], box: tuple[
     return system, x
 
 
-def _no_boundary(point: BifurcationPoint) -> ValueError:
-    return ValueError(
+def _no_boundary(point: BifurcationPoint) -> NoBoundary:
+    return NoBoundary(
         f"the orbit of `point` does not satisfy the condition of a {point.kind.replace('_', ' ')}; "
         "take a point from the `special` of a branch"
     )
@@ -195,7 +199,7 @@ def trace_boundary(system: System, x: Floats, kind: str, longest: float, virtual
     """Return the curve through a point, in both directions."""
     x, made = _onto(system, x)
     if not made:
-        raise ValueError("Newton's method does not lead from `point` to its boundary; take another point")
+        raise NoBoundary("Newton's method does not lead from `point` to its boundary; take another point")
     both: list[list[Floats]] = []
     ends: list[str] = []
     along = tangent(system, x, np.ones(len(x)))

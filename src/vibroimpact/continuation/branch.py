@@ -1,4 +1,4 @@
-"""Follow a periodic orbit along one parameter, in both directions, with the bifurcations met on the way."""
+"""Follow a periodic orbit along one parameter, in both directions, with the bifurcations on it."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def continue_orbit(
     virtual: bool = True,
     progress: bool | Report = False,
 ) -> Branch:
-    r"""Follow a periodic orbit, stable or not, along one parameter, both ways and through folds.
+    r"""Follow a periodic orbit, stable or not, along one parameter, in both directions and through folds.
 
     The branch is the curve on which all flights come back to their impacts; bifurcations on it are
 
@@ -130,7 +130,7 @@ def continue_orbit(
     ends = check_range(orbit, parameter, range)
     longest = check_share("step", step)
     system, x = branch_system(orbit, parameter, ends)
-    x = _settled(system, x)
+    x = _corrected(system, x)
     with reporter(progress, "orbits") as report:
         down, up = both_ways(system, x, longest, virtual, report)
     points = down.points[:0:-1] + up.points
@@ -147,7 +147,7 @@ def continue_orbit(
     )
 
 
-def _settled(system: System, x: Floats) -> Floats:
+def _corrected(system: System, x: Floats) -> Floats:
     """Return the orbit corrected at its own parameter, or refuse one that does not solve its equations."""
     row = np.zeros((1, len(x)))
     row[0, -1] = 1.0
@@ -161,13 +161,13 @@ def _settled(system: System, x: Floats) -> Floats:
 
 def _message(orbits: list[Orbit], parameter: str, outcome: tuple[str, str]) -> str:
     first, last = (orbit.value(parameter) for orbit in (orbits[0], orbits[-1]))
-    words = (
+    text = (
         f"from {parameter} = {first:.9g}, {ENDS[outcome[0]]}, to {parameter} = {last:.9g}, {ENDS[outcome[1]]}"
         if outcome[0] != "closed"
         else f"a closed branch through {parameter} = {last:.9g}"
     )
     hidden = sum(not orbit.admissible for orbit in orbits)
-    return words + (f"; {hidden} of {len(orbits)} orbits are inadmissible (they penetrate the stop)" if hidden else "")
+    return text + (f"; {hidden} of {len(orbits)} orbits are inadmissible (they penetrate the stop)" if hidden else "")
 
 
 @dataclass

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.boundary import Range, boundary_through, check_box, check_plane
+from vibroimpact.continuation.boundary import NoBoundary, Range, boundary_through, check_box, check_plane
 from vibroimpact.continuation.branch import bifurcation_point, both_ways, branch_system
 from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary
 from vibroimpact.continuation.sticking import ends_on_line
@@ -198,14 +198,14 @@ def _on_line(
                 continue
             system, x = branch_system(orbit, parameter, range)
             for way in both_ways(system, x, longest, virtual=False, report=lambda *_: look()):
-                covered.append(np.array([[*system.values(p.x), p.x[0], *system.solution(p.x)[1:]] for p in way.points]))
+                covered.append(np.array([[*system.values(p.x), system.solution(p.x)[1]] for p in way.points]))
                 yield from (bifurcation_point(special, parameter) for special in way.special)
 
 
 def _covered(branches: Iterable[Floats], value: float, z: Floats) -> bool:
     """Whether an orbit is on a branch already followed: between two of its points, with a velocity between theirs."""
     for rows in branches:
-        values, speeds = rows[:, 0], rows[:, 2]
+        values, speeds = rows.T
         around = np.flatnonzero((values[:-1] - value) * (values[1:] - value) <= 0.0)
         for j in around:
             low, high = sorted((speeds[j], speeds[j + 1]))
@@ -226,11 +226,12 @@ def _add_curve(
     """Append the curve through a point, unless the point lies on a known one or cannot be followed."""
     if any(_lies_on(point, curve, box, longest) for curve in curves):
         return
-    with suppress(ValueError):  # two boundaries meet in the point: the other lines cross them apart
+    with suppress(NoBoundary):  # two boundaries meet in the point: the other lines cross them separately
         curves.append(boundary_through(point, names, box, longest, virtual=False, report=lambda *_: look()))
 
 
 def _lies_on(point: BifurcationPoint | StickingEnd, curve: Boundary, box: tuple[Range, Range], longest: float) -> bool:
+    """Whether a point is on a curve: less than some steps from one of its points, with nearly that one's velocity."""
     orbit = point.orbit
     if orbit is None or (curve.kind, curve.orbits[0].n_periods) != (point.kind, orbit.n_periods):
         return False

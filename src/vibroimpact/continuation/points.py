@@ -227,10 +227,10 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Orbit:
         given = getattr(point, "kind", point)
         raise invalid("point", given, "a period doubling", "take one from the `special` of a branch")
     size = check_share("amplitude", amplitude)
-    system, x, apart = _twice(point)
+    system, x, direction = _twice(point)
     for _ in range(TRIES):
-        start = x + size * apart
-        found, made = newton(system, start, apart[None, :], np.array([apart @ start]))
+        start = x + size * direction
+        found, made = newton(system, start, direction[None, :], np.array([direction @ start]))
         if made and np.abs(found - start).max() < 0.5 * size:
             return make_orbit(system.model_at(found), system.cycle, system.solution(found))
         size *= 0.5

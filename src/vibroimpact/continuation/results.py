@@ -15,7 +15,6 @@ from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.oscillator import Model
 
 KINDS = ("fold", "period_doubling", "grazing", "end_of_sticking")
-KIND_WORDS = ("fold", "period doubling", "grazing", "end of sticking")
 
 
 @dataclass(frozen=True)
@@ -49,9 +48,10 @@ class BifurcationPoint:
     @property
     def message(self) -> str:
         """The point in a sentence."""
-        words = KIND_WORDS[KINDS.index(self.kind)]
         touch = "" if math.isnan(self.touch_phase) else f" at phase {self.touch_phase:.6g}"
-        return f"{words} of the {self.orbit.name} orbit{touch}: {self.parameter} = {self.value:.12g}"
+        return (
+            f"{self.kind.replace('_', ' ')} of the {self.orbit.name} orbit{touch}: {self.parameter} = {self.value:.12g}"
+        )
 
 
 @dataclass(frozen=True, eq=False)

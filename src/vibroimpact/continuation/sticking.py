@@ -110,7 +110,7 @@ def ends_on_line(
     seeds: int,
     look: Callable[[], object] = bool,
 ) -> Iterator[StickingEnd]:
-    """Yield the ends of period-n sticking, n in `lengths`, along a line, as far as neighbouring seeds tell them."""
+    """Yield the ends of period-n sticking, n in `lengths`, along a line, as far as neighbouring seeds differ."""
 
     def periods(value: float) -> int:
         look()

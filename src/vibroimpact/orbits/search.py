@@ -268,7 +268,7 @@ def _miss(cycle: Cycle, chain: Floats | None, speed: float) -> float:
     return float(late + abs(chain[-1] - chain[p + 1]) / speed) if late < 0.5 else np.inf
 
 
-def settled(osc: ImpactOscillator, cycle: Cycle) -> Floats | None:
+def attractor_chain(osc: ImpactOscillator, cycle: Cycle) -> Floats | None:
     """Return the last impacts of the attractor reached from rest."""
     cells = osc.cells({})
     if osc.gap <= 0.0:  # slightly out of balance, otherwise nothing starts
@@ -280,7 +280,7 @@ def settled(osc: ImpactOscillator, cycle: Cycle) -> Floats | None:
 
 def candidates(osc: ImpactOscillator, cycle: Cycle) -> list[Floats]:
     """Return initial guesses: the attractor's cycle, then those of a grid on the impact surface that close best."""
-    attractor = settled(osc, cycle)
+    attractor = attractor_chain(osc, cycle)
     hardest = 0.0 if attractor is None else float(attractor[cycle.n_impacts + 1 :].max())
     fastest = max(2.0 * osc.velocity_scale, 1.5 * hardest)
     phases, velocities = np.meshgrid(np.arange(GRID[0]) / GRID[0], fastest * (np.arange(GRID[1]) + 0.5) / GRID[1])
@@ -293,8 +293,7 @@ def candidates(osc: ImpactOscillator, cycle: Cycle) -> list[Floats]:
     best = misses.ravel() <= np.partition(misses.ravel(), TRIES)[TRIES]
     chosen = np.flatnonzero((lowest.ravel() | best) & np.isfinite(misses.ravel()))
     chosen = chosen[np.argsort(misses.ravel()[chosen])]
-    starts = [chain for chain in [attractor, *(chains[j] for j in chosen)] if chain is not None]
-    return [cycle_of(chain) for chain in starts]
+    return [cycle_of(chain) for chain in [attractor, *(chains[j] for j in chosen)] if chain is not None]
 
 
 MOST = 40
