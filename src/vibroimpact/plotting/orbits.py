@@ -19,7 +19,6 @@ from vibroimpact.plotting.style import (
     Floats,
     Mask,
     counted,
-    described,
     draw_stop,
     label_axes,
     legend_below,
@@ -27,10 +26,10 @@ from vibroimpact.plotting.style import (
     new_axes,
     note_empty,
     note_outcome,
+    parameter_text,
     reference,
     required_oscillator,
     title,
-    value_text,
     view,
 )
 
@@ -92,15 +91,14 @@ def _sticks(simulation: xr.Dataset) -> Floats:
     """Return the (start, end) of each stick; one not released lasts to the end of the record."""
     if "stick_time" not in simulation:
         return np.empty((0, 2))
-    ends = simulation["release_time"].values
-    ends = np.where(np.isnan(ends), float(simulation["time"][-1]), ends)
-    return np.column_stack([simulation["stick_time"].values, ends])
+    starts, ends = simulation["stick_time"].values, simulation["release_time"].values
+    return np.column_stack([starts, np.where(np.isnan(ends), float(simulation["time"][-1]), ends)])
 
 
-def _stop(ax: Axes, displacement: Floats, osc: ImpactOscillator, unit: str, *, upright: bool) -> tuple[float, float]:
+def _stop(ax: Axes, displacement: Floats, osc: ImpactOscillator, *, upright: bool) -> tuple[float, float]:
     """Draw the stop and return the limits of the displacement axis; an arrow points to a stop too far off."""
     size = magnitude(displacement, osc.velocity_scale / osc.natural_frequency)
-    text = f"stop, {value_text('g', osc.gap, unit)}"
+    text = f"stop, {parameter_text('gap', osc)}"
     low, high = view(displacement, size)
     near = osc.gap - high <= 3.0 * (high - low)
     if near:
@@ -121,8 +119,13 @@ def _stop(ax: Axes, displacement: Floats, osc: ImpactOscillator, unit: str, *, u
     return low, high
 
 
-def _unit(simulation: xr.Dataset) -> str:
-    return described(simulation["displacement"])[1]
+def _started(
+    simulation: xr.Dataset, ax: Axes | None, size: tuple[float, float]
+) -> tuple[ImpactOscillator, Axes, tuple[Floats, Floats, Floats]]:
+    """Return the oscillator of a checked simulation, the axes to draw on, and time, y and y' of the line."""
+    check_result("simulation", simulation, "simulate", _NEEDED)
+    osc = required_oscillator("simulation", simulation)
+    return osc, new_axes(ax, size, title(simulation)), _broken_orbit(simulation, osc.gap, osc.restitution)
 
 
 def time_history(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
@@ -155,21 +158,17 @@ def time_history(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'time $t$ [s]'
     """
-    check_result("simulation", simulation, "simulate", _NEEDED)
-    osc = required_oscillator("simulation", simulation)
-    ax = new_axes(ax, (8.0, 3.8), title(simulation))
-    t, y, _ = _broken_orbit(simulation, osc.gap, osc.restitution)
+    osc, ax, (t, y, _) = _started(simulation, ax, (8.0, 3.8))
     whole = ~np.isnan(y)
     ax.plot(t[whole], y[whole], color=BLUE, linewidth=1.2, zorder=2)
 
-    ax.set_ylim(*_stop(ax, y, osc, _unit(simulation), upright=False))
+    ax.set_ylim(*_stop(ax, y, osc, upright=False))
     impacts = simulation["impact_time"].values
     if impacts.size:
         at_stop = np.full_like(impacts, osc.gap)
         name = counted(impacts.size, "impact")
         ax.plot(impacts, at_stop, "o", color=RED, markersize=4, markeredgewidth=0, label=name, zorder=5)
-    sticks = _sticks(simulation)
-    if len(sticks):
+    if len(sticks := _sticks(simulation)):
         bars = [[(start, osc.gap), (end, osc.gap)] for start, end in sticks]
         name = f"{counted(len(sticks), 'stick')} (at rest at the stop)"
         ax.add_collection(LineCollection(bars, colors=GREEN, linewidths=5, label=name, zorder=4), autolim=False)
@@ -212,10 +211,7 @@ def phase_portrait(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'displacement $y$ [m]'
     """
-    check_result("simulation", simulation, "simulate", _NEEDED)
-    osc = required_oscillator("simulation", simulation)
-    ax = new_axes(ax, (6.4, 5.4), title(simulation))
-    _, y, dy = _broken_orbit(simulation, osc.gap, osc.restitution)
+    osc, ax, (_, y, dy) = _started(simulation, ax, (6.4, 5.4))
     ax.plot(y, dy, color=BLUE, linewidth=0.9, label="flight", zorder=2)
     speeds = simulation["impact_velocity"].values
     if speeds.size:
@@ -230,7 +226,7 @@ def phase_portrait(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax.plot(float(first["displacement"]), float(first["velocity"]), "o", markerfacecolor="white",
             markeredgecolor=INK, markersize=5, label="start", zorder=6, linestyle="none")  # fmt: skip
 
-    ax.set_xlim(*_stop(ax, y, osc, _unit(simulation), upright=True))
+    ax.set_xlim(*_stop(ax, y, osc, upright=True))
     ax.set_ylim(*view(dy, magnitude(dy, osc.velocity_scale)))
     label_axes(ax, simulation["displacement"], simulation["velocity"])
     note_outcome(ax, simulation)
@@ -279,7 +275,7 @@ def _draw_points(ax: Axes, points: Floats, tolerance: Floats, noun: str, wrap: b
 
 
 def stroboscopic_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the Poincare map: velocity against displacement once a driving period.
+    """Draw the Poincare map: velocity against displacement once per driving period.
 
     A period-n motion shows n points, a chaotic motion its attractor.
 
