@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,10 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch, Rectangle
 
 from vibroimpact.motion import recognise
-from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.plotting.checks import refused
 from vibroimpact.plotting.orbits import impact_map, phase_portrait, time_history
-from vibroimpact.plotting.style import BLUE, INK, RED, STYLE, draw_stop, new_axes, parameter_text
+from vibroimpact.plotting.style import BLUE, INK, RED, STYLE, described, draw_stop, held_text, new_axes, parameter_text
 from vibroimpact.sections import impact_section, simulate, stroboscopic_section
 
 # Positions in drawing units: frame | spring and damper | mass | clearance | stop.
@@ -72,7 +73,7 @@ def _mass(ax: Axes) -> None:
         ax.plot(roller, 0.15, "o", markersize=8.5, markerfacecolor="white", markeredgecolor=INK, markeredgewidth=1.3)
 
 
-def oscillator_sketch(oscillator: ImpactOscillator | None = None, ax: Axes | None = None) -> Axes:
+def oscillator_sketch(oscillator: Model | None = None, ax: Axes | None = None) -> Axes:
     r"""Draw the model: mass, spring, damper, sine force, clearance and stop.
 
     .. math:: m \ddot y + c \dot y + k y = f \sin \omega t \quad (y < g), \qquad
@@ -80,7 +81,7 @@ def oscillator_sketch(oscillator: ImpactOscillator | None = None, ax: Axes | Non
 
     Parameters
     ----------
-    oscillator : ImpactOscillator, optional
+    oscillator : ImpactOscillator or family, optional
         Its parameters are written under the sketch.
     ax : matplotlib.axes.Axes, optional
         Where to draw; None makes a new figure.
@@ -131,7 +132,7 @@ def oscillator_sketch(oscillator: ImpactOscillator | None = None, ax: Axes | Non
 
 
 def comparison_figure(
-    designs: xr.Dataset | Sequence[ImpactOscillator],
+    designs: xr.Dataset | Sequence[Model],
     *,
     names: Sequence[str] = ("A", "B"),
     periods: float = 8,
@@ -141,10 +142,10 @@ def comparison_figure(
 
     Parameters
     ----------
-    designs : xarray.Dataset or two ImpactOscillator
+    designs : xarray.Dataset or two ImpactOscillator or families
         The `dataset` of what `vibroimpact.compare` returns, or the two designs.
     names : two str
-        The names of two oscillators; a dataset has its own.
+        The names of the two designs; a dataset has its own.
     periods : float, > 0
         Driving periods shown.
     size : (float, float)
@@ -173,16 +174,16 @@ def comparison_figure(
     """
     import matplotlib.pyplot as plt
 
-    oscillators, names = _designs(designs, names)
+    oscillators, names, differing = _designs(designs, names)
     with mpl.rc_context(STYLE):
         figure, axes = plt.subplots(3, 2, figsize=size, layout="constrained")
-    for column, (osc, name) in enumerate(zip(oscillators, names, strict=True)):
+    for column, (osc, name, texts) in enumerate(zip(oscillators, names, differing, strict=True)):
         section = impact_section(osc, transient_impacts=SETTLED, sample_impacts=SAMPLED)
         motion = simulate(osc, start=_settled(osc), periods=periods)
         time_history(motion, ax=axes[0, column])
         phase_portrait(motion, ax=axes[1, column])
         impact_map(section, ax=axes[2, column])
-        axes[0, column].set_title(f"{name}: {recognise(section).name}\n{_differing(osc, oscillators)}", fontsize=10)
+        axes[0, column].set_title(f"{name}: {recognise(section).name}\n{',  '.join(texts)}", fontsize=10)
     gaps = [osc.gap for osc in oscillators]
     _share(axes[0], "y", gaps)
     _share(axes[1], "x", gaps)
@@ -192,18 +193,31 @@ def comparison_figure(
     return figure
 
 
-def _designs(designs: Any, names: Sequence[str]) -> tuple[list[ImpactOscillator], list[str]]:
-    if isinstance(designs, xr.Dataset) and designs.sizes.get("design") == 2:
-        rows = [designs.isel(design=i) for i in range(2)]
-        given = [{name: float(row[name]) for name in ImpactOscillator().values if name in row} for row in rows]
-        if all(given):
-            return [ImpactOscillator(**values) for values in given], [str(name) for name in designs["design"].values]
-    if isinstance(designs, (list, tuple)) and len(designs) == 2:
-        pair = [osc for osc in designs if isinstance(osc, ImpactOscillator)]
-        if len(pair) == 2 and len(names) == 2:
-            return pair, [str(name) for name in names]
+Designs = tuple[list[ImpactOscillator], list[str], list[list[str]]]
+
+
+def _designs(designs: Any, names: Sequence[str]) -> Designs:
+    """Return the oscillators of two designs, their names, and the parameters in which they differ, as text."""
+    if isinstance(designs, xr.Dataset) and designs.attrs.get("function") == "compare":
+        return _compared(designs)
+    models = designs if isinstance(designs, (list, tuple)) else ()
+    if len(models) == len(names) == 2 and all(isinstance(model, Model) for model in models):
+        a, b = (model.values for model in models)
+        differing = [name for name in a if a[name] != b.get(name)]
+        texts = [[parameter_text(name, model) for name in differing if name in model.values] for model in models]
+        return [model.at() for model in models], [str(name) for name in names], texts
     allowed = "the dataset of a comparison, or two oscillators with two names"
     raise refused("designs", designs, allowed, "pass for example compare(a, b).dataset")
+
+
+def _compared(dataset: xr.Dataset) -> Designs:
+    """Return the designs of a comparison from its dataset."""
+    oscillators = [ImpactOscillator(**values) for values in json.loads(dataset.attrs["arguments"])["oscillators"]]
+    own = json.loads(dataset.attrs.get("model", dataset.attrs["oscillator"]))
+    parameters = [dataset[name] for name in own if name in dataset]
+    differing = [(described(pair), pair.values) for pair in parameters if pair.values[0] != pair.values[1]]
+    texts = [[held_text(symbol, values[i], units) for (_, units, symbol), values in differing] for i in range(2)]
+    return oscillators, [str(name) for name in dataset["design"].values], texts
 
 
 def _settled(osc: ImpactOscillator) -> State | None:
@@ -212,11 +226,6 @@ def _settled(osc: ImpactOscillator) -> State | None:
     if not looks.sizes["period"]:
         return None
     return State(min(float(looks["displacement"][0]), osc.gap), float(looks["velocity"][0]))
-
-
-def _differing(osc: ImpactOscillator, both: Sequence[ImpactOscillator]) -> str:
-    a, b = both
-    return ",  ".join(parameter_text(name, osc) for name in a.values if a.values[name] != b.values[name])
 
 
 def _share(axes: Sequence[Axes], along: str, gaps: Sequence[float] | None = None) -> None:

@@ -16,7 +16,7 @@ from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
 from vibroimpact.dataset import VARIABLES, oscillator_of
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.oscillator import ImpactOscillator, Model
 from vibroimpact.status import Status
 
 Floats = NDArray[np.float64]
@@ -120,11 +120,16 @@ def value_text(symbol: str, value: float, units: str) -> str:
     return f"{math(symbol)} = {value:.5g}{unit_suffix(units, ' {}')}"
 
 
-def parameter_text(name: str, osc: ImpactOscillator) -> str:
-    """Return a parameter of an oscillator and its value, an angular frequency also in Hz."""
-    parameter = osc.parameters[name]
-    text = value_text(parameter.symbol, getattr(osc, name), parameter.unit)
-    return f"{text} ({osc.frequency:.5g} Hz)" if name == "omega" else text
+def held_text(symbol: str, value: float, units: str) -> str:
+    """Return a parameter and its value, an angular frequency also in Hz."""
+    hertz = f" ({value / (2.0 * np.pi):.5g} Hz)" if units == "rad/s" else ""
+    return value_text(symbol, value, units) + hertz
+
+
+def parameter_text(name: str, model: Model) -> str:
+    """Return a parameter of a model and its value."""
+    parameter = model.parameters[name]
+    return held_text(parameter.symbol or name, model.values[name], parameter.unit)
 
 
 def percent(share: float) -> str:
