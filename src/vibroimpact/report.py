@@ -14,7 +14,16 @@ from vibroimpact.bundles import unbundle
 from vibroimpact.classes import NEEDED, classify
 from vibroimpact.dataset import oscillator_of
 from vibroimpact.indices import INDICES, ROUNDING, spread_scale, told_spread
-from vibroimpact.motion import MotionClass, cycle_length, cycle_name, decide, motion_name, recognise, recurrence
+from vibroimpact.motion import (
+    MotionClass,
+    cycle_length,
+    cycle_name,
+    decide,
+    motion_name,
+    recognise,
+    recurrence,
+    refined,
+)
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -118,7 +127,7 @@ def _impacts(dataset: xr.Dataset) -> Iterator[str]:
 def _stroboscopic(dataset: xr.Dataset) -> Iterator[str]:
     n = recurrence(dataset["displacement"].values, dataset["velocity"].values)
     if not n:
-        yield "aperiodic, the samples taken once per driving period do not repeat"
+        yield "the samples taken once per driving period do not repeat"
     else:
         yield f"period-{n}, repeats every {n * oscillator_of(dataset).period:.3g} s"
     for name in ("displacement", "velocity"):
@@ -177,7 +186,8 @@ def _index(field: xr.DataArray, axes: list[str]) -> str:
 
 def _motions(classes: xr.Dataset) -> Iterator[str]:
     """Yield the most frequent motions of a map."""
-    kind, n, p = (classes[name].values.ravel() for name in ("motion", "n_periods", "n_impacts"))
+    kind = refined(classes["motion"].values, classes["status"].values).ravel()
+    n, p = (classes[name].values.ravel() for name in ("n_periods", "n_impacts"))
     rows, counts = np.unique(np.column_stack([kind, n, np.where(kind == MotionClass.PERIODIC, p, 0)]), axis=0,
                              return_counts=True)  # fmt: skip
     order = np.argsort(-counts, kind="stable")
@@ -227,23 +237,21 @@ def _sample_range(samples: xr.DataArray, axis: str) -> Iterator[str]:
 def _motion_at(row: xr.Dataset, axis: str) -> str:
     """Return the motion at one value of a diagram's axis, from its indices and samples."""
     status, count = Status(int(row["status"])), int(row["count"])
-    if not status.has_indices:
-        return _spaced(status.word)
     kept = {name: row[name].values[:count] for name in ("displacement", "velocity", "phase") if name in row}
     n, p = (int(row[name]) if name in row else 0 for name in ("n_periods", "n_impacts"))
     kind = MotionClass(int(decide(status, _growth(row, axis, kept), n, p)))
-    if kind in (MotionClass.PERIODIC, MotionClass.STICKING):
+    if kind != MotionClass.UNDECIDED:
         return motion_name(kind, n, p)
     if "phase" not in kept:
         if n := recurrence(kept["displacement"], kept["velocity"]):
             return f"period-{n}"
     elif status == Status.STICKING:
-        return "sticking"
+        return "comes to rest at the stop"
     elif p := cycle_length(kept["velocity"], kept["phase"]):
         return f"{counted(p, 'impact')} per cycle"
     elif status == Status.SHORT_WINDOW:
         return "sample too short to classify"
-    return "chaotic" if kind == MotionClass.CHAOTIC else "aperiodic"
+    return "does not repeat"
 
 
 def _growth(row: xr.Dataset, axis: str, kept: Mapping[str, NDArray[np.float64]]) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 from vibroimpact.backends import Cells, ImpactWindow, Measurement, StroboscopicWindow
 from vibroimpact.backends.base import Counts, Floats
 from vibroimpact.coexistence.settling import Runner, Settled, resting_cell
-from vibroimpact.motion import Motion, MotionClass, motion_name
+from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.orbits.orbit import Impacts, same_orbit
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.status import Status
@@ -33,7 +33,6 @@ QUIET = (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER, MotionClass.AT_REST)
 BOXES = 64  # along phase and along velocity
 SHARED = 0.5  # of the impacts of two chaotic motions in the same boxes: above this they are one attractor
 WANDERING = 2000  # driving periods sampled of intermittent sticking, whose rests have no period
-_MOTIONS = {"chaotic": "aperiodic", "at_rest": "decaying"}  # what `Motion` calls those of another name
 
 
 @dataclass(frozen=True)
@@ -95,13 +94,12 @@ class Attractor:
     @property
     def motion(self) -> Motion:
         """The motion as `recognise` would call it."""
-        kind = _MOTIONS.get(self.kind, self.kind)
-        return Motion(kind, self.n_periods, self.n_impacts, self.velocities, self.phases)
+        return Motion(self.kind, self.n_periods, self.n_impacts, self.velocities, self.phases, self.status)
 
     @property
     def name(self) -> str:
         """The motion in two or three words."""
-        return motion_name(MotionClass[self.kind.upper()], self.n_periods, self.n_impacts)
+        return self.motion.name
 
 
 def distinct_names(found: Sequence[Attractor]) -> list[str]:

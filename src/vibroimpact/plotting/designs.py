@@ -170,7 +170,7 @@ def comparison_figure(
     >>> import vibroimpact as vi
     >>> figure = comparison_figure([vi.ImpactOscillator(omega=1.4), vi.ImpactOscillator(omega=2.8)])
     >>> len(figure.axes), figure.axes[1].get_title().splitlines()[0]
-    (6, 'B: aperiodic')
+    (6, 'B: chaotic')
     """
     import matplotlib.pyplot as plt
 

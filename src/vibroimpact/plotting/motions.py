@@ -84,7 +84,7 @@ ATTRACTORS = "#56b4e9", "#e69f00", "#009e73", "#cc79a7", "#f0e442", "#0072b2", "
 FURTHER = "#7a5230"
 QUIET = {
     "no_impact": STATUS_COLORS[Status.NO_IMPACT],
-    "stuck_for_ever": STATUS_COLORS[Status.STUCK_FOREVER],
+    "permanently_in_contact": STATUS_COLORS[Status.STUCK_FOREVER],
     "at_rest": STATUS_COLORS[Status.DECAYING],
 }
 RING: dict[str, Any] = {

@@ -178,7 +178,7 @@ def present_motion(model: Model, engine: Engine) -> Present:
     """
     osc = model.at()
     (measured,) = engine.measure([osc], [None])
-    motion = Motion(_KINDS.get(measured.motion_class, measured.kind), measured.n_periods, measured.n_impacts)
+    motion = Motion(measured.kind, measured.n_periods, measured.n_impacts, status=measured.status)
     if not (measured.motion_class.hits and measured.n_periods):
         (state,) = engine.follow([osc], [None], SETTLED)
         orbit = _sticking_orbit(model, 1) if measured.motion_class == MotionClass.STICKING else None
@@ -194,9 +194,6 @@ def present_motion(model: Model, engine: Engine) -> Present:
     elif seen.kind == motion.kind:
         motion = seen
     return Present(model, osc, measured, motion, orbit, _after_first(osc, section))
-
-
-_KINDS = {MotionClass.CHAOTIC: "aperiodic", MotionClass.UNDECIDED: "undetermined"}
 
 
 def _after_first(osc: ImpactOscillator, section: xr.Dataset) -> Start | None:

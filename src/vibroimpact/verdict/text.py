@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from vibroimpact.oscillator import Model
-from vibroimpact.status import Status
 from vibroimpact.verdict.boundaries import KIND_WORDS, NOISE, Edge
 from vibroimpact.verdict.ranges import percent, range_of
 
@@ -68,16 +67,10 @@ def quantity(model: Model, name: str, value: float, digits: int = 4) -> str:
 
 def _motion(verdict: Verdict) -> Iterator[str]:
     osc, motion = verdict.oscillator, verdict.motion
-    if verdict.kind in ("periodic", "sticking") and motion.n_periods:
+    if motion.n_periods:
         yield f"{motion.name}, repeats every {motion.n_periods * osc.period:.4g} s"
-    elif verdict.kind == "sticking":
-        yield motion.sentence(osc.period)
-    elif verdict.kind == "chaotic":
-        yield "chaotic, the impacts do not repeat"
-    elif verdict.kind == "undecided":
-        yield "undecided: no cycle was found, and chaos is not certain"
     else:
-        yield f"{motion.name}: {Status[verdict.status.upper()].sentence}"
+        yield motion.sentence(osc.period)
     if verdict.kind == "no_impact" and math.isfinite(osc.steady_amplitude):
         yield (
             f"it swings by {osc.steady_amplitude:.4g} m and stays {osc.gap - osc.steady_amplitude:.3g} m clear of the "

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import vibroimpact as vi
 from vibroimpact.motion import Motion, cycle_length, recognise
+from vibroimpact.status import Status
 from vibroimpact.studies.lee.paper import INDICES, OSCILLATOR, TIME_STEP, TOP, WINDOW, Scale, frequencies, pair_of
 
 Floats = NDArray[np.float64]
@@ -24,12 +25,14 @@ Test = Callable[[Motion], bool]
 
 def sticks(motion: Motion) -> bool:
     """Whether the mass comes to rest at the stop in each cycle."""
-    return motion.kind == "sticking"
+    return motion.kind == "sticking" and motion.n_periods > 0
 
 
 def aperiodic(motion: Motion) -> bool:
-    """Whether the impacts never repeat."""
-    return motion.kind == "aperiodic"
+    """Whether the sampled impacts never repeat, nor the times from one rest to the next."""
+    if motion.kind == "sticking":
+        return motion.n_periods == 0
+    return motion.kind in ("chaotic", "undecided") and motion.status != Status.STICKING
 
 
 def periodic(motion: Motion) -> bool:
