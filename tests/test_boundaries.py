@@ -352,3 +352,18 @@ def test_a_branch_along_a_familys_parameter_meets_the_same_bifurcation_as_the_ti
     assert (doubled.name, doubled.model.values["clearance_mm"]) == ("period-2 impact-2", 0.1)
     with pytest.raises(ValueError, match="unknown parameter 'omega'; choose from unbalance, rpm, clearance_mm"):
         continue_orbit(orbit, "omega", (1.0, 2.0))
+
+
+def test_a_branch_ends_where_a_family_makes_no_oscillator_any_more():
+    @vi.family
+    def clamp(squeeze=0.2, omega=2.0):
+        return vi.ImpactOscillator(omega=omega, restitution=1.0 - squeeze)
+
+    (orbit,) = find_orbit(clamp)
+    branch = continue_orbit(orbit, "squeeze", (0.1, 1.5), step=0.05)
+    assert branch.outcome == ("range", "lost")
+    assert branch.values[-1] == pytest.approx(1.0, abs=1e-3)
+    with pytest.raises(
+        ValueError, match=r"clamp fails at squeeze=1.0.*, omega=2: `restitution` must be between 0 and 1"
+    ):
+        boundary_curves(clamp, ("squeeze", "omega"), ((0.1, 1.5), (2.0, 3.0)), n_periods=(1,), lines=2)

@@ -30,7 +30,10 @@ def newton(system: System, x: Floats, rows: Floats | None = None, targets: Float
     for made in range(1, MOST + 1):
         if not system.possible(x):
             return x, 0
-        misses, matrix = system.misses(x), system.jacobian(x)
+        try:
+            misses, matrix = system.misses(x), system.jacobian(x)
+        except ValueError:  # a family makes no oscillator of values beside these
+            return x, 0
         if rows is not None and targets is not None:
             misses, matrix = np.concatenate([misses, rows @ x - targets]), np.concatenate([matrix, rows])
         if not (np.isfinite(misses).all() and np.isfinite(matrix).all()):
@@ -78,7 +81,10 @@ def follow(system: System, x: Floats, along: Floats, longest: float) -> Iterator
         counts, ahead = weights(system, x), x + step * way
         row = counts * counts * way
         found, made = newton(system, ahead, row[None, :], np.array([row @ ahead]))
-        turned = tangent(system, found, way) if made else way
+        try:
+            turned = tangent(system, found, way) if made else way
+        except ValueError:
+            made, turned = 0, way
         straight = (turned * counts) @ (way * counts) / np.linalg.norm(turned * counts)
         if not made or straight < STRAIGHT or np.abs((found - ahead) * counts).max() > step:
             step *= 0.5
