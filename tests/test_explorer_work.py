@@ -61,7 +61,7 @@ def until(condition, seconds=20.0):
 
 
 class Endless:
-    """Stands for a search that only stops when it is received to."""
+    """Stands for a search that stops only when its progress callback says so."""
 
     def __init__(self, monkeypatch, name):
         self.begun, self.stopped, self.oscillators = threading.Event(), threading.Event(), []

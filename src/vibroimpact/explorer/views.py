@@ -27,9 +27,9 @@ SHOWN_PERIODS = 6
 SHORT = {
     "largest Lyapunov exponent": "Lyapunov exponent λ",
     "largest Lyapunov exponent per impact": "λ per impact",
-    "energy lost at the stop per driving period": "energy lost per period",
+    "energy lost at the stop per driving period": "loss per period",
     "impacts per driving period": "impacts per period",
-    "share of time at rest at the stop": "share of time at rest",
+    "share of time at rest at the stop": "stick fraction",
     "gap left by the closest near-miss": "closest near-miss",
     "standard deviation of impact velocities": "Std of impact velocities",
     "spread of the impact phases": "spread of phases",
@@ -218,7 +218,7 @@ def _coexistence(others: list[Other]) -> str:
     if len(others) == 1:
         return "All initial conditions that were tried lead to this motion."
     listed = ", ".join(f"{escape(other.name)} ({100 * other.share:.0f} %)" for other in others[:5])
-    return f"{len(others)} motions coexist (share of initial conditions): {listed}."
+    return f"<span title='with the share of the initial conditions'>Coexisting motions: {listed}.</span>"
 
 
 def numbers_table(point: Point, pins: list[Point]) -> str:
