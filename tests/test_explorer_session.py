@@ -12,7 +12,7 @@ import pytest
 import vibroimpact as vi
 from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.explorer.files import KINDS, export, open_study, python_lines, study_file
-from vibroimpact.explorer.plane import SIDES, Plane, bands, lattice, positions, shades
+from vibroimpact.explorer.plane import SIDES, Plane, bands, lattice, name_of, positions, shades
 from vibroimpact.explorer.point import compute_point
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import FINEST, View
@@ -155,6 +155,28 @@ def test_the_portrait_of_a_cycle_is_one_turn_that_comes_back_to_where_it_began(o
     apart = np.abs(places[turn:, None] - places[None, :turn]).max(axis=2).min(axis=1)  # to the nearest of the turn
     steps = np.abs(np.diff(places[:turn], axis=0)).max()
     assert apart.max() <= steps
+
+
+@pytest.mark.parametrize("change", [
+    {}, {"omega": 2.8}, {"omega": 0.1}, {"gap": -1.5}, {"gap": 9.0, "omega": 3.0, "damping": 0.1}, {"amplitude": 0.0},
+])  # fmt: skip
+def test_a_point_and_its_cell_have_the_same_name(change):
+    at = np.array([128])
+    view = View(osc=ImpactOscillator(**change), x="restitution", x_range=(0.7, 0.9), y="stiffness", y_range=(0.9, 1.1))
+    plane = Plane.unknown(view)
+    assert plane.fill(at, at, lambda: True)
+    plane.side = FINEST
+    (x,), (y,) = positions(0.7, 0.9, at), positions(0.9, 1.1, at)
+    there = replace(view, osc=view.osc.replace(restitution=x, stiffness=y))
+    assert name_of(shades(plane).name[128, 128]) == compute_point(there).name
+
+
+def test_the_impact_map_of_a_slow_cycle_has_its_impacts():
+    """One impact per period, and fewer periods than impacts are usually left out."""
+    point = compute_point(View(osc=ImpactOscillator(omega=0.06, damping=0.5, restitution=0.0)))
+    assert point.name == "period-1 sticking"
+    assert len(point.impact_map["velocity"]) >= 1
+    assert np.ptp(point.impact_map["velocity"]) < 1e-9
 
 
 def test_the_portrait_of_chaos_or_of_a_beginning_is_all_of_the_history():

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import vibroimpact as vi
 from vibroimpact.explorer.state import FINEST, GREEK, MOTION, View, granted
 from vibroimpact.indices import INDICES
-from vibroimpact.motion import MotionClass, motion_name
+from vibroimpact.motion import MotionClass, motion_name, refined
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.plotting.motions import motion_layers, symmetric_limit
 from vibroimpact.plotting.style import STICKING
@@ -157,7 +157,7 @@ def shades(plane: Plane) -> Shades:
     """Return a plane as colours; arrays have rows along y, as a picture has."""
     view = plane.view
     motion, n, p = (plane.array(key).astype(np.float64).T for key in ("motion", "n_periods", "n_impacts"))
-    name = motion * KIND + n * PERIOD + (p + 1.0)
+    name = refined(motion, plane.array("status").T) * KIND + n * PERIOD + (p + 1.0)
     if view.index == MOTION:
         return _names(motion, n, p, name)
     index = INDICES[view.index]

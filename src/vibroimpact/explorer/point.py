@@ -79,7 +79,7 @@ def compute_point(view: View, osc: ImpactOscillator | None = None) -> Point:
         tolerances=granted(stiffness(osc), lead + looks),
     )
     length = max(2.0, min(40.0, HISTORY / density)) * osc.period
-    shown = _settled_part(osc, orbit, length, status.has_indices) if view.settled else None
+    shown = _settled_part(osc, orbit, length, n, status.has_indices) if view.settled else None
     settled = shown is not None
     if shown is None:
         shown = _from_start(osc, start, length, density)
@@ -93,7 +93,7 @@ def compute_point(view: View, osc: ImpactOscillator | None = None) -> Point:
         history=_history(osc, shown),
         impacts={"time": shown.impact_time, "velocity": shown.impact_velocity},
         rests=shown.rests,
-        impact_map=_impact_map(osc, start, orbit, repeats=n > 0 or not status.has_indices),
+        impact_map=_impact_map(osc, start, orbit, n, repeats=0 < n <= looks or not status.has_indices),
         poincare={name: orbit[name].values[::density] for name in ("displacement", "velocity")},
     )
 
@@ -139,13 +139,18 @@ def _from_start(osc: ImpactOscillator, start: State | None, length: float, densi
     return _part(orbit, time[0], time[-1]) if len(time) else _part(orbit, 0.0, 0.0)
 
 
-def _settled_part(osc: ImpactOscillator, orbit: xr.Dataset, length: float, hits: bool) -> _Part | None:
-    """Return the end of an orbit from the hardest of its last impacts on, as if it began in the first period."""
+def _settled_part(osc: ImpactOscillator, orbit: xr.Dataset, length: float, n_periods: int, hits: bool) -> _Part | None:
+    """Return the end of an orbit as if it began in the first period, from a hard impact on.
+
+    Of a cycle that is the hardest one; of a motion that does not repeat, the hardest of the last 64 before the end.
+    """
     time, hit_time = orbit["time"].values, orbit["impact_time"].values
     if not len(time) or time[-1] - time[0] < length:
         return None
     begin = float(time[-1]) - length
-    last = np.flatnonzero((hit_time >= time[0]) & (hit_time <= begin))[:-65:-1]
+    first = max(float(time[0]), begin - n_periods * osc.period) if n_periods else float(time[0])
+    last = np.flatnonzero((hit_time >= first) & (hit_time <= begin))[::-1]
+    last = last if n_periods else last[:64]
     if hits and len(last):
         begin = float(hit_time[last[int(orbit["impact_velocity"].values[last].argmax())]])
     return _part(orbit, begin, begin + length, math.floor(begin / osc.period) * osc.period)
@@ -174,10 +179,14 @@ def _away_from(time: Floats, events: Floats, width: float) -> NDArray[np.bool_]:
     return np.asarray(nearest > width)
 
 
-def _impact_map(osc: ImpactOscillator, start: State | None, orbit: xr.Dataset, repeats: bool) -> Columns:
+def _impact_map(
+    osc: ImpactOscillator, start: State | None, orbit: xr.Dataset, n_periods: int, repeats: bool
+) -> Columns:
     """Return phase and velocity of the impacts after a transient; of a cycle those of the recorded orbit suffice."""
     if repeats:
-        last = slice(TRANSIENT, TRANSIENT + IMPACTS)
+        time = orbit["impact_time"].values
+        cycle = int(np.searchsorted(time, time[-1] - n_periods * osc.period)) if len(time) else 0
+        last = slice(min(TRANSIENT, cycle), TRANSIENT + IMPACTS)  # at least the impacts of one cycle
         return {"phase": orbit["impact_phase"].values[last], "velocity": orbit["impact_velocity"].values[last]}
     limits = granted(stiffness(osc), TRANSIENT + IMPACTS)
     hits = vi.impact_section(
