@@ -146,6 +146,16 @@ def test_the_exponent_per_time_decides_as_the_one_per_impact(spread):
     np.testing.assert_array_equal(classify(in_hertz)["motion"], by_impact["motion"])
 
 
+def test_a_family_is_classified_by_the_exponent_per_impact_alone():
+    """Its own parameters do not give the driving period of a cell."""
+    family = vi.family(lambda hertz=0.45: vi.ImpactOscillator(frequency=hertz))
+    indices = (*CYCLES, "lyapunov", "impacts_per_period")
+    sweep = vi.parameter_map(family, hertz=[0.1 / 2 / math.pi, 1 / math.pi, 1.4 / math.pi], indices=indices)
+    assert [MotionClass(code).word for code in classify(sweep)["motion"].values] == ["sticking", "periodic", "chaotic"]
+    with pytest.raises(ValueError, match="lacks lyapunov_per_impact"):
+        classify(sweep.drop_vars("lyapunov_per_impact"))
+
+
 def test_a_map_of_three_axes_is_classified_cell_by_cell():
     axes = {"omega": [0.1, 2.0, 2.8], "mass": [0.9, 1.0], "gap": [0.0, 50.0]}
     cube = classify(vi.parameter_map(OSC, **axes, indices=CYCLES, sample_impacts=1000))
@@ -180,17 +190,20 @@ def test_a_class_is_labelled_by_flags_and_keeps_what_it_was_made_from(spread):
 @pytest.mark.parametrize(
     ("sweep", "told"),
     [
-        ([1.0], "`sweep` is a list; allowed is a Dataset"),
-        (cells([0.1], [0], [0], [0]).drop_vars("n_periods"), "`sweep` lacks n_periods; allowed is a sweep that tells"),
+        ([1.0], "`sweep` must be a Dataset, got [1.0]"),
+        (
+            cells([0.1], [0], [0], [0]).drop_vars("n_periods"),
+            "must hold exponents and cycles, but lacks n_periods;",
+        ),
         (
             vi.parameter_map(OSC, omega=[2.0], sample_impacts=50),
-            "`sweep` lacks lyapunov_per_impact, n_periods, n_impacts; allowed is a sweep that tells exponents and "
-            "cycles; run parameter_map with indices=('lyapunov_per_impact', 'n_periods', 'n_impacts')",
+            "lacks lyapunov_per_impact, n_periods, n_impacts; run parameter_map with "
+            "indices=('lyapunov_per_impact', 'n_periods', 'n_impacts')",
         ),
-        (cells([0.1], [0], [0], [0]).drop_attrs(), "`sweep` does not tell how many impacts were sampled; allowed is"),
+        (cells([0.1], [0], [0], [0]).drop_attrs(), "`sweep` must hold the number of sampled impacts"),
     ],
 )
-def test_a_sweep_that_cannot_be_judged_is_refused_with_what_to_ask_for(sweep, told):
+def test_a_sweep_that_cannot_be_classified_is_refused_with_what_to_ask_for(sweep, told):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         classify(sweep)
     assert told in str(caught.value)

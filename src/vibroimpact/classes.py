@@ -12,35 +12,37 @@ from numpy.typing import NDArray
 
 from vibroimpact.dataset import oscillator_of, variable
 from vibroimpact.motion import MotionClass, decide, stored
+from vibroimpact.parameters import invalid
 
 NEEDED = ("lyapunov_per_impact", "n_periods", "n_impacts", "status")
 
 
 def classify(sweep: xr.Dataset) -> xr.Dataset:
-    r"""Decide of every cell of a sweep whether its motion is periodic, sticking, chaotic, without impact, or undecided.
+    r"""Return the class of motion of every cell of a sweep: periodic, sticking, chaotic, no impact, or undecided.
 
     The first rule that fits decides:
 
     1. *no impact*: the status is `no_impact`, `stopped_impacting`, `stuck_forever` or `decaying`;
-    2. *undecided*: the status is `budget` or `interrupted`, there was nothing to judge;
+    2. *undecided*: the status is `budget` or `interrupted`;
     3. *sticking*: the mass comes to rest at the stop again and again, which erases all memory: a cycle with
-       :math:`\lambda = -\infty`, or complete chatter (`n_impacts` = -1). `n_periods` = 0 beside it says that
-       neighbours part by more than 1e13 between two rests, so that rounding decides when the next one comes;
+       :math:`\lambda = -\infty`, or complete chatter (`n_impacts` = -1). With `n_periods` = 0 it is
+       intermittent: neighbours part by more than 1e13 between two rests, and double precision does not resolve when
+       the next one comes;
     4. *periodic*: another cycle was found;
-    5. *chaotic*: no cycle, and over the N sampled impacts neighbours grew apart so far that the last binary digit of
-       the start reached the size of the motion,
+    5. *chaotic*: no cycle, and over the N sampled impacts neighbours part so far that the last binary digit of
+       the initial condition reaches the size of the motion,
 
        .. math:: N \lambda_\mathrm{impact} > 53 \ln 2 \approx 36.7,
 
        in a window of at least 10 driving periods;
-    6. *undecided*: all else: a motion that settles or grows too slowly, that came to rest once and not again, or a
+    6. *undecided*: all else: a motion that settles or diverges too slowly, that came to rest once and not again, or a
        `short_window`.
 
     Parameters
     ----------
     sweep : xarray.Dataset
-        What `parameter_map` returns over any number of axes with the indices `lyapunov_per_impact` (or `lyapunov` and
-        `impacts_per_period`), `n_periods` and `n_impacts`.
+        What `parameter_map` returns over any number of axes with the indices `lyapunov_per_impact` (or, of an
+        oscillator, `lyapunov` and `impacts_per_period`), `n_periods` and `n_impacts`.
 
     Returns
     -------
@@ -51,14 +53,15 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
     Raises
     ------
     ValueError
-        `sweep` lacks one of the indices (the message tells which to ask for), or the number of its impacts.
+        `sweep` lacks one of the indices (the message lists them), or the number of its impacts.
 
     Notes
     -----
-    "Periodic" is certain, since a cycle is named only if it is stable and reached. "Chaotic" speaks of the window: long
-    transient chaos cannot be told from chaos within it, and of the cells of the paper's (w, m) map some 0.5 % remain
-    undecided after 5000 impacts, nearly all on their way to a cycle. A mass that rests once within the sample and then
-    never again moves on a long cycle or chaotically: leave out more impacts. Costs nothing beside the sweep.
+    "Periodic" is certain, since a cycle is named only if it is stable and reached. "Chaotic" refers to the window:
+    within it long transient chaos cannot be distinguished from chaos, and of the cells of the paper's (w, m) map some
+    0.5 % remain undecided after 5000 impacts, nearly all on their way to a cycle. A mass that rests once within the
+    sample and then never again moves on a long cycle or chaotically: leave out more impacts. It costs nothing beside
+    the sweep.
 
     Examples
     --------
@@ -96,7 +99,7 @@ def motion_variable(dims: Any, codes: NDArray[Any]) -> xr.Variable:
 
 
 def _growth(sweep: xr.Dataset) -> xr.DataArray:
-    """Return ln of how far neighbours grew apart over the sampled impacts."""
+    """Return ln of the factor by which neighbours part over the sampled impacts."""
     growth: xr.DataArray
     if "lyapunov_per_impact" in sweep:
         growth = sweep["lyapunov_per_impact"] * _sampled_impacts(sweep)
@@ -112,7 +115,7 @@ def _sampled_impacts(sweep: xr.Dataset) -> Any:
     if "count" in sweep and "impact" in sweep.dims:
         return sweep["count"]
     raise ValueError(
-        "`sweep` does not tell how many impacts were sampled; allowed is a result that holds it in its attributes; "
+        "`sweep` must hold the number of sampled impacts in its attributes; "
         "keep them (xarray.set_options(keep_attrs=True)) when you compute with a sweep"
     )
 
@@ -126,16 +129,14 @@ def _period(sweep: xr.Dataset) -> Any:
 
 def _check(sweep: Any) -> None:
     if not isinstance(sweep, xr.Dataset):
-        raise ValueError(
-            f"`sweep` is a {type(sweep).__name__}; allowed is a Dataset; give what `parameter_map` returned"
-        )
-    told = set(map(str, sweep.data_vars))
-    if {"lyapunov", "impacts_per_period"} <= told:
-        told.add("lyapunov_per_impact")
-    missing = [name for name in NEEDED if name not in told]
+        raise invalid("sweep", sweep, "a Dataset", "give what `parameter_map` returned")
+    held = set(map(str, sweep.data_vars))
+    if {"lyapunov", "impacts_per_period"} <= held and "model" not in sweep.attrs:  # a family has its periods to itself
+        held.add("lyapunov_per_impact")
+    missing = [name for name in NEEDED if name not in held]
     if missing:
         wanted = ", ".join(repr(name) for name in NEEDED[:3])
         raise ValueError(
-            f"`sweep` lacks {', '.join(missing)}; allowed is a sweep that tells exponents and cycles; "
+            f"`sweep` must hold exponents and cycles, but lacks {', '.join(missing)}; "
             f"run parameter_map with indices=({wanted})"
         )

@@ -12,7 +12,7 @@ from vibroimpact.parameters import Parameter, invalid
 
 LIGHT = 0.05  # of critical damping: how much is tried where there is none
 CROWDED = 1.5  # values along a path lie at (j/n)^1.5 of its way: a near boundary matters more than a far one
-TRIALS = 40  # halvings of a range whose end is no design of a family
+TRIALS = 24  # bisections of a range whose end is no design of a family
 
 
 @dataclass(frozen=True)
@@ -104,16 +104,20 @@ def _from_zero(osc: ImpactOscillator, name: str, within: float) -> Range:
 
 
 def _possible(model: Model, chosen: Range, direction: int) -> float:
-    """Return the end of a family's range, drawn in until the family makes a design there."""
-    end = chosen.end(direction)
+    """Return the end of a family's range, drawn in to where the family still makes a design."""
+    inside, end = chosen.value, chosen.end(direction)
+    outside = end
     for _ in range(TRIALS):
         try:
-            model.at(**{chosen.name: end})
+            model.at(**{chosen.name: outside})
         except ValueError:
-            end = 0.5 * (chosen.value + end)
+            end = outside
         else:
-            return end
-    return chosen.value
+            inside = outside
+        if inside == end:
+            break
+        outside = 0.5 * (inside + end)
+    return inside
 
 
 def check_parameters(model: Model, names: Iterable[str] | None) -> tuple[str, ...]:
