@@ -36,6 +36,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from vibroimpact.motion import cycle_name
 from vibroimpact.oscillator import ImpactOscillator
 
 Floats = NDArray[np.float64]
@@ -187,6 +188,11 @@ class Cycle:
 
     n_periods: int
     n_impacts: int
+
+    @property
+    def name(self) -> str:
+        """The (n, p) type in words."""
+        return cycle_name(self.n_periods, self.n_impacts)
 
     def span(self, z: Floats, i: int) -> tuple[float, float]:
         """Return the turns at which flight i begins and ends."""

@@ -178,7 +178,7 @@ def from_hardest(cycle: Cycle, z: Floats) -> Floats:
     return np.concatenate([turns - np.floor(turns[0]), np.roll(z[p:], -first)])
 
 
-def true_name(cycle: Cycle, z: Floats) -> Cycle:
+def true_cycle(cycle: Cycle, z: Floats) -> Cycle:
     """Return the smallest n and p with which the cycle repeats."""
     n, p = cycle.n_periods, cycle.n_impacts
     impacts, flights = _points(impacts_of(cycle, z), z[p:].max()), np.diff(np.append(z[:p], z[0] + n))

@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
-from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.closed_form import impact_1_orbits
 from vibroimpact.orbits.equations import Cycle, Floats, parameters_of
-from vibroimpact.orbits.orbit import Orbit, from_hardest, impacts_of, make_orbit, same_orbit, solution_of, true_name
+from vibroimpact.orbits.orbit import Orbit, from_hardest, impacts_of, make_orbit, same_orbit, solution_of, true_cycle
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model
 from vibroimpact.parameters import invalid, real_number, whole_number
 
@@ -166,12 +165,8 @@ def _sorted(model: Model, cycle: Cycle, solutions: Iterable[Floats]) -> Orbits:
     )
     good = sum(orbit.admissible for orbit in orbits)
     if good:
-        return Orbits(orbits, message=f"{good} {_called(cycle)} orbit{'s' if good > 1 else ''}")
+        return Orbits(orbits, message=f"{good} {cycle.name} orbit{'s' if good > 1 else ''}")
     return Orbits(orbits, outcome="inadmissible", message=orbits[0].message)
-
-
-def _called(cycle: Cycle) -> str:
-    return cycle_name(cycle.n_periods, cycle.n_impacts)
 
 
 def _from(model: Model, cycle: Cycle, begin: Orbit | tuple[float, float]) -> Orbits:
@@ -192,14 +187,11 @@ def _from(model: Model, cycle: Cycle, begin: Orbit | tuple[float, float]) -> Orb
             message="converged to a fold or a graze, where the equations are singular; begin beside it",
         )
     if not found.converged:
-        return Orbits(
-            outcome="not_converged", message=f"not converged to a {_called(cycle)} orbit; begin nearer to one"
-        )
-    name = true_name(cycle, found.z)
-    if name != cycle:
-        return Orbits(
-            outcome="other_name", message=f"converged to a {_called(name)} orbit instead of a {_called(cycle)} one"
-        )
+        return Orbits(outcome="not_converged", message=f"not converged to a {cycle.name} orbit; begin nearer to one")
+    own = true_cycle(cycle, found.z)
+    if own != cycle:
+        message = f"converged to a {own.name} orbit instead of a {cycle.name} one"
+        return Orbits(outcome="other_name", message=message)
     return _sorted(model, cycle, [from_hardest(cycle, found.z)])
 
 
@@ -207,7 +199,7 @@ def _search(model: Model, cycle: Cycle) -> Orbits:
     """Return the admissible orbits found from the attractor reached from rest and from a grid of impacts."""
     osc = model.at()
     solutions: list[Floats] = []
-    others: dict[Cycle, int] = {}
+    others: list[Cycle] = []
     for start in candidates(osc, cycle):
         found = solve(osc, cycle, start)
         if not found.converged or found.singular or found.z[cycle.n_impacts :].min() <= 0.0:
@@ -215,19 +207,19 @@ def _search(model: Model, cycle: Cycle) -> Orbits:
         z = from_hardest(cycle, found.z)
         if any(same_orbit(impacts_of(cycle, z), impacts_of(cycle, known)) for known in solutions):
             continue
-        name = true_name(cycle, z)
-        if name != cycle:
-            others[name] = others.get(name, 0) + 1
-            continue
-        solutions.append(z)
+        own = true_cycle(cycle, z)
+        if own == cycle:
+            solutions.append(z)
+        elif own not in others:
+            others.append(own)
     orbits = _sorted(model, cycle, solutions) if solutions else Orbits()
     real = [orbit for orbit in orbits if orbit.admissible]
     virtual = len(orbits) - len(real)
     if real:
-        return Orbits(real, message=f"{len(real)} {_called(cycle)} orbit{'s' if len(real) > 1 else ''}")
-    message = f"no initial guess converged to a {_called(cycle)} orbit"
+        return Orbits(real, message=orbits.message)
+    message = f"no initial guess converged to a {cycle.name} orbit"
     if others:
-        message += f"; some converged to {' or '.join(_called(name) for name in others)} orbits"
+        message += f"; some converged to {' or '.join(other.name for other in others)} orbits"
     if virtual:
         message += f"; {virtual} solution{'s' if virtual > 1 else ''} inadmissible (penetrating the stop)"
     return Orbits(outcome="other_name" if others else "none", message=message)
