@@ -60,9 +60,9 @@ def sentences_of(dataset: xr.Dataset) -> list[str]:
     >>> sentences_of(vi.impact_section(vi.ImpactOscillator(omega=2.0), sample_impacts=200))[0]
     'period-1 impact-1, hits at 6.23 m/s every 3.14 s'
     """
-    writer = _WRITERS.get(dataset.attrs.get("function", ""))
+    writer = _SUMMARIES.get(dataset.attrs.get("function", ""))
     if writer is None:
-        raise ValueError(f"`dataset` must be a result of vibroimpact ({', '.join(_WRITERS)}), got another dataset")
+        raise ValueError(f"`dataset` must be a result of vibroimpact ({', '.join(_SUMMARIES)}), got another dataset")
     return list(writer(dataset))
 
 
@@ -225,10 +225,8 @@ def _sample_range(samples: xr.DataArray, axis: str) -> Iterator[str]:
         yield f"{head} {span(samples)}"
         return
     hardest = float(samples.max())
-    if float(samples.min()) < CHATTER * hardest:
-        yield f"{head} up to {quantity(hardest, 'm/s', 4)}"
-    else:
-        yield f"{head} {span(samples)}"
+    cut_off = float(samples.min()) < CHATTER * hardest
+    yield f"{head} " + (f"up to {quantity(hardest, 'm/s', 4)}" if cut_off else span(samples))
     column = int(np.nanargmax(samples.transpose(axis, "impact").values)) // samples.sizes["impact"]
     value = quantity(float(samples[axis][column]), samples[axis].attrs["units"], 4)
     yield f"hardest impact {quantity(hardest, 'm/s', 4)} at {axis} {value}"
@@ -395,7 +393,7 @@ def _comparison(dataset: xr.Dataset) -> Iterator[str]:
             yield f"  driving frequency: {quantity(first, 'Hz', 6)} and {quantity(second, 'Hz', 6)}"
 
 
-_WRITERS: dict[str, Callable[[xr.Dataset], Iterator[str]]] = {
+_SUMMARIES: dict[str, Callable[[xr.Dataset], Iterator[str]]] = {
     "simulate": _simulation,
     "impact_section": _impacts,
     "stroboscopic_section": _stroboscopic,

@@ -63,7 +63,7 @@ def _type(options: Options) -> dict[str, Any]:
 
 
 def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits:
-    """Return the orbits of the type asked for."""
+    """Return the orbits of the given type, or of the options' type."""
     import vibroimpact
 
     near: Any = options["near"] and numbers("--near", options["near"], "PHASE,VELOCITY such as 0.25,1.4", 2)
