@@ -64,8 +64,8 @@ def refusing(*errors: type[OSError]) -> Iterator[None]:
     except errors as error:
         raise WrongRequest(error.strerror or str(error)) from error
     except ValueError as error:
-        # This package's refusals begin with the name of an argument; errors of libraries do not.
-        if not str(error).startswith(("`", "unknown ", "give either ", "invalid ")):
+        # This package's refusals name an argument, in backticks, or choices; errors of libraries hardly ever do.
+        if "`" not in str(error) and not str(error).startswith("unknown "):
             raise
         raise WrongRequest(str(error)) from error
 
