@@ -130,5 +130,5 @@ def test_motions_end_with_the_statuses_of_the_contract(changes, start, word):
 
 @pytest.mark.parametrize("time_step", [0.0, -1e-3, math.nan, math.inf, "0.001", True])
 def test_a_time_step_that_is_no_positive_number_is_refused(time_step):
-    with pytest.raises(ValueError, match="`time_step` is .*allowed is a finite number > 0; .*0.0005"):
+    with pytest.raises(ValueError, match="`time_step` must be a finite number > 0, got"):
         get_backend("fixed-step", time_step=time_step)

@@ -11,6 +11,7 @@ from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.kernels.advance import IMPACT, RELEASE, advance
 from vibroimpact.kernels.cell import Cell, prepare
 from vibroimpact.kernels.law import saltation
+from vibroimpact.kernels.results import ThoroughIndices, VelocityIndices
 from vibroimpact.kernels.tangent import flow
 from vibroimpact.orbits import find_orbit
 
@@ -62,6 +63,11 @@ def walked(omega, transient=100, impacts=5000):
     )
     stretch, area, passed = growths(cell, transient, impacts)
     return stretch, area, passed * prepare(cell, 1e-9)[0]
+
+
+def test_lanes_give_every_index_of_the_table():
+    assert set(VelocityIndices._fields) == VELOCITY_INDICES
+    assert set(ThoroughIndices._fields) == set(INDICES) - VELOCITY_INDICES
 
 
 def test_the_exponents_of_two_vectors_sum_to_what_restitution_and_damping_take():
@@ -292,7 +298,7 @@ def test_the_witness_tells_the_same():
 
 
 def test_an_index_that_a_back_end_cannot_tell_is_refused():
-    with pytest.raises(ValueError, match="`indices` holds 'lyapunov'; allowed with backend 'fixed-step' are std"):
+    with pytest.raises(ValueError, match="'fixed-step' does not give the index 'lyapunov', only std"):
         vi.parameter_map(OSC, omega=[2.0], indices=["lyapunov"], backend="fixed-step")
 
 

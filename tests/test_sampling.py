@@ -7,7 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from cells import make_cells
-from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, get_backend, sampling
+from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, cpu, get_backend
 
 OSCILLATORS = {
     "touching the stop": vi.ImpactOscillator(),
@@ -18,7 +18,7 @@ OSCILLATORS = {
 }
 WINDOWS = {
     "impacts": ImpactWindow(transient=20, keep=100),
-    "more impacts than a buffer holds": ImpactWindow(transient=0, keep=sampling.ROOM + 500),
+    "more impacts than a buffer holds": ImpactWindow(transient=0, keep=cpu.ROOM + 500),
     "one impact": ImpactWindow(transient=3, keep=1),
     "looks": StroboscopicWindow(skip_periods=20, keep=60, phase=0.3),
     "looks many times a period": StroboscopicWindow(skip_periods=3, keep=400, phase=None, per_period=30),
@@ -69,7 +69,7 @@ def test_full_buffers_are_emptied_and_nothing_is_lost(monkeypatch):
     cells = make_cells(vi.ImpactOscillator(gap=-0.3, restitution=0.3), None, {"omega": np.linspace(0.3, 2.0, 40)})
     window, engine = StroboscopicWindow(skip_periods=0, keep=50, phase=0.5), get_backend("cpu")
     whole = engine.samples(cells, Measurement(window))
-    monkeypatch.setattr(sampling, "ROOM", 3)
+    monkeypatch.setattr(cpu, "ROOM", 3)
     assert all(same(one, other) for one, other in zip(engine.samples(cells, Measurement(window)), whole, strict=True))
 
 

@@ -18,7 +18,7 @@ from vibroimpact.backends import (
     Measurement,
     Samples,
     StroboscopicWindow,
-    check_told,
+    check_known,
     get_backend,
 )
 from vibroimpact.cells import Cells
@@ -135,7 +135,7 @@ def bifurcation_diagram(
     threads = worker_count(workers)
     chosen = check_indices(indices) if indices else ()
     engine = get_backend(backend, time_step=time_step)
-    check_told(chosen, engine)
+    check_known(chosen, engine)
     asked = Measurement(window, tolerances or Tolerances(), indices=chosen)
     request = Request(osc, grid, asked, one_start(start), engine.sampler, time_step)
     cells = request.cells()

@@ -18,7 +18,7 @@ __all__ = [
     "Measurement",
     "Samples",
     "StroboscopicWindow",
-    "check_told",
+    "check_known",
     "get_backend",
 ]
 
@@ -26,27 +26,30 @@ __all__ = [
 BACKENDS = {
     "cpu": "vibroimpact.backends.cpu",
     "cuda": "vibroimpact.backends.cuda",
-    "reference": "vibroimpact.backends.reference.backend",
+    "reference": "vibroimpact.backends.reference",
     "fixed-step": "vibroimpact.backends.fixed_step",
 }
 
 
-def get_backend(name: str, *, time_step: float | None = None) -> Backend:
-    """Return the back end of that name; `time_step` in s is for "fixed-step" alone (default 0.0005)."""
+def get_backend(name: str, *, time_step: float | None = None, elsewhere: bool = False) -> Backend:
+    """Return the back end of that name; `time_step` in s goes with "fixed-step" only (default 0.0005).
+
+    One that is to compute `elsewhere`, on the workers of a cluster, need not find here what it needs.
+    """
     if name not in BACKENDS:
         raise unknown("`backend`", name, BACKENDS)
     if time_step is not None and name != "fixed-step":
         raise ValueError(f"`time_step` goes with back end 'fixed-step' only; leave it out for {name!r}")
     options = {} if time_step is None else {"time_step": time_step}
     backend: Backend = import_module(BACKENDS[name]).create(**options)
+    if not elsewhere:
+        backend.check_here()
     return backend
 
 
-def check_told(indices: Iterable[str], backend: Backend) -> None:
-    """Refuse indices that a back end cannot tell."""
+def check_known(indices: Iterable[str], backend: Backend) -> None:
+    """Refuse indices that a back end does not give."""
     for name in indices:
-        if name not in backend.tells:
-            told = ", ".join(known for known in INDICES if known in backend.tells)
-            raise ValueError(
-                f"`indices` holds {name!r}; allowed with backend {backend.name!r} are {told}; choose another backend"
-            )
+        if name not in backend.known_indices:
+            known = ", ".join(known for known in INDICES if known in backend.known_indices)
+            raise ValueError(f"back end {backend.name!r} does not give the index {name!r}, only {known}")

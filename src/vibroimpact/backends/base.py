@@ -114,15 +114,20 @@ class Backend(Protocol):
     """Two questions a back end answers about cells; neither ever raises because of a cell's physics.
 
     `largest_tile` is how many cells it should be asked about at once, so that progress and Ctrl-C are heard;
-    with fewer than `smallest_tile` part of the machine would stand idle. `tells` are the indices it knows,
-    `sampler` is the back end that follows its single orbits.
+    with fewer than `smallest_tile` part of the machine would stand idle. `known_indices` are those it can give,
+    `sampler` is the back end that follows its single orbits; a `slow` one takes up to seconds per cell.
     """
 
     name: str
     sampler: str
     smallest_tile: int
     largest_tile: int
-    tells: frozenset[str]
+    known_indices: frozenset[str]
+    slow: bool = False
+
+    def check_here(self) -> None:
+        """Raise `ValueError` where this machine lacks what the back end needs."""
+        return
 
     def indices(self, cells: Cells, asked: Measurement) -> Outcome:
         """Return at least the indices asked for (NaN where one has no value, 0 for a whole number), `status` (int8),

@@ -3,20 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Counts, Floats, ImpactWindow, Measurement, Outcome, Samples
-from vibroimpact.backends.sampling import aligned, ended_as, sample
+from vibroimpact.backends.base import (
+    Backend,
+    Counts,
+    Floats,
+    ImpactWindow,
+    Measurement,
+    Outcome,
+    Samples,
+    StroboscopicWindow,
+    look_schedule,
+)
+from vibroimpact.backends.sampled import samples_of
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
-from vibroimpact.kernels.cell import FILLED
+from vibroimpact.kernels import recorder
+from vibroimpact.kernels.cell import DYING, FILLED, PINNED, QUIET, RUNNING, SPENT
 from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.cycle import FACTS
-from vibroimpact.kernels.lanes import LANES, ROWS
+from vibroimpact.kernels.lanes import LANES, ROWS, TRACED_ROWS
+from vibroimpact.kernels.recorder import IDLE, record_lanes
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
 from vibroimpact.kernels.runner import LOOK, run_cells
 from vibroimpact.kernels.walk import TRACE
@@ -25,6 +38,12 @@ from vibroimpact.status import Status, window_status
 
 _LOOKS = 2000  # at the lanes, some 20 ms, before a thread asks whether to stop
 _BATCH = 4096  # cells that end before they are handed on
+FEW = 4  # cells, recorded sooner one after the other than in lanes most of which stand idle
+ROOM = 4096  # rows of a buffer, which is emptied when it is full
+
+Window = ImpactWindow | StroboscopicWindow
+Limits = tuple[float, float, float]
+Seen = tuple[Floats, Floats, Floats]  # rows of impacts, looks and sticks
 
 
 def limits(tolerances: Tolerances) -> tuple[float, float, float]:
@@ -59,13 +78,13 @@ def _statuses(columns: dict[str, Floats], ends: NDArray[np.int8], window: Impact
     return np.array(judged, np.int8)[which]
 
 
-class CpuBackend:
+class CpuBackend(Backend):
     """Exact flights, certified contacts, closed-form chatter; threads share the cells of a sweep."""
 
     name = sampler = "cpu"
     smallest_tile = 64  # two rounds of lanes
     largest_tile = 4096
-    tells = frozenset(INDICES)
+    known_indices = frozenset(INDICES)
 
     def indices(self, cells: Cells, asked: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""
@@ -136,3 +155,142 @@ def _seat() -> tuple[NDArray[Any], ...]:
     """Return the arrays of a thread: lanes, the cell in each (-1: none), notes, room for one cycle and for a walk."""
     owner, notes = np.full(LANES, -1), np.zeros((LANES, NOTES))
     return aligned(ROWS * LANES), owner, notes, np.zeros((LONGEST, 4)), np.zeros((LOOK, TRACE))
+
+
+def sample(table: Floats, window: Window, limits: Limits) -> list[Samples]:
+    """Return what the window sees of each cell, one a row of the table."""
+    runs = [_Run.begun(row, window, limits) for row in table]
+    record = _one_by_one if len(runs) < FEW else _in_lanes
+    record(runs, _numbers(window))
+    return [run.samples() for run in runs]
+
+
+@dataclass
+class _Run:
+    """A cell, its recorder's memory, and what was seen of it so far."""
+
+    cell: Floats
+    window: Window
+    look_periods: Floats
+    look_phase: Floats
+    memory: Floats
+    end: int = RUNNING
+    parts: list[Seen] = field(default_factory=list)
+
+    @classmethod
+    def begun(cls, cell: Floats, window: Window, limits: Limits) -> _Run:
+        """Return a run at its start."""
+        periods = phase = np.zeros(1)
+        if isinstance(window, StroboscopicWindow):
+            periods, phase = look_schedule(cell[9], cell[10], window)
+        memory = np.zeros(recorder.MEMORY)
+        recorder.begin(cell, memory, _numbers(window), (periods[0], phase[0]), limits)
+        return cls(cell, window, periods, phase, memory)
+
+    def keep(self, buffers: Sequence[Floats], filled: NDArray[np.int64]) -> None:
+        """Empty the buffers."""
+        impacts, looks, sticks = (rows[:number].copy() for rows, number in zip(buffers, filled, strict=True))
+        self.parts.append((impacts, looks, sticks))
+
+    def samples(self) -> Samples:
+        """Return what was seen, and keep it no longer."""
+        parts, self.parts = self.parts, []
+        impacts, looks, sticks = (np.concatenate(part) for part in zip(*parts, strict=True))
+        ended = ended_as(self.end, self.memory[recorder.COUNT])
+        if isinstance(self.window, ImpactWindow):
+            turns = impacts[:, 0] + impacts[:, 1]
+            span = turns[-1] - turns[0] if len(turns) else 0.0
+            status = window_status(
+                sampled=len(impacts), wanted=self.window.keep, stuck=len(sticks) > 0, periods=span, ended=ended
+            )
+            velocity, phase = recorder.place(self.memory)
+            last = (self.memory[recorder.U], velocity, self.memory[recorder.N], phase)
+        else:
+            status = self._looks_status(looks, sticks, ended)
+            last = (math.nan,) * 4
+            if len(looks):
+                at = len(looks) - 1
+                last = (looks[at, 0], looks[at, 1], self.look_periods[at], self.look_phase[at])
+        times = self.look_periods[: len(looks)], self.look_phase[: len(looks)]
+        looked = np.column_stack([*times, self.cell[6] - looks[:, 0], looks[:, 1]])
+        steps = int(self.memory[recorder.STEPS])
+        return samples_of(impacts=impacts, looks=looked, sticks=sticks, status=status, last=last, steps=steps)
+
+    def _looks_status(self, looks: Floats, sticks: Floats, ended: Status) -> Status:
+        if len(looks) < len(self.look_periods):
+            return ended
+        pressed_for_ever = self.cell[2] * self.cell[6] <= -self.cell[3]
+        released = sticks[:, 2] + sticks[:, 3]
+        if len(sticks) and np.isnan(released[-1]) and pressed_for_ever:
+            return Status.STUCK_FOREVER
+        within = np.isnan(released) | (released > self.look_periods[0] + self.look_phase[0])
+        return Status.STICKING if within.any() else Status.OK
+
+
+def aligned(size: int) -> Floats:
+    """Return zeros that begin at a cache line, as lanes should: registers that straddle two cost some 4 %."""
+    room = np.zeros(size + 7)
+    first = -room.ctypes.data % 64 // 8
+    return room[first : first + size]
+
+
+def _numbers(window: Window) -> tuple[float, float, float, float]:
+    """Return a window as the recorder reads it."""
+    if isinstance(window, ImpactWindow):
+        return float(window.transient), float(window.transient + window.keep), 0.0, 1.0
+    return 0.0, 0.0, float(window.keep), float(window.per_period)
+
+
+def _buffers(window: tuple[float, float, float, float], *lanes: int) -> Seen:
+    """Return room for impacts, for all looks, and for sticks."""
+    transient, total, looks, _ = window
+    impacts = ROOM if looks else min(ROOM, int(total - transient) + 1)
+    return np.empty((*lanes, impacts, 3)), np.empty((*lanes, max(int(looks), 1), 2)), np.empty((*lanes, ROOM, 4))
+
+
+def _one_by_one(runs: list[_Run], window: tuple[float, float, float, float]) -> None:
+    buffers, trace = _buffers(window), np.empty((LOOK, TRACE))
+    for run in runs:
+        while run.end == RUNNING:
+            filled = np.zeros(3, np.int64)
+            run.end = recorder.record(run.memory, window, trace, buffers, filled)
+            run.keep(buffers, filled)
+
+
+def _in_lanes(runs: list[_Run], window: tuple[float, float, float, float]) -> None:
+    """Record the runs in lanes; one that ends makes room for the next."""
+    lanes, trace = aligned(TRACED_ROWS * LANES), np.zeros((LOOK, TRACE * LANES))
+    memory, ends = np.zeros((LANES, recorder.MEMORY)), np.full(LANES, IDLE)
+    buffers = _buffers(window, LANES)
+    rows = [buffer.shape[1] for buffer in buffers]
+    filled = np.zeros((LANES, 3), np.int64)
+    waiting = iter(runs)
+    seated: dict[int, _Run] = {}
+    while True:
+        for lane in sorted(set(range(LANES)) - set(seated)):
+            run = next(waiting, None)
+            if run is None:
+                break
+            seated[lane], memory[lane], ends[lane] = run, run.memory, RUNNING
+        if not seated:
+            return
+        record_lanes(lanes, trace, memory, ends, window, *buffers, filled)
+        halted = (ends != RUNNING) | (filled == rows).any(axis=1)
+        for lane, run in [(lane, run) for lane, run in seated.items() if halted[lane]]:
+            run.keep([buffer[lane] for buffer in buffers], filled[lane])
+            filled[lane] = 0
+            if ends[lane] != RUNNING:
+                run.end, run.memory = int(ends[lane]), memory[lane].copy()
+                del seated[lane]
+
+
+def ended_as(end: int, impacts: float | bool) -> Status:
+    """Return the status of a cell that ended so; `impacts` tells whether it had any."""
+    if end in (QUIET, DYING) and not impacts:
+        return Status.NO_IMPACT
+    return {
+        QUIET: Status.STOPPED_IMPACTING,
+        PINNED: Status.STUCK_FOREVER,
+        DYING: Status.DECAYING,
+        SPENT: Status.BUDGET,
+    }.get(end, Status.OK)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, Outcome, Samples
+from vibroimpact.backends.base import Backend, Floats, ImpactWindow, Measurement, Outcome, Samples
 from vibroimpact.backends.cpu import CpuBackend, limits, outcomes
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
@@ -39,13 +39,20 @@ CYCLE_BYTES = 8 * 4 * LONGEST
 _turns = BoundedSemaphore(1 if config.ENABLE_CUDASIM else AT_ONCE)
 
 
-class CudaBackend:
+class CudaBackend(Backend):
     """Indices of many cells at once on the GPU; single orbits have nothing to gain there and stay on the CPU."""
 
     name, sampler = "cuda", "cpu"
     smallest_tile = 16_384
     largest_tile = 131_072
-    tells = frozenset(INDICES)
+    known_indices = frozenset(INDICES)
+
+    def check_here(self) -> None:
+        """Say what is missing where there is no NVIDIA GPU, or no numba-cuda."""
+        problem = _lack()
+        if problem:
+            what, remedy = problem
+            raise ValueError(f"back end 'cuda' cannot be used here: {what}; {remedy}")
 
     def indices(self, cells: Cells, asked: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""
@@ -68,11 +75,7 @@ class CudaBackend:
 
 
 def create() -> CudaBackend:
-    """Return the back end, or say what it lacks here."""
-    problem = _lack()
-    if problem:
-        what, remedy = problem
-        raise ValueError(f"`backend` is 'cuda', but {what}; allowed here are cpu, reference, fixed-step; {remedy}")
+    """Return the back end."""
     return CudaBackend()
 
 
@@ -88,7 +91,7 @@ def _lack() -> tuple[str, str] | None:
     if cuda.is_available():
         return None
     reason = " ".join(str(cuda.cuda_error() or "").split()) or "the driver lists no device"
-    return f"no NVIDIA GPU was found ({reason.rstrip('.')})", "choose one of them, or see what `nvidia-smi` says"
+    return f"no NVIDIA GPU was found ({reason.rstrip('.')})", "choose another back end, or see what `nvidia-smi` shows"
 
 
 def _room(cells: int) -> tuple[int, int]:

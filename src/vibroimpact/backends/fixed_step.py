@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.backends.base import (
+    Backend,
     Floats,
     ImpactWindow,
     Measurement,
@@ -31,11 +32,11 @@ from vibroimpact.backends.base import (
     look_schedule,
 )
 from vibroimpact.backends.reference.flight import FreeMotion, State
-from vibroimpact.backends.sampled import TOLD_BY_SAMPLES, energy_loss, impact_indices, samples_of, table_of_indices
+from vibroimpact.backends.sampled import SAMPLE_INDICES, energy_loss, impact_indices, samples_of, table_of_indices
 from vibroimpact.cells import Cells
 from vibroimpact.kernels.march import march
 from vibroimpact.options import Tolerances
-from vibroimpact.parameters import real_number
+from vibroimpact.parameters import invalid, real_number
 from vibroimpact.status import Status, window_status
 
 TIME_STEP = 0.0005
@@ -145,17 +146,18 @@ class Run:
         )
 
 
-class FixedStepBackend:
+class FixedStepBackend(Backend):
     """The paper's scheme behind the back-end protocol; every impact is computed, `early_closing` or not.
 
-    Seen at step ends only, no motion sticks, repeats to rounding or has a tangent: `tells` names the indices that have
-    a value.
+    Seen at step ends only, no motion sticks, repeats to rounding or has a tangent: `known_indices` are those that
+    have a value.
     """
 
     name = sampler = "fixed-step"
-    tells = TOLD_BY_SAMPLES
+    known_indices = SAMPLE_INDICES
     smallest_tile = 1
     largest_tile = 1
+    slow = True
 
     def __init__(self, time_step: float = TIME_STEP) -> None:
         self.time_step = time_step
@@ -178,8 +180,8 @@ class FixedStepBackend:
 
 def create(time_step: float = TIME_STEP) -> FixedStepBackend:
     """Return the back end with a time step in s, finite and > 0."""
-    allowed, remedy = "a finite number > 0", "give the step in s; the paper's is 0.0005"
-    step = real_number("time_step", time_step, allowed, remedy)
+    allowed, hint = "a finite number > 0", "give the step in s; the paper's is 0.0005"
+    step = real_number("time_step", time_step, allowed, hint)
     if step <= 0.0:
-        raise ValueError(f"`time_step` is {time_step!r}; allowed is {allowed}; {remedy}")
+        raise invalid("time_step", time_step, allowed, hint)
     return FixedStepBackend(step)

@@ -45,13 +45,13 @@ def samples_of(
     )
 
 
-TOLD_BY_SAMPLES = frozenset(
+SAMPLE_INDICES = frozenset(
     {"std", "mean_velocity", "max_velocity", "impacts_per_period", "dissipation", "impact_phase_spread"}
 )
 
 
 def impact_indices(seen: Samples, loss: float) -> dict[str, float]:
-    """Return the indices that kept impacts tell alone; an impact of speed v costs `loss` v^2, m (1 - r^2) v^2/2.
+    """Return the indices that follow from kept impacts alone; an impact of speed v costs `loss` v^2, m (1 - r^2) v^2/2.
 
     The energy is what the impacts after the first one cost: they and the flights before them make up the span. The
     phases' spread is 1 - |mean of exp(2 pi i phase)|.

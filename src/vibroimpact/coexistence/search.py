@@ -199,7 +199,7 @@ def basins(
 def naming_backend(name: str) -> Backend:
     """Return the back end of that name, if it can name cycles."""
     engine = get_backend(name)
-    if not engine.tells.issuperset(NEEDED):
+    if not engine.known_indices.issuperset(NEEDED):
         raise ValueError(f"`backend` must be one that names cycles, 'cpu', 'cuda' or 'reference', got {name!r}")
     return engine
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import check_told, get_backend
+from vibroimpact.backends import check_known, get_backend
 from vibroimpact.backends.base import Outcome
 from vibroimpact.execution.threads import Threads, worker_count
 from vibroimpact.execution.tiling import Part, Pieces
@@ -61,8 +61,8 @@ def check_place(request: Request, workers: int | None, cluster: Client | str | N
         check_cluster(cluster)
         if workers is not None:
             raise ValueError(f"give either `workers` or `cluster`, not both; or cluster='local:{workers}'")
-    if cluster is None or request.backend != "cuda":  # the GPUs are those of the workers
-        check_told(request.indices, get_backend(request.backend, time_step=request.time_step))
+    engine = get_backend(request.backend, time_step=request.time_step, elsewhere=cluster is not None)
+    check_known(request.indices, engine)
 
 
 class Gathered:

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from vibroimpact.backends import get_backend
 from vibroimpact.request import Places, Request
 
-SLOW = ("reference", "fixed-step")  # back ends that take up to seconds per cell
 CELLS = 4096  # of a tile: a quarter of a second's work, in which writing it is 1 % and the last lanes' idling 2 %
 
 FEW = 4  # cells of a tile with slow back ends: no more may be lost when a sweep ends at once
@@ -59,14 +59,18 @@ class Tiling:
         return math.prod(part.stop - part.start for part in self[number])
 
 
+def _slow(request: Request) -> bool:
+    return get_backend(request.backend, time_step=request.time_step, elsewhere=True).slow
+
+
 def usual_tile(request: Request) -> int:
     """Return the cells of a tile unless the user gives a number."""
-    return FEW if request.backend in SLOW else CELLS
+    return FEW if _slow(request) else CELLS
 
 
 def listed_tile(request: Request) -> int:
     """Return how many cells of a refined map are kept together."""
-    return FEW_LISTED if request.backend in SLOW else LISTED
+    return FEW_LISTED if _slow(request) else LISTED
 
 
 def cut(shape: tuple[int, ...], cells: int = CELLS) -> Tiling:

@@ -25,7 +25,7 @@ PERIODS, IMPACTS, LOG_RADIUS, SQUARES, RESTS, MISS, PARTING = range(7)
 FACTS = 7
 # The growth that carries rounding up to where it decides how a turn ends: moved by one digit of a double, no turn of 87
 # that parted by less took another number of periods, one of 3 up to 1e15, and all of 47 beyond.
-UNTOLD = 1e13
+UNRESOLVED = 1e13
 
 
 @njit(error_model="numpy")
@@ -113,7 +113,7 @@ def describe_turn(k, limit, facts, trace):
             if event == IMPACT:
                 hits += 1.0
                 squares += v * v
-            if facts[PARTING] < UNTOLD:
+            if facts[PARTING] < UNRESOLVED:
                 du, dp = undamped_flow(du, dp, k.C, k.K, x)
                 decay = math.exp(-0.5 * k.C * x)
                 du, dp = decay * du, decay * dp

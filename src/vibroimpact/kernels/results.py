@@ -16,7 +16,7 @@ from vibroimpact.kernels.cycle import (
     PERIODS,
     RESTS,
     SQUARES,
-    UNTOLD,
+    UNRESOLVED,
     describe_turn,
 )
 from vibroimpact.kernels.lanes import (
@@ -117,7 +117,7 @@ def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
         describe_turn(load_constants(lanes, i), WALK if returns else PERHAPS, facts, trace)
     period = 2.0 * math.pi / cell.omega
     n_periods, n_impacts = facts[PERIODS], facts[IMPACTS]
-    if facts[PERIODS] > 0.0 and facts[PARTING] >= UNTOLD:  # it rests again, but rounding decides when
+    if facts[PERIODS] > 0.0 and facts[PARTING] >= UNRESOLVED:  # it rests again, but rounding decides when
         n_periods, n_impacts = 0.0, -1.0
     sine, cosine = load_phases(lanes, i)
     lost = energy_loss(cell.mass, cell.restitution) / (note[H] * note[H])

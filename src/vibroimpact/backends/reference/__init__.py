@@ -1,1 +1,220 @@
-"""The `reference` back end: plain NumPy and SciPy, no kernel; an independent witness."""
+"""The `reference` back end: an independent witness in plain NumPy and SciPy, one oscillator at a time.
+
+It shares no line with the kernels and no method either: flights are matrix exponentials (`flight`), the
+first contact is found by halving intervals (`contact`). Impact times and velocities agree with 50-digit
+values to 1e-13 of their scales times the growth of errors along the orbit, at about half a millisecond an
+impact. To audit a cell, read `motion.motion`: it is the whole physics on one screen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import astuple, dataclass, field
+
+import numpy as np
+
+from vibroimpact.backends.base import (
+    Backend,
+    Floats,
+    ImpactWindow,
+    Measurement,
+    Outcome,
+    Samples,
+    StroboscopicWindow,
+    look_schedule,
+)
+from vibroimpact.backends.reference.flight import FreeMotion, State
+from vibroimpact.backends.reference.indices import Account, Ledger
+from vibroimpact.backends.reference.motion import Contact, Rest, motion, time_between
+from vibroimpact.backends.sampled import energy_loss, impact_indices, samples_of, table_of_indices
+from vibroimpact.cells import Cells
+from vibroimpact.indices import INDICES
+from vibroimpact.options import Tolerances
+from vibroimpact.status import Status, window_status
+
+
+@dataclass
+class Witness:
+    """What a window has seen so far of one cell."""
+
+    impacts: list[tuple[float, float, float]] = field(default_factory=list)
+    sticks: list[tuple[float, float, float, float]] = field(default_factory=list)
+    looks: list[tuple[float, float]] = field(default_factory=list)
+    recorded: int = 0
+    steps: int = 0
+    ended: Status = Status.OK
+
+    def stick(self, rest: Rest, released: bool) -> None:
+        """Write down a rest on the stop."""
+        let_go = (rest.release.periods, rest.release.phase) if rest.release and released else (math.nan, math.nan)
+        self.sticks.append((rest.settled.periods, rest.settled.phase, *let_go))
+
+
+class ReferenceCell:
+    """One oscillator from its start, watched until a window is filled or its motion can be told to end."""
+
+    def __init__(self, cell: dict[str, float], tolerances: Tolerances) -> None:
+        self.start = State(**{name: cell.pop(name) for name in ("clearance", "velocity", "periods", "phase")})
+        self.restitution = cell.pop("restitution")
+        self.loss = energy_loss(cell["mass"], self.restitution)
+        self.free = free = FreeMotion(**cell)
+        force = max(free.drive, abs(free.preload))
+        own_speed = math.hypot(self.start.velocity, free.natural * self.start.clearance)
+        self.unforced_at_stop = force == 0.0
+        self.speed_scale = force / free.natural if force > 0.0 else own_speed
+        self.cut = tolerances.chatter * self.speed_scale
+        slowest = min(free.omega, free.natural)
+        self.longest_flight = tolerances.flight_periods * 2.0 * math.pi / slowest
+        self.steps_per_impact = tolerances.steps_per_impact * free.fastest / slowest
+
+    def indices(self, window: ImpactWindow) -> tuple[Samples, int, dict[str, float]]:
+        """Return the impacts that a window keeps, how many were recorded in all, and the indices."""
+        ledger = Ledger(self.free)
+        seen, computed = self.impacts(window, ledger)
+        if not Status(seen.status).has_indices:
+            return seen, computed, {}
+        account = Account(ledger, self.restitution, self.speed_scale, self.loss)
+        return seen, computed, impact_indices(seen, self.loss) | account.indices(window.transient)
+
+    def impacts(self, window: ImpactWindow, ledger: Ledger | None = None) -> tuple[Samples, int]:
+        """Return the impacts that a window keeps, and how many were recorded in all; a ledger takes down the rest."""
+        seen = Witness()
+        wanted = window.transient + window.keep
+        state, age, weak = self.start, 0.0, False
+        for event in motion(self.free, self.restitution, self.start, self.cut):
+            seen.steps += 1
+            if ledger is not None:
+                ledger.write(event)
+            if isinstance(event, Contact):
+                state, age = event.after, 0.0
+                if event.counts:
+                    seen.recorded += 1
+                    if seen.recorded > window.transient:
+                        seen.impacts.append((state.periods, state.phase, event.speed))
+                    if seen.recorded == wanted:
+                        break
+                # Unforced rebounds only get weaker; the second below the cut shows that the stop stays in reach.
+                elif weak and self.free.drive == 0.0 and self.free.preload >= 0.0:
+                    seen.ended = Status.DECAYING
+                    break
+                weak = not event.counts
+            elif isinstance(event, Rest):
+                state = event.release or event.settled
+                if seen.impacts:
+                    seen.stick(event, True)
+                if event.release is None:
+                    seen.ended = Status.STUCK_FOREVER
+            else:
+                state, age = event.end, age + event.duration
+                seen.ended = self._ending(state, age, seen, self.steps_per_impact * wanted)
+                if seen.ended != Status.OK:
+                    break
+        return self._samples(seen, window, state), seen.recorded
+
+    def _ending(self, state: State, age: float, seen: Witness, granted: float) -> Status:
+        free = self.free
+        # Without force and gap no later impact is faster than this.
+        fastest_left = math.hypot(state.velocity, free.natural * state.clearance)
+        if state.clearance > 0.0 and (free.never_again(state) or (self.unforced_at_stop and fastest_left < self.cut)):
+            dying = Status.DECAYING if self.unforced_at_stop else Status.STOPPED_IMPACTING
+            return dying if seen.recorded else Status.NO_IMPACT
+        return Status.BUDGET if age > self.longest_flight or seen.steps > granted else Status.OK
+
+    def looks(self, window: StroboscopicWindow) -> Samples:
+        """Return what a stroboscopic window sees."""
+        seen = Witness()
+        periods, phase = look_schedule(self.start.periods, self.start.phase, window)
+        granted = self.steps_per_impact * (window.skip_periods + math.ceil(window.keep / window.per_period) + 1)
+        for event in motion(self.free, self.restitution, self.start, self.cut):
+            seen.steps += 1
+            pending = slice(len(seen.looks), None)
+            if isinstance(event, Contact):
+                if event.counts:
+                    seen.impacts.append((event.after.periods, event.after.phase, event.speed))
+                continue
+            if isinstance(event, Rest):
+                # The look that ends the window may come before the release, which it then does not see.
+                ahead = self._ahead(event.settled, periods[pending], phase[pending])
+                stays = math.inf if event.release is None else time_between(self.free, event.settled, event.release)
+                seen.looks += [(0.0, 0.0)] * int(np.sum(ahead < stays))
+                seen.stick(event, len(seen.looks) < len(periods))
+            else:
+                ahead = self._ahead(event.start, periods[pending], phase[pending])
+                clearance, velocity = self.free.after(event.start, ahead[ahead < event.duration])
+                seen.looks += zip(clearance.tolist(), velocity.tolist(), strict=True)
+            if len(seen.looks) == len(periods):
+                break
+            if seen.steps > granted:
+                seen.ended = Status.BUDGET
+                break
+        at = len(seen.looks) - 1
+        last = State(*seen.looks[at], periods[at], phase[at]) if seen.looks else self.start
+        return self._samples(seen, window, last, periods, phase)
+
+    def _ahead(self, state: State, periods: Floats, phase: Floats) -> Floats:
+        ahead: Floats = ((periods - state.periods) + (phase - state.phase)) * self.free.period
+        return ahead
+
+    def _samples(
+        self, seen: Witness, window: ImpactWindow | StroboscopicWindow, last: State, *schedule: Floats
+    ) -> Samples:
+        impacts = np.array(seen.impacts).reshape(-1, 3)
+        sticks = np.array(seen.sticks).reshape(-1, 4)
+        clearance, velocity = np.array(seen.looks).reshape(-1, 2).T
+        times = [part[: len(clearance)] for part in schedule or (np.empty(0), np.empty(0))]
+        if isinstance(window, ImpactWindow):
+            turns = impacts[:, 0] + impacts[:, 1]
+            span = float(turns[-1] - turns[0]) if len(turns) else 0.0
+            status = window_status(
+                sampled=len(impacts), wanted=window.keep, stuck=len(sticks) > 0, periods=span, ended=seen.ended
+            )
+        else:
+            status = self._looks_status(seen, sticks, times[0] + times[1])
+        return samples_of(
+            impacts=impacts,
+            looks=np.column_stack([*times, self.free.gap - clearance, velocity]),
+            sticks=sticks,
+            status=status,
+            last=astuple(last),
+            steps=seen.steps,
+        )
+
+    def _looks_status(self, seen: Witness, sticks: Floats, turns: Floats) -> Status:
+        if seen.ended != Status.OK:
+            return seen.ended
+        released = sticks[:, 2] + sticks[:, 3]
+        if len(sticks) and self.free.preload <= -self.free.drive:
+            return Status.STUCK_FOREVER
+        return Status.STICKING if (np.isnan(released) | (released > turns[0])).any() else Status.OK
+
+
+class ReferenceBackend(Backend):
+    """The witness behind the back-end protocol; `early_closing` means nothing to it: every impact is computed."""
+
+    name = sampler = "reference"
+    known_indices = frozenset(INDICES)
+    smallest_tile = 1
+    largest_tile = 1
+    slow = True
+
+    def indices(self, cells: Cells, asked: Measurement) -> Outcome:
+        """Return every index, named or not, the status, the impacts computed and the events of each cell."""
+        return table_of_indices([cell.indices(asked.impacts) for cell in _each(cells, asked.tolerances)])
+
+    def samples(self, cells: Cells, asked: Measurement) -> list[Samples]:
+        """Return what the window sees of each cell."""
+        window = asked.window
+        if isinstance(window, ImpactWindow):
+            return [cell.impacts(window)[0] for cell in _each(cells, asked.tolerances)]
+        return [cell.looks(window) for cell in _each(cells, asked.tolerances)]
+
+
+def _each(cells: Cells, tolerances: Tolerances) -> Iterator[ReferenceCell]:
+    for cell in cells:
+        yield ReferenceCell(cell, tolerances)
+
+
+def create() -> ReferenceBackend:
+    """Return the back end."""
+    return ReferenceBackend()

@@ -1,7 +1,8 @@
-"""First contact with the stop, never missed, for the `reference` back end.
+"""First contact with the stop, never missed, and near-misses, for the `reference` back end.
 
 A flight is cut into intervals, and an interval is halved until bounds of the derivatives leave no doubt whether the
-gap u falls through zero on it. Only then a root is looked for, in a bracket that holds exactly one.
+gap u falls through zero on it. Only then a root is looked for, in a bracket that holds exactly one. Near-misses, where
+u' rises through zero in front of the stop, are found likewise.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from vibroimpact.backends.reference.flight import BLOCK, Floats, FreeMotion, State
 
+ROUNDING = 1e-16
 HALVINGS = 50  # an interval still in doubt after these is shorter than rounding
 CLEAR, CONTACT, BOWL, DOUBT = range(4)
 
@@ -127,3 +129,50 @@ def root(free: FreeMotion, start: Floats, span: float, order: int) -> tuple[floa
             break
         time -= step
     return time, x
+
+
+def closest_miss(free: FreeMotion, start: State, duration: float, end: State) -> float:
+    """Return the smallest local minimum of the gap u > 0 in a piece of flight; infinite if there is none.
+
+    A piece that begins on the stop is the take-off, on which u only grows.
+    """
+    if start.clearance <= 0.0 or duration == 0.0:
+        return math.inf
+    return min(_minima(free, *_intervals(free, start, duration, end)), default=math.inf)
+
+
+def _intervals(free: FreeMotion, start: State, duration: float, end: State) -> tuple[Floats, Floats, Floats]:
+    """Return where the intervals of a flight start and end, and how long they last; all are strides but the last."""
+    whole = math.ceil(duration / free.stride) - 1
+    first = free.vector(start)
+    points = np.concatenate([first[None], free.block[:whole] @ first, free.vector(end)[None]])
+    spans = np.full(whole + 1, free.stride)
+    spans[-1] = duration - whole * free.stride
+    return points[:-1], points[1:], spans
+
+
+def _minima(free: FreeMotion, starts: Floats, ends: Floats, spans: Floats) -> list[float]:
+    """Return the local minima of u on intervals.
+
+    A function with |F''| <= B differs from its chord by at most B span^2/8: u' with B a bound of |u'''|, u'' with one
+    of |u''''|. Where u cannot change by more than a rounding there is no turn.
+    """
+    found = []
+    for _ in range(HALVINGS):
+        b2, b3, b4, _ = free.bounds(starts, spans)
+        p0, p1 = starts[:, 1], ends[:, 1]
+        a0, a1 = free.acceleration(starts), free.acceleration(ends)
+        moves_on = (np.minimum(p0, p1) > b3 * spans**2 / 8) | (np.maximum(p0, p1) < -b3 * spans**2 / 8)
+        bends_down = np.maximum(a0, a1) + b4 * spans**2 / 8 < 0.0
+        bends_up = np.minimum(a0, a1) - b4 * spans**2 / 8 > 0.0
+        for i in np.flatnonzero(bends_up & (p0 < 0.0) & (p1 >= 0.0)):
+            found.append(max(float(root(free, starts[i], spans[i], 1)[1][0]), 0.0))
+        still = (np.maximum(np.abs(p0), np.abs(p1)) + b2 * spans) * spans <= ROUNDING * np.abs(starts[:, 0])
+        doubt = ~(moves_on | bends_down | bends_up | still)
+        if not doubt.any():
+            break
+        starts, ends, spans = starts[doubt], ends[doubt], 0.5 * spans[doubt]
+        middles = np.einsum("nij,nj->ni", free.propagators(spans), starts)
+        starts, ends = np.concatenate([starts, middles]), np.concatenate([middles, ends])
+        spans = np.tile(spans, 2)
+    return found
