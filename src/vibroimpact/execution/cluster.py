@@ -125,8 +125,7 @@ def _work(part: Part, shared: _Shared) -> Outcome | Rows:
         from vibroimpact.execution.store.writer import put, record_of
 
         with suppress(OSError):  # it sees the store and may not write: the client may, or explains what is wrong
-            names = (*shared.request.indices, "status")
-            put(_opened(shared.store, shared.mark), dict(zip(names, names, strict=True)), part, outcome)
+            put(_arrays(shared.store, shared.mark, (*shared.request.indices, "status")), part, outcome)
             return record_of(outcome)
     return outcome
 
@@ -167,11 +166,12 @@ def sees(store: str, mark: str) -> bool:
 
 
 @lru_cache(maxsize=4)
-def _opened(store: str, mark: str) -> Any:
-    """Return a store's root, opened once per run."""
+def _arrays(store: str, mark: str, names: tuple[str, ...]) -> dict[str, Any]:
+    """Return a store's arrays, opened once per run."""
     import zarr
 
-    return zarr.open_group(store, mode="r+", zarr_format=3)
+    root: Any = zarr.open_group(store, mode="r+", zarr_format=3)
+    return {name: root[name] for name in names}
 
 
 def _checked(future: Any, result: Any) -> Any:

@@ -83,34 +83,36 @@ class SweepStore:
         self.refined = refined(self.identity)
         names = (*str(self.identity["indices"]).split(", "), "status")
         self.arrays = {name: f"{LIST}/{name}" for name in (*names, CELL)} if self.refined else {n: n for n in names}
-        self.tiling = Tiling(root[self.arrays["status"]].shape, tuple(attrs["tile"]))
-        if any(root[place].chunks != self.tiling.tile for place in self.arrays.values()):
+        self._arrays = {name: root[place] for name, place in self.arrays.items()}
+        self._rows = root[RECORDS]
+        self.tiling = Tiling(self._arrays["status"].shape, tuple(attrs["tile"]))
+        if any(array.chunks != self.tiling.tile for array in self._arrays.values()):
             raise ValueError("its tiles differ")
-        if root[RECORDS].shape != (len(self.tiling), COLUMNS):
+        if self._rows.shape != (len(self.tiling), COLUMNS):
             raise ValueError("its records differ")
 
     def records(self) -> Rows:
         """Return the record of every tile, one per row; tiles whose records are damaged count as not done."""
         rows = np.zeros((len(self.tiling), COLUMNS), np.int64)
         try:
-            rows[:] = self._root[RECORDS][:]
+            rows[:] = self._rows[:]
         except Exception:
             for low in range(0, len(rows), ROWS):
                 with suppress(Exception):
-                    rows[low : low + ROWS] = self._root[RECORDS][low : low + ROWS]
+                    rows[low : low + ROWS] = self._rows[low : low + ROWS]
         return rows
 
     def read(self, number: int) -> Arrays:
         """Return a tile as it lies on disk; raise where a chunk of it is lost or was altered."""
-        part = self.tiling[number]
-        for place in self.arrays.values():
-            if not self._chunk(place, part).exists():
-                raise FileNotFoundError(place)
-        return {name: np.asarray(self._root[place][part]) for name, place in self.arrays.items()}
+        if not self._has(number):
+            raise FileNotFoundError(f"tile {number}")
+        return {name: np.asarray(array[self.tiling[number]]) for name, array in self._arrays.items()}
 
-    def _chunk(self, place: str, part: tuple[slice, ...]) -> Path:
-        at = tuple(along.start // side for along, side in zip(part, self.tiling.tile, strict=True))
-        return self.path / place / str(self._root[place].metadata.encode_chunk_key(at))
+    def _has(self, number: int) -> bool:
+        """Whether every chunk of a tile is there: Zarr would read one that is not as missing values."""
+        at = tuple(along.start // side for along, side in zip(self.tiling[number], self.tiling.tile, strict=True))
+        key = self._arrays["status"].metadata.encode_chunk_key(at)
+        return all((self.path / place / key).exists() for place in self.arrays.values())
 
     def damaged(self, records: Rows | None = None) -> list[int]:
         """Return the tiles of which a chunk is lost or was altered since it was written."""
@@ -128,9 +130,9 @@ class SweepStore:
         """Return which of these tiles are damaged; all are read at once, and one by one where that fails."""
         low, high = self.tiling[numbers[0]][0].start, self.tiling[numbers[-1]][0].stop
         with suppress(Exception):
-            for place in self.arrays.values():
-                self._root[place][low:high]
-            return [number for number in numbers if not self._is_there(number)]
+            for array in self._arrays.values():
+                array[low:high]
+            return [number for number in numbers if not self._has(number)]
 
         def is_damaged(number: int) -> bool:
             try:
@@ -140,10 +142,6 @@ class SweepStore:
             return False
 
         return list(filter(is_damaged, numbers))
-
-    def _is_there(self, number: int) -> bool:
-        part = self.tiling[number]
-        return all(self._chunk(place, part).exists() for place in self.arrays.values())
 
     def damaged_axes(self) -> list[str]:
         """Return the axes whose values are not those that were written."""
@@ -190,7 +188,7 @@ class SweepStore:
             "tiles": len(self.tiling),
             "cells_done": int(counts.sum()),
             "cells": math.prod(self.shape),
-            "needed": int(self._root[RECORDS].attrs.get(NEEDED, 0)) if self.refined else math.prod(self.shape),
+            "needed": int(self._rows.attrs.get(NEEDED, 0)) if self.refined else math.prod(self.shape),
             "seconds": float(done[:, MICROSECONDS].sum() * 1e-6),
             "impacts": int(done[:, IMPACTS].sum()),
             "steps": int(done[:, STEPS].sum()),

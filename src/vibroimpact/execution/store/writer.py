@@ -51,8 +51,10 @@ class TileWriter:
     """
 
     def __init__(self, path: Path, tiling: Tiling, arrays: Mapping[str, str], records: Rows) -> None:
-        self.path, self.tiling, self.arrays, self.records = path, tiling, arrays, records
-        self.root: Any = zarr.open_group(path, mode="r+", zarr_format=3)
+        self.path, self.tiling, self.records = path, tiling, records
+        self._root: Any = zarr.open_group(path, mode="r+", zarr_format=3)
+        self._arrays: dict[str, Any] = {name: self._root[place] for name, place in arrays.items()}
+        self._rows: Any = self._root[RECORDS]
         self._thread = ThreadPoolExecutor(1, "store")
 
     def write(self, number: int, result: Arrays | Rows, seconds: float) -> Rows:
@@ -60,7 +62,7 @@ class TileWriter:
 
         def job() -> Rows:
             if isinstance(result, Mapping):
-                put(self.root, self.arrays, self.tiling[number], result)
+                put(self._arrays, self.tiling[number], result)
                 record = record_of(result)
             else:
                 record = result.copy()
@@ -83,15 +85,15 @@ class TileWriter:
         def job() -> None:
             for number in numbers:
                 self._note(number, np.zeros_like(self.records[number]))
-                for place in self.arrays.values():
-                    self.root[place][self.tiling[number]] = self.root[place].fill_value
+                for array in self._arrays.values():
+                    array[self.tiling[number]] = array.fill_value
 
         self.whole(job)
 
     def _note(self, number: int, record: Rows) -> Rows:
         self.records[number] = record
         chunk = slice(number // ROWS * ROWS, (number // ROWS + 1) * ROWS)
-        _keeping(self.root[RECORDS])[chunk] = self.records[chunk]
+        _keeping(self._rows)[chunk] = self.records[chunk]
         return record
 
     def draw(self, arrays: Arrays, attrs: Mapping[str, Any]) -> None:
@@ -99,15 +101,15 @@ class TileWriter:
 
         def job() -> None:
             for name, values in arrays.items():
-                _keeping(self.root[name])[...] = values
-            self.root.attrs.update(attrs)
+                _keeping(self._root[name])[...] = values
+            self._root.attrs.update(attrs)
 
         self.whole(job)
 
     def need(self, cells: int) -> None:
         """Note how many cells a refined map is known to need."""
-        if cells > self.root[RECORDS].attrs.get(NEEDED, 0):
-            self.whole(lambda: self.root[RECORDS].attrs.update({NEEDED: cells}))
+        if cells > self._rows.attrs.get(NEEDED, 0):
+            self.whole(lambda: self._rows.attrs.update({NEEDED: cells}))
 
     def sweep_up(self) -> None:
         """Remove what runs left behind that were ended in the middle."""
@@ -135,11 +137,10 @@ class TileWriter:
         self._thread.shutdown()
 
 
-def put(root: Any, arrays: Mapping[str, str], part: tuple[slice, ...], result: Arrays) -> None:
+def put(arrays: Mapping[str, Any], part: tuple[slice, ...], result: Arrays) -> None:
     """Write the results of a tile's cells, in the order of the grid; a tile of a list may be filled in part."""
     box = tuple(along.stop - along.start for along in part)
-    for name, place in arrays.items():
-        array = root[place]
+    for name, array in arrays.items():
         values = np.full(box, array.fill_value, array.dtype)
         values.ravel()[: result[name].size] = result[name].ravel()
         _keeping(array)[part] = values
