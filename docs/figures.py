@@ -1,4 +1,4 @@
-"""Draw the pictures of README and documentation anew, with the engine as it is: `make figures`."""
+"""Draw the pictures of README and documentation again, with the present engine: `make figures`."""
 
 import runpy
 from pathlib import Path
@@ -29,7 +29,7 @@ def stability_map() -> plt.Figure:
 
 
 def std() -> plt.Figure:
-    """Draw the three things that Std hides: more than one impact a cycle, the cut of a chatter, the start."""
+    """Draw three limits of Std: several impacts per cycle, the cut-off of a chatter, the initial condition."""
     figure, axes = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained")
     osc = vi.ImpactOscillator()
     _two_impacts(axes[0], osc.replace(omega=1.0))
@@ -51,7 +51,7 @@ def _cuts(ax: plt.Axes, osc: vi.ImpactOscillator) -> None:
     std = [vi.parameter_map(osc, omega=[0.1], tolerances=vi.Tolerances(chatter=cut))["std"].item() for cut in cuts]
     ax.semilogx(cuts, std, "o-", markersize=4)
     ax.set(ylim=(0, None), xlabel="slowest impact counted, relative to V", ylabel="Std [m/s]")
-    ax.set_title("w = 0.1, chattering: one motion, any Std")
+    ax.set_title("w = 0.1, chattering: Std depends on the cut-off")
 
 
 def _starts(ax: plt.Axes, osc: vi.ImpactOscillator) -> None:
@@ -65,7 +65,7 @@ def _starts(ax: plt.Axes, osc: vi.ImpactOscillator) -> None:
     total = sum(map(len, drawn.values()))
     for (kind, points), colour in zip(drawn.items(), ("#d55e00", "#0072b2"), strict=True):
         phase, velocity, std = np.array(points).T
-        text = f"{kind}: {100 * len(points) / total:.0f} % of starts, Std {std.mean():.3f}"
+        text = f"{kind}: {100 * len(points) / total:.0f} % of initial conditions, Std {std.mean():.3f}"
         ax.scatter(phase, velocity, s=9, marker="s", color=colour, linewidths=0, label=text)
     ax.set(xlabel="phase of first impact", ylabel="velocity of first impact [m/s]", title="w = 3: two motions")
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize=9)
@@ -79,7 +79,7 @@ def plane() -> xr.Dataset:
 
 
 def orbits() -> plt.Figure:
-    """Draw three orbits: one impact, a stable and an unstable one beside each other, and one that sticks."""
+    """Draw three orbits: one impact, a stable and an unstable one together, and one that sticks."""
     figure, axes = plt.subplots(1, 3, figsize=(12.5, 4.4), layout="constrained")
     osc = vi.ImpactOscillator()
     (one,) = vi.find_orbit(osc.replace(omega=1.4))
@@ -120,12 +120,12 @@ def continuation() -> plt.Figure:
 
 
 def coexistence() -> plt.Figure:
-    """Draw the basins of two motions, and how up and down sweeps part."""
+    """Draw the basins of two motions, and how up and down sweeps differ."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(13, 5.4), layout="constrained")
     osc = vi.ImpactOscillator()
     grid = {"phase": np.linspace(0, 1, 241), "velocity": np.linspace(0, 3, 181)}
     vi.plotting.basin_portrait(vi.basins(osc.replace(omega=3.0), **grid), ax=left)
-    left.set_title("w = 3: starts at the stop")
+    left.set_title("w = 3: initial conditions at the stop")
     for direction, colour, size in (("up", "#d55e00", 3.0), ("down", "#0072b2", 1.2)):
         sweep = vi.bifurcation_diagram(
             osc, omega=np.linspace(1.1, 1.5, 300), direction=direction, transient_impacts=1000, sample_impacts=60
@@ -150,7 +150,7 @@ def refinement() -> plt.Figure:
     mesh = right.pcolormesh(plane_["omega"], plane_["mass"], levels, cmap=colours, vmin=-0.5, vmax=3.5, rasterized=True)
     right.set(xlabel=left.get_xlabel(), title=f"{plane_.attrs['fraction_computed']:.0%} of them computed")
     right.grid(visible=False)
-    figure.colorbar(mesh, ax=right, ticks=range(4), label="level at which a cell was computed; white: filled in")
+    figure.colorbar(mesh, ax=right, ticks=range(4), label="level of computation (white: filled in)")
     return figure
 
 

@@ -152,7 +152,7 @@ def test_colours_of_attractors_stay_apart_without_red_or_green():
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        (3, "`dataset` must be a result of basins .* got a int"),
+        (3, "`dataset` must be a result of basins .* got an int"),
         (xr.Dataset({"std": ("omega", [1.0])}), "`dataset` must be a result of basins .* with std"),
         (made([[0, 0]], ["chaotic"]), "`dataset` needs two or more values .* got 1 along phase"),
     ],

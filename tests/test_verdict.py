@@ -476,7 +476,7 @@ def test_the_figure_shows_both_designs_from_either_kind_of_input(comparison):
 
 
 def test_the_figure_refuses_what_is_no_pair_of_designs():
-    with pytest.raises(ValueError, match="`designs` must be .* got a ImpactOscillator"):
+    with pytest.raises(ValueError, match="`designs` must be .* got an ImpactOscillator"):
         comparison_figure(vi.ImpactOscillator())
 
 

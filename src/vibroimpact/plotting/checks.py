@@ -20,7 +20,8 @@ def refused(argument: str, value: Any, allowed: str, hint: str) -> ValueError:
 def _held(value: Any) -> str:
     """Return what a wrong argument is or holds."""
     if not isinstance(value, xr.Dataset):
-        return f"a {type(value).__name__}"
+        name = type(value).__name__
+        return f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
     names, dims = (", ".join(map(str, found)) for found in (value.data_vars, value.dims))
     maker = value.attrs.get("function")
     return f"{f'a result of {maker}' if maker else 'a Dataset'} with {names or 'no variable'} over {dims or 'no axis'}"

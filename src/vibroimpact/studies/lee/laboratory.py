@@ -14,8 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.motion import Motion, cycle_length, recognise
-from vibroimpact.status import Status
+from vibroimpact.motion import Motion, cycle_length, cycle_name, recognise
 from vibroimpact.studies.lee.paper import INDICES, OSCILLATOR, TIME_STEP, TOP, WINDOW, Scale, frequencies, pair_of
 
 Floats = NDArray[np.float64]
@@ -32,7 +31,7 @@ def aperiodic(motion: Motion) -> bool:
     """Whether the sampled impacts never repeat, nor the times from one rest to the next."""
     if motion.kind == "sticking":
         return motion.n_periods == 0
-    return motion.kind in ("chaotic", "undecided") and motion.status != Status.STICKING
+    return motion.kind in ("chaotic", "undecided") and motion.status != vi.Status.STICKING
 
 
 def periodic(motion: Motion) -> bool:
@@ -47,7 +46,7 @@ def repeats(motion: Motion) -> bool:
 
 def period_impact(n_periods: int, n_impacts: int) -> Test:
     """Return a test for period-n impact-p motions."""
-    name = Motion("periodic", n_periods, n_impacts).name
+    name = cycle_name(n_periods, n_impacts)
     return lambda motion: motion.name == name
 
 
