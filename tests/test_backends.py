@@ -7,6 +7,7 @@ import vibroimpact as vi
 from cells import make_cells
 from vibroimpact.backends import BACKENDS, Cells, ImpactWindow, Measurement, StroboscopicWindow, get_backend
 from vibroimpact.indices import INDICES
+from vibroimpact.kernels.cell import Cell
 from vibroimpact.options import Tolerances
 
 
@@ -155,3 +156,7 @@ def test_an_unknown_back_end_is_told():
 def test_a_time_step_is_for_the_fixed_step_scheme_alone():
     with pytest.raises(ValueError, match="`time_step` goes with back end 'fixed-step' only"):
         vi.simulate(OSC, backend="cpu", time_step=0.001)
+
+
+def test_the_columns_of_cells_are_those_that_kernels_read():
+    assert make_cells(OSC, None).columns == Cell._fields

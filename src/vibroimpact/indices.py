@@ -1,4 +1,4 @@
-"""The table of indices: what a sweep can tell about each cell."""
+"""The table of indices: the numbers that a sweep gives for each cell."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ INDICES: dict[str, Index] = {
 }
 
 
-# What sums over the impact velocities tell; everything else needs a tangent vector, phases and near-misses too.
+# Those that follow from sums over the impact velocities; others need a tangent vector, phases and near-misses too.
 VELOCITY_INDICES = frozenset({"std", "mean_velocity", "max_velocity", "impacts_per_period"})
 
 ROUNDING = 1e-9  # of what it is a part of: a spread this small is that of a cycle, by rounding

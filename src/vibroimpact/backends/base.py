@@ -129,13 +129,13 @@ class Backend(Protocol):
         """Raise `ValueError` where this machine lacks what the back end needs."""
         return
 
-    def indices(self, cells: Cells, asked: Measurement) -> Outcome:
+    def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         """Return at least the indices asked for (NaN where one has no value, 0 for a whole number), `status` (int8),
         `impacts` (recorded impacts computed, int64) and `steps` (int64), each of shape (n,).
         """
         ...
 
-    def samples(self, cells: Cells, asked: Measurement) -> list[Samples]:
+    def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
         """Return what the window sees of each cell."""
         ...
 
@@ -145,7 +145,7 @@ class SharesCells(Protocol):
     """A back end of whose cells each thread takes the next one, so that all threads end together."""
 
     def share(
-        self, cells: Cells, asked: Measurement
+        self, cells: Cells, measurement: Measurement
     ) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
         """Return what each thread calls with a function that says when to stop; it yields which cells have ended, and
         their indices as `indices` gives them.

@@ -68,14 +68,14 @@ def outcomes(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> O
 
 
 def _statuses(columns: dict[str, Floats], ends: NDArray[np.int8], window: ImpactWindow) -> NDArray[np.int8]:
-    """Return the status of every cell: each of the few kinds of cells there are is judged once."""
+    """Return the status of every cell; it is decided once for each combination of ending and flags."""
     flags = np.stack(
         [columns["counted"] > 0.0, columns["sticks"] > 0.0, columns["span"] < 10.0, columns["known"] > 0.0],
         axis=1,
     )
     kinds, which = np.unique(ends.astype(np.int64) * 16 + flags @ (8, 4, 2, 1), return_inverse=True)
-    judged = [_status(kind // 16, [bool(kind & bit) for bit in (8, 4, 2, 1)], window) for kind in kinds.tolist()]
-    return np.array(judged, np.int8)[which]
+    found = [_status(kind // 16, [bool(kind & bit) for bit in (8, 4, 2, 1)], window) for kind in kinds.tolist()]
+    return np.array(found, np.int8)[which]
 
 
 class CpuBackend(Backend):
@@ -86,28 +86,28 @@ class CpuBackend(Backend):
     largest_tile = 4096
     known_indices = frozenset(INDICES)
 
-    def indices(self, cells: Cells, asked: Measurement) -> Outcome:
+    def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""
-        sweep = _Sweep(cells, asked)
+        sweep = _Sweep(cells, measurement)
         for _ in sweep.finished(lambda: False):
             pass
-        return outcomes(sweep.results, sweep.ends, asked.impacts)
+        return outcomes(sweep.results, sweep.ends, measurement.impacts)
 
     def share(
-        self, cells: Cells, asked: Measurement
+        self, cells: Cells, measurement: Measurement
     ) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
         """Return the work of a thread: cell after cell into its own lanes, until none is left."""
-        sweep = _Sweep(cells, asked)
+        sweep = _Sweep(cells, measurement)
 
         def work(stopped: Callable[[], bool]) -> Iterator[tuple[Counts, Outcome]]:
             for done in sweep.finished(stopped):
-                yield done, outcomes(sweep.results[done], sweep.ends[done], asked.impacts)
+                yield done, outcomes(sweep.results[done], sweep.ends[done], measurement.impacts)
 
         return work
 
-    def samples(self, cells: Cells, asked: Measurement) -> list[Samples]:
+    def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
         """Return what the window sees of each cell."""
-        return sample(cells.table, asked.window, limits(asked.tolerances))
+        return sample(cells.table, measurement.window, limits(measurement.tolerances))
 
 
 def create() -> CpuBackend:
@@ -129,15 +129,15 @@ def _status(end: int, flags: list[bool], window: ImpactWindow) -> Status:
 class _Sweep:
     """Cells that threads share, and what has become of them."""
 
-    def __init__(self, cells: Cells, asked: Measurement) -> None:
-        self.thorough = asked.thorough
+    def __init__(self, cells: Cells, measurement: Measurement) -> None:
+        self.thorough = measurement.thorough
         self.cells = np.ascontiguousarray(cells.table)
         self.results = np.zeros((len(cells), len(THOROUGH if self.thorough else PLAIN)))
         self.ends = np.zeros(len(cells), dtype=np.int8)
         self._tickets = np.zeros(1, dtype=np.int64)
-        window = asked.impacts
+        window = measurement.impacts
         total = float(window.transient + window.keep)
-        self._how = float(window.transient), total, *limits(asked.tolerances), asked.early_closing, _LOOKS
+        self._how = float(window.transient), total, *limits(measurement.tolerances), measurement.early_closing, _LOOKS
 
     def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
         """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
@@ -285,7 +285,7 @@ def _in_lanes(runs: list[_Run], window: tuple[float, float, float, float]) -> No
 
 
 def ended_as(end: int, impacts: float | bool) -> Status:
-    """Return the status of a cell that ended so; `impacts` tells whether it had any."""
+    """Return the status of a cell that ended so; `impacts` is 0 or False if it had none."""
     if end in (QUIET, DYING) and not impacts:
         return Status.NO_IMPACT
     return {

@@ -54,9 +54,9 @@ class CudaBackend(Backend):
             what, remedy = problem
             raise ValueError(f"back end 'cuda' cannot be used here: {what}; {remedy}")
 
-    def indices(self, cells: Cells, asked: Measurement) -> Outcome:
+    def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""
-        rows, thorough = np.ascontiguousarray(cells.table), asked.thorough
+        rows, thorough = np.ascontiguousarray(cells.table), measurement.thorough
         results = np.zeros((len(rows), len(THOROUGH if thorough else PLAIN)))
         ends = np.zeros(len(rows), dtype=np.int8)
         low = 0
@@ -64,14 +64,14 @@ class CudaBackend(Backend):
             with _turns:
                 size, closers = _room(len(rows) - low)
                 part = slice(low, low + size)
-                tile = _Tile(rows[part], closers, asked.impacts, limits(asked.tolerances), thorough)
-                results[part], ends[part] = tile.run(asked.early_closing)
+                tile = _Tile(rows[part], closers, measurement.impacts, limits(measurement.tolerances), thorough)
+                results[part], ends[part] = tile.run(measurement.early_closing)
             low += size
-        return outcomes(results, ends, asked.impacts)
+        return outcomes(results, ends, measurement.impacts)
 
-    def samples(self, cells: Cells, asked: Measurement) -> list[Samples]:
+    def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
         """Return what the window sees of each cell, as `cpu` does."""
-        return CpuBackend().samples(cells, asked)
+        return CpuBackend().samples(cells, measurement)
 
 
 def create() -> CudaBackend:
@@ -80,7 +80,7 @@ def create() -> CudaBackend:
 
 
 def _numba_cuda() -> Any:
-    """Return numba's CUDA module, which is not looked for before a GPU is asked for."""
+    """Return numba's CUDA module, imported only where a GPU is to be used."""
     return import_module("numba.cuda")
 
 

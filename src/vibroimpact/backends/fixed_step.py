@@ -4,8 +4,8 @@ Classical fourth-order Runge-Kutta at a fixed `time_step` from the start; contac
 step that ends at or beyond the stop with positive velocity is an impact there and then: velocity and time of its end
 are recorded, the mass is put back on the stop with -r times the velocity. Nothing is done about chatter: a mass
 that ought to rest on the stop rattles with one false impact a step. So `Tolerances.chatter` does not apply and no
-stick is ever seen; of the budgets only `flight_periods` applies, and `budget` is also told of a step too long
-for the scheme to stay finite.
+stick is ever seen; of the budgets only `flight_periods` applies, and `budget` is also the status of a step too
+long for the scheme to stay finite.
 
 Looks are made at the step nearest to the wanted time and carry the time of that step. To cut a time window as
 the paper does, [100, 150] s, take a `StroboscopicWindow` that ends at 150 s or later: it gives every impact from the
@@ -126,7 +126,7 @@ class Run:
         return self._samples(kept, np.empty((0, 4)), status), self.count
 
     def indices(self, window: ImpactWindow) -> tuple[Samples, int, dict[str, float]]:
-        """Return what an impact window keeps, the impacts recorded in all, and what the kept ones tell."""
+        """Return what an impact window keeps, the impacts recorded in all, and the indices of the kept ones."""
         seen, computed = self.impact_samples(window)
         return seen, computed, impact_indices(seen, self.loss) if Status(seen.status).has_indices else {}
 
@@ -162,16 +162,16 @@ class FixedStepBackend(Backend):
     def __init__(self, time_step: float = TIME_STEP) -> None:
         self.time_step = time_step
 
-    def indices(self, cells: Cells, asked: Measurement) -> Outcome:
+    def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         """Return every index, named or not, the status, the impacts computed and the steps of each cell."""
-        return table_of_indices([run.indices(asked.impacts) for run in self._each(cells, asked.tolerances)])
+        return table_of_indices([run.indices(measurement.impacts) for run in self._each(cells, measurement.tolerances)])
 
-    def samples(self, cells: Cells, asked: Measurement) -> list[Samples]:
+    def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
         """Return what the window sees of each cell."""
-        window = asked.window
+        window = measurement.window
         if isinstance(window, ImpactWindow):
-            return [run.impact_samples(window)[0] for run in self._each(cells, asked.tolerances)]
-        return [run.look_samples(window) for run in self._each(cells, asked.tolerances)]
+            return [run.impact_samples(window)[0] for run in self._each(cells, measurement.tolerances)]
+        return [run.look_samples(window) for run in self._each(cells, measurement.tolerances)]
 
     def _each(self, cells: Cells, tolerances: Tolerances) -> Iterator[Run]:
         for cell in cells:

@@ -1,4 +1,4 @@
-"""What is told of a cycle that is certain: its name, its growth, what it loses, its rest, its closest near-miss."""
+"""The facts of a cycle that is certain: its name, its growth, what it loses, its rest, its closest near-miss."""
 
 from __future__ import annotations
 

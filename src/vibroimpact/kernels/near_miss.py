@@ -34,10 +34,10 @@ def least_gap(a, x, p1, q1, lands):
     t = outer / (outer - middle)
     inverse = 1.0 / fma(2.0 * t, bend, slope)
     better = fma(-fma(t, fma(t, bend, slope), outer), inverse, t)
-    sound = (better > 0.0) & (better < 1.0)
-    t = half * select(sound, better, t)
+    improved = (better > 0.0) & (better < 1.0)
+    t = half * select(improved, better, t)
     u, p = evaluate_roughly(a, select(early, t, x - t))
-    lower = fma(-0.5 * p * p, half * select(sound, abs(inverse), 0.0), u)
+    lower = fma(-0.5 * p * p, half * select(improved, abs(inverse), 0.0), u)
     return select((early | late) & (lower > 0.0), lower, NONE)
 
 

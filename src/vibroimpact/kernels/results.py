@@ -108,7 +108,7 @@ def harvest(lanes, i, note, keep, result):
 
 @njit(error_model="numpy")
 def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
-    """Turn what a thorough lane and its cycle tell into indices; `harvest` comes first."""
+    """Turn the sums of a thorough lane and the facts of its cycle into indices; `harvest` comes first."""
     _, shift, sum1, sum2, _ = load_sums(lanes, i)
     margin, releases = load_misses(lanes, i)
     returns = releases > 1.0

@@ -52,7 +52,7 @@ class Witness:
 
 
 class ReferenceCell:
-    """One oscillator from its start, watched until a window is filled or its motion can be told to end."""
+    """One oscillator from its start, watched until a window is filled or its motion certainly ends."""
 
     def __init__(self, cell: dict[str, float], tolerances: Tolerances) -> None:
         self.start = State(**{name: cell.pop(name) for name in ("clearance", "velocity", "periods", "phase")})
@@ -198,16 +198,16 @@ class ReferenceBackend(Backend):
     largest_tile = 1
     slow = True
 
-    def indices(self, cells: Cells, asked: Measurement) -> Outcome:
+    def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         """Return every index, named or not, the status, the impacts computed and the events of each cell."""
-        return table_of_indices([cell.indices(asked.impacts) for cell in _each(cells, asked.tolerances)])
+        return table_of_indices([cell.indices(measurement.impacts) for cell in _each(cells, measurement.tolerances)])
 
-    def samples(self, cells: Cells, asked: Measurement) -> list[Samples]:
+    def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
         """Return what the window sees of each cell."""
-        window = asked.window
+        window = measurement.window
         if isinstance(window, ImpactWindow):
-            return [cell.impacts(window)[0] for cell in _each(cells, asked.tolerances)]
-        return [cell.looks(window) for cell in _each(cells, asked.tolerances)]
+            return [cell.impacts(window)[0] for cell in _each(cells, measurement.tolerances)]
+        return [cell.looks(window) for cell in _each(cells, measurement.tolerances)]
 
 
 def _each(cells: Cells, tolerances: Tolerances) -> Iterator[ReferenceCell]:

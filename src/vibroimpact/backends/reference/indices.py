@@ -1,6 +1,6 @@
 """Indices that need more than kept impacts, for the `reference` back end: exponents, names, rests, near-misses.
 
-A ledger takes down every contact, rest and near-miss of a motion. Once the window is filled it is asked whether the
+A ledger takes down every contact, rest and near-miss of a motion. Once the window is filled it decides whether the
 motion is certainly a cycle; then each of these indices is that of one cycle, else that of the window.
 
 How neighbours of an orbit move is given by the Jacobian of the impact map. With a0 the acceleration just after impact 0
@@ -95,13 +95,13 @@ class Account:
     def _of_cycle(self, cycle: Cycle) -> dict[str, float]:
         contacts = slice(cycle.first + 1, cycle.last + 1)
         recorded = self.counted[(self.counted > cycle.first) & (self.counted <= cycle.last)]
-        told = not self.superstable or self.tangent.parting(contacts.start, cycle.last) < UNRESOLVED
+        resolved = not self.superstable or self.tangent.parting(contacts.start, cycle.last) < UNRESOLVED
         number, time = len(recorded), cycle.periods * self.free.period
         return {
             "lyapunov": cycle.log_radius / time,
             "lyapunov_per_impact": cycle.log_radius / max(number, 1),
-            "n_periods": cycle.periods if told else 0,
-            "n_impacts": -1 if not told or (self.superstable and self.restitution > 0.0) else number,
+            "n_periods": cycle.periods if resolved else 0,
+            "n_impacts": -1 if not resolved or (self.superstable and self.restitution > 0.0) else number,
             "dissipation": self.loss * float((self.speed[recorded] ** 2).sum()) / cycle.periods,
             "stick_fraction": self.rests[-1][1] / time if self.superstable else 0.0,
             "grazing_margin": float(self.miss[contacts].min(initial=math.inf)),
