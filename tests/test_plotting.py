@@ -1,6 +1,8 @@
 """Figures of orbits, sections and diagrams show what their Dataset holds, and say what they cannot show."""
 
 import json
+import subprocess
+import sys
 
 import matplotlib as mpl
 import numpy as np
@@ -9,7 +11,7 @@ import xarray as xr
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from vibroimpact import ImpactOscillator, plotting
+from vibroimpact import ImpactOscillator, figures, plotting
 from vibroimpact.dataset import impact_speed, provenance, status_variable, variable
 from vibroimpact.orbits import find_orbit
 from vibroimpact.sections import simulate
@@ -360,6 +362,14 @@ def test_the_sketch_shows_every_symbol_of_the_model_and_the_numbers_of_an_oscill
     shown = " ".join(text.get_text() for text in ax.texts)
     for symbol in ("$m$", "$c$", "$k$", r"$f\,\sin\,\omega t$", "$g$", "$r$", "$y$", "$m$ = 2 kg", "$g$ = 0.5 m"):
         assert symbol in shown
+
+
+def test_the_table_of_figures_names_public_functions_and_is_read_without_matplotlib():
+    assert set(figures.KINDS) == set(plotting.KINDS)
+    assert {kind.function for kind in figures.KINDS.values()} <= set(plotting.__all__)
+    assert plotting.KINDS["time-history"] is plotting.time_history
+    code = "import sys, vibroimpact.figures; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_every_result_has_its_default_kind():

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from vibroimpact import figures
 from vibroimpact.cli.study import ENDS, WrongRequest
 
 # Numbers arrive as text: the checks of the study then name value, range and remedy.
@@ -351,9 +352,7 @@ PICTURE = (
 FIGURE = _output("figure", "KIND", "Kind of figure, as for `vibroimpact plot --kind`.")
 FIGURE_KIND = _output(
     "figure", "KIND",
-    "time-history, phase-portrait, impact-map, stroboscopic-map, bifurcation-diagram, index-curve, index-contour, "
-    "index-surface, motion-map, exponent-map, branch-diagram, boundaries, basin-portrait or comparison. (default: what "
-    "suits the result)",
+    f"{', '.join(figures.KINDS)}. (default: what suits the result)",
     flags=("--kind",),
 )  # fmt: skip
 INDEX = _output("index", "NAME", "Index that a figure shows. (default: the first of a sweep, none of a diagram)")

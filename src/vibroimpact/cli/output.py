@@ -11,26 +11,14 @@ import typer
 
 from vibroimpact.cli.options import number
 from vibroimpact.cli.study import Interrupted, WrongRequest, refusing
+from vibroimpact.figures import EXPONENTS, KINDS, kinds_of
 from vibroimpact.progress import speed
 
 if TYPE_CHECKING:
     import xarray as xr
 
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
-_FIGURES = {
-    "simulate": ("time-history", "phase-portrait"),
-    "impact_section": ("impact-map",),
-    "stroboscopic_section": ("stroboscopic-map",),
-    "bifurcation_diagram": ("bifurcation-diagram",),
-    "continue_orbit": ("branch-diagram",),
-    "boundary_curves": ("boundaries",),
-    "basins": ("basin-portrait",),
-    "compare": ("comparison",),
-}
-_FIGURES_OF_SWEEPS = {1: ("index-curve",), 2: ("index-contour", "index-surface", "motion-map", "exponent-map")}
-# indices that figures are drawn from
-NEEDS = {"motion-map": ("lyapunov_per_impact", "n_periods", "n_impacts"), "exponent-map": ("lyapunov",)}
-EXPONENTS = ("lyapunov", "lyapunov_per_impact")
+NEEDS = {name: kind.needs for name, kind in KINDS.items()}  # indices that figures are drawn from
 MOTION = "motion"  # in place of an index: the types of motion
 _INCHES, _DOTS = (0.5, 100.0), (10.0, 2400.0)
 
@@ -67,7 +55,7 @@ def keep_finished(
 def check(options: Mapping[str, Any], function: str, indices: tuple[str, ...] = (), n_axes: int = 0) -> None:
     """Refuse an output that could not be made, before anything is computed."""
     check_looks(options)
-    kinds = _FIGURES_OF_SWEEPS.get(n_axes, ()) if function == "parameter_map" else _FIGURES[function]
+    kinds = kinds_of(function, n_axes)
     figure, index = options.get("figure"), options.get("index")
     if figure is not None and figure not in kinds:
         raise WrongRequest(f"unknown `--figure` {figure!r} for this result; choose from {', '.join(kinds) or 'none'}")

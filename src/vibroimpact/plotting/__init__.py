@@ -6,12 +6,12 @@ Legends lie below the axes, where they hide no data: give figures of your own la
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
 
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vibroimpact import figures
 from vibroimpact.bundles import unbundle
 from vibroimpact.plotting.checks import SAMPLE_DIMS
 from vibroimpact.plotting.continuation import boundaries, branch_diagram
@@ -19,7 +19,7 @@ from vibroimpact.plotting.designs import comparison_figure, oscillator_sketch
 from vibroimpact.plotting.diagrams import bifurcation_diagram, diagram_with_index, index_curve
 from vibroimpact.plotting.files import save_figure
 from vibroimpact.plotting.maps import boundary_lines, index_contour, index_scatter, index_surface
-from vibroimpact.plotting.motions import EXPONENTS, basin_portrait, exponent_map, motion_map
+from vibroimpact.plotting.motions import basin_portrait, exponent_map, motion_map
 from vibroimpact.plotting.orbits import impact_map, phase_portrait, stroboscopic_map, time_history
 
 __all__ = [
@@ -47,38 +47,14 @@ __all__ = [
 ]
 
 
-def _parts(draw: Callable[..., Axes]) -> Callable[..., Axes]:
-    """Return a figure of all parts that one dataset bundles."""
-    return lambda dataset, **how: draw(unbundle(dataset), **how)
+def _drawer(kind: figures.Kind) -> Callable[..., Axes | Figure]:
+    """Return the function of a kind of figure; a bundled one takes all parts of one dataset."""
+    draw: Callable[..., Axes | Figure] = globals()[kind.function]
+    return (lambda dataset, **how: draw(unbundle(dataset), **how)) if kind.bundled else draw
 
 
-class _Kind(NamedTuple):
-    """A figure, and the functions whose results it shows unless another one is named."""
-
-    draw: Callable[..., Axes | Figure]
-    makers: tuple[str, ...] = ()
-
-
-# What --figure names. To add a figure: its function in this folder, its import above, its entry here.
-_TABLE = {
-    "time-history": _Kind(time_history, ("simulate",)),
-    "phase-portrait": _Kind(phase_portrait),
-    "stroboscopic-map": _Kind(stroboscopic_map),
-    "impact-map": _Kind(impact_map),
-    "bifurcation-diagram": _Kind(bifurcation_diagram),
-    "index-curve": _Kind(index_curve),
-    "index-surface": _Kind(index_surface),
-    "index-contour": _Kind(index_contour),
-    "index-scatter": _Kind(index_scatter),
-    "motion-map": _Kind(motion_map, ("classify",)),
-    "exponent-map": _Kind(exponent_map),
-    "branch-diagram": _Kind(_parts(branch_diagram), ("continue_orbit",)),
-    "boundaries": _Kind(_parts(boundaries), ("continue_boundary", "boundary_curves")),
-    "basin-portrait": _Kind(basin_portrait, ("basins",)),
-    "comparison": _Kind(comparison_figure, ("compare",)),
-}
-KINDS: dict[str, Callable[..., Axes | Figure]] = {name: kind.draw for name, kind in _TABLE.items()}
-_BY_MAKER = {maker: name for name, kind in _TABLE.items() for maker in kind.makers}
+KINDS: dict[str, Callable[..., Axes | Figure]] = {name: _drawer(kind) for name, kind in figures.KINDS.items()}
+_BY_SHAPE = ("impact_section", "stroboscopic_section", "bifurcation_diagram", "parameter_map")  # may have been sliced
 
 
 def default_kind(dataset: xr.Dataset) -> str:
@@ -104,9 +80,9 @@ def default_kind(dataset: xr.Dataset) -> str:
     >>> default_kind(vi.simulate(vi.ImpactOscillator(), periods=2))
     'time-history'
     """
-    maker: Any = dataset.attrs.get("function")
-    if maker in _BY_MAKER:
-        return _BY_MAKER[maker]
+    maker = str(dataset.attrs.get("function"))
+    if maker not in _BY_SHAPE and (kinds := figures.kinds_of(maker)):
+        return kinds[0]
     if "impact_time" in dataset:
         return "time-history"
     axes = [str(dim) for dim in dataset["status"].dims if dim != "start"] if "status" in dataset else []
@@ -114,11 +90,11 @@ def default_kind(dataset: xr.Dataset) -> str:
         return "bifurcation-diagram" if axes else "impact-map" if "phase" in dataset else "stroboscopic-map"
     if axes == ["point"]:
         return "index-scatter"
-    if len(axes) == 1:
-        return "index-curve"
-    if len(axes) == 2:
-        indices = {str(name) for name in dataset.data_vars} - {"status"}
-        return "exponent-map" if indices and indices <= set(EXPONENTS) else "index-contour"
+    indices = {str(name) for name in dataset.data_vars} - {"status"}
+    if len(axes) == 2 and indices and indices <= set(figures.EXPONENTS):
+        return "exponent-map"
+    if kinds := figures.kinds_of("parameter_map", len(axes)) if axes else ():
+        return kinds[0]
     raise ValueError(
         "`dataset` must be a result of simulate, a section, bifurcation_diagram, parameter_map over one or two axes, "
         f"continue_orbit, boundary_curves, basins or compare, got {len(axes)} axes; "

@@ -16,6 +16,7 @@ from matplotlib.patches import Patch
 
 from vibroimpact.classes import classify
 from vibroimpact.dataset import VARIABLES
+from vibroimpact.figures import EXPONENTS
 from vibroimpact.motion import MotionClass, cycle_name
 from vibroimpact.parameters import choice
 from vibroimpact.plotting.checks import check_sweep, refused
@@ -76,7 +77,6 @@ WORDS = {kind: kind.word.replace("_", " ") for kind in COLORS}
 SEVERAL = "#5d175d"  # where the motion depends on the initial condition
 
 SIGNED = "RdBu_r"  # of exponents, white at zero
-EXPONENTS = ("lyapunov", "lyapunov_per_impact")
 SHOWN = 99.0  # per cent of the cells within the scale of exponents; the others saturate
 
 # Of attractors: Okabe and Ito's palette, the lightest and most different hues first; without impacts they are grey.

@@ -1,0 +1,56 @@
+"""Which figure shows which result: the one table that plotting and the command line read, free of Matplotlib."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+EXPONENTS = ("lyapunov", "lyapunov_per_impact")
+
+
+class Kind(NamedTuple):
+    """A kind of figure: its function in `vibroimpact.plotting`, and the results it shows.
+
+    `axes` counts those of a parameter_map, and `needs` names the indices that it must hold; a `bundled` figure draws
+    all parts of one dataset.
+    """
+
+    function: str
+    results: tuple[str, ...]
+    axes: int = 0
+    needs: tuple[str, ...] = ()
+    bundled: bool = False
+
+
+# By the name that --figure takes. Of several for one result the first is the default.
+# To add a figure: its function in plotting/, its name in plotting/__init__.py, its entry here.
+KINDS = {
+    "time-history": Kind("time_history", ("simulate",)),
+    "phase-portrait": Kind("phase_portrait", ("simulate",)),
+    "stroboscopic-map": Kind("stroboscopic_map", ("stroboscopic_section",)),
+    "impact-map": Kind("impact_map", ("impact_section",)),
+    "bifurcation-diagram": Kind("bifurcation_diagram", ("bifurcation_diagram",)),
+    "index-curve": Kind("index_curve", ("parameter_map",), axes=1),
+    "index-contour": Kind("index_contour", ("parameter_map",), axes=2),
+    "index-surface": Kind("index_surface", ("parameter_map",), axes=2),
+    "motion-map": Kind(
+        "motion_map", ("parameter_map", "classify"), axes=2, needs=("lyapunov_per_impact", "n_periods", "n_impacts")
+    ),
+    "exponent-map": Kind("exponent_map", ("parameter_map",), axes=2, needs=("lyapunov",)),
+    "index-scatter": Kind("index_scatter", ("parameter_map",)),
+    "branch-diagram": Kind("branch_diagram", ("continue_orbit",), bundled=True),
+    "boundaries": Kind("boundaries", ("boundary_curves", "continue_boundary"), bundled=True),
+    "basin-portrait": Kind("basin_portrait", ("basins",)),
+    "comparison": Kind("comparison_figure", ("compare",)),
+}
+
+
+def kinds_of(function: str, axes: int = 0) -> tuple[str, ...]:
+    """Return the kinds of figure that show what a public function returns, of a map that over so many axes.
+
+    Examples
+    --------
+    >>> kinds_of("simulate"), kinds_of("parameter_map", 1)
+    (('time-history', 'phase-portrait'), ('index-curve',))
+    """
+    of_map = function == "parameter_map"
+    return tuple(name for name, kind in KINDS.items() if function in kind.results and (kind.axes == axes or not of_map))
