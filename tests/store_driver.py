@@ -34,7 +34,7 @@ TILE, TILES = 36, 24
 
 def sweep(store, **options):
     """Run the study into a store, some tiles at a time; return it."""
-    threads.BLOCK = min(threads.BLOCK, 2 * TILE)
+    threads.SHARE = min(threads.SHARE, TILE)
     return vi.parameter_map(OSC, store=store, tile=TILE, workers=2, **STUDY | options)
 
 
@@ -47,7 +47,7 @@ def warm_up():
 
 def slow_down(seconds):
     """Let every tile take a while longer, in which its thread hears no signal."""
-    threads.BLOCK, share = TILE, CpuBackend.share
+    threads.SHARE, share = TILE // 2, CpuBackend.share
 
     def slowly(backend, cells, asked):
         work = share(backend, cells, asked)

@@ -48,7 +48,7 @@ class Counting:
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
     """Let threads share a tile or two at a time, so that a sweep that is stopped leaves some of these few cells."""
-    monkeypatch.setattr(threads, "BLOCK", 30)
+    monkeypatch.setattr(threads, "SHARE", 30)
 
 
 @pytest.fixture
@@ -216,7 +216,7 @@ def test_the_picture_of_a_partly_finished_store_says_which_part_is_missing(partl
 
 def test_the_curve_of_a_partly_finished_store_says_which_part_is_missing(tmp_path, monkeypatch):
     study = {"omega": OMEGA, "sample_impacts": 50, "store": tmp_path / "run.zarr", "tile": 4, "workers": 1}
-    monkeypatch.setattr(threads, "BLOCK", 4)
+    monkeypatch.setattr(threads, "SHARE", 4)
     ax = vi.plotting.index_curve(vi.parameter_map(OSC, progress=Counting(2), **study))
     legend = ax.get_legend() or ax.get_figure().legends[0]
     assert any("interrupted" in text.get_text() for text in legend.get_texts())

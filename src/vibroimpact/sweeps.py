@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,6 @@ from vibroimpact import memory
 from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.dataset import missing
 from vibroimpact.execution import check_place, computing
-from vibroimpact.execution.threads import BLOCK
 from vibroimpact.execution.tiling import usual_tile
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
@@ -169,13 +168,12 @@ def parameter_map(
     _check_room(request)
     dataset, flat = _empty_map(request)
     done, stop = 0, Stop(progress)
-    size = BLOCK if cluster is None else size
-    parts = [slice(low, min(low + size, len(request))) for low in range(0, len(request), size)]
-    with (
-        reporter(progress, "cells") as report,
-        computing(cluster, workers) as place,
-        closing(place.compute(request, parts, stop)) as pieces,
-    ):
+    with ExitStack() as stack:
+        report = stack.enter_context(reporter(progress, "cells"))
+        place = stack.enter_context(computing(cluster, workers))
+        size = place.part_size(request, len(request)) if cluster is None else size
+        parts = [slice(low, min(low + size, len(request))) for low in range(0, len(request), size)]
+        pieces = stack.enter_context(closing(place.compute(request, parts, stop)))
         for part, which, result in pieces:
             for name, values in flat.items():
                 values[parts[part]][which] = result[name]

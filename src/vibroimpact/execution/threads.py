@@ -24,8 +24,8 @@ from vibroimpact.request import Places, Request
 
 Result = TypeVar("Result")
 
-BLOCK = 1 << 18  # cells that threads share at once: some 60 MB
-PARTS = 1024  # of cells that threads share at once
+SHARE = 1 << 15  # cells that threads share at once, per thread: some 8 MB and a second's work
+PARTS = 1024  # parts that threads share at once
 LOOK = 0.1  # seconds between two looks at whether to stop
 GRACE = 10.0  # seconds for which a sweep that is stopped waits for running tiles; later ones are given up
 THREADS = "vibroimpact"  # how names of threads that compute begin
@@ -55,17 +55,17 @@ class Threads:
 
     def part_size(self, request: Request, cells: int) -> int:
         """Return how many of so many cells a part should hold: threads share whatever they get."""
-        return BLOCK
+        return SHARE * self.workers
 
     def compute(self, request: Request, parts: Sequence[Part], stop: Event, store: Path | None = None) -> Pieces:
         """Yield (number of a part, which of its cells have ended, their results) until all have or `stop` is set.
 
-        Parts are begun in their order, as many at a time as hold a `BLOCK` of cells.
+        Parts are begun in their order, some `SHARE` of cells per thread at a time.
         """
         engine = get_backend(request.backend, time_step=request.time_step)
         first = 0
         while first < len(parts) and not stop.is_set():
-            block = _block(request, parts, first)
+            block = _block(request, parts, first, SHARE * self.workers)
             bounds = np.cumsum([0, *map(len, block)])
             cells = request.cells(np.concatenate(block))
             for which, outcome in run_sweep(engine, cells, request.asked, self.workers, stop):
@@ -78,13 +78,13 @@ class Threads:
             first += len(block)
 
 
-def _block(request: Request, parts: Sequence[Part], first: int) -> list[Places]:
-    """Return the cells of the next parts, as many as threads share at once."""
+def _block(request: Request, parts: Sequence[Part], first: int, most: int) -> list[Places]:
+    """Return the cells of the next parts: as many as hold at most so many cells, but one at least."""
     block, cells = [flat(parts[first], request)], 0
     while first + len(block) < len(parts) and len(block) < PARTS:
         cells += len(block[-1])
         following = flat(parts[first + len(block)], request)
-        if cells + len(following) > BLOCK:
+        if cells + len(following) > most:
             break
         block.append(following)
     return block
@@ -105,8 +105,8 @@ def run_sweep(
             stop,
         )
         return
-    for low in range(0, len(cells), BLOCK):
-        work = engine.share(cells[low : low + BLOCK], asked)
+    for low in range(0, len(cells), SHARE * workers):
+        work = engine.share(cells[low : low + SHARE * workers], asked)
         for done, outcome in run_shared(work, workers, stop):
             yield done + low, outcome
 
