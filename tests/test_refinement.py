@@ -228,5 +228,5 @@ def test_a_uniform_map_is_no_refined_one():
     with pytest.raises(ValueError, match="`plane` must be what `refined_map` returned, got a Dataset without"):
         to_uniform(vi.parameter_map(OSC, omega=[1.0, 2.0], sample_impacts=10))
     plane = refined_map(OSC, refine=1, omega=[1.9, 2.0], mass=[1.0, 1.1], sample_impacts=50)
-    with pytest.raises(ValueError, match="`shape` is"):
+    with pytest.raises(ValueError, match="`shape` must be a pair"):
         to_uniform(plane, shape=(3,))
