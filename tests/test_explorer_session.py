@@ -179,6 +179,14 @@ def test_the_impact_map_of_a_slow_cycle_has_its_impacts():
     assert np.ptp(point.impact_map["velocity"]) < 1e-9
 
 
+def test_the_settled_motion_is_shown_where_the_budget_ends_the_recording():
+    osc = ImpactOscillator(omega=0.077, damping=50.0, restitution=1.0)
+    view = View(osc=osc, x="amplitude", x_range=(0.5, 1.5), y="stiffness", y_range=(0.9, 1.1))
+    point = compute_point(view)
+    assert point.settled
+    assert point.history["displacement"][0] == osc.gap
+
+
 def test_the_portrait_of_chaos_or_of_a_beginning_is_all_of_the_history():
     longer = View(osc=ImpactOscillator(omega=2.903))  # 42 periods, of which the history shows 40
     for view in (View(osc=ImpactOscillator(omega=0.6)), View(settled=False), longer):

@@ -80,9 +80,11 @@ def compute_point(view: View, osc: ImpactOscillator | None = None) -> Point:
     )
     length = max(2.0, min(40.0, HISTORY / density)) * osc.period
     shown = _settled_part(osc, orbit, length, n, status.has_indices) if view.settled else None
-    settled = shown is not None
-    if shown is None:
-        shown = _from_start(osc, start, length, density)
+    impact_map = _impact_map(osc, start, orbit, n, repeats=0 < n <= looks or not status.has_indices)
+    begin = _hardest(osc, impact_map) if view.settled and status.has_indices else None
+    settled = shown is not None or begin is not None
+    if shown is None:  # the beginning is wanted, or the orbit was not recorded to its end
+        shown = _from_start(osc, begin or start, length, density)
     return Point(
         osc=osc,
         name=motion_name(kind, n, p),
@@ -93,7 +95,7 @@ def compute_point(view: View, osc: ImpactOscillator | None = None) -> Point:
         history=_history(osc, shown),
         impacts={"time": shown.impact_time, "velocity": shown.impact_velocity},
         rests=shown.rests,
-        impact_map=_impact_map(osc, start, orbit, n, repeats=0 < n <= looks or not status.has_indices),
+        impact_map=impact_map,
         poincare={name: orbit[name].values[::density] for name in ("displacement", "velocity")},
     )
 
@@ -154,6 +156,15 @@ def _settled_part(osc: ImpactOscillator, orbit: xr.Dataset, length: float, n_per
     if hits and len(last):
         begin = float(hit_time[last[int(orbit["impact_velocity"].values[last].argmax())]])
     return _part(orbit, begin, begin + length, math.floor(begin / osc.period) * osc.period)
+
+
+def _hardest(osc: ImpactOscillator, impact_map: Columns) -> State | None:
+    """Return the hardest of the last impacts as a state to continue from."""
+    velocity, phase = (impact_map[name][:-65:-1] for name in ("velocity", "phase"))
+    if not len(velocity):
+        return None
+    at = int(velocity.argmax())
+    return State(osc.gap, float(velocity[at]), float(phase[at]) * osc.period)
 
 
 def _history(osc: ImpactOscillator, part: _Part) -> Columns:
