@@ -282,10 +282,10 @@ def test_the_witness_finds_the_same_attractors():
 
 def test_cycles_are_the_same_whichever_of_their_impacts_they_begin_with():
     one = Impacts([0.1, 0.5, 0.999999999], [2.0, 1.0, 2.0])
-    assert same_orbit(one, Impacts(np.roll(one.phases, 1), np.roll(one.velocities, 1)), SAME)
-    assert same_orbit(one, Impacts([0.1, 0.5, 0.0], one.velocities), SAME)
-    assert not same_orbit(one, Impacts([0.1, 0.500001, 0.0], one.velocities), SAME)
-    assert not same_orbit(one, Impacts(one.phases[:2], one.velocities[:2]), SAME)
+    assert same_orbit(one, Impacts(np.roll(one.phases, 1), np.roll(one.velocities, 1)), tolerance=SAME)
+    assert same_orbit(one, Impacts([0.1, 0.5, 0.0], one.velocities), tolerance=SAME)
+    assert not same_orbit(one, Impacts([0.1, 0.500001, 0.0], one.velocities), tolerance=SAME)
+    assert not same_orbit(one, Impacts(one.phases[:2], one.velocities[:2]), tolerance=SAME)
 
 
 def test_chaos_is_told_apart_by_where_its_impacts_lie():

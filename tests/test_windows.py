@@ -58,7 +58,7 @@ def shown(sweep, at, window):
     end = int(sweep["count"][at])
     last = slice(max(0, end - window.n_impacts), end)
     seen = Impacts(sweep["phase"].values[at, last], sweep["velocity"].values[at, last])
-    return any(same_orbit(orbit, seen, 1e-6) for orbit in window.orbits_at(float(sweep["omega"][at])))
+    return any(same_orbit(orbit, seen, tolerance=1e-6) for orbit in window.orbits_at(float(sweep["omega"][at])))
 
 
 def on_another(sweep, at, window):

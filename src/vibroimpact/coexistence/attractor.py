@@ -308,7 +308,7 @@ def _joined(
         chaotic = settled.kind[at] == MotionClass.CHAOTIC
         seen = settled_impacts(runner, cells, settled, at, longest)
         for _, other, members in known:
-            if same_chaos(seen, other) if chaotic else same_orbit(seen, other, SAME):
+            if same_chaos(seen, other) if chaotic else same_orbit(seen, other, tolerance=SAME):
                 members.append(group)
                 break
         else:

@@ -146,7 +146,7 @@ def _lies_on(orbit: Orbit, branch: Branch) -> bool:
     around = np.flatnonzero(apart[:-1] * apart[1:] <= 0.0)
     nearest = {int(j if abs(apart[j]) < abs(apart[j + 1]) else j + 1) for j in around}
     moved = [_moved(branch.orbits[j], branch.parameter, value) for j in nearest]
-    return any(same_orbit(found, orbit, SAME) for found in moved if found)
+    return any(same_orbit(found, orbit, tolerance=SAME) for found in moved if found)
 
 
 def stable_windows(branches: Branch | Iterable[Branch]) -> list[Window]:

@@ -250,7 +250,7 @@ def _points(cycle: HasImpacts, fastest: float) -> Floats:
     return np.column_stack([np.sin(angles), np.cos(angles), np.asarray(cycle.velocities) / (fastest or 1.0)])
 
 
-def same_orbit(a: HasImpacts, b: HasImpacts, tolerance: float = SAME) -> bool:
+def same_orbit(a: HasImpacts, b: HasImpacts, *, tolerance: float = SAME) -> bool:
     """Return whether two cycles are one: the package's only test of that.
 
     Parameters

@@ -216,7 +216,7 @@ def _cycle(model: Model, measured: Measured, section: xr.Dataset) -> Orbit | Non
     found = [
         orbit
         for orbit in find_orbit(model, n_periods=measured.n_periods, n_impacts=measured.n_impacts, near=near)
-        if orbit.stable and orbit.admissible and same_orbit(orbit, last, ALIKE)
+        if orbit.stable and orbit.admissible and same_orbit(orbit, last, tolerance=ALIKE)
     ]
     return min(found, key=partial(orbit_distance, last), default=None)
 
@@ -270,7 +270,7 @@ def _is_present(attractor: Attractor, present: Present) -> bool:
     measured = present.measured
     if attractor.kind == measured.kind == MotionClass.PERIODIC.word:
         if present.motion.velocities:
-            return same_orbit(attractor, present.motion, ALIKE)
+            return same_orbit(attractor, present.motion, tolerance=ALIKE)
         return (attractor.n_periods, attractor.n_impacts) == (measured.n_periods, measured.n_impacts)
     if attractor.kind == MotionClass.AT_REST.word:
         return measured.motion_class in (*QUIET, MotionClass.DECAYING)
