@@ -9,9 +9,9 @@ import pytest
 
 import vibroimpact as vi
 from fenced import ROOT, blocks, table
+from vibroimpact.cli.errors import WrongRequest
 from vibroimpact.cli.options import PARAMETERS, SAMPLE_IMPACTS, STUDY, Options, X
-from vibroimpact.cli.study import TABLES, WrongRequest, make_study
-from vibroimpact.cli.study import read_study as read_typed
+from vibroimpact.cli.study import TABLES, make_study
 
 DESIGN = """
 [oscillator]
@@ -32,7 +32,7 @@ backend = "cpu"
 
 def read_study(path, **typed):
     """Return the request of a file and of options as typed."""
-    return read_typed(Options((STUDY, PARAMETERS, X, SAMPLE_IMPACTS), {"study": path, **typed}))
+    return Options((STUDY, PARAMETERS, X, SAMPLE_IMPACTS), {"study": path, **typed}).study()
 
 
 @pytest.fixture

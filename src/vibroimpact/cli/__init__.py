@@ -26,7 +26,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         from typer.main import get_command
 
         from vibroimpact.cli.app import app
-        from vibroimpact.cli.study import Ended
+        from vibroimpact.cli.errors import Ended
 
         try:
             given = None if arguments is None else list(arguments)

@@ -10,13 +10,14 @@ import typer
 
 from vibroimpact.cli import options as o
 from vibroimpact.cli import output, stores
-from vibroimpact.cli.study import Interrupted, Study, WrongRequest, read_study, refusing
+from vibroimpact.cli.errors import Interrupted, WrongRequest, refusing
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from vibroimpact.cli.options import Options
+    from vibroimpact.cli.study import Study
 
 
 @o.with_options(o.MODEL, o.START, o.DURATION, o.ENGINE, o.OUT, o.FIGURE, o.PICTURE)
@@ -29,7 +30,7 @@ def simulate(options: Options) -> None:
       vibroimpact simulate -p w=0.9 --start -1,0,0 --out orbit.csv
       vibroimpact simulate -p w=0.9 --figure phase-portrait --out portrait.png
     """
-    study = read_study(options)
+    study = options.study()
     _motion("simulate", study, options)
     if options["out"] is None:
         from vibroimpact.report import sentences_of
@@ -46,7 +47,7 @@ def section(options: Options) -> None:
       vibroimpact section -p omega=0.9
       vibroimpact section -p frequency=0.45 --kind stroboscopic --out poincare.png
     """
-    study = read_study(options)
+    study = options.study()
     _motion(f"{study.given.get('section', 'impact')}_section", study, options)
 
 
@@ -72,7 +73,7 @@ def diagram(options: Options) -> None:
       vibroimpact diagram --x gap=-0.5:0.5:200 -p w=0.9 --section stroboscopic
       vibroimpact diagram --x w=2:3:400 --indices std --index std --out std.png
     """
-    study = read_study(options)
+    study = options.study()
     if len(study.axes) != 1:
         raise WrongRequest(f"a diagram needs exactly one axis, got {_listed(study)}; for example --x omega=0.025:5:200")
     output.check(options, "bifurcation_diagram", study.given.get("indices", ()), 1)
@@ -100,7 +101,7 @@ def parameter_map(options: Options) -> None:
     needed = output.NEEDS.get(options["figure"] or "", ()) if output.is_figure(options) else ()
     if needed and options["indices"] is None:  # those the figure is drawn from
         options = options.with_values(indices=",".join(needed))
-    study = read_study(options)
+    study = options.study()
     if not study.axes:
         raise WrongRequest("a map needs an axis; for example --x omega=0.025:5:200")
     stores.check_cluster(options)

@@ -8,7 +8,7 @@ import typer
 
 from vibroimpact.cli import options as o
 from vibroimpact.cli import output, stores
-from vibroimpact.cli.study import REFUSALS, Interrupted, WrongRequest, refusing
+from vibroimpact.cli.errors import REFUSALS, Interrupted, WrongRequest, refusing
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:

@@ -6,12 +6,17 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass
 from inspect import Parameter, Signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from vibroimpact import figures
-from vibroimpact.cli.study import ENDS, WrongRequest
+from vibroimpact.cli.errors import WrongRequest
+
+if TYPE_CHECKING:
+    from vibroimpact.cli.study import Study
+
+ENDS = ("from", "to", "points")  # of an axis
 
 # Numbers arrive as text: the checks of the study then name value, range and remedy.
 TEXT, TEXTS, FLAG, PATH = str | None, list[str] | None, bool, Path | None
@@ -101,6 +106,12 @@ class Options(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self._typed)
+
+    def study(self, file: Path | None = None) -> Study:
+        """Return the request that they make together with a study file."""
+        from vibroimpact.cli.study import read_study  # here, since --help needs none of it
+
+        return read_study(file or self.get("study"), self.changes(), self.get("model"))
 
     def with_values(self, **values: Any) -> Options:
         """Return a copy with other values of some options."""

@@ -11,8 +11,8 @@ import typer
 
 from vibroimpact.cli import options as o
 from vibroimpact.cli import output
+from vibroimpact.cli.errors import NothingFound, WrongRequest, refusing
 from vibroimpact.cli.options import numbers, parse_axis
-from vibroimpact.cli.study import NothingFound, WrongRequest, read_study, refusing, span_values
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def orbit(options: Options) -> None:
       vibroimpact orbit -p omega=0.9 --impacts 2 --out orbit.json
       vibroimpact orbit -p omega=0.1 --impacts -1
     """
-    study = read_study(options)
+    study = options.study()
     output.check_looks(options, (".json",))
     began = perf_counter()
     found = _find(study, options)
@@ -88,7 +88,7 @@ def follow(options: Options) -> None:
       vibroimpact continue -p w=2.6 --x w=2:3:400 --diagram --out branch.png
       vibroimpact continue -p w=0.9 --impacts 2 --x gap=-0.5:0.5
     """
-    study = read_study(options)
+    study = options.study()
     ((parameter, span),) = _ranges(study, 1).items()
     output.check(options, "continue_orbit")
     if options["diagram"] and not output.is_figure(options):
@@ -201,7 +201,7 @@ def boundary(options: Options) -> None:
       vibroimpact boundary --x w=1:5 --y m=0.1:5 --over map.zarr -o plane.png
       vibroimpact boundary -p w=0.9 --impacts 2 --x w=0.6:1.1 --y r=0.5:0.9
     """
-    study = read_study(options)
+    study = options.study()
     of_orbits = options["near"] is not None or options.number("n_impacts", 1) != 1
     box = _ranges(study, 2, contain=of_orbits)
     names, kinds = tuple(box), _kinds(options["kinds"])
@@ -307,7 +307,7 @@ def basins(options: Options) -> None:
       vibroimpact basins -p w=3 --x phase=0:1:400 --y velocity=0:3:400 -o b.png
       vibroimpact basins --x displacement=-3:0:200 --y velocity=-2:2:200
     """
-    study = read_study(options)
+    study = options.study()
     axes = _initial_conditions(study, options)
     if "displacement" in axes and "phase" in study.given:
         axes["phase"] = study.given["phase"]
@@ -329,6 +329,7 @@ def _initial_conditions(study: Study, options: Options) -> dict[str, Any]:
     """Return the axes of initial conditions, completed by phases or velocities of impacts."""
     import numpy as np
 
+    from vibroimpact.cli.study import span_values
     from vibroimpact.parameters import Parameter
 
     axes: dict[str, Any] = {}

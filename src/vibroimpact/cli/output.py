@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
+from vibroimpact.cli.errors import Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import number
-from vibroimpact.cli.study import Interrupted, WrongRequest, refusing
 from vibroimpact.figures import EXPONENTS, KINDS, kinds_of
 from vibroimpact.progress import speed
 

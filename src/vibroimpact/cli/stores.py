@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vibroimpact.cli.study import REFUSALS, WrongRequest, refusing
+from vibroimpact.cli.errors import REFUSALS, WrongRequest, refusing
 
 if TYPE_CHECKING:
     from vibroimpact.execution.store import SweepStore

@@ -7,13 +7,14 @@ import math
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from vibroimpact.cli.errors import refusing
+from vibroimpact.cli.options import ENDS
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.parameters import Parameter, choice, invalid, real_number, unknown, whole_number
@@ -22,52 +23,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from vibroimpact.cli.options import Options
-
     Floats = NDArray[np.float64]
 
 MOST_POINTS = 10_000_000  # of an axis; a typing error asks for more
-ENDS = ("from", "to", "points")
-
-
-class Ended(Exception):
-    """A command ended early; the message says why, in one line."""
-
-    code = 1
-
-
-class WrongRequest(Ended):
-    """The request cannot be carried out; nothing has been touched."""
-
-    code = 2
-
-
-class Interrupted(Ended):
-    """Ctrl-C stopped a computation; the message says what was kept."""
-
-    code = 130
-
-
-class NothingFound(Ended):
-    """What was to be written does not exist."""
-
-
-# how an input or a place is refused; a full disk, say, is another OSError
-REFUSALS = (FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
-
-
-@contextmanager
-def refusing(*errors: type[OSError]) -> Iterator[None]:
-    """Turn refused arguments, and these errors, into a `WrongRequest`; anything else is a failure."""
-    try:
-        yield
-    except errors as error:
-        raise WrongRequest(error.strerror or str(error)) from error
-    except ValueError as error:
-        # This package's refusals name an argument, in backticks, or choices; errors of libraries hardly ever do.
-        if "`" not in str(error) and not str(error).startswith("unknown "):
-            raise
-        raise WrongRequest(str(error)) from error
 
 
 # The schema: what each table of a study file may hold
@@ -160,13 +118,12 @@ class Study:
         return {name: value for name, value in self.given.items() if name in takes}
 
 
-def read_study(options: Options, file: Path | None = None) -> Study:
-    """Return the request that a study file and the options of a command make together."""
+def read_study(path: Path | None, changes: Mapping[str, Mapping[str, Any]], model: str | None = None) -> Study:
+    """Return the request that a study file, or none, and the options of a command make together."""
     with refusing(OSError):
-        changes, path = options.changes(), file or options.get("study")
         document = {} if path is None else _load(path)
-        if options.get("model"):
-            document["model"] = options["model"]
+        if model is not None:
+            document["model"] = model
         try:
             return make_study(document, changes, dotted=path is not None)
         except ValueError as error:

@@ -9,7 +9,7 @@ import typer
 
 from vibroimpact.cli import options as o
 from vibroimpact.cli import output
-from vibroimpact.cli.study import Interrupted, name_of, read_study, refusing
+from vibroimpact.cli.errors import Interrupted, refusing
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def describe(options: Options) -> None:
       vibroimpact describe -p omega=2.8
       vibroimpact describe study.toml --vary omega,gap --json
     """
-    study = read_study(options)
+    study = options.study()
     import vibroimpact
 
     with Meter("verdict") as meter, refusing():
@@ -54,7 +54,7 @@ def compare(options: Options) -> None:
       vibroimpact compare old.toml new.toml --out both.png
     """
     files = [options["first"], options["second"]]
-    first, second = (read_study(options, file) for file in files)
+    first, second = (options.study(file) for file in files)
     output.check_looks(options, (*output.FIGURE_ENDINGS, ".json"))
     import vibroimpact
 
@@ -82,6 +82,8 @@ def compare(options: Options) -> None:
 
 def _search(study: Study, options: Options) -> dict[str, Any]:
     """Return which parameters a verdict varies, and how far."""
+    from vibroimpact.cli.study import name_of
+
     chosen = options.numbers("within")
     if options["vary"] is not None:
         chosen["parameters"] = [name_of(study.model, name.strip()) for name in options["vary"].split(",")]
