@@ -196,7 +196,7 @@ def test_maps_of_motions_refuse_other_results_with_the_way_out():
     row = classes([(P, 1, 1)]).isel(mass=0)
     with pytest.raises(ValueError, match="`sweep` must be a parameter_map over two axes, got 1 axis"):
         motion_map(row)
-    with pytest.raises(ValueError, match="`sweep` lacks lyapunov_per_impact, n_periods, n_impacts"):
+    with pytest.raises(ValueError, match="lacks lyapunov_per_impact, n_periods, n_impacts"):
         motion_map(vi.parameter_map(OSC, omega=[2.0, 3.0], mass=[1.0, 2.0], sample_impacts=50))
     with pytest.raises(ValueError, match="unknown `index` 'std'; choose from lyapunov, lyapunov_per_impact"):
         exponent_map(row, "std")

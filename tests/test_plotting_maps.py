@@ -313,7 +313,7 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_old_file_and_nothing_else(tmp_
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ({"path": "figure.gif"}, r"'figure.gif'; allowed are \.png, \.svg, \.pdf"),
+        ({"path": "figure.gif"}, r"must end in \.png, \.svg or \.pdf, got 'figure.gif'"),
         ({"path": "figure.png", "dpi": 0}, "`dpi` must be a number above 0, got 0"),
         (
             {"path": "figure.png", "size": (3, 0)},
