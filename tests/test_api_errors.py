@@ -236,7 +236,7 @@ PLANE = {"omega": np.linspace(1, 2, 1000), "mass": np.linspace(1, 2, 300)}
 
 @pytest.mark.usefixtures("small")
 def test_a_map_that_memory_cannot_hold_is_refused_before_a_cell_is_made():
-    words = "`axes` span 1000 x 300 = 300,000 cells, which take 75 MB of memory; allowed here is at most 10 MB; write"
+    words = "`axes` span 1000 x 300 = 300,000 cells, which take 75 MB of memory, but this machine has 10 MB; write"
     with pytest.raises(ValueError, match=words):
         vi.parameter_map(OSC, **PLANE)
     with pytest.raises(ValueError, match="which take 77.4 MB"):

@@ -1,14 +1,14 @@
-"""What this machine's memory holds: what cannot fit is refused before any of it is made."""
+"""The memory of this machine: what cannot fit into it is refused before any of it is made."""
 
 from __future__ import annotations
 
 import os
 
-CELL, INDEX = 250, 8  # bytes a cell of a map takes while it is computed, and each index beyond the first
+CELL, INDEX = 250, 8  # bytes per cell of a map while it is computed, and per index beyond the first
 
 
 def installed() -> int | None:
-    """Return the bytes of memory that this machine has; None where it does not tell."""
+    """Return the bytes of memory that this machine has; None where that is unknown."""
     try:
         return int(os.sysconf("SC_PHYS_PAGES")) * int(os.sysconf("SC_PAGE_SIZE")) or None
     except (AttributeError, ValueError, OSError):  # no such call, no such name, no answer
@@ -20,7 +20,7 @@ def check_fits(name: str, what: str, needed: int, remedy: str) -> None:
     here = installed()
     if here is not None and needed > here:
         raise ValueError(
-            f"`{name}` {what} {in_words(needed)} of memory; allowed here is at most {in_words(here)}; {remedy}"
+            f"`{name}` {what} {in_words(needed)} of memory, but this machine has {in_words(here)}; {remedy}"
         )
 
 
