@@ -33,7 +33,7 @@ from vibroimpact.kernels.lanes import (
     store_sums,
 )
 from vibroimpact.kernels.law import saltation
-from vibroimpact.kernels.observers import Phases, Recurrence, Rests, Stamp, Sums
+from vibroimpact.kernels.observers import Phases, Recurrence, Rests, Stamp, repeated
 from vibroimpact.kernels.tangent import flow, product
 from vibroimpact.kernels.walk import step_at, walk
 
@@ -128,7 +128,8 @@ def _stamp_at(cycle, number, periods, ahead):
 @njit(error_model="numpy")
 def _finish_sums(lanes, i, cycle, number, periods, transient, total):
     """Add the impacts up to `total`, cycle upon cycle, to the lane's observers."""
-    count, shift, sum1, sum2, largest = load_sums(lanes, i)
+    found = load_sums(lanes, i)
+    count, shift = found.hits, found.shift
     sine, cosine = load_phases(lanes, i)
     if count <= transient:
         shift = cycle[int(transient - count) % number, 3]
@@ -139,14 +140,11 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
         skipped = max(math.ceil((transient - count - j) / number), 0.0)
         times = rounds - skipped
         if times > 0.0:
-            v = cycle[j, 3]
-            sum1 += times * (v - shift)
-            sum2 += times * (v - shift) ** 2
-            largest = max(largest, v)
+            found = repeated(found, total, shift, cycle[j, 3], times)
             sine += times * cycle[j, 1]
             cosine += times * cycle[j, 2]
     store_last(lanes, i, _stamp_at(cycle, number, periods, total - count - 1.0))
-    store_sums(lanes, i, Sums(total, shift, sum1, sum2, largest))
+    store_sums(lanes, i, found)
     store_phases(lanes, i, Phases(sine, cosine))
     # A stick lies at every end of a sticking cycle: is there one between the first and the last kept impact?
     first = max(transient, count)

@@ -1,10 +1,12 @@
 """What is kept of a motion while it is stepped; observers change no state.
 
-Each tuple is what one observer keeps of a cell, and the function of its name in lower case brings it up to date.
+Each tuple is what one observer keeps of a cell, and the function of its name in lower case brings it up to date. What
+a cycle adds that is closed, and the indices that follow from velocities, stand beside them.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from numba import njit
@@ -30,6 +32,15 @@ class Sums(NamedTuple):
     sum1: float
     sum2: float
     largest: float
+
+
+class VelocityIndices(NamedTuple):
+    """Indices from sums over the velocities of impacts."""
+
+    std: float
+    mean_velocity: float
+    max_velocity: float
+    impacts_per_period: float
 
 
 class Stamp(NamedTuple):
@@ -102,6 +113,28 @@ def sums(old, count, v, first, kept):
     deviation = select(kept, v - shift, 0.0)
     largest = select(kept & (v > old.largest), v, old.largest)
     return Sums(count, shift, old.sum1 + deviation, fma(deviation, deviation, old.sum2), largest)
+
+
+@njit(error_model="numpy")
+def repeated(old, hits, shift, v, times):
+    """Return the sums after an impact of speed v has been kept so many times more, with the new `hits` and `shift`."""
+    sum1 = old.sum1 + times * (v - shift)
+    sum2 = old.sum2 + times * (v - shift) ** 2
+    return Sums(hits, shift, sum1, sum2, max(old.largest, v))
+
+
+@njit(error_model="numpy")
+def velocity_indices(found, span, ratio, h, keep):
+    """Return the indices of `keep` impacts within `span` periods; `ratio` is the p/n of a closed cycle, or 0."""
+    mean = found.sum1 / keep
+    variance = found.sum2 / keep - mean * mean
+    rate = (keep - 1.0) / span if keep > 1.0 else math.nan
+    return VelocityIndices(
+        std=math.sqrt(max(variance, 0.0)) / h,
+        mean_velocity=(found.shift + mean) / h,
+        max_velocity=found.largest / h,
+        impacts_per_period=ratio if ratio > 0.0 else rate,  # of a closed cycle exactly p/n
+    )
 
 
 @njit(inline="always", error_model="numpy")

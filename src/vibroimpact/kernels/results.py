@@ -31,7 +31,7 @@ from vibroimpact.kernels.lanes import (
 )
 from vibroimpact.kernels.law import energy_loss
 from vibroimpact.kernels.near_miss import NONE
-from vibroimpact.kernels.observers import FOLD
+from vibroimpact.kernels.observers import FOLD, VelocityIndices, velocity_indices
 
 H, SCALE, FLIGHT, GRANTED, MADE, RATIO, KNOWN = range(7)  # what is noted of a cell beside its lane
 NOTES = 7
@@ -47,15 +47,6 @@ class Course(NamedTuple):
     counted: float
     steps: float
     known: float
-
-
-class VelocityIndices(NamedTuple):
-    """Indices from sums over the velocities of impacts."""
-
-    std: float
-    mean_velocity: float
-    max_velocity: float
-    impacts_per_period: float
 
 
 class ThoroughIndices(NamedTuple):
@@ -86,24 +77,18 @@ def _put(result, first, values):
 @njit(error_model="numpy")
 def harvest(lanes, i, note, keep, result):
     """Turn the sums of lane i, in lengths of a step, into indices per second and the course of its window."""
-    h = note[H]
-    count, shift, sum1, sum2, largest = load_sums(lanes, i)
+    h, found = note[H], load_sums(lanes, i)
     first, last = load_first(lanes, i), load_last(lanes, i)
     span = (last.n - first.n) + (phase_of(last.s, last.c) - phase_of(first.s, first.c))
-    mean = sum1 / keep
-    variance = sum2 / keep - mean * mean
-    rate = (keep - 1.0) / span if keep > 1.0 else math.nan
     course = Course(
-        span=span, sticks=load_rests(lanes, i).stuck, counted=count - note[KNOWN], steps=note[MADE], known=note[KNOWN]
-    )
-    indices = VelocityIndices(
-        std=math.sqrt(max(variance, 0.0)) / h,
-        mean_velocity=(shift + mean) / h,
-        max_velocity=largest / h,
-        impacts_per_period=note[RATIO] if note[RATIO] > 0.0 else rate,  # of a closed cycle exactly p/n
+        span=span,
+        sticks=load_rests(lanes, i).stuck,
+        counted=found.hits - note[KNOWN],
+        steps=note[MADE],
+        known=note[KNOWN],
     )
     _put(result, 0, course)
-    _put(result, _VELOCITIES, indices)
+    _put(result, _VELOCITIES, velocity_indices(found, span, note[RATIO], h, keep))
 
 
 @njit(error_model="numpy")
