@@ -239,7 +239,7 @@ def test_only_what_cannot_work_is_refused_of_a_store(tmp_path, monkeypatch):
     wide = {"omega": np.linspace(1, 2, 20_000), "mass": np.linspace(1, 2, 5_000), "progress": lambda *news: False}
     stored = vi.parameter_map(OSC, store=tmp_path / "run.zarr", sample_impacts=1, **wide)  # 1e8 cells in 4 MB
     assert stored["status"].size == 100_000_000
-    with pytest.raises(ValueError, match="`tile` is 19,600 cells, which take 4.9 MB of memory; .*; 4096 is usual"):
+    with pytest.raises(ValueError, match="`tile` is 19,600 cells, which take 4.9 MB of memory, .*; 4096 is usual"):
         vi.parameter_map(OSC, store=tmp_path / "other.zarr", tile=19_600, **wide)
     with pytest.raises(ValueError, match="`axes` span 100,000,000 cells in 25,000,000 tiles, .* or larger tiles"):
         vi.parameter_map(OSC, store=tmp_path / "other.zarr", tile=4, **wide)
