@@ -19,9 +19,8 @@ from scipy.io import loadmat
 
 import vibroimpact as vi
 from vibroimpact import files, formats
-from vibroimpact.bundles import bundle
 from vibroimpact.cli.orbit_data import orbits_dataset
-from vibroimpact.dataset import impact_speed, oscillator_of, provenance, status_variable, variable
+from vibroimpact.dataset import bundle, impact_speed, oscillator_of, provenance, status_variable, variable
 
 OSC = vi.ImpactOscillator(omega=2.8)
 

@@ -1,4 +1,4 @@
-"""Names, units, symbols and provenance of every result."""
+"""Names, units, symbols and provenance of every result; several curves or branches in one dataset, and back."""
 
 from __future__ import annotations
 
@@ -117,3 +117,108 @@ def provenance(function: str, model: Model, arguments: Mapping[str, Any]) -> dic
 def oscillator_of(dataset: xr.Dataset) -> ImpactOscillator:
     """Return the oscillator a result was made from (axes of a sweep stand at their reference value)."""
     return ImpactOscillator(**json.loads(dataset.attrs["oscillator"]))
+
+
+_BUNDLES = {"boundary_curves": "curve", "continue_orbit": "branch"}  # the name of each function's results
+_LAID_OUT = ("point", "special")  # dims along which the parts follow one another
+ENDS = ("outcome", "message", "arguments")  # attributes of each part, kept as lists
+
+
+def bundle(parts: Sequence[xr.Dataset], function: str, provenance: Mapping[str, str]) -> xr.Dataset:
+    """Return one dataset that holds several curves of a plane, or several branches along a parameter.
+
+    Parameters
+    ----------
+    parts : sequence of xarray.Dataset
+        The `dataset` of each, all in one plane or along one parameter.
+    function : {"boundary_curves", "continue_orbit"}
+        The function that returned them.
+    provenance : mapping
+        Attributes that say which call made them all.
+
+    Returns
+    -------
+    xarray.Dataset
+        Variables over `point` (and `special`), with the number of each point's part in `curve` or `branch`; variables
+        of a whole part over `curve_id` or `branch_id`.
+
+    Notes
+    -----
+    Rows of impacts are padded with NaN to the longest; `count` is their number.
+
+    Examples
+    --------
+    >>> from vibroimpact import ImpactOscillator, boundary_curves
+    >>> curves = boundary_curves(ImpactOscillator(), ("omega", "restitution"), ((2, 3), (0.5, 0.9)), lines=2)
+    >>> joined = bundle([curve.dataset for curve in curves], "boundary_curves", {})
+    >>> len(unbundle(joined)) == len(curves)
+    True
+    """
+    name = _BUNDLES[function]
+    wide = max(part.sizes["impact"] for part in parts)
+    padded = [part.pad(impact=(0, wide - part.sizes["impact"])) for part in parts]
+    rows: dict[str, Any] = {}
+    for dim in _LAID_OUT:
+        if dim in parts[0].dims:
+            rows |= _in_a_row(padded, dim, name)
+    ends = {key: json.dumps([str(part.attrs.get(key, "")) for part in parts]) for key in ENDS}
+    attrs = {**provenance, "function": function} | {f"{name}_{key}": text for key, text in ends.items()}
+    return xr.Dataset(rows | _of_each(parts, f"{name}_id"), attrs=attrs).set_coords(list(parts[0].coords))
+
+
+def _in_a_row(parts: Sequence[xr.Dataset], dim: str, name: str) -> dict[str, Any]:
+    """Return the variables along `dim`, the parts one after another, and the number of each entry's part."""
+    keys = [str(key) for key, variable in parts[0].variables.items() if dim in variable.dims]
+    join: Any = xr.Variable.concat
+    rows = {key: join([part[key].variable for part in parts], dim) for key in keys}
+    owner = np.repeat(np.arange(len(parts)), [part.sizes[dim] for part in parts]).astype(np.int32)
+    rows[_owner(dim, name)] = xr.Variable(dim, owner, {"long_name": f"number of the {name}", "units": "1"})
+    if dim == "point":
+        kept = np.isfinite(rows["velocity"].transpose("point", "impact").values).sum(axis=1)
+        rows["count"] = xr.Variable("point", kept, {"long_name": "number of impacts", "units": "1", "symbol": "N"})
+    return rows
+
+
+def _of_each(parts: Sequence[xr.Dataset], dim: str) -> dict[str, Any]:
+    """Return the variables of whole parts, over the parts."""
+    names = {"n_periods": "driving periods in a cycle", "n_impacts": "impacts in a cycle", dim: "number"}
+    columns = {
+        str(key): xr.Variable(dim, np.array([part[key].item() for part in parts], variable.dtype), variable.attrs)
+        for key, variable in parts[0].data_vars.items()
+        if not variable.dims
+    }
+    for key, long_name in names.items():
+        numbers = range(len(parts)) if key == dim else [part.attrs[key] for part in parts]
+        columns[key] = xr.Variable(dim, np.array(numbers, np.int32), {"long_name": long_name, "units": "1"})
+    return columns
+
+
+def _owner(dim: str, name: str) -> str:
+    return name if dim == "point" else f"{dim}_{name}"
+
+
+def unbundle(dataset: xr.Dataset) -> list[xr.Dataset]:
+    """Return the curves or branches that a dataset holds, each as it was; a single one is returned as it is."""
+    name = next((name for name in _BUNDLES.values() if f"{name}_id" in dataset.dims), None)
+    if name is None:
+        return [_in_order(dataset)]
+    ends = {key: json.loads(dataset.attrs[f"{name}_{key}"]) for key in ENDS}
+    parts = []
+    for number in range(dataset.sizes[f"{name}_id"]):
+        part = dataset.isel({f"{name}_id": number})
+        for dim in _LAID_OUT:
+            if (owner := _owner(dim, name)) in part:
+                part = part.isel({dim: np.flatnonzero(part[owner].values == number)}).drop_vars(owner)
+        own = {key: int(part[key]) for key in ("n_periods", "n_impacts")}
+        attrs = {key: value for key, value in dataset.attrs.items() if not key.startswith(f"{name}_")}
+        part = part.isel(impact=slice(0, int(part["count"].max()))).drop_vars([f"{name}_id", "count", *own])
+        part.attrs = attrs | own | {key: values[number] for key, values in ends.items()}
+        parts.append(_in_order(part))
+    return parts
+
+
+def _in_order(part: xr.Dataset) -> xr.Dataset:
+    """Return a curve with its plane's parameters in the order given; stores put them into that of the alphabet."""
+    names = json.loads(part.attrs.get("arguments", "{}")).get("parameters", ())
+    held = [name for name in names if name in part.coords]
+    return part.drop_vars(held).assign_coords({name: part[name].variable for name in held})

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vibroimpact.bundles import unbundle
 from vibroimpact.classes import NEEDED, classify
-from vibroimpact.dataset import oscillator_of
+from vibroimpact.dataset import oscillator_of, unbundle
 from vibroimpact.indices import INDICES, ROUNDING, spread_scale, told_spread
 from vibroimpact.motion import (
     MotionClass,

@@ -93,8 +93,7 @@ def follow(options: Options) -> None:
     output.check(options, "continue_orbit")
     if options["diagram"] and not output.is_figure(options):
         raise WrongRequest("`--diagram` needs a figure; add for example --out branch.png")
-    from vibroimpact.bundles import bundle
-    from vibroimpact.dataset import provenance
+    from vibroimpact.dataset import bundle, provenance
     from vibroimpact.parameters import whole_number
 
     with Meter("orbits") as meter, refusing():
@@ -221,8 +220,7 @@ def boundary(options: Options) -> None:
 
 def _bundled(curves: list[Boundary], study: Study, box: Mapping[str, Range]) -> xr.Dataset:
     """Return all curves as one dataset; of the many impacts of a chatter only the first."""
-    from vibroimpact.bundles import bundle
-    from vibroimpact.dataset import provenance
+    from vibroimpact.dataset import bundle, provenance
 
     parts = [curve.dataset for curve in curves]
     parts = [part.isel(impact=slice(0, 1)) if part.attrs["n_impacts"] == -1 else part for part in parts]

@@ -73,7 +73,7 @@ def boundary_curves(
     Raises
     ------
     ValueError
-        An argument is out of its range.
+        Not two different parameters, a range that is empty or out of theirs, an unknown kind, or `lines` below 2.
 
     Notes
     -----

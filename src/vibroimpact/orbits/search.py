@@ -75,7 +75,7 @@ def find_orbit(osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: 
     Raises
     ------
     ValueError
-        An argument is out of its range.
+        `n_periods` or `n_impacts` is below 1, or `near` is not an orbit, a State or a pair (phase, velocity).
 
     Notes
     -----

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vibroimpact import figures
-from vibroimpact.bundles import unbundle
+from vibroimpact.dataset import unbundle
 from vibroimpact.plotting.checks import SAMPLE_DIMS
 from vibroimpact.plotting.continuation import boundaries, branch_diagram
 from vibroimpact.plotting.designs import comparison_figure, oscillator_sketch

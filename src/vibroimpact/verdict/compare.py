@@ -204,7 +204,7 @@ def compare(
     Raises
     ------
     ValueError
-        An argument is out of its range.
+        `a` or `b` is not a model, `names` are not two different texts, or what `describe` refuses.
 
     Notes
     -----

@@ -149,7 +149,7 @@ def describe(
     Raises
     ------
     ValueError
-        An argument is out of its range.
+        `osc` is not a model, one of `parameters` is not among its own, or `within` is not a number > 0.
 
     Notes
     -----
