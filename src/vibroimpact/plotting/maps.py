@@ -287,8 +287,9 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
     solid.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]), zlim=(min(0.0, low), high))
     solid.set_xlabel(label(field[field.dims[0]]), labelpad=6)
     solid.set_ylabel(label(field[field.dims[1]]), labelpad=6)
-    solid.set_zlabel(f"{symbol_of(field)}{unit_suffix(described(field)[1])}", labelpad=4)
-    add_bar(solid, surface, field, "root scale", shrink=0.6, pad=0.08)
+    short = f"{symbol_of(field)}{unit_suffix(described(field)[1])}"
+    solid.set_zlabel(short, labelpad=4)
+    add_bar(solid, surface, field, "root scale", f"{described(field)[0]}\n{short}", shrink=0.6, pad=0.08)
     solid.set_box_aspect((1.2, 1.2, 0.7), zoom=0.95)  # leaves room for the labels outside the box
     solid.view_init(elev=38, azim=-70)
     return solid  # type: ignore[no-any-return]

@@ -72,9 +72,9 @@ def draw_missing(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch
     return fill_cells(ax, field, layers)
 
 
-def add_bar(ax: Axes, mesh: Any, field: xr.DataArray, note: str = "", **how: Any) -> None:
+def add_bar(ax: Axes, mesh: Any, field: xr.DataArray, note: str = "", text: str = "", **how: Any) -> None:
     """Put the scale of colours beside a map, labelled with quantity and unit."""
     bar = ax.get_figure().colorbar(mesh, ax=ax, **how)  # type: ignore[union-attr]
-    bar.set_label(label(field), labelpad=6)
+    bar.set_label(text or label(field), labelpad=6)
     if note:
         bar.ax.set_xlabel(note, loc="left", labelpad=6, fontsize=8.5)
