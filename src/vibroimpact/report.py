@@ -155,7 +155,7 @@ def _map(dataset: xr.Dataset) -> Iterator[str]:
     cells = "cell" if dataset["status"].size == 1 else "cells"
     yield f"{shape} {cells}: " + "; ".join(axis_range(dataset, axis) for axis in axes)
     for name in (name for name in INDICES if name in dataset):
-        yield _index(_without_rounding(dataset[name], oscillator_of(dataset).velocity_scale), axes)
+        yield _index(dataset[name], axes, oscillator_of(dataset).velocity_scale)
     if set(NEEDED) <= set(map(str, dataset.data_vars)):
         yield from _motions(classify(dataset))
     codes, counts = np.unique(dataset["status"].values, return_counts=True)
@@ -164,14 +164,10 @@ def _map(dataset: xr.Dataset) -> Iterator[str]:
         yield f"  {100 * count / dataset['status'].size:.3g} % {_spaced(status.word)}: {status.sentence}"
 
 
-def _without_rounding(field: xr.DataArray, scale: float) -> xr.DataArray:
-    """Return an index with 0 for spreads of cycles, which are nothing but rounding; others as they are."""
-    least = ROUNDING * spread_scale(str(field.name), scale)
-    return field.where(~(np.abs(field) <= least), 0.0).assign_attrs(field.attrs)
-
-
-def _index(field: xr.DataArray, axes: list[str]) -> str:
-    """Return range and largest value of an index, and how often it is infinite."""
+def _index(field: xr.DataArray, axes: list[str], scale: float) -> str:
+    """Return range and largest value of an index, and how often it is infinite; `scale` is that of velocities."""
+    rounding = ROUNDING * spread_scale(str(field.name), scale)  # the spread of a cycle is nothing else
+    field = field.where(~(np.abs(field) <= rounding), 0.0).assign_attrs(field.attrs)
     head = f"{field.attrs['long_name']} ({field.name})"
     values = field.where(np.isfinite(field))
     if not np.isfinite(field).any():
@@ -268,9 +264,8 @@ def _growth(row: xr.Dataset, axis: str, kept: Mapping[str, NDArray[np.float64]])
 
 def _orbits(dataset: xr.Dataset) -> Iterator[str]:
     period = oscillator_of(dataset).period
-    reasons = json.loads(dataset.attrs["messages"])
     yield dataset.attrs["message"]
-    for at, reason in enumerate(reasons):
+    for at, reason in enumerate(json.loads(dataset.attrs["messages"])):
         orbit = dataset.isel(orbit=at)
         stable = "stable" if bool(orbit["stable"]) else "unstable"
         length = int(orbit["n_periods"]) * period
@@ -304,8 +299,7 @@ def _multipliers(orbit: xr.Dataset) -> str:
 def _orbit_type(part: xr.Dataset) -> str:
     """Return the type of an orbit, or of those of a branch or a curve."""
     n, p = (int(part[key] if key in part else part.attrs[key]) for key in ("n_periods", "n_impacts"))
-    sticks = p == -1 or float(part.get("stuck_time", 0.0)) > 0.0
-    return cycle_name(n, p, sticks)
+    return cycle_name(n, p, sticks=float(part.get("stuck_time", 0.0)) > 0.0)
 
 
 def _branches(dataset: xr.Dataset) -> Iterator[str]:
@@ -319,8 +313,7 @@ def _branches(dataset: xr.Dataset) -> Iterator[str]:
         kinds = str(branch["special_kind"].attrs["flag_meanings"]).split()
         for i in range(branch.sizes["special"]):
             point = branch.isel(special=i)
-            speeds = point["special_velocity"].values
-            hits = listed([f"{v:.6g}" for v in speeds[np.isfinite(speeds)][:IMPACTS]])
+            hits = listed([f"{v:.6g}" for v in point["special_velocity"].values if math.isfinite(v)][:IMPACTS])
             kind = _spaced(kinds[int(point["special_kind"])])
             touch = float(point["special_touch_phase"])
             at_phase = f", touches the stop at phase {touch:.6g}" if math.isfinite(touch) else ""
