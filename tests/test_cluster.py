@@ -252,7 +252,8 @@ def _tasks(dask_scheduler):
 
 
 @pytest.mark.parametrize("stored", [True, False])
-def test_a_sweep_that_is_stopped_keeps_what_is_done_and_goes_on_later(client, whole, tmp_path, stored):
+def test_a_sweep_that_is_stopped_keeps_what_is_done_and_goes_on_later(client, whole, tmp_path, monkeypatch, stored):
+    monkeypatch.setattr(cluster, "_work", functools.partial(_slowly, cluster._work))
     store = {"store": tmp_path / "run.zarr"} if stored else {}
     part = sweep(cluster=client, progress=lambda done, total, partial: done < 40, **store)
     missing = part["status"].values == vi.Status.INTERRUPTED
@@ -261,6 +262,11 @@ def test_a_sweep_that_is_stopped_keeps_what_is_done_and_goes_on_later(client, wh
     if stored:
         assert part.attrs["cells_missing"] >= missing.sum()  # a worker may have written what was given up by then
         assert_same(sweep(cluster=client, **store), whole)
+
+
+def _slowly(work, part, shared):
+    time.sleep(0.2)
+    return work(part, shared)
 
 
 def test_a_finished_store_needs_no_cluster(whole, tmp_path):
