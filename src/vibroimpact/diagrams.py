@@ -124,9 +124,9 @@ def bifurcation_diagram(
     check_model(osc)
     choice("section", section, SECTIONS)
     choice("direction", direction, DIRECTIONS)
-    grid = check_axes(axis, osc)
-    if len(grid) != 1:
-        raise ValueError(f"one axis is needed, got {', '.join(grid) or 'none'}; use parameter_map for more")
+    axes = check_axes(axis, osc)
+    if len(axes) != 1:
+        raise ValueError(f"one axis is needed, got {', '.join(axes) or 'none'}; use parameter_map for more")
     sampling = Sampling(transient_impacts, sample_impacts, transient_periods, sample_periods)
     impacts = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     window: ImpactWindow | StroboscopicWindow = impacts
@@ -137,13 +137,15 @@ def bifurcation_diagram(
     engine = get_backend(backend, time_step=time_step)
     check_known(chosen, engine)
     asked = Measurement(window, tolerances or Tolerances(), indices=chosen)
-    request = Request(osc, grid, asked, one_start(start), engine.sampler, time_step)
+    request = Request(osc, axes, asked, one_start(start), engine.sampler, time_step)
     cells = request.cells()
     samples = len(cells) * window.keep
     hint = f"take fewer points, or smaller `sample_{_along(section)}s`"
     memory.check_fits("axes", f"hold {len(cells):,} values, {samples:,} samples, which take", 16 * samples, hint)
     dataset = _empty_diagram(request, section, window.keep)
     further = {"section": section, "direction": direction, "window": window, "sample_impacts": impacts.keep}
+    if chosen and engine.sampler != engine.name:
+        further["indices_backend"] = engine.name
     dataset.attrs |= replace(request, further=further).provenance("bifurcation_diagram")
 
     stop = Stop(progress)

@@ -282,8 +282,8 @@ def request_map(
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     asked = Measurement(window, tolerances or Tolerances(), early_closing, check_indices(indices))
-    designs = check_axes(axes, model) if points is None else check_points(points, model)
-    return Request(model, designs, asked, check_starts(start), backend, time_step, scattered=points is not None)
+    checked = check_axes(axes, model) if points is None else check_points(points, model)
+    return Request(model, checked, asked, check_starts(start), backend, time_step, scattered=points is not None)
 
 
 def _check_room(request: Request) -> None:
