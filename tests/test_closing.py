@@ -5,12 +5,13 @@ import pytest
 from numba import njit
 
 import vibroimpact as vi
+from vibroimpact.indices import VELOCITY_INDICES
 from vibroimpact.kernels.cell import Cell, prepare
 from vibroimpact.kernels.law import saltation
 from vibroimpact.kernels.tangent import flow, product
 
 OSC = vi.ImpactOscillator()
-NAMES = ("std", "mean_velocity", "max_velocity", "impacts_per_period")
+NAMES = tuple(sorted(VELOCITY_INDICES))
 OMEGA = np.linspace(0.025, 5.0, 24)
 PLANES = {
     "mass": np.linspace(0.1, 5.0, 12),

@@ -10,7 +10,11 @@ from vibroimpact.parameters import invalid, unknown
 
 @dataclass(frozen=True)
 class Index:
-    """One number that sums up a motion: its name in datasets, its words, unit, type and missing value."""
+    """One number that sums up a motion: its name in datasets, its words, unit, type and missing value.
+
+    One `from_velocities` follows from sums over the impact velocities; others need a tangent vector, phases and
+    near-misses too.
+    """
 
     name: str
     long_name: str
@@ -18,15 +22,16 @@ class Index:
     symbol: str
     dtype: str = "float64"
     fill: float = float("nan")
+    from_velocities: bool = False
 
 
 INDICES: dict[str, Index] = {
     index.name: index
     for index in (
-        Index("std", "standard deviation of impact velocities", "m/s", "Std"),
-        Index("mean_velocity", "mean impact velocity", "m/s", "<I>"),
-        Index("max_velocity", "largest impact velocity", "m/s", "max I"),
-        Index("impacts_per_period", "impacts per driving period", "1", "p/n"),
+        Index("std", "standard deviation of impact velocities", "m/s", "Std", from_velocities=True),
+        Index("mean_velocity", "mean impact velocity", "m/s", "<I>", from_velocities=True),
+        Index("max_velocity", "largest impact velocity", "m/s", "max I", from_velocities=True),
+        Index("impacts_per_period", "impacts per driving period", "1", "p/n", from_velocities=True),
         Index("lyapunov", "largest Lyapunov exponent", "1/s", "λ"),
         Index("lyapunov_per_impact", "largest Lyapunov exponent per impact", "1", "λ per impact"),
         Index("n_periods", "driving periods in a cycle", "1", "n", "int32", 0),
@@ -39,8 +44,7 @@ INDICES: dict[str, Index] = {
 }
 
 
-# Those that follow from sums over the impact velocities; others need a tangent vector, phases and near-misses too.
-VELOCITY_INDICES = frozenset({"std", "mean_velocity", "max_velocity", "impacts_per_period"})
+VELOCITY_INDICES = frozenset(name for name, index in INDICES.items() if index.from_velocities)
 
 ROUNDING = 1e-9  # of what it is a part of: a spread this small is that of a cycle, by rounding
 
@@ -50,8 +54,8 @@ def spread_scale(index: str, speed: float) -> float:
     return {"std": speed, "impact_phase_spread": 1.0}.get(index, 0.0)
 
 
-def told_spread(spread: float, scale: float) -> float:
-    """Return a spread as words tell it: 0 where it is nothing but rounding beside what spreads."""
+def shown_spread(spread: float, scale: float) -> float:
+    """Return a spread as it is shown: 0 where it is only rounding of what spreads."""
     return 0.0 if abs(spread) <= ROUNDING * scale else spread
 
 

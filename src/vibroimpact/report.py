@@ -12,7 +12,7 @@ import numpy as np
 
 from vibroimpact.classes import NEEDED, classify
 from vibroimpact.dataset import oscillator_of, unbundle
-from vibroimpact.indices import INDICES, ROUNDING, spread_scale, told_spread
+from vibroimpact.indices import INDICES, ROUNDING, shown_spread, spread_scale
 from vibroimpact.motion import (
     MotionClass,
     cycle_length,
@@ -117,7 +117,7 @@ def _simulation(dataset: xr.Dataset) -> Iterator[str]:
 def _impacts(dataset: xr.Dataset) -> Iterator[str]:
     yield recognise(dataset).sentence(oscillator_of(dataset).period)
     if speeds := dataset["velocity"].values.tolist():
-        mean, std = np.mean(speeds), told_spread(np.std(speeds), max(speeds))
+        mean, std = np.mean(speeds), shown_spread(np.std(speeds), max(speeds))
         kept = f"{counted(len(speeds), 'impact')} kept"
         yield f"{kept}, {span(dataset['velocity'])}, mean {mean:.4g}, standard deviation {std:.4g} m/s"
         yield from _ending(dataset)
@@ -377,7 +377,7 @@ def _comparison(dataset: xr.Dataset) -> Iterator[str]:
     yield f"{names[0]} and {names[1]}: {' and '.join(map(str, dataset['motion'].values))}"
     for name in (name for name in (*oscillator_of(dataset).parameters, *INDICES) if name in dataset):
         scales = [spread_scale(name, float(speed)) for speed in dataset["max_velocity"].values]
-        first, second = map(told_spread, dataset[name].values.tolist(), scales)
+        first, second = map(shown_spread, dataset[name].values.tolist(), scales)
         units = dataset[name].attrs["units"]
         yield f"  {dataset[name].attrs['long_name']}: {quantity(first, units, 6)} and {quantity(second, units, 6)}"
         if name == "omega":

@@ -25,7 +25,7 @@ from vibroimpact.backends.sampled import samples_of
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
 from vibroimpact.kernels import recorder
-from vibroimpact.kernels.cell import DYING, FILLED, PINNED, QUIET, RUNNING, SPENT
+from vibroimpact.kernels.cell import DYING, FILLED, PINNED, QUIET, RUNNING, SPENT, Cell
 from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.lanes import LANES, ROWS, TRACED_ROWS
@@ -49,6 +49,13 @@ Seen = tuple[Floats, Floats, Floats]  # rows of impacts, looks and sticks
 def limits(tolerances: Tolerances) -> tuple[float, float, float]:
     """Return the tolerances in the order in which the kernels take them."""
     return tolerances.chatter, tolerances.flight_periods, float(tolerances.steps_per_impact)
+
+
+def rows_of(cells: Cells) -> Floats:
+    """Return the table of cells as kernels read it; its columns must be those of a `Cell`, in that order."""
+    if cells.columns != Cell._fields:
+        raise ValueError(f"cells must have the columns {', '.join(Cell._fields)}, got {', '.join(cells.columns)}")
+    return np.ascontiguousarray(cells.table)
 
 
 def outcomes(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> Outcome:
@@ -107,7 +114,7 @@ class CpuBackend(Backend):
 
     def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
         """Return what the window sees of each cell."""
-        return sample(cells.table, measurement.window, limits(measurement.tolerances))
+        return sample(rows_of(cells), measurement.window, limits(measurement.tolerances))
 
 
 def create() -> CpuBackend:
@@ -131,7 +138,7 @@ class _Sweep:
 
     def __init__(self, cells: Cells, measurement: Measurement) -> None:
         self.thorough = measurement.thorough
-        self.cells = np.ascontiguousarray(cells.table)
+        self.cells = rows_of(cells)
         self.results = np.zeros((len(cells), len(THOROUGH if self.thorough else PLAIN)))
         self.ends = np.zeros(len(cells), dtype=np.int8)
         self._tickets = np.zeros(1, dtype=np.int64)
@@ -169,7 +176,7 @@ def sample(table: Floats, window: Window, limits: Limits) -> list[Samples]:
 class _Run:
     """A cell, its recorder's memory, and what was seen of it so far."""
 
-    cell: Floats
+    cell: Cell
     window: Window
     look_periods: Floats
     look_phase: Floats
@@ -178,13 +185,14 @@ class _Run:
     parts: list[Seen] = field(default_factory=list)
 
     @classmethod
-    def begun(cls, cell: Floats, window: Window, limits: Limits) -> _Run:
+    def begun(cls, row: Floats, window: Window, limits: Limits) -> _Run:
         """Return a run at its start."""
+        cell = Cell(*row.tolist())
         periods = phase = np.zeros(1)
         if isinstance(window, StroboscopicWindow):
-            periods, phase = look_schedule(cell[9], cell[10], window)
+            periods, phase = look_schedule(cell.periods, cell.phase, window)
         memory = np.zeros(recorder.MEMORY)
-        recorder.begin(cell, memory, _numbers(window), (periods[0], phase[0]), limits)
+        recorder.begin(row, memory, _numbers(window), (periods[0], phase[0]), limits)
         return cls(cell, window, periods, phase, memory)
 
     def keep(self, buffers: Sequence[Floats], filled: NDArray[np.int64]) -> None:
@@ -212,16 +220,16 @@ class _Run:
                 at = len(looks) - 1
                 last = (looks[at, 0], looks[at, 1], self.look_periods[at], self.look_phase[at])
         times = self.look_periods[: len(looks)], self.look_phase[: len(looks)]
-        looked = np.column_stack([*times, self.cell[6] - looks[:, 0], looks[:, 1]])
+        looked = np.column_stack([*times, self.cell.gap - looks[:, 0], looks[:, 1]])
         steps = int(self.memory[recorder.STEPS])
         return samples_of(impacts=impacts, looks=looked, sticks=sticks, status=status, last=last, steps=steps)
 
     def _looks_status(self, looks: Floats, sticks: Floats, ended: Status) -> Status:
         if len(looks) < len(self.look_periods):
             return ended
-        pressed_for_ever = self.cell[2] * self.cell[6] <= -self.cell[3]
+        always_pressed = self.cell.stiffness * self.cell.gap <= -self.cell.amplitude
         released = sticks[:, 2] + sticks[:, 3]
-        if len(sticks) and np.isnan(released[-1]) and pressed_for_ever:
+        if len(sticks) and np.isnan(released[-1]) and always_pressed:
             return Status.STUCK_FOREVER
         within = np.isnan(released) | (released > self.look_periods[0] + self.look_phase[0])
         return Status.STICKING if within.any() else Status.OK

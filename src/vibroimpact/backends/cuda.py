@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.backends.base import Backend, Floats, ImpactWindow, Measurement, Outcome, Samples
-from vibroimpact.backends.cpu import CpuBackend, limits, outcomes
+from vibroimpact.backends.cpu import CpuBackend, limits, outcomes, rows_of
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
-from vibroimpact.kernels.cell import RUNNING
+from vibroimpact.kernels.cell import RUNNING, Cell
 from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.compilation import config
 from vibroimpact.kernels.cycle import FACTS
@@ -32,7 +32,9 @@ LOOKS = 32  # between two compactions: some 1000 steps, a few milliseconds
 AT_ONCE = 2  # tiles on the device: one fills it while the last cells of the other finish
 SHARE = 0.25  # of the device's free memory that one tile may take
 CLOSERS = 2048  # cycles walked side by side
-CELL_BYTES = 8 * (11 + ROWS + NOTES + FACTS + len(THOROUGH) + 2)  # its row, lane, notes, columns, place in lists
+CELL_BYTES = 8 * (
+    len(Cell._fields) + ROWS + NOTES + FACTS + len(THOROUGH) + 2
+)  # its row, lane, notes, columns, place in lists
 CYCLE_BYTES = 8 * 4 * LONGEST
 
 # The simulator runs one kernel at a time.
@@ -56,7 +58,7 @@ class CudaBackend(Backend):
 
     def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""
-        rows, thorough = np.ascontiguousarray(cells.table), measurement.thorough
+        rows, thorough = rows_of(cells), measurement.thorough
         results = np.zeros((len(rows), len(THOROUGH if thorough else PLAIN)))
         ends = np.zeros(len(rows), dtype=np.int8)
         low = 0

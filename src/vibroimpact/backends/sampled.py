@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vibroimpact.backends.base import Floats, Outcome, Samples
-from vibroimpact.indices import INDICES
+from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.status import Status
 
 
@@ -45,9 +45,7 @@ def samples_of(
     )
 
 
-SAMPLE_INDICES = frozenset(
-    {"std", "mean_velocity", "max_velocity", "impacts_per_period", "dissipation", "impact_phase_spread"}
-)
+SAMPLE_INDICES = VELOCITY_INDICES | {"dissipation", "impact_phase_spread"}
 
 
 def impact_indices(seen: Samples, loss: float) -> dict[str, float]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibroimpact import figures
+from vibroimpact import figures, indices
 from vibroimpact.cli.errors import WrongRequest
 
 if TYPE_CHECKING:
@@ -283,17 +283,13 @@ def _what(name: str, metavar: str, text: str, table: str = "", **more: Any) -> O
 
 def _names(text: str) -> list[str]:
     if text.strip() == "all":
-        from vibroimpact.indices import INDICES
-
-        return list(INDICES)
+        return list(indices.INDICES)
     return [name.strip() for name in text.split(",")]
 
 
 INDICES = _what(
     "indices", "NAMES",
-    "Comma-separated: std, mean_velocity, max_velocity, impacts_per_period, lyapunov, lyapunov_per_impact, "
-    "n_periods, n_impacts, dissipation, stick_fraction, impact_phase_spread, grazing_margin; or all. "
-    "(default: std; of a diagram: none)",
+    f"Comma-separated: {', '.join(indices.INDICES)}; or all. (default: std; of a diagram: none)",
     "run", read=_names,
 )  # fmt: skip
 _SECTIONS = (

@@ -20,6 +20,7 @@ from vibroimpact.execution.threads import worker_count
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import Model, State, the_oscillator
+from vibroimpact.parameters import invalid
 from vibroimpact.progress import Report, reporter
 
 POINTS = 256  # of an attractor, at most, that are returned to be marked in a portrait
@@ -52,8 +53,8 @@ def attractors(
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept, in the first of three rounds; initial conditions that are not decided by then go
         on to a second and a third one, four and sixteen times as long.
-    backend : {"cpu", "cuda", "reference"}
-        Back end.
+    backend : str
+        Name of the back end: one that gives n and p of cycles.
     tolerances : Tolerances, optional
         Numerical tolerances.
     workers : int, optional
@@ -123,8 +124,8 @@ def basins(
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept, in the first of three rounds; initial conditions that are not decided by then go
         on to a second and a third one, four and sixteen times as long.
-    backend : {"cpu", "cuda", "reference"}
-        Back end.
+    backend : str
+        Name of the back end: one that gives n and p of cycles.
     tolerances : Tolerances, optional
         Numerical tolerances.
     workers : int, optional
@@ -200,7 +201,7 @@ def naming_backend(name: str) -> Backend:
     """Return the back end of that name, if it can name cycles."""
     engine = get_backend(name)
     if not engine.known_indices.issuperset(NEEDED):
-        raise ValueError(f"`backend` must be one that names cycles, 'cpu', 'cuda' or 'reference', got {name!r}")
+        raise invalid("backend", name, "one that gives n and p of cycles")
     return engine
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import vibroimpact as vi
 from vibroimpact.explorer.plane import TRANSIENT, compute_cells
 from vibroimpact.explorer.state import View, granted, stiffness
-from vibroimpact.indices import INDICES, spread_scale, told_spread
+from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.motion import MotionClass, decide, motion_name
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.sections import record_orbit
@@ -275,7 +275,7 @@ def index_rows(point: Point) -> list[tuple[str, str, str]]:
     rows = []
     for name, value in point.indices.items():
         index, scale = INDICES[name], spread_scale(name, point.osc.velocity_scale)
-        rows.append((index.long_name, index_text(name, told_spread(value, scale)), _plain(index.units)))
+        rows.append((index.long_name, index_text(name, shown_spread(value, scale)), _plain(index.units)))
     return rows
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from vibroimpact.dataset import VARIABLES, label, plain_variable, provenance, status_variable, variable
-from vibroimpact.indices import INDICES, spread_scale, told_spread
+from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import Model
 from vibroimpact.parameters import Parameter, invalid
@@ -154,7 +154,7 @@ def _number(value: float) -> str:
 
 
 def _index(verdict: Verdict, name: str) -> str:
-    return _number(told_spread(verdict.indices[name], spread_scale(name, verdict.max_velocity)))
+    return _number(shown_spread(verdict.indices[name], spread_scale(name, verdict.max_velocity)))
 
 
 def _boundary(verdict: Verdict, edge: Edge) -> str:

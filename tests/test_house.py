@@ -1,0 +1,69 @@
+"""The plan of the house, counted: what CONTRIBUTING says of the code is so."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+from vibroimpact.backends import BACKENDS
+from vibroimpact.oscillator import PARAMETERS
+
+SOURCE = Path(__file__).parents[1] / "src" / "vibroimpact"
+FILES = {str(path.relative_to(SOURCE)): path.read_text(encoding="utf-8") for path in SOURCE.rglob("*.py")}
+# Where physics or a published study speaks of one oscillator by its seven numbers.
+PHYSICS = ("oscillator.py", "kernels/", "backends/reference/", "backends/fixed_step.py", "orbits/", "studies/")
+
+
+def calls_of(name):
+    """Return the files that call a function of that name, once for every call."""
+    found = []
+    for file, text in FILES.items():
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", getattr(node.func, "attr", None)) == name:
+                found.append(file)
+    return sorted(found)
+
+
+def test_compiled_functions_live_in_kernels():
+    compiled = [
+        file for file, text in FILES.items() if re.search(r"^\s*@(njit|compiled|cuda\.jit|_kernel)", text, re.M)
+    ]
+    assert [file for file in compiled if not file.startswith("kernels/")] == []
+
+
+def test_one_verb_changes_a_state_and_two_loops_call_it():
+    calls = calls_of("advance")
+    assert 1 <= len(calls) <= 2
+    assert all(file.startswith("kernels/") for file in calls)
+
+
+def test_the_machinery_names_no_list_of_parameters():
+    naming = [file for file, text in FILES.items() if re.search(r"from vibroimpact.oscillator import .*PARAMETERS", text)]
+    assert [file for file in naming if not file.startswith(PHYSICS)] == []
+
+
+def test_no_list_of_back_ends_stands_outside_their_table():
+    names = set(BACKENDS) - {"cpu"}
+    found = [
+        file
+        for file, text in FILES.items()
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Constant) and node.value in names and not file.startswith("backends/")
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_a_file_is_one_room(file):
+    assert len(FILES[file].splitlines()) <= 400
+
+
+def test_parameters_have_symbols_that_are_theirs_alone():
+    symbols = {}
+    from vibroimpact import ImpactOscillator
+
+    for name, parameter in ImpactOscillator.parameters.items():
+        symbols.setdefault(parameter.symbol, []).append(name)
+    assert all(len(names) == 1 for names in symbols.values())
+    assert set(PARAMETERS) <= set(ImpactOscillator.parameters)
