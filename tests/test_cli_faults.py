@@ -118,7 +118,7 @@ def names(folder):
         ("plot none.csv", "must be a .zarr folder or a .nc file"),
         ("plot", "Missing argument 'FILE'"),
         ("reproduce", "Missing option '--out'"),
-        ("reproduce --level -1 --out report", "`level` is -1"),
+        ("reproduce --level -1 --out report", "`level` must be a height above 0 m/s, got -1"),
     ],
 )
 def test_a_wrong_request_exits_2_with_one_line_and_touches_nothing(run, tmp_path, command, words):

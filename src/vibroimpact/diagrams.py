@@ -84,7 +84,7 @@ def bifurcation_diagram(
     start : State, optional
         The start of every value, or of the first one; None is at rest at min(0, gap), time 0.
     tolerances : Tolerances, optional
-        How small is small.
+        Numerical tolerances.
     workers : int, optional
         Threads for fresh starts; None is one a core. A carried state leaves nothing to share.
     progress : bool or callable
@@ -136,8 +136,8 @@ def bifurcation_diagram(
     chosen = check_indices(indices) if indices else ()
     engine = get_backend(backend, time_step=time_step)
     check_known(chosen, engine)
-    asked = Measurement(window, tolerances or Tolerances(), indices=chosen)
-    request = Request(osc, axes, asked, one_start(start), engine.sampler, time_step)
+    measurement = Measurement(window, tolerances or Tolerances(), indices=chosen)
+    request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step)
     cells = request.cells()
     samples = len(cells) * window.keep
     hint = f"take fewer points, or smaller `sample_{_along(section)}s`"
@@ -150,9 +150,9 @@ def bifurcation_diagram(
 
     stop = Stop(progress)
     if direction == "fresh":
-        columns = _fresh(engine, cells, asked, threads, stop)
+        columns = _fresh(engine, cells, measurement, threads, stop)
     else:
-        columns = _carried(engine, cells, asked, stop, upward=direction == "up")
+        columns = _carried(engine, cells, measurement, stop, upward=direction == "up")
     begun: list[tuple[int, Cells]] = []
     table = {str(name): values.values for name, values in dataset.data_vars.items()}
     with reporter(progress, "values") as report:
@@ -162,7 +162,7 @@ def bifurcation_diagram(
             if not stop.is_set() and report(done, len(cells), dataset) is False:
                 stop.set()
     if chosen and begun:
-        _fill_indices(dataset, engine, begun, replace(asked, window=impacts), threads)
+        _fill_indices(dataset, engine, begun, replace(measurement, window=impacts), threads)
     return dataset.isel({_along(section): slice(0, max(int(dataset["count"].max()), 1))})
 
 
@@ -171,19 +171,19 @@ def _along(section: str) -> str:
 
 
 def _fresh(
-    engine: Backend, cells: Cells, asked: Measurement, threads: int, stop: Event
+    engine: Backend, cells: Cells, measurement: Measurement, threads: int, stop: Event
 ) -> Iterator[tuple[int, Cells, Samples]]:
-    window = asked.window
+    window = measurement.window
     left_out = window.transient if isinstance(window, ImpactWindow) else window.skip_periods
     most = min(max(AT_ONCE // (left_out + window.keep), 1), MANY, engine.largest_tile)
     parts = tiles(len(cells), threads, min(engine.smallest_tile, FEW, most), most)
-    for part, column in run_tiles(lambda part: engine.samples(cells[part], asked), parts, threads, stop):
+    for part, column in run_tiles(lambda part: engine.samples(cells[part], measurement), parts, threads, stop):
         for at, seen in enumerate(column, start=part.start):
             yield at, cells[at : at + 1], seen
 
 
 def _carried(
-    engine: Backend, cells: Cells, asked: Measurement, stop: Event, *, upward: bool
+    engine: Backend, cells: Cells, measurement: Measurement, stop: Event, *, upward: bool
 ) -> Iterator[tuple[int, Cells, Samples]]:
     order = range(len(cells)) if upward else range(len(cells) - 1, -1, -1)
     before: Samples | None = None
@@ -195,7 +195,7 @@ def _carried(
             cell = cell.replace(
                 clearance=before.last_clearance, velocity=before.last_velocity, periods=0.0, phase=before.last_phase
             )
-        (seen,) = engine.samples(cell, asked)
+        (seen,) = engine.samples(cell, measurement)
         before = None if seen.status == Status.BUDGET else seen
         yield at, cell, seen
 
@@ -231,11 +231,11 @@ def _fill(table: dict[str, NDArray[Any]], section: str, at: int, seen: Samples) 
 
 
 def _fill_indices(
-    dataset: xr.Dataset, engine: Backend, begun: list[tuple[int, Cells]], asked: Measurement, threads: int
+    dataset: xr.Dataset, engine: Backend, begun: list[tuple[int, Cells]], measurement: Measurement, threads: int
 ) -> None:
     """Fill in the indices of every value, from the initial condition that its section had."""
     where = np.array([at for at, _ in begun])
     cells = Cells.join([cell for _, cell in begun])
-    for which, result in run_sweep(engine, cells, asked, threads, Event()):
-        for name in asked.indices:
+    for which, result in run_sweep(engine, cells, measurement, threads, Event()):
+        for name in measurement.indices:
             dataset[name].values[where[which]] = result[name]

@@ -35,7 +35,7 @@ class Request:
         The parameters that no axis varies.
     axes : mapping of str to ndarray
         The values of a grid, or, `scattered`, the columns of a table with one design per row.
-    asked : Measurement
+    measurement : Measurement
         What is measured in each cell.
     start : State, None, or a tuple of them
         The initial condition of every cell; a tuple adds a dim `start`.
@@ -49,7 +49,7 @@ class Request:
 
     model: Model
     axes: Mapping[str, Floats]
-    asked: Measurement
+    measurement: Measurement
     start: State | tuple[State | None, ...] | None = None
     backend: str = "cpu"
     time_step: float | None = None
@@ -85,7 +85,7 @@ class Request:
     @property
     def indices(self) -> tuple[str, ...]:
         """The indices asked for."""
-        return self.asked.indices
+        return self.measurement.indices
 
     def coordinates(self) -> dict[str, xr.Variable]:
         """Return the labelled axes of a result."""
@@ -127,20 +127,20 @@ class Request:
     def identity(self) -> dict[str, Any]:
         """Return what two requests must share for one to go on where the other stopped."""
         varied = {self.model.parameters[name].replaces or name for name in self.axes}
-        window = self.asked.impacts
+        window = self.measurement.impacts
         return {
             "version": package_version(),
             **{name: value for name, value in self.model.values.items() if name not in varied},
             **self._numbers(),
             **{f"axis {number}": mark(name, values) for number, (name, values) in enumerate(self.axes.items(), 1)},
-            "indices": ", ".join(self.asked.indices),
+            "indices": ", ".join(self.measurement.indices),
             "transient_impacts": window.transient,
             "sample_impacts": window.keep,
-            **asdict(self.asked.tolerances),
+            **asdict(self.measurement.tolerances),
             "start": "; ".join("at rest" if start is None else str(start) for start in self.starts),
             "backend": self.backend,
             "time_step": self.time_step,
-            "early_closing": self.asked.early_closing,
+            "early_closing": self.measurement.early_closing,
             **({"points": "scattered"} if self.scattered else {}),
             **self.further,
         }
@@ -156,18 +156,18 @@ class Request:
 
     def arguments(self) -> dict[str, Any]:
         """Return the call in the words of the API."""
-        window = self.asked.window
+        window = self.measurement.window
         counts = {} if not isinstance(window, ImpactWindow) else {
             "transient_impacts": window.transient, "sample_impacts": window.keep,
         }  # fmt: skip
         return {
-            "indices": self.asked.indices,
+            "indices": self.measurement.indices,
             "backend": self.backend,
             "time_step": self.time_step,
             **counts,
             "start": self.start,
-            "early_closing": self.asked.early_closing,
-            "tolerances": self.asked.tolerances,
+            "early_closing": self.measurement.early_closing,
+            "tolerances": self.measurement.tolerances,
             **self.further,
         }
 
@@ -256,10 +256,10 @@ def key_of(identity: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def differences(stored: dict[str, Any], asked: dict[str, Any]) -> str:
+def differences(stored: dict[str, Any], wanted: dict[str, Any]) -> str:
     """Return in words where two identities differ."""
-    names = [name for name in {**stored, **asked} if stored.get(name) != asked.get(name)]
-    pairs = [(name, str(stored.get(name, "none")), str(asked.get(name, "none"))) for name in names]
+    names = [name for name in {**stored, **wanted} if stored.get(name) != wanted.get(name)]
+    pairs = [(name, str(stored.get(name, "none")), str(wanted.get(name, "none"))) for name in names]
     plain = [(name, unmarked(name, there), unmarked(name, here)) for name, there, here in pairs]
     kept = [marked if short[1] == short[2] else short for marked, short in zip(pairs, plain, strict=True)]
     return "; ".join(f"{name} is {there} there, {here} here" for name, there, here in kept)

@@ -343,7 +343,7 @@ def impact_map(
     """
     design = the_oscillator(osc)
     engine = get_backend(backend, time_step=time_step)
-    asked = Measurement(ImpactWindow(0, 2), tolerances or Tolerances())
+    measurement = Measurement(ImpactWindow(0, 2), tolerances or Tolerances())
 
     def following(phase: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
         phases, velocities = np.broadcast_arrays(np.asarray(phase, float), np.asarray(velocity, float))
@@ -353,7 +353,7 @@ def impact_map(
             raise invalid("velocity", velocity, "finite and > 0")
         cells = cells_at(design, np.zeros(phases.size), velocities.ravel(), phases.ravel())
         found = np.full((2, phases.size), np.nan)
-        for at, seen in enumerate(engine.samples(cells, asked)):
+        for at, seen in enumerate(engine.samples(cells, measurement)):
             # The impact to begin with is recorded itself, both its numbers to rounding, unless it is too weak.
             begun = int(
                 len(seen.impact_phase) > 0

@@ -83,7 +83,7 @@ def parameter_map(
         Whether a cell stops once all its remaining impacts are known: its sums are then finished in closed form, and
         every index is what all impacts would give, within 1e-10 of the velocity scale. False computes every impact.
     tolerances : Tolerances, optional
-        How small is small.
+        Numerical tolerances.
     workers : int, optional
         Threads; None is one a core. The result does not depend on it.
     store : path, optional
@@ -281,9 +281,9 @@ def request_map(
         raise ValueError(f"give either `points` or the axes {', '.join(axes)}, not both")
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
-    asked = Measurement(window, tolerances or Tolerances(), early_closing, check_indices(indices))
+    measurement = Measurement(window, tolerances or Tolerances(), early_closing, check_indices(indices))
     checked = check_axes(axes, model) if points is None else check_points(points, model)
-    return Request(model, checked, asked, check_starts(start), backend, time_step, scattered=points is not None)
+    return Request(model, checked, measurement, check_starts(start), backend, time_step, scattered=points is not None)
 
 
 def _check_room(request: Request) -> None:

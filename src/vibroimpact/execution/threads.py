@@ -43,7 +43,7 @@ def worker_count(workers: int | None) -> int:
 def compute_here(request: Request, part: Part) -> Outcome:
     """Return the results of a part of a request's cells, computed by the calling thread."""
     engine = get_backend(request.backend, time_step=request.time_step)
-    outcome = engine.indices(request.cells(flat(part, request)), request.asked)
+    outcome = engine.indices(request.cells(flat(part, request)), request.measurement)
     return {name: outcome[name] for name in (*request.indices, "status", "impacts", "steps")}
 
 
@@ -68,7 +68,7 @@ class Threads:
             block = _block(request, parts, first, SHARE * self.workers)
             bounds = np.cumsum([0, *map(len, block)])
             cells = request.cells(np.concatenate(block))
-            for which, outcome in run_sweep(engine, cells, request.asked, self.workers, stop):
+            for which, outcome in run_sweep(engine, cells, request.measurement, self.workers, stop):
                 ended = np.arange(which.start, which.stop) if isinstance(which, slice) else which
                 owner = np.searchsorted(bounds, ended, side="right") - 1
                 for part in np.unique(owner).tolist():
@@ -91,7 +91,7 @@ def _block(request: Request, parts: Sequence[Part], first: int, most: int) -> li
 
 
 def run_sweep(
-    engine: Backend, cells: Cells, asked: Measurement, workers: int, stop: Event
+    engine: Backend, cells: Cells, measurement: Measurement, workers: int, stop: Event
 ) -> Iterator[tuple[Counts | slice, Outcome]]:
     """Yield which cells have ended, and their indices, until all have or `stop` is set.
 
@@ -99,14 +99,14 @@ def run_sweep(
     """
     if not isinstance(engine, SharesCells):
         yield from run_tiles(
-            lambda part: engine.indices(cells[part], asked),
+            lambda part: engine.indices(cells[part], measurement),
             tiles(len(cells), workers, engine.smallest_tile, engine.largest_tile),
             workers,
             stop,
         )
         return
     for low in range(0, len(cells), SHARE * workers):
-        work = engine.share(cells[low : low + SHARE * workers], asked)
+        work = engine.share(cells[low : low + SHARE * workers], measurement)
         for done, outcome in run_shared(work, workers, stop):
             yield done + low, outcome
 

@@ -52,7 +52,7 @@ def refine_map(
                 return stored.dataset()
             kept = stored, stack.enter_context(stored.writing(request))
         place = stack.enter_context(computing(cluster, workers))
-        picture = Picture(request.shape, request.indices, request.asked.impacts.keep)
+        picture = Picture(request.shape, request.indices, request.measurement.impacts.keep)
         level = {"level": level_variable(request.dims, picture.level)}
         dataset = map_of(request, picture.values).assign(level)
         batches = Batches(request, picture, dataset, place, tile, report, kept)
@@ -81,8 +81,8 @@ def refined(coarse: Request, refine: int, jump: float | None) -> Request:
     _check_plane(coarse)
     names = (*coarse.indices, *(name for name in NAMING if name not in coarse.indices))
     axes = {name: finer(values, levels) for name, values in coarse.axes.items()}
-    asked = replace(coarse.asked, indices=names)
-    return replace(coarse, axes=axes, asked=asked, further={"refine": levels, "jump": part})
+    measurement = replace(coarse.measurement, indices=names)
+    return replace(coarse, axes=axes, measurement=measurement, further={"refine": levels, "jump": part})
 
 
 def to_uniform(plane: xr.Dataset, *, shape: tuple[int, int] | None = None) -> xr.Dataset:

@@ -265,10 +265,10 @@ def open_or_create(path: str | os.PathLike[str], request: Request, cells: int) -
     if not folder.exists() or scratch_of(folder).exists():
         create(folder, request, cells)
     store = SweepStore(folder)
-    asked = request.identity()
-    if store.key != key_of(asked):
+    measurement = request.identity()
+    if store.key != key_of(measurement):
         raise ValueError(
-            f"`store` is {str(path)!r}, which holds another study ({differences(store.identity, asked)}); "
+            f"`store` is {str(path)!r}, which holds another study ({differences(store.identity, measurement)}); "
             "choose another name, or ask for what it holds"
         )
     return store

@@ -18,7 +18,7 @@ import xarray as xr
 
 import vibroimpact as vi
 from vibroimpact.files import replacing
-from vibroimpact.parameters import real_number, whole_number
+from vibroimpact.parameters import invalid, real_number, whole_number
 from vibroimpact.studies.lee import figures, report
 from vibroimpact.studies.lee.claims import Claim
 from vibroimpact.studies.lee.laboratory import Laboratory
@@ -93,7 +93,7 @@ def run(
     --------
     >>> run("study", level=-1.0)
     Traceback (most recent call last):
-    ValueError: `level` is -1.0; allowed is a height above 0 m/s; leave it out for 0.05
+    ValueError: `level` must be a height above 0 m/s, got -1.0; leave it out for 0.05
     """
     height = _height(level)
     if workers is not None:
@@ -114,10 +114,10 @@ def run(
 
 
 def _height(level: float | None) -> float:
-    allowed, remedy = "a height above 0 m/s", f"leave it out for {LEVEL:g}"
-    height = real_number("level", LEVEL if level is None else level, allowed, remedy)
+    allowed, hint = "a height above 0 m/s", f"leave it out for {LEVEL:g}"
+    height = real_number("level", LEVEL if level is None else level, allowed, hint)
     if height <= 0.0:
-        raise ValueError(f"`level` is {level!r}; allowed is {allowed}; {remedy}")
+        raise invalid("level", level, allowed, hint)
     return height
 
 
