@@ -106,7 +106,7 @@ def names(folder):
         ("basins --x phase=0:1:1", "`phase.points` must be .*, got 1"),
         ("basins --x phase=0:nan:4", "`phase.to` must be .*, got nan"),
         ("basins --x phase=0:1:4 --phase 0.2", "`--phase` goes with an axis of displacement"),
-        ("basins --x phase=0:1:4 --backend fixed-step", "`backend` must be one that names cycles"),
+        ("basins --x phase=0:1:4 --backend fixed-step", "`backend` must be one that gives n and p of cycles"),
         ("compare", "Missing argument 'A.toml'"),
         ("compare none.toml none.toml", "`study` 'none.toml' cannot be read"),
         (
