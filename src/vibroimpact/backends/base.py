@@ -39,6 +39,17 @@ class StroboscopicWindow:
     phase: float | None = None
     per_period: int = 1
 
+    def schedule(self, periods: float, phase: float) -> tuple[Floats, Floats]:
+        """Return when a cell that starts at (periods + phase) T is looked at, as whole periods and phase."""
+        first = periods + self.skip_periods
+        if self.phase is not None:
+            first += 1.0 if self.phase < phase else 0.0
+            phase = self.phase
+        offset = np.arange(self.keep)
+        fraction: Floats = phase + (offset % self.per_period) / self.per_period
+        whole: Floats = np.floor(fraction)
+        return first + offset // self.per_period + whole, fraction - whole
+
 
 @dataclass(frozen=True)
 class Measurement:
@@ -93,18 +104,6 @@ class Samples:
     last_periods: float
     last_phase: float
     steps: int
-
-
-def look_schedule(periods: float, phase: float, window: StroboscopicWindow) -> tuple[Floats, Floats]:
-    """Return when a window looks at a cell that starts at (periods + phase) T, as whole periods and phase."""
-    first = periods + window.skip_periods
-    if window.phase is not None:
-        first += 1.0 if window.phase < phase else 0.0
-        phase = window.phase
-    offset = np.arange(window.keep)
-    fraction: Floats = phase + (offset % window.per_period) / window.per_period
-    whole: Floats = np.floor(fraction)
-    return first + offset // window.per_period + whole, fraction - whole
 
 
 Outcome = dict[str, NDArray[Any]]

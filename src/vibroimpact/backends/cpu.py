@@ -19,7 +19,6 @@ from vibroimpact.backends.base import (
     Outcome,
     Samples,
     StroboscopicWindow,
-    look_schedule,
 )
 from vibroimpact.backends.sampled import samples_of
 from vibroimpact.cells import Cells
@@ -190,7 +189,7 @@ class _Run:
         cell = Cell(*row.tolist())
         periods = phase = np.zeros(1)
         if isinstance(window, StroboscopicWindow):
-            periods, phase = look_schedule(cell.periods, cell.phase, window)
+            periods, phase = window.schedule(cell.periods, cell.phase)
         memory = np.zeros(recorder.MEMORY)
         recorder.begin(row, memory, _numbers(window), (periods[0], phase[0]), limits)
         return cls(cell, window, periods, phase, memory)

@@ -21,16 +21,7 @@ from dataclasses import astuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.base import (
-    Backend,
-    Floats,
-    ImpactWindow,
-    Measurement,
-    Outcome,
-    Samples,
-    StroboscopicWindow,
-    look_schedule,
-)
+from vibroimpact.backends.base import Backend, Floats, ImpactWindow, Measurement, Outcome, Samples, StroboscopicWindow
 from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.backends.sampled import SAMPLE_INDICES, energy_loss, impact_indices, samples_of, table_of_indices
 from vibroimpact.cells import Cells
@@ -132,7 +123,7 @@ class Run:
 
     def look_samples(self, window: StroboscopicWindow) -> Samples:
         """Return what a stroboscopic window sees."""
-        periods, phase = look_schedule(self.start.periods, self.start.phase, window)
+        periods, phase = window.schedule(self.start.periods, self.start.phase)
         ahead = ((periods - self.start.periods) + (phase - self.start.phase)) * self.free.period
         at = np.rint(ahead / self.h).astype(np.int64)
         seen = self.look(at)

@@ -14,16 +14,7 @@ from dataclasses import astuple, dataclass, field
 
 import numpy as np
 
-from vibroimpact.backends.base import (
-    Backend,
-    Floats,
-    ImpactWindow,
-    Measurement,
-    Outcome,
-    Samples,
-    StroboscopicWindow,
-    look_schedule,
-)
+from vibroimpact.backends.base import Backend, Floats, ImpactWindow, Measurement, Outcome, Samples, StroboscopicWindow
 from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.backends.reference.indices import Account, Ledger
 from vibroimpact.backends.reference.motion import Contact, Rest, motion, time_between
@@ -124,7 +115,7 @@ class ReferenceCell:
     def looks(self, window: StroboscopicWindow) -> Samples:
         """Return what a stroboscopic window sees."""
         seen = Witness()
-        periods, phase = look_schedule(self.start.periods, self.start.phase, window)
+        periods, phase = window.schedule(self.start.periods, self.start.phase)
         granted = self.steps_per_impact * (window.skip_periods + math.ceil(window.keep / window.per_period) + 1)
         for event in motion(self.free, self.restitution, self.start, self.cut):
             seen.steps += 1
