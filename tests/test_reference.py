@@ -309,8 +309,7 @@ def test_a_window_carries_on_where_the_one_before_it_ended():
     osc = vi.ImpactOscillator(omega=2.8)
     whole = watch(osc, ImpactWindow(0, 12))
     first = watch(osc, ImpactWindow(0, 5))
-    cells = make_cells(osc, None)
-    for name in ("clearance", "velocity", "periods", "phase"):
-        getattr(cells, name)[:] = getattr(first, f"last_{name}")
+    names = ("clearance", "velocity", "periods", "phase")
+    cells = make_cells(osc, None).replace(**{name: getattr(first, f"last_{name}") for name in names})
     (rest,) = REFERENCE.samples(cells, Measurement(ImpactWindow(0, 7)))
     assert (rest.impact_velocity == whole.impact_velocity[5:]).all()
