@@ -146,7 +146,10 @@ def _draw_references(ax: Axes, field: xr.DataArray, values: Mapping[str, float])
         _, units, symbol = described(field[name])
         text = value_text(symbol or name, value, units)
         if along_x:
-            ax.annotate(text, (1.0, value), (-4, 3), ax.get_yaxis_transform(), ha="right", va="bottom", **look)
+            low, high = ax.get_ylim()
+            below = value > low + 0.93 * (high - low)  # above the line it would cover the title
+            offset, side = ((-4, -4), "top") if below else ((-4, 3), "bottom")
+            ax.annotate(text, (1.0, value), offset, ax.get_yaxis_transform(), ha="right", va=side, **look)
         else:
             ax.annotate(text, (value, 1.0), (4, -4), ax.get_xaxis_transform(), ha="left", va="top", **look)
 
