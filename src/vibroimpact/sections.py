@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from vibroimpact.backends import ImpactWindow, Measurement, Samples, StroboscopicWindow, get_backend
+from vibroimpact.backends import Backend, ImpactWindow, Measurement, Samples, StroboscopicWindow, get_backend
 from vibroimpact.cells import Floats, cells_at
 from vibroimpact.dataset import impact_speed, provenance, status_variable, stick_times, variable
 from vibroimpact.options import Sampling, Tolerances
@@ -38,17 +39,21 @@ class _Orbit:
     time_step: float | None
     tolerances: Tolerances | None
 
+    @cached_property
+    def engine(self) -> Backend:
+        """The back end, made once."""
+        return get_backend(self.backend, time_step=self.time_step)
+
     def samples(self, window: ImpactWindow | StroboscopicWindow) -> tuple[Samples, Callable[[Any, Any], Any]]:
         """Return what a window sees of the orbit, and the function that makes seconds of periods and phases."""
         period = the_oscillator(self.model).period
         cells = self.model.cells({}, one_start(self.start))
-        engine = get_backend(self.backend, time_step=self.time_step)
-        (seen,) = engine.samples(cells, Measurement(window, self.tolerances or Tolerances()))
+        (seen,) = self.engine.samples(cells, Measurement(window, self.tolerances or Tolerances()))
         return seen, lambda periods, phase: (periods + phase) * period
 
     def provenance(self, function: str, **how: Any) -> dict[str, str]:
         """Return the attributes that say how a result was made."""
-        common = {"backend": get_backend(self.backend, time_step=self.time_step).sampler, "time_step": self.time_step}
+        common = {"backend": self.engine.sampler, "time_step": self.time_step}
         return provenance(function, self.model, {"start": self.start, **how, **common})
 
 
