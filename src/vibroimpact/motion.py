@@ -1,0 +1,392 @@
+"""The one vocabulary of motions: their kinds, how a kind is decided, names and sentences, and recognition.
+
+Whatever names a motion - maps, sections, attractors, verdicts, diagrams, the explorer - decides its kind with `decide`
+and names it with `motion_name`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vibroimpact.cells import Floats
+from vibroimpact.dataset import oscillator_of
+from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.parameters import invalid, real_number, whole_number
+from vibroimpact.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# The one threshold of chaos: ln of the growth that carries the last binary digit of a double to the motion's own size.
+CERTAIN_GROWTH = 53 * math.log(2.0)
+UNRESOLVED = math.log(1e13)  # ln of the growth between two rests from which on rounding decides when the second comes
+
+
+class MotionClass(IntEnum):
+    """The kind of a motion.
+
+    `classify` stores 0 to 4 in files; these numbers never change. The others refine 1 (no impact) and 0 (undecided)
+    where the status is known; `stored` leads back.
+    """
+
+    UNDECIDED = 0
+    NO_IMPACT = 1
+    PERIODIC = 2
+    STICKING = 3
+    CHAOTIC = 4
+    STUCK_FOREVER = 5  # pressed against the stop
+    DECAYING = 6  # unforced impacts die out
+    AT_REST = 7  # where a motion ends that nothing drives
+    BUDGET = 8  # not followed to the end
+    INTERRUPTED = 9
+
+    @property
+    def word(self) -> str:
+        """The name as it stands in datasets."""
+        return self.name.lower()
+
+    @property
+    def stored(self) -> MotionClass:
+        """The kind of 0 to 4 that this one refines."""
+        return MotionClass(int(_STORED[self]))
+
+    @property
+    def hits(self) -> bool:
+        """Whether the settled motion touches the stop again and again."""
+        return self in (MotionClass.PERIODIC, MotionClass.STICKING, MotionClass.CHAOTIC)
+
+
+_STORED = np.array([0, 1, 2, 3, 4, 1, 1, 1, 0, 0], dtype=np.int8)
+_NAMES = {MotionClass.STUCK_FOREVER: "permanently in contact", MotionClass.BUDGET: "not followed to the end"}
+# The kind that a status alone decides, by status; the first four decide nothing.
+_BY_STATUS = np.array([0, 0, 0, 0, 1, 1, 5, 6, 8, 9], dtype=np.int8)
+
+
+def decide(status: ArrayLike, growth: ArrayLike, n_periods: ArrayLike, n_impacts: ArrayLike) -> NDArray[np.int8]:
+    r"""Return the kind of motion, as a number of `MotionClass`, of one cell or of an array of cells.
+
+    Parameters
+    ----------
+    status : int or array
+        A `Status` a cell.
+    growth : float or array
+        ln of the factor by which neighbours part over the sampled impacts, :math:`N \lambda_\mathrm{impact}`.
+    n_periods, n_impacts : int or array
+        Driving periods and impacts of the cycle that was found; 0 where there is none, -1 impacts for complete chatter.
+
+    Returns
+    -------
+    ndarray of int8
+        The first of these that fits: what the status alone decides (no impact, stuck, decaying, budget, interrupted);
+        sticking, where two of three hold: there is a cycle, :math:`\lambda = -\infty`, a complete chatter; periodic,
+        with another cycle; chaotic, if growth exceeds 53 ln 2 in a window of 10 periods or more; undecided.
+
+    Examples
+    --------
+    >>> [MotionClass(code).word for code in decide([2, 1, 0, 6], [-np.inf, -9.0, 90.0, np.nan], [1, 2, 0, 0], 0)]
+    ['sticking', 'periodic', 'chaotic', 'stuck_forever']
+    """
+    status, growth = np.asarray(status), np.asarray(growth)
+    cycle, rests, chatters = np.asarray(n_periods) > 0, np.isneginf(growth), np.asarray(n_impacts) == -1
+    chaotic = (growth > CERTAIN_GROWTH) & (status != Status.SHORT_WINDOW)
+    kind = np.where(chaotic, MotionClass.CHAOTIC, MotionClass.UNDECIDED)
+    kind = np.where(cycle, MotionClass.PERIODIC, kind)
+    kind = np.where((cycle & rests) | (cycle & chatters) | (rests & chatters), MotionClass.STICKING, kind)
+    return refined(kind, status)
+
+
+def stored(kinds: NDArray[Any]) -> NDArray[np.int8]:
+    """Return kinds as `classify` stores them, 0 to 4."""
+    codes: NDArray[np.int8] = _STORED[kinds]
+    return codes
+
+
+def refined(codes: ArrayLike, status: ArrayLike) -> NDArray[np.int8]:
+    """Return stored kinds with those that the status tells apart.
+
+    Examples
+    --------
+    >>> motion_name(MotionClass(int(refined(MotionClass.NO_IMPACT, Status.STUCK_FOREVER))))
+    'permanently in contact'
+    """
+    by_status = _BY_STATUS[np.asarray(status)]
+    return np.where(by_status > 0, by_status, np.asarray(codes, dtype=np.int8))
+
+
+def motion_name(kind: int, n_periods: int = 0, n_impacts: int = 0) -> str:
+    """Return a motion in two or three words.
+
+    Examples
+    --------
+    >>> motion_name(MotionClass.PERIODIC, 2, 1), motion_name(MotionClass.STICKING, 1, -1)
+    ('period-2 impact-1', 'period-1 sticking')
+    """
+    kind = MotionClass(kind)
+    if kind == MotionClass.PERIODIC:
+        return f"period-{n_periods} impact-{n_impacts}"
+    if kind == MotionClass.STICKING:
+        return f"period-{n_periods} sticking" if n_periods else "intermittent sticking"
+    return _NAMES.get(kind, kind.word.replace("_", " "))
+
+
+def cycle_name(n_periods: int, n_impacts: int, sticks: bool = False) -> str:
+    """Return the name of an orbit of n periods and p impacts; one with -1 impacts sticks."""
+    kind = MotionClass.STICKING if sticks or n_impacts == -1 else MotionClass.PERIODIC
+    return motion_name(kind, n_periods, n_impacts)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The kind of a motion, and the impacts of one of its cycles.
+
+    Parameters
+    ----------
+    kind : str
+        "periodic", "sticking", "chaotic", "undecided" (no cycle, and chaos not certain), "no_impact", "stuck_forever",
+        "decaying", "at_rest", "budget" or "interrupted": the word of a `MotionClass`.
+    n_periods : int
+        Driving periods in a cycle; 0 where there is none.
+    n_impacts : int
+        Impacts in a cycle; -1 for a complete chatter (infinitely many), 0 where there is no cycle.
+    velocities, phases : tuple of float
+        Impact velocities in m/s and phases in [0, 1) of one cycle's recorded impacts, from its hardest hit on in the
+        order of time. Empty where there is no cycle.
+    status : Status
+        How the sampled motion ended.
+
+    Examples
+    --------
+    >>> motion = Motion("periodic", 1, 2, (1.48, 1.13), (0.3, 0.8))
+    >>> motion.name
+    'period-1 impact-2'
+    >>> motion.sentence(7.0)
+    'period-1 impact-2, hits at 1.48 and 1.13 m/s every 7 s'
+    """
+
+    kind: str
+    n_periods: int = 0
+    n_impacts: int = 0
+    velocities: tuple[float, ...] = ()
+    phases: tuple[float, ...] = ()
+    status: Status = field(default=Status.OK, compare=False)
+
+    @property
+    def motion_class(self) -> MotionClass:
+        """The kind as a `MotionClass`."""
+        return MotionClass[self.kind.upper()]
+
+    @property
+    def name(self) -> str:
+        """The motion in two or three words."""
+        return motion_name(self.motion_class, self.n_periods, self.n_impacts)
+
+    def sentence(self, period: float) -> str:
+        """Return the motion in a sentence, given the driving period in s."""
+        kind, cycle = self.motion_class, f"every {self.n_periods * period:.3g} s"
+        if kind == MotionClass.PERIODIC:
+            return f"{self.name}, {_hits(self.velocities)} {cycle}"
+        if kind == MotionClass.STICKING:
+            hardest = f", hardest hit {max(self.velocities):.3g} m/s" if self.velocities else ""
+            rest = f", comes to rest at the stop {cycle}"
+            if not self.n_periods:
+                rest = "; its period is not resolved in double precision"
+            return f"{self.name}{rest}{hardest}"
+        if kind == MotionClass.CHAOTIC:
+            return "chaotic, the impacts do not repeat"
+        if kind == MotionClass.UNDECIDED:
+            return "undecided, the sampled impacts do not repeat and are too few to prove chaos; sample more"
+        return f"{self.name}: {self.status.sentence}"
+
+
+def _hits(velocities: tuple[float, ...]) -> str:
+    numbers = [f"{velocity:.3g}" for velocity in velocities]
+    if len(numbers) > 4:
+        return f"hits from {min(velocities):.3g} to {max(velocities):.3g} m/s"
+    return f"hits at {' and '.join([', '.join(numbers[:-1]), numbers[-1]] if len(numbers) > 1 else numbers)} m/s"
+
+
+# Recognition
+
+
+def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64) -> Motion:
+    r"""Return the motion that a settled impact section belongs to.
+
+    A period-n impact-p motion repeats after p impacts that take n driving periods: :math:`I_{i+p} = I_i`,
+    :math:`\psi_{i+p} = \psi_i`, :math:`t_{i+p} = t_i + nT` for all i, with the smallest such p. A stick erases all
+    memory, so a motion that leaves the stop from rest twice repeats from one release to the next, unless neighbours
+    part by more than 1e13 on the way. What does not repeat is chaotic if neighbours part by more than 2^53.
+
+    Parameters
+    ----------
+    section : xarray.Dataset
+        What `impact_section` returned: `time` in s, `phase`, `velocity` in m/s (dim `impact`), `release_time`
+        (dim `stick`), `status`, and the oscillator in its attributes.
+    tolerance : float, > 0
+        How well impacts must repeat, relative to the largest velocity, and phases as points of the unit circle.
+    longest : int, >= 1
+        The most impacts of a cycle.
+
+    Returns
+    -------
+    Motion
+        Its kind, n, p and one cycle.
+
+    Raises
+    ------
+    ValueError
+        `section` is not an impact section, or `tolerance` or `longest` is out of its range.
+
+    Notes
+    -----
+    All of the section must repeat, or else all of its second half, so that a transient slower than
+    `transient_impacts` is not taken for chaos. A motion that repeats less well than `tolerance` does not repeat: close
+    to a bifurcation leave out more impacts first. Growth is that of a deviation carried through flights and impacts
+    (`separations`). Cost: a few passes over the section for each p, and 2 microseconds per impact without a cycle.
+
+    Examples
+    --------
+    >>> import vibroimpact as vi
+    >>> [recognise(vi.impact_section(vi.ImpactOscillator(omega=omega))).name for omega in (2.0, 2.8)]
+    ['period-1 impact-1', 'chaotic']
+    """
+    _check(section, tolerance, longest)
+    status = Status(int(section["status"]))
+    osc = oscillator_of(section)
+    time, phase, velocity = (np.asarray(section[name], dtype=np.float64) for name in ("time", "phase", "velocity"))
+    releases = np.asarray(section["release_time"], dtype=np.float64)
+    releases = np.sort(releases[np.isfinite(releases)])
+    n, p, growth, cycle = 0, 0, -math.inf, np.zeros(len(time), dtype=bool)
+    if len(releases) >= 2:
+        n, p, cycle = _between_releases(time, releases, osc)
+        from_release = [np.append(0.0, column[cycle]) for column in (time, phase, velocity)]
+        from_release[0][0] = releases[-1] - n * osc.period
+        if separations(osc, *from_release).max(initial=0.0) > UNRESOLVED:
+            n, p = 0, -1  # intermittent: rounding decides when the mass rests again
+    elif p := cycle_length(velocity, phase, tolerance=tolerance, longest=longest):
+        settled = time[len(time) // 2 :]
+        waits = np.rint((settled[p:] - settled[:-p]) / osc.period)
+        n, growth = int(waits[0]) if (waits == waits[0]).all() else 0, 0.0
+        cycle[-p:] = True
+    if not n and status.has_indices and status != Status.STICKING:
+        growth = float(separations(osc, time, phase, velocity)[-1:].sum())
+    kind = MotionClass(int(decide(status, growth, n, p)))
+    if kind not in (MotionClass.PERIODIC, MotionClass.STICKING):
+        return Motion(kind.word, status=status)
+    impacts = from_hardest(velocity[cycle], phase[cycle]) if n else ((), ())
+    return Motion(kind.word, n, p, *impacts, status)
+
+
+def separations(osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Floats) -> Floats:
+    r"""Return ln of the factor by which neighbours have parted since the first of some impacts, after each later one.
+
+    A deviation :math:`(\delta y, \delta\dot y)` obeys the homogeneous equation in flight; at an impact with speed v
+    before it and accelerations :math:`a_-, a_+` before and after, it takes the saltation
+    (P. C. Mueller, Chaos, Solitons & Fractals 5, 1671 (1995), for exponents of systems with jumps)
+
+    .. math:: \delta y \to -r\,\delta y, \qquad
+              \delta\dot y \to \frac{a_+ + r a_-}{v}\,\delta y - r\,\delta\dot y.
+
+    Examples
+    --------
+    >>> import vibroimpact as vi
+    >>> osc = vi.ImpactOscillator(omega=2.8)
+    >>> hits = vi.impact_section(osc, sample_impacts=1000)
+    >>> grown = separations(osc, hits.time.values, hits.phase.values, hits.velocity.values)
+    >>> round(float(grown[-1]) / 999, 2)  # the exponent per impact of `parameter_map`
+    0.33
+    """
+    m, c, k, r = osc.mass, osc.damping, osc.stiffness, osc.restitution
+    half, flight, speed = 0.5 * c / m, np.diff(time), velocity[1:]
+    root = np.sqrt(complex(k / m - half * half))  # imaginary beyond critical damping
+    damped = np.exp(-half * flight)
+    cosine = damped * np.cos(root * flight).real
+    sine = damped * ((np.sin(root * flight) / root).real if root else flight)
+    force = (osc.amplitude * np.sin(2.0 * np.pi * phase[1:]) - k * osc.gap) / m
+    salt = ((force + r * c / m * speed) + r * (force - c / m * speed)) / speed
+    rows = zip(cosine + half * sine, sine, -k / m * sine, cosine - half * sine, salt, strict=True)
+    grown: list[float] = []
+    total, scale = 0.0, osc.natural_frequency
+    y, rate = 1.0, scale
+    for a, b, d, e, kick in rows:
+        y, rate = a * y + b * rate, d * y + e * rate
+        y, rate = -r * y, kick * y - r * rate
+        size = math.hypot(y * scale, rate)
+        if not size:  # nothing is left of the deviation
+            return np.array([*grown, -math.inf])
+        total += math.log(size)
+        grown.append(total)
+        y, rate = y / size, rate / size
+    return np.array(grown)
+
+
+def recurrence(*columns: NDArray[Any], tolerance: float = 1e-6, longest: int = 64) -> int:
+    """Return the fewest samples after which all columns, or else their second halves, repeat; 0 if they do not.
+
+    `tolerance` is relative to a column's largest modulus. Phases are given as points exp(2 pi i phase). No cycle longer
+    than half of the samples is found.
+
+    Examples
+    --------
+    >>> recurrence(np.array([1.0, 2.0, 1.0, 2.0, 1.0]))
+    2
+    """
+    settled = [column[len(column) // 2 :] for column in columns]
+    return _repeats(columns, tolerance, longest) or _repeats(settled, tolerance, longest)
+
+
+def _repeats(columns: Sequence[NDArray[Any]], tolerance: float, longest: int) -> int:
+    pairs = [(column, tolerance * np.abs(column).max(initial=0.0)) for column in columns]
+    for p in range(1, min(longest, len(columns[0]) // 2) + 1):
+        if any(abs(column[p] - column[0]) > most for column, most in pairs):
+            continue  # the first pair rules most candidates out
+        if all(np.abs(column[p:] - column[:-p]).max() <= most for column, most in pairs):
+            return p
+    return 0
+
+
+def cycle_length(velocity: Floats, phase: Floats, *, tolerance: float = 1e-6, longest: int = 64) -> int:
+    """Return the fewest impacts after which velocities and phases repeat, or 0.
+
+    Examples
+    --------
+    >>> cycle_length(np.array([1.0, 2.0] * 4), np.array([0.1, 0.6] * 4))
+    2
+    """
+    return recurrence(velocity, np.exp(2j * np.pi * phase), tolerance=tolerance, longest=longest)
+
+
+def _check(section: xr.Dataset, tolerance: float, longest: int) -> None:
+    missing = {"time", "phase", "velocity", "release_time", "status"} - set(map(str, section.variables))
+    if missing or "oscillator" not in section.attrs:
+        raise ValueError(
+            f"`section` must be an impact section; it holds no {min(missing, default='oscillator')!r}; "
+            "give what `impact_section` returned"
+        )
+    if real_number("tolerance", tolerance) <= 0.0:
+        raise invalid("tolerance", tolerance, "a number > 0", "1e-6 is usual")
+    whole_number("longest", longest, 1)
+
+
+def _between_releases(time: Floats, releases: Floats, osc: ImpactOscillator) -> tuple[int, int, NDArray[np.bool_]]:
+    """Return n, p, and which impacts belong to the last cycle between releases."""
+    waits = np.rint(np.diff(releases) / osc.period)
+    lengths = range(1, max(2, len(waits) // 2 + 1))  # a single wait is a cycle: a stick erases all memory
+    q = next((q for q in lengths if (waits[q:] == waits[:-q]).all()), 0)
+    if not q:
+        return 0, -1, np.zeros(len(time), dtype=bool)
+    between = (time > releases[-1 - q]) & (time <= releases[-1])
+    # r = 0 sticks after one impact; r > 0 after infinitely many, of which the largest are recorded
+    return int(waits[-q:].sum()), int(between.sum()) if osc.restitution == 0.0 else -1, between
+
+
+def from_hardest(velocity: Floats, phase: Floats) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the velocities and phases of a cycle from its hardest impact on."""
+    start = -int(velocity.argmax()) if len(velocity) else 0
+    return tuple(np.roll(velocity, start).tolist()), tuple(np.roll(phase, start).tolist())
