@@ -19,7 +19,7 @@ from scipy.io import loadmat
 
 import vibroimpact as vi
 from vibroimpact import files, formats
-from vibroimpact.cli.orbit_data import orbits_dataset
+from vibroimpact.cli.orbits import orbits_dataset
 from vibroimpact.dataset import bundle, impact_speed, oscillator_of, provenance, status_variable, variable
 
 OSC = vi.ImpactOscillator(omega=2.8)

@@ -9,7 +9,7 @@ import pytest
 
 import vibroimpact as vi
 from fenced import ROOT, blocks, table
-from vibroimpact.cli.errors import WrongRequest
+from vibroimpact.cli import WrongRequest
 from vibroimpact.cli.options import PARAMETERS, SAMPLE_IMPACTS, STUDY, Options, X
 from vibroimpact.cli.study import TABLES, make_study
 

@@ -1,15 +1,54 @@
 """The command line: one command per public function, one line for every error."""
 
-from __future__ import annotations
-
+# Annotations are evaluated here: typer reads those of a function that only `commands` sees.
 import os
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Annotated, Any
 
 __all__ = ["main"]
 
-WRONG_REQUEST, FAILED, INTERRUPTED = 2, 1, 130
+FAILED, WRONG_REQUEST, INTERRUPTED = 1, 2, 130
+
+
+class Ended(Exception):
+    """A command ended early; the message says why, in one line."""
+
+    code = FAILED
+
+
+class WrongRequest(Ended):
+    """The request cannot be carried out; nothing has been touched."""
+
+    code = WRONG_REQUEST
+
+
+class Interrupted(Ended):
+    """Ctrl-C stopped a computation; the message says what was kept."""
+
+    code = INTERRUPTED
+
+
+# how an input or a place is refused; a full disk, say, is another OSError
+REFUSALS = (FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
+
+
+@contextmanager
+def refusing(*errors: type[OSError]) -> Iterator[None]:
+    """Turn refused arguments, a missing extra, and these errors into a `WrongRequest`; anything else is a failure."""
+    try:
+        yield
+    except ImportError as error:
+        raise WrongRequest(str(error)) from error
+    except errors as error:
+        raise WrongRequest(error.strerror or str(error)) from error
+    except ValueError as error:
+        # This package's refusals name an argument, in backticks, or choices; errors of libraries hardly ever do.
+        if "`" not in str(error) and not str(error).startswith("unknown "):
+            raise
+        raise WrongRequest(str(error)) from error
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -23,14 +62,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str] | None) -> int:
     try:
         from typer import Abort
-        from typer.main import get_command
-
-        from vibroimpact.cli.app import app
-        from vibroimpact.cli.errors import Ended
 
         try:
             given = None if arguments is None else list(arguments)
-            code = get_command(app).main(args=given, prog_name="vibroimpact", standalone_mode=False)
+            code = commands().main(args=given, prog_name="vibroimpact", standalone_mode=False)
             sys.stdout.flush()
             if code == INTERRUPTED:  # what typer returns for a Ctrl-C that nobody caught
                 return _report("interrupted", INTERRUPTED)
@@ -72,3 +107,65 @@ def _exit_without_threads(code: int) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
+
+
+def commands() -> Any:
+    """Return the command, with its sub-commands and their help."""
+    import typer
+    from typer.main import get_command
+
+    from vibroimpact.cli.compute import diagram, parameter_map, section, simulate
+    from vibroimpact.cli.files import explore, info, plot, reproduce
+    from vibroimpact.cli.orbits import boundary, follow, orbit
+    from vibroimpact.cli.verdict import basins, compare, describe
+
+    app = typer.Typer(
+        name="vibroimpact",
+        rich_markup_mode="rich",
+        pretty_exceptions_enable=False,
+        add_completion=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+
+    # A --help of our own: typer's, when absent, is coerced by way of pydantic, whose import takes 0.1 s.
+    @app.callback(invoke_without_command=True, add_help_option=False)
+    def root(
+        context: typer.Context,
+        version: Annotated[bool, typer.Option("--version", help="Show the version.")] = False,
+        wanted: Annotated[bool, typer.Option("-h", "--help", help="Show this page.")] = False,
+    ) -> None:
+        """Impact oscillators: does yours settle, stick or go chaotic, and how hard does it hit.
+
+        Seven numbers describe it, in SI units: mass m, damping c, stiffness k,
+        driving amplitude f and frequency w, restitution r and gap g. Commands
+        take them as -p NAME=VALUE or from a study file, and print a summary of
+        the result or write it to --out.
+
+        For example:
+
+          vibroimpact section -p omega=0.9
+          vibroimpact diagram --x omega=0.01:5:1000 --out diagram.png
+          vibroimpact map --x omega=0.025:5:200 --y m=0.1:5:200 --out map.zarr
+          vibroimpact plot map.zarr --out map.png
+          vibroimpact describe -p omega=2.8
+        """
+        if version:
+            import vibroimpact
+
+            typer.echo(f"vibroimpact {vibroimpact.__version__}")
+        elif wanted or context.invoked_subcommand is None:
+            typer.echo(context.get_help())
+        if version or wanted:
+            raise typer.Exit
+
+    panels: dict[str, dict[str, Any]] = {
+        "Motions and sweeps": {"simulate": simulate, "section": section, "diagram": diagram, "map": parameter_map},
+        "Orbits and boundaries": {"orbit": orbit, "continue": follow, "boundary": boundary, "basins": basins},
+        "Verdicts": {"describe": describe, "compare": compare},
+        "Explorer": {"explore": explore},
+        "Files": {"plot": plot, "info": info, "reproduce": reproduce},
+    }
+    for panel, entries in panels.items():
+        for name, command in entries.items():
+            app.command(name=name, rich_help_panel=panel)(command)
+    return get_command(app)

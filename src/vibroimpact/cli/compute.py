@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from vibroimpact.cli import Interrupted, WrongRequest, files, output, refusing
 from vibroimpact.cli import options as o
-from vibroimpact.cli import output, stores
-from vibroimpact.cli.errors import Interrupted, WrongRequest, refusing
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
@@ -104,9 +103,8 @@ def parameter_map(options: Options) -> None:
     study = options.study()
     if not study.axes:
         raise WrongRequest("a map needs an axis; for example --x omega=0.025:5:200")
-    stores.check_cluster(options)
-    stored = stores.is_wanted(options)
-    resumed = stored and stores.exists(options)
+    stored = files.is_store(options)
+    resumed = stored and files.store_exists(options)
     if not resumed:
         output.check(options, "parameter_map", study.given.get("indices", ("std",)), len(study.axes))
     more = options.numbers("tile", "refine")
@@ -138,14 +136,14 @@ def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed
     from vibroimpact.execution.threads import GRACE
 
     out = options["out"]
-    opening = partial(stores.announce, out) if resumed else None  # once it is known to be of the same study
+    opening = partial(files.announce, out) if resumed else None  # once it is known to be of the same study
     with (
         Meter("map", patience=GRACE, settle=settle, opening=opening) as meter,
-        stores.making_room(options),
+        files.making_room(options),
         refusing(StoreBusy),
     ):
         _call("parameter_map", study, progress=meter, store=out, **study.axes, **more)
-    state = stores.state_of(out, meter.seconds)
+    state = files.state_of(out, meter.seconds)
     if meter.stopped:
         raise Interrupted(f"interrupted; {state}; run the same command again to continue")
     typer.echo(f"wrote {state}")

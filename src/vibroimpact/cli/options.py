@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vibroimpact import figures, indices
-from vibroimpact.cli.errors import WrongRequest
+from vibroimpact.cli import WrongRequest
 
 if TYPE_CHECKING:
     from vibroimpact.cli.study import Study

@@ -1,18 +1,19 @@
-"""The commands that find periodic orbits, follow them and their boundaries, and find what coexists."""
+"""The commands that find periodic orbits, and follow them and their boundaries."""
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
+from vibroimpact.cli import Ended, WrongRequest, output, refusing
 from vibroimpact.cli import options as o
-from vibroimpact.cli import output
-from vibroimpact.cli.errors import NothingFound, WrongRequest, refusing
-from vibroimpact.cli.options import numbers, parse_axis
+from vibroimpact.cli.options import numbers
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
@@ -21,14 +22,13 @@ if TYPE_CHECKING:
     from vibroimpact.cli.options import Options
     from vibroimpact.cli.study import Study
     from vibroimpact.continuation import Boundary, Branch
-    from vibroimpact.orbits import Orbits
+    from vibroimpact.orbits import Orbit, Orbits
+    from vibroimpact.oscillator import Model
 
 Range = tuple[float, float]
 
 DIAGRAM_VALUES = 400  # of the diagram beneath a branch
 DIAGRAM = {"transient_impacts": 500, "sample_impacts": 100}  # of each value, unless the study gives them
-INITIAL_CONDITIONS = 200  # along an axis that is not given
-FASTEST = 4.0  # times the velocity scale: the hardest impact then
 
 
 # Orbits
@@ -48,8 +48,6 @@ def orbit(options: Options) -> None:
     output.check_looks(options, (".json",))
     began = perf_counter()
     found = _find(study, options)
-    from vibroimpact.cli.orbit_data import orbits_dataset, orbits_json
-
     out = options["out"]
     if out is not None and out.suffix.lower() == ".json":
         output.write_json(orbits_json(found, study.model), options, out)
@@ -69,6 +67,62 @@ def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits:
     near: Any = options["near"] and numbers("--near", options["near"], "PHASE,VELOCITY such as 0.25,1.4", 2)
     with refusing():
         return vibroimpact.find_orbit(study.model, **orbit_type or _type(options), near=near)
+
+
+def orbits_dataset(found: Orbits, model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
+    """Return orbits over `orbit` and `impact`, rows padded with NaN; `count` is the number of impacts."""
+    import numpy as np
+    import xarray as xr
+
+    from vibroimpact.continuation.results import number, orbit_variables
+    from vibroimpact.dataset import provenance
+
+    counts = [len(orbit.velocities) for orbit in found]
+    content = orbit_variables(found, max(counts, default=0), "orbit")
+    for i in (0, 1):
+        for part, name in (("real", "real"), ("imag", "imaginary")):
+            values = [getattr(complex(orbit.multipliers[i]), part) for orbit in found]
+            content[f"multiplier_{i + 1}_{part}"] = number("orbit", values, f"{name} part of a Floquet multiplier")
+    whole = {
+        "n_periods": ([orbit.n_periods for orbit in found], "driving periods per cycle"),
+        "n_impacts": ([orbit.n_impacts for orbit in found], "impacts per cycle"),
+        "count": (counts, "number of impacts listed"),
+    }
+    for key, (values, long_name) in whole.items():
+        content[key] = xr.Variable("orbit", np.array(values, np.int32), {"long_name": long_name, "units": "1"})
+    real = {
+        "stick_phase": "phase of coming to rest at the stop",
+        "release_phase": "phase of leaving the stop",
+        "stuck_time": "time at rest per cycle",
+    }
+    content |= {key: number("orbit", [getattr(orbit, key) for orbit in found], text) for key, text in real.items()}
+    content["stuck_time"].attrs["units"] = "s"
+    outcome = {"outcome": found.outcome, "message": _sentence(found)}
+    outcome["messages"] = json.dumps([orbit.message for orbit in found])
+    return xr.Dataset(content, attrs=provenance("find_orbit", model, arguments) | outcome)
+
+
+def orbits_json(found: Orbits, model: Model) -> dict[str, Any]:
+    """Return orbits as plain dictionaries, lists, numbers and text: NaN as None, multipliers as pairs."""
+    return {
+        "oscillator": asdict(model.at()),
+        "outcome": found.outcome,
+        "message": _sentence(found),
+        "orbits": [_plain(orbit) for orbit in found],
+    }
+
+
+def _plain(orbit: Orbit) -> dict[str, Any]:
+    content = {key: value for key, value in vars(orbit).items() if key not in ("oscillator", "family")}
+    content["multipliers"] = [[z.real, z.imag] for z in orbit.multipliers]
+    content |= {key: getattr(orbit, key) for key in ("name", "stable", "trace", "determinant")}
+    return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in content.items()}
+
+
+def _sentence(found: Orbits) -> str:
+    if found.outcome == "inadmissible":
+        return f"no admissible {found[0].name} orbit: the equations have {len(found)}"
+    return found.message or f"{len(found)} {found[0].name} orbit{'s' * (len(found) > 1)}"
 
 
 # Branches
@@ -174,7 +228,7 @@ def _ranges(study: Study, count: int, *, contain: bool = True) -> dict[str, Rang
 def _nothing(message: str, options: Options) -> NoReturn:
     """End a command that found nothing: a failure only where a file was to be written."""
     if options["out"] is not None:
-        raise NothingFound(f"{message}; nothing was written")
+        raise Ended(f"{message}; nothing was written")
     typer.echo(message)
     raise typer.Exit
 
@@ -286,59 +340,3 @@ def _map_beneath(options: Options, names: tuple[str, ...]) -> xr.Dataset | None:
     if missing := [name for name in needed if name not in over]:
         raise WrongRequest(f"`--over` must be a map of {', '.join(missing)}, which this one lacks; compute it again")
     return over
-
-
-# Basins
-
-
-@o.with_options(
-    o.MODEL, o.START_X, o.START_Y, o.START_PHASE, o.TRANSIENT_IMPACTS, o.BASIN_IMPACTS, o.BACKEND, o.TOLERANCE,
-    o.WORKERS, o.OUT, o.PICTURE,
-)  # fmt: skip
-def basins(options: Options) -> None:
-    """Which attractors coexist, and which initial conditions lead to which.
-
-    Ctrl-C keeps what is finished.
-
-    For example:
-
-      vibroimpact basins -p w=3 --x phase=0:1:400 --y velocity=0:3:400 -o b.png
-      vibroimpact basins --x displacement=-3:0:200 --y velocity=-2:2:200
-    """
-    study = options.study()
-    axes = _initial_conditions(study, options)
-    if "displacement" in axes and "phase" in study.given:
-        axes["phase"] = study.given["phase"]
-    elif options["phase"] is not None:
-        raise WrongRequest("`--phase` goes with an axis of displacement; for impacts write --x phase=0:1:200")
-    output.check(options, "basins")
-    import vibroimpact
-    from vibroimpact.status import Status
-
-    with Meter("initial conditions") as meter, refusing():
-        dataset = vibroimpact.basins(study.model, progress=meter, **study.arguments("basins"), **axes)
-    if meter.stopped:
-        empty = bool((dataset["status"] == Status.INTERRUPTED).all())
-        output.keep_finished(None if empty else dataset, options, meter.seconds)
-    output.hand_on(dataset, options, meter.seconds)
-
-
-def _initial_conditions(study: Study, options: Options) -> dict[str, Any]:
-    """Return the axes of initial conditions, completed by phases or velocities of impacts."""
-    import numpy as np
-
-    from vibroimpact.cli.study import span_values
-    from vibroimpact.parameters import Parameter
-
-    axes: dict[str, Any] = {}
-    with refusing():
-        for flag, text in (("--x", options["x"]), ("--y", options["y"])):
-            for name, span in parse_axis(flag, text, o.GRID, "phase=0:1:200").items() if text else ():
-                if name in axes:
-                    raise WrongRequest(f"the axis {name} is given twice; give each coordinate one axis")
-                axes[name] = span_values(Parameter(name, name), span, least=2)
-    if set(axes) <= {"phase"} or set(axes) == {"velocity"}:
-        usual = {"phase": 1.0, "velocity": FASTEST * (study.model.at().velocity_scale or 1.0)}
-        for name, high in usual.items():
-            axes.setdefault(name, np.linspace(0.0, high, INITIAL_CONDITIONS))
-    return axes

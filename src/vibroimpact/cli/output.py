@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from vibroimpact.cli.errors import Interrupted, WrongRequest, refusing
+from vibroimpact.cli import Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import number
 from vibroimpact.figures import EXPONENTS, KINDS, kinds_of
 from vibroimpact.progress import speed
