@@ -14,11 +14,13 @@ import numpy as np
 import xarray as xr
 
 import vibroimpact as vi
+from vibroimpact import execution
 from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.cli import main
-from vibroimpact.execution import threads, tiling
-from vibroimpact.execution.store import StoreBusy, SweepStore, writer
+from vibroimpact.execution import layout, threads
+from vibroimpact.execution.layout import StoreBusy
+from vibroimpact.execution.store import SweepStore
 from vibroimpact.request import Request
 
 OSC = vi.ImpactOscillator()
@@ -110,7 +112,7 @@ REFINED = {"omega": np.linspace(1.5, 3.5, 13), "mass": np.linspace(0.5, 1.5, 13)
 
 def refined(store, **options):
     """Refine a plane into a store, kept in chunks of a hundred cells; return it."""
-    tiling.LISTED = 100
+    execution.LISTED = 100
     return vi.parameter_map(OSC, refine=2, store=store, **{"workers": 2} | REFINED | options)
 
 
@@ -213,13 +215,13 @@ def large(folder):
 def typed(folder, patience, *words):
     """Run the command line as typed, with another patience for what runs when it is stopped, and with slow disks."""
     threads.GRACE = float(patience)
-    keeping = writer._keeping
+    keeping = layout._keeping
 
     def slow_array(array):
         time.sleep(0.1)
         return keeping(array)
 
-    writer._keeping = slow_array
+    layout._keeping = slow_array
     os.chdir(folder)
     sys.argv = ["vibroimpact", *words]
     sys.exit(main())

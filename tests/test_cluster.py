@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.execution import cluster
+from vibroimpact.execution import cluster, layout
 from vibroimpact.execution.cluster import connect
-from vibroimpact.execution.store import SweepStore, layout
+from vibroimpact.execution.store import SweepStore
 
 distributed = pytest.importorskip("distributed", reason="needs the extra [cluster]")
 
@@ -86,7 +86,7 @@ def test_workers_compute_with_any_back_end(client, backend):
 
 
 def test_workers_that_see_the_store_write_to_it_themselves(client, whole, tmp_path, monkeypatch):
-    monkeypatch.setattr("vibroimpact.execution.store.writer.put", lambda *what: pytest.fail("the client wrote a tile"))
+    monkeypatch.setattr("vibroimpact.execution.layout.put", lambda *what: pytest.fail("the client wrote a tile"))
     stored = sweep(cluster=client, store=tmp_path / "run.zarr")
     assert_same(stored, whole)
     assert SweepStore(tmp_path / "run.zarr").damaged() == []

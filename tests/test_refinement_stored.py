@@ -20,7 +20,7 @@ NAMES = ("std", "lyapunov_per_impact", "n_periods", "n_impacts", "status", "leve
 
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch):
-    monkeypatch.setattr("vibroimpact.execution.tiling.LISTED", 100)
+    monkeypatch.setattr("vibroimpact.execution.LISTED", 100)
     monkeypatch.setattr("vibroimpact.execution.threads.SHARE", 100)  # and computed one at a time
 
 
@@ -133,7 +133,7 @@ def test_cells_that_are_not_those_asked_for_are_computed_anew(tmp_path, whole):
 
 
 def test_batches_for_which_the_lists_have_no_room_are_computed_all_the_same(tmp_path, whole, monkeypatch):
-    monkeypatch.setattr("vibroimpact.execution.store.layout.SPARE", -20)  # 4 tiles of 100 cells
+    monkeypatch.setattr("vibroimpact.execution.layout.SPARE", -20)  # 4 tiles of 100 cells
     found = driver.refined(tmp_path / "r.zarr")
     assert SweepStore(tmp_path / "r.zarr").summary()["tiles"] == 4
     assert all(found[name].values.tobytes() == whole[name].values.tobytes() for name in NAMES)

@@ -18,7 +18,8 @@ import xarray as xr
 
 import store_driver as driver
 import vibroimpact as vi
-from vibroimpact.execution.store import StoreBusy, SweepStore
+from vibroimpact.execution.layout import StoreBusy
+from vibroimpact.execution.store import SweepStore
 
 posix = pytest.mark.skipif(os.name == "nt", reason="signals and forks are those of POSIX")
 DRIVER = [sys.executable, str(Path(driver.__file__))]

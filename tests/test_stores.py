@@ -18,9 +18,8 @@ import store_driver as driver
 import vibroimpact as vi
 from vibroimpact import memory
 from vibroimpact.backends.cpu import CpuBackend
-from vibroimpact.execution import threads
+from vibroimpact.execution import cut, threads
 from vibroimpact.execution.store import SweepStore
-from vibroimpact.execution.tiling import cut
 
 matplotlib.use("Agg")
 

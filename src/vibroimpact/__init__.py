@@ -16,10 +16,11 @@ if TYPE_CHECKING:
     from vibroimpact.orbits import Orbit, find_orbit
     from vibroimpact.orbits.sticking import end_of_sticking
     from vibroimpact.oscillator import ImpactOscillator, State
-    from vibroimpact.refinement.maps import to_uniform
+    from vibroimpact.refinement import to_uniform
     from vibroimpact.sections import impact_map, impact_section, simulate, stroboscopic_section
     from vibroimpact.sweeps import parameter_map, refined_map
-    from vibroimpact.verdict import compare, describe
+    from vibroimpact.verdict.compare import compare
+    from vibroimpact.verdict.describe import describe
 
 # Names are handed on when first used, so that importing vibroimpact costs nothing.
 _HOMES = {
@@ -35,7 +36,7 @@ _HOMES = {
     "bifurcation_diagram": "diagrams",
     "parameter_map": "sweeps",
     "refined_map": "sweeps",
-    "to_uniform": "refinement.maps",
+    "to_uniform": "refinement",
     "classify": "classes",
     "Orbit": "orbits",
     "find_orbit": "orbits",

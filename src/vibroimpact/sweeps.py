@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from vibroimpact import memory
 from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.dataset import missing
-from vibroimpact.execution import check_place, computing
-from vibroimpact.execution.tiling import usual_tile
+from vibroimpact.execution import check_place, computing, usual_tile
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import Model, State, check_model
@@ -151,7 +150,7 @@ def parameter_map(
         tolerances=tolerances,
     )  # fmt: skip
     if refine is not None:
-        from vibroimpact.refinement.maps import refine_map
+        from vibroimpact.refinement import refine_map
 
         _check_room_refined(request, whole_number("refine", refine, 1))
         return refine_map(
@@ -295,7 +294,7 @@ def _check_room(request: Request) -> None:
 
 def _check_room_refined(request: Request, levels: int) -> None:
     """Refuse a refined map that memory cannot hold; a store does not help it, as it is filled in as a whole."""
-    from vibroimpact.refinement.maps import DEEPEST
+    from vibroimpact.refinement import DEEPEST
 
     shape = tuple(((size - 1) << min(levels, DEEPEST)) + 1 for size in request.shape)
     size = math.prod(shape) * FINE_CELL

@@ -132,7 +132,7 @@ def _sweep(function: str, study: Study, options: Options, **more: Any) -> None:
 
 def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed: bool) -> None:
     """Compute a map tile by tile into its store, or the rest of it."""
-    from vibroimpact.execution.store import StoreBusy, settle
+    from vibroimpact.execution.layout import StoreBusy, settle
     from vibroimpact.execution.threads import GRACE
 
     out = options["out"]

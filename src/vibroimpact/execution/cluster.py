@@ -19,14 +19,14 @@ from uuid import uuid4
 
 from vibroimpact.backends.base import Outcome
 from vibroimpact.dataset import package_version
+from vibroimpact.execution import Part, Pieces, usual_tile
 from vibroimpact.execution.threads import compute_here
-from vibroimpact.execution.tiling import Part, Pieces, usual_tile
 from vibroimpact.request import Request
 
 if TYPE_CHECKING:
     from distributed import Client
 
-    from vibroimpact.execution.store.writer import Rows
+    from vibroimpact.execution.layout import Rows
 
 PATIENCE = 5  # seconds within which a scheduler must answer
 LOOK = 0.05  # seconds between two looks for finished tasks, and at whether to stop
@@ -122,7 +122,7 @@ def _work(part: Part, shared: _Shared) -> Outcome | Rows:
         )
     outcome = compute_here(shared.request, part)
     if shared.store is not None and isinstance(part, tuple) and sees(shared.store, shared.mark):
-        from vibroimpact.execution.store.writer import put, record_of
+        from vibroimpact.execution.layout import put, record_of
 
         with suppress(OSError):  # it sees the store and may not write: the client may, or explains what is wrong
             put(_arrays(shared.store, shared.mark, (*shared.request.indices, "status")), part, outcome)
@@ -152,7 +152,7 @@ def _marked(store: Path | None) -> Iterator[str]:
 
 
 def _mark_of(store: Path) -> Path:
-    from vibroimpact.execution.store.layout import MARK, PROGRESS
+    from vibroimpact.execution.layout import MARK, PROGRESS
 
     return store / PROGRESS / MARK
 

@@ -1,1 +1,230 @@
-"""Fine pictures at the cost of their boundaries."""
+"""Fine pictures at the cost of their boundaries: maps computed finely where motions change, filled in elsewhere."""
+
+from __future__ import annotations
+
+import os
+from contextlib import ExitStack, closing, suppress
+from dataclasses import replace
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from vibroimpact.dataset import level_variable, plain_variable
+from vibroimpact.execution import Gathered, Place, check_place, computing, usual_tile
+from vibroimpact.parameters import invalid, real_number, whole_number
+from vibroimpact.progress import Report, Stop, reporter
+from vibroimpact.refinement.picture import NAMING, Picture, finer, refine_picture
+from vibroimpact.request import Places, Request, map_of
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+    from vibroimpact.execution.layout import TileWriter
+    from vibroimpact.execution.store import SweepStore
+
+DEEPEST = 12
+
+
+def refine_map(
+    coarse: Request,
+    refine: int,
+    jump: float | None,
+    *,
+    workers: int | None,
+    store: str | os.PathLike[str] | None,
+    cluster: Client | str | None,
+    tile: int | None,
+    progress: bool | Report,
+) -> xr.Dataset:
+    """Return the refined map of a request's grid; see `refined_map`."""
+    request = refined(coarse, refine, jump)
+    check_place(request, workers, cluster, tile)
+    if tile is not None and cluster is None:
+        raise ValueError("with `refine`, `tile` goes with `cluster` only; leave it out")
+    with reporter(progress, "cells") as report, ExitStack() as stack:
+        kept = None
+        if store is not None:
+            from vibroimpact.execution.store import open_or_create
+
+            stored = open_or_create(store, request, usual_tile(request, listed=True))
+            if stored.is_whole():
+                return stored.dataset()
+            kept = stored, stack.enter_context(stored.writing(request))
+        place = stack.enter_context(computing(cluster, workers))
+        picture = Picture(request.shape, request.indices, request.measurement.impacts.keep)
+        level = {"level": level_variable(request.dims, picture.level)}
+        dataset = map_of(request, picture.values).assign(level)
+        batches = Batches(request, picture, dataset, place, tile, report, kept)
+        complete = refine_picture(picture, request.further["refine"], request.further["jump"], batches)
+        dataset.attrs |= {
+            "complete": int(complete),
+            "cells_computed": picture.computed,
+            "fraction_computed": picture.computed / picture.level.size,
+        }
+        if kept is None:
+            return dataset
+        stored, writer = kept
+        writer.draw({**picture.values, "level": picture.level}, dataset.attrs)
+        return stored.dataset()
+
+
+def refined(coarse: Request, refine: int, jump: float | None) -> Request:
+    """Return the request of the fine grid; what refines it is part of its identity."""
+    levels = whole_number("refine", refine, 1)
+    if levels > DEEPEST:
+        raise invalid("refine", refine, f"between 1 and {DEEPEST}", "give a finer grid to begin with")
+    allowed = "None or a number above 0 and up to 1"
+    part = None if jump is None else real_number("jump", jump, allowed)
+    if part is not None and not 0.0 < part <= 1.0:
+        raise invalid("jump", jump, allowed, "0.1 is usual")
+    _check_plane(coarse)
+    names = (*coarse.indices, *(name for name in NAMING if name not in coarse.indices))
+    axes = {name: finer(values, levels) for name, values in coarse.axes.items()}
+    measurement = replace(coarse.measurement, indices=names)
+    return replace(coarse, axes=axes, measurement=measurement, further={"refine": levels, "jump": part})
+
+
+class Batches:
+    """Computes batches of cells of the fine grid into the picture; takes from a store what it holds and keeps the rest.
+
+    In the lists of a store every batch begins a tile, so that the place of a cell follows from the request alone.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        The picture as a map, in whose attributes impacts and steps are counted.
+    tile : int or None
+        Cells of a part that is computed together; None is what suits the place.
+    report : callable
+        Gets cells computed, cells known to be needed, and the dataset; False asks to stop.
+    kept : pair, optional
+        The store and what writes to it.
+    """
+
+    def __init__(
+        self,
+        request: Request,
+        picture: Picture,
+        dataset: xr.Dataset,
+        place: Place,
+        tile: int | None,
+        report: Report,
+        kept: tuple[SweepStore, TileWriter] | None,
+    ) -> None:
+        self.request, self.picture, self.dataset = request, picture, dataset
+        self.place, self.tile, self.report, self.kept = place, tile, report, kept
+        self.stop = Stop(report)
+        self.chunk = kept[0].tiling.tile[0] if kept else usual_tile(request, listed=True)
+        self.chunks = self.done = self.needed = 0
+
+    def __call__(self, at: Places, level: int) -> bool:
+        """Compute the cells `at`, flat indices of the fine grid; return whether all are known."""
+        self.needed += len(at)
+        if self.kept:
+            self.kept[1].need(self.needed)
+        waiting = {}
+        for low in range(0, len(at), self.chunk):
+            cells = at[low : low + self.chunk]
+            if not self._recalled(self.chunks, cells, level):
+                waiting[self.chunks] = cells
+            self.chunks += 1
+        self._tell()
+        if waiting and not self.stop.is_set():
+            self._compute(waiting, self.tile or self.place.part_size(self.request, len(at)), level)
+        return not waiting and not self.stop.is_set()
+
+    def _recalled(self, number: int, cells: Places, level: int) -> bool:
+        """Whether a chunk is in the store, for these cells and undamaged, and has been taken from there."""
+        if not self.kept:
+            return False
+        store, writer = self.kept
+        if not writer.is_done(number):
+            return False
+        with suppress(Exception):  # a damaged chunk: computed again
+            found = {name: values[: len(cells)] for name, values in store.read(number).items()}
+            if np.array_equal(found["cell"], cells):
+                self.picture.put(cells, found, level)
+                self._count(len(cells), *writer.cost(number))
+                return True
+        return False
+
+    def _compute(self, waiting: dict[int, Places], size: int, level: int) -> None:
+        """Compute chunks by their numbers, in parts of so many cells; take those that have ended from `waiting`."""
+        gathered, began = Gathered(), perf_counter()
+        owners = [(number, low) for number, cells in waiting.items() for low in range(0, len(cells), size)]
+        parts = [waiting[number][low : low + size] for number, low in owners]
+        with closing(self.place.compute(self.request, parts, self.stop)) as pieces:
+            for part, which, outcome in pieces:
+                (number, low), cells = owners[part], parts[part][which]
+                self.picture.put(cells, outcome, level)
+                self._count(len(cells), int(outcome["impacts"].sum()), int(outcome["steps"].sum()))
+                ended = low + np.arange(len(parts[part]))[which]
+                chunk = gathered.add(number, len(waiting[number]), ended, outcome)
+                if chunk is not None:
+                    cells = waiting.pop(number)
+                    if self.kept and number < len(self.kept[0].tiling):  # more batches are not kept
+                        self.kept[1].write(number, chunk | {"cell": cells}, perf_counter() - began)
+                        began = perf_counter()
+                self._tell()
+
+    def _count(self, cells: int, impacts: int, steps: int) -> None:
+        self.done += cells
+        self.dataset.attrs["impacts_computed"] += impacts
+        self.dataset.attrs["steps_computed"] += steps
+
+    def _tell(self) -> None:
+        if self.report(self.done, self.needed, self.dataset) is False:
+            self.stop.set()
+
+
+def to_uniform(plane: xr.Dataset, *, shape: tuple[int, int] | None = None) -> xr.Dataset:
+    """Return a refined map on evenly spaced axes, each cell that of the nearest one of the fine grid.
+
+    Parameters
+    ----------
+    plane : xarray.Dataset
+        What `refined_map` returned.
+    shape : pair of int, >= 2, optional
+        Cells along each axis; None keeps their number.
+
+    Returns
+    -------
+    xarray.Dataset
+        The same variables; nothing is interpolated, so that every value was computed or filled in before.
+
+    Raises
+    ------
+    ValueError
+        `plane` is not a refined map, or `shape` not a pair of whole numbers >= 2.
+
+    Examples
+    --------
+    >>> from vibroimpact import ImpactOscillator, refined_map
+    >>> plane = refined_map(ImpactOscillator(), refine=2, omega=[2.0, 2.4, 3.0], mass=[0.9, 1.1], sample_impacts=100)
+    >>> dict(to_uniform(plane, shape=(11, 6)).sizes)
+    {'omega': 11, 'mass': 6}
+    """
+    if not isinstance(plane, xr.Dataset) or "level" not in plane or len(plane["level"].dims) != 2:
+        raise ValueError(f"`plane` must be what `refined_map` returned, got a {type(plane).__name__} without levels")
+    dims = [str(dim) for dim in plane["level"].dims]
+    sizes = plane["level"].shape if shape is None else tuple(shape)
+    if len(sizes) != 2:
+        raise invalid("shape", shape, "a pair of whole numbers")
+    targets: dict[str, xr.Variable] = {}
+    for dim, size in zip(dims, sizes, strict=True):
+        values = plane[dim].values
+        even = np.linspace(values[0], values[-1], whole_number("shape", size, 2))
+        targets[dim] = plain_variable(dim, even, plane[dim].attrs)
+    return plane.sel({dim: target.values for dim, target in targets.items()}, method="nearest").assign_coords(targets)
+
+
+def _check_plane(request: Request) -> None:
+    if request.scattered or isinstance(request.start, tuple):
+        raise ValueError("`refine` goes with a grid from one initial condition; leave out `points` and lists of starts")
+    if len(request.axes) != 2:
+        raise ValueError(f"`refine` needs two axes, got {len(request.axes)}; leave it out for other numbers of axes")
+    for name, values in request.axes.items():
+        if len(values) < 2:
+            raise ValueError(f"`{name}` must have two or more values with `refine`, got 1; give its ends at least")

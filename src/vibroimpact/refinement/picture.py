@@ -1,8 +1,8 @@
-"""The fine grid as far as it is known: computed where it matters, filled in elsewhere; and the lattices in it."""
+"""The fine grid as far as it is known, and the order in which it is computed: ever finer where motions change."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,10 @@ NAMING = NEEDED[:3]  # the indices that a class is decided from
 BAND = 256  # rows filled at a time, to save memory
 Arrays = Mapping[str, NDArray[Any]]
 Flags = NDArray[np.bool_]
+# Computes cells and puts them into the picture at a level; returns whether all were computed.
+Compute = Callable[[Places, int], bool]
+# The difference of an index between neighbours beyond which a boundary lies between them.
+Jumps = Mapping[str, float]
 
 
 class Picture:
@@ -107,25 +111,69 @@ def finer(values: Floats, levels: int) -> Floats:
     return np.append(between.ravel(), values[-1])
 
 
-def quads(field: NDArray[Any]) -> tuple[NDArray[Any], ...]:
+def refine_picture(picture: Picture, levels: int, jump: float | None, compute: Compute) -> bool:
+    """Compute and fill the picture, a coarse lattice first; return whether it is complete.
+
+    Each batch follows from the ones before alone, so that a stopped run retraces its steps.
+    """
+    step = 1 << levels
+    everywhere = np.ones([side - 1 for side in picture.level[::step, ::step].shape], bool)
+    going = compute(_unknown(picture, step, everywhere, 1), 0)
+    jumps = {} if jump is None else _jumps(picture, step, jump)
+    for level in range(1, levels + 1):
+        # No margin around mixed squares: the boundaries that slip between samples are found below, at less cost.
+        batch = _unknown(picture, step // 2, _mixed_squares(picture, step, jumps), 2) if going else None
+        step //= 2
+        picture.fill(step)
+        while batch is not None and len(batch):
+            going = compute(batch, level)
+            # what was filled in but turns out to lie beside a boundary
+            batch = _unknown(picture, step, _mixed_squares(picture, step, jumps), 1) if going else None
+    return going
+
+
+def _unknown(picture: Picture, step: int, squares: Flags, cuts: int) -> Places:
+    """Return the cells of the lattice of `step` in or on marked squares of sides `cuts` steps that are not computed.
+
+    They come as flat indices of the fine grid, in ascending order.
+    """
+    rows, columns = (cuts * side for side in squares.shape)
+    points = np.zeros((rows + 1, columns + 1), bool)
+    for i in range(cuts + 1):
+        for j in range(cuts + 1):
+            points[i : i + rows : cuts, j : j + columns : cuts] |= squares
+    along_x, along_y = np.nonzero(points & (picture.level[::step, ::step] < 0))
+    at: Places = along_x * picture.shape[1]
+    at += along_y
+    at *= step
+    return at
+
+
+def _quads(field: NDArray[Any]) -> tuple[NDArray[Any], ...]:
     """Return the four corners of every square of neighbours of a lattice."""
     return field[:-1, :-1], field[1:, :-1], field[:-1, 1:], field[1:, 1:]
 
 
-def points_of(squares: Flags) -> Flags:
-    """Return the points of the lattice of half the step that lie in or on the marked squares."""
-    rows, columns = squares.shape
-    points = np.zeros((2 * rows + 1, 2 * columns + 1), bool)
-    for i in range(3):
-        for j in range(3):
-            points[i : i + 2 * rows - 1 : 2, j : j + 2 * columns - 1 : 2] |= squares
-    return points
+def _mixed_squares(picture: Picture, step: int, jumps: Jumps) -> Flags:
+    """Return the squares of a lattice whose corners differ in motion, or in an index by more than a jump."""
+    first, *others = _quads(picture.motion[::step, ::step])
+    mixed: Flags = np.zeros(first.shape, bool)
+    for other in others:
+        mixed |= first != other
+    for name, most in jumps.items():
+        corners = _quads(picture.values[name][::step, ::step])
+        with np.errstate(invalid="ignore"):  # no value is no boundary: the class shows it
+            mixed |= np.max(corners, axis=0) - np.min(corners, axis=0) > most
+    return mixed
 
 
-def places(points: Flags, step: int, shape: tuple[int, ...]) -> Places:
-    """Return where marked points of a lattice lie on the fine grid, as flat indices in ascending order."""
-    i, j = np.nonzero(points)
-    at = i * shape[1]
-    at += j
-    at *= step
-    return at
+def _jumps(picture: Picture, step: int, jump: float) -> Jumps:
+    """Return the differences that count as a jump: this part of an index's range over the coarse lattice."""
+    limits = {}
+    for name, values in picture.values.items():
+        if name not in NAMING and values.dtype == np.float64:
+            coarse = values[::step, ::step]
+            finite = coarse[np.isfinite(coarse)]
+            if finite.size:
+                limits[name] = jump * float(np.ptp(finite))
+    return limits

@@ -15,8 +15,8 @@ import numpy as np
 import xarray as xr
 import zarr
 
-from vibroimpact.execution import Gathered, Place
-from vibroimpact.execution.store.layout import (
+from vibroimpact.execution import Gathered, Place, Tiling
+from vibroimpact.execution.layout import (
     CELL,
     COLUMNS,
     DONE,
@@ -29,14 +29,15 @@ from vibroimpact.execution.store.layout import (
     RECORDS,
     ROWS,
     STEPS,
+    Arrays,
+    Rows,
     StoreBusy,
+    TileWriter,
     create,
     locked,
     refined,
     scratch_of,
 )
-from vibroimpact.execution.store.writer import Arrays, Rows, TileWriter
-from vibroimpact.execution.tiling import Tiling
 from vibroimpact.files import load_lazily
 from vibroimpact.parameters import invalid
 from vibroimpact.progress import Report, Stop
