@@ -4,20 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.arclength import Loop, follow, newton, tangent
-from vibroimpact.continuation.branch import ENDS, MOST_POINTS
-from vibroimpact.continuation.points import Special, residual, special_orbit, touch_turns
-from vibroimpact.continuation.results import BifurcationPoint, Boundary
+from vibroimpact.continuation.points import Special
+from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
 from vibroimpact.continuation.sticking import LONGEST_STEP, sticking_curve
-from vibroimpact.continuation.system import LAST_IMPACT, TOUCH, System, check_range, check_share
-from vibroimpact.orbits.admissibility import ROUNDING, nearest_misses, orbit_size
+from vibroimpact.continuation.system import (
+    LAST_IMPACT,
+    MOST_POINTS,
+    TOUCH,
+    System,
+    Way,
+    both_ways,
+    check_range,
+    check_share,
+    follow,
+    newton,
+    system_of,
+    tangent,
+)
+from vibroimpact.orbits.admissibility import nearest_misses
 from vibroimpact.orbits.equations import Floats
-from vibroimpact.orbits.orbit import Orbit, solution_of
+from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking import StickingEnd
 from vibroimpact.oscillator import Model, check_names
 from vibroimpact.parameters import invalid
@@ -119,8 +131,7 @@ def boundary_through(
         total: Any = None
         look = partial(report, 0, total, None)
         return sticking_curve(point, names, box, min(longest, LONGEST_STEP), look)
-    system, x = boundary_system(point, names, box)
-    return trace_boundary(system, x, point.kind, longest, virtual, report)
+    return _traced(*_boundary_system(point, names, box), longest, virtual, report)
 
 
 def check_plane(point: Any, parameters: Any, ranges: Any) -> tuple[tuple[str, str], tuple[Range, Range]]:
@@ -149,22 +160,22 @@ def check_box(
     return (chosen[0], chosen[1]), (first, second)
 
 
-def boundary_system(point: BifurcationPoint, names: tuple[str, str], box: tuple[Range, Range]) -> tuple[System, Floats]:
+def _boundary_system(
+    point: BifurcationPoint, names: tuple[str, str], box: tuple[Range, Range]
+) -> tuple[System, Floats]:
     """Return the equations of a boundary, and the unknown of the point where it begins."""
-    osc, p = point.orbit.oscillator, point.orbit.n_impacts
-    cycle, z = solution_of(point.orbit)
-    speed = max(osc.velocity_scale, float(z[p:].max()))
-    condition, where, touch = point.kind, 0, math.nan
+    system, z = system_of(point.orbit, names, box)
+    condition, where, touch, speeds = point.kind, 0, math.nan, z[system.cycle.n_impacts :]
     if condition == "grazing":
-        where = int(np.argmin(z[p:]))
-        condition = LAST_IMPACT if z[p + where] <= 1e-9 * speed else TOUCH
+        where = int(np.argmin(speeds))
+        condition = LAST_IMPACT if speeds[where] <= 1e-9 * system.speed else TOUCH
     if condition == TOUCH:
-        misses = nearest_misses(osc, cycle, z)
+        misses = nearest_misses(system.oscillator, system.cycle, z)
         lowest = min(misses, key=lambda miss: abs(miss.gap), default=None)
         if lowest is None:
             raise _no_boundary(point)
         where, touch = lowest.flight, lowest.turns
-    system = System(point.orbit.model, cycle, names, box, speed, condition, where)
+    system = replace(system, condition=condition, where=where)
     x = system.pack(z, touch)
     if np.abs(system.misses(x)).max() > 1e-6:
         raise _no_boundary(point)
@@ -178,111 +189,57 @@ def _no_boundary(point: BifurcationPoint) -> NoBoundary:
     )
 
 
-def admissible(special: Special) -> bool:
-    """Whether the mass can move along the orbit of a boundary; the graze that defines the boundary is allowed."""
-    system, x = special.system, special.x
-    osc, z, p = system.oscillator_at(x), system.solution(x), system.cycle.n_impacts
-    others = np.delete(z[p:], system.where) if system.condition == LAST_IMPACT else z[p:]
-    if (others <= 0.0).any():
-        return False
-    lowest = min((miss.gap for miss in nearest_misses(osc, system.cycle, z)), default=math.inf)
-    return lowest >= -ROUNDING * orbit_size(osc, z)
-
-
-def _inside(system: System, x: Floats) -> bool:
-    """Whether impacts are in order, and the touch is inside its flight."""
-    begin, end = system.cycle.span(x, system.where)
-    return system.cycle.in_order(x) and (system.condition != TOUCH or begin < x[system.inner - 1] < end)
-
-
-def trace_boundary(system: System, x: Floats, kind: str, longest: float, virtual: bool, report: Any = None) -> Boundary:
+def _traced(system: System, x: Floats, longest: float, virtual: bool, report: Report) -> Boundary:
     """Return the curve through a point, in both directions."""
-    x, made = _onto(system, x)
+    along = np.ones(len(x))
+    x, made = newton(system, x, tangent(system, x, along))
     if not made:
         raise NoBoundary("Newton's method does not lead from `point` to its boundary; take another point")
-    both: list[list[Floats]] = []
-    ends: list[str] = []
-    along = tangent(system, x, np.ones(len(x)))
-    for way in (-along, along):
-        points, end = [x], "closed"
-        if ends != ["closed"]:
-            for found, end in _walk(system, x, way, kind, longest, virtual):
-                points.append(found)
-                done = len(points) + sum(map(len, both))
-                if report is not None and report(done, None, None) is False:
-                    end = "stopped"
-                    break
-        both.append(points)
-        ends.append(end)
-    return _boundary(system, both[0][:0:-1] + both[1], kind, (ends[0], ends[1]), longest, virtual)
-
-
-def _onto(system: System, x: Floats) -> tuple[Floats, int]:
-    """Return the nearest point of the boundary."""
-    row = tangent(system, x, np.ones(len(x)))
-    return newton(system, x, row[None, :], np.array([row @ x]))
-
-
-def _walk(
-    system: System, x: Floats, along: Floats, kind: str, longest: float, virtual: bool
-) -> Iterator[tuple[Floats, str]]:
-    """Yield points in one direction, each with the reason for which the curve would end there."""
-    here, loop = x, Loop(system, x, along, longest)
-    at_first = admissible(Special(kind, system, x))
-    for number, step in enumerate(follow(system, x, along, longest)):
-        if step.end == "lost" or residual(Special(kind, system, step.x)) > WORST:
-            yield here, "lost"
-            return
-        if not _inside(system, step.x):
-            yield here, "impacts_merge"
-            return
-        if at_first and not virtual and not admissible(Special(kind, system, step.x)):
-            yield _last_admissible(system, here, step.x, kind), "inadmissible"
-            return
-        closed = loop.closed_by(step)
-        end = "range" if step.end == "edge" else "closed" if closed else "budget"
-        yield step.x, end
-        if end != "budget" or number > MOST_POINTS:
-            return
-        here = step.x
-
-
-def _last_admissible(system: System, inside: Floats, outside: Floats, kind: str) -> Floats:
-    """Return the last point between two at which the boundary is admissible."""
-    for _ in range(HALVINGS):
-        way = outside - inside
-        middle = inside + 0.5 * way
-        found, made = newton(system, middle, way[None, :], np.array([way @ middle]))
-        if not made:
-            break
-        special = Special(kind, system, found)
-        if admissible(special) and residual(special) <= WORST:
-            inside = found
-        else:
-            outside = found
-    return inside
-
-
-def _boundary(
-    system: System, points: list[Floats], kind: str, ends: tuple[str, str], longest: float, virtual: bool
-) -> Boundary:
-    specials = [Special(kind, system, x) for x in points]
-
-    def at(x: Floats) -> str:
-        return ", ".join(f"{name} = {value:.9g}" for name, value in zip(system.names, system.values(x), strict=True))
-
-    message = (
-        f"from {at(points[0])}, {ENDS[ends[0]]}, to {at(points[-1])}, {ENDS[ends[1]]}"
-        if "closed" not in ends
-        else f"a closed curve through {at(points[-1])}"
-    )
+    walk = partial(_walk, Special(system, x), tangent(system, x, along), longest, virtual)
+    back, on = both_ways(walk, report)
+    points: list[Special] = back.points[:0:-1] + on.points
+    orbits, ends = [special.orbit for special in points], (back.end, on.end)
     return Boundary(
-        kind=kind,
+        kind=points[0].kind,
         parameters=(system.names[0], system.names[1]),
-        orbits=[special_orbit(special) for special in specials],
-        residuals=[residual(special) for special in specials],
-        touch_phases=[touch_turns(special) % 1.0 for special in specials],
+        orbits=orbits,
+        residuals=[special.residual for special in points],
+        touch_phases=[special.touch_phase for special in points],
         outcome=ends,
-        message=message,
+        message=course("curve", orbits, system.names, ends),
         arguments={"ranges": system.ranges, "step": longest, "virtual": virtual},
     )
+
+
+def _walk(here: Special, along: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
+    """Yield, point by point, one direction of a boundary as far as it has been followed."""
+    system, way, at_first = here.system, Way([here]), here.admissible
+    for number, step in enumerate(follow(system, here.x, direction * along, longest)):
+        there, end = Special(system, step.x), step.end
+        if end == "lost" or there.residual > WORST:
+            there, end = here, "lost"
+        elif not system.in_order(step.x):
+            there, end = here, "impacts_merge"
+        elif at_first and not virtual and not there.admissible:
+            there, end = _last_admissible(here, there), "inadmissible"
+        way.points.append(there)
+        way.end = end or "budget"
+        yield way
+        if end or number > MOST_POINTS:
+            return
+        here = there
+
+
+def _last_admissible(inside: Special, outside: Special) -> Special:
+    """Return the last point between two at which the boundary is admissible."""
+    for _ in range(HALVINGS):
+        way = outside.x - inside.x
+        found, made = newton(inside.system, inside.x + 0.5 * way, way)
+        if not made:
+            break
+        special = Special(inside.system, found)
+        if special.admissible and special.residual <= WORST:
+            inside = special
+        else:
+            outside = special
+    return inside

@@ -3,54 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.arclength import Loop, follow, newton, tangent
-from vibroimpact.continuation.points import (
-    Point,
-    Special,
-    between,
-    branch_part,
-    point,
-    residual,
-    special_orbit,
-    touch_turns,
+from vibroimpact.continuation.points import Point, Special, between, orbit_at, point
+from vibroimpact.continuation.results import Branch, course
+from vibroimpact.continuation.system import (
+    DOUBLING,
+    MOST_POINTS,
+    System,
+    Way,
+    both_ways,
+    check_range,
+    check_share,
+    follow,
+    newton,
+    system_of,
+    tangent,
 )
-from vibroimpact.continuation.results import BifurcationPoint, Branch
-from vibroimpact.continuation.system import DOUBLING, System, check_orbit, check_range, check_share
 from vibroimpact.orbits.equations import Cycle, Floats
-from vibroimpact.orbits.orbit import Orbit, make_orbit, solution_of
+from vibroimpact.orbits.orbit import Orbit
+from vibroimpact.parameters import invalid
 from vibroimpact.progress import Report, reporter
 
-MOST_POINTS = 20_000  # of one direction
 ONE_HALF = 1e-6  # halves of a doubled orbit that differ by less are one orbit
-
-ENDS = {
-    "range": "at the end of the range",
-    "grazing": "where it grazes the stop",
-    "inadmissible": "where its orbits become inadmissible",
-    "period_doubling": "at the period doubling it comes from",
-    "closed": "where it began (closed)",
-    "impacts_merge": "where two impacts merge",
-    "lost": "where Newton's method finds no next orbit",
-    "budget": f"after {MOST_POINTS} orbits",
-    "stopped": "where it was stopped",
-}
-
-
-def bifurcation_point(special: Special, parameter: str) -> BifurcationPoint:
-    """Return a special point of a branch as callers see it."""
-    return BifurcationPoint(
-        kind=special.kind,
-        parameter=parameter,
-        value=special.system.values(special.x)[0],
-        orbit=special_orbit(special),
-        residual=residual(special),
-        touch_phase=touch_turns(special) % 1.0,
-    )
 
 
 def continue_orbit(
@@ -126,32 +105,41 @@ def continue_orbit(
     >>> [(point.kind, round(point.value, 9)) for point in branch.special]
     [('period_doubling', 2.65392352)]
     """
-    orbit = check_orbit("orbit", orbit)
-    ends = check_range(orbit, parameter, range)
+    ends = check_range(_checked(orbit), parameter, range)
     longest = check_share("step", step)
     system, x = branch_system(orbit, parameter, ends)
     x = _corrected(system, x)
     with reporter(progress, "orbits") as report:
-        down, up = both_ways(system, x, longest, virtual, report)
-    points = down.points[:0:-1] + up.points
-    special = [bifurcation_point(special, parameter) for special in down.special[::-1] + up.special]
-    orbits = [make_orbit(system.model_at(p.x), system.cycle, system.solution(p.x)) for p in points]
-    outcome = (down.end, up.end)
+        down, up = both_ways(partial(walk, system, x, longest, virtual), report)
+    special = [special.bifurcation(parameter) for special in down.special[::-1] + up.special]
+    orbits = [orbit_at(system, p.x) for p in down.points[:0:-1] + up.points]
+    message = course("branch", orbits, (parameter,), (down.end, up.end))
+    hidden = sum(not orbit.admissible for orbit in orbits)
+    if hidden:
+        message += f"; {hidden} of {len(orbits)} orbits are inadmissible (they penetrate the stop)"
     return Branch(
         parameter=parameter,
         orbits=orbits,
         special=[point for point in special if point.orbit.admissible],
-        outcome=outcome,
-        message=_message(orbits, parameter, outcome),
+        outcome=(down.end, up.end),
+        message=message,
         arguments={"range": ends, "step": longest, "virtual": virtual},
     )
 
 
+def _checked(orbit: Any) -> Orbit:
+    """Return an orbit that flies from impact to impact."""
+    if not isinstance(orbit, Orbit):
+        raise invalid("orbit", orbit, "an Orbit", "give one that find_orbit returned")
+    if orbit.n_impacts < 1 or orbit.sticks:
+        hint = "follow its end of sticking with continue_boundary instead"
+        raise invalid("orbit", orbit.name, "an orbit that never rests at the stop", hint)
+    return orbit
+
+
 def _corrected(system: System, x: Floats) -> Floats:
     """Return the orbit corrected at its own parameter, or refuse one that does not solve its equations."""
-    row = np.zeros((1, len(x)))
-    row[0, -1] = 1.0
-    found, made = newton(system, x, row, x[-1:])
+    found, made = newton(system, x, np.eye(len(x))[-1])
     if made and np.abs(found - x).max() < 1e-3:
         return found
     if np.abs(system.misses(x)).max() < 1e-9:
@@ -159,44 +147,23 @@ def _corrected(system: System, x: Floats) -> Floats:
     raise ValueError("`orbit` does not return to itself; give a periodic orbit that find_orbit returned")
 
 
-def _message(orbits: list[Orbit], parameter: str, outcome: tuple[str, str]) -> str:
-    first, last = (orbit.value(parameter) for orbit in (orbits[0], orbits[-1]))
-    text = (
-        f"from {parameter} = {first:.9g}, {ENDS[outcome[0]]}, to {parameter} = {last:.9g}, {ENDS[outcome[1]]}"
-        if outcome[0] != "closed"
-        else f"a closed branch through {parameter} = {last:.9g}"
-    )
-    hidden = sum(not orbit.admissible for orbit in orbits)
-    return text + (f"; {hidden} of {len(orbits)} orbits are inadmissible (they penetrate the stop)" if hidden else "")
-
-
-@dataclass
-class Way:
-    """The points and bifurcations along one direction of a branch, and why it ended."""
-
-    points: list[Point]
-    special: list[Special]
-    end: str = "budget"
-
-
 def branch_system(orbit: Orbit, parameter: str, range: tuple[float, float]) -> tuple[System, Floats]:
     """Return the equations of a branch and the unknown of the orbit it begins with."""
-    cycle, z = solution_of(orbit)
-    speed = max(orbit.oscillator.velocity_scale, float(np.abs(z[cycle.n_impacts :]).max()))
-    system = System(orbit.model, cycle, (parameter,), (range,), speed)
+    system, z = system_of(orbit, (parameter,), (range,))
     return system, system.pack(z)
 
 
-def walk(system: System, x: Floats, along: Floats, longest: float, virtual: bool) -> Iterator[Way]:
-    """Yield, point by point, one direction of a branch as far as it has been followed."""
-    start = here = point(system, x, along)
-    way, loop = Way([start], []), Loop(system, x, start.tangent, longest)
+def walk(system: System, x: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
+    """Yield, point by point, a branch as far as it has been followed, down (-1) or up (1) the parameter."""
+    along = direction * tangent(system, x, np.eye(len(x))[-1])
+    here = point(system, x, along)
+    way = Way([here])
     for step in follow(system, x, along, longest):
         if step.end == "lost":
             way.end = "lost"
             break
-        there = point(system, step)
-        if not system.cycle.in_order(there.x):
+        there = point(system, step.x, step.tangent)
+        if not system.in_order(there.x):
             way.end = "impacts_merge"
             break
         halved = _halved(system, here, there)
@@ -204,9 +171,9 @@ def walk(system: System, x: Floats, along: Floats, longest: float, virtual: bool
             way.special.append(halved)
             way.end = "period_doubling"
             break
-        met = between(system, here, there)
-        for special in met:
-            way.points.append(point(system, branch_part(special), here.tangent))
+        for special in between(system, here, there):
+            part = special.part
+            way.points.append(point(system, part, tangent(system, part, here.tangent)))
             way.special.append(special)
             if special.kind == "grazing" and here.clear and not virtual:
                 way.end = "grazing"
@@ -217,12 +184,8 @@ def walk(system: System, x: Floats, along: Floats, longest: float, virtual: bool
             break
         way.points.append(there)
         here = there
-        closed = loop.closed_by(step)
-        if step.end == "edge":
-            way.end = "range"
-            break
-        if closed:
-            way.end = "closed"
+        if step.end:
+            way.end = step.end
             break
         if len(way.points) > MOST_POINTS:
             break
@@ -252,23 +215,4 @@ def _halved(system: System, a: Point, b: Point) -> Special | None:
     x = a.x + share * (b.x - a.x)
     turns = 0.5 * (x[:h] + x[h:p] - 0.5 * system.cycle.n_periods)
     found, made = newton(half, np.concatenate([turns, 0.5 * (x[p : p + h] + x[p + h : 2 * p]), x[2 * p :]]))
-    return Special(DOUBLING, half, found) if made else None
-
-
-def both_ways(system: System, x: Floats, longest: float, virtual: bool, report: Any = None) -> tuple[Way, Way]:
-    """Return the two directions of a branch from an orbit: down and up the parameter."""
-    up = np.zeros(len(x))
-    up[-1] = 1.0
-    ways: list[Way] = []
-    count = 0
-    up = tangent(system, x, up)
-    for along in (-up, up):
-        way = Way([point(system, x, along)], [], "closed")
-        if not (ways and ways[0].end == "closed"):
-            for way in walk(system, x, along, longest, virtual):
-                if report is not None and report(count + len(way.points), None, None) is False:
-                    way.end = "stopped"
-                    break
-        count += len(way.points)
-        ways.append(way)
-    return ways[0], ways[1]
+    return Special(half, found) if made else None

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from vibroimpact.continuation.boundary import NoBoundary, Range, boundary_through, check_box, check_plane
-from vibroimpact.continuation.branch import bifurcation_point, both_ways, branch_system
+from vibroimpact.continuation.branch import branch_system, walk
 from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary
 from vibroimpact.continuation.sticking import ends_on_line
-from vibroimpact.continuation.system import check_share
-from vibroimpact.orbits.closed_form import impact_1_orbits
-from vibroimpact.orbits.equations import Cycle, Floats
+from vibroimpact.continuation.system import both_ways, check_share
+from vibroimpact.orbits.equations import Cycle, Floats, impact_1_orbits
 from vibroimpact.orbits.orbit import make_orbit
 from vibroimpact.orbits.sticking import StickingEnd
 from vibroimpact.oscillator import ImpactOscillator, Model, check_model
@@ -116,7 +116,7 @@ def boundary_curves(
             for point in _on_line(line, n, names[along], box[along], longest, look):
                 if point.kind in wanted:
                     _add_curve(curves, point, names, box, longest, look)
-            for end in ends_on_line(line, names[along], box[along], [n], SEEDS, look) if sticking else ():
+            for end in ends_on_line(line, names[along], box[along], n, SEEDS, look) if sticking else ():
                 _add_curve(curves, end, names, box, longest, look)
             done += 1
             look()
@@ -197,9 +197,9 @@ def _on_line(
             if not orbit.admissible:
                 continue
             system, x = branch_system(orbit, parameter, range)
-            for way in both_ways(system, x, longest, virtual=False, report=lambda *_: look()):
+            for way in both_ways(partial(walk, system, x, longest, False), lambda *_: look()):
                 covered.append(np.array([[*system.values(p.x), system.solution(p.x)[1]] for p in way.points]))
-                yield from (bifurcation_point(special, parameter) for special in way.special)
+                yield from (special.bifurcation(parameter) for special in way.special)
 
 
 def _covered(branches: Iterable[Floats], value: float, z: Floats) -> bool:

@@ -8,16 +8,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
-from vibroimpact.continuation.arclength import Step, newton, tangent
 from vibroimpact.continuation.results import BifurcationPoint
-from vibroimpact.continuation.system import DOUBLING, FOLD, LAST_IMPACT, TOUCH, System, check_share
-from vibroimpact.orbits.admissibility import NearMiss, nearest_misses, orbit_size
-from vibroimpact.orbits.equations import Cycle, Floats, flight_of, parameters_of
-from vibroimpact.orbits.orbit import Orbit, make_orbit, solution_of
+from vibroimpact.continuation.system import (
+    DOUBLING,
+    FOLD,
+    LAST_IMPACT,
+    TOUCH,
+    System,
+    check_share,
+    newton,
+    system_of,
+    tangent,
+)
+from vibroimpact.orbits.admissibility import ROUNDING, NearMiss, nearest_misses, orbit_size
+from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, parameters_of
+from vibroimpact.orbits.orbit import Orbit, make_orbit
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import invalid
 
 HALVINGS = 12  # of a step, in search of what happens inside
@@ -42,22 +52,8 @@ class Point:
         return self.weakest > 0.0 and self.margin > 0.0
 
 
-@dataclass(frozen=True)
-class Special:
-    """A bifurcation on a branch: its kind, the system it solves, and its unknown."""
-
-    kind: str
-    system: System
-    x: Floats
-
-
-def point(system: System, step: Step | Floats, along: Floats | None = None) -> Point:
-    """Return a point of a branch with its tests evaluated."""
-    if isinstance(step, Step):
-        x, way = step.x, step.tangent
-    else:
-        assert along is not None
-        x, way = step, tangent(system, step, along)
+def point(system: System, x: Floats, way: Floats) -> Point:
+    """Return a point of a branch and its tangent with its tests evaluated."""
     parameters, z = system.parameters(x), system.solution(x)
     osc, cycle = system.oscillator_at(x), system.cycle
     closest = min(nearest_misses(osc, cycle, z), key=lambda miss: miss.gap, default=None)
@@ -73,6 +69,68 @@ def point(system: System, step: Step | Floats, along: Floats | None = None) -> P
     )
 
 
+@dataclass(frozen=True)
+class Special:
+    """A bifurcation on a branch, or a point of a boundary: the system that it solves, and its unknown."""
+
+    system: System
+    x: Floats
+
+    @property
+    def kind(self) -> str:
+        """What it is to callers."""
+        return "grazing" if self.system.condition in (TOUCH, LAST_IMPACT) else self.system.condition
+
+    @property
+    def part(self) -> Floats:
+        """The unknown of the branch that it lies on."""
+        return np.concatenate([self.x[: 2 * self.system.cycle.n_impacts], self.x[self.system.inner :]])
+
+    @property
+    def touch_phase(self) -> float:
+        """Driving phase of the graze; NaN for other kinds."""
+        return self.system.touch(self.x) % 1.0
+
+    @cached_property
+    def orbit(self) -> Orbit:
+        """The orbit there."""
+        return orbit_at(self.system, self.x)
+
+    @cached_property
+    def _moving(self) -> tuple[ImpactOscillator, Floats]:
+        return self.system.oscillator_at(self.x), self.system.solution(self.x)
+
+    @cached_property
+    def residual(self) -> float:
+        """By how much the orbit misses its flights and its defining condition, relative to its own size."""
+        system, (osc, z), p = self.system, self._moving, self.system.cycle.n_impacts
+        parameters, size, speed = parameters_of(osc), orbit_size(osc, z), fastest_of(osc, z[p:])
+        flights = system.cycle.misses(parameters, z) / np.repeat([size, speed], p)
+        ahead = (system.touch(self.x) - system.cycle.span(z, system.where)[0]) * osc.period
+        own = system.condition_misses(parameters, z, ahead, size, speed)
+        return max(float(np.abs(flights).max()), *map(abs, own))
+
+    @property
+    def admissible(self) -> bool:
+        """Whether the mass can move along the orbit; the graze that defines a boundary is allowed."""
+        system, (osc, z), p = self.system, self._moving, self.system.cycle.n_impacts
+        others = np.delete(z[p:], system.where) if system.condition == LAST_IMPACT else z[p:]
+        if (others <= 0.0).any():
+            return False
+        lowest = min((miss.gap for miss in nearest_misses(osc, system.cycle, z)), default=math.inf)
+        return lowest >= -ROUNDING * orbit_size(osc, z)
+
+    def bifurcation(self, parameter: str) -> BifurcationPoint:
+        """Return it as callers see it on a branch."""
+        value = self.system.values(self.x)[0]
+        return BifurcationPoint(self.kind, parameter, value, self.orbit, self.residual, self.touch_phase)
+
+
+def orbit_at(system: System, x: Floats) -> Orbit:
+    """Return the orbit of an unknown."""
+    return make_orbit(system.model_at(x), system.cycle, system.solution(x))
+
+
 def between(system: System, a: Point, b: Point) -> list[Special]:
     """Return the bifurcations between two neighbouring points of a branch, in their order."""
     found: list[Special] = []
@@ -83,13 +141,7 @@ def between(system: System, a: Point, b: Point) -> list[Special]:
     if a.clear != b.clear:
         found += _located(system, LAST_IMPACT if (a.weakest > 0.0) != (b.weakest > 0.0) else TOUCH, a, b)
     way = b.x - a.x
-    return sorted(found, key=lambda special: float((branch_part(special) - a.x) @ way))
-
-
-def branch_part(special: Special) -> Floats:
-    """Return the unknown of the branch that a special point lies on."""
-    inner = 2 * special.system.cycle.n_impacts
-    return np.concatenate([special.x[:inner], special.x[special.system.inner :]])
+    return sorted(found, key=lambda special: float((special.part - a.x) @ way))
 
 
 def _test(condition: str, at: Point) -> float:
@@ -105,11 +157,10 @@ def _located(system: System, condition: str, a: Point, b: Point) -> list[Special
         special = _solved(system, condition, a.x + share * (b.x - a.x), a, b)
         if special is not None:
             return [special]
-        middle = 0.5 * (a.x + b.x)
-        found, made = newton(system, middle, (b.x - a.x)[None, :], np.array([(b.x - a.x) @ middle]))
+        found, made = newton(system, 0.5 * (a.x + b.x), b.x - a.x)
         if not made:
             return []
-        inside = point(system, found, a.tangent)
+        inside = point(system, found, tangent(system, found, a.tangent))
         a, b = (inside, b) if (_test(condition, inside) > 0.0) == (low > 0.0) else (a, inside)
     return []
 
@@ -120,57 +171,22 @@ def _solved(system: System, condition: str, x: Floats, a: Point, b: Point) -> Sp
     if condition == LAST_IMPACT:
         where = int(np.argmin((a if a.weakest < b.weakest else b).x[p : 2 * p]))
     if condition == TOUCH:
-        closest = (a if a.margin < b.margin else b).closest
-        if closest is None:
-            return None
-        where = closest.flight
-        # The touch moves with the orbit: its distance from the start of the flight is kept.
         owner = a if a.margin < b.margin else b
-        touch = closest.turns + float(x[where] - owner.x[where])
+        if owner.closest is None:
+            return None
+        where = owner.closest.flight
+        # The touch moves with the orbit: its distance from the start of the flight is kept.
+        touch = owner.closest.turns + float(x[where] - owner.x[where])
     bounded = replace(system, condition=condition, where=where)
     start = np.concatenate([x[: 2 * p], [touch] if condition == TOUCH else [], x[2 * p :]])
     found, made = newton(bounded, start)
-    special = Special("grazing" if condition in (TOUCH, LAST_IMPACT) else condition, bounded, found)
     if not made:
         return None
-    part, way = branch_part(special), b.x - a.x
+    special = Special(bounded, found)
+    part, way = special.part, b.x - a.x
     share = float((part - a.x) @ way / (way @ way))
     aside = float(np.abs(part - a.x - share * way).max())
     return special if -1e-9 <= share <= 1.0 + 1e-9 and aside <= float(np.linalg.norm(way)) else None
-
-
-def special_orbit(special: Special) -> Orbit:
-    """Return the orbit at a special point."""
-    system = special.system
-    return make_orbit(system.model_at(special.x), system.cycle, system.solution(special.x))
-
-
-def residual(special: Special) -> float:
-    """Return by how much an orbit misses its flights and its defining condition, relative to its own size."""
-    system, x = special.system, special.x
-    osc, z, cycle = system.oscillator_at(x), system.solution(x), system.cycle
-    parameters, p = parameters_of(osc), system.cycle.n_impacts
-    size, speed = orbit_size(osc, z), max(float(np.abs(z[p:]).max()), osc.velocity_scale)
-    misses = cycle.misses(parameters, z) / np.repeat([size, speed], p)
-    if system.condition == LAST_IMPACT:
-        own = abs(float(z[p + system.where])) / speed
-    elif system.condition == TOUCH:
-        angle, rate, _ = cycle.takeoff(parameters, z, system.where)
-        ahead = (touch_turns(special) - cycle.span(z, system.where)[0]) * osc.period
-        gap, slope = flight_of(parameters).after(angle, rate, ahead)
-        own = max(abs(gap) / size, abs(slope) / speed)
-    else:
-        trace, determinant = cycle.trace(parameters, z), cycle.determinant(parameters)
-        own = abs((1.0 - trace if special.kind == FOLD else 1.0 + trace) + determinant)
-    return max(float(np.abs(misses).max()), own)
-
-
-def touch_turns(special: Special) -> float:
-    """Return the turns at which the orbit grazes; NaN for other conditions."""
-    system = special.system
-    if system.condition == LAST_IMPACT:
-        return float(special.x[system.where])
-    return float(special.x[system.inner - 1]) if system.condition == TOUCH else math.nan
 
 
 def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Orbit:
@@ -230,29 +246,21 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Orbit:
     system, x, direction = _twice(point)
     for _ in range(TRIES):
         start = x + size * direction
-        found, made = newton(system, start, direction[None, :], np.array([direction @ start]))
+        found, made = newton(system, start, direction)
         if made and np.abs(found - start).max() < 0.5 * size:
-            return make_orbit(system.model_at(found), system.cycle, system.solution(found))
+            return orbit_at(system, found)
         size *= 0.5
     raise ValueError(
         f"no doubled orbit was found from `point` at {point.parameter} = {point.value:.12g}; try a smaller `amplitude`"
     )
 
 
-def _twice(point: BifurcationPoint) -> tuple[System, Any, Any]:
+def _twice(point: BifurcationPoint) -> tuple[System, Floats, Floats]:
     """Return the doubled equations, the orbit traversed twice, and the direction in which the rounds separate."""
-    osc, parameter = point.orbit.oscillator, point.parameter
-    cycle, z = solution_of(point.orbit)
-    p, n = cycle.n_impacts, cycle.n_periods
-    turns, speeds = np.concatenate([z[:p], z[:p] + n]), np.tile(z[p:], 2)
-    value = point.value
-    around = (value - max(abs(value), 1e-3), value + max(abs(value), 1e-3))
-    system = System(
-        point.orbit.model, Cycle(2 * n, 2 * p), (parameter,), (around,), max(osc.velocity_scale, float(speeds.max()))
-    )
-    twice = np.concatenate([turns, speeds])
-    scale = np.repeat([1.0, system.speed], 2 * p)
-    matrix = system.cycle.jacobian(parameters_of(osc), twice) * scale
-    rows = np.repeat([system.speed / max(osc.natural_frequency, osc.omega), system.speed], 2 * p)
-    direction = np.linalg.svd(matrix / rows[:, None])[2][-1]
-    return system, system.pack(twice), np.append(direction, 0.0)
+    value, width = point.value, max(abs(point.value), 1e-3)
+    once, z = system_of(point.orbit, (point.parameter,), ((value - width, value + width),))
+    n, p = once.cycle.n_periods, once.cycle.n_impacts
+    system = replace(once, cycle=Cycle(2 * n, 2 * p))
+    twice = np.concatenate([z[:p], z[:p] + n, z[p:], z[p:]])
+    matrix = system.flights_jacobian(parameters_of(system.oscillator), twice)
+    return system, system.pack(twice), np.append(np.linalg.svd(matrix)[2][-1], 0.0)

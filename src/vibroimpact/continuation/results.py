@@ -10,10 +10,22 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from vibroimpact.continuation.system import MOST_POINTS
 from vibroimpact.dataset import impact_speed, label, plain_variable, provenance, variable
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.oscillator import Model
 
+ENDS = {
+    "range": "at the end of the range",
+    "grazing": "where it grazes the stop",
+    "inadmissible": "where its orbits become inadmissible",
+    "period_doubling": "at the period doubling it comes from",
+    "closed": "where it began (closed)",
+    "impacts_merge": "where two impacts merge",
+    "lost": "where Newton's method finds no next orbit",
+    "budget": f"after {MOST_POINTS} orbits",
+    "stopped": "where it was stopped",
+}
 KINDS = ("fold", "period_doubling", "grazing", "end_of_sticking")
 
 
@@ -171,6 +183,14 @@ class Boundary:
             coords={name: axis(first.model, name, "point", values[:, j]) for j, name in enumerate(self.parameters)},
             attrs=provenance("continue_boundary", first.model, arguments) | name | ends,
         )
+
+
+def course(what: str, orbits: Sequence[Orbit], names: Sequence[str], ends: tuple[str, str]) -> str:
+    """Return from where to where a branch or a curve leads, and why it ends there."""
+    first, last = (", ".join(f"{name} = {orbits[j].value(name):.9g}" for name in names) for j in (0, -1))
+    if "closed" in ends:
+        return f"a closed {what} through {last}"
+    return f"from {first}, {ENDS[ends[0]]}, to {last}, {ENDS[ends[1]]}"
 
 
 def orbit_variables(orbits: Sequence[Orbit], p: int, dim: str) -> dict[str, xr.Variable]:

@@ -106,26 +106,25 @@ def ends_on_line(
     model: Model,
     parameter: str,
     range: Range,
-    lengths: Sequence[int],
+    n_periods: int,
     seeds: int,
-    look: Callable[[], object] = bool,
+    look: Callable[[], object],
 ) -> Iterator[StickingEnd]:
-    """Yield the ends of period-n sticking, n in `lengths`, along a line, as far as neighbouring seeds differ."""
+    """Yield the ends of period-n sticking along a line, as far as neighbouring seeds differ."""
 
     def periods(value: float) -> int:
         look()
-        stick = from_release(model.at(**{parameter: value}), max(lengths))
+        stick = from_release(model.at(**{parameter: value}), n_periods)
         return stick.periods if stick else 0
 
     values = np.linspace(*range, seeds).tolist()
     names = [periods(value) for value in values]
     for (low, before), (high, after) in pairwise(zip(values, names, strict=True)):
-        if before != after and {before, after} & set(lengths):
-            inside, beyond = (low, high) if before in lengths else (high, low)
-            end = end_of_sticking(
-                model.replace(**{parameter: inside}), parameter, (inside, beyond), longest=max(lengths)
-            )
-            if end.found and end.n_periods in lengths:
+        if before != after and n_periods in (before, after):
+            inside, beyond = (low, high) if before == n_periods else (high, low)
+            seen = model.replace(**{parameter: inside})
+            end = end_of_sticking(seen, parameter, (inside, beyond), longest=n_periods)
+            if end.found and end.n_periods == n_periods:
                 yield end
 
 

@@ -1,4 +1,4 @@
-r"""The equations that a branch or a boundary obeys, in scaled unknowns.
+r"""The equations that a branch or a boundary obeys, in scaled unknowns, and how the curve that they leave is followed.
 
 The unknown x holds turns and velocities of the impacts, for a graze in mid-flight the turns at which it touches, and
 the free parameters as parts of their ranges. The misses of the flights, and on a boundary one condition more, vanish:
@@ -10,24 +10,36 @@ One equation fewer than unknowns leaves a curve; with as many the point is isola
 
 A free parameter may be any of the model's. Of a family's own parameters the oscillator's numbers are known only as the
 function that makes them: their derivatives are central differences of it.
+
+A step along the curve leads along its tangent; Newton's method then corrects it on the hyperplane normal to the
+tangent, which passes folds where the parameter turns (H. B. Keller, in Applications of Bifurcation Theory, Academic
+Press (1977) 359-384).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from vibroimpact.orbits.equations import TURN, Cycle, Floats, flight_of, parameters_of, slope
-from vibroimpact.orbits.orbit import Orbit, value_of
+from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, flight_of, parameters_of, slope
+from vibroimpact.orbits.orbit import Orbit, solution_of, value_of
 from vibroimpact.oscillator import ImpactOscillator, Model, check_names
 from vibroimpact.parameters import invalid, real_number
+from vibroimpact.progress import Report
 
 BRANCH, FOLD, DOUBLING, TOUCH, LAST_IMPACT = "branch", "fold", "period_doubling", "touch", "last_impact"
 NUDGE = 1e-6  # of a range: by so much a family's parameter is moved to see how the oscillator depends on it
+MOST = 12  # corrections per point
+CLOSE = 1e-9  # the correction after which convergence, which is quadratic, is complete
+SHORTEST = 1e-6  # of the longest step
+STRAIGHT = 0.97  # least cosine between the tangents at two points
+EASY = 3  # corrections up to which the next step may be longer
+MOST_POINTS = 20_000  # of one direction
 
 
 @dataclass(frozen=True)
@@ -67,6 +79,17 @@ class System:
         z = x[: 2 * p].copy()
         z[p:] *= self.speed
         return z
+
+    def touch(self, x: Floats) -> float:
+        """Return the turns at which the orbit grazes; NaN for other conditions."""
+        if self.condition == LAST_IMPACT:
+            return float(x[self.where])
+        return float(x[self.inner - 1]) if self.condition == TOUCH else math.nan
+
+    def in_order(self, x: Floats) -> bool:
+        """Whether the impacts follow one another, and the touch is inside its flight."""
+        begin, end = self.cycle.span(x, self.where)
+        return self.cycle.in_order(x) and (self.condition != TOUCH or begin < x[self.inner - 1] < end)
 
     def values(self, x: Floats) -> list[float]:
         """Return the free parameters."""
@@ -135,42 +158,51 @@ class System:
     def misses(self, x: Floats) -> Floats:
         """Return what must vanish, in parts of the speed and of the length that goes with it."""
         parameters, z = self.parameters(x), self.solution(x)
-        misses = self.cycle.misses(parameters, z) / self._rows
+        misses = self.cycle.misses(parameters, z) / self.scales[0]
         return misses if self.condition == BRANCH else np.append(misses, self._conditions(x, parameters, z))
 
     @cached_property
-    def _rows(self) -> Floats:
-        length = self.speed / max(self.oscillator.natural_frequency, self.oscillator.omega)
-        return np.repeat([length, self.speed], self.cycle.n_impacts)
+    def scales(self) -> tuple[Floats, Floats]:
+        """The sizes of the misses and of turns and velocities."""
+        return self.cycle.scales(self.oscillator, self.speed)
 
     def _conditions(self, x: Floats, parameters: list[float], z: Floats) -> list[float]:
+        ahead = (self.touch(x) - self.cycle.span(z, self.where)[0]) * TURN / parameters[4]
+        return self.condition_misses(parameters, z, ahead, self.scales[0][0], self.speed)
+
+    def condition_misses(
+        self, parameters: list[float], z: Floats, ahead: float, length: float, speed: float
+    ) -> list[float]:
+        """Return what vanishes on the boundary alone, in parts of a length and a speed; a touch is `ahead` s away."""
         cycle = self.cycle
-        if self.condition == FOLD:
-            return [1.0 - cycle.trace(parameters, z) + cycle.determinant(parameters)]
-        if self.condition == DOUBLING:
-            return [1.0 + cycle.trace(parameters, z) + cycle.determinant(parameters)]
+        if self.condition in (FOLD, DOUBLING):
+            trace = cycle.trace(parameters, z)
+            return [(1.0 - trace if self.condition == FOLD else 1.0 + trace) + cycle.determinant(parameters)]
         if self.condition == LAST_IMPACT:
-            return [float(z[cycle.n_impacts + self.where]) / self.speed]
+            return [float(z[cycle.n_impacts + self.where]) / speed]
         if self.condition == TOUCH:
             angle, rate, _ = cycle.takeoff(parameters, z, self.where)
-            ahead = (float(x[self.inner - 1]) - cycle.span(z, self.where)[0]) * TURN / parameters[4]
-            gap, speed = flight_of(parameters).after(angle, rate, ahead)
-            return [gap / self._rows[0], speed / self.speed]
+            gap, slope = flight_of(parameters).after(angle, rate, ahead)
+            return [gap / length, slope / speed]
         return []
 
     def jacobian(self, x: Floats) -> Floats:
         """Return the derivative of the misses: of the flights by turns and velocities in closed form, the rest not."""
         p, inner = self.cycle.n_impacts, self.inner
-        parameters, z, rows = self.parameters(x), self.solution(x), self._rows
-        columns = np.repeat([1.0, self.speed], p)
+        parameters, z = self.parameters(x), self.solution(x)
         sizes = self._sizes(x, parameters)
         matrix = np.zeros((2 * p + len(self._conditions(x, parameters, z)), len(x)))
-        matrix[: 2 * p, : 2 * p] = self.cycle.jacobian(parameters, z) * columns / rows[:, None]
+        matrix[: 2 * p, : 2 * p] = self.flights_jacobian(parameters, z)
         for j in range(len(x)):
             first = 0 if j >= inner else 2 * p
             if first < len(matrix):
                 matrix[first:, j] = slope(partial(self._moved, x, j, first), x[j], sizes[j])
         return matrix
+
+    def flights_jacobian(self, parameters: list[float], z: Floats) -> Floats:
+        """Return the scaled derivative of the flights' misses by turns and velocities."""
+        rows, columns = self.scales
+        return self.cycle.jacobian(parameters, z) * columns / rows[:, None]
 
     def _moved(self, x: Floats, j: int, first: int, value: float) -> Floats:
         """Return the misses, those of the flights only if `first` is 0, with one unknown changed."""
@@ -200,6 +232,141 @@ class System:
         return np.concatenate([turns[:p], speeds, turns[p:], free])
 
 
+def system_of(orbit: Orbit, names: tuple[str, ...], ranges: tuple[tuple[float, float], ...]) -> tuple[System, Floats]:
+    """Return the equations of an orbit with free parameters, and its turns and velocities."""
+    cycle, z = solution_of(orbit)
+    speed = fastest_of(orbit.oscillator, z[cycle.n_impacts :])
+    return System(orbit.model, cycle, names, ranges, speed), z
+
+
+def newton(system: System, x: Floats, row: Floats | None = None, target: float | None = None) -> tuple[Floats, int]:
+    """Return the solution near x of the system, and of row . x = target (by default that of x), and corrections made.
+
+    The number is 0 if it did not converge.
+    """
+    x = x.copy()
+    aim: Any = row @ x if row is not None and target is None else target
+    for made in range(1, MOST + 1):
+        if not system.possible(x):
+            return x, 0
+        try:
+            misses, matrix = system.misses(x), system.jacobian(x)
+        except ValueError:  # a family makes no oscillator of values beside these
+            return x, 0
+        if row is not None:
+            misses, matrix = np.append(misses, row[None, :] @ x - aim), np.concatenate([matrix, row[None, :]])
+        if not (np.isfinite(misses).all() and np.isfinite(matrix).all()):
+            return x, 0
+        try:
+            correction = np.linalg.solve(matrix, misses)
+        except np.linalg.LinAlgError:
+            return x, 0
+        x -= correction
+        size = float(np.abs(correction).max())
+        if size < CLOSE:
+            return x, made
+        if not size < 1e3:
+            return x, 0
+    return x, 0
+
+
+def weights(system: System, x: Floats) -> Floats:
+    """Return the weight of each unknown in the length of a step; velocities are relative to the largest above 1."""
+    p, counts = system.cycle.n_impacts, np.ones(len(x))
+    counts[p : 2 * p] /= max(1.0, float(np.abs(x[p : 2 * p]).max()))
+    return counts
+
+
+def tangent(system: System, x: Floats, along: Floats) -> Floats:
+    """Return the tangent of the curve at x, in the direction of `along`, of weighted length 1."""
+    counts = weights(system, x)
+    direction = np.linalg.svd(system.jacobian(x) / counts)[2][-1]
+    return np.asarray(direction / counts * (1.0 if direction @ (along * counts) >= 0.0 else -1.0))
+
+
+@dataclass(frozen=True)
+class Step:
+    """A point of a curve and its tangent; `end` is why no point follows, "range", "closed" or "lost", else empty."""
+
+    x: Floats
+    tangent: Floats
+    end: str = ""
+
+
+def follow(system: System, x: Floats, way: Floats, longest: float) -> Iterator[Step]:
+    """Yield the points of a curve after x, where `way` is its tangent, to the edge of the ranges or back to x."""
+    start, first, step, away = x, way, longest, False
+    while True:
+        counts, ahead = weights(system, x), x + step * way
+        found, made = newton(system, ahead, counts * counts * way)
+        try:
+            turned = tangent(system, found, way) if made else way
+        except ValueError:
+            made, turned = 0, way
+        straight = (turned * counts) @ (way * counts) / np.linalg.norm(turned * counts)
+        if not made or straight < STRAIGHT or np.abs((found - ahead) * counts).max() > step:
+            step *= 0.5
+            if step < SHORTEST * longest:
+                yield Step(x, way, "lost")
+                return
+            continue
+        outside = [j for j in range(system.inner, len(found)) if not -1e-12 <= found[j] <= 1.0 + 1e-12]
+        if outside:
+            yield _to_edge(system, x, found, outside, way)
+            return
+        x, way = found, turned
+        distance = _distance(system, start, x)
+        away = away or distance > 3.0 * longest
+        closed = away and distance < longest and way @ first > 0.0
+        yield Step(x, way, "closed" if closed else "")
+        if closed:
+            return
+        step = min(longest, step * (1.5 if made <= EASY else 1.0))
+
+
+def _to_edge(system: System, inside: Floats, beyond: Floats, outside: list[int], way: Floats) -> Step:
+    """Return the point at which the curve first leaves the ranges, between a point inside and one beyond."""
+    reached = {j: ((0.0 if beyond[j] < 0.0 else 1.0) - inside[j]) / (beyond[j] - inside[j]) for j in outside}
+    j = min(reached, key=lambda key: reached[key])
+    start = inside + reached[j] * (beyond - inside)
+    found, made = newton(system, start, np.eye(len(start))[j], 0.0 if beyond[j] < 0.0 else 1.0)
+    if not made or np.abs(found - start).max() > np.abs(beyond - inside).max() + 1e-12:
+        return Step(inside, way, "lost")
+    return Step(found, tangent(system, found, way), "range")
+
+
+def _distance(system: System, start: Floats, x: Floats) -> float:
+    """Return how far a point of the curve is from its first one; whole turns do not count."""
+    p, apart = system.cycle.n_impacts, (x - start) * weights(system, start)
+    apart[[*range(p), *([2 * p] if system.condition == TOUCH else [])]] -= np.rint(apart[0])
+    return float(np.linalg.norm(apart))
+
+
+@dataclass
+class Way:
+    """What was met along one direction of a curve: its points, bifurcations on it, and why it ended."""
+
+    points: list[Any]
+    special: list[Any] = field(default_factory=list)
+    end: str = "budget"
+
+
+def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Way]:
+    """Return the two directions of a curve, -1 and 1 of its tangent; a walk yields its way after each point."""
+    ways: list[Way] = []
+    done, total = 0, cast(Any, None)  # nobody knows how many points there are
+    for direction in (-1.0, 1.0):
+        if ways and ways[0].end == "closed":
+            return [*ways, Way(ways[0].points[:1], end="closed")]
+        for way in walk(direction):
+            if report(done + len(way.points), total, None) is False:
+                way.end = "stopped"
+                break
+        done += len(way.points)
+        ways.append(way)
+    return ways
+
+
 def check_range(owner: Orbit | Model, name: Any, given: Any) -> tuple[float, float]:
     """Return the ends of a range of a parameter of a model, or of an orbit's model, whose value it must then hold."""
     model = owner.model if isinstance(owner, Orbit) else owner
@@ -223,17 +390,3 @@ def check_share(name: str, share: Any) -> float:
     if not 0.0 < value <= 0.5:
         raise invalid(name, share, allowed, "0.01 is usual")
     return value
-
-
-def check_orbit(name: str, orbit: Any) -> Orbit:
-    """Return an orbit that flies from impact to impact."""
-    if not isinstance(orbit, Orbit):
-        raise invalid(name, orbit, "an Orbit", "give one that find_orbit returned")
-    if orbit.n_impacts < 1 or orbit.sticks:
-        raise invalid(
-            name,
-            orbit.name,
-            "an orbit that never rests at the stop",
-            "follow its end of sticking with continue_boundary instead",
-        )
-    return orbit

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
-from vibroimpact.backends.base import Floats
 from vibroimpact.cells import Cells, cells_at
-from vibroimpact.orbits.equations import TURN, Cycle, Flight, flight_of, parameters_of
+from vibroimpact.orbits.equations import TURN, Cycle, Flight, Floats, fastest_of, flight_of, parameters_of
 from vibroimpact.oscillator import ImpactOscillator
 
 SAME = 1e-7  # of a period and of the orbit's speed: contacts nearer than this are one
@@ -90,7 +89,7 @@ def objection(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
     near-miss or an impact is within rounding of a graze the closed form decides.
     """
     p = cycle.n_impacts
-    speeds, fastest = z[p:], max(float(np.abs(z[p:]).max()), osc.velocity_scale)
+    speeds, fastest = z[p:], fastest_of(osc, z[p:])
     away = np.flatnonzero(speeds < -ROUNDING * fastest)
     if away.size:
         i = int(away[0])

@@ -23,6 +23,16 @@ Stability follows from the product over all flights of the flow and the saltatio
 
 (P. C. Müller, Chaos, Solitons & Fractals 5 (1995) 1671-1681; the engine's tangent uses the same), which is infinite at
 a graze, v = 0 (A. B. Nordmark, J. Sound Vib. 145 (1991) 279-297).
+
+With one impact the equations have a closed form. Over nT the gap returns to zero and the velocity to v if, with
+E0 = E(0) and E = E(i w),
+
+    (f/m) Im(e^{i psi} E)          = r q v + (k g/m) E0,
+    (f/m) Im(e^{i psi} (q + i w E)) = (1 + r q') v + (k g/m) q.
+
+Two linear equations give sin psi and cos psi as straight lines in v; sin^2 + cos^2 = 1 is a quadratic in v. This is
+the usual (alpha^2 + beta^2/w^2) v^2 + 2 alpha g v + g^2 - R^2 = 0 (S. W. Shaw and P. J. Holmes, J. Sound Vib. 90 (1983)
+129-155), but no term of it is infinite at resonance.
 """
 
 from __future__ import annotations
@@ -47,6 +57,8 @@ STEP = 1e-5  # of a variable's size: differences are then right to about 1e-10, 
 NEAR = 0.5  # of rate times duration: nodes nearer than this are not subtracted from one another
 STRIDE = 0.15  # radians of the fastest rate between two samples of a flight
 MOST_SAMPLES = 1 << 15
+VANISHED = 1e-12  # relative: a response this small is rounding
+BOUNDLESS = 1e12  # of V: a velocity this large stands for infinity
 
 
 def sinhc(z2: complex) -> complex:
@@ -176,6 +188,11 @@ def parameters_of(osc: ImpactOscillator) -> list[float]:
     return [osc.mass, osc.damping, osc.stiffness, osc.amplitude, osc.omega, osc.restitution, osc.gap]
 
 
+def fastest_of(osc: ImpactOscillator, velocities: Floats) -> float:
+    """Return the speed in m/s against which velocities of an orbit are small or not."""
+    return max(float(np.abs(velocities).max()), osc.velocity_scale)
+
+
 def flight_of(parameters: Parameters) -> Flight:
     """Return the free flight of an oscillator given by its numbers."""
     m, c, k, f, w, _, g = parameters
@@ -206,6 +223,11 @@ class Cycle:
         """Return driving angle and rate with which flight i leaves the stop, and its duration in s."""
         begin, end = self.span(z, i)
         return TURN * begin, parameters[5] * float(z[self.n_impacts + i]), (end - begin) * TURN / parameters[4]
+
+    def scales(self, osc: ImpactOscillator, speed: float) -> tuple[Floats, Floats]:
+        """Return the sizes of the misses (m, m/s) and of the unknown (turns, m/s) for an orbit of that speed."""
+        length = speed / max(osc.natural_frequency, osc.omega)
+        return np.repeat([length, speed], self.n_impacts), np.repeat([1.0, speed], self.n_impacts)
 
     def misses(self, parameters: Parameters, z: Floats) -> Floats:
         """Return by how much each flight misses its impact: p gaps, then p velocities."""
@@ -243,6 +265,7 @@ class Cycle:
             held, back = dq + flight.damp * q, -flight.stiff * q
             a, b, c, d = held * a + q * c, held * b + q * d, back * a + dq * c, back * b + dq * d
             v = float(z[p + (i + 1) % p])
+            # `motion.recognition.separations` has the same saltation; its forces round as (f sin - k g)/m, not as here.
             # y'' = -u'' just before (y' = v) and just after (y' = -r v).
             before, after = -flight.bend(TURN * end, 0.0, -v), -flight.bend(TURN * end, 0.0, r * v)
             kick = (after + r * before) / v if v else math.inf
@@ -271,3 +294,52 @@ def slope(function: Callable[[float], Floats], at: float, size: float) -> Floats
     """Return the derivative of a function by a number of that size, by central differences."""
     h = STEP * size
     return (function(at + h) - function(at - h)) / (2.0 * h)
+
+
+def impact_1_orbits(osc: ImpactOscillator, n_periods: int) -> tuple[list[Floats], str]:
+    """Return every (turns, velocity) of a period-n impact-1 orbit, the faster first, and why there is none, if so."""
+    if osc.amplitude == 0.0:
+        return [], _unforced(osc)
+    flight, tau = flight_of(parameters_of(osc)), n_periods * osc.period
+    q, dq = flight.kick(tau)
+    steady, driven = flight.driven(0.0, tau, q, dq).real, flight.driven(1j * osc.omega, tau, q, dq)
+    if abs(driven) <= VANISHED * tau / max(osc.omega, osc.natural_frequency):
+        return [], (
+            f"undamped, and {n_periods} driving period{'s are' if n_periods > 1 else ' is'} a whole number of free "
+            "periods: each flight returns unchanged by the force, which cannot make up for the loss at impact"
+        )
+    velocity = q + 1j * osc.omega * driven
+    force, r, preload = osc.amplitude / osc.mass, osc.restitution, osc.stiffness * osc.gap / osc.mass
+    matrix = force * np.array([[driven.real, driven.imag], [velocity.real, velocity.imag]])
+    # (sin psi, cos psi) = slope v + shift
+    slope = np.asarray(np.linalg.solve(matrix, [r * q, 1.0 + r * dq]), dtype=np.float64)
+    shift = np.linalg.solve(matrix, [preload * steady, preload * q])
+    speeds = _roots(float(slope @ slope), float(slope @ shift), float(shift @ shift) - 1.0)
+    speeds = [v for v in speeds if 0.0 < v < BOUNDLESS * osc.velocity_scale]
+    if not speeds:
+        return [], _nowhere(osc, slope, n_periods)
+    return [np.array([math.atan2(*(slope * v + shift)) / TURN % 1.0, v]) for v in speeds], ""
+
+
+def _roots(a: float, b: float, c: float) -> list[float]:
+    """Return the real roots of a x^2 + 2 b x + c = 0, the larger first, without cancellation."""
+    split = b * b - a * c
+    if split < 0.0 or (a == 0.0 and b == 0.0):
+        return []
+    half = -(b + math.copysign(math.sqrt(split), b))
+    found = {half / a if a else math.inf, c / half if half else 0.0}
+    return sorted(found, reverse=True)
+
+
+def _unforced(osc: ImpactOscillator) -> str:
+    if osc.restitution == 1.0 and osc.damping == 0.0:
+        return "unforced and without loss: any free motion that reaches the stop repeats at its own period"
+    return "unforced: impacts and damping dissipate energy, and nothing supplies it"
+
+
+def _nowhere(osc: ImpactOscillator, slope: Floats, n_periods: int) -> str:
+    if float(np.abs(slope).max()) * osc.velocity_scale < 1.0 / BOUNDLESS:
+        return "undamped, without loss and in resonance: impact velocities grow without bound"
+    reach = osc.steady_amplitude
+    far = f", beyond the steady amplitude {reach:.6g} m" if abs(osc.gap) > reach else ""
+    return f"no velocity > 0 returns to itself after {n_periods} periods: the gap is {osc.gap:.6g} m{far}"

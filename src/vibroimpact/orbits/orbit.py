@@ -11,7 +11,7 @@ import numpy as np
 
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING, objection
-from vibroimpact.orbits.equations import TURN, Cycle, Floats, parameters_of
+from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, parameters_of
 from vibroimpact.oscillator import ImpactOscillator, Model, State
 
 SAME = 1e-7  # of the fastest impact, and in sine and cosine of the driving angle: nearer than this, two orbits are one
@@ -132,7 +132,7 @@ def value_of(model: Model, name: str) -> float:
 def make_orbit(model: Model, cycle: Cycle, z: Floats) -> Orbit:
     """Return the orbit of a solution z = (turns, velocities) of a model; the engine decides if it is admissible."""
     osc, p = model.at(), cycle.n_impacts
-    rounding = ROUNDING * max(float(np.abs(z[p:]).max()), osc.velocity_scale)
+    rounding = ROUNDING * fastest_of(osc, z[p:])
     z = np.where((np.arange(2 * p) >= p) & (np.abs(z) <= rounding), 0.0, z)  # grazes
     message = objection(osc, cycle, z)
     return Orbit(

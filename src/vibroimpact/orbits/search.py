@@ -15,8 +15,7 @@ import numpy as np
 
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
 from vibroimpact.orbits.admissibility import contacts
-from vibroimpact.orbits.closed_form import impact_1_orbits
-from vibroimpact.orbits.equations import Cycle, Floats, parameters_of
+from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
 from vibroimpact.orbits.orbit import Orbit, from_hardest, impacts_of, make_orbit, same_orbit, solution_of, true_cycle
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model
 from vibroimpact.parameters import invalid, real_number, whole_number
@@ -302,18 +301,10 @@ class Solved:
     singular: bool = False
 
 
-def scales(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> tuple[Floats, Floats]:
-    """Return the sizes of the misses (m, m/s) and of the unknown (turns, m/s)."""
-    p = cycle.n_impacts
-    speed = max(float(np.abs(z[p:]).max()), osc.velocity_scale)
-    length = speed / max(osc.natural_frequency, osc.omega)
-    return np.repeat([length, speed], p), np.repeat([1.0, speed], p)
-
-
 def solve(osc: ImpactOscillator, cycle: Cycle, start: Floats) -> Solved:
     """Return the solution that damped Newton's method reaches: steps are halved while they raise the misses."""
     parameters, z = parameters_of(osc), np.array(start, dtype=float)
-    rows, columns = scales(osc, cycle, z)
+    rows, columns = cycle.scales(osc, fastest_of(osc, z[cycle.n_impacts :]))
     misses = cycle.misses(parameters, z) / rows
     for _ in range(MOST):
         matrix = cycle.jacobian(parameters, z) * columns / rows[:, None]

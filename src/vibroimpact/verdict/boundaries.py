@@ -14,9 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow
-from vibroimpact.continuation.arclength import tangent
 from vibroimpact.continuation.branch import branch_system, walk
-from vibroimpact.continuation.points import special_orbit
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import Orbit
 from vibroimpact.orbits.sticking import end_of_sticking, from_release
@@ -197,12 +195,10 @@ def _exact(present: Present, range: Range, direction: int) -> Found | None:
 def _bifurcation(orbit: Orbit, range: Range, direction: int) -> Found | None:
     """Follow the orbit until it folds, doubles or grazes."""
     system, x = branch_system(orbit, range.name, (range.low, range.high))
-    along = np.zeros(len(x))
-    along[-1] = direction
     way = None
-    for way in walk(system, x, tangent(system, x, along), STEP, False):
+    for way in walk(system, x, STEP, False, direction):
         for special in way.special:
-            at = special_orbit(special)
+            at = special.orbit
             if at.admissible:
                 value = special.system.values(special.x)[0]
                 start = Start(0.0, at.velocities[0], at.phases[0]) if min(at.velocities) > 0.0 else _hardest(at)
