@@ -138,6 +138,13 @@ class Backend(Protocol):
         """Return what the window sees of each cell."""
         ...
 
+    def follow(self, cell: Cells, measurement: Measurement, seen: Measurement) -> tuple[Outcome, Samples]:
+        """Return what `indices` gives for a single cell, and what the window of `seen` sees of it.
+
+        A back end that can takes both from one run.
+        """
+        return self.indices(cell, measurement), self.samples(cell, seen)[0]
+
 
 @runtime_checkable
 class SharesCells(Protocol):

@@ -28,10 +28,10 @@ from vibroimpact.kernels.cell import DYING, FILLED, PINNED, QUIET, RUNNING, SPEN
 from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.lanes import LANES, ROWS, TRACED_ROWS
-from vibroimpact.kernels.recorder import IDLE, record_lanes
+from vibroimpact.kernels.recorder import IDLE, Recorder, record_lanes
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
-from vibroimpact.kernels.runner import LOOK, run_cells
-from vibroimpact.kernels.walk import TRACE
+from vibroimpact.kernels.runner import follow_cell, run_cells
+from vibroimpact.kernels.walk import LOOK, TRACE
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 
@@ -115,6 +115,23 @@ class CpuBackend(Backend):
         """Return what the window sees of each cell."""
         return sample(rows_of(cells), measurement.window, limits(measurement.tolerances))
 
+    def follow(self, cell: Cells, measurement: Measurement, seen: Measurement) -> tuple[Outcome, Samples]:
+        """Return what `indices` gives for a single cell, and what the window of `seen` sees of it, from one run.
+
+        Both agree bit for bit with those of two runs. The budgets may differ; `chatter`, on which the motion depends,
+        must not.
+        """
+        if seen.tolerances.chatter != measurement.tolerances.chatter:
+            raise ValueError(
+                "`chatter` must be the same for measuring and recording one run, got "
+                f"{measurement.tolerances.chatter:g} and {seen.tolerances.chatter:g}"
+            )
+        sweep = _Sweep(cell, measurement)
+        run = _Run.begun(sweep.cells[0], seen.window, limits(seen.tolerances))
+        sweep.follow(run)
+        _one_by_one([run], _numbers(seen.window))
+        return outcomes(sweep.results, sweep.ends, measurement.impacts), run.samples()
+
 
 def create() -> CpuBackend:
     """Return the back end."""
@@ -147,14 +164,28 @@ class _Sweep:
 
     def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
         """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
-        seat = _seat()
+        seat, facts = _seat(), self._facts()
         ended = np.empty(_BATCH, dtype=np.int64)
-        facts = np.zeros((LANES, FACTS)) if self.thorough else None
         busy = 1
         while busy and not stopped():
             number, busy = run_cells(self.cells, self.results, self.ends, self._tickets, seat, ended, *self._how, facts)
             if number:
                 yield ended[:number].copy()
+
+    def follow(self, run: _Run) -> None:
+        """Measure the only cell, and record its run up to there, or to its own end."""
+        seat, facts, recorded = _seat(), self._facts(), np.array([RUNNING])
+        window = _numbers(run.window)
+        buffers = _buffers(window)
+        while self.ends[0] == RUNNING:
+            filled = np.zeros(3, np.int64)
+            recorder = Recorder(run.memory, window, *buffers, filled, recorded)
+            follow_cell(self.cells, self.results, self.ends, seat, *self._how, facts, recorder)
+            run.keep(buffers, filled)
+        run.end = int(recorded[0])
+
+    def _facts(self) -> Floats | None:
+        return np.zeros((LANES, FACTS)) if self.thorough else None
 
 
 def _seat() -> tuple[NDArray[Any], ...]:
@@ -250,9 +281,8 @@ def _numbers(window: Window) -> tuple[float, float, float, float]:
 
 def _buffers(window: tuple[float, float, float, float], *lanes: int) -> Seen:
     """Return room for impacts, for all looks, and for sticks."""
-    transient, total, looks, _ = window
-    impacts = ROOM if looks else min(ROOM, int(total - transient) + 1)
-    return np.empty((*lanes, impacts, 3)), np.empty((*lanes, max(int(looks), 1), 2)), np.empty((*lanes, ROOM, 4))
+    looks = max(int(window[2]), 1)
+    return np.empty((*lanes, ROOM, 3)), np.empty((*lanes, looks, 2)), np.empty((*lanes, ROOM, 4))
 
 
 def _one_by_one(runs: list[_Run], window: tuple[float, float, float, float]) -> None:

@@ -22,11 +22,9 @@ from vibroimpact.kernels.lanes import (
     load_recurrence,
     load_rests,
     load_sums,
-    observe,
-    observe_thoroughly,
+    observe_walked,
     store_first,
     store_last,
-    store_motion,
     store_phases,
     store_recurrence,
     store_rests,
@@ -34,6 +32,7 @@ from vibroimpact.kernels.lanes import (
 )
 from vibroimpact.kernels.law import saltation
 from vibroimpact.kernels.observers import Phases, Recurrence, Rests, Stamp, repeated
+from vibroimpact.kernels.recorder import overhear
 from vibroimpact.kernels.tangent import flow, product
 from vibroimpact.kernels.walk import step_at, walk
 
@@ -43,23 +42,20 @@ NOT_SMALL = 1e-3  # of the cycle's weakest impact: nearer to a graze nothing is 
 
 
 @njit(error_model="numpy")
-def _to_start_of_cycle(lanes, i, transient, total, sticking, limit, facts, trace):
-    """Take the lane on, observed, to the next release or recorded impact.
+def _to_start_of_cycle(lanes, i, transient, total, sticking, limit, facts, trace, recorder):
+    """Take the lane on, observed and recorded, to the next release or recorded impact.
 
     Return the steps made, negative if it never came.
     """
     k = load_constants(lanes, i)
     made = 0
     while made < limit:
-        rows = walk(load_motion(lanes, i), k, trace, limit - made, 0 if sticking else 1)
+        start = load_motion(lanes, i)
+        rows = walk(start, k, trace, limit - made, 0 if sticking else 1)
+        if recorder is not None:
+            overhear(recorder, start, trace, rows)
         for row in range(rows):
-            before = load_motion(lanes, i)
-            motion, event, v, x = step_at(trace, row)
-            store_motion(lanes, i, motion)
-            if facts is None:
-                observe(lanes, i, motion, event, v, x, transient, total)
-            else:
-                observe_thoroughly(lanes, i, before, k, motion, event, v, x, transient, total)
+            event = observe_walked(lanes, i, k, trace, row, transient, total, facts)
             made += 1
             if load_sums(lanes, i).hits >= total and (facts is None or sticking):
                 return -made
@@ -152,16 +148,17 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
 
 
 @njit(error_model="numpy")
-def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle, facts, trace):
+def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle, facts, trace, recorder):
     """Close lane i if its cycle is certain.
 
     Return the impacts and periods of the cycle (0 and 0 if it is not), the steps made, and the impacts that need not
     be computed. `scale` is V in lengths of a step. With `finish` the observers are brought to what `total` impacts
-    would give. Thorough lanes have the cycle's `facts` noted; of others that is None.
+    would give. Thorough lanes have the cycle's `facts` noted; of others that is None. `recorder` is that of the lane,
+    or None.
     """
     impacts = int(load_recurrence(lanes, i).candidate)
     sticking = load_rests(lanes, i).releases >= 2.0
-    made = _to_start_of_cycle(lanes, i, transient, total, sticking, limit, facts, trace)
+    made = _to_start_of_cycle(lanes, i, transient, total, sticking, limit, facts, trace, recorder)
     if made < 0:
         return 0, 0.0, -made, 0.0
     start, k = load_motion(lanes, i), load_constants(lanes, i)

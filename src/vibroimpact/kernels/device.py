@@ -16,8 +16,8 @@ from vibroimpact.kernels.compilation import cache_folder, config
 from vibroimpact.kernels.cycle import IMPACTS, PERIODS
 from vibroimpact.kernels.lanes import LANES, step_lane, step_thorough_lane
 from vibroimpact.kernels.results import MADE, harvest, harvest_thoroughly
-from vibroimpact.kernels.runner import LOOK, ending_of, may_close
-from vibroimpact.kernels.walk import TRACE
+from vibroimpact.kernels.runner import ending_of, may_close
+from vibroimpact.kernels.walk import LOOK, TRACE
 
 CLOSES = 100  # a cell that waits for its cycle to be walked; other codes are why a cell ended, or RUNNING
 CHUNK = 8  # rows of a thread's trace, which lies in its local memory
@@ -117,7 +117,7 @@ def close(waiting, lanes, notes, facts, states, cycles, transient, total, early_
         j = waiting[t]
         group, i, note = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j])
         trace = cuda.local.array((CHUNK, TRACE), float64)
-        runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), None, trace)
+        runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), None, trace, None)
         states[j] = ending_of(group, i, note, total)
 
 
@@ -129,7 +129,7 @@ def close_thoroughly(waiting, lanes, notes, facts, states, cycles, transient, to
         j = waiting[t]
         group, i, note, own_facts = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), _plain(facts[j])
         trace = cuda.local.array((CHUNK, TRACE), float64)
-        runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), own_facts, trace)
+        runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), own_facts, trace, None)
         states[j] = ending_of(group, i, note, total)
 
 

@@ -31,7 +31,7 @@ from vibroimpact.kernels.observers import (
     sums,
 )
 from vibroimpact.kernels.state import Constants, Motion, kept
-from vibroimpact.kernels.walk import STATE, TRACE
+from vibroimpact.kernels.walk import STATE, TRACE, step_at
 
 LANES = 32
 
@@ -96,6 +96,19 @@ def observe_thoroughly(lanes, i, before, k, motion, event, v, x, transient, tota
     store_deviation(lanes, i, deviation(load_deviation(lanes, i), motion, k, event, v, x, first, last))
     store_phases(lanes, i, phases(load_phases(lanes, i), motion, kept))
     store_misses(lanes, i, misses(load_misses(lanes, i), before, motion, k, event, x, count, transient, total))
+
+
+@njit(inline="always", error_model="numpy")
+def observe_walked(lanes, i, k, trace, row, transient, total, facts):
+    """Take lane i over the step in a row of a trace, observed, thoroughly unless `facts` is None; return the event."""
+    before = load_motion(lanes, i)
+    motion, event, v, x = step_at(trace, row)
+    store_motion(lanes, i, motion)
+    if facts is None:
+        observe(lanes, i, motion, event, v, x, transient, total)
+    else:
+        observe_thoroughly(lanes, i, before, k, motion, event, v, x, transient, total)
+    return event
 
 
 @njit(inline="always", error_model="numpy")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 from numba import njit
 
@@ -12,9 +13,8 @@ from vibroimpact.kernels.chatter import pressed, tail_duration
 from vibroimpact.kernels.compilation import compiled
 from vibroimpact.kernels.flight import evaluate, series
 from vibroimpact.kernels.lanes import CELL, LANES, trace_lanes
-from vibroimpact.kernels.runner import LOOK
 from vibroimpact.kernels.state import Constants, Motion, kept
-from vibroimpact.kernels.walk import walk
+from vibroimpact.kernels.walk import LOOK, walk
 
 TURN = 2.0 * math.pi
 # Places in a recorder's memory, which lets a run be interrupted to make room and taken up again: the motion and the
@@ -156,6 +156,36 @@ def read(trace, rows, width, i, memory, window, impacts, looks, sticks, filled):
                     memory[LOOKS] += 1.0
                 return FILLED
     return RUNNING
+
+
+class Recorder(NamedTuple):
+    """The recorder of one cell: what `read` takes, and in `ends` the ending, or RUNNING."""
+
+    memory: Any
+    window: Any
+    impacts: Any
+    looks: Any
+    sticks: Any
+    filled: Any
+    ends: Any
+
+
+@njit(error_model="numpy")
+def overhear(recorder, start, trace, rows):
+    """Read a walk that another makes from the motion `start`, unless the recorder has ended, or stands elsewhere.
+
+    One whose buffer was full falls behind; it can go on alone from its memory.
+    """
+    memory, window, impacts, looks, sticks, filled, ends = recorder
+    if ends[0] == RUNNING and _load_motion(memory, 0) == start:
+        ends[0] = read(trace, rows, 1, 0, memory, window, impacts, looks, sticks, filled)
+
+
+@njit(error_model="numpy")
+def has_room(recorder):
+    """Return whether the recorder can read LOOK steps more without falling behind, or has ended."""
+    free = min(len(recorder.impacts) - recorder.filled[0], len(recorder.sticks) - recorder.filled[2])
+    return free > LOOK or recorder.ends[0] != RUNNING
 
 
 @njit(error_model="numpy")

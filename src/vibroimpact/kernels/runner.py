@@ -18,6 +18,7 @@ from vibroimpact.kernels.lanes import (
     load_recurrence,
     load_rests,
     load_sums,
+    observe_walked,
     step_lanes,
     step_thorough_lanes,
     store_constants,
@@ -29,6 +30,7 @@ from vibroimpact.kernels.lanes import (
 from vibroimpact.kernels.machine import next_ticket
 from vibroimpact.kernels.near_miss import NONE
 from vibroimpact.kernels.observers import DEVIATION, Deviation, Misses, Recurrence
+from vibroimpact.kernels.recorder import has_room, overhear
 from vibroimpact.kernels.results import (
     FLIGHT,
     GRANTED,
@@ -41,10 +43,10 @@ from vibroimpact.kernels.results import (
     harvest,
     harvest_thoroughly,
 )
+from vibroimpact.kernels.walk import LOOK, walk
 
 NEAR = 2e-11  # of V: how close an impact must come back to be looked at
 PAYS = 16.0  # sticking cycles left, below which the lanes are faster than a walk of one or two of them
-LOOK = 32  # steps between two looks at whether a cell has ended, counted from its own start
 
 
 @njit(error_model="numpy")
@@ -88,10 +90,10 @@ def may_close(lanes, i, note, total, facts):
 
 
 @njit(error_model="numpy")
-def close(lanes, i, note, transient, total, early_closing, cycle, facts, trace):
+def close(lanes, i, note, transient, total, early_closing, cycle, facts, trace, recorder):
     """Close the cycle of lane i if it is certain, and note it."""
     number, periods, made, known = try_to_close(
-        lanes, i, transient, total, note[SCALE], WALK, early_closing, cycle, facts, trace
+        lanes, i, transient, total, note[SCALE], WALK, early_closing, cycle, facts, trace, recorder
     )
     note[MADE] += made
     if number > 0:
@@ -138,7 +140,7 @@ def run_cells(
             notes[i, MADE] += LOOK
             own_facts = None if facts is None else facts[i]
             if may_close(lanes, i, notes[i], total, own_facts):
-                close(lanes, i, notes[i], transient, total, early_closing, cycle, own_facts, trace)
+                close(lanes, i, notes[i], transient, total, early_closing, cycle, own_facts, trace, None)
             ends[j] = ending_of(lanes, i, notes[i], total)
             if ends[j] != RUNNING:
                 keep = total - transient
@@ -149,3 +151,41 @@ def run_cells(
                 number += 1
                 owner[i] = -1
     return number, busy
+
+
+@compiled
+def follow_cell(
+    cells, results, ends, seat, transient, total, chatter, flight_periods, steps_per_impact, early_closing, looks,
+    facts, recorder,
+):  # fmt: skip
+    """Measure the only cell as `run_cells` does, while its recorder reads every step.
+
+    Return after `looks` at it, when it ends, or when a buffer of the recorder is to be emptied; what either has still
+    to see, it then sees alone.
+    """
+    lanes, owner, notes, cycle, trace = seat
+    note, cell = notes[0], cell_of(cells[0])
+    own_facts = None if facts is None else facts[0]
+    if owner[0] < 0:
+        begin(lanes, 0, note, cell, total, chatter, flight_periods, steps_per_impact)
+        owner[0] = 0
+    k = load_constants(lanes, 0)
+    for _ in range(looks):
+        if ends[0] != RUNNING or not has_room(recorder):
+            return
+        made = 0
+        while made < LOOK:
+            start = load_motion(lanes, 0)
+            rows = walk(start, k, trace, LOOK - made, 0)
+            overhear(recorder, start, trace, rows)
+            for row in range(rows):
+                observe_walked(lanes, 0, k, trace, row, transient, total, facts)
+            made += rows
+        note[MADE] += LOOK
+        if may_close(lanes, 0, note, total, own_facts):
+            close(lanes, 0, note, transient, total, early_closing, cycle, own_facts, trace, recorder)
+        ends[0] = ending_of(lanes, 0, note, total)
+        if ends[0] != RUNNING:
+            harvest(lanes, 0, note, total - transient, results[0])
+            if facts is not None:
+                harvest_thoroughly(lanes, 0, note, facts[0], cell, total - transient, results[0], trace)

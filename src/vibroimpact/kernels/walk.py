@@ -12,7 +12,7 @@ from vibroimpact.kernels.state import Motion
 
 # A row of a trace: the motion after a step, the event, the speed of a contact, the steps passed.
 STATE, TRACE = 5, 8
-CHUNK = 32  # rows a trace has room for, where memory is no matter
+LOOK = 32  # steps between two looks at whether a cell has ended, counted from its own start; rows of a trace
 
 
 @njit(error_model="numpy")

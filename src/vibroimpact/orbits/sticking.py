@@ -34,8 +34,7 @@ from numpy.typing import NDArray
 from vibroimpact.backends.cpu import limits
 from vibroimpact.kernels import recorder
 from vibroimpact.kernels.cell import RUNNING
-from vibroimpact.kernels.runner import LOOK
-from vibroimpact.kernels.walk import TRACE
+from vibroimpact.kernels.walk import LOOK, TRACE
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.orbit import Orbit, family_of
