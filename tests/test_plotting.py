@@ -1,5 +1,6 @@
 """Figures of orbits, sections and diagrams show what their Dataset holds, and say what they cannot show."""
 
+import inspect
 import json
 import subprocess
 import sys
@@ -288,6 +289,18 @@ def test_a_missing_label_falls_back_on_the_table_and_a_pure_number_has_no_unit(a
     assert ax.get_ylabel() == r"standard deviation of impact velocities $\mathrm{Std}$ [m/s]"
     bare["std"].attrs["units"] = "1"
     assert "[" not in plotting.index_curve(bare, ax=Figure().add_subplot()).get_ylabel()
+
+
+@pytest.mark.parametrize("name", [name for name in plotting.__all__ if name[0].islower()])
+def test_the_help_of_a_figure_has_every_parameter_and_what_it_returns(name):
+    figure = getattr(plotting, name)
+    text = inspect.getdoc(figure)
+    assert [line for line in inspect.signature(figure).parameters if f"\n{line} : " not in text] == []
+    order = [
+        text.find(f"\n{head}\n---") for head in ("Parameters", "Returns", "Raises", "Notes", "References", "Examples")
+    ]
+    assert order[1] > 0
+    assert [at for at in order if at > 0] == sorted(at for at in order if at > 0)
 
 
 @pytest.mark.parametrize(

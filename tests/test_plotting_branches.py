@@ -147,7 +147,7 @@ def test_what_is_no_branch_or_goes_another_way_is_refused(branch, diagram):
         (([],), "`branches` must hold at least one"),
         ((diagram,), "got a result of bifurcation_diagram with velocity"),
         ((None,), "`branches` must be branches of periodic orbits, got a NoneType"),
-        (([branch, other],), "`branches` must go along one parameter, got omega and gap"),
+        (([branch, other],), "`branches` must go along one parameter, got omega, gap"),
         ((branch, strobe), "`diagram` must hold impacts over omega, as `branches` do, got periods over omega"),
         (
             (branch, over_gap),

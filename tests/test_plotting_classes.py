@@ -357,9 +357,7 @@ def test_what_is_no_boundary_is_refused(arguments, told):
 def test_boundaries_of_another_plane_are_refused(curves, ax):
     other = curves[0].dataset.rename(mass="gap")
     other["gap"].attrs = variable("gap", (), 0.0).attrs
-    with pytest.raises(
-        ValueError, match="`curves` must lie in one plane, got the planes omega and mass, omega and gap"
-    ):
+    with pytest.raises(ValueError, match="`curves` must lie in one plane, got omega and mass, omega and gap"):
         boundaries([curves[0], other])
     with pytest.raises(ValueError, match="`sweep` must run over omega and gap, as `curves` do, got omega and mass"):
         boundaries(other, classes([(P, 1, 1)]))

@@ -5,22 +5,26 @@ Legends lie below the axes, where they hide no data: give figures of your own la
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from pathlib import Path
 
+import matplotlib as mpl
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vibroimpact import figures
 from vibroimpact.dataset import unbundle
-from vibroimpact.plotting.checks import SAMPLE_DIMS
+from vibroimpact.files import check_output, replacing
+from vibroimpact.parameters import invalid
 from vibroimpact.plotting.continuation import boundaries, branch_diagram
 from vibroimpact.plotting.designs import comparison_figure, oscillator_sketch
 from vibroimpact.plotting.diagrams import bifurcation_diagram, diagram_with_index, index_curve
-from vibroimpact.plotting.files import save_figure
 from vibroimpact.plotting.maps import boundary_lines, index_contour, index_scatter, index_surface
 from vibroimpact.plotting.motions import basin_portrait, exponent_map, motion_map
 from vibroimpact.plotting.orbits import impact_map, phase_portrait, stroboscopic_map, time_history
+from vibroimpact.plotting.style import SAMPLE_DIMS
 
 __all__ = [
     "KINDS",
@@ -54,6 +58,10 @@ def _drawer(kind: figures.Kind) -> Callable[..., Axes | Figure]:
 
 
 KINDS: dict[str, Callable[..., Axes | Figure]] = {name: _drawer(kind) for name, kind in figures.KINDS.items()}
+ENDINGS = (".png", ".svg", ".pdf")
+
+# Without a date and with fixed identifiers, the same figure is the same file.
+_UNDATED: dict[str, dict[str, None]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 _BY_SHAPE = ("impact_section", "stroboscopic_section", "bifurcation_diagram", "parameter_map")  # may have been sliced
 
 
@@ -100,3 +108,65 @@ def default_kind(dataset: xr.Dataset) -> str:
         f"continue_orbit, boundary_curves, basins or compare, got {len(axes)} axes; "
         "select values of further axes with .sel"
     )
+
+
+def save_figure(
+    figure: Axes | Figure,
+    path: str | os.PathLike[str],
+    size: tuple[float, float] | None = None,
+    dpi: float = 150.0,
+    overwrite: bool = False,
+) -> Path:
+    """Write a figure under its final name in one step, so that no half-written file ever appears there.
+
+    Parameters
+    ----------
+    figure : matplotlib.axes.Axes or matplotlib.figure.Figure
+        What to write; of axes, the whole figure that holds them.
+    path : path
+        The file; its ending, .png, .svg or .pdf, sets the format.
+    size : (float, float), optional
+        Width and height in inches; None keeps the figure's own.
+    dpi : float, > 0
+        Dots per inch, also of pixel parts inside an .svg or .pdf.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    pathlib.Path
+        The file written.
+
+    Raises
+    ------
+    ValueError
+        The ending, `size` or `dpi` is not allowed.
+    OSError
+        The file exists and `overwrite` is False, or it cannot be written; nothing is left behind.
+
+    Examples
+    --------
+    >>> import tempfile, vibroimpact as vi
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_figure(vi.plotting.oscillator_sketch(), f"{folder}/model.svg").name
+    'model.svg'
+    """
+    if not dpi > 0:
+        raise invalid("dpi", dpi, "a number above 0", "150 is usual")
+    if size is not None and (len(size) != 2 or not min(size) > 0):
+        raise invalid("size", size, "a width and a height above 0 in inches", "(8, 5) is usual")
+    whole = figure if isinstance(figure, Figure) else figure.get_figure(root=True)
+    if whole is None:
+        raise ValueError(
+            "`figure` must be axes that belong to a figure; these were removed from theirs, draw them again"
+        )
+    target = check_output(path, overwrite=overwrite, endings=ENDINGS)
+    ending, own_size = target.suffix.lower(), whole.get_size_inches()
+    try:
+        if size is not None:
+            whole.set_size_inches(*size)
+        with replacing(target, overwrite=overwrite) as part, mpl.rc_context({"svg.hashsalt": "vibroimpact"}):
+            whole.savefig(part, dpi=dpi, format=ending[1:], metadata=_UNDATED[ending])
+    finally:
+        whole.set_size_inches(*own_size)
+    return target

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from itertools import cycle
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,26 +11,28 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
 from vibroimpact.motion import cycle_name
-from vibroimpact.plotting.checks import check_diagram, check_parts, check_sweep
-from vibroimpact.plotting.diagrams import draw_samples, mark_empty, set_height
+from vibroimpact.plotting.diagrams import check_diagram, draw_samples, mark_empty, set_height
 from vibroimpact.plotting.maps import draw_cells
 from vibroimpact.plotting.style import (
     BLUE,
     GREEN,
     INK,
     RED,
+    RINGS,
     Floats,
     label,
     label_axes,
     legend_added,
     legend_below,
     new_axes,
+    on_axes,
+    refused,
     title,
     view,
 )
+from vibroimpact.plotting.sweeps import check_sweep
 
 SAMPLES = "#a9a9a9"
 COLORS = (BLUE, RED, GREEN, "#8a5fa8", "#b8860b", "#56b4e9")  # one per name of an orbit, in their order
@@ -71,6 +73,26 @@ DASHES: dict[int, Any] = {1: "solid", 2: (0, (5, 2)), 3: (0, (2, 1.5))}  # by n_
 MORE_PERIODS = (0, (1, 1))
 
 
+def _parts(argument: str, given: Any, mark: str, what: str, makers: str) -> list[xr.Dataset]:
+    """Return the datasets of what was given, alone or in a sequence, if all hold the variable that marks their kind."""
+    alone = isinstance(given, xr.Dataset) or not isinstance(given, Iterable)
+    parts = [getattr(part, "dataset", part) for part in ([given] if alone else given)]
+    for part in parts:
+        if not isinstance(part, xr.Dataset) or mark not in part or not _along(part):
+            raise refused(argument, part, what, f"pass what {makers} returns")
+    if not parts:
+        raise ValueError(f"`{argument}` must hold at least one of {what}, got none; pass what {makers} returns")
+    return parts
+
+
+def _plane(argument: str, drawn: list[xr.Dataset], must: str) -> list[str]:
+    """Return the parameters that vary along all branches or curves, in the order of the first one."""
+    planes = {frozenset(names): " and ".join(names) for names in map(_along, drawn)}
+    if len(planes) > 1:
+        raise ValueError(f"`{argument}` must {must}, got {', '.join(planes.values())}; draw one figure for each")
+    return _along(drawn[0])
+
+
 def _kinds(codes: xr.DataArray) -> list[str]:
     """Return the kinds of special points or of a curve by name."""
     names = str(codes.attrs["flag_meanings"]).split()
@@ -87,8 +109,7 @@ def _along(followed: xr.Dataset) -> list[str]:
     return [str(name) for name, coord in followed.coords.items() if coord.dims == ("point",) and name != "point"]
 
 
-@dataclass(frozen=True)
-class Part:
+class Part(NamedTuple):
     """A stretch of a branch of one look: parameter values, and a velocity of each impact."""
 
     look: int
@@ -96,6 +117,7 @@ class Part:
     velocities: Floats
 
 
+@on_axes
 def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | None = None) -> Axes:
     """Draw branches of periodic orbits: stable parts solid, unstable ones dashed, bifurcations marked and named.
 
@@ -106,17 +128,6 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
     diagram : xarray.Dataset, optional
         What `vibroimpact.bifurcation_diagram` returns with section="impact" over the same parameter, drawn beneath as
         grey dots.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None makes a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ValueError
-        `branches` is empty, not a branch, or along several parameters; `diagram` is of another kind or parameter.
 
     Notes
     -----
@@ -133,12 +144,14 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
     >>> [text.get_text() for text in ax.texts]
     ['PD']
     """
-    drawn = check_parts("branches", branches, _is_branch, "branches of periodic orbits", "continue_orbit")
-    parameter = _parameter(drawn)
+    drawn = _parts("branches", branches, "special_kind", "branches of periodic orbits", "continue_orbit")
+    (parameter,) = _plane("branches", drawn, "go along one parameter")
+    if diagram is not None:
+        _check_beneath(diagram, parameter)
     ax = new_axes(ax, (8.0, 5.0), title(drawn[0] if diagram is None else diagram))
-    heights = _draw_beneath(ax, diagram, parameter)
+    heights = _draw_beneath(ax, drawn, diagram, parameter)
     entries = ax.get_legend_handles_labels()[0]
-    colors = _colors(drawn)
+    colors = dict(zip(dict.fromkeys(map(orbit_name, drawn)), cycle(COLORS)))
     looks: set[int] = set()
     seen = [heights]
     for branch, name in zip(drawn, map(orbit_name, drawn), strict=True):
@@ -148,7 +161,8 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
             seen += [part.velocities.ravel()] if part.look != INADMISSIBLE else []
     entries += [Line2D([], [], color=color, linewidth=2.0, label=name) for name, color in colors.items()]
     entries += [Line2D([], [], color=INK, **LOOKS[look]) for look in sorted(looks)]
-    _frame(ax, drawn, parameter, diagram, np.concatenate(seen))
+    set_height(ax, drawn[0], "velocity", np.concatenate(seen))
+    label_axes(ax, drawn[0][parameter], drawn[0]["velocity"])
     entries += _draw_special(ax, drawn, colors)
     legend_below(ax, entries)
     return ax
@@ -171,11 +185,11 @@ def split(branch: xr.Dataset, parameter: str) -> Iterator[Part]:
     for k in np.flatnonzero(special[:-1] & special[1:])[::-1]:
         if k + 1 < len(between):
             between[k] = _before(kinds[values[k + 1]], int(between[k + 1]), int(between[k]))
+    if not len(between):  # a branch of one point
+        between = looks
     cuts = np.flatnonzero(np.diff(between)) + 1
-    ends = zip([0, *cuts], [*cuts, len(between)], strict=True) if len(between) else [(0, 0)]
-    look_of: NDArray[Any] = between if len(between) else looks
-    for i, j in ends:
-        yield Part(int(look_of[i]), values[i : j + 1], velocities[i : j + 1])
+    for i, j in zip([0, *cuts], [*cuts, len(between)], strict=True):
+        yield Part(int(between[i]), values[i : j + 1], velocities[i : j + 1])
 
 
 def _before(kind: str, beyond: int, otherwise: int) -> int:
@@ -183,12 +197,6 @@ def _before(kind: str, beyond: int, otherwise: int) -> int:
     if kind == "grazing":
         return otherwise if beyond == INADMISSIBLE else INADMISSIBLE
     return {STABLE: UNSTABLE, UNSTABLE: STABLE}.get(beyond, beyond)
-
-
-def _colors(drawn: list[xr.Dataset]) -> dict[str, str]:
-    """Return a colour for each name of orbits, in the order of the branches."""
-    names = dict.fromkeys(map(orbit_name, drawn))
-    return {name: COLORS[i % len(COLORS)] for i, name in enumerate(names)}
 
 
 def _special_points(drawn: list[xr.Dataset]) -> Iterator[tuple[str, float, Floats, xr.Dataset]]:
@@ -207,13 +215,7 @@ def _draw_special(ax: Axes, drawn: list[xr.Dataset], colors: dict[str, str]) -> 
     entries, names = {}, []
     for kind, value, speeds, branch in _special_points(drawn):
         special = SPECIAL[kind]
-        look: dict[str, Any] = {
-            "linestyle": "none",
-            "marker": special.marker,
-            "markersize": 6.0,
-            "markerfacecolor": "white",
-            "zorder": 5,
-        }
+        look = RINGS | {"marker": special.marker, "markersize": 6.0, "zorder": 5}
         ax.plot(np.full(len(speeds), value), speeds, markeredgecolor=colors[orbit_name(branch)], **look)
         entries[kind] = Line2D([], [], markeredgecolor=INK, label=f"{special.letters}: {special.name}", **look)
         names.append((value, float(speeds.max()), special.letters))
@@ -237,42 +239,27 @@ def _merged(ax: Axes, names: list[tuple[float, float, str]]) -> list[tuple[float
     return joined
 
 
-def _draw_beneath(ax: Axes, diagram: xr.Dataset | None, parameter: str) -> Floats:
-    """Draw the samples of the diagram in grey; return the heights drawn."""
-    if diagram is None:
-        return np.empty(0)
+def _check_beneath(diagram: Any, parameter: str) -> None:
     _, axis, samples = check_diagram("diagram", diagram)
     if samples != "impact" or axis != parameter:
         raise ValueError(
             f"`diagram` must hold impacts over {parameter}, as `branches` do, got {samples}s over {axis}; "
             f"call bifurcation_diagram with section='impact' over {parameter}"
         )
-    heights = draw_samples(ax, diagram, axis, samples, "velocity", SAMPLES)
-    mark_empty(ax, diagram, axis)
-    return heights
 
 
-def _frame(ax: Axes, drawn: list[xr.Dataset], parameter: str, diagram: xr.Dataset | None, heights: Floats) -> None:
-    """Limit and label the axes."""
+def _draw_beneath(ax: Axes, drawn: list[xr.Dataset], diagram: xr.Dataset | None, parameter: str) -> Floats:
+    """Draw the samples of the diagram in grey, or limit the axis by the branches; return the heights drawn."""
     if diagram is None:
         values = np.concatenate([branch[parameter].values for branch in drawn])
         ax.set_xlim(*view(values, float(np.abs(values).max()) or 1.0))
-    set_height(ax, drawn[0], "velocity", heights)
-    label_axes(ax, drawn[0][parameter], drawn[0]["velocity"])
+        return np.empty(0)
+    heights = draw_samples(ax, diagram, parameter, "impact", "velocity", SAMPLES)
+    mark_empty(ax, diagram, parameter)
+    return heights
 
 
-def _is_branch(part: xr.Dataset) -> bool:
-    return "special_kind" in part and "point" in part.dims
-
-
-def _parameter(drawn: list[xr.Dataset]) -> str:
-    """Return the one parameter along which all branches go."""
-    names = list(dict.fromkeys(name for branch in drawn for name in _along(branch)))
-    if len(names) > 1:
-        raise ValueError(f"`branches` must go along one parameter, got {' and '.join(names)}; draw one figure for each")
-    return names[0]
-
-
+@on_axes
 def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std", ax: Axes | None = None) -> Axes:
     """Draw the curves on which motions fold, double their period, graze, or cease to stick.
 
@@ -285,22 +272,12 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
         boundary lines; its first axis lies along x.
     index : str
         Which index of `sweep` is drawn.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; axes that show the plane already keep their limits and their legend. A new figure without it.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ValueError
-        `curves` is empty, not a boundary, or of several planes; `sweep` or `ax` shows another plane.
 
     Notes
     -----
     The colour shows the kind, the dashes the driving periods in a cycle. Without `sweep` the first parameter of the
-    curves lies along x, unless `ax` is labelled the other way round. Between its points a curve is drawn straight.
+    curves lies along x, unless `ax` is labelled the other way round; axes that show the plane already keep their limits
+    and their legend. Between its points a curve is drawn straight.
 
     Examples
     --------
@@ -311,8 +288,8 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
     'period doubling of period-1 impact-1'
     """
     makers = "continue_boundary or boundary_curves"
-    drawn = check_parts("curves", curves, _is_boundary, "boundaries in a plane of two parameters", makers)
-    plane = _plane(drawn)
+    drawn = _parts("curves", curves, "kind", "boundaries in a plane of two parameters", makers)
+    plane = _plane("curves", drawn, "lie in one plane")
     own, below = ax is None, []
     if sweep is not None:
         _check_plane(sweep, plane)
@@ -327,16 +304,11 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
     if labelled:
         ax.set(xlim=limits[0], ylim=limits[1])
     label_axes(ax, drawn[0][x], drawn[0][y])
-    legend_added(ax, [*below, *(entries[text] for text in sorted(entries, key=_by_orbit))])
+    ordered = sorted(entries, key=lambda text: text.partition(" of period-")[::-1])  # by orbit, then by kind
+    legend_added(ax, [*below, *(entries[text] for text in ordered)])
     if own:
         _make_room(ax)
     return ax
-
-
-def _by_orbit(text: str) -> tuple[str, str]:
-    """Return what entries of the legend are ordered by: the orbit, then the kind."""
-    kind, _, orbit = text.partition(" of period-")
-    return orbit, kind
 
 
 def _make_room(ax: Axes) -> None:
@@ -348,21 +320,7 @@ def _make_room(ax: Axes) -> None:
         figure.set_size_inches(width, height + LEGEND_LINE * lines)
 
 
-def _is_boundary(part: xr.Dataset) -> bool:
-    return "kind" in part and len(_along(part)) == 2
-
-
-def _plane(drawn: list[xr.Dataset]) -> tuple[str, str]:
-    """Return the two parameters of all curves, in the order of the first one."""
-    first, second = _along(drawn[0])
-    for curve in drawn[1:]:
-        if set(_along(curve)) != {first, second}:
-            planes = f"{first} and {second}, {' and '.join(_along(curve))}"
-            raise ValueError(f"`curves` must lie in one plane, got the planes {planes}; draw one figure for each")
-    return first, second
-
-
-def _check_plane(sweep: Any, plane: tuple[str, str]) -> None:
+def _check_plane(sweep: Any, plane: list[str]) -> None:
     over = [str(dim) for dim in getattr(sweep, "dims", ()) if dim != "start"]
     if not isinstance(sweep, xr.Dataset) or set(over) != set(plane):
         raise ValueError(
@@ -371,7 +329,7 @@ def _check_plane(sweep: Any, plane: tuple[str, str]) -> None:
         )
 
 
-def _order(ax: Axes, curve: xr.Dataset, plane: tuple[str, str]) -> tuple[str, str]:
+def _order(ax: Axes, curve: xr.Dataset, plane: list[str]) -> tuple[str, str]:
     """Return which parameter lies along x and which along y: as the axes are labelled, else in the plane's order."""
     shown = ax.get_xlabel(), ax.get_ylabel()
     for x, y in (plane, plane[::-1]):

@@ -15,9 +15,19 @@ from matplotlib.patches import FancyBboxPatch, Rectangle
 
 from vibroimpact.motion import recognise
 from vibroimpact.oscillator import ImpactOscillator, Model, State
-from vibroimpact.plotting.checks import refused
 from vibroimpact.plotting.orbits import impact_map, phase_portrait, time_history
-from vibroimpact.plotting.style import BLUE, INK, RED, STYLE, described, draw_stop, held_text, new_axes, parameter_text
+from vibroimpact.plotting.style import (
+    BLUE,
+    INK,
+    RED,
+    STYLE,
+    described,
+    draw_stop,
+    held_text,
+    new_axes,
+    parameter_text,
+    refused,
+)
 from vibroimpact.sections import impact_section, simulate, stroboscopic_section
 
 # Positions in drawing units: frame | spring and damper | mass | clearance | stop.

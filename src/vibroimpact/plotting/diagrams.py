@@ -9,10 +9,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from vibroimpact.parameters import choice, real_number
-from vibroimpact.plotting.checks import SAMPLE_DIMS, check_diagram, check_sweep
 from vibroimpact.plotting.style import (
     BLUE,
+    DOTS,
     INK,
+    SAMPLE_DIMS,
     Floats,
     described,
     label,
@@ -21,15 +22,29 @@ from vibroimpact.plotting.style import (
     magnitude,
     mark_missing,
     new_axes,
+    on_axes,
     reference,
+    refused,
     symbol_of,
     title,
     view,
 )
+from vibroimpact.plotting.sweeps import check_sweep
 
 DRAW_ALL = 200_000  # samples; up to so many, each is drawn
 PAPERS_SCALE = 5.0  # of Std over the velocities, in Lee's figure 10
 LEVELS = 2000  # above it, samples of one column in the same 1/LEVELS of the axis are drawn once
+
+
+def check_diagram(argument: str, value: Any) -> tuple[xr.Dataset, str, str]:
+    """Return a bifurcation diagram with the names of its axis and of its sample dimension."""
+    if isinstance(value, xr.Dataset) and "velocity" in value and len(value["velocity"].dims) == 2:
+        samples = [str(dim) for dim in value["velocity"].dims if dim in SAMPLE_DIMS]
+        axes = [str(dim) for dim in value["velocity"].dims if dim not in SAMPLE_DIMS]
+        if len(axes) == 1 and len(samples) == 1 and axes[0] in value.coords:
+            return value, axes[0], samples[0]
+    allowed = "a result of bifurcation_diagram (velocity over its axis and impact or period)"
+    raise refused(argument, value, allowed, "pass what vibroimpact.bifurcation_diagram returns")
 
 
 def _points(axis: Floats, columns: Floats) -> tuple[Floats, Floats]:
@@ -54,10 +69,8 @@ def draw_samples(ax: Axes, diagram: xr.Dataset, axis: str, samples: str, quantit
     columns = diagram[quantity].transpose(axis, samples).values
     x, y = _points(diagram[axis].values, columns)
     dots = min(3.0, max(0.9, 550.0 / max(1, len(columns))))
-    look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0, "rasterized": True}
-    ax.plot(
-        x, y, color=color, markersize=dots, label=f"{described(diagram[quantity])[0]} (one dot per {samples})", **look
-    )
+    text = f"{described(diagram[quantity])[0]} (one dot per {samples})"
+    ax.plot(x, y, **DOTS, color=color, markersize=dots, label=text, rasterized=True)
     low, high = float(diagram[axis].min()), float(diagram[axis].max())
     ax.set_xlim(low, high if high > low else low + 1.0)
     label_axes(ax, diagram[axis], diagram[quantity])
@@ -86,6 +99,7 @@ def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) ->
         ax.set_ylim(*view(heights, magnitude(heights, speed / per_speed)))
 
 
+@on_axes
 def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Axes | None = None) -> Axes:
     """Draw the samples of settled motions against the swept parameter.
 
@@ -96,17 +110,6 @@ def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Ax
     quantity : {"velocity", "phase", "displacement"}, optional
         What lies along y: of an impact section "velocity" (the default) or "phase", of a stroboscopic section
         "displacement" (the default) or "velocity".
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None makes a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ValueError
-        `diagram` is another kind of result, or does not hold the `quantity`.
 
     Notes
     -----
@@ -147,10 +150,11 @@ def _draw_index(ax: Axes, field: xr.DataArray, scale: float) -> Floats:
     symbol = symbol_of(field)
     name = symbol if scale == 1.0 else rf"{scale:g} $\times$ {symbol}"
     ax.plot(x, values, color=INK, linewidth=1.1, label=name, zorder=4)
-    ax.plot(x[alone], values[alone], "o", color=INK, markersize=2, markeredgewidth=0, zorder=4)
+    ax.plot(x[alone], values[alone], **DOTS, color=INK, markersize=2, zorder=4)
     return values
 
 
+@on_axes
 def diagram_with_index(
     diagram: xr.Dataset, sweep: xr.Dataset, index: str = "std", scale: float | None = None, ax: Axes | None = None
 ) -> Axes:
@@ -168,18 +172,6 @@ def diagram_with_index(
         The index drawn, one that `sweep` holds.
     scale : float, optional
         Factor with which the index is drawn on the axis of the velocities. None is 5 for `std`.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None makes a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        Those of the velocities.
-
-    Raises
-    ------
-    ValueError
-        One of the results is of another kind, or their axes differ, or `sweep` does not hold the `index`.
 
     References
     ----------
@@ -199,7 +191,7 @@ def diagram_with_index(
         raise ValueError(
             "`diagram` must hold impacts, got one sample per period; call bifurcation_diagram with section='impact'"
         )
-    _, field = check_sweep("sweep", sweep, index, 1)
+    field = check_sweep("sweep", sweep, index, 1)[1]
     if field.dims != (axis,):
         raise ValueError(f"`sweep` must run over {axis}, as `diagram` does, got {field.dims[0]}")
     factor = PAPERS_SCALE if scale is None else real_number("scale", scale)
@@ -235,6 +227,7 @@ def _frame_index(ax: Axes, values: Floats) -> None:
     ax.set_ylim(low - 0.03 * span, high + 0.05 * span)
 
 
+@on_axes
 def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -> Axes:
     r"""Draw an index against the one parameter swept.
 
@@ -244,17 +237,6 @@ def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -
         What `vibroimpact.parameter_map` returns over one axis.
     index : str
         The index drawn, one that `sweep` holds.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None makes a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ValueError
-        `sweep` does not have one axis, or does not hold the `index`.
 
     Notes
     -----
@@ -276,7 +258,5 @@ def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -
     _frame_index(ax, values)
     ax.set_xlim(float(axis.min()), float(axis.max()))
     label_axes(ax, axis, field)
-    handles = ax.get_legend_handles_labels()[0]
-    if len(handles) > 1:
-        legend_below(ax, handles[1:])
+    legend_below(ax, ax.get_legend_handles_labels()[0][1:])
     return ax

@@ -16,29 +16,36 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from vibroimpact.parameters import invalid, real_number, unknown
-from vibroimpact.plotting.checks import check_points, check_sweep
-from vibroimpact.plotting.planes import add_bar, draw_missing, draw_numbers, frame_plane, grid_of
 from vibroimpact.plotting.style import (
     BLUE,
+    DOTS,
     INK,
     RED,
     Floats,
+    by_status,
     described,
     label,
     label_axes,
     legend_below,
     mark_missing,
     new_axes,
+    on_axes,
     own_value,
-    status_color,
-    status_label,
     symbol_of,
     title,
     unit_suffix,
     value_text,
 )
 from vibroimpact.plotting.style import reference as reference_oscillator
-from vibroimpact.status import Status
+from vibroimpact.plotting.sweeps import (
+    add_bar,
+    check_points,
+    check_sweep,
+    draw_missing,
+    draw_numbers,
+    frame_plane,
+    grid_of,
+)
 
 COLORS = "viridis"
 LEVEL_OF_V = 0.05  # the default boundary of Std, as a part of the velocity scale V
@@ -172,6 +179,7 @@ def _draw_boundary(ax: Axes, lines: list[Floats]) -> list[AbstractPathEffect]:
     return halo
 
 
+@on_axes
 def index_contour(
     sweep: xr.Dataset,
     index: str = "std",
@@ -193,18 +201,6 @@ def index_contour(
     reference : dict of str to float, optional
         Axis values to mark by a line, such as ``{"mass": 1.0}``. By default the reference oscillator's own
         value on the second axis; ``{}`` marks none.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None makes a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ValueError
-        `sweep` does not have two axes or does not hold the `index`; `level` is not a number; `reference` is off
-        the map.
 
     Notes
     -----
@@ -298,6 +294,7 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
     return solid  # type: ignore[no-any-return]
 
 
+@on_axes
 def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = None) -> Axes:
     """Draw an index of scattered designs: each a dot over its first two varied parameters, coloured by the index.
 
@@ -307,17 +304,6 @@ def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = Non
         What `vibroimpact.parameter_map` returns for ``points=``, a table of designs.
     index : str
         The index drawn, one that `designs` holds.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None makes a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ValueError
-        `designs` is another kind of result, or does not hold the `index`.
 
     Notes
     -----
@@ -335,23 +321,17 @@ def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = Non
     designs, field, varied = check_points("designs", designs, index)
     x, values = varied[0], field.values.astype(float)
     y = varied[1] if len(varied) > 1 else field
-    known = np.isfinite(values)
+    known, codes = np.isfinite(values), designs["status"].values
     ax = new_axes(ax, (7.2, 5.4), title(designs))
     if y is field:
-        ax.plot(x.values[known], values[known], "o", color=BLUE, markersize=4, markeredgewidth=0, zorder=3)
+        ax.plot(x.values[known], values[known], **DOTS, color=BLUE, markersize=4, zorder=3)
+        mark_missing(ax, x.values, codes, ~known, "design")
     else:
         shades = _shades(values)
         dots = ax.scatter(x.values[known], y.values[known], c=values[known], cmap=COLORS, norm=shades, s=22, zorder=3)
         add_bar(ax, dots, field, "root scale", pad=0.02)
-    codes = designs["status"].values
-    if y is field:
-        mark_missing(ax, x.values, codes, ~known, "design")
-    else:
-        for status in Status:
-            here = ~known & (codes == status)
-            if here.any():
-                text = status_label(status, int(here.sum()), "design")
-                ax.scatter(x.values[here], y.values[here], marker="x", color=status_color(status), label=text, zorder=2)
+        for here, color, text in by_status(~known, codes, "design"):
+            ax.scatter(x.values[here], y.values[here], marker="x", color=color, label=text, zorder=2)
     label_axes(ax, x, y)
     legend_below(ax)
     return ax

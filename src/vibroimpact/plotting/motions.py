@@ -19,35 +19,40 @@ from vibroimpact.dataset import VARIABLES
 from vibroimpact.figures import EXPONENTS
 from vibroimpact.motion import MotionClass, cycle_name
 from vibroimpact.parameters import choice
-from vibroimpact.plotting.checks import check_sweep, refused
-from vibroimpact.plotting.planes import (
-    OPEN,
+from vibroimpact.plotting.style import (
+    DOTS,
+    INK,
+    RINGS,
+    STATUS_COLORS,
+    STICKING,
+    Floats,
     Layer,
+    Mask,
+    by_status,
+    counted,
+    described,
+    legend_below,
+    legend_beside,
+    new_axes,
+    on_axes,
+    percent,
+    refused,
+    symbol_of,
+    title,
+    unit_suffix,
+    value_text,
+)
+from vibroimpact.plotting.sweeps import (
+    OPEN,
     add_bar,
+    check_lengths,
+    check_sweep,
     colour_mesh,
     draw_missing,
     draw_numbers,
     fill_cells,
     frame_plane,
     grid_of,
-)
-from vibroimpact.plotting.style import (
-    INK,
-    STATUS_COLORS,
-    STICKING,
-    Floats,
-    Mask,
-    counted,
-    described,
-    legend_below,
-    legend_beside,
-    new_axes,
-    percent,
-    status_label,
-    symbol_of,
-    title,
-    unit_suffix,
-    value_text,
 )
 from vibroimpact.status import Status
 
@@ -87,15 +92,8 @@ QUIET = {
     "permanently_in_contact": STATUS_COLORS[Status.STUCK_FOREVER],
     "at_rest": STATUS_COLORS[Status.DECAYING],
 }
-RING: dict[str, Any] = {
-    "linestyle": "none",
-    "marker": "o",
-    "markersize": 5.0,
-    "markerfacecolor": "white",
-    "markeredgecolor": INK,
-    "markeredgewidth": 1.2,
-}
-DOT: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 1.8, "markeredgewidth": 0.0, "color": INK}
+RING = RINGS | {"markersize": 5.0, "markeredgecolor": INK, "markeredgewidth": 1.2}
+DOT = DOTS | {"markersize": 1.8, "color": INK}
 FEW = 24  # points of an attractor that are marked as rings; more are marked as dots
 
 Name = tuple[int, int]
@@ -108,6 +106,7 @@ def name_colors(counts: Counter[Name], cells: int) -> dict[Name, str]:
     return {name: USUAL.get(name) or next(spare) for name in ranked}
 
 
+@on_axes
 def motion_map(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the name of the motion in every cell of a map over two parameters.
 
@@ -119,17 +118,6 @@ def motion_map(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
     sweep : xarray.Dataset
         What `vibroimpact.classify` returns over two axes, or a `parameter_map` that it takes; the first axis lies
         along x.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None makes a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ValueError
-        `sweep` does not have two axes, or lacks the indices that decide the names.
 
     Notes
     -----
@@ -201,6 +189,7 @@ def symmetric_limit(values: Floats) -> float:
     return float(np.percentile(sizes, SHOWN)) or 1.0 if sizes.size else 1.0
 
 
+@on_axes
 def exponent_map(sweep: xr.Dataset, index: str = "lyapunov", ax: Axes | None = None) -> Axes:
     r"""Draw the largest Lyapunov exponent over two parameters: red where perturbations grow, blue where they decay.
 
@@ -212,17 +201,6 @@ def exponent_map(sweep: xr.Dataset, index: str = "lyapunov", ax: Axes | None = N
         What `vibroimpact.parameter_map` returns over two axes; the first lies along x.
     index : {"lyapunov", "lyapunov_per_impact"}
         Per unit time, in 1/s, or per impact.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None makes a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ValueError
-        `sweep` does not have two axes or does not hold the `index`, or that is not an exponent.
 
     Notes
     -----
@@ -268,6 +246,7 @@ def _beyond(values: Floats, limit: float) -> str:
     return "both" if low and high else "min" if low else "max" if high else "neither"
 
 
+@on_axes
 def basin_portrait(dataset: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """Draw which initial conditions lead to which attractor, one colour per attractor, and where the attractors lie.
 
@@ -275,17 +254,6 @@ def basin_portrait(dataset: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     ----------
     dataset : xarray.Dataset
         What `vibroimpact.basins` returns; its first axis lies along x.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None makes a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ValueError
-        `dataset` is another kind of result, or an axis has a single value.
 
     Notes
     -----
@@ -318,11 +286,8 @@ def _attractors(value: Any) -> xr.DataArray:
     if not isinstance(value, xr.Dataset) or "attractor" not in value or value["attractor"].ndim != 2:
         allowed = "a result of basins (attractor over two axes)"
         raise refused("dataset", value, allowed, "pass what vibroimpact.basins returns")
-    field = value["attractor"]
-    for dim in field.dims:
-        if field.sizes[dim] < 2:
-            raise ValueError(f"`dataset` needs two or more values along each axis, got 1 along {dim}")
-    return field
+    check_lengths("dataset", value["attractor"])
+    return value["attractor"]
 
 
 def _title(dataset: xr.Dataset) -> str:
@@ -349,15 +314,12 @@ def _basins(dataset: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
     if further:
         text = f"{len(further)} further attractors: {percent(shares[further].sum())}"
         yield np.isin(numbers, further), FURTHER, text
-    nowhere = numbers < 0
-    for status in (Status.BUDGET, Status.INTERRUPTED):
-        here = nowhere & (codes == status)
-        if here.any():
-            yield here, STATUS_COLORS[status], status_label(status, int(here.sum()), "initial condition")
-        nowhere &= ~here
-    if nowhere.any():
-        count = counted(int(nowhere.sum()), "initial condition")
-        yield nowhere, OPEN, f"undecided: neither a cycle nor certain chaos ({count})"
+    cut_off = (numbers < 0) & np.isin(codes, (Status.BUDGET, Status.INTERRUPTED))
+    yield from by_status(cut_off, codes, "initial condition")
+    undecided = (numbers < 0) & ~cut_off
+    if undecided.any():
+        count = counted(int(undecided.sum()), "initial condition")
+        yield undecided, OPEN, f"undecided: neither a cycle nor certain chaos ({count})"
 
 
 def _mark_attractors(ax: Axes, dataset: xr.Dataset, axes: tuple[str, str]) -> bool:

@@ -10,31 +10,54 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
 from vibroimpact.oscillator import ImpactOscillator
-from vibroimpact.plotting.checks import check_result
 from vibroimpact.plotting.style import (
     BLUE,
+    DOTS,
     GREEN,
     INK,
     RED,
+    RINGS,
     Floats,
-    Mask,
     counted,
     draw_stop,
     label_axes,
     legend_below,
     magnitude,
     new_axes,
-    note_empty,
-    note_outcome,
+    on_axes,
+    outcome,
     parameter_text,
     reference,
-    required_oscillator,
+    refused,
     title,
     view,
 )
+from vibroimpact.status import Status
 
 MANY = 200  # more distinct points than this are drawn as an attractor, fewer as separate marks
-_NEEDED = {"displacement": "time", "velocity": "time", "impact_time": "impact", "impact_velocity": "impact"}
+STATES = {"displacement": "time", "velocity": "time", "impact_time": "impact", "impact_velocity": "impact"}
+
+
+def _check(argument: str, value: Any, maker: str, needed: dict[str, str]) -> None:
+    """Raise `ValueError` unless the needed variables of a result lie along their one dimension each."""
+    if not isinstance(value, xr.Dataset) or any(
+        name not in value or value[name].dims != (dim,) for name, dim in needed.items()
+    ):
+        wanted = ", ".join(f"{name} over {dim}" for name, dim in needed.items())
+        raise refused(argument, value, f"a result of {maker} ({wanted})", f"pass what vibroimpact.{maker} returns")
+
+
+def _legend(ax: Axes, dataset: xr.Dataset) -> None:
+    """Draw the legend, which says how a motion ended unless it simply filled its window."""
+    status = _ended(dataset)
+    if status is not None and not status.has_indices:
+        ax.plot([], [], linestyle="none", label=outcome(status))
+    legend_below(ax)
+
+
+def _ended(dataset: xr.Dataset) -> Status | None:
+    """Return how the one motion of a result ended; None if there are several."""
+    return Status(int(dataset["status"])) if "status" in dataset and dataset["status"].ndim == 0 else None
 
 
 def _broken_orbit(simulation: xr.Dataset, gap: float, restitution: float) -> tuple[Floats, Floats, Floats]:
@@ -46,24 +69,15 @@ def _broken_orbit(simulation: xr.Dataset, gap: float, restitution: float) -> tup
     jump = np.column_stack([speeds, np.full_like(speeds, np.nan), -restitution * speeds]).ravel()
     sampled = simulation["time"].values
     # A sample at an impact holds the state after it, but rounding may put its time before: it adds nothing.
-    own = ~_beside(sampled, times)
+    around = np.concatenate([[-np.inf], times, [np.inf]])
+    after = np.searchsorted(times, sampled)
+    nearest = np.minimum(sampled - around[after], around[after + 1] - sampled)
+    own = nearest >= 1e-6 * np.ptp(sampled[:2])
     t = np.concatenate([np.repeat(times, 3), sampled[own]])
     y = np.concatenate([np.where(np.isnan(jump), np.nan, gap), simulation["displacement"].values[own]])
     dy = np.concatenate([jump, simulation["velocity"].values[own]])
     order = np.argsort(t, kind="stable")
     return _rounded(t[order], y[order], dy[order])
-
-
-def _beside(sampled: Floats, times: Floats) -> Mask:
-    """Return which samples lie at an impact, to a millionth of the sampling."""
-    if times.size == 0 or sampled.size < 2:
-        return np.zeros(sampled.shape, dtype=bool)
-    following = np.searchsorted(times, sampled)
-    nearest = np.minimum(
-        np.abs(times[np.clip(following, 0, times.size - 1)] - sampled),
-        np.abs(times[np.clip(following - 1, 0, times.size - 1)] - sampled),
-    )
-    return np.asarray(nearest < 1e-6 * (sampled[1] - sampled[0]))
 
 
 def _rounded(t: Floats, y: Floats, dy: Floats, parts: int = 6) -> tuple[Floats, Floats, Floats]:
@@ -95,6 +109,13 @@ def _sticks(simulation: xr.Dataset) -> Floats:
     return np.column_stack([starts, np.where(np.isnan(ends), float(simulation["time"][-1]), ends)])
 
 
+def _draw_sticks(ax: Axes, spans: Any, height: float, name: str, zorder: float) -> None:
+    """Draw a bar for each (start, end) of a stick."""
+    bars = [[(start, height), (end, height)] for start, end in spans]
+    look: dict[str, Any] = {"colors": GREEN, "linewidths": 5, "zorder": zorder}
+    ax.add_collection(LineCollection(bars, label=f"{name} (at rest at the stop)", **look), autolim=False)
+
+
 def _stop(ax: Axes, displacement: Floats, osc: ImpactOscillator, *, upright: bool) -> tuple[float, float]:
     """Draw the stop and return the limits of the displacement axis; an arrow points to a stop too far off."""
     size = magnitude(displacement, osc.velocity_scale / osc.natural_frequency)
@@ -123,33 +144,26 @@ def _started(
     simulation: xr.Dataset, ax: Axes | None, size: tuple[float, float]
 ) -> tuple[ImpactOscillator, Axes, tuple[Floats, Floats, Floats]]:
     """Return the oscillator of a checked simulation, the axes to draw on, and time, y and y' of the line."""
-    check_result("simulation", simulation, "simulate", _NEEDED)
-    osc = required_oscillator("simulation", simulation)
+    _check("simulation", simulation, "simulate", STATES)
+    osc = reference(simulation)
+    if osc is None:
+        raise ValueError(
+            "`simulation` has no attribute 'oscillator', which says where the stop is; "
+            "keep the attributes (xarray.set_options(keep_attrs=True)) when you compute with a result"
+        )
     return osc, new_axes(ax, size, title(simulation)), _broken_orbit(simulation, osc.gap, osc.restitution)
 
 
+@on_axes
 def time_history(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw displacement against time, with the stop, the impacts on it and the sticks.
+
+    The line includes the instants of impact, so that it reaches the stop where the mass does.
 
     Parameters
     ----------
     simulation : xarray.Dataset
         What `vibroimpact.simulate` returns.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None makes a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ValueError
-        `simulation` is another kind of result, or has lost its oscillator.
-
-    Notes
-    -----
-    The line includes the instants of impact, so that it reaches the stop where the mass does.
 
     Examples
     --------
@@ -165,44 +179,27 @@ def time_history(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax.set_ylim(*_stop(ax, y, osc, upright=False))
     impacts = simulation["impact_time"].values
     if impacts.size:
-        at_stop = np.full_like(impacts, osc.gap)
-        name = counted(impacts.size, "impact")
-        ax.plot(impacts, at_stop, "o", color=RED, markersize=4, markeredgewidth=0, label=name, zorder=5)
+        look = DOTS | {"color": RED, "markersize": 4, "zorder": 5}
+        ax.plot(impacts, np.full_like(impacts, osc.gap), label=counted(impacts.size, "impact"), **look)
     if len(sticks := _sticks(simulation)):
-        bars = [[(start, osc.gap), (end, osc.gap)] for start, end in sticks]
-        name = f"{counted(len(sticks), 'stick')} (at rest at the stop)"
-        ax.add_collection(LineCollection(bars, colors=GREEN, linewidths=5, label=name, zorder=4), autolim=False)
+        _draw_sticks(ax, sticks, osc.gap, counted(len(sticks), "stick"), 4)
     ax.set_xlim(float(simulation["time"][0]), float(simulation["time"][-1]))
     label_axes(ax, simulation["time"], simulation["displacement"])
-    note_outcome(ax, simulation)
-    legend_below(ax)
+    _legend(ax, simulation)
     return ax
 
 
+@on_axes
 def phase_portrait(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw velocity against displacement, with the stop and the jumps of velocity at it.
 
-    The line is broken at each impact; a thin dashed line joins arrival (y' = v) and departure (y' = -r v).
+    The line is broken at each impact; a thin dashed line joins arrival (y' = v) and departure (y' = -r v). Between
+    samples it follows the cubic through the states at either end.
 
     Parameters
     ----------
     simulation : xarray.Dataset
         What `vibroimpact.simulate` returns.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None makes a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ValueError
-        `simulation` is another kind of result, or has lost its oscillator.
-
-    Notes
-    -----
-    Between samples both figures follow the cubic through the states at either end.
 
     Examples
     --------
@@ -218,19 +215,17 @@ def phase_portrait(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
         jumps = [[(osc.gap, speed), (osc.gap, -osc.restitution * speed)] for speed in speeds]
         style: dict[str, Any] = {"colors": RED, "linewidths": 0.8, "linestyles": (0, (3, 2)), "zorder": 3, "alpha": 0.6}
         ax.add_collection(LineCollection(jumps, label=counted(speeds.size, "impact"), **style), autolim=False)
-        ax.plot(np.full_like(speeds, osc.gap), speeds, "o", color=RED, markersize=3, markeredgewidth=0, zorder=4)
+        ax.plot(np.full_like(speeds, osc.gap), speeds, **DOTS, color=RED, markersize=3, zorder=4)
     if len(sticks := _sticks(simulation)):
         name = counted(len(sticks), "stick")
         ax.plot([osc.gap], [0.0], "s", color=GREEN, markersize=7, markeredgewidth=0, label=name, zorder=5)
     first = simulation.isel(time=0)
-    ax.plot(float(first["displacement"]), float(first["velocity"]), "o", markerfacecolor="white",
-            markeredgecolor=INK, markersize=5, label="start", zorder=6, linestyle="none")  # fmt: skip
-
+    ring = RINGS | {"markeredgecolor": INK, "markersize": 5, "zorder": 6}
+    ax.plot(float(first["displacement"]), float(first["velocity"]), label="start", **ring)
     ax.set_xlim(*_stop(ax, y, osc, upright=True))
     ax.set_ylim(*view(dy, magnitude(dy, osc.velocity_scale)))
     label_axes(ax, simulation["displacement"], simulation["velocity"])
-    note_outcome(ax, simulation)
-    legend_below(ax)
+    _legend(ax, simulation)
     return ax
 
 
@@ -256,7 +251,9 @@ def _points(ax: Axes, section: xr.Dataset, across: str) -> Floats:
     points = points[np.isfinite(points).all(axis=1)]
     label_axes(ax, section[across], section["velocity"])
     if not len(points):
-        note_empty(ax, section)
+        status = _ended(section)
+        text = "no sample" if status is None else status.sentence.replace("; ", ";\n")
+        ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color="#555555")
     return points
 
 
@@ -264,7 +261,7 @@ def _draw_points(ax: Axes, points: Floats, tolerance: Floats, noun: str, wrap: b
     """Draw few places as large marks and an attractor as fine translucent dots; return whether they are few."""
     places = distinct_points(points, tolerance, wrap)
     total = counted(len(points), noun)
-    look: dict[str, Any] = {"linestyle": "none", "marker": "o", "color": BLUE, "markeredgewidth": 0, "zorder": 3}
+    look = DOTS | {"color": BLUE, "zorder": 3}
     if places is None:
         fine = {"markersize": 1.6, "alpha": 0.55 if len(points) > 1000 else 0.8, "rasterized": len(points) > 2000}
         ax.plot(*points.T, label=total, **(look | fine))
@@ -274,6 +271,7 @@ def _draw_points(ax: Axes, points: Floats, tolerance: Floats, noun: str, wrap: b
     return True
 
 
+@on_axes
 def stroboscopic_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the Poincare map: velocity against displacement once per driving period.
 
@@ -283,17 +281,6 @@ def stroboscopic_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     ----------
     section : xarray.Dataset
         What `vibroimpact.stroboscopic_section` returns.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None makes a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ValueError
-        `section` is another kind of result.
 
     Notes
     -----
@@ -311,7 +298,7 @@ def stroboscopic_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     >>> vi.plotting.stroboscopic_map(section).get_legend().get_texts()[0].get_text()
     '1 point in 50 periods'
     """
-    check_result("section", section, "stroboscopic_section", {"displacement": "period", "velocity": "period"})
+    _check("section", section, "stroboscopic_section", {"displacement": "period", "velocity": "period"})
     ax = new_axes(ax, (6.2, 5.0), title(section))
     points = _points(ax, section, "displacement")
     if not len(points):
@@ -328,21 +315,20 @@ def stroboscopic_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax.locator_params(axis="x", nbins=6)
     if osc and osc.gap < high:
         draw_stop(ax, osc.gap, high, upright=True)
-    note_outcome(ax, section)
-    legend_below(ax)
+    _legend(ax, section)
     return ax
 
 
-def _stick_bars(section: xr.Dataset, period: float) -> list[list[tuple[float, float]]]:
-    """Return bars on the phase axis from each stick to its release, cut where the phase wraps."""
-    bars = []
+def _stick_phases(section: xr.Dataset, period: float) -> list[tuple[float, float]]:
+    """Return the phases from each stick to its release, cut where the phase wraps."""
     spans = np.column_stack([section["stick_time"].values, section["release_time"].values]) / period
+    pieces = []
     for start, end in np.unique(spans[np.isfinite(spans).all(axis=1)] % 1.0, axis=0):
-        pieces = [(start, end)] if start <= end else [(start, 1.0), (0.0, end)]
-        bars += [[(a, 0.0), (b, 0.0)] for a, b in pieces]
-    return bars
+        pieces += [(start, end)] if start <= end else [(start, 1.0), (0.0, end)]
+    return pieces
 
 
+@on_axes
 def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the impact map: the velocity of each impact against its phase in the driving period.
 
@@ -353,17 +339,6 @@ def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     ----------
     section : xarray.Dataset
         What `vibroimpact.impact_section` returns.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None makes a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ValueError
-        `section` is another kind of result.
 
     Notes
     -----
@@ -381,7 +356,7 @@ def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     >>> vi.plotting.impact_map(section).get_legend().get_texts()[0].get_text()
     '1 point in 50 impacts'
     """
-    check_result("section", section, "impact_section", {"phase": "impact", "velocity": "impact"})
+    _check("section", section, "impact_section", {"phase": "impact", "velocity": "impact"})
     ax = new_axes(ax, (6.2, 5.0), title(section))
     ax.set_xlim(0.0, 1.0)
     points = _points(ax, section, "phase")
@@ -390,10 +365,8 @@ def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     fastest = float(points[:, 1].max())
     _draw_points(ax, points, np.array([1e-6, 1e-6 * fastest]), "impact", wrap=True)
     osc = reference(section)
-    if osc and "stick_time" in section and (bars := _stick_bars(section, osc.period)):
-        name = "stick (at rest at the stop)"
-        ax.add_collection(LineCollection(bars, colors=GREEN, linewidths=5, label=name, zorder=2), autolim=False)
+    if osc and "stick_time" in section and (sticks := _stick_phases(section, osc.period)):
+        _draw_sticks(ax, sticks, 0.0, "stick", 2)
     ax.set_ylim(-0.03 * fastest, 1.08 * fastest)
-    note_outcome(ax, section)
-    legend_below(ax)
+    _legend(ax, section)
     return ax

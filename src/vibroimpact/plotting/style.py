@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
 
 import matplotlib as mpl
 import numpy as np
@@ -21,6 +22,7 @@ from vibroimpact.status import Status
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Layer = tuple[Mask, str, str]  # cells, their colour, their legend entry
 
 # Okabe and Ito's palette: the hues differ for colour-blind readers and in print.
 BLUE, RED, GREEN, INK, WALL = "#0072b2", "#d55e00", "#009e73", "#222222", "#b8b8b8"
@@ -69,7 +71,10 @@ _MATH = {
     "spread": r"\mathrm{spread}",
     "margin": r"\mathrm{margin}",
 }
+DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0}
+RINGS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "white"}
 LETTERS = 12.5  # of a legend, per inch of the figure
+SAMPLE_DIMS = ("impact", "period")
 BESIDE = "beside"  # marks a legend that leaves the room below the axes free
 
 
@@ -142,6 +147,18 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
+def refused(argument: str, value: Any, allowed: str, hint: str) -> ValueError:
+    """Return the error for a result of another kind, which says what was given."""
+    if isinstance(value, xr.Dataset):
+        names, dims = (", ".join(map(str, found)) for found in (value.data_vars, value.dims))
+        kind = f"a result of {value.attrs['function']}" if value.attrs.get("function") else "a Dataset"
+        given = f"{kind} with {names or 'no variable'} over {dims or 'no axis'}"
+    else:
+        name = type(value).__name__
+        given = f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
+    return ValueError(f"`{argument}` must be {allowed}, got {given}; {hint}")
+
+
 def _selected(dataset: xr.Dataset) -> dict[str, float]:
     """Return the values selected from the axes of a result."""
     return {str(name): float(coord) for name, coord in dataset.coords.items() if coord.ndim == 0}
@@ -187,18 +204,31 @@ def title(dataset: xr.Dataset) -> str:
     return ",  ".join([*held, *([str(dataset.attrs["note"])] if "note" in dataset.attrs else [])])
 
 
-def required_oscillator(argument: str, dataset: xr.Dataset) -> ImpactOscillator:
-    """Return the oscillator of a result whose figure shows the stop, or raise `ValueError`."""
-    osc = reference(dataset)
-    if osc is None:
-        raise ValueError(
-            f"`{argument}` has no attribute 'oscillator', which says where the stop is; "
-            "keep the attributes (xarray.set_options(keep_attrs=True)) when you compute with a result"
-        )
-    return osc
-
-
 # Axes and their limits
+
+
+Draw = TypeVar("Draw", bound=Callable[..., Axes])
+ON_AXES = """
+ax : matplotlib.axes.Axes, optional
+    Where to draw; None makes a new figure.
+
+Returns
+-------
+matplotlib.axes.Axes
+
+Raises
+------
+ValueError
+    A result is of another kind or lacks what is drawn, or an argument is out of its range.
+
+"""
+
+
+def on_axes(draw: Draw) -> Draw:
+    """Add to the docstring of a figure's function what is the same for all: its last parameter, returns, raises."""
+    own = inspect.cleandoc(draw.__doc__ or "")
+    draw.__doc__ = re.sub(r"\n\n(?=(Notes|References|Examples)\n)", ON_AXES, own, count=1)
+    return draw
 
 
 def new_axes(ax: Axes | None, size: tuple[float, float], title: str = "", projection: str | None = None) -> Axes:
@@ -324,7 +354,7 @@ def legend_added(ax: Axes, handles: Sequence[Any]) -> None:
         legend_below(ax, [*(before.legend_handles if before else []), *handles])
 
 
-# How motions ended
+# Where there is nothing to draw, and why
 
 
 def outcome(status: Status) -> str:
@@ -332,43 +362,18 @@ def outcome(status: Status) -> str:
     return f"{status.word.replace('_', ' ')}: {status.sentence.split(';')[0]}"
 
 
-def status_label(status: Status, count: int, of_what: str) -> str:
-    """Return a legend entry that says what happened in so many cells."""
-    return f"{outcome(status)} ({counted(count, of_what)})"
-
-
-def status_color(status: Status) -> str:
-    """Return the colour of cells and columns without a value."""
-    return STATUS_COLORS.get(status, WALL)
+def by_status(missing: Mask, codes: NDArray[np.integer[Any]], of_what: str) -> Iterator[Layer]:
+    """Yield for each status where it leaves something without a value, its colour, and its legend entry."""
+    for status in Status:
+        here = missing & (codes == status)
+        if count := int(here.sum()):
+            yield here, STATUS_COLORS.get(status, WALL), f"{outcome(status)} ({counted(count, of_what)})"
 
 
 def mark_missing(
     ax: Axes, positions: Floats, codes: NDArray[np.integer[Any]], missing: Mask, of_what: str = "column"
 ) -> None:
     """Mark along the bottom axis where there is nothing to draw, one colour per status."""
-    look: dict[str, Any] = {"linestyle": "none", "marker": "s", "markersize": 4.0, "markeredgewidth": 0.0, "zorder": 4}
-    for status in Status:
-        here = missing & (codes == status)
-        if count := int(here.sum()):
-            look |= {"color": status_color(status), "label": status_label(status, count, of_what)}
-            bottom = np.full(count, 0.012)
-            ax.add_line(Line2D(positions[here], bottom, transform=ax.get_xaxis_transform(), **look))
-
-
-def ended(dataset: xr.Dataset) -> Status | None:
-    """Return how the one motion of a result ended; None if there are several."""
-    return Status(int(dataset["status"])) if "status" in dataset and dataset["status"].ndim == 0 else None
-
-
-def note_outcome(ax: Axes, dataset: xr.Dataset) -> None:
-    """Add to the legend how a motion ended, unless it simply filled its window."""
-    status = ended(dataset)
-    if status is not None and not status.has_indices:
-        ax.plot([], [], linestyle="none", label=outcome(status))
-
-
-def note_empty(ax: Axes, dataset: xr.Dataset) -> None:
-    """Say in the middle of empty axes why there is nothing to see."""
-    status = ended(dataset)
-    text = "no sample" if status is None else status.sentence.replace("; ", ";\n")
-    ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color="#555555")
+    look: dict[str, Any] = DOTS | {"marker": "s", "markersize": 4.0, "zorder": 4, "transform": ax.get_xaxis_transform()}
+    for here, color, text in by_status(missing, codes, of_what):
+        ax.add_line(Line2D(positions[here], np.full(here.sum(), 0.012), color=color, label=text, **look))
