@@ -12,6 +12,7 @@ import pytest
 import vibroimpact as vi
 from vibroimpact.backends import get_backend
 from vibroimpact.coexistence import attractors
+from vibroimpact.coexistence.measuring import Runner, Start, cells_of
 from vibroimpact.continuation import continue_orbit
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import recognise
@@ -20,8 +21,7 @@ from vibroimpact.plotting import comparison_figure
 from vibroimpact.verdict import compare, describe
 from vibroimpact.verdict.advice import Advice
 from vibroimpact.verdict.boundaries import Edge
-from vibroimpact.verdict.motions import Engine, Start
-from vibroimpact.verdict.ranges import range_of
+from vibroimpact.verdict.present import range_of
 from vibroimpact.verdict.text import advice_words, edge_words
 
 matplotlib.use("agg")
@@ -168,13 +168,14 @@ def test_scaling_the_oscillator_scales_its_boundaries():
 
 
 def test_a_bisected_boundary_parts_motions_of_different_names(chaotic):
-    engine, seen = Engine(), 0
+    runner, seen = Runner(), 0
     for boundary in chaotic.boundaries:
         if boundary.kind == "change" and boundary.parameter in ("omega", "restitution"):
             assert 0.0 < boundary.half_width < 1e-5
             assert boundary.accuracy.startswith("to within")
             there = chaotic.oscillator.replace(**{boundary.parameter: boundary.beyond_at})
-            motions = engine.measure([there] * 4, [Start(0.0, 0.3, phase) for phase in (0.1, 0.35, 0.6, 0.85)])
+            starts = [Start(0.0, 0.3, phase) for phase in (0.1, 0.35, 0.6, 0.85)]
+            motions = runner.measure(cells_of([there] * 4, starts))
             assert boundary.beyond in {motion.name for motion in motions}
             seen += 1
     assert seen == 4

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.backends import Cells, ImpactWindow, Measurement, StroboscopicWindow
+from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
 from vibroimpact.backends.base import Counts, Floats
-from vibroimpact.coexistence.settling import Runner, Settled, resting_cell
+from vibroimpact.coexistence.measuring import AT_REST, QUIET, Measured, Runner
+from vibroimpact.coexistence.settling import Settled
 from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.orbits.orbit import Impacts, same_orbit
 from vibroimpact.oscillator import ImpactOscillator, State
@@ -29,7 +30,6 @@ ENERGY_GAP = 1e-7  # of m V^2, of a cycle's loss per period
 EXPONENT_GAP = 1e-5  # per period; the logarithm of two equal multipliers is good to 1e-5
 MISS_GAP = 1e-6  # of V/w_n
 MEAN_GAP, RATE_GAP = 0.02, 0.02  # of V; impacts per period
-QUIET = (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER, MotionClass.AT_REST)
 BOXES = 64  # along phase and along velocity
 SHARED = 0.5  # of the impacts of two chaotic motions in the same boxes: above this they are one attractor
 WANDERING = 2000  # driving periods sampled of intermittent sticking, whose rests have no period
@@ -122,14 +122,12 @@ def _letters(number: int) -> str:
     return (_letters(rest) if rest else "") + chr(ord("a") + digit)
 
 
-def settled_impacts(runner: Runner, cells: Cells, settled: Settled, at: int, longest: ImpactWindow) -> Impacts:
+def settled_impacts(runner: Runner, settled: Settled, at: int, longest: ImpactWindow) -> Impacts:
     """Return the settled impacts of initial condition `at`: one cycle from its hardest, or a sample of chaos."""
-    indices, cell = settled.indices, cells[at : at + 1]
-    computed = int(indices["impacts"][at])
+    cell, computed = settled.cells[at : at + 1], int(settled.indices["impacts"][at])
     if settled.kind[at] == MotionClass.PERIODIC:
         # The impacts that closed the cycle brought it within 1e-10 V; as many again leave only rounding.
-        seen = _impacts(runner, cell, ImpactWindow(2 * computed, int(indices["n_impacts"][at])))
-        return _from_hardest(seen)
+        return _from_hardest(_impacts(runner, cell, ImpactWindow(2 * computed, settled[at].n_impacts)))
     seen = _impacts(runner, cell, longest)
     if len(seen.velocities) == longest.keep:
         return seen
@@ -137,7 +135,7 @@ def settled_impacts(runner: Runner, cells: Cells, settled: Settled, at: int, lon
 
 
 def _impacts(runner: Runner, cell: Cells, window: ImpactWindow) -> Impacts:
-    (seen,) = runner.engine.samples(cell, Measurement(window, runner.limits))
+    (seen,) = runner.samples(cell, window)
     return Impacts(seen.impact_phase, seen.impact_velocity)
 
 
@@ -156,20 +154,20 @@ def same_chaos(one: Impacts, other: Impacts) -> bool:
     return bool(np.minimum(*parts).sum() > SHARED)
 
 
-def attractor_of(runner: Runner, settled: Settled, at: int, members: Counts, seen: Impacts) -> Attractor:
+def attractor_of(settled: Settled, at: int, members: Counts, seen: Impacts) -> Attractor:
     """Return the cycle or the chaos that initial condition `at` and other members lead to, from its settled impacts."""
-    indices, kind = settled.indices, MotionClass(int(settled.kind[at]))
-    chaotic = kind == MotionClass.CHAOTIC
+    osc, one = settled.osc, settled[at]
+    chaotic = one.motion_class == MotionClass.CHAOTIC
     sample = members if chaotic else [at]
     return Attractor(
-        kind=kind.word,
-        n_periods=int(indices["n_periods"][at]),
-        n_impacts=int(indices["n_impacts"][at]),
-        **_measured(seen, None if chaotic else seen),
-        lyapunov=float(indices["lyapunov"][sample].mean()),
-        dissipation=float(indices["dissipation"][sample].mean()),
-        status=Status(int(settled.status[at])),
-        start=State(runner.osc.gap, float(seen.velocities[0]), float(seen.phases[0]) * runner.osc.period),
+        kind=one.kind,
+        n_periods=one.n_periods,
+        n_impacts=one.n_impacts,
+        **_statistics(seen, None if chaotic else seen),
+        lyapunov=float(settled.indices["lyapunov"][sample].mean()),
+        dissipation=float(settled.indices["dissipation"][sample].mean()),
+        status=one.status,
+        start=State(osc.gap, float(seen.velocities[0]), float(seen.phases[0]) * osc.period),
     )
 
 
@@ -178,30 +176,31 @@ def sticking_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
 
     Of intermittent sticking, whose period double precision does not resolve, a long sample is measured, as of chaos.
     """
-    osc, n_periods = runner.osc, int(settled.indices["n_periods"][at])
-    window = StroboscopicWindow(0, n_periods + 2 if n_periods else WANDERING)
-    (seen,) = runner.engine.samples(resting_cell(osc), Measurement(window, runner.limits))
+    osc, one = settled.osc, settled[at]
+    periods = one.n_periods or WANDERING
+    looks = one.n_periods + 2 if one.n_periods else WANDERING
+    (seen,) = runner.samples(AT_REST.cell(osc), StroboscopicWindow(0, looks))
     release = seen.release_periods + seen.release_phase
     time = seen.impact_periods + seen.impact_phase
-    turn = (time > release[0]) & (time < release[0] + (n_periods or WANDERING))
+    turn = (time > release[0]) & (time < release[0] + periods)
     impacts = Impacts(seen.impact_phase[turn], seen.impact_velocity[turn])
     return Attractor(
-        kind=MotionClass.STICKING.word,
-        n_periods=n_periods,
-        n_impacts=int(settled.indices["n_impacts"][at]),
-        **_measured(impacts, _from_hardest(impacts) if n_periods else None),
+        kind=one.kind,
+        n_periods=one.n_periods,
+        n_impacts=one.n_impacts,
+        **_statistics(impacts, _from_hardest(impacts) if one.n_periods else None),
         lyapunov=-math.inf,
-        dissipation=float(settled.indices["dissipation"][at]),
+        dissipation=one.indices["dissipation"],
         status=Status.STICKING,
         start=State(osc.gap, 0.0, float(seen.release_phase[0]) * osc.period),
     )
 
 
-def quiet_attractor(osc: ImpactOscillator, kind: MotionClass, status: int) -> Attractor:
+def quiet_attractor(osc: ImpactOscillator, one: Measured) -> Attractor:
     """Return an attractor without impacts: the steady motion without a stop, or rest."""
-    if kind == MotionClass.STUCK_FOREVER:
+    if one.motion_class == MotionClass.STUCK_FOREVER:
         start = State(osc.gap)
-    elif kind == MotionClass.AT_REST:
+    elif one.motion_class == MotionClass.AT_REST:
         start = State(min(0.0, osc.gap))
     else:
         inertia = osc.stiffness - osc.mass * osc.omega**2
@@ -210,10 +209,10 @@ def quiet_attractor(osc: ImpactOscillator, kind: MotionClass, status: int) -> At
             osc.amplitude * part / impedance if osc.amplitude else 0.0 for part in (inertia, -osc.damping * osc.omega)
         )
         start = State(cosine, sine * osc.omega)
-    return Attractor(kind=kind.word, status=Status(status), start=start)
+    return Attractor(kind=one.kind, status=one.status, start=start)
 
 
-def _measured(sample: Impacts, cycle: Impacts | None) -> dict[str, Any]:
+def _statistics(sample: Impacts, cycle: Impacts | None) -> dict[str, Any]:
     """Return the statistics of a sample of impacts, and the cycle if there is one."""
     velocity: Floats = np.asarray(sample.velocities)
     found: dict[str, Any] = {
@@ -234,24 +233,25 @@ class Basin:
     members: Counts
 
 
-def match(runner: Runner, cells: Cells, settled: Settled, longest: ImpactWindow) -> list[Basin]:
+def match(runner: Runner, settled: Settled, longest: ImpactWindow) -> list[Basin]:
     """Return the attractors, the one with the largest share first."""
-    found = [*_cycles(runner, cells, settled, longest), *_chaos(runner, cells, settled, longest)]
+    groups = [*_cycles(settled), *_chaos(settled)]
+    found = [basin for parts in groups for basin in _joined(runner, settled, parts, longest)]
     for kind in (MotionClass.STICKING, *QUIET):
         members = np.flatnonzero(settled.kind == kind)
         if members.size:
             at = int(members[0])
-            if kind == MotionClass.STICKING:
-                attractor = sticking_attractor(runner, settled, at)
-            else:
-                attractor = quiet_attractor(runner.osc, kind, int(settled.status[at]))
-            found.append(Basin(attractor, members))
+            sticks = kind == MotionClass.STICKING
+            one = sticking_attractor(runner, settled, at) if sticks else quiet_attractor(settled.osc, settled[at])
+            found.append(Basin(one, members))
     found.sort(key=lambda basin: (-len(basin.members), basin.attractor.name, -basin.attractor.max_velocity))
-    return [replace(b, attractor=replace(b.attractor, share=len(b.members) / len(cells))) for b in found]
+    number = len(settled.cells)
+    return [replace(b, attractor=replace(b.attractor, share=len(b.members) / number)) for b in found]
 
 
-def _cycles(runner: Runner, cells: Cells, settled: Settled, longest: ImpactWindow) -> Iterator[Basin]:
-    osc, indices = runner.osc, settled.indices
+def _cycles(settled: Settled) -> Iterator[list[Counts]]:
+    """Yield the groups of initial conditions that lead to cycles, those of one n and p together."""
+    osc, indices = settled.osc, settled.indices
     scale = osc.velocity_scale
     periodic = np.flatnonzero(settled.kind == MotionClass.PERIODIC)
     if periodic.size == 0:
@@ -267,18 +267,19 @@ def _cycles(runner: Runner, cells: Cells, settled: Settled, longest: ImpactWindo
             (indices["lyapunov"][members] * osc.period * types[number, 0], EXPONENT_GAP),
             (misses, MISS_GAP * scale / osc.natural_frequency),
         ]
-        yield from _joined(runner, cells, settled, [members[part] for part in clusters(columns)], longest)
+        yield [members[part] for part in clusters(columns)]
 
 
-def _chaos(runner: Runner, cells: Cells, settled: Settled, longest: ImpactWindow) -> Iterator[Basin]:
+def _chaos(settled: Settled) -> Iterator[list[Counts]]:
+    """Yield the groups of initial conditions that lead to chaos."""
     members = np.flatnonzero(settled.kind == MotionClass.CHAOTIC)
     if members.size == 0:
         return
     columns = [
-        (settled.indices["mean_velocity"][members], MEAN_GAP * runner.osc.velocity_scale),
+        (settled.indices["mean_velocity"][members], MEAN_GAP * settled.osc.velocity_scale),
         (settled.indices["impacts_per_period"][members], RATE_GAP),
     ]
-    yield from _joined(runner, cells, settled, [members[part] for part in clusters(columns)], longest)
+    yield [members[part] for part in clusters(columns)]
 
 
 def clusters(columns: Sequence[tuple[Floats, float]]) -> list[Counts]:
@@ -298,15 +299,13 @@ def clusters(columns: Sequence[tuple[Floats, float]]) -> list[Counts]:
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
-def _joined(
-    runner: Runner, cells: Cells, settled: Settled, groups: Sequence[Counts], longest: ImpactWindow
-) -> Iterator[Basin]:
+def _joined(runner: Runner, settled: Settled, groups: Sequence[Counts], longest: ImpactWindow) -> Iterator[Basin]:
     """Follow one initial condition of each group, join the groups that it shows to be one, and describe them."""
     known: list[tuple[int, Impacts, list[Counts]]] = []
     for group in groups:
         at = int(group[settled.indices["impacts"][group].argmin()])  # the one that settled first
         chaotic = settled.kind[at] == MotionClass.CHAOTIC
-        seen = settled_impacts(runner, cells, settled, at, longest)
+        seen = settled_impacts(runner, settled, at, longest)
         for _, other, members in known:
             if same_chaos(seen, other) if chaotic else same_orbit(seen, other, tolerance=SAME):
                 members.append(group)
@@ -315,4 +314,4 @@ def _joined(
             known.append((at, seen, [group]))
     for at, seen, joined in known:
         together = np.sort(np.concatenate(joined))
-        yield Basin(attractor_of(runner, settled, at, together, seen), together)
+        yield Basin(attractor_of(settled, at, together, seen), together)

@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from threading import Event
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from vibroimpact.backends import Cells, ImpactWindow, Measurement, StroboscopicWindow, get_backend
-from vibroimpact.backends.base import Backend, Floats
+from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
+from vibroimpact.cells import Floats, cells_at
 from vibroimpact.coexistence.attractor import Attractor, Basin, distinct_names, match
-from vibroimpact.coexistence.initial import check_grid, grid_cells, spread_cells, state_cells
-from vibroimpact.coexistence.settling import NEEDED, Runner, Settled, lasts, rounds, settle
+from vibroimpact.coexistence.measuring import Runner, spread_cells, state_cells
+from vibroimpact.coexistence.settling import Settled, lasts, rounds, settle
 from vibroimpact.dataset import impact_speed, provenance, status_variable, variable
-from vibroimpact.execution.threads import worker_count
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import Model, State, the_oscillator
-from vibroimpact.parameters import invalid
+from vibroimpact.oscillator import ImpactOscillator, Model, State, the_oscillator
+from vibroimpact.parameters import invalid, unknown
 from vibroimpact.progress import Report, reporter
+from vibroimpact.sections import section_phase
 
 POINTS = 256  # of an attractor, at most, that are returned to be marked in a portrait
+_NAMES = ("displacement", "velocity", "phase")
+_PAIRS = "(displacement, velocity), with `phase` a number, or (phase, velocity)"
 _STATISTICS = ("std", "mean_velocity", "max_velocity", "lyapunov", "n_periods", "n_impacts", "dissipation")
 
 
@@ -94,9 +96,9 @@ def attractors(
     cells = spread_cells(one) if starts is None else state_cells(one, starts)
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     windows = rounds(one, sampling.transient_impacts, sampling.sample_impacts)
-    runner = Runner(one, naming_backend(backend), tolerances or Tolerances(), worker_count(workers), Event())
-    settled = _settled(runner, cells, windows, progress, lambda settled: settled.status)
-    return [basin.attractor for basin in match(runner, cells, settled, windows[-1])]
+    runner = Runner(backend, tolerances, workers)
+    settled = _settled(runner, one, cells, windows, progress, lambda settled: settled.status)
+    return [basin.attractor for basin in match(runner, settled, windows[-1])]
 
 
 def basins(
@@ -169,13 +171,13 @@ def basins(
     grid, phase = check_grid(one, axes)
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     windows = rounds(one, sampling.transient_impacts, sampling.sample_impacts)
-    runner = Runner(one, naming_backend(backend), tolerances or Tolerances(), worker_count(workers), Event())
+    runner = Runner(backend, tolerances, workers)
     arguments = {
         **{name: np.asarray(given).tolist() for name, given in axes.items() if np.ndim(given) == 0},
         "transient_impacts": sampling.transient_impacts,
         "sample_impacts": sampling.sample_impacts,
         "backend": backend,
-        "tolerances": runner.limits,
+        "tolerances": runner.tolerances,
     }
     coords = {name: variable(name, name, values) for name, values in grid.items()}
     if "phase" in grid:
@@ -187,26 +189,19 @@ def basins(
     def so_far(settled: Settled) -> xr.Dataset:
         return labelled.assign(status=status_variable(dims, settled.status.reshape(shape)))
 
-    settled = _settled(runner, cells, windows, progress, so_far, lambda: lasts(runner, survey, windows))
-    found = match(runner, cells, settled, windows[-1])
+    settled = _settled(runner, one, cells, windows, progress, so_far, lambda: lasts(runner, one, survey, windows))
+    found = match(runner, settled, windows[-1])
     over_grid = {
         "attractor": _attractor_variable(dims, _numbered(found, len(cells)).reshape(shape), found),
         "status": status_variable(dims, settled.status.reshape(shape)),
     }
-    result = labelled.assign(over_grid | _table(found) | _points(runner, found, dims, phase))
+    result = labelled.assign(over_grid | _table(found) | _points(runner, one, found, dims, phase))
     return result.assign_attrs(steps_computed=int(settled.indices["steps"].sum()))
-
-
-def naming_backend(name: str) -> Backend:
-    """Return the back end of that name, if it can name cycles."""
-    engine = get_backend(name)
-    if not engine.known_indices.issuperset(NEEDED):
-        raise invalid("backend", name, "one that gives n and p of cycles")
-    return engine
 
 
 def _settled(
     runner: Runner,
+    osc: ImpactOscillator,
     cells: Cells,
     windows: Sequence[ImpactWindow],
     progress: bool | Report,
@@ -221,7 +216,7 @@ def _settled(
             if not stopped and tell(len(cells) - undecided, len(cells), so_far(settled)) is False:
                 runner.stop.set()
 
-        settled = settle(runner, cells, windows, chaos_lasts, report)
+        settled = settle(runner, osc, cells, windows, chaos_lasts, report)
         report(settled, int(np.count_nonzero(settled.kind == MotionClass.UNDECIDED)))
     return settled
 
@@ -264,9 +259,11 @@ def _table(found: Sequence[Basin]) -> dict[str, xr.Variable]:
     }
 
 
-def _points(runner: Runner, found: Sequence[Basin], axes: tuple[str, ...], phase: float) -> dict[str, xr.Variable]:
+def _points(
+    runner: Runner, osc: ImpactOscillator, found: Sequence[Basin], axes: tuple[str, ...], phase: float
+) -> dict[str, xr.Variable]:
     """Return where each attractor lies in the portrait: its impacts, or its states at the portrait's phase."""
-    seen = [_seen(runner, basin.attractor, axes, phase) for basin in found]
+    seen = [_seen(runner, osc.cells({}, basin.attractor.start), basin.attractor, axes, phase) for basin in found]
     longest = max((len(next(iter(points.values()))) for points in seen), default=0)
     columns = {}
     for axis in axes:
@@ -277,14 +274,74 @@ def _points(runner: Runner, found: Sequence[Basin], axes: tuple[str, ...], phase
     return columns
 
 
-def _seen(runner: Runner, attractor: Attractor, axes: tuple[str, ...], phase: float) -> dict[str, Floats]:
+def _seen(runner: Runner, cell: Cells, attractor: Attractor, axes: tuple[str, ...], phase: float) -> dict[str, Floats]:
     periods = attractor.n_periods or (POINTS if attractor.kind in ("chaotic", "sticking") else 1)
-    cell = state_cells(runner.osc, [attractor.start])
     at_impacts = "phase" in axes
     window = StroboscopicWindow(0, min(periods, POINTS) + at_impacts, None if at_impacts else phase)
-    (seen,) = runner.engine.samples(cell, Measurement(window, runner.limits))
+    (seen,) = runner.samples(cell, window)
     columns: dict[str, Any] = {"displacement": seen.look_displacement, "velocity": seen.look_velocity}
     if at_impacts:
         columns = {"phase": seen.impact_phase, "velocity": seen.impact_velocity}
     most = attractor.n_impacts if at_impacts and attractor.n_impacts > 0 else POINTS
     return {axis: columns[axis][:most] for axis in axes}
+
+
+# The grid of a portrait
+
+
+def check_grid(osc: ImpactOscillator, axes: Mapping[str, Any]) -> tuple[dict[str, Floats], float]:
+    """Return the two axes in the order given, and the phase of initial conditions that have no axis of phases."""
+    for name in axes:
+        if name not in _NAMES:
+            raise unknown("coordinate", name, _NAMES)
+    phase = 0.0
+    given = dict(axes)
+    if "displacement" in given and np.ndim(given.get("phase", ())) == 0:
+        phase = section_phase(given.pop("phase"))
+    if set(given) not in ({"displacement", "velocity"}, {"phase", "velocity"}):
+        got = ", ".join(f"`{name}`" for name in axes) or "no axis"
+        raise ValueError(f"the axes must be {_PAIRS}, got {got}")
+    grid = {name: _values(name, values) for name, values in given.items()}
+    if "phase" in grid:
+        _within("phase", grid["phase"], 0.0, 1.0, "give (t mod T)/T")
+        _within("velocity", grid["velocity"], 0.0, math.inf, "an impact has velocity > 0, a mass at rest 0")
+    else:
+        _within("displacement", grid["displacement"], -math.inf, osc.gap, "start the mass in front of the stop")
+    return grid, phase
+
+
+def grid_cells(osc: ImpactOscillator, grid: Mapping[str, Floats], phase: float) -> Cells:
+    """Return one cell per point of the grid, the last axis fastest."""
+    columns = {
+        name: np.ravel(values) for name, values in zip(grid, np.meshgrid(*grid.values(), indexing="ij"), strict=True)
+    }
+    if "phase" in grid:
+        return cells_at(osc, np.zeros_like(columns["phase"]), columns["velocity"], columns["phase"])
+    clearance = osc.gap - columns["displacement"]
+    return cells_at(osc, clearance, columns["velocity"], np.full_like(clearance, phase))
+
+
+def _values(name: str, given: ArrayLike) -> Floats:
+    allowed, example = "a one-dimensional list of finite numbers", f"write for example {name}=np.linspace(0, 1, 200)"
+    try:
+        values = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise invalid(name, given, allowed, example) from None
+    if values.ndim != 1 or values.size == 0 or not np.isfinite(values).all():
+        raise invalid(name, given, allowed, example)
+    falls = np.flatnonzero(np.diff(values) <= 0.0)
+    if falls.size:
+        low, high = values[falls[0]], values[falls[0] + 1]
+        raise ValueError(f"`{name}` must be strictly increasing, got {low:g} before {high:g}; sort the values")
+    return values
+
+
+def _within(name: str, values: Floats, low: float, high: float, hint: str) -> None:
+    if values[0] >= low and values[-1] <= high:
+        return
+    wrong = float(values[0] if values[0] < low else values[-1])
+    if math.isinf(low):
+        allowed = f"at most the gap, {high:g} here"
+    else:
+        allowed = f">= {low:g}" if math.isinf(high) else f"between {low:g} and {high:g}"
+    raise invalid(name, wrong, allowed, hint)

@@ -13,77 +13,56 @@ decided. So what an initial condition leads to never depends on the others of a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from threading import Event
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import Backend, Cells, ImpactWindow, Measurement
+from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.backends.base import Counts, Outcome
-from vibroimpact.cells import cells_at
-from vibroimpact.execution.threads import run_sweep
+from vibroimpact.coexistence.measuring import AT_REST, NEEDED, Measured, Runner
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import MotionClass, decide
-from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.status import Status
 
 ROUNDS = 3
 LONGER = 4  # how much each round is longer than the one before
-CREST = 0.25  # phase at which the force presses most
-NEEDED = (
-    "mean_velocity",
-    "impacts_per_period",
-    "lyapunov",
-    "lyapunov_per_impact",
-    "n_periods",
-    "n_impacts",
-    "dissipation",
-    "grazing_margin",
-)
-
-
-@dataclass(frozen=True)
-class Runner:
-    """The oscillator, the back end that computes, its tolerances and threads, and the event that stops it."""
-
-    osc: ImpactOscillator
-    engine: Backend
-    limits: Tolerances
-    workers: int
-    stop: Event
-
-    def run(self, cells: Cells, window: ImpactWindow) -> Iterator[tuple[Counts | slice, Outcome]]:
-        """Yield which cells have ended, and their indices."""
-        measurement = Measurement(window, self.limits, indices=NEEDED)
-        return run_sweep(self.engine, cells, measurement, self.workers, self.stop)
 
 
 @dataclass(frozen=True)
 class Settled:
-    """What each initial condition settles to: the kind of motion, its status, and the indices of its last run."""
+    """What each initial condition of an oscillator settles to: the kind, its status, the indices of its last run."""
 
+    osc: ImpactOscillator
+    cells: Cells
     kind: NDArray[np.int8]
     status: NDArray[np.int8]
     indices: dict[str, NDArray[Any]]
 
     @classmethod
-    def of(cls, number: int) -> Settled:
+    def of(cls, osc: ImpactOscillator, cells: Cells) -> Settled:
         """Return what is known before anything has run: nothing."""
+        number = len(cells)
         counts = {name: np.zeros(number, np.int64) for name in ("impacts", "steps")}
         indices = {name: np.zeros(number, INDICES[name].dtype) for name in NEEDED}
-        return cls(np.zeros(number, np.int8), np.full(number, Status.INTERRUPTED, np.int8), counts | indices)
+        return cls(
+            osc, cells, np.zeros(number, np.int8), np.full(number, Status.INTERRUPTED, np.int8), counts | indices
+        )
 
-    def note(self, at: Counts, outcome: Outcome, osc: ImpactOscillator, kept: int) -> None:
+    def __getitem__(self, at: int) -> Measured:
+        indices = {name: float(column[at]) for name, column in self.indices.items()}
+        return Measured(MotionClass(int(self.kind[at])), Status(int(self.status[at])), indices)
+
+    def note(self, at: Counts, outcome: Outcome, kept: int) -> None:
         """Take down the outcome of a window of `kept` impacts."""
         for name in (*NEEDED, "impacts"):
             self.indices[name][at] = outcome[name]
         self.indices["steps"][at] += outcome["steps"]
-        self.kind[at] = attracting_kinds(osc, outcome, kept)
+        self.kind[at] = attracting_kinds(self.osc, outcome, kept)
         self.status[at] = _plain(outcome["status"], self.kind[at])
 
     def follow(self, at: Counts, released: Settled) -> None:
@@ -106,22 +85,22 @@ def rounds(osc: ImpactOscillator, transient: int, keep: int) -> list[ImpactWindo
 
 def settle(
     runner: Runner,
+    osc: ImpactOscillator,
     cells: Cells,
     windows: Sequence[ImpactWindow],
     chaos_lasts: Callable[[], bool] = lambda: False,
     report: Callable[[Settled, int], None] = lambda settled, undecided: None,
 ) -> Settled:
     """Run cells in ever longer windows until each is decided; `report` gets the number undecided after each batch."""
-    number = len(cells)
-    settled = Settled.of(number)
+    settled = Settled.of(osc, cells)
     kind, status = settled.kind, settled.status
-    released = cache(lambda: _released(runner, windows))
-    left = np.arange(number)
+    released = cache(lambda: _released(runner, osc, windows))
+    left = np.arange(len(cells))
     for window in windows:
         kind[left], status[left] = MotionClass.UNDECIDED, Status.INTERRUPTED
         undecided = len(left)
         for which, outcome in runner.run(cells[left], window):
-            settled.note(left[which], outcome, runner.osc, window.keep)
+            settled.note(left[which], outcome, window.keep)
             undecided -= int(np.count_nonzero(kind[left[which]]))
             report(settled, undecided)
         stuck = left[(kind[left] == MotionClass.UNDECIDED) & (status[left] == Status.STICKING)]
@@ -137,27 +116,22 @@ def settle(
     return settled
 
 
-def resting_cell(osc: ImpactOscillator) -> Cells:
-    """Return the cell of a mass that rests at the stop while the force presses most, waiting for its release."""
-    return cells_at(osc, np.zeros(1), np.zeros(1), np.array([CREST]))
-
-
-def _released(runner: Runner, windows: Sequence[ImpactWindow]) -> Settled:
+def _released(runner: Runner, osc: ImpactOscillator, windows: Sequence[ImpactWindow]) -> Settled:
     """Return what a mass settles to that waits at the stop for its release."""
-    cell = resting_cell(runner.osc)
-    settled = Settled.of(1)
+    settled = Settled.of(osc, AT_REST.cell(osc))
     for window in windows:
-        for which, outcome in runner.run(cell, window):
-            settled.note(np.arange(1)[which], outcome, runner.osc, window.keep)
+        for which, outcome in runner.run(settled.cells, window):
+            settled.note(np.arange(1)[which], outcome, window.keep)
         if settled.kind[0] not in (MotionClass.UNDECIDED, MotionClass.CHAOTIC):
             break
     return settled
 
 
-def lasts(runner: Runner, cells: Cells, windows: Sequence[ImpactWindow]) -> bool:
+def lasts(runner: Runner, osc: ImpactOscillator, cells: Cells, windows: Sequence[ImpactWindow]) -> bool:
     """Return whether cells that are chaotic in the first window are so in the last one too, all of them."""
-    early = settle(runner, cells, windows[:1]).kind == MotionClass.CHAOTIC
-    return bool(early.any()) and bool((settle(runner, cells[early], windows[-1:]).kind == MotionClass.CHAOTIC).all())
+    early = settle(runner, osc, cells, windows[:1]).kind == MotionClass.CHAOTIC
+    late = settle(runner, osc, cells[early], windows[-1:]).kind == MotionClass.CHAOTIC
+    return bool(early.any()) and bool(late.all())
 
 
 def attracting_kinds(osc: ImpactOscillator, outcome: Outcome, kept: int) -> NDArray[np.int8]:

@@ -4,6 +4,6 @@ from vibroimpact.verdict.advice import Advice
 from vibroimpact.verdict.boundaries import Edge
 from vibroimpact.verdict.compare import Comparison, compare
 from vibroimpact.verdict.describe import Verdict, describe
-from vibroimpact.verdict.motions import Coexisting
+from vibroimpact.verdict.present import Coexisting
 
 __all__ = ["Advice", "Coexisting", "Comparison", "Edge", "Verdict", "compare", "describe"]

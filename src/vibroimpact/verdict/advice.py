@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from vibroimpact.backends import ImpactWindow
+from vibroimpact.coexistence.measuring import Measured, Runner, Start, cells_of
 from vibroimpact.motion import MotionClass
 from vibroimpact.oscillator import Model
-from vibroimpact.verdict.motions import Engine, Measured, Present, Start
-from vibroimpact.verdict.ranges import Range
+from vibroimpact.verdict.present import Present, Range, measure
 
 PLACES = 36  # values along a path
 HALVINGS = 8  # of the step in which the benefit begins
@@ -80,11 +80,11 @@ class Search:
     further: list[float] = field(default_factory=list)
 
 
-def advise(present: Present, ranges: Sequence[Range], engine: Engine) -> tuple[Advice, ...]:
+def advise(present: Present, ranges: Sequence[Range], runner: Runner) -> tuple[Advice, ...]:
     """Return for each parameter the smallest change to a gentler motion, the smallest of all first."""
     model = present.model
     # Hits are compared over equal samples: the present motion goes on in the windows of the changed ones.
-    (now,), (known,) = (engine.measure([model], [present.state], window) for window in (SCANNED, TESTED))
+    (now,), (known,) = (measure(runner, cells_of([model], [present.state]), window) for window in (SCANNED, TESTED))
     if now.hardest == 0.0 or not now.status.has_indices:
         return ()
     searches = [
@@ -93,10 +93,12 @@ def advise(present: Present, ranges: Sequence[Range], engine: Engine) -> tuple[A
         for direction in (-1, 1)
         if (path := each.path(direction, PLACES)) and not _in_proportion(present, each)
     ]
-    _locate(model, now, searches, engine)
+    if not searches:
+        return ()
+    _locate(model, now, searches, runner)
     good = [search for search in searches if search.further]
-    _refine(model, now, good, engine)
-    found = [advice for search in good if (advice := _tested(model, present.state, known, search, engine))]
+    _refine(model, now, good, runner)
+    found = [advice for search in good if (advice := _tested(model, present.state, known, search, runner))]
     smallest: dict[str, Advice] = {}
     for advice in sorted(found, key=lambda a: abs(a.change)):
         smallest.setdefault(advice.parameter, advice)
@@ -114,10 +116,10 @@ def _at(model: Model, search: Search, value: float) -> Model:
     return model.replace(**{search.range.name: value})
 
 
-def _locate(model: Model, now: Measured, searches: Sequence[Search], engine: Engine) -> None:
+def _locate(model: Model, now: Measured, searches: Sequence[Search], runner: Runner) -> None:
     """Find along each path the first value with a benefit that its next neighbour has too."""
     there = [_at(model, search, value) for search in searches for value in search.path]
-    motions = iter(engine.measure(there, [None] * len(there), SCANNED))
+    motions = iter(measure(runner, cells_of(there), SCANNED))
     for search in searches:
         good = [bool(gentler(now, next(motions))) for _ in search.path]
         pairs = zip(good, good[1:] + good[-1:], strict=True)
@@ -128,11 +130,11 @@ def _locate(model: Model, now: Measured, searches: Sequence[Search], engine: Eng
             search.further = search.path[first : first + TRIED]
 
 
-def _refine(model: Model, now: Measured, searches: Sequence[Search], engine: Engine) -> None:
+def _refine(model: Model, now: Measured, searches: Sequence[Search], runner: Runner) -> None:
     for _ in range(HALVINGS if searches else 0):
         middles = [search.range.between(search.inside, search.outside, 0.5) for search in searches]
         there = [_at(model, search, value) for search, value in zip(searches, middles, strict=True)]
-        motions = engine.measure(there, [None] * len(there), SCANNED)
+        motions = measure(runner, cells_of(there), SCANNED)
         for search, middle, motion in zip(searches, middles, motions, strict=True):
             if gentler(now, motion):
                 search.outside = middle
@@ -140,14 +142,14 @@ def _refine(model: Model, now: Measured, searches: Sequence[Search], engine: Eng
                 search.inside = middle
 
 
-def _tested(model: Model, state: Start | None, now: Measured, search: Search, engine: Engine) -> Advice | None:
+def _tested(model: Model, state: Start | None, now: Measured, search: Search, runner: Runner) -> Advice | None:
     """Return the first rounded value with a benefit both from rest and from the present motion's state."""
     varied = search.range
     values = [_rounded(search.outside, varied, 0)]
     values += [_rounded(value, varied, search.direction) for value in (search.outside, *search.further)]
     there = [_at(model, search, value) for value in values]
-    from_rest = engine.measure(there, [None] * len(there), TESTED)
-    carried = engine.measure(there, [state] * len(there), TESTED)
+    from_rest = measure(runner, cells_of(there), TESTED)
+    carried = measure(runner, cells_of(there, [state] * len(there)), TESTED)
     for value, rest, onward in zip(values, from_rest, carried, strict=True):
         if gentler(now, rest) and gentler(now, onward):
             worse = max(rest, onward, key=lambda motion: motion.hardest)

@@ -14,13 +14,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow
+from vibroimpact.coexistence.measuring import AT_REST, Runner, Start, cells_of
 from vibroimpact.continuation.branch import branch_system, walk
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import Orbit
 from vibroimpact.orbits.sticking import end_of_sticking, from_release
 from vibroimpact.oscillator import ImpactOscillator, Model
-from vibroimpact.verdict.motions import BRIEF, Engine, Present, Start
-from vibroimpact.verdict.ranges import Range
+from vibroimpact.verdict.present import Present, Range, measure
 
 NOISE = 1e-12  # relative: what is smaller is rounding
 STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch
@@ -29,7 +29,7 @@ SCANNED = 60  # values along a path at which a condition is evaluated
 PLACES = 36  # values along a path at which a motion is followed
 HALVINGS = 12  # of the step in which the class changes
 BOUNCY = 0.99  # restitution up to which sticking is followed: chatters grow longer as 1/(1 - r)
-AT_REST = Start(0.0, 0.0, 0.25)  # at the stop, where the force presses most
+BRIEF = ImpactWindow(100, 1500)  # enough for a name, and an exponent to a few per cent
 ACROSS = ImpactWindow(1500, 2000)  # close to a boundary motions settle slowly
 KIND_WORDS = {
     "period_doubling": "period doubling",
@@ -136,7 +136,7 @@ class Found:
 
 
 def nearest_boundaries(
-    present: Present, ranges: Sequence[Range], engine: Engine, done: Callable[[], bool] = lambda: True
+    present: Present, ranges: Sequence[Range], runner: Runner, done: Callable[[], bool] = lambda: True
 ) -> tuple[Edge, ...]:
     """Return the nearest boundary of a motion down and up each parameter; `done` is called for each, False stops."""
     found: dict[tuple[str, int], Found] = {}
@@ -150,21 +150,21 @@ def nearest_boundaries(
                 found[each.name, direction] = known
         if not done():
             return ()
-    for known in _bisected(present, unknown, engine):
+    for known in _bisected(present, unknown, runner):
         found[known.range.name, known.direction] = known
-    return _with_beyond(present, [found[each.name, direction] for each in ranges for direction in (-1, 1)], engine)
+    return _with_beyond(present, [found[each.name, direction] for each in ranges for direction in (-1, 1)], runner)
 
 
-def _with_beyond(present: Present, found: Sequence[Found], engine: Engine) -> tuple[Edge, ...]:
+def _with_beyond(present: Present, found: Sequence[Found], runner: Runner) -> tuple[Edge, ...]:
+    """Return the boundaries as callers see them, with the motion beyond each."""
     values = [boundary.beyond_at() for boundary in found]
     beyond = [i for i, value in enumerate(values) if not math.isnan(value)]
-    there = [present.model.replace(**{found[i].range.name: values[i]}) for i in beyond]
-    motions = engine.measure(there, [found[i].start for i in beyond], ACROSS)
-    names = {
-        i: motion.name
-        for i, motion in zip(beyond, motions, strict=True)
-        if motion.motion_class != MotionClass.UNDECIDED
-    }
+    names: dict[int, str] = {}
+    if beyond:
+        there = [present.model.replace(**{found[i].range.name: values[i]}) for i in beyond]
+        motions = measure(runner, cells_of(there, [found[i].start for i in beyond]), ACROSS)
+        decided = (one for one in zip(beyond, motions, strict=True) if one[1].motion_class != MotionClass.UNDECIDED)
+        names = {i: motion.name for i, motion in decided}
     return tuple(boundary.edge(names.get(i, ""), values[i]) for i, boundary in enumerate(found))
 
 
@@ -308,32 +308,31 @@ class Track:
         return Found(self.range, self.direction, "change", middle, half, self.start)
 
 
-def _bisected(present: Present, wanted: Sequence[tuple[Range, int]], engine: Engine) -> list[Found]:
+def _bisected(present: Present, wanted: Sequence[tuple[Range, int]], runner: Runner) -> list[Found]:
     """Return, for each parameter and direction, where the motion that is followed first changes its class."""
     tracks = [
         Track(each, direction, each.value, present.state, ahead=each.path(direction, PLACES))
         for each, direction in wanted
     ]
     while active := [track for track in tracks if track.outside is None and track.ahead]:
-        _step(present, active, engine)
+        _step(present, active, runner)
         for track in active:
             track.ahead.pop(0)
     changed = [track for track in tracks if track.outside is not None]
     for _ in range(HALVINGS if changed else 0):
-        _step(present, changed, engine)
+        _step(present, changed, runner)
     return [track.found() for track in tracks]
 
 
-def _step(present: Present, tracks: Sequence[Track], engine: Engine) -> None:
+def _step(present: Present, tracks: Sequence[Track], runner: Runner) -> None:
     """Carry each motion to its next value, and see whether it is still the same."""
     values = [track.next for track in tracks]
     there = [present.model.replace(**{t.range.name: value}) for t, value in zip(tracks, values, strict=True)]
-    starts = [track.start for track in tracks]
-    motions = engine.measure(there, starts, BRIEF)
+    cells = cells_of(there, [track.start for track in tracks])
+    motions = measure(runner, cells, BRIEF)
     same = [m.group == present.measured.group or m.motion_class == MotionClass.UNDECIDED for m in motions]
-    kept = [i for i, is_same in enumerate(same) if is_same]
-    carried = engine.follow([there[i] for i in kept], [starts[i] for i in kept])
-    for i, state in zip(kept, carried, strict=True):
+    kept = np.flatnonzero(same)
+    for i, state in zip(kept.tolist(), runner.follow(cells[kept]), strict=True):
         tracks[i].inside, tracks[i].start = values[i], state
     for track, value, is_same in zip(tracks, values, same, strict=True):
         if not is_same:

@@ -19,7 +19,7 @@ from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
 from vibroimpact.verdict.boundaries import KIND_WORDS, Edge
 from vibroimpact.verdict.describe import Verdict, describe
-from vibroimpact.verdict.ranges import range_of
+from vibroimpact.verdict.present import range_of
 from vibroimpact.verdict.text import advice_words
 
 KINDS = tuple(KIND_WORDS)

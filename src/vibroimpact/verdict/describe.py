@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.motion import Motion
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits import Orbit
@@ -14,8 +15,14 @@ from vibroimpact.oscillator import ImpactOscillator, Model, check_model
 from vibroimpact.progress import Report, reporter
 from vibroimpact.verdict.advice import Advice, advise
 from vibroimpact.verdict.boundaries import Edge, nearest_boundaries
-from vibroimpact.verdict.motions import Coexisting, Engine, coexisting_motions, present_motion
-from vibroimpact.verdict.ranges import check_parameters, check_within, range_of
+from vibroimpact.verdict.present import (
+    Coexisting,
+    check_parameters,
+    check_within,
+    coexisting_motions,
+    present_motion,
+    range_of,
+)
 from vibroimpact.verdict.text import lines
 
 BESIDE = 3  # parts of the work besides one per parameter
@@ -173,7 +180,7 @@ def describe(
     check_model(osc)
     far = check_within(within)
     ranges = [range_of(osc, name, far) for name in check_parameters(osc, parameters)]
-    engine = Engine(tolerances or Tolerances(), workers)
+    runner = Runner("cpu", tolerances, workers)
     parts = len(ranges) + BESIDE
     with reporter(progress, "parts") as report:
         done = 0
@@ -183,16 +190,16 @@ def describe(
             done += 1
             return report(done, parts, None) is not False
 
-        present = present_motion(osc, engine)
+        present = present_motion(osc, runner)
         found: dict[str, Any] = {}
         if complete := going():
-            found["boundaries"] = nearest_boundaries(present, ranges, engine, going)
+            found["boundaries"] = nearest_boundaries(present, ranges, runner, going)
             complete = len(found["boundaries"]) == 2 * len(ranges)
         if complete:
-            found["attractors"] = coexisting_motions(present, engine)
+            found["attractors"] = coexisting_motions(present, runner)
             complete = going()
         if complete:
-            found["advice"] = advise(present, ranges, engine)
+            found["advice"] = advise(present, ranges, runner)
             going()
     return Verdict(
         model=osc,
@@ -203,6 +210,6 @@ def describe(
         status=present.measured.status.word,
         indices=present.measured.indices,
         complete=complete,
-        cells=engine.cells[0],
+        cells=runner.measured,
         **found,
     )

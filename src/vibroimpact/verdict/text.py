@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from vibroimpact.oscillator import Model
 from vibroimpact.verdict.boundaries import KIND_WORDS, NOISE, Edge
-from vibroimpact.verdict.ranges import percent, range_of
+from vibroimpact.verdict.present import percent, range_of
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.advice import Advice

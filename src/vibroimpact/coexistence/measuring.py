@@ -1,0 +1,202 @@
+"""Initial conditions as cells, and how the motions that follow from them are computed and measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from threading import Event
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibroimpact.backends import Cells, ImpactWindow, Measurement, StroboscopicWindow, get_backend
+from vibroimpact.backends.base import Counts, Outcome, Samples
+from vibroimpact.cells import cells_at
+from vibroimpact.execution.threads import run_sweep, worker_count
+from vibroimpact.indices import INDICES
+from vibroimpact.motion import MotionClass, decide, motion_name
+from vibroimpact.options import Tolerances
+from vibroimpact.orbits.sticking import CREST
+from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.parameters import invalid
+from vibroimpact.status import Status
+
+SPREAD = 256  # initial conditions where none are given
+FASTEST = 4.0  # of V: the hardest impact among them
+_STRIDES = 0.7548776662466927, 0.5698402909980532  # 1/x and 1/x^2 with x^3 = x + 1: what spreads points most evenly
+PAPER = ImpactWindow(100, 5000)
+HARDLY_EVER = 64  # periods: chaos in which the mass rests now and then is, strictly, a long sticking cycle
+QUIET = (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER, MotionClass.AT_REST)
+NEEDED = (
+    "mean_velocity",
+    "impacts_per_period",
+    "lyapunov",
+    "lyapunov_per_impact",
+    "n_periods",
+    "n_impacts",
+    "dissipation",
+    "grazing_margin",
+)
+
+
+class Start(NamedTuple):
+    """Clearance to the stop in m, velocity in m/s and driving phase: what a motion is followed from."""
+
+    clearance: float
+    velocity: float
+    phase: float
+
+    def cell(self, design: Model) -> Cells:
+        """Return the cell of a design that starts so."""
+        return design.at().cells({}).replace(**self._asdict())
+
+
+AT_REST = Start(0.0, 0.0, CREST)  # at the stop while the force presses most, waiting for the release
+
+
+def cells_of(designs: Sequence[Model], starts: Sequence[Start | None] | None = None) -> Cells:
+    """Return one cell per design, of one at least; a start of None is at rest at min(0, gap)."""
+    pairs = zip(designs, starts or [None] * len(designs), strict=True)
+    return Cells.join([design.at().cells({}) if start is None else start.cell(design) for design, start in pairs])
+
+
+def spread_cells(osc: ImpactOscillator, number: int = SPREAD) -> Cells:
+    """Return impacts spread evenly over the impact surface: phases 0 to 1, velocities 0 to 4 V; always the same.
+
+    Without a scale (V = 0) the motions are alike at every speed, and 1 m/s stands for V.
+    """
+    phase, part = (np.mod(0.5 + np.arange(number, dtype=np.float64) * stride, 1.0) for stride in _STRIDES)
+    return cells_at(osc, np.zeros(number), FASTEST * (osc.velocity_scale or 1.0) * part, phase)
+
+
+def state_cells(osc: ImpactOscillator, starts: Iterable[State]) -> Cells:
+    """Return one cell per state, or raise `ValueError` naming what is wrong with `starts`."""
+    allowed = "a list of at least one State in front of the stop"
+    if isinstance(starts, State):
+        raise invalid("starts", starts, allowed, f"write starts=[{starts}]")
+    try:
+        states = list(starts)
+    except TypeError:
+        raise invalid("starts", starts, allowed, "leave it out for 256 spread ones") from None
+    if not states:
+        raise invalid("starts", states, allowed, "leave it out for 256 spread ones")
+    for state in states:
+        if not isinstance(state, State):
+            raise invalid("starts", state, allowed, "write State(displacement, velocity=0.0, time=0.0)")
+        if state.displacement > osc.gap:
+            raise invalid("starts", state, allowed, f"displacements are at most the gap, {osc.gap:g} m here")
+    y, v, t = (np.array([getattr(state, name) for state in states]) for name in ("displacement", "velocity", "time"))
+    return cells_at(osc, osc.gap - y, v, t * osc.omega / (2.0 * math.pi))
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The kind, the status and the indices of one motion."""
+
+    motion_class: MotionClass
+    status: Status
+    indices: dict[str, float]
+
+    @property
+    def kind(self) -> str:
+        """The kind of the motion in a word."""
+        return self.motion_class.word
+
+    @property
+    def n_periods(self) -> int:
+        """Driving periods in a cycle; 0 where there is none."""
+        return int(self.indices["n_periods"])
+
+    @property
+    def n_impacts(self) -> int:
+        """Impacts in a cycle; -1 for a complete chatter."""
+        return int(self.indices["n_impacts"])
+
+    @property
+    def group(self) -> tuple[str, int, int]:
+        """What distinguishes classes of motion along a path; all that do not repeat, or hardly ever, are one."""
+        rare = self.n_periods > HARDLY_EVER or (self.motion_class == MotionClass.STICKING and not self.n_periods)
+        if rare or self.motion_class in (MotionClass.CHAOTIC, MotionClass.UNDECIDED):
+            return "aperiodic", 0, 0
+        return self.kind, self.n_periods, self.n_impacts
+
+    @property
+    def name(self) -> str:
+        """The motion in two or three words."""
+        return motion_name(self.motion_class, self.n_periods, self.n_impacts)
+
+    @property
+    def hardest(self) -> float:
+        """The largest impact velocity in m/s; 0 where the mass does not hit, NaN where it is not known."""
+        return 0.0 if self.motion_class in QUIET else self.indices["max_velocity"]
+
+    @property
+    def loss(self) -> float:
+        """Energy lost at the stop per driving period, in J; NaN where it is not known."""
+        return 0.0 if self.motion_class in QUIET else self.indices["dissipation"]
+
+
+class Runner:
+    """How motions are computed: back end, tolerances and threads, and the event that stops them.
+
+    `measured` counts the motions that were measured.
+
+    Raises
+    ------
+    ValueError
+        The back end cannot name cycles, or `workers` is not a whole number >= 1.
+    """
+
+    def __init__(self, backend: str = "cpu", tolerances: Tolerances | None = None, workers: int | None = None) -> None:
+        self.engine = get_backend(backend)
+        if not self.engine.known_indices.issuperset(NEEDED):
+            raise invalid("backend", backend, "one that gives n and p of cycles")
+        self.tolerances = tolerances or Tolerances()
+        self.workers = worker_count(workers)
+        self.stop = Event()
+        self.measured = 0
+
+    def run(
+        self,
+        cells: Cells,
+        window: ImpactWindow,
+        indices: tuple[str, ...] = NEEDED,
+        tolerances: Tolerances | None = None,
+    ) -> Iterator[tuple[Counts | slice, Outcome]]:
+        """Yield which cells have ended, and their indices."""
+        measurement = Measurement(window, tolerances or self.tolerances, indices=indices)
+        return run_sweep(self.engine, cells, measurement, self.workers, self.stop)
+
+    def measure(
+        self, cells: Cells, window: ImpactWindow = PAPER, tolerances: Tolerances | None = None
+    ) -> list[Measured]:
+        """Return the motion of each cell with every index, its kind by the rule of `classify`."""
+        self.measured += len(cells)
+        names = tuple(INDICES)
+        table: dict[str, Any] = {name: np.full(len(cells), np.nan) for name in (*names, "status")}
+        for which, found in self.run(cells, window, names, tolerances):
+            for name, column in table.items():
+                column[which] = found[name]
+        status = table.pop("status").astype(np.int8)
+        growth = window.keep * table["lyapunov_per_impact"]
+        kinds = decide(status, growth, table["n_periods"], table["n_impacts"])
+        rows = zip(*(column.tolist() for column in table.values()), strict=True)
+        return [
+            Measured(MotionClass(kind), Status(ended), dict(zip(names, row, strict=True)))
+            for kind, ended, row in zip(kinds.tolist(), status.tolist(), rows, strict=True)
+        ]
+
+    def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow) -> list[Samples]:
+        """Return what the window sees of each cell."""
+        return self.engine.samples(cells, Measurement(window, self.tolerances))
+
+    def follow(self, cells: Cells, impacts: int = 300) -> list[Start | None]:
+        """Return where each motion is after so many impacts, or None where it could not be followed."""
+        return [state_after(seen) for seen in self.samples(cells, ImpactWindow(impacts, 1))]
+
+
+def state_after(seen: Samples) -> Start | None:
+    """Return the state after the last thing that was sampled, or None where the motion could not be followed."""
+    last = Start(max(seen.last_clearance, 0.0), seen.last_velocity, seen.last_phase)
+    return last if seen.status != Status.BUDGET and all(map(math.isfinite, last)) else None

@@ -1,0 +1,284 @@
+"""A design as a verdict sees it: its motion from rest, the motions beside it, and how far each parameter is varied."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import xarray as xr
+
+from vibroimpact.backends import Cells, ImpactWindow
+from vibroimpact.coexistence import Attractor, attractors
+from vibroimpact.coexistence.measuring import QUIET, Measured, Runner, Start
+from vibroimpact.motion import Motion, MotionClass, recognise
+from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
+from vibroimpact.orbits.orbit import Impacts, value_of
+from vibroimpact.oscillator import ImpactOscillator, Model, check_names
+from vibroimpact.parameters import Parameter, invalid
+from vibroimpact.sections import impact_section
+
+THRIFT = 100  # certified steps per impact, but for the motion itself: others are not worth a long wait for rare hits
+SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
+ALIKE = 5e-3  # `orbit_distance` from the settled motion within which an orbit or attractor is the same
+LONGEST = 16  # impacts in a cycle that is still solved for
+LIGHT = 0.05  # of critical damping: how much is tried where there is none
+CROWDED = 1.5  # values along a path lie at (j/n)^1.5 of its way: a near boundary matters more than a far one
+TRIALS = 24  # bisections of a range whose end is no design of a family
+
+
+def measure(runner: Runner, cells: Cells, window: ImpactWindow) -> list[Measured]:
+    """Return the motions of changed designs."""
+    limits = runner.tolerances
+    thrifty = replace(limits, steps_per_impact=min(limits.steps_per_impact, THRIFT))
+    return runner.measure(cells, window, thrifty)
+
+
+@dataclass(frozen=True)
+class Present:
+    """The motion that a design settles to from rest: measured, its cycle, its exact orbit if any, a state on it."""
+
+    model: Model
+    oscillator: ImpactOscillator
+    measured: Measured
+    motion: Motion
+    orbit: Orbit | None
+    state: Start | None
+
+    @property
+    def kind(self) -> MotionClass:
+        """The kind of the motion."""
+        return self.measured.motion_class
+
+
+def present_motion(model: Model, runner: Runner) -> Present:
+    """Return the motion that a start from rest settles to.
+
+    The orbit is measured once and, where it has a cycle, sampled once; the first impact of the sample is the state that
+    its boundaries and advice are followed from.
+    """
+    osc = model.at()
+    (measured,) = runner.measure(osc.cells({}))
+    motion = Motion(measured.kind, measured.n_periods, measured.n_impacts, status=measured.status)
+    if not (measured.motion_class.hits and measured.n_periods):
+        (state,) = runner.follow(osc.cells({}), SETTLED)
+        orbit = _sticking_orbit(model, 1) if measured.motion_class == MotionClass.STICKING else None
+        return Present(model, osc, measured, motion, orbit, state)
+    section = impact_section(osc, transient_impacts=SETTLED, sample_impacts=SHOWN, tolerances=runner.tolerances)
+    seen = recognise(section)
+    if measured.motion_class == MotionClass.STICKING:
+        orbit = _sticking_orbit(model, measured.n_periods)
+    else:
+        orbit = _cycle(model, measured, section)
+    if orbit is not None and not orbit.sticks:
+        motion = replace(motion, velocities=orbit.velocities, phases=orbit.phases)
+    elif seen.kind == motion.kind:
+        motion = seen
+    return Present(model, osc, measured, motion, orbit, _after_first(osc, section))
+
+
+def _after_first(osc: ImpactOscillator, section: xr.Dataset) -> Start | None:
+    """Return the state just after the first impact of a section."""
+    if not section.sizes["impact"]:
+        return None
+    return Start(0.0, -osc.restitution * float(section["velocity"][0]), float(section["phase"][0]))
+
+
+def _sticking_orbit(model: Model, n_periods: int) -> Orbit | None:
+    return next(iter(find_orbit(model, n_periods=n_periods, n_impacts=-1)), None)
+
+
+def _cycle(model: Model, measured: Measured, section: xr.Dataset) -> Orbit | None:
+    """Return the stable orbit that the settled motion is on."""
+    if measured.n_impacts > LONGEST or section.sizes["impact"] < measured.n_impacts:
+        return None
+    last = Impacts(*(section[name].values[-measured.n_impacts :] for name in ("phase", "velocity")))
+    near = float(last.phases[-1]), float(last.velocities[-1])
+    found = [
+        orbit
+        for orbit in find_orbit(model, n_periods=measured.n_periods, n_impacts=measured.n_impacts, near=near)
+        if orbit.stable and orbit.admissible and same_orbit(orbit, last, tolerance=ALIKE)
+    ]
+    return min(found, key=partial(orbit_distance, last), default=None)
+
+
+@dataclass(frozen=True)
+class Coexisting:
+    """A motion that some initial conditions settle to.
+
+    Parameters
+    ----------
+    name : str
+        The motion in two or three words.
+    share : float
+        The share of the initial conditions that settle to it; shares sum to less than 1 where some stay undecided.
+    max_velocity : float
+        Its hardest hit in m/s; 0 where it does not hit.
+    dissipation : float
+        Energy lost at the stop per driving period, in J.
+    from_rest : bool
+        Whether it is the motion that a start from rest settles to.
+    """
+
+    name: str
+    share: float
+    max_velocity: float
+    dissipation: float
+    from_rest: bool
+
+
+def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ...]:
+    """Return the motions that `attractors` finds, that from rest first, with share 0 if it is none of them."""
+    found = attractors(present.oscillator, tolerances=runner.tolerances, workers=runner.workers)
+    motions = [_coexisting(attractor) for attractor in found]
+    same = next((i for i, attractor in enumerate(found) if _is_present(attractor, present)), None)
+    if same is None:
+        measured = present.measured
+        first = Coexisting(measured.name, 0.0, measured.hardest, measured.loss, True)
+    else:
+        first = replace(motions.pop(same), from_rest=True)
+    return first, *motions
+
+
+def _coexisting(attractor: Attractor) -> Coexisting:
+    hits = MotionClass[attractor.kind.upper()].hits
+    velocity, loss = (attractor.max_velocity, attractor.dissipation) if hits else (0.0, 0.0)
+    return Coexisting(attractor.name, attractor.share, velocity, loss, False)
+
+
+def _is_present(attractor: Attractor, present: Present) -> bool:
+    """Whether an attractor is the present motion; of those that stick or do not hit there is one of each kind."""
+    measured = present.measured
+    if attractor.kind == measured.kind == MotionClass.PERIODIC.word:
+        if present.motion.velocities:
+            return same_orbit(attractor, present.motion, tolerance=ALIKE)
+        return (attractor.n_periods, attractor.n_impacts) == (measured.n_periods, measured.n_impacts)
+    if attractor.kind == MotionClass.AT_REST.word:
+        return measured.motion_class in (*QUIET, MotionClass.DECAYING)
+    return attractor.kind == measured.kind
+
+
+# How far each parameter is varied
+
+
+@dataclass(frozen=True)
+class Range:
+    """A parameter, its present value, the range around it, and what a change is measured in.
+
+    `of` names what a relative change refers to; empty where it is the present value itself.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    scale: float
+    of: str = ""
+
+    def end(self, direction: int) -> float:
+        """Return the last value downwards (-1) or upwards (+1)."""
+        return self.low if direction < 0 else self.high
+
+    def path(self, direction: int, number: int) -> list[float]:
+        """Return values from beside the present one to the end, close together at first; none without room."""
+        end = self.end(direction)
+        if end == self.value:
+            return []
+        shares = [(j / number) ** CROWDED for j in range(1, number + 1)]
+        return [self.between(self.value, end, share) for share in shares[:-1]] + [end]
+
+    def between(self, first: float, last: float, share: float) -> float:
+        """Return the value a share of the way along: equal ratios where both are positive, else equal differences."""
+        if not self.of and first > 0.0 and last > 0.0:
+            return first * math.exp(share * math.log(last / first))
+        return first + share * (last - first)
+
+    def change(self, value: float) -> float:
+        """Return the change to a value, signed, relative to the scale."""
+        return (value - self.value) / self.scale
+
+    def percent(self, value: float) -> str:
+        """Return the size of a change in words: '3.1 %', or '12 % of f/k'."""
+        size = percent(abs(self.change(value)))
+        return f"{size} of {self.of}" if self.of else size
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent, two digits of it or all before the point."""
+    size = f"{100.0 * share:.2g}"
+    return f"{100.0 * share:.0f} %" if float(size) >= 100.0 else f"{size} %"
+
+
+def range_of(model: Model, name: str, within: float) -> Range:
+    """Return the range from value / (1 + within) to value * (1 + within), or around zero what its physics scales with.
+
+    The gap is measured against the static deflection f/k where that is larger, damping that is zero against critical
+    damping, a force that is zero against k |g|, a restitution that is zero against 1. A parameter of a family is varied
+    by `within` times its size where it is not positive, and no further than the family makes a design.
+    """
+    value, parameter = value_of(model, name), model.parameters[name]
+    if isinstance(model, ImpactOscillator) and (name == "gap" or value <= 0.0):
+        return _gap(model, value, within) if name == "gap" else _from_zero(model, name, within)
+    if value > 0.0:
+        chosen = Range(name, value, value / (1.0 + within), min(value * (1.0 + within), parameter.high), value)
+    else:
+        size = abs(value) or 1.0
+        low, high = max(value - within * size, parameter.low), min(value + within * size, parameter.high)
+        chosen = Range(name, value, low, high, size, "" if value else f"1 {parameter.unit}".removesuffix(" 1"))
+    if isinstance(model, ImpactOscillator):
+        return chosen
+    return replace(chosen, low=_possible(model, chosen, -1), high=_possible(model, chosen, 1))
+
+
+def _gap(osc: ImpactOscillator, value: float, within: float) -> Range:
+    deflection = osc.amplitude / osc.stiffness
+    scale = max(abs(value), deflection)
+    of = "f/k" if deflection >= abs(value) else ""
+    if scale == 0.0:
+        scale, of = 1.0, "1 m"
+    return Range("gap", value, value - within * scale, value + within * scale, scale, of)
+
+
+def _from_zero(osc: ImpactOscillator, name: str, within: float) -> Range:
+    if name in ("damping", "damping_ratio"):
+        critical = 1.0 if name == "damping_ratio" else 2.0 * math.sqrt(osc.stiffness * osc.mass)
+        return Range(name, 0.0, 0.0, LIGHT * within * critical, critical, "critical damping")
+    if name == "restitution":
+        return Range(name, 0.0, 0.0, min(1.0, within), 1.0, "1")
+    hold = osc.stiffness * abs(osc.gap)
+    return Range(name, 0.0, 0.0, within * (hold or 1.0), hold or 1.0, "k |g|" if hold else "1 N")
+
+
+def _possible(model: Model, chosen: Range, direction: int) -> float:
+    """Return the end of a family's range, drawn in to where the family still makes a design."""
+    inside, end = chosen.value, chosen.end(direction)
+    outside = end
+    for _ in range(TRIALS):
+        try:
+            model.at(**{chosen.name: outside})
+        except ValueError:
+            end = outside
+        else:
+            inside = outside
+        if inside == end:
+            break
+        outside = 0.5 * (inside + end)
+    return inside
+
+
+def check_parameters(model: Model, names: Iterable[str] | None) -> tuple[str, ...]:
+    """Return the names of the parameters to vary, or say which there are."""
+    if names is None:
+        return tuple(model.values)
+    chosen = (names,) if isinstance(names, str) else tuple(names)
+    check_names(model.parameters, chosen)
+    if len(set(chosen)) < len(chosen):
+        raise invalid("parameters", chosen, "each parameter once", "drop the repeated one")
+    return chosen
+
+
+def check_within(within: float) -> float:
+    """Return how far parameters are varied, relative to their present values."""
+    hint = "3 varies from a quarter to fourfold"
+    return Parameter("within", "range", low=0.0, closed=False, hint=hint).check(within)
