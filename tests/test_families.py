@@ -117,6 +117,21 @@ def test_a_table_of_designs_is_stored_and_taken_up_again(tmp_path):
     assert again.attrs["cells_missing"] == 0
 
 
+def test_the_function_of_a_family_is_called_once_for_each_design_of_a_table(tmp_path):
+    calls = []
+
+    @vi.family
+    def counted(omega=2.0):
+        calls.append(omega)
+        return vi.ImpactOscillator(omega=omega)
+
+    for place in ({}, {"store": tmp_path / "c.zarr", "tile": 2}):
+        calls.clear()
+        how = {"points": {"omega": [1.0, 1.5, 3.0]}, "start": [None, vi.State(-1.0)], "sample_impacts": 20}
+        vi.parameter_map(counted, **how, **place)
+        assert [calls.count(omega) for omega in (1.0, 1.5, 3.0)] == [1, 1, 1]
+
+
 def test_several_initial_conditions_add_a_dimension():
     starts = [None, vi.State(-0.4, 0.2, 0.3), vi.State(-1.0)]
     axes = {"omega": np.linspace(0.5, 4.0, 7), "gap": [-0.2, 0.1]}

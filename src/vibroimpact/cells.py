@@ -42,6 +42,11 @@ class Cells:
         return cls(np.stack([np.ravel(column) for column in values], axis=1), tuple(columns))
 
     @classmethod
+    def at_rest(cls, numbers: Mapping[str, Any]) -> Cells:
+        """Return cells of the given numbers, at rest at min(0, gap) at time 0."""
+        return cls.of({**numbers, **_start(np.maximum(numbers["gap"], 0.0), 0.0, np.zeros(()))})
+
+    @classmethod
     def join(cls, parts: Sequence[Cells]) -> Cells:
         """Return the cells of all parts, one behind the other."""
         return cls(np.concatenate([part.table for part in parts]), parts[0].columns)
@@ -72,32 +77,29 @@ class Cells:
             table[:, self.columns.index(name)] = values
         return Cells(table, self.columns)
 
+    def begun(self, start: State | None) -> Cells:
+        """Return the cells from an initial condition; None leaves them as they are.
 
-def begun(numbers: Mapping[str, Floats], start: State | None) -> Cells:
-    """Return cells of the given numbers, all from the same start; None is at rest at min(0, gap) at time 0.
-
-    Raises
-    ------
-    ValueError
-        The start lies beyond the stop of one of them, or so many periods from time 0 that they cannot be counted.
-    """
-    gap = np.asarray(numbers["gap"])
-    if start is None:
-        return Cells.of({**numbers, "clearance": np.maximum(gap, 0.0), "velocity": 0.0, "periods": 0.0, "phase": 0.0})
-    turns = start.time * np.asarray(numbers["omega"]) / (2.0 * np.pi)
-    _check_start(start, gap, turns)
-    whole = np.floor(turns)
-    clearance = gap - start.displacement
-    return Cells.of(
-        {**numbers, "clearance": clearance, "velocity": start.velocity, "periods": whole, "phase": turns - whole}
-    )
+        Raises
+        ------
+        ValueError
+            It lies beyond the stop of one of them, or so many periods from time 0 that they cannot be counted.
+        """
+        if start is None:
+            return self
+        turns = start.time * self["omega"] / (2.0 * np.pi)
+        _check_start(start, self["gap"], turns)
+        return self.replace(**_start(self["gap"] - start.displacement, start.velocity, turns))
 
 
 def cells_at(osc: ImpactOscillator, clearance: Floats, velocity: Floats, turns: Floats) -> Cells:
     """Return one cell of an oscillator per start, at times in driving periods."""
+    return Cells.of(asdict(osc) | _start(clearance, velocity, turns))
+
+
+def _start(clearance: Any, velocity: Any, turns: Floats) -> dict[str, Any]:
     whole = np.floor(turns)
-    start = {"clearance": clearance, "velocity": velocity, "periods": whole, "phase": turns - whole}
-    return Cells.of({**asdict(osc), **start})
+    return {"clearance": clearance, "velocity": velocity, "periods": whole, "phase": turns - whole}
 
 
 def _check_start(start: State, gap: Floats, turns: Floats) -> None:

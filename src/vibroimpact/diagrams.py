@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from vibroimpact import memory
 from vibroimpact.backends import (
     Backend,
     ImpactWindow,
@@ -29,7 +28,7 @@ from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import Model, State, check_model, one_start
 from vibroimpact.parameters import choice
 from vibroimpact.progress import Report, Stop, reporter
-from vibroimpact.request import Request, check_axes
+from vibroimpact.request import Request, check_axes, check_fits
 from vibroimpact.sections import section_phase
 from vibroimpact.status import Status
 
@@ -141,7 +140,7 @@ def bifurcation_diagram(
     cells = request.cells()
     samples = len(cells) * window.keep
     hint = f"take fewer points, or smaller `sample_{_along(section)}s`"
-    memory.check_fits("axes", f"hold {len(cells):,} values, {samples:,} samples, which take", 16 * samples, hint)
+    check_fits("axes", f"hold {len(cells):,} values, {samples:,} samples, which take", 16 * samples, hint)
     dataset = _empty_diagram(request, section, window.keep)
     further = {"section": section, "direction": direction, "window": window, "sample_impacts": impacts.keep}
     if chosen and engine.sampler != engine.name:
@@ -153,16 +152,20 @@ def bifurcation_diagram(
         columns = _fresh(engine, cells, measurement, threads, stop)
     else:
         columns = _carried(engine, cells, measurement, stop, upward=direction == "up")
-    begun: list[tuple[int, Cells]] = []
+    finished: list[int] = []
     table = {str(name): values.values for name, values in dataset.data_vars.items()}
     with reporter(progress, "values") as report:
-        for done, (at, cell, seen) in enumerate(columns, start=1):
+        for at, seen in columns:
             _fill(table, section, at, seen)
-            begun.append((at, cell))
-            if not stop.is_set() and report(done, len(cells), dataset) is False:
+            finished.append(at)
+            if not stop.is_set() and report(len(finished), len(cells), dataset) is False:
                 stop.set()
-    if chosen and begun:
-        _fill_indices(dataset, engine, begun, replace(measurement, window=impacts), threads)
+    if chosen and finished:
+        # Each value that has its section gets its indices, in a stopped diagram too: nothing stops this sweep.
+        where, over = np.array(finished), replace(measurement, window=impacts)
+        for which, result in run_sweep(engine, cells[where], over, threads, Event()):
+            for name in chosen:
+                table[name][where[which]] = result[name]
     return dataset.isel({_along(section): slice(0, max(int(dataset["count"].max()), 1))})
 
 
@@ -172,19 +175,19 @@ def _along(section: str) -> str:
 
 def _fresh(
     engine: Backend, cells: Cells, measurement: Measurement, threads: int, stop: Event
-) -> Iterator[tuple[int, Cells, Samples]]:
+) -> Iterator[tuple[int, Samples]]:
     window = measurement.window
     left_out = window.transient if isinstance(window, ImpactWindow) else window.skip_periods
     most = min(max(AT_ONCE // (left_out + window.keep), 1), MANY, engine.largest_tile)
     parts = tiles(len(cells), threads, min(engine.smallest_tile, FEW, most), most)
     for part, column in run_tiles(lambda part: engine.samples(cells[part], measurement), parts, threads, stop):
-        for at, seen in enumerate(column, start=part.start):
-            yield at, cells[at : at + 1], seen
+        yield from enumerate(column, start=part.start)
 
 
 def _carried(
     engine: Backend, cells: Cells, measurement: Measurement, stop: Event, *, upward: bool
-) -> Iterator[tuple[int, Cells, Samples]]:
+) -> Iterator[tuple[int, Samples]]:
+    """Yield each value's samples; `cells` then hold the initial conditions carried along."""
     order = range(len(cells)) if upward else range(len(cells) - 1, -1, -1)
     before: Samples | None = None
     for at in order:
@@ -195,9 +198,10 @@ def _carried(
             cell = cell.replace(
                 clearance=before.last_clearance, velocity=before.last_velocity, periods=0.0, phase=before.last_phase
             )
+            cells.table[at] = cell.table
         (seen,) = engine.samples(cell, measurement)
         before = None if seen.status == Status.BUDGET else seen
-        yield at, cell, seen
+        yield at, seen
 
 
 def _empty_diagram(request: Request, section: str, keep: int) -> xr.Dataset:
@@ -228,14 +232,3 @@ def _fill(table: dict[str, NDArray[Any]], section: str, at: int, seen: Samples) 
         table[name][at, : len(column)] = column
     table["count"][at] = len(column)
     table["status"][at] = seen.status
-
-
-def _fill_indices(
-    dataset: xr.Dataset, engine: Backend, begun: list[tuple[int, Cells]], measurement: Measurement, threads: int
-) -> None:
-    """Fill in the indices of every value, from the initial condition that its section had."""
-    where = np.array([at for at, _ in begun])
-    cells = Cells.join([cell for _, cell in begun])
-    for which, result in run_sweep(engine, cells, measurement, threads, Event()):
-        for name in measurement.indices:
-            dataset[name].values[where[which]] = result[name]

@@ -10,7 +10,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from vibroimpact.cells import Cells, begun
+from vibroimpact.cells import Cells
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model, check_names
 from vibroimpact.parameters import Parameter, invalid
 
@@ -71,7 +71,8 @@ class Family:
         check_names(self.parameters, points)
         rows = zip(*(np.asarray(values, np.float64).tolist() for values in points.values()), strict=True)
         designs = [self.at(**dict(zip(points, row, strict=True))) for row in rows] if points else [self.at()]
-        return begun({name: np.array([design.values[name] for design in designs]) for name in designs[0].values}, start)
+        columns = {name: np.array([design.values[name] for design in designs]) for name in designs[0].values}
+        return Cells.at_rest(columns).begun(start)
 
     def _checked(self, values: Mapping[str, Any]) -> dict[str, float]:
         check_names(self.parameters, values)

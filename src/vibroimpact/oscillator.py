@@ -159,7 +159,7 @@ class ImpactOscillator:
         """
         import numpy as np
 
-        from vibroimpact.cells import begun
+        from vibroimpact.cells import Cells
 
         shape = np.shape(next(iter(points.values()), 0.0))
         columns = {name: np.full(shape, points.get(name, getattr(self, name))) for name in PARAMETERS}
@@ -167,7 +167,7 @@ class ImpactOscillator:
             columns["omega"] = 2.0 * math.pi * points["frequency"]
         if "damping_ratio" in points:
             columns["damping"] = points["damping_ratio"] * (2.0 * np.sqrt(columns["stiffness"] * columns["mass"]))
-        return begun(columns, start)
+        return Cells.at_rest(columns).begun(start)
 
     @property
     def frequency(self) -> float:

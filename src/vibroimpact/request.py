@@ -1,13 +1,15 @@
-"""A request: everything that decides the numbers of a map, a diagram or a store."""
+"""A request: everything that decides the numbers of a map, a diagram or a store, and whether they fit into memory."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import math
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -22,6 +24,7 @@ from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names, 
 from vibroimpact.parameters import invalid
 
 Places = NDArray[np.int64]
+CELL, INDEX = 250, 8  # bytes per cell of a map while it is computed, and per index beyond the first
 BLOCK = 1 << 18  # cells made at once where all are to be seen: some 25 MB
 
 
@@ -87,6 +90,11 @@ class Request:
         """The indices asked for."""
         return self.measurement.indices
 
+    @property
+    def cell_size(self) -> int:
+        """Bytes of memory that a cell takes while a map is computed."""
+        return CELL + INDEX * (len(self.indices) - 1)
+
     def coordinates(self) -> dict[str, xr.Variable]:
         """Return the labelled axes of a result."""
         labels = {name: label(self.model.parameters[name]) for name in self.axes}
@@ -101,17 +109,23 @@ class Request:
         """Return the cells at some flat indices: the same bits whichever others are asked for beside them."""
         flat = np.arange(*at.indices(len(self))) if isinstance(at, slice) else at
         places = np.unravel_index(flat, self.shape)
-        rows = dict.fromkeys(self.axes, places[0]) if self.scattered else dict(zip(self.axes, places, strict=False))
-        points = {name: values[rows[name]] for name, values in self.axes.items()}
+        if self.scattered:
+            cells = self._designs[places[0]]
+        else:
+            along = zip(self.axes.items(), places, strict=False)  # the last places are those of several starts
+            cells = self.model.cells({name: values[place] for (name, values), place in along})
         if not isinstance(self.start, tuple):
-            return self.model.cells(points, self.start)
-        number, parts, order = places[-1], [], []
-        for which, start in enumerate(self.start):
-            chosen = np.flatnonzero(number == which)
-            if chosen.size:
-                parts.append(self.model.cells({name: values[chosen] for name, values in points.items()}, start))
-                order.append(chosen)
-        return Cells.join(parts)[np.argsort(np.concatenate(order))]
+            return cells.begun(self.start)
+        table = cells.table.copy()
+        for number, start in enumerate(self.start):
+            chosen = places[-1] == number
+            table[chosen] = cells[chosen].begun(start).table
+        return Cells(table, cells.columns)
+
+    @cached_property
+    def _designs(self) -> Cells:
+        """The designs of a table, at rest: made once, since the function of a family may be slow."""
+        return self.model.cells(self.axes)
 
     def box(self, part: tuple[slice, ...]) -> Places:
         """Return the flat indices of a box of cells."""
@@ -214,7 +228,7 @@ def check_points(points: Any, model: Model) -> dict[str, Floats]:
     return found
 
 
-def check_starts(start: Any) -> State | tuple[State | None, ...] | None:
+def check_start(start: Any) -> State | tuple[State | None, ...] | None:
     """Return one initial condition, or several as a tuple."""
     if not isinstance(start, (list, tuple)):
         return one_start(start)
@@ -274,3 +288,38 @@ def mark(name: str, values: Floats) -> str:
     """Return an axis in words, with a mark that no other values share."""
     digest = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()[:8]
     return f"{name} {values[0]:g} to {values[-1]:g} in {len(values)} ({digest})"
+
+
+# Whether the memory of this machine can hold it
+
+
+def installed() -> int | None:
+    """Return the bytes of memory that this machine has; None where that is unknown."""
+    try:
+        return int(os.sysconf("SC_PHYS_PAGES")) * int(os.sysconf("SC_PAGE_SIZE")) or None
+    except (AttributeError, ValueError, OSError):  # no such call, no such name, no answer
+        return None
+
+
+def check_fits(name: str, what: str, needed: int, remedy: str) -> None:
+    """Refuse what needs more bytes than the machine has."""
+    here = installed()
+    if here is not None and needed > here:
+        raise ValueError(
+            f"`{name}` {what} {in_words(needed)} of memory, but this machine has {in_words(here)}; {remedy}"
+        )
+
+
+def in_words(size: int) -> str:
+    """Return a number of bytes in the unit that suits it.
+
+    Examples
+    --------
+    >>> in_words(75 * 10**15), in_words(9_000_000)
+    ('75 PB', '9 MB')
+    """
+    at, units = 0, ("bytes", "kB", "MB", "GB", "TB", "PB")
+    while at < len(units) - 1 and size >= 1000 ** (at + 1):
+        at += 1
+    value = size / 1000**at
+    return f"{value:.3g} {units[at]}" if value < 1000 else f"{value:.1e} {units[at]}"

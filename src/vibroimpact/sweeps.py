@@ -13,7 +13,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from vibroimpact import memory
 from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.dataset import missing
 from vibroimpact.execution import check_place, computing, usual_tile
@@ -22,7 +21,7 @@ from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import Model, State, check_model
 from vibroimpact.parameters import whole_number
 from vibroimpact.progress import Report, Stop, reporter
-from vibroimpact.request import Request, check_axes, check_points, check_starts, map_of
+from vibroimpact.request import Request, check_axes, check_fits, check_points, check_start, map_of
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -282,14 +281,13 @@ def request_map(
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     measurement = Measurement(window, tolerances or Tolerances(), early_closing, check_indices(indices))
     checked = check_axes(axes, model) if points is None else check_points(points, model)
-    return Request(model, checked, measurement, check_starts(start), backend, time_step, scattered=points is not None)
+    return Request(model, checked, measurement, check_start(start), backend, time_step, scattered=points is not None)
 
 
 def _check_room(request: Request) -> None:
     """Refuse a map that this machine's memory cannot hold."""
-    size = len(request) * (memory.CELL + memory.INDEX * (len(request.indices) - 1))
     hint = "write it to disk tile by tile, store='run.zarr' or --out run.zarr, or take fewer points"
-    memory.check_fits("axes", f"span {_spanned(request.shape)}, which take", size, hint)
+    check_fits("axes", f"span {_spanned(request.shape)}, which take", len(request) * request.cell_size, hint)
 
 
 def _check_room_refined(request: Request, levels: int) -> None:
@@ -298,7 +296,7 @@ def _check_room_refined(request: Request, levels: int) -> None:
 
     shape = tuple(((size - 1) << min(levels, DEEPEST)) + 1 for size in request.shape)
     size = math.prod(shape) * FINE_CELL
-    memory.check_fits("refine", f"makes {_spanned(shape)}, which take", size, "refine less, or take fewer points")
+    check_fits("refine", f"makes {_spanned(shape)}, which take", size, "refine less, or take fewer points")
 
 
 def _spanned(shape: tuple[int, ...]) -> str:

@@ -28,12 +28,11 @@ import zarr
 from numpy.typing import NDArray
 from zarr.codecs import ZstdCodec
 
-from vibroimpact import memory
 from vibroimpact.dataset import level_variable, missing, plain_variable, status_variable, variable
 from vibroimpact.execution import Tiling, cut
 from vibroimpact.files import remove_folder
 from vibroimpact.formats import ORDER, order_of
-from vibroimpact.request import Request, key_of
+from vibroimpact.request import Request, check_fits, key_of
 from vibroimpact.status import Status
 
 PROGRESS, RECORDS, LIST = "progress", "progress/tiles", "progress/cells"
@@ -131,9 +130,9 @@ def refined(how: Mapping[str, Any]) -> bool:
 def _check_room(request: Request, tiling: Tiling) -> None:
     """Refuse tiles of which memory cannot hold one, or whose records it cannot hold."""
     many = f"span {math.prod(tiling.shape):,} cells in {len(tiling):,} tiles, whose records take"
-    memory.check_fits("axes", many, len(tiling) * COLUMNS * 8, "take fewer points, or larger tiles")
-    one = math.prod(tiling.tile) * (memory.CELL + memory.INDEX * (len(request.indices) - 1))
-    memory.check_fits("tile", f"is {math.prod(tiling.tile):,} cells, which take", one, "4096 is usual")
+    check_fits("axes", many, len(tiling) * COLUMNS * 8, "take fewer points, or larger tiles")
+    cells = math.prod(tiling.tile)
+    check_fits("tile", f"is {cells:,} cells, which take", cells * request.cell_size, "4096 is usual")
 
 
 @contextmanager
