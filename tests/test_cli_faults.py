@@ -103,6 +103,7 @@ def names(folder):
         ("basins --x displacement=0:1:5 --y velocity=0:1:5", "`displacement` must be at most the gap, 0 here, got 1"),
         ("basins --x phase=0:1:4 --y displacement=0:1:5", "the axes must be .*, got `phase`, `displacement`"),
         ("map --x omega=1:2:3 --y m=1:2:3 --refine 1 --tile 9", "`tile` goes with `cluster` only"),
+        ("map --x omega=1:2:3 --tile 9", r"`tile` goes with a `store` \(--out run.zarr\) or a `cluster`, got 9"),
         ("basins --x phase=0:1:1", "`phase.points` must be .*, got 1"),
         ("basins --x phase=0:nan:4", "`phase.to` must be .*, got nan"),
         ("basins --x phase=0:1:4 --phase 0.2", "`--phase` goes with an axis of displacement"),

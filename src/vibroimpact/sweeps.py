@@ -89,8 +89,8 @@ def parameter_map(
         it lacks is computed and the rest is taken as it is, once its checksums are verified; another study is refused.
         The Dataset returned reads from it. Memory is bounded by the tiles in flight.
     tile : int, >= 1, optional
-        Cells of a tile in a store or on a cluster, about; 4096 by default, 4 with the slow back ends "reference" and
-        "fixed-step". A store keeps the tiles it was made with.
+        Cells of a tile, about, with `store` or `cluster` only; 4096 by default, 4 with the slow back ends "reference"
+        and "fixed-step". A store keeps the tiles it was made with.
     cluster : dask.distributed.Client or str, optional
         Computes on the workers of a Dask cluster instead of here: a client, `tcp://HOST:PORT` of a running scheduler,
         or `local:N` for N processes of this machine. Workers may come, go and die; those that see the store write
@@ -156,6 +156,10 @@ def parameter_map(
             request, refine, jump, workers=workers, store=store, cluster=cluster, tile=tile, progress=progress
         )
     check_place(request, workers, cluster, tile)
+    if tile is not None and store is None and cluster is None:
+        raise ValueError(
+            f"`tile` goes with a `store` (--out run.zarr) or a `cluster`, got {tile!r} without either; leave it out"
+        )
     request.check_starts()
     size = tile or usual_tile(request)
     if store is not None:
