@@ -128,9 +128,7 @@ def boundary_through(
 ) -> Boundary:
     """Return the curve through a point, whatever its kind, in a plane that was checked."""
     if isinstance(point, StickingEnd):
-        total: Any = None
-        look = partial(report, 0, total, None)
-        return sticking_curve(point, names, box, min(longest, LONGEST_STEP), look)
+        return sticking_curve(point, names, box, min(longest, LONGEST_STEP), report)
     return _traced(*_boundary_system(point, names, box), longest, virtual, report)
 
 

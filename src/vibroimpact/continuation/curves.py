@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -13,7 +13,7 @@ from vibroimpact.continuation.boundary import NoBoundary, Range, boundary_throug
 from vibroimpact.continuation.branch import branch_system, walk
 from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary
 from vibroimpact.continuation.sticking import ends_on_line
-from vibroimpact.continuation.system import both_ways, check_share
+from vibroimpact.continuation.system import UNKNOWN, both_ways, check_share
 from vibroimpact.orbits.equations import Cycle, Floats, impact_1_orbits
 from vibroimpact.orbits.orbit import make_orbit
 from vibroimpact.orbits.sticking import StickingEnd
@@ -106,7 +106,7 @@ def boundary_curves(
     curves: list[Boundary] = []
     done = 0
 
-    def look() -> None:
+    def look(*_: object) -> None:
         if report(done, len(work), curves) is False:
             raise _Stopped
 
@@ -155,10 +155,9 @@ def curves_through(
     """
     longest = check_share("step", step)
     curves: list[Boundary] = []
-    total: Any = None  # nobody knows how many curves there are
 
-    def look() -> None:
-        if report(len(curves), total, curves) is False:
+    def look(*_: object) -> None:
+        if report(len(curves), UNKNOWN, curves) is False:
             raise _Stopped
 
     with reporter(progress, "curves") as report, suppress(_Stopped):
@@ -182,13 +181,13 @@ def _checked_kinds(kinds: Any) -> frozenset[str]:
 
 
 def _on_line(
-    model: Model, n: int, parameter: str, range: Range, longest: float, look: Callable[[], None]
+    model: Model, n: int, parameter: str, range: Range, longest: float, look: Report
 ) -> Iterator[BifurcationPoint]:
     """Yield the special points of the period-n impact-1 orbits along a line, each branch followed once."""
     cycle = Cycle(n, 1)
     covered: list[Floats] = []
     for value in np.linspace(*range, SEEDS).tolist():
-        look()
+        look(0, UNKNOWN, None)
         here = model.replace(**{parameter: value})
         for z in impact_1_orbits(here.at(), n)[0]:
             if _covered(covered, value, z):
@@ -197,7 +196,7 @@ def _on_line(
             if not orbit.admissible:
                 continue
             system, x = branch_system(orbit, parameter, range)
-            for way in both_ways(partial(walk, system, x, longest, False), lambda *_: look()):
+            for way in both_ways(partial(walk, system, x, longest, False), look):
                 covered.append(np.array([[*system.values(p.x), system.solution(p.x)[1]] for p in way.points]))
                 yield from (special.bifurcation(parameter) for special in way.special)
 
@@ -221,13 +220,13 @@ def _add_curve(
     names: tuple[str, str],
     box: tuple[Range, Range],
     longest: float,
-    look: Callable[[], None],
+    look: Report,
 ) -> None:
     """Append the curve through a point, unless the point lies on a known one or cannot be followed."""
     if any(_lies_on(point, curve, box, longest) for curve in curves):
         return
     with suppress(NoBoundary):  # two boundaries meet in the point: the other lines cross them separately
-        curves.append(boundary_through(point, names, box, longest, virtual=False, report=lambda *_: look()))
+        curves.append(boundary_through(point, names, box, longest, virtual=False, report=look))
 
 
 def _lies_on(point: BifurcationPoint | StickingEnd, curve: Boundary, box: tuple[Range, Range], longest: float) -> bool:

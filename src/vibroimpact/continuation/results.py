@@ -112,9 +112,8 @@ class Branch:
             ),
             "special_touch_phase": variable("phase", "special", np.array([q.touch_phase for q in self.special])),
         }
-        ragged = [(list(point.orbit.velocities), list(point.orbit.phases)) for point in self.special]
-        content["special_velocity"] = impact_speed(("special", "impact"), _rows([v for v, _ in ragged], p))
-        content["special_phase"] = variable("phase", ("special", "impact"), _rows([s for _, s in ragged], p))
+        there = orbit_variables([point.orbit for point in self.special], p, "special")
+        content |= {f"special_{name}": there[name] for name in ("velocity", "phase")}
         name = {"n_periods": self.orbits[0].n_periods, "n_impacts": self.orbits[0].n_impacts}
         ends = {"outcome": " ".join(self.outcome), "message": self.message}
         arguments = {"parameter": self.parameter, **name, **self.arguments}

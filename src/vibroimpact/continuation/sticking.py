@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from vibroimpact.continuation.results import Boundary
+from vibroimpact.continuation.system import UNKNOWN
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.orbit import Orbit, family_of, value_of
 from vibroimpact.orbits.sticking import (
@@ -23,10 +24,12 @@ from vibroimpact.orbits.sticking import (
     StickingEnd,
     end_of_sticking,
     from_release,
+    periods_from_release,
     residual,
     sticking_orbit,
 )
 from vibroimpact.oscillator import Model
+from vibroimpact.progress import Report
 
 Point = tuple[float, float]
 Range = tuple[float, float]
@@ -40,40 +43,27 @@ BAND = 0.12  # of the chord between points: how far off it the curve may lie
 MOST = 2000  # points to either side
 
 
+def _silent(*_: object) -> None:
+    """Report to nobody."""
+
+
 def sticking_curve(
     point: StickingEnd,
     names: tuple[str, str],
     box: tuple[Range, Range],
     longest: float = LONGEST_STEP,
-    look: Callable[[], object] = bool,
+    report: Report = _silent,
 ) -> Boundary:
     """Return the curve in two parameters on which the sticking cycle of a point ends, to both sides of the point.
 
-    Parameters
-    ----------
-    point : StickingEnd
-        Where to begin: what `end_of_sticking` found.
-    names, box : tuple of two
-        Two different parameters and their ranges, which hold the point.
-    longest : float
-        Longest distance between points, as a share of the ranges; shorter where the curve turns.
-    look : callable
-        Called before every walk from the release; what it raises ends the search.
-
-    Returns
-    -------
-    Boundary
-        Each point found by bisection to neighbouring floating-point numbers; `touch_phases` are those of the release,
-        `residuals` as of a `StickingEnd`. It ends at an edge of the ranges, closed, or lost: where the chatter in an
-        earlier period completes first, for example.
-
-    Notes
-    -----
-    A point costs about 70 walks from the release, some 10 ms at r = 0.8. Its residual is below 1e-10, except near a
-    graze in the flight, where the stuck time changes with infinite slope.
+    Each point lies on neighbouring floating-point numbers, at most `longest` of the ranges from the one before; the
+    curve ends at an edge of the ranges, closed, or lost: where the chatter in an earlier period completes first, for
+    example. `touch_phases` are those of the release. A point costs about 70 walks from the release, each of them after
+    a call of `report`: some 10 ms at r = 0.8. Residuals are below 1e-10, except near a graze in the flight, where the
+    stuck time changes with infinite slope.
     """
     assert point.orbit is not None
-    plane, start = _Plane(point.orbit.model, names, box, point.n_periods, look), (0.0, 0.0)
+    plane, start = _Plane(point.orbit.model, names, box, point.n_periods, report), (0.0, 0.0)
     ways: list[tuple[list[Point], str, str]] = []
     for side, heading in sorted(_headings(plane, start, longest).items()):
         if not ways or ways[0][1] != "closed":
@@ -108,14 +98,13 @@ def ends_on_line(
     range: Range,
     n_periods: int,
     seeds: int,
-    look: Callable[[], object],
+    report: Report,
 ) -> Iterator[StickingEnd]:
     """Yield the ends of period-n sticking along a line, as far as neighbouring seeds differ."""
 
     def periods(value: float) -> int:
-        look()
-        stick = from_release(model.at(**{parameter: value}), n_periods)
-        return stick.periods if stick else 0
+        report(0, UNKNOWN, None)
+        return periods_from_release(model.at(**{parameter: value}), n_periods)
 
     values = np.linspace(*range, seeds).tolist()
     names = [periods(value) for value in values]
@@ -139,7 +128,7 @@ class _Plane:
     names: tuple[str, str]
     ranges: tuple[Point, Point]
     n_periods: int
-    look: Callable[[], object]
+    report: Report
     why: str = field(default="", init=False)
 
     @property
@@ -167,7 +156,7 @@ class _Plane:
 
     def stick(self, at: Point) -> Stick | None:
         """Return the stick that closes a cycle of at most so many periods, or None."""
-        self.look()
+        self.report(0, UNKNOWN, None)
         return from_release(self.model_at(at).at(), self.n_periods)
 
     def stuck(self, at: Point) -> float:

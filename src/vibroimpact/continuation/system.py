@@ -21,24 +21,26 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import cached_property, partial
-from typing import Any, cast
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, flight_of, parameters_of, slope
-from vibroimpact.orbits.orbit import Orbit, solution_of, value_of
-from vibroimpact.oscillator import ImpactOscillator, Model, check_names
+from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
+from vibroimpact.orbits.orbit import Orbit, check_pair, solution_of, value_of
+from vibroimpact.oscillator import ImpactOscillator, Model
 from vibroimpact.parameters import invalid, real_number
 from vibroimpact.progress import Report
 
 BRANCH, FOLD, DOUBLING, TOUCH, LAST_IMPACT = "branch", "fold", "period_doubling", "touch", "last_impact"
 NUDGE = 1e-6  # of a range: by so much a family's parameter is moved to see how the oscillator depends on it
+STEP = 1e-5  # of an unknown's size: differences are then right to about 1e-10, enough for Newton's method
 MOST = 12  # corrections per point
 CLOSE = 1e-9  # the correction after which convergence, which is quadratic, is complete
 SHORTEST = 1e-6  # of the longest step
 STRAIGHT = 0.97  # least cosine between the tangents at two points
 EASY = 3  # corrections up to which the next step may be longer
+UNKNOWN: Any = None  # how many points or curves there will be
 MOST_POINTS = 20_000  # of one direction
 
 
@@ -196,7 +198,7 @@ class System:
         for j in range(len(x)):
             first = 0 if j >= inner else 2 * p
             if first < len(matrix):
-                matrix[first:, j] = slope(partial(self._moved, x, j, first), x[j], sizes[j])
+                matrix[first:, j] = self._difference(x, j, sizes[j], first)
         return matrix
 
     def flights_jacobian(self, parameters: list[float], z: Floats) -> Floats:
@@ -204,13 +206,18 @@ class System:
         rows, columns = self.scales
         return self.cycle.jacobian(parameters, z) * columns / rows[:, None]
 
-    def _moved(self, x: Floats, j: int, first: int, value: float) -> Floats:
-        """Return the misses, those of the flights only if `first` is 0, with one unknown changed."""
-        moved = x.copy()
-        moved[j] = value
-        if first == 0:
-            return self.misses(moved)
-        return np.array(self._conditions(moved, self.parameters(moved), self.solution(moved)))
+    def _difference(self, x: Floats, j: int, size: float, first: int) -> Floats:
+        """Return the derivative of the misses, those of the flights only if `first` is 0, by one unknown."""
+
+        def misses(value: float) -> Floats:
+            moved = x.copy()
+            moved[j] = value
+            if first == 0:
+                return self.misses(moved)
+            return np.array(self._conditions(moved, self.parameters(moved), self.solution(moved)))
+
+        step = STEP * size
+        return (misses(x[j] + step) - misses(x[j] - step)) / (2.0 * step)
 
     def _sizes(self, x: Floats, parameters: list[float]) -> Floats:
         """Return by how much each unknown must change to change the flights by something of order one."""
@@ -354,12 +361,12 @@ class Way:
 def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Way]:
     """Return the two directions of a curve, -1 and 1 of its tangent; a walk yields its way after each point."""
     ways: list[Way] = []
-    done, total = 0, cast(Any, None)  # nobody knows how many points there are
+    done = 0
     for direction in (-1.0, 1.0):
         if ways and ways[0].end == "closed":
             return [*ways, Way(ways[0].points[:1], end="closed")]
         for way in walk(direction):
-            if report(done + len(way.points), total, None) is False:
+            if report(done + len(way.points), UNKNOWN, None) is False:
                 way.end = "stopped"
                 break
         done += len(way.points)
@@ -369,13 +376,7 @@ def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Wa
 
 def check_range(owner: Orbit | Model, name: Any, given: Any) -> tuple[float, float]:
     """Return the ends of a range of a parameter of a model, or of an orbit's model, whose value it must then hold."""
-    model = owner.model if isinstance(owner, Orbit) else owner
-    check_names(model.parameters, [name])
-    try:
-        low, high = given
-    except (TypeError, ValueError):
-        raise invalid("range", given, "two numbers", f"give (lowest, highest) {name}") from None
-    low, high = model.parameters[name].check(low), model.parameters[name].check(high)
+    low, high = check_pair(owner.model if isinstance(owner, Orbit) else owner, name, "range", given)
     if not low < high:
         raise invalid("range", (low, high), "a lower number before a higher one")
     if isinstance(owner, Orbit) and not low <= owner.value(name) <= high:

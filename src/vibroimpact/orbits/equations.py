@@ -39,7 +39,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -53,7 +53,6 @@ Floats = NDArray[np.float64]
 Parameters = Sequence[float]  # m, c, k, f, w, r, g
 
 TURN = 2.0 * math.pi
-STEP = 1e-5  # of a variable's size: differences are then right to about 1e-10, enough for Newton's method
 NEAR = 0.5  # of rate times duration: nodes nearer than this are not subtracted from one another
 STRIDE = 0.15  # radians of the fastest rate between two samples of a flight
 MOST_SAMPLES = 1 << 15
@@ -133,24 +132,30 @@ class Flight:
             total += term / (factorial * (j + 1) * (j + 2))
         return total * tau * tau * cmath.exp(mean * tau)
 
-    def after(self, angle: float, rate: float, tau: float) -> tuple[float, float]:
-        """Return gap and rate at tau after leaving the stop at that rate and driving angle."""
-        q, dq = self.kick(tau)
-        steady, driven = self.driven(0.0, tau, q, dq).real, self.driven(1j * self.omega, tau, q, dq)
-        turn = self.drive * cmath.exp(1j * angle)
-        gap = q * rate + self.preload * steady - (turn * driven).imag
-        return gap, dq * rate + self.preload * q - (turn * (q + 1j * self.omega * driven)).imag
-
-    def slopes(self, angle: float, rate: float, tau: float) -> tuple[tuple[float, float], ...]:
-        """Return gap and rate at tau, then their derivatives by angle, by the leaving rate, and by tau."""
+    def responses(self, tau: float) -> tuple[float, float, float, complex, complex]:
+        """Return q, q' and E(0) at tau, then E(i w) and its rate: the response to the force e^{i w t}."""
         q, dq = self.kick(tau)
         driven = self.driven(1j * self.omega, tau, q, dq)
+        return q, dq, self.driven(0.0, tau, q, dq).real, driven, q + 1j * self.omega * driven
+
+    def after(self, angle: float, rate: float, tau: float) -> tuple[float, float]:
+        """Return gap and rate at tau after leaving the stop at that rate and driving angle."""
+        q, dq, steady, driven, hurried = self.responses(tau)
         turn = self.drive * cmath.exp(1j * angle)
-        moved, hurried = turn * driven, turn * (q + 1j * self.omega * driven)
-        gap = q * rate + self.preload * self.driven(0.0, tau, q, dq).real - moved.imag
+        return (
+            q * rate + self.preload * steady - (turn * driven).imag,
+            dq * rate + self.preload * q - (turn * hurried).imag,
+        )
+
+    def slopes(self, angle: float, rate: float, tau: float) -> tuple[tuple[float, float], ...]:
+        """Return the derivatives of gap and rate at tau by angle, by the leaving rate, and by tau."""
+        q, dq, steady, driven, hurried = self.responses(tau)
+        turn = self.drive * cmath.exp(1j * angle)
+        moved, hurried = turn * driven, turn * hurried
+        gap = q * rate + self.preload * steady - moved.imag
         speed = dq * rate + self.preload * q - hurried.imag
         bend = self.bend(angle + self.omega * tau, gap, speed)
-        return (gap, speed), (-moved.real, -hurried.real), (q, dq), (speed, bend)
+        return (-moved.real, -hurried.real), (q, dq), (speed, bend)
 
     def bend(self, angle: float, gap: float, rate: float) -> float:
         """Return the second derivative of the gap."""
@@ -160,9 +165,7 @@ class Flight:
         """Return times, gaps and rates along a flight from the stop, dense enough to show every near-miss."""
         number = min(MOST_SAMPLES, max(16, math.ceil(abs(tau) * self.fastest / STRIDE)))
         step = tau / number
-        q, dq = self.kick(step)
-        steady, driven = self.driven(0.0, step, q, dq).real, self.driven(1j * self.omega, step, q, dq)
-        hurried = q + 1j * self.omega * driven
+        q, dq, steady, driven, hurried = self.responses(step)
         sine, cosine = math.sin(self.omega * step), math.cos(self.omega * step)
         p, f, g = dq + self.damp * q, self.drive, self.preload
         # x = (u, u', sin, cos, 1) moves by one matrix a step; doubling fills the table.
@@ -241,7 +244,7 @@ class Cycle:
         p, flight, matrix = self.n_impacts, flight_of(parameters), np.zeros((2 * self.n_impacts, 2 * self.n_impacts))
         period = TURN / parameters[4]
         for i in range(p):
-            _, by_angle, by_rate, by_time = flight.slopes(*self.takeoff(parameters, z, i))
+            by_angle, by_rate, by_time = flight.slopes(*self.takeoff(parameters, z, i))
             after = (i + 1) % p
             for row, sign, j in ((i, 1.0, 0), (p + i, -1.0, 1)):
                 matrix[row, i] += sign * (TURN * by_angle[j] - period * by_time[j])
@@ -274,26 +277,17 @@ class Cycle:
 
     def multipliers(self, parameters: Parameters, z: Floats) -> tuple[complex, complex]:
         """Return the Floquet multipliers, the larger first, or the one above the real axis first."""
-        return multipliers(self.trace(parameters, z), self.determinant(parameters))
-
-
-def multipliers(trace: float, determinant: float) -> tuple[complex, complex]:
-    """Return the two numbers of given sum and product; the smaller as a quotient, not a difference."""
-    if not math.isfinite(trace):
-        return complex(math.inf), 0j  # at a graze the Jacobian is singular
-    half = 0.5 * trace
-    split = half * half - determinant
-    if split < 0.0:
-        side = math.sqrt(-split)
-        return complex(half, side), complex(half, -side)
-    large = half + math.copysign(math.sqrt(split), half)
-    return complex(large), complex(determinant / large if large else 0.0)
-
-
-def slope(function: Callable[[float], Floats], at: float, size: float) -> Floats:
-    """Return the derivative of a function by a number of that size, by central differences."""
-    h = STEP * size
-    return (function(at + h) - function(at - h)) / (2.0 * h)
+        determinant = self.determinant(parameters)
+        half = 0.5 * self.trace(parameters, z)
+        if not math.isfinite(half):
+            return complex(math.inf), 0j  # at a graze the Jacobian is singular
+        split = half * half - determinant
+        if split < 0.0:
+            side = math.sqrt(-split)
+            return complex(half, side), complex(half, -side)
+        large = half + math.copysign(math.sqrt(split), half)
+        # The smaller one is a quotient, not a difference.
+        return complex(large), complex(determinant / large if large else 0.0)
 
 
 def impact_1_orbits(osc: ImpactOscillator, n_periods: int) -> tuple[list[Floats], str]:
@@ -301,14 +295,12 @@ def impact_1_orbits(osc: ImpactOscillator, n_periods: int) -> tuple[list[Floats]
     if osc.amplitude == 0.0:
         return [], _unforced(osc)
     flight, tau = flight_of(parameters_of(osc)), n_periods * osc.period
-    q, dq = flight.kick(tau)
-    steady, driven = flight.driven(0.0, tau, q, dq).real, flight.driven(1j * osc.omega, tau, q, dq)
+    q, dq, steady, driven, velocity = flight.responses(tau)
     if abs(driven) <= VANISHED * tau / max(osc.omega, osc.natural_frequency):
         return [], (
             f"undamped, and {n_periods} driving period{'s are' if n_periods > 1 else ' is'} a whole number of free "
             "periods: each flight returns unchanged by the force, which cannot make up for the loss at impact"
         )
-    velocity = q + 1j * osc.omega * driven
     force, r, preload = osc.amplitude / osc.mass, osc.restitution, osc.stiffness * osc.gap / osc.mass
     matrix = force * np.array([[driven.real, driven.imag], [velocity.real, velocity.imag]])
     # (sin psi, cos psi) = slope v + shift

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING, objection
 from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, parameters_of
-from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names
+from vibroimpact.parameters import invalid
 
 SAME = 1e-7  # of the fastest impact, and in sine and cosine of the driving angle: nearer than this, two orbits are one
 
@@ -127,6 +128,16 @@ def family_of(model: Model) -> Model | None:
 def value_of(model: Model, name: str) -> float:
     """Return the value of a parameter of a model, also of one that replaces another."""
     return float(getattr(model, name) if isinstance(model, ImpactOscillator) else model.values[name])
+
+
+def check_pair(model: Model, parameter: str, name: str, given: Any) -> tuple[float, float]:
+    """Return the two values of a parameter of a model that an argument of that name holds."""
+    check_names(model.parameters, [parameter])
+    try:
+        first, second = given
+    except (TypeError, ValueError):
+        raise invalid(name, given, f"two values of {parameter}") from None
+    return model.parameters[parameter].check(first), model.parameters[parameter].check(second)
 
 
 def make_orbit(model: Model, cycle: Cycle, z: Floats) -> Orbit:

@@ -105,7 +105,10 @@ def find_orbit(osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: 
     cycle = _checked_cycle(n_periods, n_impacts)
     begin = _start(osc.at(), near, cycle)
     if cycle.n_impacts == -1:
-        return _sticking(osc, cycle.n_periods)
+        from vibroimpact.orbits.sticking import find_sticking_orbit  # slower to import
+
+        found = find_sticking_orbit(osc, cycle.n_periods)
+        return Orbits(found) if found else Orbits(outcome="none", message=f"no period-{cycle.n_periods} orbit sticks")
     if cycle.n_impacts == 1:
         solutions, why = impact_1_orbits(osc.at(), cycle.n_periods)
         return _sorted(osc, cycle, solutions) if solutions else Orbits(outcome="none", message=why)
@@ -146,15 +149,6 @@ def _positive(velocity: Any) -> float:
     if value <= 0.0:
         raise invalid("near", velocity, allowed, "give the speed just before contact")
     return value
-
-
-def _sticking(model: Model, n_periods: int) -> Orbits:
-    from vibroimpact.orbits.sticking import find_sticking_orbit
-
-    found = find_sticking_orbit(model, n_periods)
-    if found:
-        return Orbits(found)
-    return Orbits(outcome="none", message=f"no period-{n_periods} orbit sticks")
 
 
 def _sorted(model: Model, cycle: Cycle, solutions: Iterable[Floats]) -> Orbits:

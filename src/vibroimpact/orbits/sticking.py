@@ -26,10 +26,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibroimpact.backends.cpu import limits
 from vibroimpact.kernels import recorder
@@ -37,11 +35,10 @@ from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.walk import LOOK, TRACE
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
-from vibroimpact.orbits.orbit import Orbit, family_of
-from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model, check_names
+from vibroimpact.orbits.equations import Floats
+from vibroimpact.orbits.orbit import Orbit, check_pair, family_of
+from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model
 from vibroimpact.parameters import invalid, whole_number
-
-Floats = NDArray[np.float64]
 
 # Close to the end of sticking a chatter that is cut off early would hold a mass that flies on: impacts of 1e-12 V still
 # leave the last 1e-6 T open. At this cutoff only 1e-14 T are left.
@@ -96,6 +93,12 @@ def from_release(osc: ImpactOscillator, longest: int) -> Stick | None:
         released = released or (n_sticks == 1 and sticks[0, 2] == 0.0 and n_impacts == 0)
         if end != RUNNING or not released:
             return None
+
+
+def periods_from_release(osc: ImpactOscillator, longest: int) -> int:
+    """Return the driving periods of the sticking cycle, 0 if it takes more than `longest` or does not exist."""
+    stick = from_release(osc, longest)
+    return stick.periods if stick else 0
 
 
 def _stick(row: Floats, impacts: Floats) -> Stick:
@@ -304,29 +307,26 @@ def end_of_sticking(
     (1, 0.347180413266)
     """
     check_model(osc)
-    inside, outside = _checked_interval(osc, parameter, between)
+    inside, outside = check_pair(osc, parameter, "between", between)
+    if inside == outside:
+        raise invalid("between", between, f"two different values of {parameter}")
 
-    def stick_at(value: float, periods: int) -> Stick | None:
-        return from_release(osc.at(**{parameter: value}), periods)
+    def periods(value: float, most: int) -> int:
+        return periods_from_release(osc.at(**{parameter: value}), most)
 
-    ends = {value: stick_at(value, longest) for value in (inside, outside)}
-    names = {value: stick.periods if stick else 0 for value, stick in ends.items()}
-    if names[inside] == names[outside]:
-        what = cycle_name(names[inside], -1) if names[inside] else "no sticking orbit"
+    lengths = {value: periods(value, longest) for value in (inside, outside)}
+    if lengths[inside] == lengths[outside]:
+        what = cycle_name(lengths[inside], -1) if lengths[inside] else "no sticking orbit"
         message = f"{what} at `{parameter}` = {inside:g} and at {outside:g}; give values with a change between them"
         return StickingEnd(osc.at(), parameter, outcome="no_change", message=message)
-    if not names[inside] or 0 < names[outside] < names[inside]:
+    if not lengths[inside] or 0 < lengths[outside] < lengths[inside]:
         inside, outside = outside, inside
-    n_periods = names[inside]
+    n_periods = lengths[inside]
     narrow = 1e-17 * abs(inside - outside)
     while abs(inside - outside) > narrow and (middle := 0.5 * (inside + outside)) not in (inside, outside):
-        stick = stick_at(middle, n_periods)
-        if stick and stick.periods == n_periods:
-            inside = middle
-        else:
-            outside = middle
-    beyond = stick_at(outside, n_periods)
-    if beyond and beyond.periods < n_periods:  # lost to the chatter of an earlier period, which has its end here
+        same = periods(middle, n_periods) == n_periods
+        inside, outside = (middle, outside) if same else (inside, middle)
+    if 0 < periods(outside, n_periods) < n_periods:  # lost to the chatter of an earlier period, which has its end here
         inside, outside = outside, inside
     return _point(osc.replace(**{parameter: inside}), parameter, inside, osc.at(**{parameter: outside}))
 
@@ -346,15 +346,3 @@ def _point(model: Model, parameter: str, value: float, beyond: ImpactOscillator)
             "a long transient magnifies rounding beyond double precision; look for cycles of fewer periods"
         )
     return StickingEnd(osc, parameter, value, orbit.n_periods, fraction, left, outcome, message, orbit)
-
-
-def _checked_interval(model: Model, parameter: str, between: Any) -> tuple[float, float]:
-    check_names(model.parameters, [parameter])
-    try:
-        first, second = between
-    except (TypeError, ValueError):
-        raise invalid("between", between, f"two values of {parameter}") from None
-    first, second = (model.parameters[parameter].check(value) for value in (first, second))
-    if first == second:
-        raise invalid("between", between, f"two different values of {parameter}")
-    return first, second

@@ -18,7 +18,7 @@ from vibroimpact.coexistence.measuring import AT_REST, Runner, Start, cells_of
 from vibroimpact.continuation.branch import branch_system, walk
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import Orbit
-from vibroimpact.orbits.sticking import end_of_sticking, from_release
+from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release
 from vibroimpact.oscillator import ImpactOscillator, Model
 from vibroimpact.verdict.present import Present, Range, measure
 
@@ -222,8 +222,7 @@ def _end_of_sticking(present: Present, range: Range, direction: int) -> Found:
         range = replace(range, high=min(range.high, max(BOUNCY, 0.5 * (1.0 + osc.restitution))))
     inside = range.value
     for outside in range.path(direction, SCANNED):
-        stick = from_release(model.at(**{range.name: outside}), n)
-        if stick is None or stick.periods != n:
+        if periods_from_release(model.at(**{range.name: outside}), n) != n:
             break
         inside = outside
     else:
