@@ -99,23 +99,23 @@ def test_every_index_is_that_of_parameter_map(fast):
 
 
 @pytest.mark.parametrize("omega", [2.0, 0.1, 2.8])  # a cycle, sticking, chaos
-def test_the_motion_from_rest_is_measured_once_and_followed_once(omega, monkeypatch):
+def test_the_motion_from_rest_is_computed_once_and_where_it_does_not_repeat_carried_on(omega, monkeypatch):
     osc, calls = vi.ImpactOscillator(omega=omega), []
     engine = type(get_backend("cpu"))
 
     def counted(name):
         whole = getattr(engine, name)
 
-        def call(self, cells, asked):
+        def call(self, cells, *asked):
             calls.extend(name for row in cells if row == next(iter(osc.cells({}))))
-            return whole(self, cells, asked)
+            return whole(self, cells, *asked)
 
         return call
 
-    for name in ("indices", "share", "samples"):
+    for name in ("indices", "share", "samples", "follow"):
         monkeypatch.setattr(engine, name, counted(name))
-    describe(osc, parameters=["omega", "gap"])
-    assert sorted(calls) in (["indices", "samples"], ["samples", "share"])
+    repeats = describe(osc, parameters=["omega", "gap"]).motion.n_periods
+    assert calls == (["follow"] if repeats else ["follow", "samples"])
 
 
 # How far it is from something else

@@ -16,8 +16,16 @@ from vibroimpact.backends import Backend, ImpactWindow, Measurement, Samples, St
 from vibroimpact.cells import Floats, cells_at
 from vibroimpact.dataset import impact_speed, provenance, status_variable, stick_times, variable
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import Model, State, one_start, the_oscillator
+from vibroimpact.oscillator import ImpactOscillator, Model, State, one_start, the_oscillator
 from vibroimpact.parameters import invalid, real_number, whole_number
+
+Seconds = Callable[[Any, Any], Any]  # of whole driving periods and phases
+
+
+def in_seconds(osc: ImpactOscillator) -> Seconds:
+    """Return the function that makes seconds of an oscillator's driving periods and phases."""
+    period = osc.period
+    return lambda periods, phase: (periods + phase) * period
 
 
 def section_phase(phase: float) -> float:
@@ -44,12 +52,12 @@ class _Orbit:
         """The back end, made once."""
         return get_backend(self.backend, time_step=self.time_step)
 
-    def samples(self, window: ImpactWindow | StroboscopicWindow) -> tuple[Samples, Callable[[Any, Any], Any]]:
+    def samples(self, window: ImpactWindow | StroboscopicWindow) -> tuple[Samples, Seconds]:
         """Return what a window sees of the orbit, and the function that makes seconds of periods and phases."""
-        period = the_oscillator(self.model).period
+        seconds = in_seconds(the_oscillator(self.model))
         cells = self.model.cells({}, one_start(self.start))
         (seen,) = self.engine.samples(cells, Measurement(window, self.tolerances or Tolerances()))
-        return seen, lambda periods, phase: (periods + phase) * period
+        return seen, seconds
 
     def provenance(self, function: str, **how: Any) -> dict[str, str]:
         """Return the attributes that say how a result was made."""
@@ -148,7 +156,7 @@ def record_orbit(
     return _trajectory(seen, seconds, {}).assign(impact_phase=variable("phase", "impact", seen.impact_phase))
 
 
-def _trajectory(seen: Samples, seconds: Callable[[Any, Any], Any], attrs: dict[str, str]) -> xr.Dataset:
+def _trajectory(seen: Samples, seconds: Seconds, attrs: dict[str, str]) -> xr.Dataset:
     return xr.Dataset(
         {
             "displacement": variable("displacement", "time", seen.look_displacement),
@@ -219,6 +227,12 @@ def impact_section(
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     seen, seconds = orbit.samples(window)
+    how = orbit.provenance("impact_section", transient_impacts=window.transient, sample_impacts=window.keep)
+    return labelled_impacts(seen, seconds, how)
+
+
+def labelled_impacts(seen: Samples, seconds: Seconds, attrs: dict[str, str]) -> xr.Dataset:
+    """Return the impacts that a window saw, labelled as `impact_section` returns them."""
     return xr.Dataset(
         {
             "time": variable("time", "impact", seconds(seen.impact_periods, seen.impact_phase)),
@@ -227,7 +241,7 @@ def impact_section(
             **stick_times(seconds, seen),
             "status": status_variable((), seen.status),
         },
-        attrs=orbit.provenance("impact_section", transient_impacts=window.transient, sample_impacts=window.keep),
+        attrs=attrs,
     )
 
 

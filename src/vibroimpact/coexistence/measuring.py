@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from threading import Event
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -173,19 +173,18 @@ class Runner:
     ) -> list[Measured]:
         """Return the motion of each cell with every index, its kind by the rule of `classify`."""
         self.measured += len(cells)
-        names = tuple(INDICES)
-        table: dict[str, Any] = {name: np.full(len(cells), np.nan) for name in (*names, "status")}
-        for which, found in self.run(cells, window, names, tolerances):
+        table = {name: np.full(len(cells), np.nan) for name in (*INDICES, "status")}
+        for which, found in self.run(cells, window, tuple(INDICES), tolerances):
             for name, column in table.items():
                 column[which] = found[name]
-        status = table.pop("status").astype(np.int8)
-        growth = window.keep * table["lyapunov_per_impact"]
-        kinds = decide(status, growth, table["n_periods"], table["n_impacts"])
-        rows = zip(*(column.tolist() for column in table.values()), strict=True)
-        return [
-            Measured(MotionClass(kind), Status(ended), dict(zip(names, row, strict=True)))
-            for kind, ended, row in zip(kinds.tolist(), status.tolist(), rows, strict=True)
-        ]
+        return _measured(table, window)
+
+    def record(self, cell: Cells, seen: ImpactWindow) -> tuple[Measured, Samples]:
+        """Return the motion of one cell as `measure` does, and what a window sees of it, from one run."""
+        self.measured += 1
+        wanted = Measurement(PAPER, self.tolerances, indices=tuple(INDICES))
+        outcome, samples = self.engine.follow(cell, wanted, Measurement(seen, self.tolerances))
+        return _measured(outcome, PAPER)[0], samples
 
     def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow) -> list[Samples]:
         """Return what the window sees of each cell."""
@@ -193,10 +192,21 @@ class Runner:
 
     def follow(self, cells: Cells, impacts: int = 300) -> list[Start | None]:
         """Return where each motion is after so many impacts, or None where it could not be followed."""
-        return [state_after(seen) for seen in self.samples(cells, ImpactWindow(impacts, 1))]
+        found = []
+        for seen in self.samples(cells, ImpactWindow(impacts, 1)):
+            last = Start(max(seen.last_clearance, 0.0), seen.last_velocity, seen.last_phase)
+            found.append(last if seen.status != Status.BUDGET and all(map(math.isfinite, last)) else None)
+        return found
 
 
-def state_after(seen: Samples) -> Start | None:
-    """Return the state after the last thing that was sampled, or None where the motion could not be followed."""
-    last = Start(max(seen.last_clearance, 0.0), seen.last_velocity, seen.last_phase)
-    return last if seen.status != Status.BUDGET and all(map(math.isfinite, last)) else None
+def _measured(table: Outcome, window: ImpactWindow) -> list[Measured]:
+    growth = window.keep * table["lyapunov_per_impact"]
+    kinds = decide(table["status"].astype(np.int8), growth, table["n_periods"], table["n_impacts"])
+    return [
+        Measured(
+            MotionClass(int(kind)),
+            Status(int(table["status"][at])),
+            {name: float(table[name][at]) for name in INDICES},
+        )
+        for at, kind in enumerate(kinds)
+    ]

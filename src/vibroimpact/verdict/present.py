@@ -7,17 +7,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 
-import xarray as xr
-
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence import Attractor, attractors
 from vibroimpact.coexistence.measuring import QUIET, Measured, Runner, Start
+from vibroimpact.dataset import provenance
 from vibroimpact.motion import Motion, MotionClass, recognise
 from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.orbit import Impacts, value_of
 from vibroimpact.oscillator import ImpactOscillator, Model, check_names
 from vibroimpact.parameters import Parameter, invalid
-from vibroimpact.sections import impact_section
+from vibroimpact.sections import in_seconds, labelled_impacts
 
 THRIFT = 100  # certified steps per impact, but for the motion itself: others are not worth a long wait for rare hits
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
@@ -55,45 +54,39 @@ class Present:
 def present_motion(model: Model, runner: Runner) -> Present:
     """Return the motion that a start from rest settles to.
 
-    The orbit is measured once and, where it has a cycle, sampled once; the first impact of the sample is the state that
-    its boundaries and advice are followed from.
+    One run measures and samples it; the first impact of a cycle's sample is the state that boundaries and advice are
+    followed from.
     """
     osc = model.at()
-    (measured,) = runner.measure(osc.cells({}))
+    measured, seen = runner.record(osc.cells({}), ImpactWindow(SETTLED, SHOWN))
     motion = Motion(measured.kind, measured.n_periods, measured.n_impacts, status=measured.status)
     if not (measured.motion_class.hits and measured.n_periods):
         (state,) = runner.follow(osc.cells({}), SETTLED)
         orbit = _sticking_orbit(model, 1) if measured.motion_class == MotionClass.STICKING else None
         return Present(model, osc, measured, motion, orbit, state)
-    section = impact_section(osc, transient_impacts=SETTLED, sample_impacts=SHOWN, tolerances=runner.tolerances)
-    seen = recognise(section)
     if measured.motion_class == MotionClass.STICKING:
         orbit = _sticking_orbit(model, measured.n_periods)
     else:
-        orbit = _cycle(model, measured, section)
+        orbit = _cycle(model, measured, Impacts(seen.impact_phase, seen.impact_velocity))
     if orbit is not None and not orbit.sticks:
         motion = replace(motion, velocities=orbit.velocities, phases=orbit.phases)
-    elif seen.kind == motion.kind:
-        motion = seen
-    return Present(model, osc, measured, motion, orbit, _after_first(osc, section))
-
-
-def _after_first(osc: ImpactOscillator, section: xr.Dataset) -> Start | None:
-    """Return the state just after the first impact of a section."""
-    if not section.sizes["impact"]:
-        return None
-    return Start(0.0, -osc.restitution * float(section["velocity"][0]), float(section["phase"][0]))
+    else:
+        recognised = recognise(labelled_impacts(seen, in_seconds(osc), provenance("impact_section", osc, {})))
+        motion = recognised if recognised.kind == motion.kind else motion
+    hits = zip(seen.impact_velocity.tolist(), seen.impact_phase.tolist(), strict=True)
+    after = (Start(0.0, -osc.restitution * velocity, phase) for velocity, phase in hits)
+    return Present(model, osc, measured, motion, orbit, next(after, None))
 
 
 def _sticking_orbit(model: Model, n_periods: int) -> Orbit | None:
     return next(iter(find_orbit(model, n_periods=n_periods, n_impacts=-1)), None)
 
 
-def _cycle(model: Model, measured: Measured, section: xr.Dataset) -> Orbit | None:
+def _cycle(model: Model, measured: Measured, seen: Impacts) -> Orbit | None:
     """Return the stable orbit that the settled motion is on."""
-    if measured.n_impacts > LONGEST or section.sizes["impact"] < measured.n_impacts:
+    if measured.n_impacts > LONGEST or len(seen.velocities) < measured.n_impacts:
         return None
-    last = Impacts(*(section[name].values[-measured.n_impacts :] for name in ("phase", "velocity")))
+    last = Impacts(*(column[-measured.n_impacts :] for column in seen))
     near = float(last.phases[-1]), float(last.velocities[-1])
     found = [
         orbit
