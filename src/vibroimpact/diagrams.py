@@ -26,10 +26,9 @@ from vibroimpact.execution.threads import run_sweep, run_tiles, tiles, worker_co
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import Model, State, check_model, one_start
-from vibroimpact.parameters import choice
+from vibroimpact.parameters import choice, phase_number
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.request import Request, check_axes, check_fits
-from vibroimpact.sections import section_phase
 from vibroimpact.status import Status
 
 SECTIONS = ("impact", "stroboscopic")
@@ -130,7 +129,7 @@ def bifurcation_diagram(
     impacts = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     window: ImpactWindow | StroboscopicWindow = impacts
     if section == "stroboscopic":
-        window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, section_phase(phase))
+        window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, phase_number("phase", phase))
     threads = worker_count(workers)
     chosen = check_indices(indices) if indices else ()
     engine = get_backend(backend, time_step=time_step)

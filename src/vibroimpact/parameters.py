@@ -44,6 +44,23 @@ def real_number(name: str, value: Any, allowed: str = "a finite number", hint: s
     return number
 
 
+def positive_number(name: str, value: Any) -> float:
+    """Return the value as a finite float above 0."""
+    number = real_number(name, value, "a number > 0")
+    if number <= 0.0:
+        raise invalid(name, value, "a number > 0")
+    return number
+
+
+def phase_number(name: str, value: Any) -> float:
+    """Return a phase of the driving period, (t mod T)/T, as a float in [0, 1)."""
+    allowed, hint = "at least 0 and less than 1", "give (t mod T)/T"
+    number = real_number(name, value, allowed, hint)
+    if not 0.0 <= number < 1.0:
+        raise invalid(name, value, allowed, hint)
+    return number
+
+
 def whole_number(name: str, value: Any, least: int) -> int:
     """Return the value as an int that is not below `least`."""
     allowed = f"a whole number >= {least}"

@@ -17,7 +17,7 @@ from vibroimpact.cells import Floats, cells_at
 from vibroimpact.dataset import impact_speed, provenance, status_variable, stick_times, variable
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State, one_start, the_oscillator
-from vibroimpact.parameters import invalid, real_number, whole_number
+from vibroimpact.parameters import invalid, phase_number, positive_number, whole_number
 
 Seconds = Callable[[Any, Any], Any]  # of whole driving periods and phases
 
@@ -26,15 +26,6 @@ def in_seconds(osc: ImpactOscillator) -> Seconds:
     """Return the function that makes seconds of an oscillator's driving periods and phases."""
     period = osc.period
     return lambda periods, phase: (periods + phase) * period
-
-
-def section_phase(phase: float) -> float:
-    """Return the phase of a stroboscopic section if it lies in [0, 1)."""
-    allowed = "at least 0 and less than 1"
-    value = real_number("phase", phase, allowed, "give (t mod T)/T")
-    if not 0.0 <= value < 1.0:
-        raise invalid("phase", phase, allowed, "give (t mod T)/T")
-    return value
 
 
 @dataclass(frozen=True)
@@ -93,7 +84,7 @@ def simulate(
     backend : str
         Name of the back end; `time_step` in s goes with "fixed-step" only.
     tolerances : Tolerances, optional
-        Numerical tolerances.
+        Numerical tolerances; `chatter` says which impacts are too weak to be recorded.
 
     Returns
     -------
@@ -127,9 +118,7 @@ def simulate(
     True
     """
     orbit = _Orbit(osc, start, backend, time_step, tolerances)
-    length = real_number("periods", periods, "a number > 0")
-    if not length > 0.0:
-        raise invalid("periods", periods, "a number > 0", "say how many driving periods to follow")
+    length = positive_number("periods", periods)
     density = whole_number("samples_per_period", samples_per_period, 1)
     window = StroboscopicWindow(0, int(np.floor(length * density + 1e-9)) + 1, None, density)
     seen, seconds = orbit.samples(window)
@@ -185,16 +174,10 @@ def impact_section(
 
     Parameters
     ----------
-    osc : ImpactOscillator or family
-        The design.
-    start : State, optional
-        Initial condition; None is at rest at min(0, gap) at time 0.
+    osc, start, backend, time_step, tolerances
+        As of `simulate`.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept.
-    backend : str
-        Name of the back end; `time_step` in s goes with "fixed-step" only.
-    tolerances : Tolerances, optional
-        Numerical tolerances; `chatter` says which impacts are too weak to be recorded.
 
     Returns
     -------
@@ -260,18 +243,12 @@ def stroboscopic_section(
 
     Parameters
     ----------
-    osc : ImpactOscillator or family
-        The design.
-    start : State, optional
-        Initial condition; None is at rest at min(0, gap) at time 0.
+    osc, start, backend, time_step, tolerances
+        As of `simulate`.
     phase : float, 0 <= phase < 1
         When to look, (t mod T)/T.
     transient_periods, sample_periods : int, >= 0 and >= 1
         Driving periods left out, then kept.
-    backend : str
-        Name of the back end; `time_step` in s goes with "fixed-step" only.
-    tolerances : Tolerances, optional
-        Numerical tolerances.
 
     Returns
     -------
@@ -301,7 +278,7 @@ def stroboscopic_section(
     """
     orbit = _Orbit(osc, start, backend, time_step, tolerances)
     sampling = Sampling(transient_periods=transient_periods, sample_periods=sample_periods)
-    window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, section_phase(phase))
+    window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, phase_number("phase", phase))
     seen, seconds = orbit.samples(window)
     return xr.Dataset(
         {
@@ -326,12 +303,8 @@ def impact_map(
 
     Parameters
     ----------
-    osc : ImpactOscillator or family
-        The design.
-    backend : str
-        Name of the back end; `time_step` in s goes with "fixed-step" only.
-    tolerances : Tolerances, optional
-        Numerical tolerances; `chatter` says which impacts are too weak to be counted.
+    osc, backend, time_step, tolerances
+        As of `simulate`.
 
     Returns
     -------

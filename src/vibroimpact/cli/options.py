@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass
+from functools import partial
 from inspect import Parameter, Signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -219,11 +220,7 @@ START_Y = _axis("y", "velocity=0:3:200, in m/s. (default: 0 to 4 max(f, k|g|)/sq
 
 # Sampling
 
-
-def _sampling(name: str, metavar: str, text: str) -> Option:
-    return Option(name, metavar, text, "Sampling", table="sampling")
-
-
+_sampling = partial(Option, panel="Sampling", table="sampling")
 TRANSIENT_IMPACTS = _sampling("transient_impacts", "N", "Impacts discarded first. (default: 100)")
 SAMPLE_IMPACTS = _sampling("sample_impacts", "N", "Impacts kept after that. (default: 5000)")
 BASIN_IMPACTS = _sampling("sample_impacts", "N", "Impacts kept, in the first of three rounds. (default: 500)")
@@ -244,23 +241,22 @@ START_PHASE = Option(
 
 # How it is computed
 
-
-def _how(name: str, metavar: str, text: str, table: str = "", **more: Any) -> Option:
-    return Option(name, metavar, text, "How to compute", table=table, **more)
-
-
+_how = partial(Option, panel="How to compute")
 BACKEND = _how(
-    "backend", "NAME", "cpu, cuda (GPU), reference (slow witness) or fixed-step (the paper's). (default: cpu)", "run"
+    "backend",
+    "NAME",
+    "cpu, cuda (GPU), reference (slow witness) or fixed-step (the paper's). (default: cpu)",
+    table="run",
 )
-TIME_STEP = _how("time_step", "S", "Time step of the back end fixed-step, in s. (default: 0.0005)", "run")
+TIME_STEP = _how("time_step", "S", "Time step of the back end fixed-step, in s. (default: 0.0005)", table="run")
 TOLERANCE = _how(
     "chatter", "X", "Impacts slower than this times max(f, k|g|)/sqrt(km) are not counted. (default: 1e-9)",
-    "tolerances",
+    table="tolerances",
 )  # fmt: skip
-WORKERS = _how("workers", "N", "Threads. (default: all cores)", "run")
+WORKERS = _how("workers", "N", "Threads. (default: all cores)", table="run")
 ENGINE = (BACKEND, TIME_STEP, TOLERANCE)
 EVERY_IMPACT = _how(
-    "early_closing", "", "Compute every impact, even where a closed cycle gives the rest.", "run",
+    "early_closing", "", "Compute every impact, even where a closed cycle gives the rest.", table="run",
     flags=("--every-impact",), kind=FLAG, read=lambda given: not given,
 )  # fmt: skip
 CLUSTER = _how(
@@ -276,9 +272,7 @@ DOUBLINGS = _how("doublings", "N", "Number of period doublings to follow into th
 
 # What is computed
 
-
-def _what(name: str, metavar: str, text: str, table: str = "", **more: Any) -> Option:
-    return Option(name, metavar, text, "What to compute", table=table, **more)
+_what = partial(Option, panel="What to compute")
 
 
 def _names(text: str) -> list[str]:
@@ -290,19 +284,19 @@ def _names(text: str) -> list[str]:
 INDICES = _what(
     "indices", "NAMES",
     f"Comma-separated: {', '.join(indices.INDICES)}; or all. (default: std; of a diagram: none)",
-    "run", read=_names,
+    table="run", read=_names,
 )  # fmt: skip
 _SECTIONS = (
     "impact: velocity and phase of impacts; stroboscopic: displacement and velocity once per driving period. "
     "(default: impact)"
 )
-SECTION = _what("section", "KIND", _SECTIONS, "run")
-SECTION_KIND = _what("section", "KIND", _SECTIONS, "run", flags=("--kind",))
+SECTION = _what("section", "KIND", _SECTIONS, table="run")
+SECTION_KIND = _what("section", "KIND", _SECTIONS, table="run", flags=("--kind",))
 DIRECTION = _what(
     "direction", "WAY",
     "fresh: each value from the same initial conditions; up, down: each from where its neighbour ended. (default: "
     "fresh)",
-    "run",
+    table="run",
 )  # fmt: skip
 VARY = _what(
     "vary", "NAMES", "Comma-separated: the parameters varied in search of boundaries and remedies. (default: all)"
@@ -310,11 +304,7 @@ VARY = _what(
 WITHIN = _what("within", "X", "How far: from value/(1+X) to value*(1+X). (default: 3)")
 SEARCH = (VARY, WITHIN)
 
-
-def _orbit(name: str, metavar: str, text: str, **more: Any) -> Option:
-    return Option(name, metavar, text, "Which orbits", **more)
-
-
+_orbit = partial(Option, panel="Which orbits")
 ORBIT_PERIODS = _orbit("n_periods", "N", "Driving periods per cycle. (default: 1)", flags=("--periods",))
 PERIODS_LIST = _orbit(
     "periods_list", "N,N", "Driving periods per cycle, one or several. (default: 1,2)", flags=("--periods",)
@@ -334,15 +324,8 @@ ORBIT = (ORBIT_PERIODS, ORBIT_IMPACTS, NEAR)
 
 # Where the result goes
 
-
-def _output(name: str, metavar: str, text: str, **more: Any) -> Option:
-    return Option(name, metavar, text, "Output", **more)
-
-
-def _out(metavar: str, text: str, **more: Any) -> Option:
-    return _output("out", metavar, text, flags=("--out", "-o"), kind=PATH, **more)
-
-
+_output = partial(Option, panel="Output")
+_out = partial(_output, "out", flags=("--out", "-o"), kind=PATH)
 OUT_FILE = _out("FILE", "Data (.zarr .nc .csv .mat) or a figure (.png .svg .pdf). Without it: a summary as text.")
 OVERWRITE = _output("overwrite", "", "Replace an existing output.", kind=FLAG)
 OUT = (OUT_FILE, OVERWRITE)

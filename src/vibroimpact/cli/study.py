@@ -17,7 +17,16 @@ from vibroimpact.cli import refusing
 from vibroimpact.cli.options import ENDS
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State
-from vibroimpact.parameters import Parameter, choice, invalid, real_number, unknown, whole_number
+from vibroimpact.parameters import (
+    Parameter,
+    choice,
+    invalid,
+    phase_number,
+    positive_number,
+    real_number,
+    unknown,
+    whole_number,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -46,21 +55,6 @@ def _flag(name: str, value: Any) -> bool:
     return value
 
 
-def _positive(name: str, value: Any) -> float:
-    positive = real_number(name, value, "a number > 0")
-    if positive <= 0.0:
-        raise invalid(name, value, "a number > 0")
-    return positive
-
-
-def _phase(name: str, value: Any) -> float:
-    allowed, hint = "at least 0 and below 1", "it is a fraction of the driving period"
-    phase = real_number(name, value, allowed, hint)
-    if not 0.0 <= phase < 1.0:
-        raise invalid(name, value, allowed, hint)
-    return phase
-
-
 def _count(name: str, value: Any) -> int:
     return whole_number(name, value, 1)
 
@@ -80,13 +74,13 @@ def _backend(name: str, value: Any) -> str:
 
 
 TABLES: dict[str, dict[str, Callable[[str, Any], Any]]] = {
-    "sampling": {**_part_of(Sampling), "phase": _phase, "periods": _positive, "samples_per_period": _count},
+    "sampling": {**_part_of(Sampling), "phase": phase_number, "periods": positive_number, "samples_per_period": _count},
     "start": {field.name: real_number for field in fields(State)},
     "tolerances": _part_of(Tolerances),
     "run": {
         "indices": _indices,
         "backend": _backend,
-        "time_step": _positive,
+        "time_step": positive_number,
         "workers": _count,
         "section": _one_of("impact", "stroboscopic"),
         "direction": _one_of("fresh", "up", "down"),
@@ -147,26 +141,10 @@ def _load(path: Path) -> dict[str, Any]:
 def make_study(
     document: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]] | None = None, *, dotted: bool = False
 ) -> Study:
-    """Return the request that nested tables hold, or raise one `ValueError` with a line for each error.
+    """Return the request that the tables of a study file hold, or raise one `ValueError` with a line for each error.
 
-    Parameters
-    ----------
-    document : mapping
-        The tables of a study file.
-    changes : mapping of tables, optional
-        Values that complete those of `document` or take their place; axes given here replace all of its axes.
-    dotted : bool
-        Whether errors name a key with its table (`oscillator.mass`) or alone (`mass`).
-
-    Returns
-    -------
-    Study
-        The request, checked.
-
-    Raises
-    ------
-    ValueError
-        Something is misspelt, missing or out of its range.
+    The tables of `changes` complete or replace values of `document`; axes in them replace all of its axes. Errors name
+    a key with its table if `dotted` (`oscillator.mass`), else alone (`mass`).
 
     Examples
     --------
@@ -289,18 +267,17 @@ def axis_values(parameter: Parameter, value: Any) -> Floats:
     name = parameter.name
     if isinstance(value, Mapping) and set(value) == {"values"}:
         value = value["values"]
-    if isinstance(value, (list, tuple)):
-        if not value:
-            raise invalid(name, value, "at least one value")
-        listed = np.array([parameter.check(entry) for entry in value])
-        if not (np.diff(listed) > 0.0).all():
-            raise invalid(name, value, "strictly increasing", "sort the values")
-        return listed
-    if not isinstance(value, Mapping):
-        raise invalid(
-            name, value, "a list of values or { from, to, points }", "write { from = 1.0, to = 2.0, points = 11 }"
-        )
-    return span_values(parameter, value)
+    if isinstance(value, Mapping):
+        return span_values(parameter, value)
+    if not isinstance(value, (list, tuple)):
+        hint = "write { from = 1.0, to = 2.0, points = 11 }"
+        raise invalid(name, value, "a list of values or { from, to, points }", hint)
+    if not value:
+        raise invalid(name, value, "at least one value")
+    listed = np.array([parameter.check(entry) for entry in value])
+    if not (np.diff(listed) > 0.0).all():
+        raise invalid(name, value, "strictly increasing", "sort the values")
+    return listed
 
 
 def span_values(parameter: Parameter, span: Mapping[str, Any], least: int = 1) -> Floats:

@@ -19,9 +19,8 @@ from vibroimpact.dataset import impact_speed, provenance, status_variable, varia
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State, the_oscillator
-from vibroimpact.parameters import invalid, unknown
+from vibroimpact.parameters import invalid, phase_number, unknown
 from vibroimpact.progress import Report, reporter
-from vibroimpact.sections import section_phase
 
 POINTS = 256  # of an attractor, at most, that are returned to be marked in a portrait
 _NAMES = ("displacement", "velocity", "phase")
@@ -297,7 +296,7 @@ def check_grid(osc: ImpactOscillator, axes: Mapping[str, Any]) -> tuple[dict[str
     phase = 0.0
     given = dict(axes)
     if "displacement" in given and np.ndim(given.get("phase", ())) == 0:
-        phase = section_phase(given.pop("phase"))
+        phase = phase_number("phase", given.pop("phase"))
     if set(given) not in ({"displacement", "velocity"}, {"phase", "velocity"}):
         got = ", ".join(f"`{name}`" for name in axes) or "no axis"
         raise ValueError(f"the axes must be {_PAIRS}, got {got}")
