@@ -121,6 +121,9 @@ class Part(NamedTuple):
 def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | None = None) -> Axes:
     """Draw branches of periodic orbits: stable parts solid, unstable ones dashed, bifurcations marked and named.
 
+    Each impact of a cycle is a line. Parts with inadmissible orbits, which would penetrate the stop, are dotted; they
+    do not widen the view. A point on two branches is named once.
+
     Parameters
     ----------
     branches : Branch, xarray.Dataset, or sequence of them
@@ -128,11 +131,6 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
     diagram : xarray.Dataset, optional
         What `vibroimpact.bifurcation_diagram` returns with section="impact" over the same parameter, drawn beneath as
         grey dots.
-
-    Notes
-    -----
-    Each impact of a cycle is a line. Parts with inadmissible orbits, which would penetrate the stop, are dotted; they
-    do not widen the view. A point on two branches is named once.
 
     Examples
     --------
@@ -240,7 +238,7 @@ def _merged(ax: Axes, names: list[tuple[float, float, str]]) -> list[tuple[float
 
 
 def _check_beneath(diagram: Any, parameter: str) -> None:
-    _, axis, samples = check_diagram("diagram", diagram)
+    axis, samples = check_diagram("diagram", diagram)
     if samples != "impact" or axis != parameter:
         raise ValueError(
             f"`diagram` must hold impacts over {parameter}, as `branches` do, got {samples}s over {axis}; "

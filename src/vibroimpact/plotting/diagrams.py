@@ -36,13 +36,13 @@ PAPERS_SCALE = 5.0  # of Std over the velocities, in Lee's figure 10
 LEVELS = 2000  # above it, samples of one column in the same 1/LEVELS of the axis are drawn once
 
 
-def check_diagram(argument: str, value: Any) -> tuple[xr.Dataset, str, str]:
-    """Return a bifurcation diagram with the names of its axis and of its sample dimension."""
+def check_diagram(argument: str, value: Any) -> tuple[str, str]:
+    """Return the names of a bifurcation diagram's axis and of its sample dimension, or raise `ValueError`."""
     if isinstance(value, xr.Dataset) and "velocity" in value and len(value["velocity"].dims) == 2:
         samples = [str(dim) for dim in value["velocity"].dims if dim in SAMPLE_DIMS]
         axes = [str(dim) for dim in value["velocity"].dims if dim not in SAMPLE_DIMS]
         if len(axes) == 1 and len(samples) == 1 and axes[0] in value.coords:
-            return value, axes[0], samples[0]
+            return axes[0], samples[0]
     allowed = "a result of bifurcation_diagram (velocity over its axis and impact or period)"
     raise refused(argument, value, allowed, "pass what vibroimpact.bifurcation_diagram returns")
 
@@ -128,7 +128,7 @@ def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Ax
     >>> vi.plotting.bifurcation_diagram(diagram).get_ylabel()
     'impact velocity $I$ [m/s]'
     """
-    _, axis, samples = check_diagram("diagram", diagram)
+    axis, samples = check_diagram("diagram", diagram)
     offered = [name for name in ("displacement", "velocity", "phase") if name in diagram]
     chosen = offered[0] if quantity is None else choice("quantity", quantity, offered)
     ax = new_axes(ax, (8.0, 4.4), title(diagram))
@@ -186,7 +186,7 @@ def diagram_with_index(
     >>> ax.get_legend().get_texts()[-1].get_text()
     '5 $\\times$ $\\mathrm{Std}$'
     """
-    _, axis, samples = check_diagram("diagram", diagram)
+    axis, samples = check_diagram("diagram", diagram)
     if samples != "impact":
         raise ValueError(
             "`diagram` must hold impacts, got one sample per period; call bifurcation_diagram with section='impact'"
@@ -231,17 +231,15 @@ def _frame_index(ax: Axes, values: Floats) -> None:
 def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -> Axes:
     r"""Draw an index against the one parameter swept.
 
+    The line is broken where the index has no value; marks along the bottom show the statuses that say why. Of several
+    initial conditions the largest value is drawn.
+
     Parameters
     ----------
     sweep : xarray.Dataset
         What `vibroimpact.parameter_map` returns over one axis.
     index : str
         The index drawn, one that `sweep` holds.
-
-    Notes
-    -----
-    The line is broken where the index has no value; marks along the bottom show the statuses that say why. Of several
-    initial conditions the largest value is drawn.
 
     Examples
     --------

@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import PowerNorm
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.patheffects import AbstractPathEffect, withStroke
+from matplotlib.patheffects import withStroke
 
 from vibroimpact.parameters import invalid, real_number, unknown
 from vibroimpact.plotting.style import (
@@ -51,17 +51,12 @@ COLORS = "viridis"
 LEVEL_OF_V = 0.05  # the default boundary of Std, as a part of the velocity scale V
 
 
-def _value_range(values: Floats) -> tuple[float, float]:
-    finite = values[np.isfinite(values)]
-    if finite.size == 0:
-        return 0.0, 1.0
-    low, high = float(finite.min()), float(finite.max())
-    return (low, high) if high > low else (low, low + (abs(low) or 1.0))
-
-
 def _shades(values: Floats) -> PowerNorm:
-    """Return colours on a square-root scale, so that small values differ visibly beside a resonance."""
-    low, high = _value_range(values)
+    """Return colours on a square-root scale from zero, so that small values differ visibly beside a resonance."""
+    finite = values[np.isfinite(values)]
+    low, high = float(finite.min(initial=np.inf)), float(finite.max(initial=-np.inf))
+    if low >= high:  # one value, or none
+        low, high = (low, low + (abs(low) or 1.0)) if finite.size else (0.0, 1.0)
     return PowerNorm(0.5, vmin=min(0.0, low), vmax=high)
 
 
@@ -108,7 +103,7 @@ def boundary_lines(sweep: xr.Dataset, index: str, level: float) -> list[Floats]:
     return [np.asarray(line) for line in generator.lines(height)]
 
 
-def boundary_level(sweep: xr.Dataset, field: xr.DataArray, level: float | None) -> tuple[float, str] | None:
+def _boundary_level(sweep: xr.Dataset, field: xr.DataArray, level: float | None) -> tuple[float, str] | None:
     """Return the level of the boundary and how the legend explains it; None where no level has a meaning."""
     units = unit_suffix(described(field)[1], " {}")
     if level is not None:
@@ -170,13 +165,12 @@ def draw_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
     return missing
 
 
-def _draw_boundary(ax: Axes, lines: list[Floats]) -> list[AbstractPathEffect]:
-    """Draw the lines of a level, white with a dark halo, which is returned for the legend."""
-    halo: list[AbstractPathEffect] = [withStroke(linewidth=1.9, foreground=INK)]
-    drawn = LineCollection(lines, colors="white", linewidths=0.8, zorder=4)
-    drawn.set_path_effects(halo)
+def _draw_boundary(ax: Axes, lines: list[Floats], text: str) -> Line2D:
+    """Draw the lines of a level, white with a dark halo; return the legend's entry."""
+    halo = [withStroke(linewidth=1.9, foreground=INK)]
+    drawn = LineCollection(lines, colors="white", linewidths=0.8, path_effects=halo, zorder=4)
     ax.add_collection(drawn, autolim=False)
-    return halo
+    return Line2D([], [], color="white", linewidth=0.8, path_effects=halo, label=text)
 
 
 @on_axes
@@ -222,19 +216,19 @@ def index_contour(
     'mass $m$ [kg]'
     """
     sweep, field = check_sweep("sweep", sweep, index, 2)
-    boundary = boundary_level(sweep, field, level)
+    boundary = _boundary_level(sweep, field, level)
     marked = _reference_values(sweep, field, reference)
     ax = new_axes(ax, (7.2, 5.4), title(sweep))
     entries: list[Any] = list(draw_cells(ax, sweep, field))
     if boundary is not None:
-        halo = _draw_boundary(ax, boundary_lines(sweep, index, boundary[0]))
-        text = f"boundary: {symbol_of(field)} = {boundary[1]}"
-        entries.insert(0, Line2D([], [], color="white", linewidth=0.8, path_effects=halo, label=text))
+        lines = boundary_lines(sweep, index, boundary[0])
+        entries.insert(0, _draw_boundary(ax, lines, f"boundary: {symbol_of(field)} = {boundary[1]}"))
     _draw_references(ax, field, marked)
     legend_below(ax, entries)
     return ax
 
 
+@on_axes
 def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -> Axes:
     """Draw an index over two parameters as a surface: mountains where impacts vary, plains where they repeat.
 
@@ -244,22 +238,11 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
         What `vibroimpact.parameter_map` returns over two axes; the first lies along x.
     index : str
         The index drawn, one that `sweep` holds.
-    ax : matplotlib.axes.Axes, optional
-        Three-dimensional axes to draw on; a new figure without it.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The three-dimensional axes.
-
-    Raises
-    ------
-    ValueError
-        `sweep` does not have two axes or does not hold the `index`, or `ax` is flat.
 
     Notes
     -----
-    Every cell is drawn, none is thinned out. Cells without a value are holes; `index_contour` says why.
+    `ax` must be three-dimensional. Every cell is drawn, none is thinned out. Cells without a value are holes;
+    `index_contour` says why.
 
     References
     ----------
@@ -278,12 +261,12 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
         raise invalid("ax", ax.name, "three-dimensional axes", "make them with add_subplot(projection='3d')")
     solid: Any = new_axes(ax, (7.2, 5.6), title(sweep), projection="3d")
     x, y, values = grid_of(field)
-    low, high = _value_range(values)
+    shades = _shades(values)
     surface = solid.plot_surface(
-        *np.meshgrid(x, y), values, rcount=len(y), ccount=len(x), cmap=COLORS, norm=_shades(values),
+        *np.meshgrid(x, y), values, rcount=len(y), ccount=len(x), cmap=COLORS, norm=shades,
         linewidth=0.0, antialiased=False, rasterized=True,
     )  # fmt: skip
-    solid.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]), zlim=(min(0.0, low), high))
+    solid.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]), zlim=(shades.vmin, shades.vmax))
     solid.set_xlabel(label(field[field.dims[0]]), labelpad=6)
     solid.set_ylabel(label(field[field.dims[1]]), labelpad=6)
     short = f"{symbol_of(field)}{unit_suffix(described(field)[1])}"
@@ -298,17 +281,15 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
 def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = None) -> Axes:
     """Draw an index of scattered designs: each a dot over its first two varied parameters, coloured by the index.
 
+    With one varied parameter the index lies along y. Designs without a value are crosses in the colour of their
+    status, which the legend names. Of several initial conditions the largest value is drawn.
+
     Parameters
     ----------
     designs : xarray.Dataset
         What `vibroimpact.parameter_map` returns for ``points=``, a table of designs.
     index : str
         The index drawn, one that `designs` holds.
-
-    Notes
-    -----
-    With one varied parameter the index lies along y. Designs without a value are crosses in the colour of their
-    status, which the legend names. Of several initial conditions the largest value is drawn.
 
     Examples
     --------

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from vibroimpact.classes import classify
 from vibroimpact.dataset import VARIABLES
@@ -47,7 +46,6 @@ from vibroimpact.plotting.sweeps import (
     add_bar,
     check_lengths,
     check_sweep,
-    colour_mesh,
     draw_missing,
     draw_numbers,
     fill_cells,
@@ -140,7 +138,10 @@ def motion_map(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
     if "start" in field.dims:
         classes, several = _one_start(classes)
         field = classes["motion"]
-    layers = [(here, color, f"{_padded(here)}   {text}") for here, color, text in _layers(classes, field, several.T)]
+    layers = [
+        (here, color, f"{percent(float(here.mean())).rjust(6, FIGURE_SPACE)}   {text}")
+        for here, color, text in _layers(classes, field, several.T)
+    ]
     ax = new_axes(ax, (7.8, 5.0), title(classes))
     entries = fill_cells(ax, field, layers, OPEN)
     frame_plane(ax, field)
@@ -159,11 +160,11 @@ def _one_start(classes: xr.Dataset) -> tuple[xr.Dataset, Mask]:
 
 
 def _layers(classes: xr.Dataset, field: xr.DataArray, several: Mask) -> Iterator[Layer]:
-    """Yield which cells each motion of the legend fills, its colour and its name; motions that occur nowhere not."""
+    """Yield which cells each motion of the legend fills, perhaps none, its colour and its name."""
     codes = np.where(several, -1, grid_of(field)[2].astype(int))
     n, p = (grid_of(classes[name].transpose(*field.dims))[2].astype(int) for name in ("n_periods", "n_impacts"))
-    layers = [*motion_layers(codes, n, p), (several, SEVERAL, "depends on the initial condition")]
-    yield from (layer for layer in layers if layer[0].any())
+    yield from motion_layers(codes, n, p)
+    yield several, SEVERAL, "depends on the initial condition"
 
 
 def motion_layers(codes: Any, n_periods: Any, n_impacts: Any) -> Iterator[Layer]:
@@ -176,11 +177,6 @@ def motion_layers(codes: Any, n_periods: Any, n_impacts: Any) -> Iterator[Layer]
         yield here, color, cycle_name(*name)
     yield rest, OTHER_PERIODIC, "other periodic"
     yield from ((codes == kind, COLORS[kind], word) for kind, word in WORDS.items())
-
-
-def _padded(where: Mask) -> str:
-    """Return the share of the cells in per cent, padded with figure spaces to one width."""
-    return percent(float(where.mean())).rjust(6, FIGURE_SPACE)
 
 
 def symmetric_limit(values: Floats) -> float:
@@ -222,21 +218,14 @@ def exponent_map(sweep: xr.Dataset, index: str = "lyapunov", ax: Axes | None = N
     limit = symmetric_limit(values)
     ax = new_axes(ax, (7.2, 5.4), title(sweep))
     mesh = draw_numbers(ax, field, SIGNED, Normalize(-limit, limit))
-    entries = _draw_sticking(ax, np.isneginf(values), field)
+    sticks = np.isneginf(values)
+    share = rf"${symbol_of(field).strip('$')} = -\infty$ ({percent(float(sticks.mean()))} of the cells)"
+    entries = fill_cells(ax, field, [(sticks, STICKING, f"sticking: {share}")])
     entries += draw_missing(ax, sweep, field.where(~np.isneginf(field), 0.0))
     frame_plane(ax, field)
     add_bar(ax, mesh, field, pad=0.02, extend=_beyond(values, limit))
     legend_below(ax, entries)
     return ax
-
-
-def _draw_sticking(ax: Axes, sticks: np.ndarray, field: xr.DataArray) -> list[Patch]:
-    """Colour the cells whose exponent is minus infinity; return the legend's entry."""
-    if not sticks.any():
-        return []
-    colour_mesh(ax, field, np.ma.masked_where(~sticks, np.zeros(sticks.shape)), cmap=ListedColormap([STICKING]))
-    symbol, share = symbol_of(field).strip("$"), percent(float(sticks.mean()))
-    return [Patch(color=STICKING, label=rf"sticking: ${symbol} = -\infty$ ({share} of the cells)")]
 
 
 def _beyond(values: Floats, limit: float) -> str:
@@ -317,9 +306,8 @@ def _basins(dataset: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
     cut_off = (numbers < 0) & np.isin(codes, (Status.BUDGET, Status.INTERRUPTED))
     yield from by_status(cut_off, codes, "initial condition")
     undecided = (numbers < 0) & ~cut_off
-    if undecided.any():
-        count = counted(int(undecided.sum()), "initial condition")
-        yield undecided, OPEN, f"undecided: neither a cycle nor certain chaos ({count})"
+    count = counted(int(undecided.sum()), "initial condition")
+    yield undecided, OPEN, f"undecided: neither a cycle nor certain chaos ({count})"
 
 
 def _mark_attractors(ax: Axes, dataset: xr.Dataset, axes: tuple[str, str]) -> bool:

@@ -245,8 +245,10 @@ def distinct_points(points: Floats, tolerance: Floats, wrap: bool = False) -> Fl
     return None if len(left) else np.array(found).reshape(-1, 2)
 
 
-def _points(ax: Axes, section: xr.Dataset, across: str) -> Floats:
-    """Return the points of a section, label the axes, and say why there are none."""
+def _section(section: xr.Dataset, ax: Axes | None, maker: str, across: str, along: str) -> tuple[Axes, Floats]:
+    """Return labelled axes for a checked section and its points; axes without any say why."""
+    _check("section", section, maker, {across: along, "velocity": along})
+    ax = new_axes(ax, (6.2, 5.0), title(section))
     points: Floats = np.column_stack([section[across].values, section["velocity"].values])
     points = points[np.isfinite(points).all(axis=1)]
     label_axes(ax, section[across], section["velocity"])
@@ -254,7 +256,7 @@ def _points(ax: Axes, section: xr.Dataset, across: str) -> Floats:
         status = _ended(section)
         text = "no sample" if status is None else status.sentence.replace("; ", ";\n")
         ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color="#555555")
-    return points
+    return ax, points
 
 
 def _draw_points(ax: Axes, points: Floats, tolerance: Floats, noun: str, wrap: bool = False) -> bool:
@@ -298,9 +300,7 @@ def stroboscopic_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     >>> vi.plotting.stroboscopic_map(section).get_legend().get_texts()[0].get_text()
     '1 point in 50 periods'
     """
-    _check("section", section, "stroboscopic_section", {"displacement": "period", "velocity": "period"})
-    ax = new_axes(ax, (6.2, 5.0), title(section))
-    points = _points(ax, section, "displacement")
+    ax, points = _section(section, ax, "stroboscopic_section", "displacement", "period")
     if not len(points):
         return ax
     osc = reference(section)
@@ -356,10 +356,8 @@ def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     >>> vi.plotting.impact_map(section).get_legend().get_texts()[0].get_text()
     '1 point in 50 impacts'
     """
-    _check("section", section, "impact_section", {"phase": "impact", "velocity": "impact"})
-    ax = new_axes(ax, (6.2, 5.0), title(section))
+    ax, points = _section(section, ax, "impact_section", "phase", "impact")
     ax.set_xlim(0.0, 1.0)
-    points = _points(ax, section, "phase")
     if not len(points):
         return ax
     fastest = float(points[:, 1].max())

@@ -75,6 +75,7 @@ DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0
 RINGS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "white"}
 LETTERS = 12.5  # of a legend, per inch of the figure
 SAMPLE_DIMS = ("impact", "period")
+LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 8.5, "borderaxespad": 0.0}
 BESIDE = "beside"  # marks a legend that leaves the room below the axes free
 
 
@@ -317,11 +318,9 @@ def legend_below(ax: Axes, handles: Sequence[Any] | None = None) -> None:
         ncols=_columns(ax, handles),
         bbox_to_anchor=(0.5, 0.0),
         bbox_transform=ax.transAxes + under_label,
-        frameon=False,
-        fontsize=8.5,
-        borderaxespad=0.0,
         handletextpad=0.5,
         columnspacing=1.6,
+        **LEGEND,
     )
 
 
@@ -332,14 +331,12 @@ def legend_beside(ax: Axes, handles: Sequence[Any], heading: str) -> None:
         title=heading,
         loc="upper left",
         bbox_to_anchor=(1.02, 1.0),
-        borderaxespad=0.0,
-        frameon=False,
-        fontsize=8.5,
         title_fontsize=8.5,
         alignment="left",
         handlelength=1.4,
         handleheight=1.1,
         labelspacing=0.45,
+        **LEGEND,
     )
     legend.set_gid(BESIDE)
 

@@ -102,7 +102,7 @@ def fill_cells(ax: Axes, field: xr.DataArray, layers: Iterable[Layer], others: s
     """Fill the cells of each layer with its colour, the `others` with theirs or none; return legend entries."""
     shape = grid_of(field)[2].shape
     shade, entries = np.zeros((*shape, 4)) if others is None else np.full((*shape, 3), to_rgb(others)), []
-    for here, color, text in layers:
+    for here, color, text in (layer for layer in layers if layer[0].any()):
         shade[here] = (*to_rgb(color), 1.0)[: shade.shape[2]]
         entries.append(Patch(facecolor=color, edgecolor=WALL if color == OPEN else color, label=text))
     if entries or others:
