@@ -13,25 +13,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
 from vibroimpact.motion import cycle_name
+from vibroimpact.plotting import style
 from vibroimpact.plotting.diagrams import check_diagram, draw_samples, mark_empty, set_height
 from vibroimpact.plotting.maps import draw_cells
-from vibroimpact.plotting.style import (
-    BLUE,
-    GREEN,
-    INK,
-    RED,
-    RINGS,
-    Floats,
-    label,
-    label_axes,
-    legend_added,
-    legend_below,
-    new_axes,
-    on_axes,
-    refused,
-    title,
-    view,
-)
+from vibroimpact.plotting.style import BLUE, GREEN, INK, RED, RINGS, Floats, on_axes
 from vibroimpact.plotting.sweeps import check_sweep
 
 SAMPLES = "#a9a9a9"
@@ -79,7 +64,7 @@ def _parts(argument: str, given: Any, mark: str, what: str, makers: str) -> list
     parts = [getattr(part, "dataset", part) for part in ([given] if alone else given)]
     for part in parts:
         if not isinstance(part, xr.Dataset) or mark not in part or not _along(part):
-            raise refused(argument, part, what, f"pass what {makers} returns")
+            raise style.refused(argument, part, what, f"pass what {makers} returns")
     if not parts:
         raise ValueError(f"`{argument}` must hold at least one of {what}, got none; pass what {makers} returns")
     return parts
@@ -146,7 +131,7 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
     (parameter,) = _plane("branches", drawn, "go along one parameter")
     if diagram is not None:
         _check_beneath(diagram, parameter)
-    ax = new_axes(ax, (8.0, 5.0), title(drawn[0] if diagram is None else diagram))
+    ax = style.new_axes(ax, (8.0, 5.0), style.title(drawn[0] if diagram is None else diagram))
     heights = _draw_beneath(ax, drawn, diagram, parameter)
     entries = ax.get_legend_handles_labels()[0]
     colors = dict(zip(dict.fromkeys(map(orbit_name, drawn)), cycle(COLORS)))
@@ -160,9 +145,9 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
     entries += [Line2D([], [], color=color, linewidth=2.0, label=name) for name, color in colors.items()]
     entries += [Line2D([], [], color=INK, **LOOKS[look]) for look in sorted(looks)]
     set_height(ax, drawn[0], "velocity", np.concatenate(seen))
-    label_axes(ax, drawn[0][parameter], drawn[0]["velocity"])
+    style.label_axes(ax, drawn[0][parameter], drawn[0]["velocity"])
     entries += _draw_special(ax, drawn, colors)
-    legend_below(ax, entries)
+    style.legend_below(ax, entries)
     return ax
 
 
@@ -250,7 +235,7 @@ def _draw_beneath(ax: Axes, drawn: list[xr.Dataset], diagram: xr.Dataset | None,
     """Draw the samples of the diagram in grey, or limit the axis by the branches; return the heights drawn."""
     if diagram is None:
         values = np.concatenate([branch[parameter].values for branch in drawn])
-        ax.set_xlim(*view(values, float(np.abs(values).max()) or 1.0))
+        ax.set_xlim(*style.view(values, float(np.abs(values).max()) or 1.0))
         return np.empty(0)
     heights = draw_samples(ax, diagram, parameter, "impact", "velocity", SAMPLES)
     mark_empty(ax, diagram, parameter)
@@ -292,18 +277,18 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
     if sweep is not None:
         _check_plane(sweep, plane)
         sweep, field = check_sweep("sweep", sweep, index, 2)
-        ax = new_axes(ax, (7.2, 5.4), title(sweep))
+        ax = style.new_axes(ax, (7.2, 5.4), style.title(sweep))
         below = draw_cells(ax, sweep, field)
-    ax = new_axes(ax, (7.2, 5.4), title(drawn[0]))
+    ax = style.new_axes(ax, (7.2, 5.4), style.title(drawn[0]))
     x, y = _order(ax, drawn[0], plane)
     labelled = bool(ax.get_xlabel())
     limits = ax.get_xlim(), ax.get_ylim()
     entries = {str(line.get_label()): line for line in (_draw_curve(ax, curve, x, y) for curve in drawn)}
     if labelled:
         ax.set(xlim=limits[0], ylim=limits[1])
-    label_axes(ax, drawn[0][x], drawn[0][y])
+    style.label_axes(ax, drawn[0][x], drawn[0][y])
     ordered = sorted(entries, key=lambda text: text.partition(" of period-")[::-1])  # by orbit, then by kind
-    legend_added(ax, [*below, *(entries[text] for text in ordered)])
+    style.legend_added(ax, [*below, *(entries[text] for text in ordered)])
     if own:
         _make_room(ax)
     return ax
@@ -331,7 +316,7 @@ def _order(ax: Axes, curve: xr.Dataset, plane: list[str]) -> tuple[str, str]:
     """Return which parameter lies along x and which along y: as the axes are labelled, else in the plane's order."""
     shown = ax.get_xlabel(), ax.get_ylabel()
     for x, y in (plane, plane[::-1]):
-        if shown in (("", ""), (label(curve[x]), label(curve[y]))):
+        if shown in (("", ""), (style.label(curve[x]), style.label(curve[y]))):
             return x, y
     raise ValueError(
         f"`ax` must be new or show {' and '.join(plane)}, as `curves` do, got axes of {shown[0]} and {shown[1]}"

@@ -15,19 +15,9 @@ from matplotlib.patches import FancyBboxPatch, Rectangle
 
 from vibroimpact.motion import recognise
 from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.plotting import style
 from vibroimpact.plotting.orbits import impact_map, phase_portrait, time_history
-from vibroimpact.plotting.style import (
-    BLUE,
-    INK,
-    RED,
-    STYLE,
-    described,
-    draw_stop,
-    held_text,
-    new_axes,
-    parameter_text,
-    refused,
-)
+from vibroimpact.plotting.style import BLUE, INK, RED
 from vibroimpact.sections import impact_section, simulate, stroboscopic_section
 
 # Positions in drawing units: frame | spring and damper | mass | clearance | stop.
@@ -69,9 +59,9 @@ def _damper(ax: Axes) -> None:
 
 
 def _arrow(ax: Axes, start: tuple[float, float], end: tuple[float, float], color: str, both: bool = False) -> None:
-    style = {"arrowstyle": "<|-|>" if both else "-|>", "color": color, "linewidth": 1.5, "shrinkA": 0, "shrinkB": 0,
-             "mutation_scale": 14}  # fmt: skip
-    ax.annotate("", xy=end, xytext=start, arrowprops=style)
+    look = {"arrowstyle": "<|-|>" if both else "-|>", "color": color, "linewidth": 1.5, "shrinkA": 0, "shrinkB": 0,
+            "mutation_scale": 14}  # fmt: skip
+    ax.annotate("", xy=end, xytext=start, arrowprops=look)
 
 
 def _mass(ax: Axes) -> None:
@@ -109,7 +99,7 @@ def oscillator_sketch(oscillator: Model | None = None, ax: Axes | None = None) -
     >>> oscillator_sketch(ImpactOscillator(omega=2.8)).axison
     False
     """
-    ax = new_axes(ax, (7.2, 3.4))
+    ax = style.new_axes(ax, (7.2, 3.4))
     ax.set_axis_off()
     ax.set_aspect("equal")
     _wall(ax, _FRAME - 0.45, _FRAME, _BOTTOM, _TOP, "right")
@@ -134,7 +124,7 @@ def oscillator_sketch(oscillator: Model | None = None, ax: Axes | None = None) -
     ):
         ax.text(x, y, text, color=color, fontsize=14, ha="center", va="center")
     if oscillator is not None:
-        text = ",   ".join(parameter_text(name, oscillator) for name in oscillator.values)
+        text = ",   ".join(style.parameter_text(name, oscillator) for name in oscillator.values)
         ax.text(4.0, -0.75, text, ha="center", va="center", fontsize=8.5, color="#555555")
     ax.set_xlim(_FRAME - 0.6, _STOP + 0.75)
     ax.set_ylim(-0.55 if oscillator is None else -1.0, 3.4)
@@ -185,7 +175,7 @@ def comparison_figure(
     import matplotlib.pyplot as plt
 
     oscillators, names, differing = _designs(designs, names)
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(style.STYLE):
         figure, axes = plt.subplots(3, 2, figsize=size, layout="constrained")
     for column, (osc, name, texts) in enumerate(zip(oscillators, names, differing, strict=True)):
         section = impact_section(osc, transient_impacts=SETTLED, sample_impacts=SAMPLED)
@@ -214,10 +204,10 @@ def _designs(designs: Any, names: Sequence[str]) -> Designs:
     if len(models) == len(names) == 2 and all(isinstance(model, Model) for model in models):
         a, b = (model.values for model in models)
         differing = [name for name in a if a[name] != b.get(name)]
-        texts = [[parameter_text(name, model) for name in differing if name in model.values] for model in models]
+        texts = [[style.parameter_text(name, model) for name in differing if name in model.values] for model in models]
         return [model.at() for model in models], [str(name) for name in names], texts
     allowed = "the dataset of a comparison, or two oscillators with two names"
-    raise refused("designs", designs, allowed, "pass for example compare(a, b).dataset")
+    raise style.refused("designs", designs, allowed, "pass for example compare(a, b).dataset")
 
 
 def _compared(dataset: xr.Dataset) -> Designs:
@@ -225,8 +215,8 @@ def _compared(dataset: xr.Dataset) -> Designs:
     oscillators = [ImpactOscillator(**values) for values in json.loads(dataset.attrs["arguments"])["oscillators"]]
     own = json.loads(dataset.attrs.get("model", dataset.attrs["oscillator"]))
     parameters = [dataset[name] for name in own if name in dataset]
-    differing = [(described(pair), pair.values) for pair in parameters if pair.values[0] != pair.values[1]]
-    texts = [[held_text(symbol, values[i], units) for (_, units, symbol), values in differing] for i in range(2)]
+    differing = [(style.described(pair), pair.values) for pair in parameters if pair.values[0] != pair.values[1]]
+    texts = [[style.held_text(symbol, values[i], units) for (_, units, symbol), values in differing] for i in range(2)]
     return oscillators, [str(name) for name in dataset["design"].values], texts
 
 
@@ -247,4 +237,4 @@ def _share(axes: Sequence[Axes], along: str, gaps: Sequence[float] | None = None
     for i, ax in enumerate(axes):
         (ax.set_xlim if along == "x" else ax.set_ylim)(low, high)
         if gaps is not None and gaps[i] < high:
-            draw_stop(ax, gaps[i], high, upright=along == "x")
+            style.draw_stop(ax, gaps[i], high, upright=along == "x")

@@ -9,26 +9,8 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from vibroimpact.parameters import choice, real_number
-from vibroimpact.plotting.style import (
-    BLUE,
-    DOTS,
-    INK,
-    SAMPLE_DIMS,
-    Floats,
-    described,
-    label,
-    label_axes,
-    legend_below,
-    magnitude,
-    mark_missing,
-    new_axes,
-    on_axes,
-    reference,
-    refused,
-    symbol_of,
-    title,
-    view,
-)
+from vibroimpact.plotting import style
+from vibroimpact.plotting.style import BLUE, DOTS, INK, Floats, on_axes
 from vibroimpact.plotting.sweeps import check_sweep
 
 DRAW_ALL = 200_000  # samples; up to so many, each is drawn
@@ -39,12 +21,12 @@ LEVELS = 2000  # above it, samples of one column in the same 1/LEVELS of the axi
 def check_diagram(argument: str, value: Any) -> tuple[str, str]:
     """Return the names of a bifurcation diagram's axis and of its sample dimension, or raise `ValueError`."""
     if isinstance(value, xr.Dataset) and "velocity" in value and len(value["velocity"].dims) == 2:
-        samples = [str(dim) for dim in value["velocity"].dims if dim in SAMPLE_DIMS]
-        axes = [str(dim) for dim in value["velocity"].dims if dim not in SAMPLE_DIMS]
+        samples = [str(dim) for dim in value["velocity"].dims if dim in style.SAMPLE_DIMS]
+        axes = [str(dim) for dim in value["velocity"].dims if dim not in style.SAMPLE_DIMS]
         if len(axes) == 1 and len(samples) == 1 and axes[0] in value.coords:
             return axes[0], samples[0]
     allowed = "a result of bifurcation_diagram (velocity over its axis and impact or period)"
-    raise refused(argument, value, allowed, "pass what vibroimpact.bifurcation_diagram returns")
+    raise style.refused(argument, value, allowed, "pass what vibroimpact.bifurcation_diagram returns")
 
 
 def _points(axis: Floats, columns: Floats) -> tuple[Floats, Floats]:
@@ -69,24 +51,24 @@ def draw_samples(ax: Axes, diagram: xr.Dataset, axis: str, samples: str, quantit
     columns = diagram[quantity].transpose(axis, samples).values
     x, y = _points(diagram[axis].values, columns)
     dots = min(3.0, max(0.9, 550.0 / max(1, len(columns))))
-    text = f"{described(diagram[quantity])[0]} (one dot per {samples})"
+    text = f"{style.described(diagram[quantity])[0]} (one dot per {samples})"
     ax.plot(x, y, **DOTS, color=color, markersize=dots, label=text, rasterized=True)
     low, high = float(diagram[axis].min()), float(diagram[axis].max())
     ax.set_xlim(low, high if high > low else low + 1.0)
-    label_axes(ax, diagram[axis], diagram[quantity])
+    style.label_axes(ax, diagram[axis], diagram[quantity])
     return y
 
 
 def mark_empty(ax: Axes, diagram: xr.Dataset, axis: str) -> None:
     """Mark along the bottom the columns without a sample, by their status."""
     if "status" in diagram:
-        empty = diagram["velocity"].isnull().all([dim for dim in SAMPLE_DIMS if dim in diagram.dims])
-        mark_missing(ax, diagram[axis].values, diagram["status"].values, empty.values)
+        empty = diagram["velocity"].isnull().all([dim for dim in style.SAMPLE_DIMS if dim in diagram.dims])
+        style.mark_missing(ax, diagram[axis].values, diagram["status"].values, empty.values)
 
 
 def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) -> None:
     """Set the limits of the y axis: speeds from zero, a phase from 0 to 1, the rest around what is drawn."""
-    osc = reference(diagram)
+    osc = style.reference(diagram)
     speed = osc.velocity_scale if osc else 1.0
     if quantity == "phase":
         ax.set_ylim(-0.03, 1.0)
@@ -96,7 +78,7 @@ def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) ->
         ax.set_ylim(low - 0.03 * (top - low), top + 0.05 * (top - low))
     else:
         per_speed = osc.natural_frequency if osc and quantity == "displacement" else 1.0
-        ax.set_ylim(*view(heights, magnitude(heights, speed / per_speed)))
+        ax.set_ylim(*style.view(heights, style.magnitude(heights, speed / per_speed)))
 
 
 @on_axes
@@ -131,13 +113,13 @@ def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Ax
     axis, samples = check_diagram("diagram", diagram)
     offered = [name for name in ("displacement", "velocity", "phase") if name in diagram]
     chosen = offered[0] if quantity is None else choice("quantity", quantity, offered)
-    ax = new_axes(ax, (8.0, 4.4), title(diagram))
+    ax = style.new_axes(ax, (8.0, 4.4), style.title(diagram))
     heights = draw_samples(ax, diagram, axis, samples, chosen)
     mark_empty(ax, diagram, axis)
     set_height(ax, diagram, chosen, heights)
     handles = ax.get_legend_handles_labels()[0]
     if len(handles) > 1:
-        legend_below(ax, handles)
+        style.legend_below(ax, handles)
     return ax
 
 
@@ -147,7 +129,7 @@ def _draw_index(ax: Axes, field: xr.DataArray, scale: float) -> Floats:
     held = np.pad(np.isfinite(values), 1)
     alone = held[1:-1] & ~held[:-2] & ~held[2:]
     x = field[field.dims[0]].values
-    symbol = symbol_of(field)
+    symbol = style.symbol_of(field)
     name = symbol if scale == 1.0 else rf"{scale:g} $\times$ {symbol}"
     ax.plot(x, values, color=INK, linewidth=1.1, label=name, zorder=4)
     ax.plot(x[alone], values[alone], **DOTS, color=INK, markersize=2, zorder=4)
@@ -195,7 +177,7 @@ def diagram_with_index(
     if field.dims != (axis,):
         raise ValueError(f"`sweep` must run over {axis}, as `diagram` does, got {field.dims[0]}")
     factor = PAPERS_SCALE if scale is None else real_number("scale", scale)
-    ax = new_axes(ax, (8.0, 4.4), title(diagram))
+    ax = style.new_axes(ax, (8.0, 4.4), style.title(diagram))
     heights = draw_samples(ax, diagram, axis, samples, "velocity")
     if scale is None and index != "std":
         lines = _draw_beside(ax, field)
@@ -204,7 +186,7 @@ def diagram_with_index(
         heights, lines = np.concatenate([heights, drawn[np.isfinite(drawn)]]), []
     mark_empty(ax, diagram, axis)
     set_height(ax, diagram, "velocity", heights)
-    legend_below(ax, [*ax.get_legend_handles_labels()[0], *lines])
+    style.legend_below(ax, [*ax.get_legend_handles_labels()[0], *lines])
     return ax
 
 
@@ -213,7 +195,7 @@ def _draw_beside(ax: Axes, field: xr.DataArray) -> list[Any]:
     right = ax.twinx()
     right.spines["top"].set_visible(False)
     _frame_index(right, _draw_index(right, field, 1.0))
-    right.set_ylabel(label(field))
+    right.set_ylabel(style.label(field))
     return right.get_legend_handles_labels()[0]
 
 
@@ -250,11 +232,11 @@ def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -
     """
     sweep, field = check_sweep("sweep", sweep, index, 1)
     axis = field[field.dims[0]]
-    ax = new_axes(ax, (8.0, 4.0), title(sweep))
+    ax = style.new_axes(ax, (8.0, 4.0), style.title(sweep))
     values = _draw_index(ax, field, 1.0)
-    mark_missing(ax, axis.values, sweep["status"].values, ~np.isfinite(values))
+    style.mark_missing(ax, axis.values, sweep["status"].values, ~np.isfinite(values))
     _frame_index(ax, values)
     ax.set_xlim(float(axis.min()), float(axis.max()))
-    label_axes(ax, axis, field)
-    legend_below(ax, ax.get_legend_handles_labels()[0][1:])
+    style.label_axes(ax, axis, field)
+    style.legend_below(ax, ax.get_legend_handles_labels()[0][1:])
     return ax

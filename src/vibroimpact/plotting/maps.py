@@ -16,36 +16,8 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
 from vibroimpact.parameters import invalid, real_number, unknown
-from vibroimpact.plotting.style import (
-    BLUE,
-    DOTS,
-    INK,
-    RED,
-    Floats,
-    by_status,
-    described,
-    label,
-    label_axes,
-    legend_below,
-    mark_missing,
-    new_axes,
-    on_axes,
-    own_value,
-    symbol_of,
-    title,
-    unit_suffix,
-    value_text,
-)
-from vibroimpact.plotting.style import reference as reference_oscillator
-from vibroimpact.plotting.sweeps import (
-    add_bar,
-    check_points,
-    check_sweep,
-    draw_missing,
-    draw_numbers,
-    frame_plane,
-    grid_of,
-)
+from vibroimpact.plotting import style, sweeps
+from vibroimpact.plotting.style import BLUE, DOTS, INK, RED, Floats, on_axes
 
 COLORS = "viridis"
 LEVEL_OF_V = 0.05  # the default boundary of Std, as a part of the velocity scale V
@@ -95,7 +67,7 @@ def boundary_lines(sweep: xr.Dataset, index: str, level: float) -> list[Floats]:
     >>> [line.shape[1] for line in boundary_lines(sweep, "std", 0.05)][:1]
     [2]
     """
-    x, y, values = grid_of(check_sweep("sweep", sweep, index, 2)[1])
+    x, y, values = sweeps.grid_of(sweeps.check_sweep("sweep", sweep, index, 2)[1])
     height = real_number("level", level)
     # A plateau at the very level, such as p/n = 1, would else be crossed wherever its last digits waver.
     values = np.where(np.isclose(values, height, rtol=1e-6, atol=0.0), height + 1e-5 * abs(height), values)
@@ -105,10 +77,10 @@ def boundary_lines(sweep: xr.Dataset, index: str, level: float) -> list[Floats]:
 
 def _boundary_level(sweep: xr.Dataset, field: xr.DataArray, level: float | None) -> tuple[float, str] | None:
     """Return the level of the boundary and how the legend explains it; None where no level has a meaning."""
-    units = unit_suffix(described(field)[1], " {}")
+    units = style.unit_suffix(style.described(field)[1], " {}")
     if level is not None:
         return (number := real_number("level", level)), f"{number:.3g}{units}"
-    osc = reference_oscillator(sweep)
+    osc = style.reference(sweep)
     if field.name != "std" or osc is None:
         return None
     number = LEVEL_OF_V * osc.velocity_scale
@@ -122,7 +94,7 @@ def _reference_values(
     limits = {str(dim): (float(field[dim].min()), float(field[dim].max())) for dim in field.dims}
     if reference is None:
         axis = str(field.dims[1])
-        own = own_value(sweep, axis)
+        own = style.own_value(sweep, axis)
         return {} if own is None or not limits[axis][0] <= own <= limits[axis][1] else {axis: float(own)}
     chosen = {}
     for name, value in reference.items():
@@ -145,8 +117,8 @@ def _draw_references(ax: Axes, field: xr.DataArray, values: Mapping[str, float])
         (ax.axhline if along_x else ax.axvline)(
             value, color=RED, linewidth=1.4, linestyle=(0, (6, 3)), path_effects=halo, zorder=5
         )
-        _, units, symbol = described(field[name])
-        text = value_text(symbol or name, value, units)
+        _, units, symbol = style.described(field[name])
+        text = style.value_text(symbol or name, value, units)
         if along_x:
             low, high = ax.get_ylim()
             below = value > low + 0.93 * (high - low)  # above the line it would cover the title
@@ -158,10 +130,10 @@ def _draw_references(ax: Axes, field: xr.DataArray, values: Mapping[str, float])
 
 def draw_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
     """Draw every cell of an index in colour, with a scale beside; return legend entries for those without a value."""
-    mesh = draw_numbers(ax, field, COLORS, _shades(grid_of(field)[2]))
-    missing = draw_missing(ax, sweep, field)
-    frame_plane(ax, field)
-    add_bar(ax, mesh, field, "root scale", pad=0.02)
+    mesh = sweeps.draw_numbers(ax, field, COLORS, _shades(sweeps.grid_of(field)[2]))
+    missing = sweeps.draw_missing(ax, sweep, field)
+    sweeps.frame_plane(ax, field)
+    sweeps.add_bar(ax, mesh, field, "root scale", pad=0.02)
     return missing
 
 
@@ -215,16 +187,16 @@ def index_contour(
     >>> vi.plotting.index_contour(sweep, reference={"mass": 1.0}).get_ylabel()
     'mass $m$ [kg]'
     """
-    sweep, field = check_sweep("sweep", sweep, index, 2)
+    sweep, field = sweeps.check_sweep("sweep", sweep, index, 2)
     boundary = _boundary_level(sweep, field, level)
     marked = _reference_values(sweep, field, reference)
-    ax = new_axes(ax, (7.2, 5.4), title(sweep))
+    ax = style.new_axes(ax, (7.2, 5.4), style.title(sweep))
     entries: list[Any] = list(draw_cells(ax, sweep, field))
     if boundary is not None:
         lines = boundary_lines(sweep, index, boundary[0])
-        entries.insert(0, _draw_boundary(ax, lines, f"boundary: {symbol_of(field)} = {boundary[1]}"))
+        entries.insert(0, _draw_boundary(ax, lines, f"boundary: {style.symbol_of(field)} = {boundary[1]}"))
     _draw_references(ax, field, marked)
-    legend_below(ax, entries)
+    style.legend_below(ax, entries)
     return ax
 
 
@@ -256,22 +228,22 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
     >>> vi.plotting.index_surface(sweep).name
     '3d'
     """
-    sweep, field = check_sweep("sweep", sweep, index, 2)
+    sweep, field = sweeps.check_sweep("sweep", sweep, index, 2)
     if ax is not None and ax.name != "3d":
         raise invalid("ax", ax.name, "three-dimensional axes", "make them with add_subplot(projection='3d')")
-    solid: Any = new_axes(ax, (7.2, 5.6), title(sweep), projection="3d")
-    x, y, values = grid_of(field)
+    solid: Any = style.new_axes(ax, (7.2, 5.6), style.title(sweep), projection="3d")
+    x, y, values = sweeps.grid_of(field)
     shades = _shades(values)
     surface = solid.plot_surface(
         *np.meshgrid(x, y), values, rcount=len(y), ccount=len(x), cmap=COLORS, norm=shades,
         linewidth=0.0, antialiased=False, rasterized=True,
     )  # fmt: skip
     solid.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]), zlim=(shades.vmin, shades.vmax))
-    solid.set_xlabel(label(field[field.dims[0]]), labelpad=6)
-    solid.set_ylabel(label(field[field.dims[1]]), labelpad=6)
-    short = f"{symbol_of(field)}{unit_suffix(described(field)[1])}"
+    solid.set_xlabel(style.label(field[field.dims[0]]), labelpad=6)
+    solid.set_ylabel(style.label(field[field.dims[1]]), labelpad=6)
+    short = f"{style.symbol_of(field)}{style.unit_suffix(style.described(field)[1])}"
     solid.set_zlabel(short, labelpad=4)
-    add_bar(solid, surface, field, "root scale", f"{described(field)[0]}\n{short}", shrink=0.6, pad=0.08)
+    sweeps.add_bar(solid, surface, field, "root scale", f"{style.described(field)[0]}\n{short}", shrink=0.6, pad=0.08)
     solid.set_box_aspect((1.2, 1.2, 0.7), zoom=0.95)  # leaves room for the labels outside the box
     solid.view_init(elev=38, azim=-70)
     return solid  # type: ignore[no-any-return]
@@ -299,20 +271,20 @@ def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = Non
     >>> index_scatter(designs).get_ylabel()
     'coefficient of restitution $r$'
     """
-    designs, field, varied = check_points("designs", designs, index)
+    designs, field, varied = sweeps.check_points("designs", designs, index)
     x, values = varied[0], field.values.astype(float)
     y = varied[1] if len(varied) > 1 else field
     known, codes = np.isfinite(values), designs["status"].values
-    ax = new_axes(ax, (7.2, 5.4), title(designs))
+    ax = style.new_axes(ax, (7.2, 5.4), style.title(designs))
     if y is field:
         ax.plot(x.values[known], values[known], **DOTS, color=BLUE, markersize=4, zorder=3)
-        mark_missing(ax, x.values, codes, ~known, "design")
+        style.mark_missing(ax, x.values, codes, ~known, "design")
     else:
         shades = _shades(values)
         dots = ax.scatter(x.values[known], y.values[known], c=values[known], cmap=COLORS, norm=shades, s=22, zorder=3)
-        add_bar(ax, dots, field, "root scale", pad=0.02)
-        for here, color, text in by_status(~known, codes, "design"):
+        sweeps.add_bar(ax, dots, field, "root scale", pad=0.02)
+        for here, color, text in style.by_status(~known, codes, "design"):
             ax.scatter(x.values[here], y.values[here], marker="x", color=color, label=text, zorder=2)
-    label_axes(ax, x, y)
-    legend_below(ax)
+    style.label_axes(ax, x, y)
+    style.legend_below(ax)
     return ax

@@ -18,40 +18,8 @@ from vibroimpact.dataset import VARIABLES
 from vibroimpact.figures import EXPONENTS
 from vibroimpact.motion import MotionClass, cycle_name
 from vibroimpact.parameters import choice
-from vibroimpact.plotting.style import (
-    DOTS,
-    INK,
-    RINGS,
-    STATUS_COLORS,
-    STICKING,
-    Floats,
-    Layer,
-    Mask,
-    by_status,
-    counted,
-    described,
-    legend_below,
-    legend_beside,
-    new_axes,
-    on_axes,
-    percent,
-    refused,
-    symbol_of,
-    title,
-    unit_suffix,
-    value_text,
-)
-from vibroimpact.plotting.sweeps import (
-    OPEN,
-    add_bar,
-    check_lengths,
-    check_sweep,
-    draw_missing,
-    draw_numbers,
-    fill_cells,
-    frame_plane,
-    grid_of,
-)
+from vibroimpact.plotting import style, sweeps
+from vibroimpact.plotting.style import DOTS, INK, RINGS, STICKING, Floats, Layer, Mask, on_axes
 from vibroimpact.status import Status
 
 # Colours that the usual names always have, so that maps can be compared: impact-1 motions from blue to green.
@@ -74,7 +42,7 @@ COLORS = {
     MotionClass.STICKING: STICKING,
     MotionClass.CHAOTIC: INK,
     MotionClass.NO_IMPACT: "#c9c9c9",
-    MotionClass.UNDECIDED: OPEN,
+    MotionClass.UNDECIDED: sweeps.OPEN,
 }
 WORDS = {kind: kind.word.replace("_", " ") for kind in COLORS}
 SEVERAL = "#5d175d"  # where the motion depends on the initial condition
@@ -86,9 +54,9 @@ SHOWN = 99.0  # per cent of the cells within the scale of exponents; the others 
 ATTRACTORS = "#56b4e9", "#e69f00", "#009e73", "#cc79a7", "#f0e442", "#0072b2", "#d55e00"
 FURTHER = "#7a5230"
 QUIET = {
-    "no_impact": STATUS_COLORS[Status.NO_IMPACT],
-    "permanently_in_contact": STATUS_COLORS[Status.STUCK_FOREVER],
-    "at_rest": STATUS_COLORS[Status.DECAYING],
+    "no_impact": style.STATUS_COLORS[Status.NO_IMPACT],
+    "permanently_in_contact": style.STATUS_COLORS[Status.STUCK_FOREVER],
+    "at_rest": style.STATUS_COLORS[Status.DECAYING],
 }
 RING = RINGS | {"markersize": 5.0, "markeredgecolor": INK, "markeredgewidth": 1.2}
 DOT = DOTS | {"markersize": 1.8, "color": INK}
@@ -133,19 +101,19 @@ def motion_map(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
     '66.7 %   period-1 impact-1'
     """
     classes = sweep if isinstance(sweep, xr.Dataset) and "motion" in sweep else classify(sweep)
-    classes, field = check_sweep("sweep", classes, "motion", 2)
+    classes, field = sweeps.check_sweep("sweep", classes, "motion", 2)
     several = np.zeros(field.shape, dtype=bool)
     if "start" in field.dims:
         classes, several = _one_start(classes)
         field = classes["motion"]
     layers = [
-        (here, color, f"{percent(float(here.mean())).rjust(6, FIGURE_SPACE)}   {text}")
+        (here, color, f"{style.percent(float(here.mean())).rjust(6, FIGURE_SPACE)}   {text}")
         for here, color, text in _layers(classes, field, several.T)
     ]
-    ax = new_axes(ax, (7.8, 5.0), title(classes))
-    entries = fill_cells(ax, field, layers, OPEN)
-    frame_plane(ax, field)
-    legend_beside(ax, entries, "share of the cells, and motion")
+    ax = style.new_axes(ax, (7.8, 5.0), style.title(classes))
+    entries = sweeps.fill_cells(ax, field, layers, sweeps.OPEN)
+    sweeps.frame_plane(ax, field)
+    style.legend_beside(ax, entries, "share of the cells, and motion")
     return ax
 
 
@@ -161,8 +129,8 @@ def _one_start(classes: xr.Dataset) -> tuple[xr.Dataset, Mask]:
 
 def _layers(classes: xr.Dataset, field: xr.DataArray, several: Mask) -> Iterator[Layer]:
     """Yield which cells each motion of the legend fills, perhaps none, its colour and its name."""
-    codes = np.where(several, -1, grid_of(field)[2].astype(int))
-    n, p = (grid_of(classes[name].transpose(*field.dims))[2].astype(int) for name in ("n_periods", "n_impacts"))
+    codes = np.where(several, -1, sweeps.grid_of(field)[2].astype(int))
+    n, p = (sweeps.grid_of(classes[name].transpose(*field.dims))[2].astype(int) for name in ("n_periods", "n_impacts"))
     yield from motion_layers(codes, n, p)
     yield several, SEVERAL, "depends on the initial condition"
 
@@ -213,18 +181,18 @@ def exponent_map(sweep: xr.Dataset, index: str = "lyapunov", ax: Axes | None = N
     'mass $m$ [kg]'
     """
     choice("index", index, EXPONENTS)
-    sweep, field = check_sweep("sweep", sweep, index, 2)
-    values = grid_of(field)[2]
+    sweep, field = sweeps.check_sweep("sweep", sweep, index, 2)
+    values = sweeps.grid_of(field)[2]
     limit = symmetric_limit(values)
-    ax = new_axes(ax, (7.2, 5.4), title(sweep))
-    mesh = draw_numbers(ax, field, SIGNED, Normalize(-limit, limit))
+    ax = style.new_axes(ax, (7.2, 5.4), style.title(sweep))
+    mesh = sweeps.draw_numbers(ax, field, SIGNED, Normalize(-limit, limit))
     sticks = np.isneginf(values)
-    share = rf"${symbol_of(field).strip('$')} = -\infty$ ({percent(float(sticks.mean()))} of the cells)"
-    entries = fill_cells(ax, field, [(sticks, STICKING, f"sticking: {share}")])
-    entries += draw_missing(ax, sweep, field.where(~np.isneginf(field), 0.0))
-    frame_plane(ax, field)
-    add_bar(ax, mesh, field, pad=0.02, extend=_beyond(values, limit))
-    legend_below(ax, entries)
+    share = rf"${style.symbol_of(field).strip('$')} = -\infty$ ({style.percent(float(sticks.mean()))} of the cells)"
+    entries = sweeps.fill_cells(ax, field, [(sticks, STICKING, f"sticking: {share}")])
+    entries += sweeps.draw_missing(ax, sweep, field.where(~np.isneginf(field), 0.0))
+    sweeps.frame_plane(ax, field)
+    sweeps.add_bar(ax, mesh, field, pad=0.02, extend=_beyond(values, limit))
+    style.legend_below(ax, entries)
     return ax
 
 
@@ -261,12 +229,12 @@ def basin_portrait(dataset: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """
     field = _attractors(dataset)
     across, upwards = (str(dim) for dim in field.dims)
-    ax = new_axes(ax, (7.2, 5.4), _title(dataset))
-    entries: list[Any] = list(fill_cells(ax, field, _basins(dataset, field), OPEN))
+    ax = style.new_axes(ax, (7.2, 5.4), _title(dataset))
+    entries: list[Any] = list(sweeps.fill_cells(ax, field, _basins(dataset, field), sweeps.OPEN))
     if _mark_attractors(ax, dataset, (across, upwards)):
         entries.append(Line2D([], [], **RING, label="the attractors themselves"))
-    frame_plane(ax, field)
-    legend_below(ax, entries)
+    sweeps.frame_plane(ax, field)
+    style.legend_below(ax, entries)
     return ax
 
 
@@ -274,40 +242,40 @@ def _attractors(value: Any) -> xr.DataArray:
     """Return the attractor of each initial condition, or raise `ValueError`."""
     if not isinstance(value, xr.Dataset) or "attractor" not in value or value["attractor"].ndim != 2:
         allowed = "a result of basins (attractor over two axes)"
-        raise refused("dataset", value, allowed, "pass what vibroimpact.basins returns")
-    check_lengths("dataset", value["attractor"])
+        raise style.refused("dataset", value, allowed, "pass what vibroimpact.basins returns")
+    sweeps.check_lengths("dataset", value["attractor"])
     return value["attractor"]
 
 
 def _title(dataset: xr.Dataset) -> str:
     """Return the oscillator's parameters, and the phase of initial conditions that have none of their own."""
-    held = title(dataset)
+    held = style.title(dataset)
     if "phase" in dataset.dims or not held:
         return held
     phase = json.loads(dataset.attrs["arguments"]).get("phase", 0.0)
-    return f"{held},  {value_text(VARIABLES['phase'][2], phase, '')}"
+    return f"{held},  {style.value_text(VARIABLES['phase'][2], phase, '')}"
 
 
 def _basins(dataset: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
     """Yield which initial conditions each attractor of the legend has, its colour and its name; then the others."""
     numbers, codes = field.values.T, dataset["status"].transpose(*field.dims).values.T
     shares, hardest = dataset["share"].values, dataset["max_velocity"].values
-    units, left, further = unit_suffix(described(dataset["max_velocity"])[1], " {}"), iter(ATTRACTORS), []
+    units, left, further = style.unit_suffix(style.described(dataset["max_velocity"])[1], " {}"), iter(ATTRACTORS), []
     for number, meaning in enumerate(str(field.attrs["flag_meanings"]).split()[1:]):
         color = QUIET.get(meaning) or next(left, FURTHER)
         if color == FURTHER:
             further.append(number)
             continue
         hits = f", impacts up to {hardest[number]:.3g}{units}" if np.isfinite(hardest[number]) else ""
-        yield numbers == number, color, f"{meaning.replace('_', ' ')}{hits}: {percent(shares[number])}"
+        yield numbers == number, color, f"{meaning.replace('_', ' ')}{hits}: {style.percent(shares[number])}"
     if further:
-        text = f"{len(further)} further attractors: {percent(shares[further].sum())}"
+        text = f"{len(further)} further attractors: {style.percent(shares[further].sum())}"
         yield np.isin(numbers, further), FURTHER, text
     cut_off = (numbers < 0) & np.isin(codes, (Status.BUDGET, Status.INTERRUPTED))
-    yield from by_status(cut_off, codes, "initial condition")
+    yield from style.by_status(cut_off, codes, "initial condition")
     undecided = (numbers < 0) & ~cut_off
-    count = counted(int(undecided.sum()), "initial condition")
-    yield undecided, OPEN, f"undecided: neither a cycle nor certain chaos ({count})"
+    count = style.counted(int(undecided.sum()), "initial condition")
+    yield undecided, sweeps.OPEN, f"undecided: neither a cycle nor certain chaos ({count})"
 
 
 def _mark_attractors(ax: Axes, dataset: xr.Dataset, axes: tuple[str, str]) -> bool:
