@@ -197,6 +197,16 @@ class ImpactOscillator:
         return math.inf if impedance == 0.0 else self.amplitude / impedance
 
     @property
+    def steady_state(self) -> State:
+        """State at time 0 of the steady motion without a stop, Im(f H e^(i w t)) with H = 1/(k - m w^2 + i c w)."""
+        if not self.amplitude:
+            return State(0.0)
+        inertia = self.stiffness - self.mass * self.omega**2
+        impedance = inertia**2 + (self.damping * self.omega) ** 2
+        sine, cosine = (self.amplitude * part / impedance for part in (inertia, -self.damping * self.omega))
+        return State(cosine, sine * self.omega)
+
+    @property
     def velocity_scale(self) -> float:
         """Scale V = max(f, k |g|) / sqrt(k m) in m/s of every relative tolerance."""
         force = max(self.amplitude, self.stiffness * abs(self.gap))

@@ -203,12 +203,7 @@ def quiet_attractor(osc: ImpactOscillator, one: Measured) -> Attractor:
     elif one.motion_class == MotionClass.AT_REST:
         start = State(min(0.0, osc.gap))
     else:
-        inertia = osc.stiffness - osc.mass * osc.omega**2
-        impedance = inertia**2 + (osc.damping * osc.omega) ** 2
-        sine, cosine = (
-            osc.amplitude * part / impedance if osc.amplitude else 0.0 for part in (inertia, -osc.damping * osc.omega)
-        )
-        start = State(cosine, sine * osc.omega)
+        start = osc.steady_state
     return Attractor(kind=one.kind, status=one.status, start=start)
 
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence.measuring import Measured, Runner, Start, cells_of
 from vibroimpact.motion import MotionClass
-from vibroimpact.oscillator import Model
 from vibroimpact.verdict.present import Present, Range, measure
 
 PLACES = 36  # values along a path
@@ -82,9 +81,10 @@ class Search:
 
 def advise(present: Present, ranges: Sequence[Range], runner: Runner) -> tuple[Advice, ...]:
     """Return for each parameter the smallest change to a gentler motion, the smallest of all first."""
-    model = present.model
     # Hits are compared over equal samples: the present motion goes on in the windows of the changed ones.
-    (now,), (known,) = (measure(runner, cells_of([model], [present.state]), window) for window in (SCANNED, TESTED))
+    (now,), (known,) = (
+        measure(runner, cells_of([present.model], [present.state]), window) for window in (SCANNED, TESTED)
+    )
     if now.hardest == 0.0 or not now.status.has_indices:
         return ()
     searches = [
@@ -95,10 +95,10 @@ def advise(present: Present, ranges: Sequence[Range], runner: Runner) -> tuple[A
     ]
     if not searches:
         return ()
-    _locate(model, now, searches, runner)
+    _locate(now, searches, runner)
     good = [search for search in searches if search.further]
-    _refine(model, now, good, runner)
-    found = [advice for search in good if (advice := _tested(model, present.state, known, search, runner))]
+    _refine(now, good, runner)
+    found = [advice for search in good if (advice := _tested(present.state, known, search, runner))]
     smallest: dict[str, Advice] = {}
     for advice in sorted(found, key=lambda a: abs(a.change)):
         smallest.setdefault(advice.parameter, advice)
@@ -112,13 +112,9 @@ def _in_proportion(present: Present, varied: Range) -> bool:
     return is_force and osc.gap == 0.0 and present.kind == MotionClass.CHAOTIC
 
 
-def _at(model: Model, search: Search, value: float) -> Model:
-    return model.replace(**{search.range.name: value})
-
-
-def _locate(model: Model, now: Measured, searches: Sequence[Search], runner: Runner) -> None:
+def _locate(now: Measured, searches: Sequence[Search], runner: Runner) -> None:
     """Find along each path the first value with a benefit that its next neighbour has too."""
-    there = [_at(model, search, value) for search in searches for value in search.path]
+    there = [search.range.changed(value) for search in searches for value in search.path]
     motions = iter(measure(runner, cells_of(there), SCANNED))
     for search in searches:
         good = [bool(gentler(now, next(motions))) for _ in search.path]
@@ -130,10 +126,10 @@ def _locate(model: Model, now: Measured, searches: Sequence[Search], runner: Run
             search.further = search.path[first : first + TRIED]
 
 
-def _refine(model: Model, now: Measured, searches: Sequence[Search], runner: Runner) -> None:
+def _refine(now: Measured, searches: Sequence[Search], runner: Runner) -> None:
     for _ in range(HALVINGS if searches else 0):
         middles = [search.range.between(search.inside, search.outside, 0.5) for search in searches]
-        there = [_at(model, search, value) for search, value in zip(searches, middles, strict=True)]
+        there = [search.range.changed(value) for search, value in zip(searches, middles, strict=True)]
         motions = measure(runner, cells_of(there), SCANNED)
         for search, middle, motion in zip(searches, middles, motions, strict=True):
             if gentler(now, motion):
@@ -142,12 +138,12 @@ def _refine(model: Model, now: Measured, searches: Sequence[Search], runner: Run
                 search.inside = middle
 
 
-def _tested(model: Model, state: Start | None, now: Measured, search: Search, runner: Runner) -> Advice | None:
+def _tested(state: Start | None, now: Measured, search: Search, runner: Runner) -> Advice | None:
     """Return the first rounded value with a benefit both from rest and from the present motion's state."""
     varied = search.range
     values = [_rounded(search.outside, varied, 0)]
     values += [_rounded(value, varied, search.direction) for value in (search.outside, *search.further)]
-    there = [_at(model, search, value) for value in values]
+    there = [varied.changed(value) for value in values]
     from_rest = measure(runner, cells_of(there), TESTED)
     carried = measure(runner, cells_of(there, [state] * len(there)), TESTED)
     for value, rest, onward in zip(values, from_rest, carried, strict=True):

@@ -19,7 +19,7 @@ from vibroimpact.continuation.branch import branch_system, walk
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import Orbit
 from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release
-from vibroimpact.oscillator import ImpactOscillator, Model
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.verdict.present import Present, Range, measure
 
 NOISE = 1e-12  # relative: what is smaller is rounding
@@ -152,16 +152,16 @@ def nearest_boundaries(
             return ()
     for known in _bisected(present, unknown, runner):
         found[known.range.name, known.direction] = known
-    return _with_beyond(present, [found[each.name, direction] for each in ranges for direction in (-1, 1)], runner)
+    return _with_beyond([found[each.name, direction] for each in ranges for direction in (-1, 1)], runner)
 
 
-def _with_beyond(present: Present, found: Sequence[Found], runner: Runner) -> tuple[Edge, ...]:
+def _with_beyond(found: Sequence[Found], runner: Runner) -> tuple[Edge, ...]:
     """Return the boundaries as callers see them, with the motion beyond each."""
     values = [boundary.beyond_at() for boundary in found]
     beyond = [i for i, value in enumerate(values) if not math.isnan(value)]
     names: dict[int, str] = {}
     if beyond:
-        there = [present.model.replace(**{found[i].range.name: values[i]}) for i in beyond]
+        there = [found[i].range.changed(values[i]) for i in beyond]
         motions = measure(runner, cells_of(there, [found[i].start for i in beyond]), ACROSS)
         decided = (one for one in zip(beyond, motions, strict=True) if one[1].motion_class != MotionClass.UNDECIDED)
         names = {i: motion.name for i, motion in decided}
@@ -175,13 +175,13 @@ def _exact(present: Present, range: Range, direction: int) -> Found | None:
     """Return the boundary, or `none` up to the end of the range; None where no equation gives it."""
     if not range.path(direction, 1):
         return Found(range, direction)
-    osc, model = present.oscillator, present.model
-    if model is osc and range.name == "amplitude" and osc.gap == 0.0 and osc.amplitude > 0.0:
+    osc = present.oscillator
+    if present.model is osc and range.name == "amplitude" and osc.gap == 0.0 and osc.amplitude > 0.0:
         return Found(range, direction)  # the motion only grows in proportion
     if present.kind == MotionClass.NO_IMPACT and osc.damping > 0.0 and osc.gap > osc.steady_amplitude:
-        return _first_contact(model, range, direction)
+        return _closed_form("first_contact", range, direction, lambda o: o.gap - o.steady_amplitude)
     if present.kind == MotionClass.STUCK_FOREVER and osc.stiffness * osc.gap <= -osc.amplitude:
-        return _lift_off(model, range, direction)
+        return _closed_form("lift_off", range, direction, lambda o: -o.stiffness * o.gap - o.amplitude)
     if present.orbit is None:
         return None
     if present.orbit.sticks:
@@ -201,83 +201,61 @@ def _bifurcation(orbit: Orbit, range: Range, direction: int) -> Found | None:
             at = special.orbit
             if at.admissible:
                 value = special.system.values(special.x)[0]
-                start = Start(0.0, at.velocities[0], at.phases[0]) if min(at.velocities) > 0.0 else _hardest(at)
+                hit = 0 if min(at.velocities) > 0.0 else int(np.argmax(at.velocities))
+                start = Start(0.0, at.velocities[hit], at.phases[hit])
                 return Found(range, direction, special.kind, value, start=start)
         if len(way.points) * orbit.n_impacts > MOST:
             return None
     return Found(range, direction) if way is not None and way.end == "range" else None
 
 
-def _hardest(orbit: Orbit) -> Start:
-    i = int(np.argmax(orbit.velocities))
-    return Start(0.0, orbit.velocities[i], orbit.phases[i])
-
-
 def _end_of_sticking(present: Present, range: Range, direction: int) -> Found:
     """Walk outwards until the mass, let go, does not rest again after as many periods; bisect there."""
-    model, osc = present.model, present.oscillator
     assert present.orbit is not None
     n = present.orbit.n_periods
-    if model is osc and range.name == "restitution":
-        range = replace(range, high=min(range.high, max(BOUNCY, 0.5 * (1.0 + osc.restitution))))
+    if present.model is present.oscillator and range.name == "restitution":
+        range = replace(range, high=min(range.high, max(BOUNCY, 0.5 * (1.0 + range.value))))
     inside = range.value
     for outside in range.path(direction, SCANNED):
-        if periods_from_release(model.at(**{range.name: outside}), n) != n:
+        if periods_from_release(range.at(outside), n) != n:
             break
         inside = outside
     else:
         return Found(range, direction)
-    end = end_of_sticking(model, range.name, (inside, outside), longest=n)
-    if end.outcome == "pressed_for_ever":
-        return Found(range, direction, "pressed_for_ever", end.value, start=AT_REST)
-    if end.outcome == "found":
-        return Found(range, direction, "end_of_sticking", end.value, start=AT_REST)
+    end = end_of_sticking(present.model, range.name, (inside, outside), longest=n)
+    if end.outcome in ("found", "pressed_for_ever"):
+        kind = "end_of_sticking" if end.outcome == "found" else end.outcome
+        return Found(range, direction, kind, end.value, start=AT_REST)
     value = end.value if math.isfinite(end.value) else 0.5 * (inside + outside)
     width = math.ulp(value) if math.isfinite(end.value) else 0.5 * abs(outside - inside)
     return Found(range, direction, "change", value, width, AT_REST)
 
 
-def _first_contact(model: Model, range: Range, direction: int) -> Found:
-    """Where the amplitude of the motion without a stop reaches the gap: R = g."""
-    value = _root(model, range, direction, lambda o: o.gap - o.steady_amplitude)
-    if math.isnan(value):
-        return Found(range, direction)
-    return Found(range, direction, "first_contact", value, start=_steady(model.at(**{range.name: value})))
+def _closed_form(kind: str, range: Range, direction: int, margin: Callable[[ImpactOscillator], float]) -> Found:
+    """Return the first value outwards at which a margin becomes negative, if there is one.
 
-
-def _steady(osc: ImpactOscillator) -> Start | None:
-    """Return the motion without a stop at phase 0: f Im(H), w f Re(H) with H = 1/(k - m w^2 + i c w)."""
-    impedance = complex(osc.stiffness - osc.mass * osc.omega**2, osc.damping * osc.omega)
-    if impedance == 0.0:
-        return None
-    answer = osc.amplitude / impedance
-    return Start(max(osc.gap - answer.imag, 0.0), osc.omega * answer.real, 0.0)
-
-
-def _lift_off(model: Model, range: Range, direction: int) -> Found:
-    """Where the force reaches the preload: f = -k g."""
-    value = _root(model, range, direction, lambda o: -o.stiffness * o.gap - o.amplitude)
-    if math.isnan(value):
-        return Found(range, direction)
-    return Found(range, direction, "lift_off", value, start=AT_REST)
-
-
-def _root(model: Model, range: Range, direction: int, margin: Callable[[ImpactOscillator], float]) -> float:
-    """Return the first value outwards at which a margin becomes negative; NaN if there is none."""
+    The mass first touches the stop where the amplitude of its motion without one reaches the gap, R = g; it is lifted
+    off the stop where the force reaches the preload, f = -k g.
+    """
     inside = range.value
     for outside in range.path(direction, 4 * SCANNED):
-        if margin(model.at(**{range.name: outside})) < 0.0:
+        if margin(range.at(outside)) < 0.0:
             break
         inside = outside
     else:
-        return math.nan
+        return Found(range, direction)
     narrow = 1e-17 * range.scale
     while abs(outside - inside) > narrow and (middle := 0.5 * (inside + outside)) not in (inside, outside):
-        if margin(model.at(**{range.name: middle})) >= 0.0:
+        if margin(range.at(middle)) >= 0.0:
             inside = middle
         else:
             outside = middle
-    return inside if abs(inside) > narrow else 0.0
+    value, start = inside if abs(inside) > narrow else 0.0, AT_REST
+    if kind == "first_contact":
+        osc = range.at(value)
+        steady = osc.steady_state
+        start = Start(max(osc.gap - steady.displacement, 0.0), steady.velocity, 0.0)
+    return Found(range, direction, kind, value, start=start)
 
 
 # Boundaries by bisection
@@ -326,7 +304,7 @@ def _bisected(present: Present, wanted: Sequence[tuple[Range, int]], runner: Run
 def _step(present: Present, tracks: Sequence[Track], runner: Runner) -> None:
     """Carry each motion to its next value, and see whether it is still the same."""
     values = [track.next for track in tracks]
-    there = [present.model.replace(**{t.range.name: value}) for t, value in zip(tracks, values, strict=True)]
+    there = [track.range.changed(value) for track, value in zip(tracks, values, strict=True)]
     cells = cells_of(there, [track.start for track in tracks])
     motions = measure(runner, cells, BRIEF)
     same = [m.group == present.measured.group or m.motion_class == MotionClass.UNDECIDED for m in motions]

@@ -157,17 +157,26 @@ def _is_present(attractor: Attractor, present: Present) -> bool:
 
 @dataclass(frozen=True)
 class Range:
-    """A parameter, its present value, the range around it, and what a change is measured in.
+    """A parameter of a model, its present value, the range around it, and what a change is measured in.
 
     `of` names what a relative change refers to; empty where it is the present value itself.
     """
 
+    model: Model
     name: str
     value: float
     low: float
     high: float
     scale: float
     of: str = ""
+
+    def changed(self, value: float) -> Model:
+        """Return the model with another value of the parameter."""
+        return self.model.replace(**{self.name: value})
+
+    def at(self, value: float) -> ImpactOscillator:
+        """Return the oscillator that the model is at another value."""
+        return self.model.at(**{self.name: value})
 
     def end(self, direction: int) -> float:
         """Return the last value downwards (-1) or upwards (+1)."""
@@ -214,14 +223,14 @@ def range_of(model: Model, name: str, within: float) -> Range:
     if isinstance(model, ImpactOscillator) and (name == "gap" or value <= 0.0):
         return _gap(model, value, within) if name == "gap" else _from_zero(model, name, within)
     if value > 0.0:
-        chosen = Range(name, value, value / (1.0 + within), min(value * (1.0 + within), parameter.high), value)
+        chosen = Range(model, name, value, value / (1.0 + within), min(value * (1.0 + within), parameter.high), value)
     else:
         size = abs(value) or 1.0
         low, high = max(value - within * size, parameter.low), min(value + within * size, parameter.high)
-        chosen = Range(name, value, low, high, size, "" if value else f"1 {parameter.unit}".removesuffix(" 1"))
+        chosen = Range(model, name, value, low, high, size, "" if value else f"1 {parameter.unit}".removesuffix(" 1"))
     if isinstance(model, ImpactOscillator):
         return chosen
-    return replace(chosen, low=_possible(model, chosen, -1), high=_possible(model, chosen, 1))
+    return replace(chosen, low=_possible(chosen, -1), high=_possible(chosen, 1))
 
 
 def _gap(osc: ImpactOscillator, value: float, within: float) -> Range:
@@ -230,26 +239,26 @@ def _gap(osc: ImpactOscillator, value: float, within: float) -> Range:
     of = "f/k" if deflection >= abs(value) else ""
     if scale == 0.0:
         scale, of = 1.0, "1 m"
-    return Range("gap", value, value - within * scale, value + within * scale, scale, of)
+    return Range(osc, "gap", value, value - within * scale, value + within * scale, scale, of)
 
 
 def _from_zero(osc: ImpactOscillator, name: str, within: float) -> Range:
     if name in ("damping", "damping_ratio"):
         critical = 1.0 if name == "damping_ratio" else 2.0 * math.sqrt(osc.stiffness * osc.mass)
-        return Range(name, 0.0, 0.0, LIGHT * within * critical, critical, "critical damping")
+        return Range(osc, name, 0.0, 0.0, LIGHT * within * critical, critical, "critical damping")
     if name == "restitution":
-        return Range(name, 0.0, 0.0, min(1.0, within), 1.0, "1")
+        return Range(osc, name, 0.0, 0.0, min(1.0, within), 1.0, "1")
     hold = osc.stiffness * abs(osc.gap)
-    return Range(name, 0.0, 0.0, within * (hold or 1.0), hold or 1.0, "k |g|" if hold else "1 N")
+    return Range(osc, name, 0.0, 0.0, within * (hold or 1.0), hold or 1.0, "k |g|" if hold else "1 N")
 
 
-def _possible(model: Model, chosen: Range, direction: int) -> float:
+def _possible(chosen: Range, direction: int) -> float:
     """Return the end of a family's range, drawn in to where the family still makes a design."""
     inside, end = chosen.value, chosen.end(direction)
     outside = end
     for _ in range(TRIALS):
         try:
-            model.at(**{chosen.name: outside})
+            chosen.at(outside)
         except ValueError:
             end = outside
         else:
