@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.points import Special
+from vibroimpact.continuation.points import Solution
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
 from vibroimpact.continuation.sticking import LONGEST_STEP, sticking_curve
 from vibroimpact.continuation.system import (
@@ -23,9 +23,7 @@ from vibroimpact.continuation.system import (
     check_range,
     check_share,
     follow,
-    newton,
     system_of,
-    tangent,
 )
 from vibroimpact.orbits.admissibility import nearest_misses
 from vibroimpact.orbits.equations import Floats
@@ -190,12 +188,12 @@ def _no_boundary(point: BifurcationPoint) -> NoBoundary:
 def _traced(system: System, x: Floats, longest: float, virtual: bool, report: Report) -> Boundary:
     """Return the curve through a point, in both directions."""
     along = np.ones(len(x))
-    x, made = newton(system, x, tangent(system, x, along))
+    x, made = system.newton(x, system.tangent(x, along))
     if not made:
         raise NoBoundary("Newton's method does not lead from `point` to its boundary; take another point")
-    walk = partial(_walk, Special(system, x), tangent(system, x, along), longest, virtual)
+    walk = partial(_walk, Solution(system, x), system.tangent(x, along), longest, virtual)
     back, on = both_ways(walk, report)
-    points: list[Special] = back.points[:0:-1] + on.points
+    points: list[Solution] = back.points[:0:-1] + on.points
     orbits, ends = [special.orbit for special in points], (back.end, on.end)
     return Boundary(
         kind=points[0].kind,
@@ -209,11 +207,11 @@ def _traced(system: System, x: Floats, longest: float, virtual: bool, report: Re
     )
 
 
-def _walk(here: Special, along: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
+def _walk(here: Solution, along: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
     """Yield, point by point, one direction of a boundary as far as it has been followed."""
     system, way, at_first = here.system, Way([here]), here.admissible
     for number, step in enumerate(follow(system, here.x, direction * along, longest)):
-        there, end = Special(system, step.x), step.end
+        there, end = Solution(system, step.x), step.end
         if end == "lost" or there.residual > WORST:
             there, end = here, "lost"
         elif not system.in_order(step.x):
@@ -228,14 +226,14 @@ def _walk(here: Special, along: Floats, longest: float, virtual: bool, direction
         here = there
 
 
-def _last_admissible(inside: Special, outside: Special) -> Special:
+def _last_admissible(inside: Solution, outside: Solution) -> Solution:
     """Return the last point between two at which the boundary is admissible."""
     for _ in range(HALVINGS):
         way = outside.x - inside.x
-        found, made = newton(inside.system, inside.x + 0.5 * way, way)
+        found, made = inside.system.newton(inside.x + 0.5 * way, way)
         if not made:
             break
-        special = Special(inside.system, found)
+        special = Solution(inside.system, found)
         if special.admissible and special.residual <= WORST:
             inside = special
         else:

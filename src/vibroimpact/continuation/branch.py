@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.points import Point, Special, between, orbit_at, point
+from vibroimpact.continuation.points import Point, Solution, between
 from vibroimpact.continuation.results import Branch, course
 from vibroimpact.continuation.system import (
     DOUBLING,
@@ -20,9 +20,7 @@ from vibroimpact.continuation.system import (
     check_range,
     check_share,
     follow,
-    newton,
     system_of,
-    tangent,
 )
 from vibroimpact.orbits.equations import Cycle, Floats
 from vibroimpact.orbits.orbit import Orbit
@@ -79,7 +77,7 @@ def continue_orbit(
 
     Notes
     -----
-    Pseudo-arclength continuation [1]_ with Newton's method at each point. Special points solve their own equations
+    Pseudo-arclength continuation [1]_ with Newton's method at each point. Solution points solve their own equations
     together with the orbit's, to rounding: about 1e-14 of the parameter where the condition crosses zero at a finite
     slope. Only admissible ones are listed. A doubled branch ends at the period doubling it comes from. Two events of
     one kind within a step may be missed: halve `step`. At a graze one multiplier of the orbit that gains an impact
@@ -112,7 +110,7 @@ def continue_orbit(
     with reporter(progress, "orbits") as report:
         down, up = both_ways(partial(walk, system, x, longest, virtual), report)
     special = [special.bifurcation(parameter) for special in down.special[::-1] + up.special]
-    orbits = [orbit_at(system, p.x) for p in down.points[:0:-1] + up.points]
+    orbits = [p.orbit for p in down.points[:0:-1] + up.points]
     message = course("branch", orbits, (parameter,), (down.end, up.end))
     hidden = sum(not orbit.admissible for orbit in orbits)
     if hidden:
@@ -139,7 +137,7 @@ def _checked(orbit: Any) -> Orbit:
 
 def _corrected(system: System, x: Floats) -> Floats:
     """Return the orbit corrected at its own parameter, or refuse one that does not solve its equations."""
-    found, made = newton(system, x, np.eye(len(x))[-1])
+    found, made = system.newton(x, np.eye(len(x))[-1])
     if made and np.abs(found - x).max() < 1e-3:
         return found
     if np.abs(system.misses(x)).max() < 1e-9:
@@ -155,14 +153,14 @@ def branch_system(orbit: Orbit, parameter: str, range: tuple[float, float]) -> t
 
 def walk(system: System, x: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
     """Yield, point by point, a branch as far as it has been followed, down (-1) or up (1) the parameter."""
-    along = direction * tangent(system, x, np.eye(len(x))[-1])
-    here = point(system, x, along)
+    along = direction * system.tangent(x, np.eye(len(x))[-1])
+    here = Point(system, x, along)
     way = Way([here])
     for step in follow(system, x, along, longest):
         if step.end == "lost":
             way.end = "lost"
             break
-        there = point(system, step.x, step.tangent)
+        there = Point(system, step.x, step.tangent)
         if not system.in_order(there.x):
             way.end = "impacts_merge"
             break
@@ -171,9 +169,9 @@ def walk(system: System, x: Floats, longest: float, virtual: bool, direction: fl
             way.special.append(halved)
             way.end = "period_doubling"
             break
-        for special in between(system, here, there):
-            part = special.part
-            way.points.append(point(system, part, tangent(system, part, here.tangent)))
+        for special in between(here, there):
+            part = special.on_branch
+            way.points.append(Point(system, part, system.tangent(part, here.tangent)))
             way.special.append(special)
             if special.kind == "grazing" and here.clear and not virtual:
                 way.end = "grazing"
@@ -202,7 +200,7 @@ def _apart(system: System, x: Floats) -> Floats | None:
     return np.concatenate([x[h:p] - x[:h] - 0.5 * system.cycle.n_periods, x[p + h : 2 * p] - x[p : p + h]])
 
 
-def _halved(system: System, a: Point, b: Point) -> Special | None:
+def _halved(system: System, a: Point, b: Point) -> Solution | None:
     """Return the period doubling between two points at which the halves of a doubled orbit coincide, or None."""
     before, after = _apart(system, a.x), _apart(system, b.x)
     if before is None or after is None:
@@ -214,5 +212,5 @@ def _halved(system: System, a: Point, b: Point) -> Special | None:
     share = 1.0 / (1.0 + float(np.linalg.norm(after) / np.linalg.norm(before)))
     x = a.x + share * (b.x - a.x)
     turns = 0.5 * (x[:h] + x[h:p] - 0.5 * system.cycle.n_periods)
-    found, made = newton(half, np.concatenate([turns, 0.5 * (x[p : p + h] + x[p + h : 2 * p]), x[2 * p :]]))
-    return Special(half, found) if made else None
+    found, made = half.newton(np.concatenate([turns, 0.5 * (x[p : p + h] + x[p + h : 2 * p]), x[2 * p :]]))
+    return Solution(half, found) if made else None

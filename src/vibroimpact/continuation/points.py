@@ -13,18 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from vibroimpact.continuation.results import BifurcationPoint
-from vibroimpact.continuation.system import (
-    DOUBLING,
-    FOLD,
-    LAST_IMPACT,
-    TOUCH,
-    System,
-    check_share,
-    newton,
-    system_of,
-    tangent,
-)
-from vibroimpact.orbits.admissibility import ROUNDING, NearMiss, nearest_misses, orbit_size
+from vibroimpact.continuation.system import DOUBLING, FOLD, LAST_IMPACT, TOUCH, System, check_share, system_of
+from vibroimpact.orbits.admissibility import ROUNDING, NearMiss, closest, orbit_size
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, parameters_of
 from vibroimpact.orbits.orbit import Orbit, make_orbit
 from vibroimpact.oscillator import ImpactOscillator
@@ -35,56 +25,48 @@ TRIES = 12  # of an amplitude, halved each time
 
 
 @dataclass(frozen=True)
-class Point:
-    """A point of a branch and the tests along it, which change sign at bifurcations; `margin` may be infinite."""
-
-    x: Floats
-    tangent: Floats
-    fold: float
-    doubling: float
-    weakest: float
-    margin: float
-    closest: NearMiss | None
-
-    @property
-    def clear(self) -> bool:
-        """Whether no flight penetrates the stop and no impact has a velocity away from it."""
-        return self.weakest > 0.0 and self.margin > 0.0
-
-
-def point(system: System, x: Floats, way: Floats) -> Point:
-    """Return a point of a branch and its tangent with its tests evaluated."""
-    parameters, z = system.parameters(x), system.solution(x)
-    osc, cycle = system.oscillator_at(x), system.cycle
-    closest = min(nearest_misses(osc, cycle, z), key=lambda miss: miss.gap, default=None)
-    trace, determinant = cycle.trace(parameters, z), cycle.determinant(parameters)
-    return Point(
-        x=x,
-        tangent=way,
-        fold=float(way[-1]),
-        doubling=1.0 + trace + determinant,
-        weakest=float(z[cycle.n_impacts :].min()) / system.speed,
-        margin=closest.gap / orbit_size(osc, z) if closest else math.inf,
-        closest=closest,
-    )
-
-
-@dataclass(frozen=True)
-class Special:
-    """A bifurcation on a branch, or a point of a boundary: the system that it solves, and its unknown."""
+class Solution:
+    """A solution of a system: a point of a branch or a boundary, or a bifurcation."""
 
     system: System
     x: Floats
 
-    @property
-    def kind(self) -> str:
-        """What it is to callers."""
-        return "grazing" if self.system.condition in (TOUCH, LAST_IMPACT) else self.system.condition
+    @cached_property
+    def orbit(self) -> Orbit:
+        """The orbit there."""
+        return make_orbit(self.system.model_at(self.x), self.system.cycle, self.z)
+
+    @cached_property
+    def oscillator(self) -> ImpactOscillator:
+        """The oscillator there."""
+        return self.system.oscillator_at(self.x)
+
+    @cached_property
+    def z(self) -> Floats:
+        """Turns and velocities."""
+        return self.system.solution(self.x)
+
+    @cached_property
+    def closest(self) -> NearMiss | None:
+        """Where the mass comes closest to the stop between impacts."""
+        return closest(self.oscillator, self.system.cycle, self.z)
 
     @property
-    def part(self) -> Floats:
-        """The unknown of the branch that it lies on."""
-        return np.concatenate([self.x[: 2 * self.system.cycle.n_impacts], self.x[self.system.inner :]])
+    def margin(self) -> float:
+        """The gap there, in parts of the orbit's size; infinite if there is none."""
+        return self.closest.gap / orbit_size(self.oscillator, self.z) if self.closest else math.inf
+
+    @property
+    def admissible(self) -> bool:
+        """Whether the mass can move along the orbit; the graze that defines a boundary is allowed."""
+        speeds = self.z[self.system.cycle.n_impacts :]
+        others = np.delete(speeds, self.system.where) if self.system.condition == LAST_IMPACT else speeds
+        return bool((others > 0.0).all() and self.margin >= -ROUNDING)
+
+    @property
+    def kind(self) -> str:
+        """Which bifurcation it is."""
+        return "grazing" if self.system.condition in (TOUCH, LAST_IMPACT) else self.system.condition
 
     @property
     def touch_phase(self) -> float:
@@ -92,18 +74,9 @@ class Special:
         return self.system.touch(self.x) % 1.0
 
     @cached_property
-    def orbit(self) -> Orbit:
-        """The orbit there."""
-        return orbit_at(self.system, self.x)
-
-    @cached_property
-    def _moving(self) -> tuple[ImpactOscillator, Floats]:
-        return self.system.oscillator_at(self.x), self.system.solution(self.x)
-
-    @cached_property
     def residual(self) -> float:
         """By how much the orbit misses its flights and its defining condition, relative to its own size."""
-        system, (osc, z), p = self.system, self._moving, self.system.cycle.n_impacts
+        system, osc, z, p = self.system, self.oscillator, self.z, self.system.cycle.n_impacts
         parameters, size, speed = parameters_of(osc), orbit_size(osc, z), fastest_of(osc, z[p:])
         flights = system.cycle.misses(parameters, z) / np.repeat([size, speed], p)
         ahead = (system.touch(self.x) - system.cycle.span(z, system.where)[0]) * osc.period
@@ -111,79 +84,89 @@ class Special:
         return max(float(np.abs(flights).max()), *map(abs, own))
 
     @property
-    def admissible(self) -> bool:
-        """Whether the mass can move along the orbit; the graze that defines a boundary is allowed."""
-        system, (osc, z), p = self.system, self._moving, self.system.cycle.n_impacts
-        others = np.delete(z[p:], system.where) if system.condition == LAST_IMPACT else z[p:]
-        if (others <= 0.0).any():
-            return False
-        lowest = min((miss.gap for miss in nearest_misses(osc, system.cycle, z)), default=math.inf)
-        return lowest >= -ROUNDING * orbit_size(osc, z)
+    def on_branch(self) -> Floats:
+        """The unknown of the branch that a bifurcation lies on."""
+        return np.concatenate([self.x[: 2 * self.system.cycle.n_impacts], self.x[self.system.inner :]])
 
     def bifurcation(self, parameter: str) -> BifurcationPoint:
-        """Return it as callers see it on a branch."""
+        """Return a bifurcation on a branch as callers see it."""
         value = self.system.values(self.x)[0]
         return BifurcationPoint(self.kind, parameter, value, self.orbit, self.residual, self.touch_phase)
 
 
-def orbit_at(system: System, x: Floats) -> Orbit:
-    """Return the orbit of an unknown."""
-    return make_orbit(system.model_at(x), system.cycle, system.solution(x))
+@dataclass(frozen=True)
+class Point(Solution):
+    """A point of a branch with its tangent, and the tests along it, which change sign at bifurcations."""
+
+    tangent: Floats
+
+    @cached_property
+    def tests(self) -> dict[str, float]:
+        """The test of each condition."""
+        cycle, parameters = self.system.cycle, self.system.parameters(self.x)
+        return {
+            FOLD: float(self.tangent[-1]),
+            DOUBLING: 1.0 + cycle.trace(parameters, self.z) + cycle.determinant(parameters),
+            LAST_IMPACT: float(self.z[cycle.n_impacts :].min()) / self.system.speed,
+            TOUCH: self.margin,
+        }
+
+    @property
+    def clear(self) -> bool:
+        """Whether no flight penetrates the stop and no impact has a velocity away from it."""
+        return self.tests[LAST_IMPACT] > 0.0 and self.margin > 0.0
 
 
-def between(system: System, a: Point, b: Point) -> list[Special]:
+def between(a: Point, b: Point) -> list[Solution]:
     """Return the bifurcations between two neighbouring points of a branch, in their order."""
-    found: list[Special] = []
-    if (a.fold > 0.0) != (b.fold > 0.0):
-        found += _located(system, FOLD, a, b)
-    if (a.weakest > 0.0) == (b.weakest > 0.0) and (a.doubling > 0.0) != (b.doubling > 0.0):
-        found += _located(system, DOUBLING, a, b)
-    if a.clear != b.clear:
-        found += _located(system, LAST_IMPACT if (a.weakest > 0.0) != (b.weakest > 0.0) else TOUCH, a, b)
-    way = b.x - a.x
-    return sorted(found, key=lambda special: float((special.part - a.x) @ way))
+    changed = [condition for condition in a.tests if (a.tests[condition] > 0.0) != (b.tests[condition] > 0.0)]
+    last = LAST_IMPACT in changed
+    wanted = [FOLD] if FOLD in changed else []
+    wanted += [DOUBLING] if DOUBLING in changed and not last else []
+    wanted += [LAST_IMPACT if last else TOUCH] if a.clear != b.clear else []
+    found = [special for condition in wanted if (special := _located(condition, a, b)) is not None]
+    return sorted(found, key=lambda special: float((special.on_branch - a.x) @ (b.x - a.x)))
 
 
-def _test(condition: str, at: Point) -> float:
-    value = {FOLD: at.fold, DOUBLING: at.doubling, LAST_IMPACT: at.weakest, TOUCH: at.margin}[condition]
-    return value if math.isfinite(value) else math.copysign(1.0, value)
-
-
-def _located(system: System, condition: str, a: Point, b: Point) -> list[Special]:
+def _located(condition: str, a: Point, b: Point) -> Solution | None:
     """Solve for the bifurcation between two points; while Newton's method leaves the interval, halve it."""
+    system = a.system
     for _ in range(HALVINGS):
-        low, high = _test(condition, a), _test(condition, b)
+        low, high = (
+            value if math.isfinite(value) else math.copysign(1.0, value)
+            for value in (a.tests[condition], b.tests[condition])
+        )
         share = low / (low - high) if low != high else 0.5
-        special = _solved(system, condition, a.x + share * (b.x - a.x), a, b)
+        special = _solved(condition, a.x + share * (b.x - a.x), a, b)
         if special is not None:
-            return [special]
-        found, made = newton(system, 0.5 * (a.x + b.x), b.x - a.x)
+            return special
+        found, made = system.newton(0.5 * (a.x + b.x), b.x - a.x)
         if not made:
-            return []
-        inside = point(system, found, tangent(system, found, a.tangent))
-        a, b = (inside, b) if (_test(condition, inside) > 0.0) == (low > 0.0) else (a, inside)
-    return []
-
-
-def _solved(system: System, condition: str, x: Floats, a: Point, b: Point) -> Special | None:
-    where, touch = 0, math.nan
-    p = system.cycle.n_impacts
-    if condition == LAST_IMPACT:
-        where = int(np.argmin((a if a.weakest < b.weakest else b).x[p : 2 * p]))
-    if condition == TOUCH:
-        owner = a if a.margin < b.margin else b
-        if owner.closest is None:
             return None
-        where = owner.closest.flight
-        # The touch moves with the orbit: its distance from the start of the flight is kept.
-        touch = owner.closest.turns + float(x[where] - owner.x[where])
-    bounded = replace(system, condition=condition, where=where)
+        inside = Point(system, found, system.tangent(found, a.tangent))
+        a, b = (inside, b) if (inside.tests[condition] > 0.0) == (low > 0.0) else (a, inside)
+    return None
+
+
+def _solved(condition: str, x: Floats, a: Point, b: Point) -> Solution | None:
+    """Return the bifurcation that Newton's method reaches from x, or None if it does not lie between the points."""
+    where, touch, p = 0, math.nan, a.system.cycle.n_impacts
+    if condition in (LAST_IMPACT, TOUCH):
+        owner = a if a.tests[condition] < b.tests[condition] else b
+        where = int(np.argmin(owner.x[p : 2 * p]))
+        if condition == TOUCH:
+            if owner.closest is None:
+                return None
+            where = owner.closest.flight
+            # The touch moves with the orbit: its distance from the start of the flight is kept.
+            touch = owner.closest.turns + float(x[where] - owner.x[where])
+    bounded = replace(a.system, condition=condition, where=where)
     start = np.concatenate([x[: 2 * p], [touch] if condition == TOUCH else [], x[2 * p :]])
-    found, made = newton(bounded, start)
+    found, made = bounded.newton(start)
     if not made:
         return None
-    special = Special(bounded, found)
-    part, way = special.part, b.x - a.x
+    special = Solution(bounded, found)
+    part, way = special.on_branch, b.x - a.x
     share = float((part - a.x) @ way / (way @ way))
     aside = float(np.abs(part - a.x - share * way).max())
     return special if -1e-9 <= share <= 1.0 + 1e-9 and aside <= float(np.linalg.norm(way)) else None
@@ -246,9 +229,9 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Orbit:
     system, x, direction = _twice(point)
     for _ in range(TRIES):
         start = x + size * direction
-        found, made = newton(system, start, direction)
+        found, made = system.newton(start, direction)
         if made and np.abs(found - start).max() < 0.5 * size:
-            return orbit_at(system, found)
+            return Solution(system, found).orbit
         size *= 0.5
     raise ValueError(
         f"no doubled orbit was found from `point` at {point.parameter} = {point.value:.12g}; try a smaller `amplitude`"

@@ -26,6 +26,7 @@ ENDS = {
     "budget": f"after {MOST_POINTS} orbits",
     "stopped": "where it was stopped",
 }
+MISS = "miss of the defining condition"
 KINDS = ("fold", "period_doubling", "grazing", "end_of_sticking")
 
 
@@ -107,20 +108,12 @@ class Branch:
             "multiplier_imag": number(("point", "multiplier"), multipliers.imag, "imaginary part of multiplier"),
             "special_kind": kind_variable("special", [point.kind for point in self.special]),
             "special_value": axis(model, self.parameter, "special", [point.value for point in self.special]),
-            "special_residual": number(
-                "special", [point.residual for point in self.special], "miss of the defining condition"
-            ),
+            "special_residual": number("special", [point.residual for point in self.special], MISS),
             "special_touch_phase": variable("phase", "special", np.array([q.touch_phase for q in self.special])),
         }
         there = orbit_variables([point.orbit for point in self.special], p, "special")
         content |= {f"special_{name}": there[name] for name in ("velocity", "phase")}
-        name = {"n_periods": self.orbits[0].n_periods, "n_impacts": self.orbits[0].n_impacts}
-        ends = {"outcome": " ".join(self.outcome), "message": self.message}
-        arguments = {"parameter": self.parameter, **name, **self.arguments}
-        attrs = provenance("continue_orbit", model, arguments) | name | ends
-        return xr.Dataset(
-            content, coords={self.parameter: axis(model, self.parameter, "point", self.values)}, attrs=attrs
-        )
+        return _along(self, content, {self.parameter: self.values}, "continue_orbit", {"parameter": self.parameter})
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,25 +156,27 @@ class Boundary:
     @property
     def dataset(self) -> xr.Dataset:
         """The curve as a labelled dataset over `point`."""
-        first, values = self.orbits[0], self.values
-        width = max(len(orbit.velocities) for orbit in self.orbits)
-        content = orbit_variables(self.orbits, width, "point") | {
+        orbits, width = self.orbits, max(len(orbit.velocities) for orbit in self.orbits)
+        content = orbit_variables(orbits, width, "point") | {
             "kind": kind_variable((), self.kind),
-            "residual": number("point", self.residuals, "miss of the defining condition"),
+            "residual": number("point", self.residuals, MISS),
             "touch_phase": variable("phase", "point", np.array(self.touch_phases)),
-            "trace": number("point", [orbit.trace for orbit in self.orbits], "trace of the cycle's Jacobian"),
-            "determinant": number(
-                "point", [orbit.determinant for orbit in self.orbits], "determinant of the cycle's Jacobian"
-            ),
+            "trace": number("point", [orbit.trace for orbit in orbits], "trace of the cycle's Jacobian"),
+            "determinant": number("point", [o.determinant for o in orbits], "determinant of the cycle's Jacobian"),
         }
-        name = {"n_periods": first.n_periods, "n_impacts": first.n_impacts}
-        ends = {"outcome": " ".join(self.outcome), "message": self.message}
-        arguments = {"kind": self.kind, "parameters": self.parameters, **name, **self.arguments}
-        return xr.Dataset(
-            content,
-            coords={name: axis(first.model, name, "point", values[:, j]) for j, name in enumerate(self.parameters)},
-            attrs=provenance("continue_boundary", first.model, arguments) | name | ends,
-        )
+        values = dict(zip(self.parameters, self.values.T, strict=True))
+        return _along(self, content, values, "continue_boundary", {"kind": self.kind, "parameters": self.parameters})
+
+
+def _along(
+    curve: Branch | Boundary, content: dict[str, Any], values: dict[str, Any], call: str, given: dict[str, Any]
+) -> xr.Dataset:
+    """Return variables along a curve as a dataset with the parameters' values, the outcome and the provenance."""
+    first = curve.orbits[0]
+    name = {"n_periods": first.n_periods, "n_impacts": first.n_impacts}
+    ends = {"outcome": " ".join(curve.outcome), "message": curve.message}
+    attrs = provenance(call, first.model, given | name | curve.arguments) | name | ends
+    return xr.Dataset(content, {key: axis(first.model, key, "point", values[key]) for key in values}, attrs)
 
 
 def course(what: str, orbits: Sequence[Orbit], names: Sequence[str], ends: tuple[str, str]) -> str:

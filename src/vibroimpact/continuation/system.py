@@ -238,57 +238,51 @@ class System:
         speeds = np.maximum(np.abs(x[p : 2 * p]), 1e-3)
         return np.concatenate([turns[:p], speeds, turns[p:], free])
 
+    def newton(self, x: Floats, row: Floats | None = None, target: float | None = None) -> tuple[Floats, int]:
+        """Return the solution near x, with row . x = target (its own by default), and corrections made (0: failed)."""
+        x = x.copy()
+        aim: Any = row @ x if row is not None and target is None else target
+        for made in range(1, MOST + 1):
+            if not self.possible(x):
+                return x, 0
+            try:
+                misses, matrix = self.misses(x), self.jacobian(x)
+            except ValueError:  # a family makes no oscillator of values beside these
+                return x, 0
+            if row is not None:
+                misses, matrix = np.append(misses, row[None, :] @ x - aim), np.concatenate([matrix, row[None, :]])
+            if not (np.isfinite(misses).all() and np.isfinite(matrix).all()):
+                return x, 0
+            try:
+                correction = np.linalg.solve(matrix, misses)
+            except np.linalg.LinAlgError:
+                return x, 0
+            x -= correction
+            size = float(np.abs(correction).max())
+            if size < CLOSE:
+                return x, made
+            if not size < 1e3:
+                return x, 0
+        return x, 0
+
+    def weights(self, x: Floats) -> Floats:
+        """Return the weight of each unknown in the length of a step; velocities are relative to the largest above 1."""
+        p, counts = self.cycle.n_impacts, np.ones(len(x))
+        counts[p : 2 * p] /= max(1.0, float(np.abs(x[p : 2 * p]).max()))
+        return counts
+
+    def tangent(self, x: Floats, along: Floats) -> Floats:
+        """Return the tangent of the curve at x, in the direction of `along`, of weighted length 1."""
+        counts = self.weights(x)
+        direction = np.linalg.svd(self.jacobian(x) / counts)[2][-1]
+        return np.asarray(direction / counts * (1.0 if direction @ (along * counts) >= 0.0 else -1.0))
+
 
 def system_of(orbit: Orbit, names: tuple[str, ...], ranges: tuple[tuple[float, float], ...]) -> tuple[System, Floats]:
     """Return the equations of an orbit with free parameters, and its turns and velocities."""
     cycle, z = solution_of(orbit)
     speed = fastest_of(orbit.oscillator, z[cycle.n_impacts :])
     return System(orbit.model, cycle, names, ranges, speed), z
-
-
-def newton(system: System, x: Floats, row: Floats | None = None, target: float | None = None) -> tuple[Floats, int]:
-    """Return the solution near x of the system, and of row . x = target (by default that of x), and corrections made.
-
-    The number is 0 if it did not converge.
-    """
-    x = x.copy()
-    aim: Any = row @ x if row is not None and target is None else target
-    for made in range(1, MOST + 1):
-        if not system.possible(x):
-            return x, 0
-        try:
-            misses, matrix = system.misses(x), system.jacobian(x)
-        except ValueError:  # a family makes no oscillator of values beside these
-            return x, 0
-        if row is not None:
-            misses, matrix = np.append(misses, row[None, :] @ x - aim), np.concatenate([matrix, row[None, :]])
-        if not (np.isfinite(misses).all() and np.isfinite(matrix).all()):
-            return x, 0
-        try:
-            correction = np.linalg.solve(matrix, misses)
-        except np.linalg.LinAlgError:
-            return x, 0
-        x -= correction
-        size = float(np.abs(correction).max())
-        if size < CLOSE:
-            return x, made
-        if not size < 1e3:
-            return x, 0
-    return x, 0
-
-
-def weights(system: System, x: Floats) -> Floats:
-    """Return the weight of each unknown in the length of a step; velocities are relative to the largest above 1."""
-    p, counts = system.cycle.n_impacts, np.ones(len(x))
-    counts[p : 2 * p] /= max(1.0, float(np.abs(x[p : 2 * p]).max()))
-    return counts
-
-
-def tangent(system: System, x: Floats, along: Floats) -> Floats:
-    """Return the tangent of the curve at x, in the direction of `along`, of weighted length 1."""
-    counts = weights(system, x)
-    direction = np.linalg.svd(system.jacobian(x) / counts)[2][-1]
-    return np.asarray(direction / counts * (1.0 if direction @ (along * counts) >= 0.0 else -1.0))
 
 
 @dataclass(frozen=True)
@@ -304,10 +298,10 @@ def follow(system: System, x: Floats, way: Floats, longest: float) -> Iterator[S
     """Yield the points of a curve after x, where `way` is its tangent, to the edge of the ranges or back to x."""
     start, first, step, away = x, way, longest, False
     while True:
-        counts, ahead = weights(system, x), x + step * way
-        found, made = newton(system, ahead, counts * counts * way)
+        counts, ahead = system.weights(x), x + step * way
+        found, made = system.newton(ahead, counts * counts * way)
         try:
-            turned = tangent(system, found, way) if made else way
+            turned = system.tangent(found, way) if made else way
         except ValueError:
             made, turned = 0, way
         straight = (turned * counts) @ (way * counts) / np.linalg.norm(turned * counts)
@@ -336,15 +330,15 @@ def _to_edge(system: System, inside: Floats, beyond: Floats, outside: list[int],
     reached = {j: ((0.0 if beyond[j] < 0.0 else 1.0) - inside[j]) / (beyond[j] - inside[j]) for j in outside}
     j = min(reached, key=lambda key: reached[key])
     start = inside + reached[j] * (beyond - inside)
-    found, made = newton(system, start, np.eye(len(start))[j], 0.0 if beyond[j] < 0.0 else 1.0)
+    found, made = system.newton(start, np.eye(len(start))[j], 0.0 if beyond[j] < 0.0 else 1.0)
     if not made or np.abs(found - start).max() > np.abs(beyond - inside).max() + 1e-12:
         return Step(inside, way, "lost")
-    return Step(found, tangent(system, found, way), "range")
+    return Step(found, system.tangent(found, way), "range")
 
 
 def _distance(system: System, start: Floats, x: Floats) -> float:
     """Return how far a point of the curve is from its first one; whole turns do not count."""
-    p, apart = system.cycle.n_impacts, (x - start) * weights(system, start)
+    p, apart = system.cycle.n_impacts, (x - start) * system.weights(start)
     apart[[*range(p), *([2 * p] if system.condition == TOUCH else [])]] -= np.rint(apart[0])
     return float(np.linalg.norm(apart))
 
