@@ -19,13 +19,12 @@ import xarray as xr
 import vibroimpact as vi
 from vibroimpact.files import replacing
 from vibroimpact.parameters import invalid, real_number, whole_number
-from vibroimpact.studies.lee import figures, report
+from vibroimpact.studies.lee import report
 from vibroimpact.studies.lee.claims import Claim
 from vibroimpact.studies.lee.laboratory import Laboratory
-from vibroimpact.studies.lee.paper import LEVEL, OSCILLATOR, PAIRS, PAPER, QUICK, Scale
+from vibroimpact.studies.lee.paper import LEVEL, OSCILLATOR, PAIRS, PAPER, QUICK, Job, Scale, Tick, draw, jobs, plates
 from vibroimpact.studies.lee.section_3 import general, sticking
-from vibroimpact.studies.lee.section_3_2 import between, first_chaos, second_chaos
-from vibroimpact.studies.lee.section_3_5 import conclusions, statistical
+from vibroimpact.studies.lee.section_3_2 import between, conclusions, first_chaos, second_chaos, statistical
 from vibroimpact.studies.lee.section_4 import amplitude, damping, mass, restitution, stiffness
 
 SECTIONS = (
@@ -100,7 +99,7 @@ def run(
         whole_number("workers", workers, 1)
     target = _check_folder(out, overwrite=overwrite)
     scale = QUICK if quick else PAPER
-    plan = list(figures.jobs(scale, workers))
+    plan = list(jobs(scale, workers))
     total = sum(job.weight for job in plan) + 20 * FIGURE_WEIGHT + len(CLAIMS) * CLAIM_WEIGHT
     stages = Stages(progress, total)
     try:
@@ -161,7 +160,7 @@ class Stages:
         self._progress, self._total, self._done = progress, total, 0
         self._since = perf_counter()
 
-    def begin(self, stage: str, text: str, weight: int) -> figures.Tick:
+    def begin(self, stage: str, text: str, weight: int) -> Tick:
         """Open a step of a stage; return the function that reports its completed part."""
         self._close()
         self._stage, self._weight, self.text = stage, weight, text
@@ -191,7 +190,7 @@ class Stages:
 
 
 def _write_study(
-    folder: Path, stages: Stages, plan: list[figures.Job], scale: Scale, level: float, workers: int | None
+    folder: Path, stages: Stages, plan: list[Job], scale: Scale, level: float, workers: int | None
 ) -> None:
     """Compute, draw, test and report into an unfinished folder."""
     results: dict[str, xr.Dataset] = {}
@@ -199,10 +198,10 @@ def _write_study(
         tick = stages.begin("maps" if job.weight > 100 else "sections and diagrams", job.text, job.weight)
         results[job.key] = job.make(tick)
         vi.save(results[job.key], folder / "data" / f"{job.key}.zarr")
-    plates = list(figures.plates(results, level))
-    for plate in plates:
+    drawn = list(plates(results, level))
+    for plate in drawn:
         stages.begin("figures", f"figure {plate.number}", FIGURE_WEIGHT)
-        figures.draw(plate, folder / "figures", scale)
+        draw(plate, folder / "figures", scale)
     lab = Laboratory(scale, results, level, workers)
     tested: list[report.Tested] = []
     for claim in CLAIMS:
@@ -210,7 +209,7 @@ def _write_study(
         tested.append((claim, claim.measure(lab)))
     stages.finish()
     facts = _facts(scale, level, results, stages)
-    report.write(folder / REPORT, plates, tested, facts, level)
+    report.write(folder / REPORT, drawn, tested, facts, level)
     _write_record(folder / RECORD, tested, facts)
 
 

@@ -11,8 +11,7 @@ from pathlib import Path
 from string import Template
 
 from vibroimpact.studies.lee.claims import Claim, Outcome
-from vibroimpact.studies.lee.figures import Plate
-from vibroimpact.studies.lee.paper import CITATION, TIME_STEP, WINDOW
+from vibroimpact.studies.lee.paper import CITATION, TIME_STEP, WINDOW, Plate
 from vibroimpact.studies.lee.rules import Verdict
 
 Tested = tuple[Claim, Outcome]

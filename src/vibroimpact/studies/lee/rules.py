@@ -32,6 +32,10 @@ def _verdict(holds: bool, close: bool = False) -> Verdict:
     return Verdict.HOLDS if holds else Verdict.LAST_DIGIT if close else Verdict.FAILS
 
 
+def _unit(printed: str) -> Decimal:
+    return Decimal(1).scaleb(int(Decimal(printed).as_tuple().exponent))
+
+
 def last_unit(printed: str) -> float:
     """Return one unit of the last printed digit.
 
@@ -40,14 +44,7 @@ def last_unit(printed: str) -> float:
     >>> last_unit("0.23"), last_unit("2.0"), last_unit("35")
     (0.01, 0.1, 1.0)
     """
-    return 10.0 ** int(Decimal(printed).as_tuple().exponent)
-
-
-def rounded_like(found: float, printed: str) -> Decimal:
-    """Return `found` rounded half up to as many decimals as were printed."""
-    return Decimal(repr(float(found))).quantize(
-        Decimal(1).scaleb(int(Decimal(printed).as_tuple().exponent)), ROUND_HALF_UP
-    )
+    return float(_unit(printed))
 
 
 def cut_like(found: float, printed: str) -> bool:
@@ -58,8 +55,7 @@ def cut_like(found: float, printed: str) -> bool:
     >>> cut_like(0.447, "0.44"), cut_like(0.447, "0.45")
     (True, False)
     """
-    unit = Decimal(1).scaleb(int(Decimal(printed).as_tuple().exponent))
-    return Decimal(repr(float(found))).quantize(unit, ROUND_DOWN) == Decimal(printed)
+    return Decimal(repr(float(found))).quantize(_unit(printed), ROUND_DOWN) == Decimal(printed)
 
 
 def printed_value(found: float, printed: str) -> Assessment:
@@ -75,8 +71,8 @@ def printed_value(found: float, printed: str) -> Assessment:
     rule = "equal after rounding to the printed digits; one unit of the last digit away is 'last digit'"
     if not math.isfinite(found):
         return Assessment(Verdict.FAILS, rule)
-    units = abs(rounded_like(found, printed) - Decimal(printed)).scaleb(-int(Decimal(printed).as_tuple().exponent))
-    return Assessment(_verdict(units == 0, units <= 1), rule)
+    away = abs(Decimal(repr(float(found))).quantize(_unit(printed), ROUND_HALF_UP) - Decimal(printed))
+    return Assessment(_verdict(away == 0, away <= _unit(printed)), rule)
 
 
 def same_name(found: str, said: str) -> Assessment:
@@ -119,16 +115,14 @@ def nearly_all(share: float, of_what: str) -> Assessment:
 
 def falls(values: Sequence[float], what: str) -> Assessment:
     """Assess a downward trend: every value below the one before it."""
-    return Assessment(_verdict(_descends(values)), f"{what} falls at every step")
+    down = len(values) > 1 and all(b < a for a, b in pairwise(values))
+    return Assessment(_verdict(down), f"{what} falls at every step")
 
 
 def rises(values: Sequence[float], what: str) -> Assessment:
     """Assess an upward trend: every value above the one before it."""
-    return Assessment(_verdict(_descends([-value for value in values])), f"{what} rises at every step")
-
-
-def _descends(values: Sequence[float]) -> bool:
-    return len(values) > 1 and all(b < a for a, b in pairwise(values))
+    up = len(values) > 1 and all(b > a for a, b in pairwise(values))
+    return Assessment(_verdict(up), f"{what} rises at every step")
 
 
 def axis_limit(largest: float, printed: str) -> Assessment:
