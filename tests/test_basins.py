@@ -323,17 +323,17 @@ GRID = {"phase": [0.1, 0.2], "velocity": [0.5, 1.0]}
         (GRID | {"displacement": [0.0]}, "the axes must be .*, got `phase`, `velocity`, `displacement`"),
         (GRID | {"gap": [0.0]}, "unknown coordinate 'gap'; choose from displacement, velocity, phase"),
         (GRID | {"phase": [0.1, 1.2]}, "`phase` must be between 0 and 1, got 1.2; give"),
-        (GRID | {"velocity": [-0.1, 1.2]}, "`velocity` must be >= 0, got -0.1; an impact"),
-        (GRID | {"velocity": [1.0, 0.5]}, "`velocity` must be strictly increasing, got 1 before 0.5"),
-        (GRID | {"velocity": []}, r"`velocity` must be a one-dimensional list of finite numbers, got \[\]"),
-        (GRID | {"velocity": "fast"}, "`velocity` must be a one-dimensional list of finite numbers, got 'fast'"),
+        (GRID | {"velocity": [-0.1, 1.2]}, "`velocity` must be .*>= 0, got -0.1; an impact"),
+        (GRID | {"velocity": [1.0, 0.5]}, "`velocity` must increase strictly, .* from 1 to 0.5"),
+        (GRID | {"velocity": []}, r"`velocity` must be a one-dimensional, .* list of numbers, got \[\]"),
+        (GRID | {"velocity": "fast"}, "`velocity` must be a one-dimensional, .* list of numbers, got 'fast'"),
         (
             GRID | {"velocity": [0.5, math.nan]},
-            "`velocity` must be .* finite numbers, got .*nan",
+            "`velocity` must be a finite number .*, got nan",
         ),
         (
             {"displacement": [-1.0, 0.5], "velocity": [0.0, 1.0]},
-            "must be at most the gap, 0 here, got 0.5",
+            "`displacement` must be at most 0, got 0.5; the stop is there",
         ),
         (
             {"displacement": [-1.0, 0.0], "velocity": [0.0], "phase": 1.0},

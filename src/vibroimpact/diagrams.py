@@ -122,7 +122,7 @@ def bifurcation_diagram(
     check_model(osc)
     choice("section", section, SECTIONS)
     choice("direction", direction, DIRECTIONS)
-    axes = check_axes(axis, osc)
+    axes = check_axes(axis, osc.parameters)
     if len(axes) != 1:
         raise ValueError(f"one axis is needed, got {', '.join(axes) or 'none'}; use parameter_map for more")
     sampling = Sampling(transient_impacts, sample_impacts, transient_periods, sample_periods)

@@ -125,7 +125,7 @@ class Parameter:
     def allowed(self) -> str:
         """The range in words."""
         if math.isinf(self.low):
-            return "a finite number"
+            return "a finite number" if math.isinf(self.high) else f"at most {self.high:g}"
         if math.isinf(self.high):
             return f"a finite number {'>=' if self.closed else '>'} {self.low:g}"
         return f"between {self.low:g} and {self.high:g}"

@@ -21,7 +21,7 @@ from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.cells import Cells, Floats
 from vibroimpact.dataset import label, package_version, plain_variable, provenance, status_variable, variable
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names, one_start
-from vibroimpact.parameters import invalid
+from vibroimpact.parameters import Parameter, invalid
 
 Places = NDArray[np.int64]
 CELL, INDEX = 250, 8  # bytes per cell of a map while it is computed, and per index beyond the first
@@ -198,10 +198,10 @@ def map_of(request: Request, arrays: Mapping[str, NDArray[Any]]) -> xr.Dataset:
     return xr.Dataset(found, request.coordinates(), attrs=counts | request.provenance("parameter_map"))
 
 
-def check_axes(axes: Mapping[str, Any], model: Model) -> dict[str, Floats]:
+def check_axes(axes: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dict[str, Floats]:
     """Return the axes of a grid as arrays in the order given, or raise `ValueError` naming the first that is wrong."""
-    _check_varied(axes, model)
-    found = {name: _values(name, values, model) for name, values in axes.items()}
+    _check_varied(axes, parameters)
+    found = {name: _values(values, parameters[name]) for name, values in axes.items()}
     for name, values in found.items():
         falls = np.flatnonzero(np.diff(values) <= 0.0)
         if falls.size:
@@ -220,8 +220,8 @@ def check_points(points: Any, model: Model) -> dict[str, Floats]:
         ) from None
     if not columns:
         raise invalid("points", points, "a table with at least one column")
-    _check_varied(columns, model)
-    found = {name: _values(name, values, model) for name, values in columns.items()}
+    _check_varied(columns, model.parameters)
+    found = {name: _values(values, model.parameters[name]) for name, values in columns.items()}
     if len({len(values) for values in found.values()}) > 1:
         lengths = ", ".join(f"{name} has {len(values)}" for name, values in found.items())
         raise ValueError(f"`points` must have columns of one length, but {lengths}")
@@ -237,20 +237,20 @@ def check_start(start: Any) -> State | tuple[State | None, ...] | None:
     return tuple(one_start(one) for one in start)
 
 
-def _check_varied(names: Mapping[str, Any], model: Model) -> None:
-    check_names(model.parameters, names)
+def _check_varied(names: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> None:
+    check_names(parameters, names)
     for name in names:
-        if (other := model.parameters[name].replaces) in names:
+        if (other := parameters[name].replaces) in names:
             raise ValueError(f"give either `{other}` or `{name}`, not both")
 
 
-def _values(name: str, given: Any, model: Model) -> Floats:
+def _values(given: Any, parameter: Parameter) -> Floats:
     values = _numbers(given)
     if values.ndim != 1 or values.size == 0:
-        hint = f"write for example {name}=np.linspace(0.1, 5, 200)"
-        raise invalid(name, given, "a one-dimensional, non-empty list of numbers", hint)
+        hint = f"write for example {parameter.name}=np.linspace(0.1, 5, 200)"
+        raise invalid(parameter.name, given, "a one-dimensional, non-empty list of numbers", hint)
     for value in (*values[~np.isfinite(values)][:1], values.min(), values.max()):  # ranges are intervals
-        model.parameters[name].check(value.item())
+        parameter.check(value.item())
     return values
 
 

@@ -284,7 +284,7 @@ def request_map(
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     measurement = Measurement(window, tolerances or Tolerances(), early_closing, check_indices(indices))
-    checked = check_axes(axes, model) if points is None else check_points(points, model)
+    checked = check_axes(axes, model.parameters) if points is None else check_points(points, model)
     return Request(model, checked, measurement, check_start(start), backend, time_step, scattered=points is not None)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -19,8 +18,9 @@ from vibroimpact.dataset import impact_speed, provenance, status_variable, varia
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State, the_oscillator
-from vibroimpact.parameters import invalid, phase_number, unknown
+from vibroimpact.parameters import Parameter, phase_number, unknown
 from vibroimpact.progress import Report, reporter
+from vibroimpact.request import check_axes
 
 POINTS = 256  # of an attractor, at most, that are returned to be marked in a portrait
 _NAMES = ("displacement", "velocity", "phase")
@@ -122,15 +122,8 @@ def basins(
     ----------
     osc : ImpactOscillator or family
         The oscillator.
-    transient_impacts, sample_impacts : int, >= 0 and >= 1
-        Impacts left out, then kept, in the first of three rounds; initial conditions that are not decided by then go
-        on to a second and a third one, four and sixteen times as long.
-    backend : str
-        Name of the back end: one that gives n and p of cycles.
-    tolerances : Tolerances, optional
-        Numerical tolerances.
-    workers : int, optional
-        Threads; None is one per core. The result does not depend on it.
+    transient_impacts, sample_impacts, backend, tolerances, workers
+        As of `attractors`.
     progress : bool or callable
         True shows a bar; a callable gets (initial conditions decided, their total number, Dataset with their `status`)
         and stops by returning False: what was found so far is returned, the unfinished `interrupted`.
@@ -300,13 +293,15 @@ def check_grid(osc: ImpactOscillator, axes: Mapping[str, Any]) -> tuple[dict[str
     if set(given) not in ({"displacement", "velocity"}, {"phase", "velocity"}):
         got = ", ".join(f"`{name}`" for name in axes) or "no axis"
         raise ValueError(f"the axes must be {_PAIRS}, got {got}")
-    grid = {name: _values(name, values) for name, values in given.items()}
-    if "phase" in grid:
-        _within("phase", grid["phase"], 0.0, 1.0, "give (t mod T)/T")
-        _within("velocity", grid["velocity"], 0.0, math.inf, "an impact has velocity > 0, a mass at rest 0")
-    else:
-        _within("displacement", grid["displacement"], -math.inf, osc.gap, "start the mass in front of the stop")
-    return grid, phase
+    velocity = Parameter("velocity", "velocity")
+    if "phase" in given:
+        velocity = Parameter("velocity", "velocity", low=0.0, hint="an impact has velocity > 0, a mass at rest 0")
+    coordinates = (
+        Parameter("phase", "phase", low=0.0, high=1.0, hint="give (t mod T)/T"),
+        Parameter("displacement", "displacement", high=osc.gap, hint="the stop is there; start in front of it"),
+        velocity,
+    )
+    return check_axes(given, {each.name: each for each in coordinates}), phase
 
 
 def grid_cells(osc: ImpactOscillator, grid: Mapping[str, Floats], phase: float) -> Cells:
@@ -314,33 +309,6 @@ def grid_cells(osc: ImpactOscillator, grid: Mapping[str, Floats], phase: float) 
     columns = {
         name: np.ravel(values) for name, values in zip(grid, np.meshgrid(*grid.values(), indexing="ij"), strict=True)
     }
-    if "phase" in grid:
-        return cells_at(osc, np.zeros_like(columns["phase"]), columns["velocity"], columns["phase"])
-    clearance = osc.gap - columns["displacement"]
-    return cells_at(osc, clearance, columns["velocity"], np.full_like(clearance, phase))
-
-
-def _values(name: str, given: ArrayLike) -> Floats:
-    allowed, example = "a one-dimensional list of finite numbers", f"write for example {name}=np.linspace(0, 1, 200)"
-    try:
-        values = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise invalid(name, given, allowed, example) from None
-    if values.ndim != 1 or values.size == 0 or not np.isfinite(values).all():
-        raise invalid(name, given, allowed, example)
-    falls = np.flatnonzero(np.diff(values) <= 0.0)
-    if falls.size:
-        low, high = values[falls[0]], values[falls[0] + 1]
-        raise ValueError(f"`{name}` must be strictly increasing, got {low:g} before {high:g}; sort the values")
-    return values
-
-
-def _within(name: str, values: Floats, low: float, high: float, hint: str) -> None:
-    if values[0] >= low and values[-1] <= high:
-        return
-    wrong = float(values[0] if values[0] < low else values[-1])
-    if math.isinf(low):
-        allowed = f"at most the gap, {high:g} here"
-    else:
-        allowed = f">= {low:g}" if math.isinf(high) else f"between {low:g} and {high:g}"
-    raise invalid(name, wrong, allowed, hint)
+    phases = columns.get("phase", np.full(len(columns["velocity"]), phase))
+    clearance = osc.gap - columns["displacement"] if "displacement" in grid else np.zeros_like(phases)
+    return cells_at(osc, clearance, columns["velocity"], phases)
