@@ -40,15 +40,14 @@ def random_oscillators(number=NUMBER):
 def alone(monkeypatch):
     """The steps that recorders make alone."""
     steps = []
-    record = cpu.recorder.record
+    record = cpu.record
 
-    def counted(memory, *rest):
-        before = memory[cpu.recorder.STEPS]
-        end = record(memory, *rest)
-        steps.append(int(memory[cpu.recorder.STEPS] - before))
-        return end
+    def counted(seen, trace):
+        before = cpu.state_of(seen.memory)[1].steps
+        record(seen, trace)
+        steps.append(int(cpu.state_of(seen.memory)[1].steps - before))
 
-    monkeypatch.setattr(cpu.recorder, "record", counted)
+    monkeypatch.setattr(cpu, "record", counted)
     return steps
 
 

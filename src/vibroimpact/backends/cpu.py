@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -23,12 +22,11 @@ from vibroimpact.backends.base import (
 from vibroimpact.backends.sampled import samples_of
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
-from vibroimpact.kernels import recorder
 from vibroimpact.kernels.cell import DYING, FILLED, PINNED, QUIET, RUNNING, SPENT, Cell
 from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.lanes import LANES, ROWS, TRACED_ROWS
-from vibroimpact.kernels.recorder import IDLE, Recorder, record_lanes
+from vibroimpact.kernels.recorder import END, IDLE, MEMORY, Recorder, begin, record, record_lanes, state_of
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
 from vibroimpact.kernels.runner import follow_cell, run_cells
 from vibroimpact.kernels.walk import LOOK, TRACE
@@ -127,9 +125,9 @@ class CpuBackend(Backend):
                 f"{measurement.tolerances.chatter:g} and {seen.tolerances.chatter:g}"
             )
         sweep = _Sweep(cell, measurement)
-        run = _Run.begun(sweep.cells[0], seen.window, limits(seen.tolerances))
+        run = _Run(sweep.cells[0], seen.window, limits(seen.tolerances))
         sweep.follow(run)
-        _one_by_one([run], _numbers(seen.window))
+        run.record()
         return outcomes(sweep.results, sweep.ends, measurement.impacts), run.samples()
 
 
@@ -174,15 +172,10 @@ class _Sweep:
 
     def follow(self, run: _Run) -> None:
         """Measure the only cell, and record its run up to there, or to its own end."""
-        seat, facts, recorded = _seat(), self._facts(), np.array([RUNNING])
-        window = _numbers(run.window)
-        buffers = _buffers(window)
+        seat, facts, seen = _seat(), self._facts(), Recorder(run.memory, *_room_for(run.window))
         while self.ends[0] == RUNNING:
-            filled = np.zeros(3, np.int64)
-            recorder = Recorder(run.memory, window, *buffers, filled, recorded)
-            follow_cell(self.cells, self.results, self.ends, seat, *self._how, facts, recorder)
-            run.keep(buffers, filled)
-        run.end = int(recorded[0])
+            follow_cell(self.cells, self.results, self.ends, seat, *self._how, facts, seen)
+            run.keep(seen)
 
     def _facts(self) -> Floats | None:
         return np.zeros((LANES, FACTS)) if self.thorough else None
@@ -196,53 +189,55 @@ def _seat() -> tuple[NDArray[Any], ...]:
 
 def sample(table: Floats, window: Window, limits: Limits) -> list[Samples]:
     """Return what the window sees of each cell, one a row of the table."""
-    runs = [_Run.begun(row, window, limits) for row in table]
-    record = _one_by_one if len(runs) < FEW else _in_lanes
-    record(runs, _numbers(window))
+    runs = [_Run(row, window, limits) for row in table]
+    if len(runs) < FEW:
+        for run in runs:
+            run.record()
+    else:
+        _record_in_lanes(runs)
     return [run.samples() for run in runs]
 
 
-@dataclass
 class _Run:
     """A cell, its recorder's memory, and what was seen of it so far."""
 
-    cell: Cell
-    window: Window
-    look_periods: Floats
-    look_phase: Floats
-    memory: Floats
-    end: int = RUNNING
-    parts: list[Seen] = field(default_factory=list)
+    def __init__(self, row: Floats, window: Window, limits: Limits) -> None:
+        self.cell, self.window = Cell(*row.tolist()), window
+        self.look_periods = self.look_phase = np.zeros(1)
+        if isinstance(window, ImpactWindow):
+            numbers = float(window.transient), float(window.transient + window.keep), 0.0, 1.0
+        else:
+            numbers = 0.0, 0.0, float(window.keep), float(window.per_period)
+            self.look_periods, self.look_phase = window.schedule(self.cell.periods, self.cell.phase)
+        self.memory = np.zeros(MEMORY)
+        begin(row, self.memory, numbers, (self.look_periods[0], self.look_phase[0]), limits)
+        self.parts: list[list[Floats]] = []
 
-    @classmethod
-    def begun(cls, row: Floats, window: Window, limits: Limits) -> _Run:
-        """Return a run at its start."""
-        cell = Cell(*row.tolist())
-        periods = phase = np.zeros(1)
-        if isinstance(window, StroboscopicWindow):
-            periods, phase = window.schedule(cell.periods, cell.phase)
-        memory = np.zeros(recorder.MEMORY)
-        recorder.begin(row, memory, _numbers(window), (periods[0], phase[0]), limits)
-        return cls(cell, window, periods, phase, memory)
-
-    def keep(self, buffers: Sequence[Floats], filled: NDArray[np.int64]) -> None:
+    def keep(self, seen: Recorder) -> None:
         """Empty the buffers."""
-        impacts, looks, sticks = (rows[:number].copy() for rows, number in zip(buffers, filled, strict=True))
-        self.parts.append((impacts, looks, sticks))
+        buffers = seen.impacts, seen.looks, seen.sticks
+        self.parts.append([rows[:number].copy() for rows, number in zip(buffers, seen.filled, strict=True)])
+        seen.filled[:] = 0
+
+    def record(self) -> None:
+        """Record the rest of the run."""
+        seen, trace = Recorder(self.memory, *_room_for(self.window)), np.empty((LOOK, TRACE))
+        while self.memory[END] == RUNNING:
+            record(seen, trace)
+            self.keep(seen)
 
     def samples(self) -> Samples:
         """Return what was seen, and keep it no longer."""
         parts, self.parts = self.parts, []
         impacts, looks, sticks = (np.concatenate(part) for part in zip(*parts, strict=True))
-        ended = ended_as(self.end, self.memory[recorder.COUNT])
+        last, progress = state_of(self.memory)
+        ended = ended_as(progress.end, progress.hits)
         if isinstance(self.window, ImpactWindow):
             turns = impacts[:, 0] + impacts[:, 1]
             span = turns[-1] - turns[0] if len(turns) else 0.0
             status = window_status(
                 sampled=len(impacts), wanted=self.window.keep, stuck=len(sticks) > 0, periods=span, ended=ended
             )
-            velocity, phase = recorder.place(self.memory)
-            last = (self.memory[recorder.U], velocity, self.memory[recorder.N], phase)
         else:
             status = self._looks_status(looks, sticks, ended)
             last = (math.nan,) * 4
@@ -251,7 +246,7 @@ class _Run:
                 last = (looks[at, 0], looks[at, 1], self.look_periods[at], self.look_phase[at])
         times = self.look_periods[: len(looks)], self.look_phase[: len(looks)]
         looked = np.column_stack([*times, self.cell.gap - looks[:, 0], looks[:, 1]])
-        steps = int(self.memory[recorder.STEPS])
+        steps = int(progress.steps)
         return samples_of(impacts=impacts, looks=looked, sticks=sticks, status=status, last=last, steps=steps)
 
     def _looks_status(self, looks: Floats, sticks: Floats, ended: Status) -> Status:
@@ -272,35 +267,19 @@ def aligned(size: int) -> Floats:
     return room[first : first + size]
 
 
-def _numbers(window: Window) -> tuple[float, float, float, float]:
-    """Return a window as the recorder reads it."""
-    if isinstance(window, ImpactWindow):
-        return float(window.transient), float(window.transient + window.keep), 0.0, 1.0
-    return 0.0, 0.0, float(window.keep), float(window.per_period)
+def _room_for(window: Window, *lanes: int) -> tuple[Floats, Floats, Floats, Counts]:
+    """Return room for impacts, for all looks, and for sticks, and how many rows of each are filled."""
+    impacts, looks = (min(ROOM, window.keep + LOOK + 1), 1) if isinstance(window, ImpactWindow) else (ROOM, window.keep)
+    rooms = [np.empty((*lanes, *room)) for room in ((impacts, 3), (looks, 2), (ROOM, 4))]
+    return rooms[0], rooms[1], rooms[2], np.zeros((*lanes, 3), np.int64)
 
 
-def _buffers(window: tuple[float, float, float, float], *lanes: int) -> Seen:
-    """Return room for impacts, for all looks, and for sticks."""
-    looks = max(int(window[2]), 1)
-    return np.empty((*lanes, ROOM, 3)), np.empty((*lanes, looks, 2)), np.empty((*lanes, ROOM, 4))
-
-
-def _one_by_one(runs: list[_Run], window: tuple[float, float, float, float]) -> None:
-    buffers, trace = _buffers(window), np.empty((LOOK, TRACE))
-    for run in runs:
-        while run.end == RUNNING:
-            filled = np.zeros(3, np.int64)
-            run.end = recorder.record(run.memory, window, trace, buffers, filled)
-            run.keep(buffers, filled)
-
-
-def _in_lanes(runs: list[_Run], window: tuple[float, float, float, float]) -> None:
+def _record_in_lanes(runs: list[_Run]) -> None:
     """Record the runs in lanes; one that ends makes room for the next."""
     lanes, trace = aligned(TRACED_ROWS * LANES), np.zeros((LOOK, TRACE * LANES))
-    memory, ends = np.zeros((LANES, recorder.MEMORY)), np.full(LANES, IDLE)
-    buffers = _buffers(window, LANES)
-    rows = [buffer.shape[1] for buffer in buffers]
-    filled = np.zeros((LANES, 3), np.int64)
+    seen = Recorder(np.zeros((LANES, MEMORY)), *_room_for(runs[0].window, LANES))
+    seen.memory[:, END] = IDLE
+    rooms = seen.impacts.shape[1], seen.looks.shape[1], seen.sticks.shape[1]
     waiting = iter(runs)
     seated: dict[int, _Run] = {}
     while True:
@@ -308,16 +287,15 @@ def _in_lanes(runs: list[_Run], window: tuple[float, float, float, float]) -> No
             run = next(waiting, None)
             if run is None:
                 break
-            seated[lane], memory[lane], ends[lane] = run, run.memory, RUNNING
+            seated[lane], seen.memory[lane] = run, run.memory
         if not seated:
             return
-        record_lanes(lanes, trace, memory, ends, window, *buffers, filled)
-        halted = (ends != RUNNING) | (filled == rows).any(axis=1)
+        record_lanes(lanes, trace, seen)
+        halted = (seen.memory[:, END] != RUNNING) | (seen.filled == rooms).any(axis=1)
         for lane, run in [(lane, run) for lane, run in seated.items() if halted[lane]]:
-            run.keep([buffer[lane] for buffer in buffers], filled[lane])
-            filled[lane] = 0
-            if ends[lane] != RUNNING:
-                run.end, run.memory = int(ends[lane]), memory[lane].copy()
+            run.keep(Recorder(*(part[lane] for part in seen)))
+            if seen.memory[lane, END] != RUNNING:
+                run.memory = seen.memory[lane].copy()
                 del seated[lane]
 
 

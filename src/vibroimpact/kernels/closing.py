@@ -78,7 +78,7 @@ def _follow_cycle(start, k, impacts, cycle, limit, trace):
     while made < limit:
         rows = walk(motion, k, trace, limit - made, impacts - number if impacts > 0 else 0)
         for row in range(rows):
-            motion, event, v, x = step_at(trace, row)
+            motion, event, v, x = step_at(trace, row, 1, 0)
             made += 1
             if impacts > 0:
                 if event in (RELEASE, CHATTER):

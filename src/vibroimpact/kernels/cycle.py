@@ -78,7 +78,7 @@ def _closest_miss(motion, k, impacts, trace):
     while number < impacts:
         for row in range(walk(motion, k, trace, len(trace), impacts - number)):
             before = motion
-            motion, event, _, x = step_at(trace, row)
+            motion, event, _, x = step_at(trace, row, 1, 0)
             least = min(least, least_gap_exactly(before, k, x))
             number += event == IMPACT
     return least
@@ -101,7 +101,7 @@ def describe_turn(k, limit, facts, trace):
         made += rows
         for row in range(rows):
             before = motion
-            motion, event, v, x = step_at(trace, row)
+            motion, event, v, x = step_at(trace, row, 1, 0)
             if event == RELEASE:
                 turned = phase_of(motion.s, motion.c) - phase_of(before.s, before.c)
                 rests = turned + (1.0 if turned <= 0.0 else 0.0) - settling

@@ -35,17 +35,7 @@ from vibroimpact.kernels.walk import STATE, TRACE, step_at
 
 LANES = 32
 
-
-def _rows(first, *kinds):
-    """Return load and store of each tuple, laid out one after the other from row `first` on, and the row after all."""
-    pairs = []
-    for kind in kinds:
-        pairs.append(kept(kind, first, LANES))
-        first += len(kind._fields)
-    return *pairs, first
-
-
-(load_motion, store_motion), (load_constants, store_constants), CELL = _rows(0, Motion, Constants)
+(load_motion, store_motion), (load_constants, store_constants), CELL = kept(0, LANES, Motion, Constants)
 (
     (load_sums, store_sums),
     (load_first, store_first),
@@ -56,7 +46,7 @@ def _rows(first, *kinds):
     (load_phases, store_phases),
     (load_misses, store_misses),
     ROWS,
-) = _rows(CELL, Sums, Stamp, Stamp, Rests, Recurrence, Deviation, Phases, Misses)
+) = kept(CELL, LANES, Sums, Stamp, Stamp, Rests, Recurrence, Deviation, Phases, Misses)
 # What traced lanes keep beside the cell: the event, the speed of a contact, the steps passed.
 TRACED_ROWS = CELL + TRACE - STATE
 
@@ -102,7 +92,7 @@ def observe_thoroughly(lanes, i, before, k, motion, event, v, x, transient, tota
 def observe_walked(lanes, i, k, trace, row, transient, total, facts):
     """Take lane i over the step in a row of a trace, observed, thoroughly unless `facts` is None; return the event."""
     before = load_motion(lanes, i)
-    motion, event, v, x = step_at(trace, row)
+    motion, event, v, x = step_at(trace, row, 1, 0)
     store_motion(lanes, i, motion)
     if facts is None:
         observe(lanes, i, motion, event, v, x, transient, total)

@@ -14,160 +14,198 @@ from vibroimpact.kernels.compilation import compiled
 from vibroimpact.kernels.flight import evaluate, series
 from vibroimpact.kernels.lanes import CELL, LANES, trace_lanes
 from vibroimpact.kernels.state import Constants, Motion, kept
-from vibroimpact.kernels.walk import LOOK, walk
+from vibroimpact.kernels.walk import LOOK, step_at, walk
 
 TURN = 2.0 * math.pi
-# Places in a recorder's memory, which lets a run be interrupted to make room and taken up again: the motion and the
-# constants in the order of a lane, then the length of a step, limits, the first look, and what was seen.
-U, P, S, C, N = range(5)
-H, LONGEST, GRANTED, FIRST_N, FIRST_PHASE, REST_N, REST_PHASE, AGE, STEPS, COUNT, LOOKS, DUE = range(CELL, CELL + 12)
-MEMORY = CELL + 12
 IDLE = FILLED  # the ending of a lane without a cell
 FADED = 1e-280  # square of a speed, in m a step: whole motion at rest at the stop, to any scale
 SURELY = 1.0 + 1e-9  # periods from the beginning of a period, past which its end certainly lies
 
-_load_motion, _store_motion = kept(Motion, 0, 1)
-_load_constants, _store_constants = kept(Constants, len(Motion._fields), 1)
 
+class Plan(NamedTuple):
+    """The length of a step, the window, its first look in whole periods and phase, and limits in steps.
 
-@compiled
-def begin(row, memory, window, first, limits):
-    """Put the cell in a row of a table at its start.
-
-    `window` is (impacts left out, impacts in all, looks, looks per period): the number of looks ends it if there are
-    any, that of impacts otherwise. `first` is when the first look is: whole periods and phase.
+    The window is (impacts left out, impacts in all, looks, looks per period): the number of looks ends it if there are
+    any, that of impacts otherwise.
     """
-    cell = cell_of(row)
-    _, total, number, per_period = window
-    chatter, flight_periods, steps_per_impact = limits
-    h, motion, constants = prepare(cell, chatter)
-    memory[:] = 0.0
-    _store_motion(memory, 0, motion)
-    _store_constants(memory, 0, constants)
-    memory[H] = h
-    memory[REST_N], memory[REST_PHASE] = cell.periods, cell.phase
-    memory[DUE] = LOOK
-    longest, granted = budgets(cell, flight_periods, steps_per_impact)
-    granted *= total if number == 0.0 else (first[0] - cell.periods) + 1.0 + number / per_period
-    memory[LONGEST] = longest if number == 0.0 else math.inf
-    memory[GRANTED], memory[FIRST_N], memory[FIRST_PHASE] = granted, first[0], first[1]
+
+    h: float
+    transient: float
+    total: float
+    looks: float
+    per_period: float
+    first_n: float
+    first_phase: float
+    longest: float
+    granted: float
 
 
-@compiled
-def place(memory):
-    """Return the velocity in m/s and the phase that the memory holds."""
-    return -memory[P] / memory[H], phase_of(memory[S], memory[C])
-
-
-@njit(error_model="numpy")
-def look(memory, after, event, x, window, looks, n_looks):
-    """Write down the looks before the end of a step that is not taken yet, the end itself excluded.
-
-    Return the rows filled by now, and the steps passed.
+class Progress(NamedTuple):
+    """What was seen so far: when the mass last came to rest or hit, steps since an impact and in all, impacts, looks,
+    at how many steps the ending is looked for next, and the ending.
     """
-    _, _, number, per_period = window
-    motion, k = _load_motion(memory, 0), _load_constants(memory, 0)
-    here = phase_of(motion.s, motion.c)
-    rests = event in (RELEASE, STUCK)
-    if event == RELEASE:
-        x = ((after.n - motion.n) + (phase_of(after.s, after.c) - here)) * TURN / k.th
-    at_release = motion.u == 0.0 and motion.p == 0.0 and pressed(motion.s, motion.c, k)[1]
-    a = series(motion, k, at_release)
-    while memory[LOOKS] < number and n_looks < len(looks):
-        since = (memory[FIRST_PHASE] - here) + memory[LOOKS] / per_period
-        ahead = ((memory[FIRST_N] - motion.n) + since) * TURN / k.th
-        if not (ahead < x or event == STUCK):
-            break
-        y, dy = (0.0, 0.0) if rests else evaluate(a, max(ahead, 0.0))
-        looks[n_looks, 0], looks[n_looks, 1] = y, 0.0 - dy / memory[H]
-        n_looks += 1
-        memory[LOOKS] += 1.0
-    return n_looks, x
 
-
-@njit(error_model="numpy")
-def rest(memory, s, c, n, event, sticks, filled):
-    """Write down a stick of the resting mass, and its release if that is known."""
-    at = filled[2]
-    sticks[at, 0], sticks[at, 1] = memory[REST_N], memory[REST_PHASE]
-    sticks[at, 2], sticks[at, 3] = math.nan, math.nan
-    if event == RELEASE:
-        sticks[at, 2], sticks[at, 3] = n, phase_of(s, c)
-    filled[2] = at + 1
-
-
-@njit(error_model="numpy")
-def read(trace, rows, width, i, memory, window, impacts, looks, sticks, filled):
-    """Write down what a window sees of the steps in `rows` of a trace, of lane i of `width`.
-
-    Return the ending, or RUNNING.
-
-    Rows written are (n, phase, speed) of impacts numbered above the transient, (gap to the stop, velocity) of looks,
-    and (n, phase, n, phase) of stick and release; `filled` counts them. A full buffer ends the reading: the memory
-    holds the state from which to step on once there is room.
-    """
-    # One loop, not a function a step: the arrays in a call are counted, which would take longer than all else.
-    transient, total, number, per_period = window
-    k = _load_constants(memory, 0)
-    for at in range(rows):
-        if filled[0] == len(impacts) or filled[1] == len(looks) or filled[2] == len(sticks):
-            return RUNNING
-        u, p, s = trace[at, i], trace[at, width + i], trace[at, 2 * width + i]
-        c, n, event = trace[at, 3 * width + i], trace[at, 4 * width + i], trace[at, 5 * width + i]
-        v, x = trace[at, 6 * width + i], trace[at, 7 * width + i]
-        rests = event in (RELEASE, STUCK)
-        if number > 0.0:
-            following = (memory[FIRST_N] - n) + (memory[FIRST_PHASE] + memory[LOOKS] / per_period)
-            if following < SURELY or event == STUCK:
-                filled[1], x = look(memory, Motion(u, p, s, c, n), event, x, window, looks, filled[1])
-                if memory[LOOKS] >= number:
-                    if rests:
-                        rest(memory, s, c, n, STUCK, sticks, filled)
-                    return FILLED
-        if rests and (number > 0.0 or memory[COUNT] > transient):
-            rest(memory, s, c, n, event, sticks, filled)
-        if event == STUCK:
-            return PINNED
-        _store_motion(memory, 0, Motion(u, p, s, c, n))
-        memory[STEPS] += 1.0
-        memory[AGE] += x
-        if u == 0.0 and not rests:
-            phase = phase_of(s, c)
-            dwell = tail_duration(v, s, c, k) if event == CHATTER else 0.0
-            there = phase + dwell * k.th / TURN
-            memory[REST_N], memory[REST_PHASE] = n + math.floor(there), there - math.floor(there)
-            if event == IMPACT:
-                memory[AGE] = 0.0
-                memory[COUNT] += 1.0
-                if memory[COUNT] > transient:
-                    impacts[filled[0], 0], impacts[filled[0], 1], impacts[filled[0], 2] = n, phase, v / memory[H]
-                    filled[0] += 1
-                if number == 0.0 and memory[COUNT] >= total:
-                    return FILLED
-        if memory[STEPS] >= memory[DUE]:
-            memory[DUE] += LOOK
-            end = _ending(memory, number)
-            if end != RUNNING:
-                return end
-            if number > 0.0 and _faded(memory):
-                while memory[LOOKS] < number:
-                    looks[filled[1], 0], looks[filled[1], 1] = 0.0, 0.0
-                    filled[1] += 1
-                    memory[LOOKS] += 1.0
-                return FILLED
-    return RUNNING
+    rest_n: float
+    rest_phase: float
+    age: float
+    steps: float
+    hits: float
+    looked: float
+    due: float
+    end: float
 
 
 class Recorder(NamedTuple):
-    """The recorder of one cell: what `read` takes, and in `ends` the ending, or RUNNING."""
+    """A cell's memory, from which an interrupted run is taken up again, and buffers with the rows filled of each.
+
+    Rows are (n, phase, speed) of impacts numbered above the transient, (gap to the stop, velocity) of looks, and
+    (n, phase, n, phase) of stick and release. There is room for every look; the other buffers may have to be emptied.
+    """
 
     memory: Any
-    window: Any
     impacts: Any
     looks: Any
     sticks: Any
     filled: Any
-    ends: Any
+
+
+(
+    (load_motion, store_motion),
+    (load_constants, store_constants),
+    (load_plan, store_plan),
+    (load_progress, store_progress),
+    MEMORY,
+) = kept(0, 1, Motion, Constants, Plan, Progress)
+END = MEMORY - 1  # the place of the ending
+
+
+@compiled
+def begin(row, memory, window, first, limits):
+    """Put the cell in a row of a table at its start; `window` and its `first` look are those of a plan."""
+    cell = cell_of(row)
+    transient, total, looks, per_period = window
+    first_n, first_phase = first
+    chatter, flight_periods, steps_per_impact = limits
+    h, motion, constants = prepare(cell, chatter)
+    longest, granted = budgets(cell, flight_periods, steps_per_impact)
+    if looks > 0.0:
+        longest = math.inf
+    granted *= total if looks == 0.0 else (first_n - cell.periods) + 1.0 + looks / per_period
+    store_motion(memory, 0, motion)
+    store_constants(memory, 0, constants)
+    store_plan(memory, 0, Plan(h, transient, total, looks, per_period, first_n, first_phase, longest, granted))
+    store_progress(memory, 0, Progress(cell.periods, cell.phase, 0.0, 0.0, 0.0, 0.0, LOOK, RUNNING))
+
+
+@compiled
+def state_of(memory):
+    """Return clearance in m, velocity in m/s, whole periods and phase of a cell, and its progress."""
+    motion = load_motion(memory, 0)
+    velocity = -motion.p / load_plan(memory, 0).h
+    return (motion.u, velocity, motion.n, phase_of(motion.s, motion.c)), load_progress(memory, 0)
+
+
+@njit(error_model="numpy")
+def _look(before, after, k, plan, looked, event, x, looks, row):
+    """Write down the looks on a step, its end excluded, from a row on; return the looks so far and the steps passed."""
+    here = phase_of(before.s, before.c)
+    rests = event in (RELEASE, STUCK)
+    if event == RELEASE:
+        x = ((after.n - before.n) + (phase_of(after.s, after.c) - here)) * TURN / k.th
+    at_release = before.u == 0.0 and before.p == 0.0 and pressed(before.s, before.c, k)[1]
+    a = series(before, k, at_release)
+    while looked < plan.looks:
+        since = (plan.first_phase - here) + looked / plan.per_period
+        ahead = ((plan.first_n - before.n) + since) * TURN / k.th
+        if not (ahead < x or event == STUCK):
+            break
+        y, dy = (0.0, 0.0) if rests else evaluate(a, max(ahead, 0.0))
+        looks[row, 0], looks[row, 1] = y, 0.0 - dy / plan.h
+        row += 1
+        looked += 1.0
+    return looked, x
+
+
+@njit(error_model="numpy")
+def read(recorder, trace, rows, width, i):
+    """Write down what the window sees of the steps in `rows` of a trace, of lane i of `width`.
+
+    A full buffer ends the reading: the memory holds the state from which to step on once there is room.
+    """
+    # One loop, not a function a step: the arrays in a call are counted, which would take longer than all else.
+    memory, impacts, looks, sticks, filled = recorder
+    motion, k, plan = load_motion(memory, 0), load_constants(memory, 0), load_plan(memory, 0)
+    rest_n, rest_phase, age, steps, hits, looked, due, end = load_progress(memory, 0)
+    n_impacts, n_looks, n_sticks = filled[0], filled[1], filled[2]
+    for row in range(rows):
+        if n_impacts == len(impacts) or n_sticks == len(sticks):
+            break
+        before = motion
+        after, event, v, x = step_at(trace, row, width, i)
+        rests = event in (RELEASE, STUCK)
+        if plan.looks > 0.0:
+            following = (plan.first_n - after.n) + (plan.first_phase + looked / plan.per_period)
+            if following < SURELY or event == STUCK:
+                seen = looked
+                looked, x = _look(before, after, k, plan, looked, event, x, looks, n_looks)
+                n_looks += int(looked - seen)
+                if looked >= plan.looks:
+                    end = FILLED
+        if rests and (plan.looks > 0.0 or hits > plan.transient):
+            sticks[n_sticks, 0], sticks[n_sticks, 1] = rest_n, rest_phase
+            sticks[n_sticks, 2], sticks[n_sticks, 3] = math.nan, math.nan
+            if event == RELEASE and end == RUNNING:
+                sticks[n_sticks, 2], sticks[n_sticks, 3] = after.n, phase_of(after.s, after.c)
+            n_sticks += 1
+        if end == RUNNING and event == STUCK:
+            end = PINNED
+        if end != RUNNING:
+            break
+        motion = after
+        steps += 1.0
+        age += x
+        if motion.u == 0.0 and not rests:
+            phase = phase_of(motion.s, motion.c)
+            dwell = tail_duration(v, motion.s, motion.c, k) if event == CHATTER else 0.0
+            there = phase + dwell * k.th / TURN
+            rest_n, rest_phase = motion.n + math.floor(there), there - math.floor(there)
+            if event == IMPACT:
+                age = 0.0
+                hits += 1.0
+                if hits > plan.transient:
+                    impacts[n_impacts, 0], impacts[n_impacts, 1], impacts[n_impacts, 2] = motion.n, phase, v / plan.h
+                    n_impacts += 1
+                if plan.looks == 0.0 and hits >= plan.total:
+                    end = FILLED
+                    break
+        if steps >= due:
+            due += LOOK
+            ended = ending(motion, k, age, plan.longest, steps, plan.granted)
+            if plan.looks == 0.0 or ended == SPENT:
+                end = ended
+            elif _faded(motion, k):
+                while looked < plan.looks:
+                    looks[n_looks, 0], looks[n_looks, 1] = 0.0, 0.0
+                    n_looks += 1
+                    looked += 1.0
+                end = FILLED
+            if end != RUNNING:
+                break
+    store_motion(memory, 0, motion)
+    store_progress(memory, 0, Progress(rest_n, rest_phase, age, steps, hits, looked, due, end))
+    filled[0], filled[1], filled[2] = n_impacts, n_looks, n_sticks
+
+
+@njit(error_model="numpy")
+def _faded(motion, k):
+    """Return whether a motion that nothing drives has become too small for its square to be a number."""
+    return k.A == 0.0 and k.G == 0.0 and motion.p * motion.p + motion.u * (k.K * motion.u) < FADED
+
+
+@njit(error_model="numpy")
+def room(recorder):
+    """Return how many impacts and sticks can surely be written down yet."""
+    return min(len(recorder.impacts) - recorder.filled[0], len(recorder.sticks) - recorder.filled[2])
 
 
 @njit(error_model="numpy")
@@ -176,53 +214,26 @@ def overhear(recorder, start, trace, rows):
 
     One whose buffer was full falls behind; it can go on alone from its memory.
     """
-    memory, window, impacts, looks, sticks, filled, ends = recorder
-    if ends[0] == RUNNING and _load_motion(memory, 0) == start:
-        ends[0] = read(trace, rows, 1, 0, memory, window, impacts, looks, sticks, filled)
-
-
-@njit(error_model="numpy")
-def has_room(recorder):
-    """Return whether the recorder can read LOOK steps more without falling behind, or has ended."""
-    free = min(len(recorder.impacts) - recorder.filled[0], len(recorder.sticks) - recorder.filled[2])
-    return free > LOOK or recorder.ends[0] != RUNNING
-
-
-@njit(error_model="numpy")
-def _ending(memory, number):
-    motion, k = _load_motion(memory, 0), _load_constants(memory, 0)
-    end = ending(motion, k, memory[AGE], memory[LONGEST], memory[STEPS], memory[GRANTED])
-    return end if number == 0.0 or end == SPENT else RUNNING
-
-
-@njit(error_model="numpy")
-def _faded(memory):
-    """Return whether a motion that nothing drives has become too small for its square to be a number."""
-    motion, k = _load_motion(memory, 0), _load_constants(memory, 0)
-    return k.A == 0.0 and k.G == 0.0 and motion.p * motion.p + motion.u * (k.K * motion.u) < FADED
+    if recorder.memory[END] == RUNNING and load_motion(recorder.memory, 0) == start:
+        read(recorder, trace, rows, 1, 0)
 
 
 @compiled
-def record(memory, window, trace, buffers, filled):
-    """Step on until the window is filled, the motion ends, or a buffer is full.
-
-    `trace` is room for a walk. Returns the ending; RUNNING asks to be called again with buffers emptied.
-    """
-    impacts, looks, sticks = buffers
-    end = RUNNING
-    while end == RUNNING and filled[0] < len(impacts) and filled[1] < len(looks) and filled[2] < len(sticks):
-        rows = walk(_load_motion(memory, 0), _load_constants(memory, 0), trace, len(trace), 0)
-        end = read(trace, rows, 1, 0, memory, window, impacts, looks, sticks, filled)
-    return end
+def record(recorder, trace):
+    """Step on until the window is filled, the motion ends, or a buffer is full; `trace` is room for a walk."""
+    memory = recorder.memory
+    while memory[END] == RUNNING and room(recorder) > 0:
+        rows = walk(load_motion(memory, 0), load_constants(memory, 0), trace, len(trace), 0)
+        read(recorder, trace, rows, 1, 0)
 
 
 @compiled
-def record_lanes(lanes, trace, memory, ends, window, impacts, looks, sticks, filled):
-    """Step the lanes until a cell ends, or a buffer of one is full.
+def record_lanes(lanes, trace, recorders):
+    """Step the lanes until a cell ends, or a buffer of one is full; those that have ended are left alone.
 
-    Each lane has its own row of `memory`, from which it begins, of `ends`, of the three buffers and of `filled`; those
-    that have ended are left alone.
+    Each lane has its own row of the memory and the buffers of `recorders`.
     """
+    memory, impacts, looks, sticks, filled = recorders
     for i in range(LANES):
         for row in range(CELL):
             lanes[row * LANES + i] = memory[i, row]
@@ -230,9 +241,7 @@ def record_lanes(lanes, trace, memory, ends, window, impacts, looks, sticks, fil
     while not halted:
         trace_lanes(lanes, trace)
         for i in range(LANES):
-            if ends[i] == RUNNING:
-                ends[i] = read(
-                    trace, len(trace), LANES, i, memory[i], window, impacts[i], looks[i], sticks[i], filled[i]
-                )
-                full = filled[i, 0] == impacts.shape[1] or filled[i, 2] == sticks.shape[1]
-                halted |= ends[i] != RUNNING or full
+            if memory[i, END] == RUNNING:
+                recorder = Recorder(memory[i], impacts[i], looks[i], sticks[i], filled[i])
+                read(recorder, trace, len(trace), LANES, i)
+                halted |= memory[i, END] != RUNNING or room(recorder) == 0

@@ -30,7 +30,7 @@ from vibroimpact.kernels.lanes import (
 from vibroimpact.kernels.machine import next_ticket
 from vibroimpact.kernels.near_miss import NONE
 from vibroimpact.kernels.observers import DEVIATION, Deviation, Misses, Recurrence
-from vibroimpact.kernels.recorder import has_room, overhear
+from vibroimpact.kernels.recorder import END, overhear, room
 from vibroimpact.kernels.results import (
     FLIGHT,
     GRANTED,
@@ -171,7 +171,7 @@ def follow_cell(
         owner[0] = 0
     k = load_constants(lanes, 0)
     for _ in range(looks):
-        if ends[0] != RUNNING or not has_room(recorder):
+        if ends[0] != RUNNING or (room(recorder) <= LOOK and recorder.memory[END] == RUNNING):
             return
         made = 0
         while made < LOOK:

@@ -38,14 +38,20 @@ class Constants(NamedTuple):
     cr: float
 
 
-def kept(kind: Any, first: int, stride: int) -> tuple[Any, Any]:
-    """Return the functions load(array, i) and store(array, i, value) of a named tuple kept in a flat array.
+def kept(first: int, stride: int, *kinds: Any) -> tuple[Any, ...]:
+    """Return the functions load(array, i) and store(array, i, value) of each named tuple kept in a flat array.
 
-    Its entries are `stride` apart: entry k is `array[(first + k) * stride + i]`. The places are written out, so that
-    the compiler sees constant distances between all of them.
+    Entries are `stride` apart: entry k is `array[k * stride + i]`. The tuples follow one another from entry `first` on;
+    the entry after them is returned last. The places are written out, so that the compiler sees constant distances
+    between all of them.
     """
-    places = ", ".join(f"array[{(first + k) * stride} + i]" for k in range(len(kind._fields)))
-    functions: dict[str, Any] = {"kind": kind}
-    exec(f"def load(array, i): return kind({places})\ndef store(array, i, value): {places} = value", functions)
+    pairs = []
     inlined = njit(inline="always", error_model="numpy")
-    return inlined(functions["load"]), inlined(functions["store"])
+    for kind in kinds:
+        last = first + len(kind._fields)
+        places = ", ".join(f"array[{k * stride} + i]" for k in range(first, last))
+        functions: dict[str, Any] = {"kind": kind}
+        exec(f"def load(array, i): return kind({places})\ndef store(array, i, value): {places} = value", functions)
+        pairs.append((inlined(functions["load"]), inlined(functions["store"])))
+        first = last
+    return *pairs, first

@@ -34,7 +34,8 @@ def walk(motion, k, trace, most, impacts):
 
 
 @njit(inline="always", error_model="numpy")
-def step_at(trace, row):
-    """Return the motion after the step in a row of a trace, the event, the speed of a contact, and the steps passed."""
-    motion = Motion(trace[row, 0], trace[row, 1], trace[row, 2], trace[row, 3], trace[row, 4])
-    return motion, trace[row, 5], trace[row, 6], trace[row, 7]
+def step_at(trace, row, width, i):
+    """Return what `advance` gave for the step in a row of a trace, of lane i of `width`."""
+    u, p, s = trace[row, i], trace[row, width + i], trace[row, 2 * width + i]
+    motion = Motion(u, p, s, trace[row, 3 * width + i], trace[row, 4 * width + i])
+    return motion, trace[row, 5 * width + i], trace[row, 6 * width + i], trace[row, 7 * width + i]

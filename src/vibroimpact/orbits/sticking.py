@@ -30,8 +30,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibroimpact.backends.cpu import limits
-from vibroimpact.kernels import recorder
 from vibroimpact.kernels.cell import RUNNING
+from vibroimpact.kernels.recorder import END, MEMORY, Recorder, begin, record
 from vibroimpact.kernels.walk import LOOK, TRACE
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
@@ -77,21 +77,20 @@ def from_release(osc: ImpactOscillator, longest: int) -> Stick | None:
     allowed = limits(Tolerances(chatter=FINEST, steps_per_impact=math.ceil(steps)))
     # One look late in the last period ends a walk that never rests; room for one stick ends it at each.
     window = 0.0, 0.0, 1.0, 1.0
-    memory = np.zeros(recorder.MEMORY)
-    recorder.begin(cell, memory, window, (float(longest), 0.999), allowed)
+    memory = np.zeros(MEMORY)
+    begin(cell, memory, window, (float(longest), 0.999), allowed)
     trace = np.empty((LOOK, TRACE))
     parts: list[Floats] = []
     released = False
     while True:
-        impacts, looks, sticks = np.empty((_ROOM, 3)), np.empty((1, 2)), np.empty((1, 4))
-        filled = np.zeros(3, np.int64)
-        end = recorder.record(memory, window, trace, (impacts, looks, sticks), filled)
-        n_impacts, _, n_sticks = filled
-        parts.append(impacts[:n_impacts])
-        if n_sticks and released and math.isfinite(sticks[0, 2]):
-            return _stick(sticks[0], np.concatenate(parts))
-        released = released or (n_sticks == 1 and sticks[0, 2] == 0.0 and n_impacts == 0)
-        if end != RUNNING or not released:
+        seen = Recorder(memory, np.empty((_ROOM, 3)), np.empty((1, 2)), np.empty((1, 4)), np.zeros(3, np.int64))
+        record(seen, trace)
+        n_impacts, _, n_sticks = seen.filled
+        parts.append(seen.impacts[:n_impacts])
+        if n_sticks and released and math.isfinite(seen.sticks[0, 2]):
+            return _stick(seen.sticks[0], np.concatenate(parts))
+        released = released or (n_sticks == 1 and seen.sticks[0, 2] == 0.0 and n_impacts == 0)
+        if memory[END] != RUNNING or not released:
             return None
 
 
