@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibroimpact.dataset import oscillator_of, variable
+from vibroimpact.dataset import flags, oscillator_of, variable
 from vibroimpact.motion import MotionClass, decide, stored
 from vibroimpact.parameters import invalid
 
@@ -89,13 +89,7 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
 
 def motion_variable(dims: Any, codes: NDArray[Any]) -> xr.Variable:
     """Return classes of motion with their CF flag values and meanings."""
-    kinds = [kind for kind in MotionClass if kind == kind.stored]
-    attrs = {
-        "long_name": "class of motion",
-        "flag_values": np.array(kinds, dtype=np.int8),
-        "flag_meanings": " ".join(kind.word for kind in kinds),
-    }
-    return xr.Variable(dims, codes.astype(np.int8), attrs)
+    return flags(dims, codes, "class of motion", [kind.word for kind in MotionClass if kind == kind.stored])
 
 
 def _growth(sweep: xr.Dataset) -> xr.DataArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -62,17 +62,19 @@ def impact_speed(dims: str | Sequence[str], data: Any) -> xr.Variable:
     return variable("velocity", dims, data, long_name="impact velocity", symbol="I")
 
 
+def flags(
+    dims: Any, codes: Any, long_name: str, meanings: Iterable[str], first: int = 0, dtype: Any = np.int8
+) -> xr.Variable:
+    """Return small whole numbers, counted from `first`, with their CF flag values and meanings."""
+    words = [meaning.replace(" ", "_") for meaning in meanings]
+    values = np.arange(first, first + len(words), dtype=dtype)
+    attrs = {"long_name": long_name, "flag_values": values, "flag_meanings": " ".join(words)}
+    return plain_variable(dims, np.asarray(codes, dtype=dtype), attrs)
+
+
 def status_variable(dims: str | Sequence[str], codes: Any) -> xr.Variable:
     """Return status codes with their CF flag values and meanings."""
-    return plain_variable(
-        dims,
-        np.asarray(codes, dtype=np.int8),
-        {
-            "long_name": "how the motion ended",
-            "flag_values": np.array([status.value for status in Status], dtype=np.int8),
-            "flag_meanings": " ".join(status.word for status in Status),
-        },
-    )
+    return flags(dims, codes, "how the motion ended", [status.word for status in Status])
 
 
 def level_variable(dims: str | Sequence[str], levels: Any) -> xr.Variable:

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
 from vibroimpact.cells import Floats, cells_at
 from vibroimpact.coexistence.attractor import Attractor, Basin, distinct_names, match
 from vibroimpact.coexistence.measuring import Runner, spread_cells, state_cells
 from vibroimpact.coexistence.settling import Settled, lasts, rounds, settle
-from vibroimpact.dataset import impact_speed, provenance, status_variable, variable
+from vibroimpact.dataset import flags, impact_speed, provenance, status_variable, variable
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State, the_oscillator
@@ -183,8 +183,14 @@ def basins(
 
     settled = _settled(runner, one, cells, windows, progress, so_far, lambda: lasts(runner, one, survey, windows))
     found = match(runner, settled, windows[-1])
+    numbers = np.full(len(cells), -1)
+    for at, basin in enumerate(found):
+        numbers[basin.members] = at
+    names = ["undecided", *distinct_names([basin.attractor for basin in found])]
     over_grid = {
-        "attractor": _attractor_variable(dims, _numbered(found, len(cells)).reshape(shape), found),
+        "attractor": flags(
+            dims, numbers.reshape(shape), "attractor that the initial condition leads to", names, -1, np.int16
+        ),
         "status": status_variable(dims, settled.status.reshape(shape)),
     }
     result = labelled.assign(over_grid | _table(found) | _points(runner, one, found, dims, phase))
@@ -211,26 +217,6 @@ def _settled(
         settled = settle(runner, osc, cells, windows, chaos_lasts, report)
         report(settled, int(np.count_nonzero(settled.kind == MotionClass.UNDECIDED)))
     return settled
-
-
-def _numbered(found: Sequence[Basin], number: int) -> NDArray[np.int16]:
-    attractor = np.full(number, -1, np.int16)
-    for at, basin in enumerate(found):
-        attractor[basin.members] = at
-    return attractor
-
-
-def _attractor_variable(dims: tuple[str, ...], numbers: NDArray[np.int16], found: Sequence[Basin]) -> xr.Variable:
-    names = ["undecided", *distinct_names([basin.attractor for basin in found])]
-    return xr.Variable(
-        dims,
-        numbers,
-        {
-            "long_name": "attractor that the initial condition leads to",
-            "flag_values": np.arange(-1, len(found), dtype=np.int16),
-            "flag_meanings": " ".join(name.replace(" ", "_") for name in names),
-        },
-    )
 
 
 def _table(found: Sequence[Basin]) -> dict[str, xr.Variable]:

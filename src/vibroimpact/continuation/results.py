@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from vibroimpact.continuation.system import MOST_POINTS
-from vibroimpact.dataset import impact_speed, label, plain_variable, provenance, variable
+from vibroimpact.dataset import flags, impact_speed, label, plain_variable, provenance, variable
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.oscillator import Model
 
@@ -192,9 +192,9 @@ def orbit_variables(orbits: Sequence[Orbit], p: int, dim: str) -> dict[str, xr.V
     return {
         "velocity": impact_speed((dim, "impact"), _rows([orbit.velocities for orbit in orbits], p)),
         "phase": variable("phase", (dim, "impact"), _rows([orbit.phases for orbit in orbits], p)),
-        "stable": flags(dim, [orbit.stable for orbit in orbits], "whether neighbours approach", "unstable stable"),
+        "stable": flags(dim, [orbit.stable for orbit in orbits], "whether neighbours approach", ("unstable", "stable")),
         "admissible": flags(
-            dim, [orbit.admissible for orbit in orbits], "whether the mass moves so", "inadmissible admissible"
+            dim, [orbit.admissible for orbit in orbits], "whether the mass moves so", ("inadmissible", "admissible")
         ),
     }
 
@@ -209,17 +209,10 @@ def number(dims: Any, data: Any, long_name: str) -> xr.Variable:
     return xr.Variable(dims, np.asarray(data, dtype=np.float64), {"long_name": long_name, "units": "1"})
 
 
-def flags(dims: Any, data: Any, long_name: str, meanings: str) -> xr.Variable:
-    """Return small whole numbers with their CF meanings."""
-    values = np.arange(len(meanings.split()), dtype=np.int8)
-    attrs = {"long_name": long_name, "flag_values": values, "flag_meanings": meanings}
-    return xr.Variable(dims, np.asarray(data, dtype=np.int8), attrs)
-
-
 def kind_variable(dims: Any, kinds: Any) -> xr.Variable:
     """Return kinds of special points as flags."""
     codes = KINDS.index(kinds) if isinstance(kinds, str) else [KINDS.index(kind) for kind in kinds]
-    return flags(dims, codes, "kind of boundary", " ".join(KINDS))
+    return flags(dims, codes, "kind of boundary", KINDS)
 
 
 def _rows(rows: Sequence[Sequence[float]], width: int) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from vibroimpact.dataset import VARIABLES, label, plain_variable, provenance, status_variable, variable
+from vibroimpact.dataset import VARIABLES, flags, label, plain_variable, provenance, status_variable, variable
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import Model
@@ -121,27 +121,18 @@ def _table(edges: tuple[Edge, ...]) -> list[tuple[Edge, Edge]]:
 
 
 def _boundary_variables(tables: list[list[tuple[Edge, Edge]]]) -> dict[str, xr.Variable]:
-    dims = ("design", "parameter", "direction")
+    dims, shape = ("design", "parameter", "direction"), (len(tables), len(tables[0]), 2)
 
     def numbers(name: str, long_name: str) -> xr.Variable:
         values = [[[getattr(edge, name) for edge in row] for row in table] for table in tables]
-        shape = (len(tables), len(tables[0]), 2)
         return xr.Variable(dims, np.array(values, dtype=np.float64).reshape(shape), {"long_name": long_name})
 
-    kinds = np.array([[[KINDS.index(edge.kind) for edge in row] for row in table] for table in tables], np.int8)
+    kinds = np.array([[[KINDS.index(edge.kind) for edge in row] for row in table] for table in tables])
     return {
         "boundary": numbers("value", "nearest boundary, in the parameter's unit"),
         "boundary_change": numbers("change", "relative change to the nearest boundary"),
         "boundary_half_width": numbers("half_width", "uncertainty of the nearest boundary; 0 where exact"),
-        "boundary_kind": xr.Variable(
-            dims,
-            kinds.reshape(len(tables), len(tables[0]), 2),
-            {
-                "long_name": "kind of the nearest boundary",
-                "flag_values": np.arange(len(KINDS), dtype=np.int8),
-                "flag_meanings": " ".join(KINDS),
-            },
-        ),
+        "boundary_kind": flags(dims, kinds.reshape(shape), "kind of the nearest boundary", KINDS),
     }
 
 
