@@ -18,7 +18,7 @@ from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import FINEST, View
 from vibroimpact.explorer.views import color_numbers, one_turn
 from vibroimpact.explorer.work import Pool, Urgency
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.oscillator import ImpactOscillator, State
 
 SMALL = View(x_range=(1.8, 2.2), y_range=(0.9, 1.1), samples=200)
 
@@ -123,13 +123,10 @@ def test_only_cells_that_stick_have_the_colour_of_sticking():
     assert ((cells == 256).reshape(64, 64)[::-1] == np.isneginf(seen.value)).all()
 
 
-@pytest.mark.parametrize(("osc", "followed"), [
-    (ImpactOscillator(), 1), (ImpactOscillator(omega=2.661), 1), (ImpactOscillator(omega=0.1), 1),
-    (ImpactOscillator(gap=9.0, omega=3.0, damping=0.1), 1), (ImpactOscillator(omega=2.8), 2),
-])  # fmt: skip
-def test_a_point_is_measured_once_and_its_orbit_followed_once(monkeypatch, osc, followed):
-    """Section, looks, history and rests come from one orbit; chaos takes more impacts for its impact map."""
-    counts = {"samples": 0, "share": 0, "indices": 0}
+@pytest.fixture
+def runs(monkeypatch):
+    """How often the engine ran."""
+    counts = {"follow": 0, "samples": 0, "share": 0, "indices": 0}
     for name in counts:
         ask = getattr(CpuBackend, name)
 
@@ -138,8 +135,52 @@ def test_a_point_is_measured_once_and_its_orbit_followed_once(monkeypatch, osc, 
             return ask(*arguments)
 
         monkeypatch.setattr(CpuBackend, name, counted)
-    compute_point(View(osc=osc, x="gap", x_range=(osc.gap, 10.0)))
-    assert counts == {"samples": followed, "share": 1, "indices": 0}
+    return counts
+
+
+ON_AN_IMPACT = State(0.0, 1.2, 0.3 * np.pi)
+
+
+@pytest.mark.parametrize("osc", [
+    ImpactOscillator(), ImpactOscillator(omega=2.661), ImpactOscillator(omega=0.1), ImpactOscillator(omega=2.8),
+    ImpactOscillator(gap=9.0, omega=3.0, damping=0.1), ImpactOscillator(gap=-2.0), ImpactOscillator(omega=0.6),
+], ids=["periodic", "period 2", "sticking", "chaotic", "no impact", "rests for ever", "chaotic, slow"])  # fmt: skip
+@pytest.mark.parametrize("start", [None, State(-0.5, 0.2, 1.7), ON_AN_IMPACT], ids=["from rest", "off", "on"])
+@pytest.mark.parametrize("settled", [True, False], ids=["settled", "from the start"])
+def test_a_click_runs_the_engine_once(runs, osc, start, settled):
+    """Indices, sections, history and rests come from one run of one orbit, wherever the history begins."""
+    start = start and replace(start, displacement=min(osc.gap, start.displacement))
+    point = compute_point(View(osc=osc, x="gap", x_range=(osc.gap, 10.0), start=start, settled=settled))
+    assert runs == {"follow": 1, "samples": 0, "share": 0, "indices": 0}
+    assert len(point.history["time"]) > 1000
+    if point.name == "chaotic":
+        assert len(point.impact_map["phase"]) == 800
+
+
+@pytest.mark.parametrize("osc", [
+    ImpactOscillator(omega=4.0, mass=3.0),  # some impacts per two periods
+    ImpactOscillator(omega=0.077, damping=50.0, restitution=1.0),  # many steps per period
+])  # fmt: skip
+def test_an_orbit_goes_on_where_its_record_is_too_short(runs, osc):
+    view = View(osc=osc, x="amplitude", x_range=(0.5, 1.5), y="stiffness", y_range=(0.9, 1.1))
+    point = compute_point(view)
+    assert (runs["follow"], runs["samples"]) == (1, 1)
+    assert point.settled
+    assert len(point.impact_map["phase"]) == 800
+
+
+@pytest.mark.parametrize("start", [None, State(-0.5, 0.2, 1.7), State(-0.5, 0.2, 0.0), ON_AN_IMPACT])
+def test_a_history_from_the_start_is_what_is_simulated_from_there(start):
+    osc = ImpactOscillator(omega=2.0)
+    history = compute_point(View(osc=osc, start=start, settled=False)).history
+    orbit = vi.simulate(osc, start=start, periods=40, samples_per_period=60)
+    assert history["time"][0] == orbit["time"][0]
+    assert history["time"][-1] == pytest.approx(orbit["time"][-1].item(), abs=osc.period / 60)
+    if start is not None:
+        assert (history["displacement"][0], history["velocity"][0]) == (start.displacement, start.velocity)
+    shared = orbit.sel(time=slice(None, history["time"][-1]))
+    between = np.interp(shared["time"], history["time"], history["displacement"])
+    assert np.abs(between - shared["displacement"].values).max() < 0.002 * np.ptp(shared["displacement"].values)
 
 
 @pytest.mark.parametrize(("osc", "n"), [

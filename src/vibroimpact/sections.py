@@ -122,42 +122,54 @@ def simulate(
     density = whole_number("samples_per_period", samples_per_period, 1)
     window = StroboscopicWindow(0, int(np.floor(length * density + 1e-9)) + 1, None, density)
     seen, seconds = orbit.samples(window)
-    return _trajectory(seen, seconds, orbit.provenance("simulate", periods=length, samples_per_period=density))
+    found = _trajectory(seen, seconds) | {"status": status_variable((), seen.status)}
+    coords = {"time": found.pop("time")}
+    return xr.Dataset(found, coords, orbit.provenance("simulate", periods=length, samples_per_period=density))
 
 
-def record_orbit(
+def measure_orbit(
     osc: Model,
     *,
     start: State | None = None,
-    transient_periods: int,
-    sample_periods: int,
+    indices: tuple[str, ...],
+    transient_impacts: int,
+    sample_impacts: int,
+    periods: int,
     samples_per_period: int,
-    tolerances: Tolerances | None = None,
-) -> xr.Dataset:
-    """Return all that a picture of one orbit needs, from one run: what `simulate` gives, but with a transient left out.
+    tolerances: Tolerances,
+    patience: Tolerances,
+) -> tuple[dict[str, float], dict[str, Floats], int]:
+    """Return the indices and the status of one orbit, and all that a picture of it needs, from one run.
 
-    Every `samples_per_period`-th sample, from the first on, lies on the stroboscopic section of phase 0. The impacts
-    and the rests are those of the whole run, transient included; `impact_phase` lies in [0, 1).
+    The indices are bit for bit those of `parameter_map`, within `tolerances`. The orbit is followed within `patience`
+    for so many driving periods; it has what `simulate` gives, and `impact_phase` in [0, 1). Its samples lie at
+    multiples of 1 / `samples_per_period` of phase, the first of them at or just after the start. The number of the
+    first one of phase 0, on the stroboscopic section, comes third.
     """
-    orbit = _Orbit(osc, start, "cpu", None, tolerances)
-    window = StroboscopicWindow(transient_periods, sample_periods * samples_per_period, 0.0, samples_per_period)
-    seen, seconds = orbit.samples(window)
-    return _trajectory(seen, seconds, {}).assign(impact_phase=variable("phase", "impact", seen.impact_phase))
-
-
-def _trajectory(seen: Samples, seconds: Seconds, attrs: dict[str, str]) -> xr.Dataset:
-    return xr.Dataset(
-        {
-            "displacement": variable("displacement", "time", seen.look_displacement),
-            "velocity": variable("velocity", "time", seen.look_velocity),
-            "impact_time": variable("impact_time", "impact", seconds(seen.impact_periods, seen.impact_phase)),
-            "impact_velocity": variable("impact_velocity", "impact", seen.impact_velocity),
-            **stick_times(seconds, seen),
-            "status": status_variable((), seen.status),
-        },
-        coords={"time": variable("time", "time", seconds(seen.look_periods, seen.look_phase))},
-        attrs=attrs,
+    cell = osc.cells({}, one_start(start))
+    begin = float(cell["phase"][0])
+    first = math.ceil(begin * samples_per_period)
+    first += first / samples_per_period < begin
+    phase = (first % samples_per_period) / samples_per_period
+    asked = ImpactWindow(transient_impacts, sample_impacts)
+    window = StroboscopicWindow(0, periods * samples_per_period, phase, samples_per_period)
+    measured, seen = get_backend("cpu").follow(
+        cell, Measurement(asked, tolerances, indices=indices), Measurement(window, patience)
     )
+    found = {name: float(measured[name][0]) for name in (*indices, "status")}
+    recorded = {name: values.values for name, values in _trajectory(seen, in_seconds(the_oscillator(osc))).items()}
+    return found, recorded | {"impact_phase": seen.impact_phase}, -first % samples_per_period
+
+
+def _trajectory(seen: Samples, seconds: Seconds) -> dict[str, xr.Variable]:
+    return {
+        "time": variable("time", "time", seconds(seen.look_periods, seen.look_phase)),
+        "displacement": variable("displacement", "time", seen.look_displacement),
+        "velocity": variable("velocity", "time", seen.look_velocity),
+        "impact_time": variable("impact_time", "impact", seconds(seen.impact_periods, seen.impact_phase)),
+        "impact_velocity": variable("impact_velocity", "impact", seen.impact_velocity),
+        **stick_times(seconds, seen),
+    }
 
 
 def impact_section(

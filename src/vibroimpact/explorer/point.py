@@ -8,26 +8,29 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.explorer.plane import TRANSIENT, compute_cells
+from vibroimpact.explorer.plane import TRANSIENT
 from vibroimpact.explorer.state import View, granted, stiffness
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.motion import MotionClass, decide, motion_name
 from vibroimpact.oscillator import ImpactOscillator, State
-from vibroimpact.sections import record_orbit
+from vibroimpact.sections import measure_orbit
 from vibroimpact.status import Status
 
 Floats = NDArray[np.float64]
 Columns = dict[str, Floats]
+Parts = dict[str, Columns]  # history, impacts and rests of a `Point`
 
 HISTORY = 4000  # samples, about
 IMPACTS = 800  # on the impact map
-LOOKS = 400  # on the Poincaré map
-LEAD = 100  # driving periods left out before the Poincaré map
+LEAD = 100  # driving periods, or free oscillations where they are longer, left out before the Poincaré map
+LOOKS, MOST_LOOKS = 400, 900  # free oscillations recorded after it; driving periods at most: looks on that map
 FAINT = 1e-6  # of the largest velocity: slower impacts are not drawn
+RECORDED = (
+    "time", "displacement", "velocity", "impact_time", "impact_velocity", "stick_time", "release_time",
+)  # fmt: skip
 REMEMBERED = 16  # motions per page
 
 
@@ -56,35 +59,38 @@ class Point:
 def compute_point(view: View, osc: ImpactOscillator | None = None) -> Point:
     """Return what the page shows of the view's point, or of another one that starts from rest.
 
-    The indices take a run of their own, for the engine observes neighbours and near-misses only while it measures. All
-    else is read from one recorded orbit; only the impact map of a motion that does not repeat takes more impacts.
+    One run of one orbit is measured and recorded. Only where its record is too short does a second one go on from it.
     """
     start = view.start if osc is None else None
     osc = osc or view.osc
-    cell = compute_cells(osc, view.samples, stiffness(osc), {view.x: [getattr(osc, view.x)]}, start)
-    indices = {name: float(cell[name].values[0]) for name in INDICES}
-    status = Status(int(cell["status"].values[0]))
+    ratio = osc.omega / osc.natural_frequency
+    lead = max(20, int(LEAD * min(ratio, 1.0)))
+    looks = max(20, min(int(LOOKS * ratio), MOST_LOOKS))
+    density = min(max(60, math.ceil(24 / ratio)), HISTORY)  # samples per period
+    found, orbit, section = measure_orbit(
+        osc,
+        start=start,
+        indices=tuple(INDICES),
+        transient_impacts=TRANSIENT,
+        sample_impacts=view.samples,
+        periods=lead + looks,
+        samples_per_period=density,
+        tolerances=granted(stiffness(osc), TRANSIENT + view.samples),
+        patience=granted(stiffness(osc), lead + looks),
+    )
+    status, indices = Status(int(found.pop("status"))), found
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
     kind = MotionClass(int(decide(status, view.samples * indices["lyapunov_per_impact"], n, p)))
 
-    slow = max(1.0, osc.natural_frequency / osc.omega)  # free oscillations per driving period
-    lead, looks = max(20, int(LEAD / slow)), max(20, int(LOOKS / slow))
-    density = min(max(60, math.ceil(24 * slow)), HISTORY)  # samples per period
-    orbit = record_orbit(
-        osc,
-        start=start,
-        transient_periods=lead,
-        sample_periods=looks,
-        samples_per_period=density,
-        tolerances=granted(stiffness(osc), lead + looks),
-    )
-    length = max(2.0, min(40.0, HISTORY / density)) * osc.period
-    shown = _settled_part(osc, orbit, length, n, status.has_indices) if view.settled else None
     impact_map = _impact_map(osc, start, orbit, n, repeats=0 < n <= looks or not status.has_indices)
-    begin = _hardest(osc, impact_map) if view.settled and status.has_indices else None
-    settled = shown is not None or begin is not None
-    if shown is None:  # the beginning is wanted, or the orbit was not recorded to its end
-        shown = _from_start(osc, begin or start, length, density)
+    length = max(2.0, min(40.0, HISTORY / density)) * osc.period
+    shown, settled = None, view.settled
+    if settled:
+        shown = _settled(osc, orbit, lead * osc.period, length, n, status.has_indices)
+        begin = _hardest(osc, impact_map) if shown is None and status.has_indices else None
+        if begin is not None:  # the budget ended the record before a long enough part of it was settled
+            shown = _carried_on(osc, begin, length, density)
+        settled = shown is not None
     return Point(
         osc=osc,
         name=motion_name(kind, n, p),
@@ -92,70 +98,78 @@ def compute_point(view: View, osc: ImpactOscillator | None = None) -> Point:
         n_periods=n,
         settled=settled,
         indices=indices,
-        history=_history(osc, shown),
-        impacts={"time": shown.impact_time, "velocity": shown.impact_velocity},
-        rests=shown.rests,
+        **(shown or _beginning(osc, start, orbit, length)),
         impact_map=impact_map,
-        poincare={name: orbit[name].values[::density] for name in ("displacement", "velocity")},
+        poincare={name: orbit[name][section + lead * density :: density] for name in ("displacement", "velocity")},
     )
 
 
-@dataclass(frozen=True)
-class _Part:
-    """Part of an orbit: samples, impacts that can be seen, and rests; times in s."""
-
-    time: Floats
-    displacement: Floats
-    velocity: Floats
-    impact_time: Floats
-    impact_velocity: Floats
-    rests: Columns
-
-
-def _part(orbit: xr.Dataset, begin: float, end: float, shift: float = 0.0) -> _Part:
-    """Return the part of an orbit between two times, its times made earlier by `shift`."""
-    time, hit_time, hit_speed = (orbit[name].values for name in ("time", "impact_time", "impact_velocity"))
-    within = (time >= begin) & (time <= end)
-    hit = (hit_time >= begin) & (hit_time <= end)
-    hit_time, hit_speed = hit_time[hit], hit_speed[hit]
-    seen = hit_speed > FAINT * float(hit_speed.max(initial=0.0))
-    stick, release = orbit["stick_time"].values, orbit["release_time"].values
-    left = np.where(np.isnan(release), end, release).clip(max=end)
-    rested = (left > begin) & (stick < end)
-    return _Part(
-        time=time[within] - shift,
-        displacement=orbit["displacement"].values[within],
-        velocity=orbit["velocity"].values[within],
-        impact_time=hit_time[seen][:HISTORY] - shift,
-        impact_velocity=hit_speed[seen][:HISTORY],
-        rests={"begin": stick[rested].clip(min=begin) - shift, "end": left[rested] - shift},
-    )
-
-
-def _from_start(osc: ImpactOscillator, start: State | None, length: float, density: int) -> _Part:
-    """Return the beginning of the motion."""
-    periods = length / osc.period
-    limits = granted(stiffness(osc), math.ceil(periods))
-    orbit = vi.simulate(osc, start=start, periods=periods, samples_per_period=density, tolerances=limits)
-    time = orbit["time"].values
-    return _part(orbit, time[0], time[-1]) if len(time) else _part(orbit, 0.0, 0.0)
-
-
-def _settled_part(osc: ImpactOscillator, orbit: xr.Dataset, length: float, n_periods: int, hits: bool) -> _Part | None:
+def _settled(osc: ImpactOscillator, orbit: Columns, lead: float, length: float, n: int, hits: bool) -> Parts | None:
     """Return the end of an orbit as if it began in the first period, from a hard impact on.
 
     Of a cycle that is the hardest one; of a motion that does not repeat, the hardest of the last 64 before the end.
+    None where there is too little after the `lead`.
     """
-    time, hit_time = orbit["time"].values, orbit["impact_time"].values
-    if not len(time) or time[-1] - time[0] < length:
+    time, hit_time = orbit["time"], orbit["impact_time"]
+    if not len(time) or time[-1] - time[0] < lead + length:
         return None
-    begin = float(time[-1]) - length
-    first = max(float(time[0]), begin - n_periods * osc.period) if n_periods else float(time[0])
+    begin, settled = float(time[-1]) - length, float(time[0]) + lead
+    first = max(settled, begin - n * osc.period) if n else settled
     last = np.flatnonzero((hit_time >= first) & (hit_time <= begin))[::-1]
-    last = last if n_periods else last[:64]
+    last = last if n else last[:64]
     if hits and len(last):
-        begin = float(hit_time[last[int(orbit["impact_velocity"].values[last].argmax())]])
-    return _part(orbit, begin, begin + length, math.floor(begin / osc.period) * osc.period)
+        begin = float(hit_time[last[int(orbit["impact_velocity"][last].argmax())]])
+    return _parts(osc, orbit, begin, begin + length, math.floor(begin / osc.period) * osc.period)
+
+
+def _beginning(osc: ImpactOscillator, start: State | None, orbit: Columns, length: float) -> Parts:
+    """Return an orbit from its start on."""
+    begin = 0.0 if start is None else start.time
+    end = max([begin, *orbit["time"][-1:]])
+    return _parts(osc, orbit, begin, min(begin + length, end), start=start)
+
+
+def _carried_on(osc: ImpactOscillator, begin: State, length: float, density: int) -> Parts:
+    """Return what follows an impact, from a run of its own."""
+    periods = length / osc.period
+    limits = granted(stiffness(osc), math.ceil(periods))
+    orbit = vi.simulate(osc, start=begin, periods=periods, samples_per_period=density, tolerances=limits)
+    return _beginning(osc, begin, {name: orbit[name].values for name in RECORDED}, length)
+
+
+def _parts(
+    osc: ImpactOscillator,
+    orbit: Columns,
+    begin: float,
+    end: float,
+    shift: float = 0.0,
+    start: State | None = None,
+) -> Parts:
+    """Return history, impacts and rests of an orbit between two times in s, which are made earlier by `shift`.
+
+    The history has both sides of every impact that can be seen, and a `start` that lies between samples.
+    """
+    time, y, v, hit_time, hit_speed, stick, release = (orbit[name] for name in RECORDED)
+    within, hit = (time >= begin) & (time <= end), (hit_time >= begin) & (hit_time <= end)
+    time, y, v, hit_time, hit_speed = time[within], y[within], v[within], hit_time[hit], hit_speed[hit]
+    if start is not None:
+        time, y, v = np.append(start.time, time), np.append(start.displacement, y), np.append(start.velocity, v)
+    seen = np.flatnonzero(hit_speed > FAINT * float(hit_speed.max(initial=0.0)))[:HISTORY]
+    hit_time, hit_speed = hit_time[seen], hit_speed[seen]
+    between, stop = _away_from(time, hit_time, 1e-9 * osc.period), np.full(len(hit_time), osc.gap)
+    all_time = np.concatenate([time[between], hit_time, hit_time])
+    order = np.argsort(all_time, kind="stable")
+    left = np.where(np.isnan(release), end, release).clip(max=end)
+    rested = (left > begin) & (stick < end)
+    return {
+        "history": {
+            "time": all_time[order] - shift,
+            "displacement": np.concatenate([y[between], stop, stop])[order],
+            "velocity": np.concatenate([v[between], hit_speed, -osc.restitution * hit_speed])[order],
+        },
+        "impacts": {"time": hit_time - shift, "velocity": hit_speed},
+        "rests": {"begin": stick[rested].clip(min=begin) - shift, "end": left[rested] - shift},
+    }
 
 
 def _hardest(osc: ImpactOscillator, impact_map: Columns) -> State | None:
@@ -167,20 +181,6 @@ def _hardest(osc: ImpactOscillator, impact_map: Columns) -> State | None:
     return State(osc.gap, float(velocity[at]), float(phase[at]) * osc.period)
 
 
-def _history(osc: ImpactOscillator, part: _Part) -> Columns:
-    """Return displacement and velocity over time, with both sides of every impact."""
-    hit_time, hit_speed = part.impact_time, part.impact_velocity
-    between = _away_from(part.time, hit_time, 1e-9 * osc.period)
-    stop = np.full(len(hit_time), osc.gap)
-    time = np.concatenate([part.time[between], hit_time, hit_time])
-    order = np.argsort(time, kind="stable")
-    return {
-        "time": time[order],
-        "displacement": np.concatenate([part.displacement[between], stop, stop])[order],
-        "velocity": np.concatenate([part.velocity[between], hit_speed, -osc.restitution * hit_speed])[order],
-    }
-
-
 def _away_from(time: Floats, events: Floats, width: float) -> NDArray[np.bool_]:
     """Whether instants lie away from all events; a sample at an impact gives way to the impact's two sides."""
     if not len(events):
@@ -190,20 +190,27 @@ def _away_from(time: Floats, events: Floats, width: float) -> NDArray[np.bool_]:
     return np.asarray(nearest > width)
 
 
-def _impact_map(
-    osc: ImpactOscillator, start: State | None, orbit: xr.Dataset, n_periods: int, repeats: bool
-) -> Columns:
+def _impact_map(osc: ImpactOscillator, start: State | None, orbit: Columns, n_periods: int, repeats: bool) -> Columns:
     """Return phase and velocity of the impacts after a transient; of a cycle those of the recorded orbit suffice."""
-    if repeats:
-        time = orbit["impact_time"].values
-        cycle = int(np.searchsorted(time, time[-1] - n_periods * osc.period)) if len(time) else 0
-        last = slice(min(TRANSIENT, cycle), TRANSIENT + IMPACTS)  # at least the impacts of one cycle
-        return {"phase": orbit["impact_phase"].values[last], "velocity": orbit["impact_velocity"].values[last]}
-    limits = granted(stiffness(osc), TRANSIENT + IMPACTS)
-    hits = vi.impact_section(
-        osc, start=start, transient_impacts=TRANSIENT, sample_impacts=IMPACTS, tolerances=limits
-    )  # fmt: skip
-    return {name: hits[name].values for name in ("phase", "velocity")}
+    time = orbit["impact_time"]
+    cycle = int(np.searchsorted(time, time[-1] - n_periods * osc.period)) if len(time) else 0
+    last = slice(min(TRANSIENT, cycle), TRANSIENT + IMPACTS)  # at least the impacts of one cycle
+    found = {name: orbit[f"impact_{name}"][last] for name in ("phase", "velocity")}
+    missing = IMPACTS - len(found["phase"])
+    if repeats or not missing:
+        return found
+    # It hits too seldom for the record to hold them all: the orbit goes on from its last impact, which is seen again.
+    if len(time):
+        phase, speed = (float(orbit[f"impact_{name}"][-1]) for name in ("phase", "velocity"))
+        start = State(osc.gap, speed, phase * osc.period)
+    more = vi.impact_section(
+        osc,
+        start=start,
+        transient_impacts=1 + max(TRANSIENT - len(time), 0),
+        sample_impacts=missing,
+        tolerances=granted(stiffness(osc), TRANSIENT + IMPACTS),
+    )
+    return {name: np.append(values, more[name].values) for name, values in found.items()}
 
 
 class Motions:
