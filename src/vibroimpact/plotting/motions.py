@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from vibroimpact.classes import classify
 from vibroimpact.dataset import VARIABLES
@@ -186,9 +187,13 @@ def exponent_map(sweep: xr.Dataset, index: str = "lyapunov", ax: Axes | None = N
     limit = symmetric_limit(values)
     ax = style.new_axes(ax, (7.2, 5.4), style.title(sweep))
     mesh = sweeps.draw_numbers(ax, field, SIGNED, Normalize(-limit, limit))
-    sticks = np.isneginf(values)
-    share = rf"${style.symbol_of(field).strip('$')} = -\infty$ ({style.percent(float(sticks.mean()))} of the cells)"
-    entries = sweeps.fill_cells(ax, field, [(sticks, STICKING, f"sticking: {share}")])
+    sticks, entries = np.isneginf(values), []
+    if sticks.any():
+        sweeps.colour_mesh(
+            ax, field, np.ma.masked_where(~sticks, np.zeros(sticks.shape)), cmap=ListedColormap([STICKING])
+        )
+        symbol, share = style.symbol_of(field).strip("$"), style.percent(float(sticks.mean()))
+        entries = [Patch(color=STICKING, label=rf"sticking: ${symbol} = -\infty$ ({share} of the cells)")]
     entries += sweeps.draw_missing(ax, sweep, field.where(~np.isneginf(field), 0.0))
     sweeps.frame_plane(ax, field)
     sweeps.add_bar(ax, mesh, field, pad=0.02, extend=_beyond(values, limit))

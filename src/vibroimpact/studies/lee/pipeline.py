@@ -144,15 +144,7 @@ def _is_empty_folder(path: Path) -> bool:
 
 
 class Stages:
-    """Reports progress step by step and measures the time of each stage.
-
-    Parameters
-    ----------
-    progress : bool or callable
-        As of `run`.
-    total : int
-        Total work, in the units of the steps' weights.
-    """
+    """Reports progress, as `run` does, step by step out of the total of the steps' weights; times each stage."""
 
     def __init__(self, progress: Progress, total: int) -> None:
         self.seconds: dict[str, float] = {}
@@ -172,12 +164,10 @@ class Stages:
     def finish(self) -> None:
         """Close the last step."""
         self._close()
-        self._report(self._total)
+        self._tick(0.0)
 
     def _tick(self, part: float) -> None:
-        self._report(self._done + int(part * self._weight))
-
-    def _report(self, done: int) -> None:
+        done = self._done + int(part * self._weight)
         if callable(self._progress) and self._progress(done, self._total, self.text) is False:
             raise KeyboardInterrupt
 
