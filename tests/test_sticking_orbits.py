@@ -310,6 +310,13 @@ def test_without_a_gap_the_end_of_sticking_knows_no_amplitude(default_end):
     assert np.array(curve.touch_phases) == pytest.approx(0.5)
 
 
+def test_a_curve_of_ends_of_sticking_may_be_stopped_on_request(default_end):
+    plane = ("omega", "restitution"), ((0.1, 2.5), (0.0, 0.9))
+    curve = continue_boundary(default_end, *plane, progress=lambda done, total, partial: done < 5)
+    assert curve.outcome == ("stopped", "stopped")
+    assert 5 <= len(curve.orbits) <= 12
+
+
 @pytest.mark.parametrize(
     ("names", "ranges"),
     [

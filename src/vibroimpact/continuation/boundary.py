@@ -12,7 +12,7 @@ import numpy as np
 
 from vibroimpact.continuation.points import Solution
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
-from vibroimpact.continuation.sticking import LONGEST_STEP, sticking_curve
+from vibroimpact.continuation.sticking import LONGEST_STEP, Range, sticking_curve
 from vibroimpact.continuation.system import (
     LAST_IMPACT,
     MOST_POINTS,
@@ -25,7 +25,7 @@ from vibroimpact.continuation.system import (
     follow,
     system_of,
 )
-from vibroimpact.orbits.admissibility import nearest_misses
+from vibroimpact.orbits.admissibility import NearMiss, nearest_misses
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking import StickingEnd
@@ -33,7 +33,6 @@ from vibroimpact.oscillator import Model, check_names
 from vibroimpact.parameters import invalid
 from vibroimpact.progress import Report, reporter
 
-Range = tuple[float, float]
 HALVINGS = 20  # of the step within which the orbits of a boundary become inadmissible
 WORST = 1e-10  # residual of a point
 
@@ -167,22 +166,14 @@ def _boundary_system(
         condition = LAST_IMPACT if speeds[where] <= 1e-9 * system.speed else TOUCH
     if condition == TOUCH:
         misses = nearest_misses(system.oscillator, system.cycle, z)
-        lowest = min(misses, key=lambda miss: abs(miss.gap), default=None)
-        if lowest is None:
-            raise _no_boundary(point)
+        lowest = min(misses, key=lambda miss: abs(miss.gap), default=NearMiss(0, math.nan, math.nan))
         where, touch = lowest.flight, lowest.turns
     system = replace(system, condition=condition, where=where)
     x = system.pack(z, touch)
-    if np.abs(system.misses(x)).max() > 1e-6:
-        raise _no_boundary(point)
+    if not np.abs(system.misses(x)).max() <= 1e-6:  # nor NaN, where no flight comes near the stop
+        what = f"satisfy the condition of a {point.kind.replace('_', ' ')}"
+        raise NoBoundary(f"the orbit of `point` does not {what}; take a point from the `special` of a branch")
     return system, x
-
-
-def _no_boundary(point: BifurcationPoint) -> NoBoundary:
-    return NoBoundary(
-        f"the orbit of `point` does not satisfy the condition of a {point.kind.replace('_', ' ')}; "
-        "take a point from the `special` of a branch"
-    )
 
 
 def _traced(system: System, x: Floats, longest: float, virtual: bool, report: Report) -> Boundary:

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.boundary import NoBoundary, Range, boundary_through, check_box, check_plane
+from vibroimpact.continuation.boundary import NoBoundary, boundary_through, check_box, check_plane
 from vibroimpact.continuation.branch import branch_system, walk
 from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary
-from vibroimpact.continuation.sticking import ends_on_line
+from vibroimpact.continuation.sticking import Range, ends_on_line
 from vibroimpact.continuation.system import UNKNOWN, both_ways, check_share
 from vibroimpact.orbits.equations import Cycle, Floats, impact_1_orbits
 from vibroimpact.orbits.orbit import make_orbit
@@ -99,7 +99,6 @@ def boundary_curves(
     count, longest = whole_number("lines", lines, 2), check_share("step", step)
     lengths = [whole_number("n_periods", n, 1) for n in n_periods]
     wanted = _checked_kinds(kinds)
-    sticking = "end_of_sticking" in wanted
     work = [
         (n, along, value) for n in lengths for along in (0, 1) for value in np.linspace(*box[1 - along], count).tolist()
     ]
@@ -112,11 +111,11 @@ def boundary_curves(
 
     with reporter(progress, "lines") as report, suppress(_Stopped):
         for n, along, value in work:
-            line = osc.replace(**{names[1 - along]: value})
-            for point in _on_line(line, n, names[along], box[along], longest, look):
+            line = osc.replace(**{names[1 - along]: value}), names[along], box[along], n
+            for point in _on_line(*line, longest, look):
                 if point.kind in wanted:
                     _add_curve(curves, point, names, box, longest, look)
-            for end in ends_on_line(line, names[along], box[along], n, SEEDS, look) if sticking else ():
+            for end in ends_on_line(*line, SEEDS, look) if "end_of_sticking" in wanted else ():
                 _add_curve(curves, end, names, box, longest, look)
             done += 1
             look()
@@ -181,37 +180,32 @@ def _checked_kinds(kinds: Any) -> frozenset[str]:
 
 
 def _on_line(
-    model: Model, n: int, parameter: str, range: Range, longest: float, look: Report
+    model: Model, parameter: str, range: Range, n: int, longest: float, look: Report
 ) -> Iterator[BifurcationPoint]:
     """Yield the special points of the period-n impact-1 orbits along a line, each branch followed once."""
-    cycle = Cycle(n, 1)
     covered: list[Floats] = []
     for value in np.linspace(*range, SEEDS).tolist():
         look(0, UNKNOWN, None)
         here = model.replace(**{parameter: value})
         for z in impact_1_orbits(here.at(), n)[0]:
-            if _covered(covered, value, z):
+            if any(_covered(rows, value, float(z[1])) for rows in covered):
                 continue
-            orbit = make_orbit(here, cycle, z)
+            orbit = make_orbit(here, Cycle(n, 1), z)
             if not orbit.admissible:
                 continue
             system, x = branch_system(orbit, parameter, range)
             for way in both_ways(partial(walk, system, x, longest, False), look):
-                covered.append(np.array([[*system.values(p.x), system.solution(p.x)[1]] for p in way.points]))
+                covered.append(np.array([[*system.values(p.x), p.z[1]] for p in way.points]))
                 yield from (special.bifurcation(parameter) for special in way.special)
 
 
-def _covered(branches: Iterable[Floats], value: float, z: Floats) -> bool:
+def _covered(branch: Floats, value: float, speed: float) -> bool:
     """Whether an orbit is on a branch already followed: between two of its points, with a velocity between theirs."""
-    for rows in branches:
-        values, speeds = rows.T
-        around = np.flatnonzero((values[:-1] - value) * (values[1:] - value) <= 0.0)
-        for j in around:
-            low, high = sorted((speeds[j], speeds[j + 1]))
-            slack = 0.25 * (high - low) + 1e-6 * high
-            if low - slack <= z[1] <= high + slack:
-                return True
-    return False
+    values, speeds = branch.T
+    around = np.flatnonzero((values[:-1] - value) * (values[1:] - value) <= 0.0)
+    low, high = np.sort([speeds[around], speeds[around + 1]], axis=0)
+    slack = 0.25 * (high - low) + 1e-6 * high
+    return bool(((low - slack <= speed) & (speed <= high + slack)).any())
 
 
 def _add_curve(
@@ -242,6 +236,5 @@ def _lies_on(point: BifurcationPoint | StickingEnd, curve: Boundary, box: tuple[
         return np.column_stack([np.array(rows) / spans, speeds])
 
     at, on = place([orbit])[0], place(curve.orbits)
-    distance = np.abs(on[:, :2] - at[:2]).max(axis=1)
-    near = distance < SAME * longest
+    near = np.abs(on[:, :2] - at[:2]).max(axis=1) < SAME * longest
     return bool((near & (np.abs(on[:, 2] - at[2]) < 0.1 * (1.0 + at[2]))).any())

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from vibroimpact.continuation.results import Boundary
-from vibroimpact.continuation.system import UNKNOWN
+from vibroimpact.continuation.system import UNKNOWN, Way, both_ways
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.orbit import Orbit, family_of, value_of
 from vibroimpact.orbits.sticking import (
@@ -64,15 +64,15 @@ def sticking_curve(
     """
     assert point.orbit is not None
     plane, start = _Plane(point.orbit.model, names, box, point.n_periods, report), (0.0, 0.0)
-    ways: list[tuple[list[Point], str, str]] = []
-    for side, heading in sorted(_headings(plane, start, longest).items()):
-        if not ways or ways[0][1] != "closed":
-            ways.append(_follow(plane, start, heading, side, longest))
-    if not ways:
-        ways = [([start], "lost", "no curve leaves the start" + (f": {plane.why}" if plane.why else ""))]
-    points = ways[0][0][::-1] + (ways[1][0][1:] if len(ways) > 1 else [])
-    ends = {end for _, end, _ in ways}
-    outcome = "lost" if "lost" in ends else "budget" if "budget" in ends else "range"
+    headings = _headings(plane, start, longest)
+    if headings:
+        ways = both_ways(lambda side: _follow(plane, start, headings[int(side)], int(side), longest), report)
+    else:
+        why = "no curve leaves the start" + (f": {plane.why}" if plane.why else "")
+        ways = [Way([start], end="lost", why=why), Way([start], end="lost")]
+    points = ways[0].points[::-1] + ways[1].points[1:]
+    ends = {way.end for way in ways}
+    outcome = next((end for end in ("lost", "budget", "stopped") if end in ends), "range")
     sticks = [(plane.model_at(at), plane.stick(at)) for at in points]
     return Boundary(
         kind=KIND,
@@ -81,7 +81,7 @@ def sticking_curve(
         residuals=[residual(model.at(), stick.fraction if stick else math.nan) for model, stick in sticks],
         touch_phases=[stick.release_phase if stick else math.nan for _, stick in sticks],
         outcome=(outcome, outcome),
-        message="; ".join(message for _, _, message in ways),
+        message="; ".join(way.why for way in ways if way.why),
     )
 
 
@@ -93,12 +93,7 @@ def _orbit(model: Model, stick: Stick | None, n_periods: int) -> Orbit:
 
 
 def ends_on_line(
-    model: Model,
-    parameter: str,
-    range: Range,
-    n_periods: int,
-    seeds: int,
-    report: Report,
+    model: Model, parameter: str, range: Range, n_periods: int, seeds: int, report: Report
 ) -> Iterator[StickingEnd]:
     """Yield the ends of period-n sticking along a line, as far as neighbouring seeds differ."""
 
@@ -129,15 +124,12 @@ class _Plane:
     ranges: tuple[Point, Point]
     n_periods: int
     report: Report
+    done: int = field(default=0, init=False)  # points
     why: str = field(default="", init=False)
 
     @property
-    def edges(self) -> tuple[Point, Point]:
-        (x, (left, right)), (y, (bottom, top)) = self._own()
-        return ((left - x) / (right - left), (right - x) / (right - left)), (
-            (bottom - y) / (top - bottom),
-            (top - y) / (top - bottom),
-        )
+    def edges(self) -> list[Point]:
+        return [((low - own) / (high - low), (high - own) / (high - low)) for own, (low, high) in self._own()]
 
     def _own(self) -> list[tuple[float, Point]]:
         return [(value_of(self.model, name), ends) for name, ends in zip(self.names, self.ranges, strict=True)]
@@ -145,18 +137,16 @@ class _Plane:
     def holds(self, at: Point) -> bool:
         return all(low <= z <= high for z, (low, high) in zip(at, self.edges, strict=True))
 
-    def values(self, at: Point) -> Point:
-        x, y = (
-            min(max(own + z * (high - low), low), high) for z, (own, (low, high)) in zip(at, self._own(), strict=True)
-        )
-        return x, y
+    def values(self, at: Point) -> list[float]:
+        pairs = zip(at, self._own(), strict=True)
+        return [min(max(own + z * (high - low), low), high) for z, (own, (low, high)) in pairs]
 
     def model_at(self, at: Point) -> Model:
         return self.model.replace(**dict(zip(self.names, self.values(at), strict=True)))
 
     def stick(self, at: Point) -> Stick | None:
         """Return the stick that closes a cycle of at most so many periods, or None."""
-        self.report(0, UNKNOWN, None)
+        self.report(self.done, UNKNOWN, None)
         return from_release(self.model_at(at).at(), self.n_periods)
 
     def stuck(self, at: Point) -> float:
@@ -257,28 +247,36 @@ def _to_edge(plane: _Plane, last: Point, heading: float, reach: float) -> tuple[
     return (place(found), axis) if found is not None and plane.holds(place(found)) else None
 
 
-def _follow(plane: _Plane, start: Point, heading: float, side: int, longest: float) -> tuple[list[Point], str, str]:
-    points = [start]
-    step = longest
-    while len(points) <= MOST:
-        last, finest = points[-1], step <= longest * FINEST_STEP
+def _follow(plane: _Plane, start: Point, heading: float, side: int, longest: float) -> Iterator[Way]:
+    """Yield, point by point, the curve to one side of its first point as far as it has been followed."""
+    way, step = Way([start]), longest
+    while len(way.points) <= MOST:
+        last, finest = way.points[-1], step <= longest * FINEST_STEP
         end = _to_edge(plane, last, heading, 1.5 * step)
         if end and (finest or end[0] == last or _joined(plane, last, end[0], side)):
-            points += [end[0]] if end[0] != last else []
-            return points, "edge", f"at the edge of the range of `{plane.names[end[1]]}`"
+            way.points += [end[0]] if end[0] != last else []
+            way.end, way.why = "range", f"at the edge of the range of `{plane.names[end[1]]}`"
+            break
         place = _on_circle(last, step, heading)
         angle = _nearest_crossing(plane, place, FANS, side)
         found = last if angle is None else place(angle)
         if angle is not None and plane.holds(found) and (finest or _joined(plane, last, found, side)):
-            points.append(found)
+            way.points.append(found)
+            plane.done += 1
             heading += angle
             step = min(longest, 1.5 * step)
-            if len(points) > 4 and math.dist(found, start) < 0.75 * step and _joined(plane, found, start, side):
-                return [*points, start], "closed", "closed upon itself"
+            if len(way.points) > 4 and math.dist(found, start) < 0.75 * step and _joined(plane, found, start, side):
+                way.points.append(start)
+                way.end, way.why = "closed", "closed upon itself"
+                break
+            yield way
         elif finest:
             x, y = plane.values(last)
             reason = f": {plane.why}" if plane.why else ""
-            return points, "lost", f"lost at {plane.names[0]} = {x:.9g}, {plane.names[1]} = {y:.9g}{reason}"
+            way.end, way.why = "lost", f"lost at {plane.names[0]} = {x:.9g}, {plane.names[1]} = {y:.9g}{reason}"
+            break
         else:
             step = max(0.5 * step, longest * FINEST_STEP)
-    return points, "budget", f"not at its end after {MOST} points; take a longer `step`"
+    else:
+        way.why = f"not at its end after {MOST} points; take a longer `step`"
+    yield way

@@ -345,11 +345,12 @@ def _distance(system: System, start: Floats, x: Floats) -> float:
 
 @dataclass
 class Way:
-    """What was met along one direction of a curve: its points, bifurcations on it, and why it ended."""
+    """What was met along one direction of a curve: its points, bifurcations on it, and why it ended, also in words."""
 
     points: list[Any]
     special: list[Any] = field(default_factory=list)
     end: str = "budget"
+    why: str = ""
 
 
 def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Way]:
@@ -361,7 +362,7 @@ def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Wa
             return [*ways, Way(ways[0].points[:1], end="closed")]
         for way in walk(direction):
             if report(done + len(way.points), UNKNOWN, None) is False:
-                way.end = "stopped"
+                way.end = way.why = "stopped"
                 break
         done += len(way.points)
         ways.append(way)
