@@ -15,9 +15,10 @@ import numpy as np
 import vibroimpact as vi
 from benchmarks.effort import Effort
 from benchmarks.measure import Job, child_result, interleaved, ratio
+from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.execution import cluster
 from vibroimpact.execution.cluster import Cluster, connect
-from vibroimpact.sweeps import request_map
+from vibroimpact.request import Request
 
 WORKERS = (1, 2)
 TILES = 400  # that do nothing
@@ -52,7 +53,8 @@ def _load() -> None:
 
 
 def _nothing_but_the_way(client: Any) -> float:
-    request = request_map(vi.ImpactOscillator(), {"omega": np.linspace(1.0, 2.0, TILES)})
+    measurement = Measurement(ImpactWindow(100, 5000))
+    request = Request(vi.ImpactOscillator(), {"omega": np.linspace(1.0, 2.0, TILES)}, measurement)
     begin = time.perf_counter()
     with patch.object(cluster, "_work", _nothing):
         for _ in Cluster(client).compute(request, [slice(tile, tile + 1) for tile in range(TILES)], Event()):

@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.execution import cluster, layout
 from vibroimpact.execution.cluster import connect
 from vibroimpact.execution.store import SweepStore
+from vibroimpact.request import Request
 
 distributed = pytest.importorskip("distributed", reason="needs the extra [cluster]")
 
@@ -27,8 +29,10 @@ AXES = {"omega": np.linspace(0.1, 5.0, 24), "mass": np.linspace(0.2, 3.0, 10)}
 NAMES = ("std", "lyapunov", "n_periods")
 
 
-def sweep(**settings):
-    given = {"indices": NAMES, "transient_impacts": 20, "sample_impacts": 60, "tile": 16, **AXES, **settings}
+def sweep(tile=16, **settings):
+    given = {"indices": NAMES, "transient_impacts": 20, "sample_impacts": 60, **AXES, **settings}
+    if {"cluster", "store"} & settings.keys():
+        given["tile"] = tile
     return vi.parameter_map(vi.ImpactOscillator(), **given)
 
 
@@ -64,7 +68,7 @@ def client(shared):
 
 @pytest.fixture(scope="module")
 def whole():
-    return sweep(tile=None)
+    return sweep()
 
 
 @pytest.fixture(scope="module")
@@ -79,9 +83,9 @@ def test_a_cluster_gives_the_bits_of_one_machine(client, whole):
 @pytest.mark.parametrize("backend", ["reference", "fixed-step"])
 def test_workers_compute_with_any_back_end(client, backend):
     axes = {"omega": [1.0, 2.0, 2.8], "mass": [1.0, 1.1]}
-    asked = {"backend": backend, "indices": ("std",), "transient_impacts": 2, "sample_impacts": 3, "tile": 2, **axes}
+    asked = {"backend": backend, "indices": ("std",), "transient_impacts": 2, "sample_impacts": 3, **axes}
     here = vi.parameter_map(vi.ImpactOscillator(), **asked)
-    there = vi.parameter_map(vi.ImpactOscillator(), cluster=client, **asked)
+    there = vi.parameter_map(vi.ImpactOscillator(), cluster=client, tile=2, **asked)
     assert np.array_equal(here["std"].values, there["std"].values)
 
 
@@ -213,7 +217,8 @@ def test_a_slow_worker_keeps_the_others_from_nothing(client, monkeypatch):
 
 def pieces(client, number, stop=None):
     """Compute so many parts of one cell."""
-    request = vi.sweeps.request_map(vi.ImpactOscillator(), {"omega": np.linspace(1.0, 2.0, number)})
+    measurement = Measurement(ImpactWindow(100, 5000))
+    request = Request(vi.ImpactOscillator(), {"omega": np.linspace(1.0, 2.0, number)}, measurement)
     return cluster.Cluster(client).compute(request, [slice(n, n + 1) for n in range(number)], stop or threading.Event())
 
 

@@ -23,36 +23,24 @@ if TYPE_CHECKING:
     from vibroimpact.verdict.describe import describe
 
 # Names are handed on when first used, so that importing vibroimpact costs nothing.
-_HOMES = {
-    "ImpactOscillator": "oscillator",
-    "State": "oscillator",
-    "Tolerances": "options",
-    "family": "families",
-    "impact_map": "sections",
-    "Status": "status",
-    "simulate": "sections",
-    "impact_section": "sections",
-    "stroboscopic_section": "sections",
-    "bifurcation_diagram": "diagrams",
-    "parameter_map": "sweeps",
-    "refined_map": "sweeps",
-    "to_uniform": "refinement",
-    "classify": "classes",
-    "Orbit": "orbits",
-    "find_orbit": "orbits",
-    "end_of_sticking": "orbits.sticking",
-    "continue_orbit": "continuation",
-    "switch_branch": "continuation",
-    "continue_boundary": "continuation",
-    "boundary_curves": "continuation",
-    "attractors": "coexistence",
-    "basins": "coexistence",
-    "describe": "verdict",
-    "compare": "verdict",
-    "save": "files",
-    "load": "files",
+_NAMES = {
+    "oscillator": "ImpactOscillator State",
+    "options": "Tolerances",
+    "families": "family",
+    "sections": "impact_map simulate impact_section stroboscopic_section",
+    "status": "Status",
+    "diagrams": "bifurcation_diagram",
+    "sweeps": "parameter_map refined_map",
+    "refinement": "to_uniform",
+    "classes": "classify",
+    "orbits": "Orbit find_orbit",
+    "orbits.sticking": "end_of_sticking",
+    "continuation": "continue_orbit switch_branch continue_boundary boundary_curves",
+    "coexistence": "attractors basins",
+    "verdict": "describe compare",
+    "files": "save load",
 }
-_MODULES = ("plotting",)
+_HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = [
     "ImpactOscillator",
@@ -89,8 +77,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
         return getattr(import_module(f"vibroimpact.{_HOMES[name]}"), name)
-    if name in _MODULES:
-        return import_module(f"vibroimpact.{name}")
+    if name == "plotting":
+        return import_module("vibroimpact.plotting")
     if name == "__version__":
         from importlib.metadata import version
 

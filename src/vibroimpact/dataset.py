@@ -127,26 +127,11 @@ ENDS = ("outcome", "message", "arguments")  # attributes of each part, kept as l
 
 
 def bundle(parts: Sequence[xr.Dataset], function: str, provenance: Mapping[str, str]) -> xr.Dataset:
-    """Return one dataset that holds several curves of a plane, or several branches along a parameter.
+    """Return one dataset of several curves of `boundary_curves` in a plane, or branches of `continue_orbit`.
 
-    Parameters
-    ----------
-    parts : sequence of xarray.Dataset
-        The `dataset` of each, all in one plane or along one parameter.
-    function : {"boundary_curves", "continue_orbit"}
-        The function that returned them.
-    provenance : mapping
-        Attributes that say which call made them all.
-
-    Returns
-    -------
-    xarray.Dataset
-        Variables over `point` (and `special`), with the number of each point's part in `curve` or `branch`; variables
-        of a whole part over `curve_id` or `branch_id`.
-
-    Notes
-    -----
-    Rows of impacts are padded with NaN to the longest; `count` is their number.
+    Variables run over `point` (and `special`), with the number of each point's part in `curve` or `branch`; those of a
+    whole part over `curve_id` or `branch_id`. Rows of impacts are padded with NaN to the longest; `count` is their
+    number.
 
     Examples
     --------

@@ -27,8 +27,7 @@ MOVES = 1000  # attempts to replace an output that other processes keep replacin
 def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
     """Write a result in the format that the ending names, completely or not at all.
 
-    The result is written under a temporary name in the same folder and renamed when it is complete; a previous
-    output is removed only then.
+    It is written under a temporary name in the same folder; a previous output is replaced only once it is complete.
 
     Parameters
     ----------
@@ -153,26 +152,8 @@ def check_output(
 ) -> Path:
     """Return the path if an output can be written there, else raise before anything is computed.
 
-    Parameters
-    ----------
-    path : path
-        The path of the output.
-    overwrite : bool
-        Whether an existing output may be replaced.
-    endings : sequence of str
-        The endings allowed.
-
-    Returns
-    -------
-    pathlib.Path
-        The same path.
-
-    Raises
-    ------
-    ValueError
-        The ending is not one of `endings`.
-    OSError
-        The folder is missing or not writable, or the output exists and must not, or cannot, be replaced.
+    `ValueError`: the ending is none of `endings`; `OSError`: the folder is missing or not writable, or the output
+    exists and must not, or cannot, be replaced.
 
     Examples
     --------
@@ -198,24 +179,10 @@ def check_output(
 
 @contextmanager
 def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator[Path]:
-    """Yield a temporary name in the same folder; move what is written there to `path` if no error occurs.
+    """Yield a temporary name in the same folder; move the file or folder written there to `path` if no error occurs.
 
-    Parameters
-    ----------
-    path : path
-        The final name; an existing output stays until the new one is complete.
-    overwrite : bool
-        Whether an output that has appeared meanwhile may be replaced.
-
-    Yields
-    ------
-    pathlib.Path
-        A name with the same ending that does not exist yet, for a file or a folder.
-
-    Raises
-    ------
-    OSError
-        The output could not be written; nothing is left behind.
+    An existing output stays until the new one is complete; one that appears meanwhile is replaced only if `overwrite`.
+    `OSError`: the output could not be written; nothing is left behind.
     """
     target = Path(path)
     try:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Iterable, Sequence
+from contextlib import closing
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -64,12 +64,11 @@ def parameter_map(
         Columns of parameters, one design per row, in place of axes: a list of variants, a Monte Carlo sample. The
         result has a dim `point`.
     indices : names
-        Any of `std`, `mean_velocity`, `max_velocity` (m/s), `impacts_per_period` = (N-1) T/(t_N - t_1), told by sums of
-        velocities; and of those that need all observers and cost 1.6 times as much: `lyapunov` (1/s) and
-        `lyapunov_per_impact`, the largest exponent, -inf for motions that stick; `n_periods` and `n_impacts`, the
-        name of the cycle, 0 where none was found, n_impacts = -1 for complete chatter; `dissipation` (J a period);
-        `stick_fraction`; `impact_phase_spread` = 1 - \|<exp 2 pi i phase>\|; `grazing_margin` (m), the least gap that
-        is no contact, inf where there is none.
+        From velocity sums: `std`, `mean_velocity`, `max_velocity` (m/s), `impacts_per_period` = (N-1) T/(t_N - t_1).
+        From all observers, at 1.6 times the cost: `lyapunov` (1/s) and `lyapunov_per_impact`, the largest exponent,
+        -inf for motions that stick; `n_periods` and `n_impacts`, the type of the cycle, 0 where none was found,
+        n_impacts = -1 for complete chatter; `dissipation` (J per period); `stick_fraction`; `impact_phase_spread` =
+        1 - \|<exp 2 pi i phase>\|; `grazing_margin` (m), the gap left by the closest near-miss, inf without one.
     backend : str
         Name of the back end; `time_step` in s goes with "fixed-step" only.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
@@ -78,26 +77,25 @@ def parameter_map(
         The initial condition of every cell; None is at rest at min(0, gap) at time 0. A list of them adds a dim
         `start`: ``.max("start")`` is the worst case.
     early_closing : bool
-        Whether a cell stops once all its remaining impacts are known: its sums are then finished in closed form, and
-        every index is what all impacts would give, within 1e-10 of the velocity scale. False computes every impact.
+        Whether a cell stops once all its remaining impacts are known; its indices are then completed in closed form,
+        within 1e-10 of the velocity scale. False computes every impact.
     tolerances : Tolerances, optional
         Numerical tolerances.
     workers : int, optional
         Threads; None is one a core. The result does not depend on it.
     store : path, optional
-        A folder ending in .zarr into which tiles are written as they finish. Where the same study stands there, what
-        it lacks is computed and the rest is taken as it is, once its checksums are verified; another study is refused.
-        The Dataset returned reads from it. Memory is bounded by the tiles in flight.
+        A folder ending in .zarr into which tiles are written as they finish. Of the same study only what is missing
+        or damaged there is computed; another study is refused. The Dataset returned reads from it, and memory is
+        bounded by the tiles in flight.
     tile : int, >= 1, optional
         Cells of a tile, about, with `store` or `cluster` only; 4096 by default, 4 with the slow back ends "reference"
         and "fixed-step". A store keeps the tiles it was made with.
     cluster : dask.distributed.Client or str, optional
-        Computes on the workers of a Dask cluster instead of here: a client, `tcp://HOST:PORT` of a running scheduler,
-        or `local:N` for N processes of this machine. Workers may come, go and die; those that see the store write
-        their tiles there themselves. The result does not depend on them.
+        Compute on a Dask cluster: a client, `tcp://HOST:PORT` of a running scheduler, or `local:N` for N processes of
+        this machine. Workers may come, go and die; those that see the store write their tiles there themselves. The
+        result does not depend on them.
     refine, jump : int and float, optional
-        Halve the intervals of two axes `refine` times, but compute only where the motion, or an index by more than
-        `jump`, changes; see `refined_map`.
+        As of `refined_map`.
     progress : bool or callable
         True shows a bar; a callable gets (cells done, cells in all, Dataset so far) and stops the sweep by returning
         False: the Dataset so far is returned, unfinished cells `interrupted`.
@@ -107,7 +105,7 @@ def parameter_map(
     Returns
     -------
     xarray.Dataset
-        One variable an index and `status`, over the axes in the order given. An index is NaN where it has no value;
+        One variable per index, and `status`, over the axes in the order given. An index is NaN where it has no value;
         the status says why. `attrs` count the impacts and certified steps computed.
 
     Raises
@@ -121,14 +119,13 @@ def parameter_map(
 
     Notes
     -----
-    `impacts_per_period` is exactly p/n wherever a cycle of n periods and p impacts closed, whether or not its impacts
-    were computed. Sums run over velocities shifted by the first one, free of cancellation. Each cell's numbers are the
-    same bits on whatever grid, tile or thread it is computed. Of a cycle that is certain (its Jacobian is stable and it
-    lies within 1e-10 of the velocity scale of the periodic orbit; at most 4096 impacts) exponent, dissipation, rest and
-    margin are those of the cycle: the exponent is ln of the spectral radius over its time. Other exponents and
-    dissipations err as one over the number of impacts, other margins by 1e-5 of the motion's size; ripples of the gap
-    shorter than half a radian of the fastest rate are overlooked. About 0.1 microseconds an impact and core; closing
-    leaves a sixth of the impacts to compute over the paper's maps.
+    Each cell's numbers are the same bits on whatever grid, tile or thread it is computed. `impacts_per_period` is
+    exactly p/n where a cycle of n periods and p impacts closed. Of a certain cycle (a stable Jacobian, within 1e-10 of
+    the velocity scale of the periodic orbit, at most 4096 impacts) exponent, dissipation, rest and margin are those of
+    the cycle: the exponent is ln of the spectral radius over its time. Other exponents and dissipations err as one over
+    the number of impacts, other margins by 1e-5 of the motion's size; ripples of the gap shorter than half a radian of
+    the fastest rate are overlooked. About 0.1 microseconds per impact and core; closing leaves a sixth of the impacts
+    to compute over the paper's maps.
 
     References
     ----------
@@ -143,11 +140,16 @@ def parameter_map(
     >>> float(sweep["std"].sel(omega=2.0, mass=1.0)) < 1e-9
     True
     """
-    request = request_map(
-        osc, axes, points=points, indices=indices, backend=backend, time_step=time_step, start=start,
-        transient_impacts=transient_impacts, sample_impacts=sample_impacts, early_closing=early_closing,
-        tolerances=tolerances,
-    )  # fmt: skip
+    check_model(osc)
+    if points is None and not axes:
+        raise ValueError("an axis is missing; write for example omega=[1, 2, 3], or points= with a table of designs")
+    if points is not None and axes:
+        raise ValueError(f"give either `points` or the axes {', '.join(axes)}, not both")
+    sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
+    window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
+    measurement = Measurement(window, tolerances or Tolerances(), early_closing, check_indices(indices))
+    checked = check_axes(axes, osc.parameters) if points is None else check_points(points, osc)
+    request = Request(osc, checked, measurement, check_start(start), backend, time_step, scattered=points is not None)
     if refine is not None:
         from vibroimpact.refinement import refine_map
 
@@ -167,23 +169,28 @@ def parameter_map(
 
         with reporter(progress, "cells") as report:
             return run_into_store(request, store, size, partial(computing, cluster, workers), report)
-    _check_room(request)
+    hint = "write it to disk tile by tile, store='run.zarr' or --out run.zarr, or take fewer points"
+    check_fits("axes", f"span {_spanned(request.shape)}, which take", len(request) * request.cell_size, hint)
+    return _in_memory(request, cluster, workers, size, progress)
+
+
+def _in_memory(
+    request: Request, cluster: Client | str | None, workers: int | None, size: int, progress: bool | Report
+) -> xr.Dataset:
     dataset, flat = _empty_map(request)
     done, stop = 0, Stop(progress)
-    with ExitStack() as stack:
-        report = stack.enter_context(reporter(progress, "cells"))
-        place = stack.enter_context(computing(cluster, workers))
+    with reporter(progress, "cells") as report, computing(cluster, workers) as place:
         size = place.part_size(request, len(request)) if cluster is None else size
         parts = [slice(low, min(low + size, len(request))) for low in range(0, len(request), size)]
-        pieces = stack.enter_context(closing(place.compute(request, parts, stop)))
-        for part, which, result in pieces:
-            for name, values in flat.items():
-                values[parts[part]][which] = result[name]
-            for count in ("impacts", "steps"):
-                dataset.attrs[f"{count}_computed"] += int(result[count].sum())
-            done += len(result["status"])
-            if report(done, len(request), dataset) is False:
-                stop.set()
+        with closing(place.compute(request, parts, stop)) as pieces:
+            for part, which, result in pieces:
+                for name, values in flat.items():
+                    values[parts[part]][which] = result[name]
+                for count in ("impacts", "steps"):
+                    dataset.attrs[f"{count}_computed"] += int(result[count].sum())
+                done += len(result["status"])
+                if report(done, len(request), dataset) is False:
+                    stop.set()
     return dataset
 
 
@@ -208,28 +215,18 @@ def refined_map(osc: Model, *, refine: int, jump: float | None = None, **how: An
     jump : float, optional
         Also refine where one of the `indices` differs between neighbours by more than this part of its range over the
         given grid, > 0 and <= 1. None looks at motions alone.
-    indices : names
-        As of `parameter_map`. The three by which motions are named, `lyapunov_per_impact`, `n_periods` and `n_impacts`,
-        come along always.
-    backend, time_step, transient_impacts, sample_impacts, start, early_closing, tolerances, workers
-        As of `parameter_map`.
-    store : path, optional
-        A folder ending in .zarr that keeps computed cells as they end and the filled map at last. Where the same study
-        stands there, only what it lacks is computed; another study is refused.
-    cluster, tile
-        As of `parameter_map`: where cells are computed instead of here, and how many a worker gets at a time. The
-        result does not depend on them.
-    progress : bool or callable
-        As of `parameter_map`; the number of cells in all is what is known to be needed so far, and grows.
-    **axes : sequences of numbers
-        Values of two parameters by name, two or more each, strictly increasing.
+    **how
+        As of `parameter_map`, with two axes of two or more values each. The indices by which motions are named,
+        `lyapunov_per_impact`, `n_periods` and `n_impacts`, are always among those computed. A `store` keeps computed
+        cells as they end, and the filled map in the end; `tile` is how many cells a worker of the `cluster` gets at a
+        time. The number of cells in all that `progress` gets is what is known to be needed so far, and grows.
 
     Returns
     -------
     xarray.Dataset
-        What `parameter_map` returns over the fine axes, filled, and `level`: at which level a cell was computed, 0 the
-        given grid, -1 filled in. `attrs` tell `cells_computed` and `fraction_computed`. Where the sweep was stopped,
-        `attrs["complete"]` is 0 and the rest is filled from what there is.
+        What `parameter_map` returns, over the fine axes, and `level`: at which level a cell was computed, 0 for the
+        given grid, -1 where it was filled in. `attrs` hold `cells_computed`, `fraction_computed` and, of a stopped
+        sweep, whose other cells are filled from what there is, `complete` = 0.
 
     Raises
     ------
@@ -259,39 +256,6 @@ def refined_map(osc: Model, *, refine: int, jump: float | None = None, **how: An
     True
     """
     return parameter_map(osc, refine=refine, jump=jump, **how)
-
-
-def request_map(
-    model: Model,
-    axes: Mapping[str, Any],
-    *,
-    points: Any = None,
-    indices: Iterable[str] = ("std",),
-    backend: str = "cpu",
-    time_step: float | None = None,
-    start: State | Sequence[State | None] | None = None,
-    transient_impacts: int = 100,
-    sample_impacts: int = 5000,
-    early_closing: bool = True,
-    tolerances: Tolerances | None = None,
-) -> Request:
-    """Return the checked request of a map; arguments are those of `parameter_map`."""
-    check_model(model)
-    if points is None and not axes:
-        raise ValueError("an axis is missing; write for example omega=[1, 2, 3], or points= with a table of designs")
-    if points is not None and axes:
-        raise ValueError(f"give either `points` or the axes {', '.join(axes)}, not both")
-    sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
-    window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
-    measurement = Measurement(window, tolerances or Tolerances(), early_closing, check_indices(indices))
-    checked = check_axes(axes, model.parameters) if points is None else check_points(points, model)
-    return Request(model, checked, measurement, check_start(start), backend, time_step, scattered=points is not None)
-
-
-def _check_room(request: Request) -> None:
-    """Refuse a map that this machine's memory cannot hold."""
-    hint = "write it to disk tile by tile, store='run.zarr' or --out run.zarr, or take fewer points"
-    check_fits("axes", f"span {_spanned(request.shape)}, which take", len(request) * request.cell_size, hint)
 
 
 def _check_room_refined(request: Request, levels: int) -> None:
