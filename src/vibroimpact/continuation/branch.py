@@ -77,15 +77,13 @@ def continue_orbit(
 
     Notes
     -----
-    Pseudo-arclength continuation [1]_ with Newton's method at each point. Solution points solve their own equations
+    Pseudo-arclength continuation [1]_ with Newton's method at each point. Special points solve their own equations
     together with the orbit's, to rounding: about 1e-14 of the parameter where the condition crosses zero at a finite
     slope. Only admissible ones are listed. A doubled branch ends at the period doubling it comes from. Two events of
     one kind within a step may be missed: halve `step`. At a graze one multiplier of the orbit that gains an impact
     tends to infinity [2]_. At r = 0 the graze at which the force begins to hold the mass after an impact is seen in
-    `admissible` alone. About a millisecond per orbit and impact.
-
-    Derivatives by turns and velocities are in closed form. Those by a free parameter, and those of the conditions, are
-    central differences: accurate to about 1e-10, which affects the convergence of Newton's method, not its limit.
+    `admissible` alone. Derivatives by turns and velocities are in closed form; the others are central differences,
+    which affects the convergence of Newton's method, not its limit. About a millisecond per orbit and impact.
 
     References
     ----------

@@ -38,21 +38,16 @@ def boundary_curves(
 ) -> list[Boundary]:
     r"""Return the boundaries of period-n impact-1 orbits and of period-n sticking in a plane of two parameters.
 
-    On lines across the plane, along either parameter, the orbits known in closed form are followed, and their folds,
-    period doublings and grazes collected, as well as the ends of sticking. Each of them that is on no curve yet is
-    followed through the plane:
-
-    .. math:: 1 \mp \operatorname{tr} M + \det M = 0, \qquad u(t_*) = \dot u(t_*) = 0 \ \text{or}\ v = 0, \qquad
-              t_\infty = t_r.
+    On lines across the plane, along either parameter, the orbits known in closed form are followed [1]_, and their
+    folds, period doublings and grazes collected, as well as the ends of sticking. Each of them that is on no curve yet
+    is followed through the plane, by the equations of `continue_boundary` and `end_of_sticking`.
 
     Parameters
     ----------
     osc : ImpactOscillator or family
         The model; its own values of the two parameters do not matter.
-    parameters : tuple of two str
-        The plane: two different parameters of the model.
-    ranges : tuple of two pairs of float
-        Lowest and highest value of each.
+    parameters, ranges
+        As of `continue_boundary`.
     n_periods : sequence of int, >= 1
         Which n.
     kinds : sequence of {"fold", "period_doubling", "grazing", "end_of_sticking"}
@@ -60,7 +55,7 @@ def boundary_curves(
     lines : int, >= 2
         Lines along each parameter, spread evenly, the plane's edges included.
     step : float, 0 to 0.5
-        Longest step along a curve, where 1 is a whole range, a driving period, or the orbit's speed.
+        As of `continue_boundary`.
     progress : bool or callable
         True shows a bar; a callable gets (lines done, lines in all, curves so far), several times per line, and stops
         by returning False: the curves finished by then are returned.
@@ -85,8 +80,6 @@ def boundary_curves(
     ----------
     .. [1] S. W. Shaw and P. J. Holmes, "A periodically forced piecewise linear oscillator", J. Sound Vib. 90 (1983)
        129-155: stability of the orbits with one impact.
-    .. [2] A. B. Nordmark, "Non-periodic motion caused by grazing incidence in an impact oscillator", J. Sound Vib. 145
-       (1991) 279-297.
 
     Examples
     --------

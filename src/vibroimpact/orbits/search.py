@@ -60,9 +60,9 @@ def find_orbit(osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: 
     n_impacts : int, >= 1 or -1
         Impacts in a cycle, p; -1 for an orbit with a complete chatter, which sticks.
     near : Orbit, State or (phase, velocity), optional
-        Initial guess: an orbit of this or another oscillator, a state at the stop with velocity > 0 (m/s), or phase
-        in [0, 1) and velocity of an impact. None tries the attractor reached from rest and a grid over the impact
-        surface. With one impact it is not used: all solutions are known in closed form.
+        Initial guess: an orbit of this or another oscillator, a state at the stop, or phase in [0, 1) and velocity > 0
+        (m/s) of an impact. None tries the attractor reached from rest and a grid over the impact surface. Not used for
+        one impact, where all solutions are known in closed form.
 
     Returns
     -------
@@ -78,11 +78,10 @@ def find_orbit(osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: 
 
     Notes
     -----
-    Flights and their derivatives are in closed form, so Newton's method converges to rounding: velocities and phases
-    are accurate to about 1e-14 times the condition number of the equations. The multipliers are those of the product
-    of flows and saltation matrices [2]_ [3]_. An orbit is admissible if each flight's first certified contact is the
-    orbit's next impact. With several impacts and without `near` the list may be incomplete. One impact takes about a
-    millisecond, several take about a tenth of a second.
+    Velocities and phases are accurate to about 1e-14 times the condition number of the equations: flights and their
+    derivatives are in closed form. The multipliers are those of the product of flows and saltation matrices [2]_ [3]_.
+    An orbit is admissible if each flight's first certified contact is the orbit's next impact. With several impacts and
+    without `near` the list may be incomplete. A millisecond for one impact, about a tenth of a second for several.
 
     References
     ----------
@@ -137,18 +136,18 @@ def _start(osc: ImpactOscillator, near: Any, cycle: Cycle) -> Orbit | tuple[floa
     if isinstance(near, State):
         if near.displacement != osc.gap:
             raise invalid("near", near, f"a state at an impact, with displacement = gap = {osc.gap!r}")
-        return near.time / osc.period, _positive(near.velocity)
-    if isinstance(near, (tuple, list)) and len(near) == 2:
-        return real_number("near", near[0]), _positive(near[1])
-    raise invalid("near", near, "an Orbit, a State at the stop, or (phase, velocity)", "for example near=(0.25, 1.4)")
-
-
-def _positive(velocity: Any) -> float:
+        phase, velocity = near.time / osc.period, near.velocity
+    elif isinstance(near, (tuple, list)) and len(near) == 2:
+        phase, velocity = real_number("near", near[0]), near[1]
+    else:
+        raise invalid(
+            "near", near, "an Orbit, a State at the stop, or (phase, velocity)", "for example near=(0.25, 1.4)"
+        )
     allowed = "an impact of velocity > 0"
-    value = real_number("near", velocity, allowed)
-    if value <= 0.0:
+    speed = real_number("near", velocity, allowed)
+    if speed <= 0.0:
         raise invalid("near", velocity, allowed, "give the speed just before contact")
-    return value
+    return phase, speed
 
 
 def _sorted(model: Model, cycle: Cycle, solutions: Iterable[Floats]) -> Orbits:

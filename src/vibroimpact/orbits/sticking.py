@@ -144,15 +144,13 @@ def find_sticking_orbit(
 
     Notes
     -----
-    Empty if the mass does not come to rest within `longest` periods of its release, if the force never releases it
-    (k g <= -f) or never presses (k g >= f), and for r = 1, where no chatter completes. Phases and velocities are
-    accurate to rounding times the growth of perturbations along one cycle. About 0.3 ms at r = 0.8, growing as
-    1/(1 - r).
+    There is none if the force never releases the mass (k g <= -f) or never presses it (k g >= f), and for r = 1, where
+    no chatter completes. Phases and velocities are accurate to rounding times the growth of perturbations along one
+    cycle. About 0.3 ms at r = 0.8, growing as 1/(1 - r).
 
     References
     ----------
-    .. [1] J.-Y. Lee, section 3.2: the motion with complete chatter at low driving frequency.
-    .. [2] C. Budd and F. Dux, "Chattering and related behaviour in impact oscillators", Phil. Trans. R. Soc. Lond. A
+    .. [1] C. Budd and F. Dux, "Chattering and related behaviour in impact oscillators", Phil. Trans. R. Soc. Lond. A
        347 (1994) 365-389.
 
     Examples
@@ -289,10 +287,9 @@ def end_of_sticking(
 
     Notes
     -----
-    By bisection on whether the mass rests, down to neighbouring floating-point numbers. The stuck time there is about
-    1e-10 to 1e-8 of T, the limit of double precision: it vanishes as the distance to the power e, from 1 at r = 0 to
-    0.6 at r = 1. If it is not small, the outcome is "unresolved". Of several ends between the values one is found.
-    About 60 walks from the release, 10 to 30 ms.
+    By bisection on whether the mass rests, down to neighbouring floating-point numbers, where the stuck time is about
+    1e-10 to 1e-8 of T: it vanishes as the distance to the power `scaling_exponent`. Of several ends between the values
+    one is found. About 60 walks from the release, 10 to 30 ms.
 
     References
     ----------
