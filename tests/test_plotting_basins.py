@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 import vibroimpact as vi
 from vibroimpact.coexistence import basins
+from vibroimpact.plotting.maps import OPEN
 from vibroimpact.plotting.motions import ATTRACTORS, FURTHER, QUIET, basin_portrait
 from vibroimpact.plotting.style import STATUS_COLORS
-from vibroimpact.plotting.sweeps import OPEN
 from vibroimpact.status import Status
 
 mpl.use("Agg")

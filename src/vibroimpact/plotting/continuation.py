@@ -14,10 +14,9 @@ from matplotlib.patheffects import withStroke
 
 from vibroimpact.motion import cycle_name
 from vibroimpact.plotting import style
-from vibroimpact.plotting.diagrams import check_diagram, draw_samples, mark_empty, set_height
+from vibroimpact.plotting.diagrams import check_diagram, check_sweep, draw_samples, mark_empty, set_height
 from vibroimpact.plotting.maps import draw_cells
 from vibroimpact.plotting.style import BLUE, GREEN, INK, RED, RINGS, Floats, on_axes
-from vibroimpact.plotting.sweeps import check_sweep
 
 SAMPLES = "#a9a9a9"
 COLORS = (BLUE, RED, GREEN, "#8a5fa8", "#b8860b", "#56b4e9")  # one per name of an orbit, in their order

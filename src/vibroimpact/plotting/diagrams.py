@@ -1,4 +1,4 @@
-"""One swept parameter: the bifurcation diagram, an index as a curve, and both in one figure."""
+"""One swept parameter: the bifurcation diagram, an index as a curve, and both; is a result the sweep that is drawn."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from vibroimpact.parameters import choice, real_number
+from vibroimpact.parameters import choice, real_number, unknown
 from vibroimpact.plotting import style
 from vibroimpact.plotting.style import BLUE, DOTS, INK, Floats, on_axes
-from vibroimpact.plotting.sweeps import check_sweep
 
 DRAW_ALL = 200_000  # samples; up to so many, each is drawn
 PAPERS_SCALE = 5.0  # of Std over the velocities, in Lee's figure 10
@@ -27,6 +26,48 @@ def check_diagram(argument: str, value: Any) -> tuple[str, str]:
             return axes[0], samples[0]
     allowed = "a result of bifurcation_diagram (velocity over its axis and impact or period)"
     raise style.refused(argument, value, allowed, "pass what vibroimpact.bifurcation_diagram returns")
+
+
+def check_sweep(argument: str, value: Any, index: str, n_axes: int) -> tuple[xr.Dataset, xr.DataArray]:
+    """Return a parameter map over `n_axes` axes and its `index`, or raise `ValueError` saying what to select.
+
+    Of several initial conditions it is the largest value, which the map's `note` says.
+    """
+    allowed = f"a parameter_map over {('one axis', 'two axes')[n_axes - 1]}"
+    if not isinstance(value, xr.Dataset) or "status" not in value or set(value.dims) & set(style.SAMPLE_DIMS):
+        raise style.refused(argument, value, allowed, "pass what vibroimpact.parameter_map returns")
+    value, field = with_index(value, index)
+    axes = [str(dim) for dim in field.dims if dim != "start"]
+    if len(axes) == n_axes and "point" not in axes:
+        check_lengths(argument, field)
+        return value, field
+    chosen = ", ".join(f"{axis}={float(field[axis][0]):g}" for axis in axes[n_axes:])
+    hint = f"select one value of the others, for instance sweep.sel({chosen}, method='nearest')"
+    if "point" in axes:
+        hint = "draw scattered designs with index_scatter"
+    elif len(axes) < n_axes:
+        hint = "draw it with index_curve" if len(axes) == 1 else "sweep more axes"
+    count = f"{len(axes)} {'axis' if len(axes) == 1 else 'axes'} ({', '.join(axes)})"
+    raise ValueError(f"`{argument}` must be {allowed}, got {count}; {hint}")
+
+
+def check_lengths(argument: str, field: xr.DataArray) -> None:
+    """Raise `ValueError` where an axis has a single value."""
+    for dim, size in field.sizes.items():
+        if size < 2 and dim != "start":
+            raise ValueError(f"`{argument}` needs two or more values along each axis, got 1 along {dim}")
+
+
+def with_index(sweep: xr.Dataset, index: str) -> tuple[xr.Dataset, xr.DataArray]:
+    """Return a map and its index: the largest over several initial conditions, NaN with the status of the first."""
+    held = [str(name) for name in sweep.data_vars if name != "status"]
+    if index not in held:
+        raise unknown("`index`", index, held, "or run the map again with it among `indices`")
+    if "start" in sweep[index].dims and index != "motion":
+        note = f"largest of {sweep.sizes['start']} initial conditions"
+        largest, status = sweep[[index]].max("start", keep_attrs=True), sweep["status"].isel(start=0, drop=True)
+        sweep = largest.assign(status=status).assign_attrs(sweep.attrs, note=note)
+    return sweep, sweep[index]
 
 
 def _points(axis: Floats, columns: Floats) -> tuple[Floats, Floats]:

@@ -1,26 +1,79 @@
-"""An index over two parameters: coloured map, surface, boundary lines; and over scattered designs."""
+"""An index over two parameters: coloured map, surface, boundary lines; over scattered designs; the cells of any map."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import contourpy
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.colors import PowerNorm
+from matplotlib.collections import LineCollection, QuadMesh
+from matplotlib.colors import Colormap, Normalize, PowerNorm, to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
 from vibroimpact.parameters import invalid, real_number, unknown
-from vibroimpact.plotting import style, sweeps
-from vibroimpact.plotting.style import BLUE, DOTS, INK, RED, Floats, on_axes
+from vibroimpact.plotting import diagrams, style
+from vibroimpact.plotting.style import BLUE, DOTS, INK, RED, WALL, Floats, Layer, on_axes
 
 COLORS = "viridis"
+OPEN = "#ffffff"  # cells without a colour of their own; their patch in a legend has an edge
 LEVEL_OF_V = 0.05  # the default boundary of Std, as a part of the velocity scale V
+
+
+def grid_of(field: xr.DataArray) -> tuple[Floats, Floats, Floats]:
+    """Return x, y and values of shape (len(y), len(x)): the map's first axis lies along x."""
+    x, y = (field[dim].values.astype(float) for dim in field.dims)
+    return x, y, field.values.astype(float).T
+
+
+def frame_plane(ax: Axes, field: xr.DataArray) -> None:
+    """Limit and label the axes by the two axes of a map."""
+    x, y = (field[dim] for dim in field.dims)
+    ax.set_xlim(float(x[0]), float(x[-1]))
+    ax.set_ylim(float(y[0]), float(y[-1]))
+    style.label_axes(ax, x, y)
+
+
+def colour_mesh(ax: Axes, field: xr.DataArray, values: Any, **how: Any) -> QuadMesh:
+    """Draw a rectangle per cell in place of the grid's lines: colours, or numbers with their `cmap` and `norm`."""
+    ax.grid(visible=False)
+    x, y, _ = grid_of(field)
+    return ax.pcolormesh(x, y, values, shading="nearest", zorder=1, rasterized=True, **how)
+
+
+def draw_numbers(ax: Axes, field: xr.DataArray, colors: str | Colormap, norm: Normalize) -> QuadMesh:
+    """Draw the cells of a map in the colours of their finite values."""
+    return colour_mesh(ax, field, np.ma.masked_invalid(grid_of(field)[2]), cmap=colors, norm=norm)
+
+
+def fill_cells(ax: Axes, field: xr.DataArray, layers: Iterable[Layer], others: str | None = None) -> list[Patch]:
+    """Fill the cells of each layer with its colour, the `others` with theirs or none; return legend entries."""
+    shape = grid_of(field)[2].shape
+    shade, entries = np.zeros((*shape, 4)) if others is None else np.full((*shape, 3), to_rgb(others)), []
+    for here, color, text in (layer for layer in layers if layer[0].any()):
+        shade[here] = (*to_rgb(color), 1.0)[: shade.shape[2]]
+        entries.append(Patch(facecolor=color, edgecolor=WALL if color == OPEN else color, label=text))
+    if entries or others:
+        colour_mesh(ax, field, shade)
+    return entries
+
+
+def draw_missing(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
+    """Colour cells without a value by their status; return legend entries that say why."""
+    codes = sweep["status"].transpose(*field.dims).values.T
+    return fill_cells(ax, field, style.by_status(~np.isfinite(grid_of(field)[2]), codes, "cell"))
+
+
+def add_bar(ax: Axes, mesh: Any, field: xr.DataArray, note: str = "", text: str = "", **how: Any) -> None:
+    """Put the scale of colours beside a map, labelled with quantity and unit."""
+    bar = ax.get_figure().colorbar(mesh, ax=ax, **how)  # type: ignore[union-attr]
+    bar.set_label(text or style.label(field), labelpad=6)
+    if note:
+        bar.ax.set_xlabel(note, loc="left", labelpad=6, fontsize=8.5)
 
 
 def _shades(values: Floats) -> PowerNorm:
@@ -67,7 +120,7 @@ def boundary_lines(sweep: xr.Dataset, index: str, level: float) -> list[Floats]:
     >>> [line.shape[1] for line in boundary_lines(sweep, "std", 0.05)][:1]
     [2]
     """
-    x, y, values = sweeps.grid_of(sweeps.check_sweep("sweep", sweep, index, 2)[1])
+    x, y, values = grid_of(diagrams.check_sweep("sweep", sweep, index, 2)[1])
     height = real_number("level", level)
     # A plateau at the very level, such as p/n = 1, would else be crossed wherever its last digits waver.
     values = np.where(np.isclose(values, height, rtol=1e-6, atol=0.0), height + 1e-5 * abs(height), values)
@@ -130,10 +183,10 @@ def _draw_references(ax: Axes, field: xr.DataArray, values: Mapping[str, float])
 
 def draw_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
     """Draw every cell of an index in colour, with a scale beside; return legend entries for those without a value."""
-    mesh = sweeps.draw_numbers(ax, field, COLORS, _shades(sweeps.grid_of(field)[2]))
-    missing = sweeps.draw_missing(ax, sweep, field)
-    sweeps.frame_plane(ax, field)
-    sweeps.add_bar(ax, mesh, field, "root scale", pad=0.02)
+    mesh = draw_numbers(ax, field, COLORS, _shades(grid_of(field)[2]))
+    missing = draw_missing(ax, sweep, field)
+    frame_plane(ax, field)
+    add_bar(ax, mesh, field, "root scale", pad=0.02)
     return missing
 
 
@@ -187,7 +240,7 @@ def index_contour(
     >>> vi.plotting.index_contour(sweep, reference={"mass": 1.0}).get_ylabel()
     'mass $m$ [kg]'
     """
-    sweep, field = sweeps.check_sweep("sweep", sweep, index, 2)
+    sweep, field = diagrams.check_sweep("sweep", sweep, index, 2)
     boundary = _boundary_level(sweep, field, level)
     marked = _reference_values(sweep, field, reference)
     ax = style.new_axes(ax, (7.2, 5.4), style.title(sweep))
@@ -228,11 +281,11 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
     >>> vi.plotting.index_surface(sweep).name
     '3d'
     """
-    sweep, field = sweeps.check_sweep("sweep", sweep, index, 2)
+    sweep, field = diagrams.check_sweep("sweep", sweep, index, 2)
     if ax is not None and ax.name != "3d":
         raise invalid("ax", ax.name, "three-dimensional axes", "make them with add_subplot(projection='3d')")
     solid: Any = style.new_axes(ax, (7.2, 5.6), style.title(sweep), projection="3d")
-    x, y, values = sweeps.grid_of(field)
+    x, y, values = grid_of(field)
     shades = _shades(values)
     surface = solid.plot_surface(
         *np.meshgrid(x, y), values, rcount=len(y), ccount=len(x), cmap=COLORS, norm=shades,
@@ -243,10 +296,22 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
     solid.set_ylabel(style.label(field[field.dims[1]]), labelpad=6)
     short = f"{style.symbol_of(field)}{style.unit_suffix(style.described(field)[1])}"
     solid.set_zlabel(short, labelpad=4)
-    sweeps.add_bar(solid, surface, field, "root scale", f"{style.described(field)[0]}\n{short}", shrink=0.6, pad=0.08)
+    add_bar(solid, surface, field, "root scale", f"{style.described(field)[0]}\n{short}", shrink=0.6, pad=0.08)
     solid.set_box_aspect((1.2, 1.2, 0.7), zoom=0.95)  # leaves room for the labels outside the box
     solid.view_init(elev=38, azim=-70)
     return solid  # type: ignore[no-any-return]
+
+
+def check_points(argument: str, value: Any, index: str) -> tuple[xr.Dataset, xr.DataArray, list[xr.DataArray]]:
+    """Return a map of scattered designs, its `index` and the parameters that vary, or raise `ValueError`."""
+    if not isinstance(value, xr.Dataset) or "status" not in value or "point" not in value["status"].dims:
+        hint = "pass what vibroimpact.parameter_map(points=...) returns"
+        raise style.refused(argument, value, "a parameter_map of scattered designs", hint)
+    value, field = diagrams.with_index(value, index)
+    varied = [coord for name, coord in value.coords.items() if coord.dims == ("point",) and name != "point"]
+    if not varied:
+        raise style.refused(argument, value, "a parameter_map with the parameters that vary", "keep its coordinates")
+    return value, field, varied
 
 
 @on_axes
@@ -271,7 +336,7 @@ def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = Non
     >>> index_scatter(designs).get_ylabel()
     'coefficient of restitution $r$'
     """
-    designs, field, varied = sweeps.check_points("designs", designs, index)
+    designs, field, varied = check_points("designs", designs, index)
     x, values = varied[0], field.values.astype(float)
     y = varied[1] if len(varied) > 1 else field
     known, codes = np.isfinite(values), designs["status"].values
@@ -282,7 +347,7 @@ def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = Non
     else:
         shades = _shades(values)
         dots = ax.scatter(x.values[known], y.values[known], c=values[known], cmap=COLORS, norm=shades, s=22, zorder=3)
-        sweeps.add_bar(ax, dots, field, "root scale", pad=0.02)
+        add_bar(ax, dots, field, "root scale", pad=0.02)
         for here, color, text in style.by_status(~known, codes, "design"):
             ax.scatter(x.values[here], y.values[here], marker="x", color=color, label=text, zorder=2)
     style.label_axes(ax, x, y)

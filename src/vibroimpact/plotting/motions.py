@@ -19,7 +19,7 @@ from vibroimpact.dataset import VARIABLES
 from vibroimpact.figures import EXPONENTS
 from vibroimpact.motion import MotionClass, cycle_name
 from vibroimpact.parameters import choice
-from vibroimpact.plotting import style, sweeps
+from vibroimpact.plotting import diagrams, maps, style
 from vibroimpact.plotting.style import DOTS, INK, RINGS, STICKING, Floats, Layer, Mask, on_axes
 from vibroimpact.status import Status
 
@@ -43,7 +43,7 @@ COLORS = {
     MotionClass.STICKING: STICKING,
     MotionClass.CHAOTIC: INK,
     MotionClass.NO_IMPACT: "#c9c9c9",
-    MotionClass.UNDECIDED: sweeps.OPEN,
+    MotionClass.UNDECIDED: maps.OPEN,
 }
 WORDS = {kind: kind.word.replace("_", " ") for kind in COLORS}
 SEVERAL = "#5d175d"  # where the motion depends on the initial condition
@@ -102,7 +102,7 @@ def motion_map(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
     '66.7 %   period-1 impact-1'
     """
     classes = sweep if isinstance(sweep, xr.Dataset) and "motion" in sweep else classify(sweep)
-    classes, field = sweeps.check_sweep("sweep", classes, "motion", 2)
+    classes, field = diagrams.check_sweep("sweep", classes, "motion", 2)
     several = np.zeros(field.shape, dtype=bool)
     if "start" in field.dims:
         classes, several = _one_start(classes)
@@ -112,8 +112,8 @@ def motion_map(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
         for here, color, text in _layers(classes, field, several.T)
     ]
     ax = style.new_axes(ax, (7.8, 5.0), style.title(classes))
-    entries = sweeps.fill_cells(ax, field, layers, sweeps.OPEN)
-    sweeps.frame_plane(ax, field)
+    entries = maps.fill_cells(ax, field, layers, maps.OPEN)
+    maps.frame_plane(ax, field)
     style.legend_beside(ax, entries, "share of the cells, and motion")
     return ax
 
@@ -130,8 +130,8 @@ def _one_start(classes: xr.Dataset) -> tuple[xr.Dataset, Mask]:
 
 def _layers(classes: xr.Dataset, field: xr.DataArray, several: Mask) -> Iterator[Layer]:
     """Yield which cells each motion of the legend fills, perhaps none, its colour and its name."""
-    codes = np.where(several, -1, sweeps.grid_of(field)[2].astype(int))
-    n, p = (sweeps.grid_of(classes[name].transpose(*field.dims))[2].astype(int) for name in ("n_periods", "n_impacts"))
+    codes = np.where(several, -1, maps.grid_of(field)[2].astype(int))
+    n, p = (maps.grid_of(classes[name].transpose(*field.dims))[2].astype(int) for name in ("n_periods", "n_impacts"))
     yield from motion_layers(codes, n, p)
     yield several, SEVERAL, "depends on the initial condition"
 
@@ -182,21 +182,21 @@ def exponent_map(sweep: xr.Dataset, index: str = "lyapunov", ax: Axes | None = N
     'mass $m$ [kg]'
     """
     choice("index", index, EXPONENTS)
-    sweep, field = sweeps.check_sweep("sweep", sweep, index, 2)
-    values = sweeps.grid_of(field)[2]
+    sweep, field = diagrams.check_sweep("sweep", sweep, index, 2)
+    values = maps.grid_of(field)[2]
     limit = symmetric_limit(values)
     ax = style.new_axes(ax, (7.2, 5.4), style.title(sweep))
-    mesh = sweeps.draw_numbers(ax, field, SIGNED, Normalize(-limit, limit))
+    mesh = maps.draw_numbers(ax, field, SIGNED, Normalize(-limit, limit))
     sticks, entries = np.isneginf(values), []
     if sticks.any():
-        sweeps.colour_mesh(
+        maps.colour_mesh(
             ax, field, np.ma.masked_where(~sticks, np.zeros(sticks.shape)), cmap=ListedColormap([STICKING])
         )
         symbol, share = style.symbol_of(field).strip("$"), style.percent(float(sticks.mean()))
         entries = [Patch(color=STICKING, label=rf"sticking: ${symbol} = -\infty$ ({share} of the cells)")]
-    entries += sweeps.draw_missing(ax, sweep, field.where(~np.isneginf(field), 0.0))
-    sweeps.frame_plane(ax, field)
-    sweeps.add_bar(ax, mesh, field, pad=0.02, extend=_beyond(values, limit))
+    entries += maps.draw_missing(ax, sweep, field.where(~np.isneginf(field), 0.0))
+    maps.frame_plane(ax, field)
+    maps.add_bar(ax, mesh, field, pad=0.02, extend=_beyond(values, limit))
     style.legend_below(ax, entries)
     return ax
 
@@ -235,10 +235,10 @@ def basin_portrait(dataset: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     field = _attractors(dataset)
     across, upwards = (str(dim) for dim in field.dims)
     ax = style.new_axes(ax, (7.2, 5.4), _title(dataset))
-    entries: list[Any] = list(sweeps.fill_cells(ax, field, _basins(dataset, field), sweeps.OPEN))
+    entries: list[Any] = list(maps.fill_cells(ax, field, _basins(dataset, field), maps.OPEN))
     if _mark_attractors(ax, dataset, (across, upwards)):
         entries.append(Line2D([], [], **RING, label="the attractors themselves"))
-    sweeps.frame_plane(ax, field)
+    maps.frame_plane(ax, field)
     style.legend_below(ax, entries)
     return ax
 
@@ -248,7 +248,7 @@ def _attractors(value: Any) -> xr.DataArray:
     if not isinstance(value, xr.Dataset) or "attractor" not in value or value["attractor"].ndim != 2:
         allowed = "a result of basins (attractor over two axes)"
         raise style.refused("dataset", value, allowed, "pass what vibroimpact.basins returns")
-    sweeps.check_lengths("dataset", value["attractor"])
+    diagrams.check_lengths("dataset", value["attractor"])
     return value["attractor"]
 
 
@@ -280,7 +280,7 @@ def _basins(dataset: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
     yield from style.by_status(cut_off, codes, "initial condition")
     undecided = (numbers < 0) & ~cut_off
     count = style.counted(int(undecided.sum()), "initial condition")
-    yield undecided, sweeps.OPEN, f"undecided: neither a cycle nor certain chaos ({count})"
+    yield undecided, maps.OPEN, f"undecided: neither a cycle nor certain chaos ({count})"
 
 
 def _mark_attractors(ax: Axes, dataset: xr.Dataset, axes: tuple[str, str]) -> bool:
