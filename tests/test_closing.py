@@ -7,8 +7,8 @@ from numba import njit
 import vibroimpact as vi
 from vibroimpact.indices import VELOCITY_INDICES
 from vibroimpact.kernels.cell import Cell, prepare
+from vibroimpact.kernels.flight import flow, product
 from vibroimpact.kernels.law import saltation
-from vibroimpact.kernels.tangent import flow, product
 
 OSC = vi.ImpactOscillator()
 NAMES = tuple(sorted(VELOCITY_INDICES))

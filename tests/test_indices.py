@@ -10,9 +10,9 @@ import vibroimpact as vi
 from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.kernels.advance import IMPACT, RELEASE, advance
 from vibroimpact.kernels.cell import Cell, prepare
+from vibroimpact.kernels.flight import flow
 from vibroimpact.kernels.law import saltation
 from vibroimpact.kernels.results import ThoroughIndices, VelocityIndices
-from vibroimpact.kernels.tangent import flow
 from vibroimpact.orbits import find_orbit
 
 ALL = tuple(INDICES)

@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 import vibroimpact as vi
 from cells import make_cells
 from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, get_backend
-from vibroimpact.backends.reference.contact import fly
 from vibroimpact.backends.reference.flight import FreeMotion, State
+from vibroimpact.backends.reference.motion import fly
 from vibroimpact.options import Tolerances
 
 REFERENCE = get_backend("reference")

@@ -1,8 +1,9 @@
-"""What every back end promises: cells in, indices or samples out."""
+"""What every back end promises: cells in, indices or samples out; and indices of impacts that are all kept."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
@@ -10,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.cells import Cells
-from vibroimpact.indices import VELOCITY_INDICES
+from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.options import Tolerances
+from vibroimpact.status import Status
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -105,6 +107,24 @@ class Samples:
     last_phase: float
     steps: int
 
+    @classmethod
+    def of(
+        cls,
+        *,
+        impacts: Floats,
+        looks: Floats,
+        sticks: Floats,
+        status: Status,
+        last: tuple[float, float, float, float],
+        steps: int,
+    ) -> Samples:
+        """Return samples from rows of impacts (periods, phase, velocity), looks (periods, phase, displacement,
+        velocity) and sticks (periods, phase, periods, phase of the release); `last` is (clearance, velocity, periods,
+        phase).
+        """
+        values: tuple[Any, ...] = *impacts.T, *looks.T, *sticks.T, int(status), *last, steps
+        return cls(*values)
+
 
 Outcome = dict[str, NDArray[Any]]
 
@@ -157,3 +177,51 @@ class SharesCells(Protocol):
         their indices as `indices` gives them.
         """
         ...
+
+
+# What follows is for back ends that keep every impact.
+
+SAMPLE_INDICES = VELOCITY_INDICES | {"dissipation", "impact_phase_spread"}
+
+
+def impact_indices(seen: Samples, loss: float) -> dict[str, float]:
+    """Return the indices that follow from kept impacts alone; an impact of speed v costs `loss` v^2, m (1 - r^2) v^2/2.
+
+    The energy is what the impacts after the first one cost: they and the flights before them make up the span. The
+    phases' spread is 1 - |mean of exp(2 pi i phase)|.
+    """
+    velocity, last = seen.impact_velocity, len(seen.impact_velocity) - 1
+    # Shifted by the first sample: nearly equal velocities keep the digits of their differences.
+    shifted = velocity - velocity[0]
+    angle = 2.0 * math.pi * seen.impact_phase
+    found = {
+        "std": float(np.std(shifted)),
+        "mean_velocity": float(velocity[0] + shifted.mean()),
+        "max_velocity": float(velocity.max()),
+        "impact_phase_spread": max(1.0 - math.hypot(float(np.cos(angle).mean()), float(np.sin(angle).mean())), 0.0),
+    }
+    if last == 0:
+        return found
+    span = float((seen.impact_periods[-1] - seen.impact_periods[0]) + (seen.impact_phase[-1] - seen.impact_phase[0]))
+    return found | {
+        "impacts_per_period": last / span,
+        "dissipation": loss * float((velocity[1:] ** 2).sum()) / span,
+    }
+
+
+def energy_loss(mass: float, restitution: float) -> float:
+    """Return m (1 - r^2)/2: what an impact of unit speed costs."""
+    return 0.5 * mass * (1.0 - restitution) * (1.0 + restitution)
+
+
+def table_of_indices(runs: Sequence[tuple[Samples, int, Mapping[str, float]]]) -> Outcome:
+    """Return the arrays that `Backend.indices` promises from (samples, impacts computed, indices) of each cell."""
+    table: Outcome = {
+        index.name: np.array([found.get(index.name, index.fill) for _, _, found in runs], dtype=index.dtype)
+        for index in INDICES.values()
+    }
+    return table | {
+        "status": np.array([seen.status for seen, _, _ in runs], dtype=np.int8),
+        "impacts": np.array([impacts for _, impacts, _ in runs], dtype=np.int64),
+        "steps": np.array([seen.steps for seen, _, _ in runs], dtype=np.int64),
+    }

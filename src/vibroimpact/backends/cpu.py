@@ -19,9 +19,9 @@ from vibroimpact.backends.base import (
     Samples,
     StroboscopicWindow,
 )
-from vibroimpact.backends.sampled import samples_of
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
+from vibroimpact.kernels.advance import LOOK, TRACE
 from vibroimpact.kernels.cell import DYING, FILLED, PINNED, QUIET, RUNNING, SPENT, Cell
 from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.cycle import FACTS
@@ -29,7 +29,6 @@ from vibroimpact.kernels.lanes import LANES, ROWS, TRACED_ROWS
 from vibroimpact.kernels.recorder import END, IDLE, MEMORY, Recorder, begin, record, record_lanes, state_of
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
 from vibroimpact.kernels.runner import follow_cell, run_cells
-from vibroimpact.kernels.walk import LOOK, TRACE
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 
@@ -247,7 +246,7 @@ class _Run:
         times = self.look_periods[: len(looks)], self.look_phase[: len(looks)]
         looked = np.column_stack([*times, self.cell.gap - looks[:, 0], looks[:, 1]])
         steps = int(progress.steps)
-        return samples_of(impacts=impacts, looks=looked, sticks=sticks, status=status, last=last, steps=steps)
+        return Samples.of(impacts=impacts, looks=looked, sticks=sticks, status=status, last=last, steps=steps)
 
     def _looks_status(self, looks: Floats, sticks: Floats, ended: Status) -> Status:
         if len(looks) < len(self.look_periods):

@@ -20,9 +20,9 @@ from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
 from vibroimpact.kernels.cell import RUNNING, Cell
 from vibroimpact.kernels.closing import LONGEST
-from vibroimpact.kernels.compilation import config
 from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.lanes import LANES, ROWS
+from vibroimpact.kernels.machine import config
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
 
 Counts = NDArray[np.int64]

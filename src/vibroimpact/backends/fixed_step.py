@@ -21,9 +21,20 @@ from dataclasses import astuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Backend, Floats, ImpactWindow, Measurement, Outcome, Samples, StroboscopicWindow
+from vibroimpact.backends.base import (
+    SAMPLE_INDICES,
+    Backend,
+    Floats,
+    ImpactWindow,
+    Measurement,
+    Outcome,
+    Samples,
+    StroboscopicWindow,
+    energy_loss,
+    impact_indices,
+    table_of_indices,
+)
 from vibroimpact.backends.reference.flight import FreeMotion, State
-from vibroimpact.backends.sampled import SAMPLE_INDICES, energy_loss, impact_indices, samples_of, table_of_indices
 from vibroimpact.cells import Cells
 from vibroimpact.kernels.march import march
 from vibroimpact.options import Tolerances
@@ -132,7 +143,7 @@ class Run:
 
     def _samples(self, impacts: Floats, looks: Floats, status: Status) -> Samples:
         last = astuple(self.state())
-        return samples_of(
+        return Samples.of(
             impacts=impacts, looks=looks, sticks=np.empty((0, 4)), status=status, last=last, steps=self.step
         )
 

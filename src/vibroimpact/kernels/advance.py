@@ -1,12 +1,16 @@
-"""The one verb: a state goes in, one certified step is made, a state and an event come out."""
+"""The one verb: a state goes in, one certified step is made, a state and an event come out.
+
+Lanes and the walk are its only callers. A walk takes one cell alone and leaves a trace of every step; closing, cycles
+and the recorder read what either leaves.
+"""
 
 from __future__ import annotations
 
 from numba import njit
 
-from vibroimpact.kernels.chatter import pressed, rebound
 from vibroimpact.kernels.contact import certified_step
 from vibroimpact.kernels.flight import acceleration, evaluate, rotate, series
+from vibroimpact.kernels.law import pressed, rebound
 from vibroimpact.kernels.machine import fma, select
 from vibroimpact.kernels.state import Motion
 
@@ -18,6 +22,10 @@ STUCK = 4.0  # at rest, and never let go
 
 CLOSE = 4e-6  # steps from contact at which a third-order expansion is exact to rounding
 BEND = 1e-4  # largest share of the curvature in that expansion
+
+# A row of a trace: the motion after a step, the event, the speed of a contact, the steps passed.
+STATE, TRACE = 5, 8
+LOOK = 32  # steps between two looks at whether a cell has ended, counted from its own start; rows of a trace
 
 
 @njit(inline="always", error_model="numpy")
@@ -80,3 +88,29 @@ def advance(motion, k):
     struck = select(tail_closed, CHATTER, select(v < k.cut, FLIGHT, IMPACT))
     event = select(forever, STUCK, select(held, RELEASE, select(contact, struck, FLIGHT)))
     return Motion(u2, p2, s2, c2, n2), event, v, x + select(contact, d, 0.0)
+
+
+@njit(error_model="numpy")
+def walk(motion, k, trace, most, impacts):
+    """Make certified steps and leave each in a row of the trace; return how many.
+
+    The walk stops after `most` steps, when the trace is full, after a release, and after `impacts` recorded impacts if
+    `impacts` is not 0. The motion it has come to stands in the last row.
+    """
+    rows = min(len(trace), most)
+    for row in range(rows):
+        motion, event, v, x = advance(motion, k)
+        trace[row, 0], trace[row, 1], trace[row, 2], trace[row, 3], trace[row, 4] = motion
+        trace[row, 5], trace[row, 6], trace[row, 7] = event, v, x
+        impacts -= event == IMPACT
+        if event == RELEASE or (event == IMPACT and impacts == 0):
+            return row + 1
+    return rows
+
+
+@njit(inline="always", error_model="numpy")
+def step_at(trace, row, width, i):
+    """Return what `advance` gave for the step in a row of a trace, of lane i of `width`."""
+    u, p, s = trace[row, i], trace[row, width + i], trace[row, 2 * width + i]
+    motion = Motion(u, p, s, trace[row, 3 * width + i], trace[row, 4 * width + i])
+    return motion, trace[row, 5 * width + i], trace[row, 6 * width + i], trace[row, 7 * width + i]

@@ -12,9 +12,10 @@ import math
 
 from numba import njit
 
-from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE
+from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, step_at, walk
 from vibroimpact.kernels.cell import phase_of
 from vibroimpact.kernels.cycle import ALIKE, describe
+from vibroimpact.kernels.flight import flow, product
 from vibroimpact.kernels.lanes import (
     load_constants,
     load_motion,
@@ -33,8 +34,6 @@ from vibroimpact.kernels.lanes import (
 from vibroimpact.kernels.law import saltation
 from vibroimpact.kernels.observers import Phases, Recurrence, Rests, Stamp, repeated
 from vibroimpact.kernels.recorder import overhear
-from vibroimpact.kernels.tangent import flow, product
-from vibroimpact.kernels.walk import step_at, walk
 
 LONGEST = 4096  # impacts of the longest cycle that is closed
 SURE = 1e-10  # of V: the most that the remaining way may change an index

@@ -6,15 +6,13 @@ import math
 
 from numba import njit
 
-from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE
+from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, step_at, walk
 from vibroimpact.kernels.cell import phase_of
-from vibroimpact.kernels.chatter import tail_duration
-from vibroimpact.kernels.law import across_impact
+from vibroimpact.kernels.flight import undamped_flow
+from vibroimpact.kernels.law import across_impact, tail_duration
 from vibroimpact.kernels.near_miss import NONE, least_gap_exactly
 from vibroimpact.kernels.observers import DEVIATION
 from vibroimpact.kernels.state import Motion
-from vibroimpact.kernels.tangent import undamped_flow
-from vibroimpact.kernels.walk import step_at, walk
 
 ALIKE = 1e-8  # of V: two impacts of a cycle that are one and the same
 HOP = 0.2  # of a step: a flight from contact to contact as short as this has no dip

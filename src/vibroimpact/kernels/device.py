@@ -11,13 +11,13 @@ from typing import Any
 from numba import cuda, float64, njit
 
 from vibroimpact.kernels import runner
+from vibroimpact.kernels.advance import LOOK, TRACE
 from vibroimpact.kernels.cell import RUNNING, cell_of
-from vibroimpact.kernels.compilation import cache_folder, config
 from vibroimpact.kernels.cycle import IMPACTS, PERIODS
 from vibroimpact.kernels.lanes import LANES, step_lane, step_thorough_lane
+from vibroimpact.kernels.machine import cache_folder, config
 from vibroimpact.kernels.results import MADE, harvest, harvest_thoroughly
 from vibroimpact.kernels.runner import ending_of, may_close
-from vibroimpact.kernels.walk import LOOK, TRACE
 
 CLOSES = 100  # a cell that waits for its cycle to be walked; other codes are why a cell ended, or RUNNING
 CHUNK = 8  # rows of a thread's trace, which lies in its local memory

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from vibroimpact.kernels.advance import advance
+from vibroimpact.kernels.advance import STATE, TRACE, advance, step_at
 from vibroimpact.kernels.machine import each_lane
 from vibroimpact.kernels.observers import (
     Deviation,
@@ -31,7 +31,6 @@ from vibroimpact.kernels.observers import (
     sums,
 )
 from vibroimpact.kernels.state import Constants, Motion, kept
-from vibroimpact.kernels.walk import STATE, TRACE, step_at
 
 LANES = 32
 

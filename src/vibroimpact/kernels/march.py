@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from vibroimpact.kernels.compilation import compiled
+from vibroimpact.kernels.machine import compiled
 
 
 @compiled

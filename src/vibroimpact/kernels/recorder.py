@@ -7,14 +7,13 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, STUCK
+from vibroimpact.kernels.advance import CHATTER, IMPACT, LOOK, RELEASE, STUCK, step_at, walk
 from vibroimpact.kernels.cell import FILLED, PINNED, RUNNING, SPENT, budgets, cell_of, ending, phase_of, prepare
-from vibroimpact.kernels.chatter import pressed, tail_duration
-from vibroimpact.kernels.compilation import compiled
 from vibroimpact.kernels.flight import evaluate, series
 from vibroimpact.kernels.lanes import CELL, LANES, trace_lanes
+from vibroimpact.kernels.law import pressed, tail_duration
+from vibroimpact.kernels.machine import compiled
 from vibroimpact.kernels.state import Constants, Motion, kept
-from vibroimpact.kernels.walk import LOOK, step_at, walk
 
 TURN = 2.0 * math.pi
 IDLE = FILLED  # the ending of a lane without a cell

@@ -6,9 +6,9 @@ import math
 
 from numba import njit
 
+from vibroimpact.kernels.advance import LOOK, walk
 from vibroimpact.kernels.cell import FILLED, RUNNING, budgets, cell_of, ending, prepare
 from vibroimpact.kernels.closing import try_to_close
-from vibroimpact.kernels.compilation import compiled
 from vibroimpact.kernels.cycle import IMPACTS, PERIODS
 from vibroimpact.kernels.lanes import (
     LANES,
@@ -27,7 +27,7 @@ from vibroimpact.kernels.lanes import (
     store_motion,
     store_recurrence,
 )
-from vibroimpact.kernels.machine import next_ticket
+from vibroimpact.kernels.machine import compiled, next_ticket
 from vibroimpact.kernels.near_miss import NONE
 from vibroimpact.kernels.observers import DEVIATION, Deviation, Misses, Recurrence
 from vibroimpact.kernels.recorder import END, overhear, room
@@ -43,7 +43,6 @@ from vibroimpact.kernels.results import (
     harvest,
     harvest_thoroughly,
 )
-from vibroimpact.kernels.walk import LOOK, walk
 
 NEAR = 2e-11  # of V: how close an impact must come back to be looked at
 PAYS = 16.0  # sticking cycles left, below which the lanes are faster than a walk of one or two of them

@@ -30,9 +30,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibroimpact.backends.cpu import limits
+from vibroimpact.kernels.advance import LOOK, TRACE
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.recorder import END, MEMORY, Recorder, begin, record
-from vibroimpact.kernels.walk import LOOK, TRACE
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import Floats

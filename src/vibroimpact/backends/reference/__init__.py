@@ -1,7 +1,7 @@
 """The `reference` back end: an independent witness in plain NumPy and SciPy, one oscillator at a time.
 
 It shares no line with the kernels and no method either: flights are matrix exponentials (`flight`), the
-first contact is found by halving intervals (`contact`). Impact times and velocities agree with 50-digit
+first contact is found by halving intervals (`motion`). Impact times and velocities agree with 50-digit
 values to 1e-13 of their scales times the growth of errors along the orbit, at about half a millisecond an
 impact. To audit a cell, read `motion.motion`: it is the whole physics on one screen.
 """
@@ -14,11 +14,21 @@ from dataclasses import astuple, dataclass, field
 
 import numpy as np
 
-from vibroimpact.backends.base import Backend, Floats, ImpactWindow, Measurement, Outcome, Samples, StroboscopicWindow
+from vibroimpact.backends.base import (
+    Backend,
+    Floats,
+    ImpactWindow,
+    Measurement,
+    Outcome,
+    Samples,
+    StroboscopicWindow,
+    energy_loss,
+    impact_indices,
+    table_of_indices,
+)
 from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.backends.reference.indices import Account, Ledger
 from vibroimpact.backends.reference.motion import Contact, Rest, motion, time_between
-from vibroimpact.backends.sampled import energy_loss, impact_indices, samples_of, table_of_indices
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
 from vibroimpact.options import Tolerances
@@ -162,7 +172,7 @@ class ReferenceCell:
             )
         else:
             status = self._looks_status(seen, sticks, times[0] + times[1])
-        return samples_of(
+        return Samples.of(
             impacts=impacts,
             looks=np.column_stack([*times, self.free.gap - clearance, velocity]),
             sticks=sticks,

@@ -22,9 +22,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.reference.contact import closest_miss
 from vibroimpact.backends.reference.flight import Floats, FreeMotion
-from vibroimpact.backends.reference.motion import Contact, Flight, Rest, time_between
+from vibroimpact.backends.reference.motion import Contact, Flight, Rest, closest_miss, time_between
 
 CLOSE = 1e-9  # of V, and of a radian: how well impacts must come back, and how near the periodic orbit must be
 UNRESOLVED = math.log(1e13)  # ln of the parting of neighbours by which rounding decides when a mass rests again

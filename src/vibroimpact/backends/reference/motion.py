@@ -1,14 +1,24 @@
-"""One trajectory as a chain of flights, contacts and rests, for the `reference` back end."""
+"""One trajectory as a chain of flights, contacts and rests, for the `reference` back end.
+
+First contact with the stop is never missed: a flight is cut into intervals, and an interval is halved until bounds of
+the derivatives leave no doubt whether the gap u falls through zero on it. Only then a root is looked for, in a bracket
+that holds exactly one. Near-misses, where u' rises through zero in front of the stop, are found likewise.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
-from vibroimpact.backends.reference.contact import fly
-from vibroimpact.backends.reference.flight import FreeMotion, State
+import numpy as np
 
+from vibroimpact.backends.reference.flight import BLOCK, Floats, FreeMotion, State
+
+ROUNDING = 1e-16
+HALVINGS = 50  # an interval still in doubt after these is shorter than rounding
+CLEAR, CONTACT, BOWL, DOUBT = range(4)
 CERTAIN = 0.6  # of the time to release: a chatter that should end sooner is certainly complete
 SHORT = 1e-4  # radians of the fastest rate: over a shorter tail its second-order end is exact to rounding
 HOLD = 1e-3  # of the cut: an impact this slow under a pressing force is held
@@ -84,3 +94,161 @@ def rebound(free: FreeMotion, restitution: float, at: State, speed: float, cut: 
 def time_between(free: FreeMotion, first: State, second: State) -> float:
     """Return the time in s from one state to another."""
     return ((second.periods - first.periods) + (second.phase - first.phase)) * free.period
+
+
+class Piece(NamedTuple):
+    """A piece of flight: how long it lasts, the state at its end, and the speed of the contact that ends it."""
+
+    duration: float
+    end: State
+    speed: float | None
+
+
+def fly(free: FreeMotion, state: State) -> Piece:
+    """Return the next piece of flight, up to a contact or to the end of a block, whichever comes first."""
+
+    def piece(duration: float, clearance: float, velocity: float, speed: float | None) -> Piece:
+        end = replace(state, clearance=clearance, velocity=velocity).later(duration / free.period)
+        return Piece(duration, end, speed)
+
+    x = free.vector(state)
+    if state.clearance <= 0.0:
+        safe = _take_off(free, x)
+        x = free.propagators([safe])[0] @ x
+        return piece(safe, float(x[0]), -float(x[1]), None)
+    ends = free.block @ x
+    starts = np.concatenate([x[None], ends[:-1]])
+    for i in np.flatnonzero(verdict(free, starts, ends, free.stride) != CLEAR):
+        found = _first_within(free, starts[i], ends[i], free.stride, HALVINGS)
+        if found is not None:
+            time, speed = found
+            return piece(float(i) * free.stride + time, 0.0, speed, speed)
+    return piece(BLOCK * free.stride, float(ends[-1, 0]), -float(ends[-1, 1]), None)
+
+
+def _take_off(free: FreeMotion, x: Floats) -> float:
+    """Return a time in which a mass that leaves the stop has surely not come back.
+
+    With b the first positive derivative of u, of order n: u >= b t^n/n! - B t^(n+1)/(n+1)!, which is half
+    its first term at t = (n + 1) b/(2 B).
+    """
+    b2 = float(free.acceleration(x))
+    b3 = -free.damp * b2 - free.stiff * x[1] - x[3]
+    b4 = -free.damp * b3 - free.stiff * b2 + free.omega**2 * x[2]
+    bounds = free.bounds(x, free.stride)
+    for n, (b, bound) in enumerate(zip((x[1], b2, b3, b4), bounds, strict=True), start=1):
+        if b > 0.0:
+            return min(free.stride, float((n + 1) * b / (2.0 * bound)))
+    return float(free.stride * 0.5**HALVINGS)
+
+
+def verdict(free: FreeMotion, start: Floats, end: Floats, span: float) -> Any:
+    """Say of intervals whether u > 0 on all of them (CLEAR), u falls through zero once (CONTACT), or u is bent
+    upwards with its least value inside (BOWL); all else is in DOUBT.
+
+    A function with |F''| <= B differs from its chord by at most B span^2/8, and one with |F''''| <= B from the cubic
+    through its end values and slopes by at most B span^4/384; a cubic lies above the least of its
+    Bezier ordinates.
+    """
+    _, b3, b4, _ = free.bounds(start, span)
+    u0, u1, p0, p1 = start[..., 0], end[..., 0], start[..., 1], end[..., 1]
+    a0, a1 = free.acceleration(start), free.acceleration(end)
+    falls = np.maximum(p0, p1) + b3 * span**2 / 8 < 0.0
+    rises = np.minimum(p0, p1) - b3 * span**2 / 8 > 0.0
+    bends_down = np.maximum(a0, a1) + b4 * span**2 / 8 < 0.0
+    bends_up = np.minimum(a0, a1) - b4 * span**2 / 8 > 0.0
+    above = np.minimum.reduce([u0, u0 + p0 * span / 3, u1 - p1 * span / 3, u1]) > b4 * span**4 / 384
+    ends_decide = falls | bends_down | (bends_up & (p1 <= 0.0))
+    clear = above | rises | (bends_up & (p0 >= 0.0)) | (ends_decide & (u1 > 0.0))
+    return np.select([clear, ends_decide, bends_up], [CLEAR, CONTACT, BOWL], DOUBT)
+
+
+def _first_within(
+    free: FreeMotion, start: Floats, end: Floats, span: float, halvings: int
+) -> tuple[float, float] | None:
+    """Return time and speed of the first contact on an interval, or None; a graze to within rounding."""
+    found = verdict(free, start, end, span)
+    if found == BOWL:
+        span, end = root(free, start, span, 1)
+        found = CONTACT if end[0] <= 0.0 else CLEAR
+    if found == DOUBT and halvings > 0:
+        half = 0.5 * span
+        middle = free.propagators([half])[0] @ start
+        early = _first_within(free, start, middle, half, halvings - 1)
+        if early is not None:
+            return early
+        late = _first_within(free, middle, end, half, halvings - 1)
+        return None if late is None else (half + late[0], late[1])
+    if found == CLEAR or end[0] > 0.0:
+        return None
+    time, there = root(free, start, span, 0)
+    return time, max(-float(there[1]), 0.0)
+
+
+def root(free: FreeMotion, start: Floats, span: float, order: int) -> tuple[float, Floats]:
+    """Return when u (order 0, from above) or u' (order 1, from below) passes zero on its interval, and x there.
+
+    Newton's method inside a bracket, from the root of the parabola or line that starts alike.
+    """
+    u, p, a = float(start[0]), float(start[1]), float(free.acceleration(start))
+    steep = math.sqrt(max(p * p - 2.0 * u * a, 0.0)) - p
+    time = (2.0 * u / steep if steep > 0.0 else 0.0) if order == 0 else -p / a
+    low, high = 0.0, span
+    for _ in range(100):
+        if not low < time < high:
+            time = 0.5 * (low + high)
+        x = free.propagators([time])[0] @ start
+        value, slope = x[order], (x[1] if order == 0 else free.acceleration(x))
+        low, high = (time, high) if (value > 0.0) == (order == 0) else (low, time)
+        step = value / slope if slope else math.inf
+        if abs(step) <= 2e-16 * time or high - low <= 2e-16 * high:
+            break
+        time -= step
+    return time, x
+
+
+def closest_miss(free: FreeMotion, start: State, duration: float, end: State) -> float:
+    """Return the smallest local minimum of the gap u > 0 in a piece of flight; infinite if there is none.
+
+    A piece that begins on the stop is the take-off, on which u only grows.
+    """
+    if start.clearance <= 0.0 or duration == 0.0:
+        return math.inf
+    return min(_minima(free, *_intervals(free, start, duration, end)), default=math.inf)
+
+
+def _intervals(free: FreeMotion, start: State, duration: float, end: State) -> tuple[Floats, Floats, Floats]:
+    """Return where the intervals of a flight start and end, and how long they last; all are strides but the last."""
+    whole = math.ceil(duration / free.stride) - 1
+    first = free.vector(start)
+    points = np.concatenate([first[None], free.block[:whole] @ first, free.vector(end)[None]])
+    spans = np.full(whole + 1, free.stride)
+    spans[-1] = duration - whole * free.stride
+    return points[:-1], points[1:], spans
+
+
+def _minima(free: FreeMotion, starts: Floats, ends: Floats, spans: Floats) -> list[float]:
+    """Return the local minima of u on intervals.
+
+    A function with |F''| <= B differs from its chord by at most B span^2/8: u' with B a bound of |u'''|, u'' with one
+    of |u''''|. Where u cannot change by more than a rounding there is no turn.
+    """
+    found = []
+    for _ in range(HALVINGS):
+        b2, b3, b4, _ = free.bounds(starts, spans)
+        p0, p1 = starts[:, 1], ends[:, 1]
+        a0, a1 = free.acceleration(starts), free.acceleration(ends)
+        moves_on = (np.minimum(p0, p1) > b3 * spans**2 / 8) | (np.maximum(p0, p1) < -b3 * spans**2 / 8)
+        bends_down = np.maximum(a0, a1) + b4 * spans**2 / 8 < 0.0
+        bends_up = np.minimum(a0, a1) - b4 * spans**2 / 8 > 0.0
+        for i in np.flatnonzero(bends_up & (p0 < 0.0) & (p1 >= 0.0)):
+            found.append(max(float(root(free, starts[i], spans[i], 1)[1][0]), 0.0))
+        still = (np.maximum(np.abs(p0), np.abs(p1)) + b2 * spans) * spans <= ROUNDING * np.abs(starts[:, 0])
+        doubt = ~(moves_on | bends_down | bends_up | still)
+        if not doubt.any():
+            break
+        starts, ends, spans = starts[doubt], ends[doubt], 0.5 * spans[doubt]
+        middles = np.einsum("nij,nj->ni", free.propagators(spans), starts)
+        starts, ends = np.concatenate([starts, middles]), np.concatenate([middles, ends])
+        spans = np.tile(spans, 2)
+    return found
