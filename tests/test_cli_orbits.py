@@ -11,7 +11,7 @@ import xarray as xr
 
 import vibroimpact as vi
 from vibroimpact.classes import NEEDED
-from vibroimpact.cli import verdict
+from vibroimpact.cli import compute
 from vibroimpact.dataset import bundle, unbundle
 from vibroimpact.progress import Meter
 
@@ -238,7 +238,7 @@ def test_starts_in_front_of_the_stop_take_one_phase(run, tmp_path):
 
 
 def test_axes_of_starts_left_out_span_the_impact_surface(run, monkeypatch, tmp_path):
-    monkeypatch.setattr(verdict, "INITIAL_CONDITIONS", 6)
+    monkeypatch.setattr(compute, "INITIAL_CONDITIONS", 6)
     run("basins -p omega=2.0 --out basins.nc")
     held = vi.load(tmp_path / "basins.nc")
     assert (held["phase"].values[[0, -1]].tolist(), float(held["velocity"][-1])) == ([0.0, 1.0], 4.0)

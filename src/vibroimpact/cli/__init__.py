@@ -114,10 +114,9 @@ def commands() -> Any:
     import typer
     from typer.main import get_command
 
-    from vibroimpact.cli.compute import diagram, parameter_map, section, simulate
+    from vibroimpact.cli.compute import basins, compare, describe, diagram, parameter_map, section, simulate
     from vibroimpact.cli.files import explore, info, plot, reproduce
     from vibroimpact.cli.orbits import boundary, follow, orbit
-    from vibroimpact.cli.verdict import basins, compare, describe
 
     app = typer.Typer(
         name="vibroimpact",
