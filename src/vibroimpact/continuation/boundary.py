@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,6 +39,13 @@ WORST = 1e-10  # residual of a point
 
 class NoBoundary(ValueError):
     """A point from which no boundary can be followed."""
+
+
+class Plane(NamedTuple):
+    """Two parameters, and their ranges."""
+
+    names: tuple[str, str]
+    box: tuple[Range, Range]
 
 
 def continue_boundary(
@@ -109,27 +116,21 @@ def continue_boundary(
     >>> curve.kind, max(curve.residuals) < 1e-10
     ('period_doubling', True)
     """
-    names, box = check_plane(point, parameters, ranges)
-    longest = check_share("step", step)
+    plane, longest = check_plane(point, parameters, ranges), check_share("step", step)
     with reporter(progress, "points") as report:
-        return boundary_through(point, names, box, longest, virtual, report)
+        return boundary_through(point, plane, longest, virtual, report)
 
 
 def boundary_through(
-    point: BifurcationPoint | StickingEnd,
-    names: tuple[str, str],
-    box: tuple[Range, Range],
-    longest: float,
-    virtual: bool,
-    report: Report,
+    point: BifurcationPoint | StickingEnd, plane: Plane, longest: float, virtual: bool, report: Report
 ) -> Boundary:
     """Return the curve through a point, whatever its kind, in a plane that was checked."""
     if isinstance(point, StickingEnd):
-        return sticking_curve(point, names, box, min(longest, LONGEST_STEP), report)
-    return _traced(*_boundary_system(point, names, box), longest, virtual, report)
+        return sticking_curve(point, *plane, min(longest, LONGEST_STEP), report)
+    return _traced(*_boundary_system(point, plane), longest, virtual, report)
 
 
-def check_plane(point: Any, parameters: Any, ranges: Any) -> tuple[tuple[str, str], tuple[Range, Range]]:
+def check_plane(point: Any, parameters: Any, ranges: Any) -> Plane:
     """Return two parameters and their ranges, checked together with the point that they must hold."""
     if isinstance(point, StickingEnd) and not point.found:
         raise invalid("point", point.outcome, "an end of sticking that was found", point.message)
@@ -139,9 +140,7 @@ def check_plane(point: Any, parameters: Any, ranges: Any) -> tuple[tuple[str, st
     return check_box(point.orbit.model, parameters, ranges, point.orbit)
 
 
-def check_box(
-    model: Model, parameters: Any, ranges: Any, orbit: Orbit | None = None
-) -> tuple[tuple[str, str], tuple[Range, Range]]:
+def check_box(model: Model, parameters: Any, ranges: Any, orbit: Orbit | None = None) -> Plane:
     """Return two different parameters of a model and their ranges, which hold an orbit where one is given."""
     chosen, box = (tuple(given) if isinstance(given, (tuple, list)) else () for given in (parameters, ranges))
     if len(chosen) != 2:
@@ -152,14 +151,12 @@ def check_box(
     if len(box) != 2:
         raise invalid("ranges", ranges, "two pairs", "give ((lowest, highest), (lowest, highest))")
     first, second = (check_range(orbit or model, name, span) for name, span in zip(chosen, box, strict=True))
-    return (chosen[0], chosen[1]), (first, second)
+    return Plane((chosen[0], chosen[1]), (first, second))
 
 
-def _boundary_system(
-    point: BifurcationPoint, names: tuple[str, str], box: tuple[Range, Range]
-) -> tuple[System, Floats]:
+def _boundary_system(point: BifurcationPoint, plane: Plane) -> tuple[System, Floats]:
     """Return the equations of a boundary, and the unknown of the point where it begins."""
-    system, z = system_of(point.orbit, names, box)
+    system, z = system_of(point.orbit, *plane)
     condition, where, touch, speeds = point.kind, 0, math.nan, z[system.cycle.n_impacts :]
     if condition == "grazing":
         where = int(np.argmin(speeds))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.boundary import NoBoundary, boundary_through, check_box, check_plane
+from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_through, check_box, check_plane
 from vibroimpact.continuation.branch import branch_system, walk
 from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary
 from vibroimpact.continuation.sticking import Range, ends_on_line
@@ -88,10 +88,12 @@ def boundary_curves(
     [('end_of_sticking', 2), ('period_doubling', 1)]
     """
     check_model(osc)
-    names, box = check_box(osc, parameters, ranges)
+    plane = names, box = check_box(osc, parameters, ranges)
     count, longest = whole_number("lines", lines, 2), check_share("step", step)
     lengths = [whole_number("n_periods", n, 1) for n in n_periods]
-    wanted = _checked_kinds(kinds)
+    wanted = {choice("kinds", kind, KINDS) for kind in ([kinds] if isinstance(kinds, str) else kinds)}
+    if not wanted:
+        raise invalid("kinds", kinds, f"at least one of {', '.join(KINDS)}")
     work = [
         (n, along, value) for n in lengths for along in (0, 1) for value in np.linspace(*box[1 - along], count).tolist()
     ]
@@ -107,9 +109,9 @@ def boundary_curves(
             line = osc.replace(**{names[1 - along]: value}), names[along], box[along], n
             for point in _on_line(*line, longest, look):
                 if point.kind in wanted:
-                    _add_curve(curves, point, names, box, longest, look)
+                    _add_curve(curves, point, plane, longest, look)
             for end in ends_on_line(*line, SEEDS, look) if "end_of_sticking" in wanted else ():
-                _add_curve(curves, end, names, box, longest, look)
+                _add_curve(curves, end, plane, longest, look)
             done += 1
             look()
     return curves
@@ -154,22 +156,12 @@ def curves_through(
 
     with reporter(progress, "curves") as report, suppress(_Stopped):
         for point in points:
-            names, box = check_plane(point, parameters, ranges)
-            _add_curve(curves, point, names, box, longest, look)
+            _add_curve(curves, point, check_plane(point, parameters, ranges), longest, look)
     return curves
 
 
 class _Stopped(Exception):
     """The search was stopped by its progress callback."""
-
-
-def _checked_kinds(kinds: Any) -> frozenset[str]:
-    wanted = frozenset([kinds] if isinstance(kinds, str) else kinds)
-    if not wanted:
-        raise invalid("kinds", kinds, f"at least one of {', '.join(KINDS)}")
-    for kind in wanted:
-        choice("kinds", kind, KINDS)
-    return wanted
 
 
 def _on_line(
@@ -202,28 +194,23 @@ def _covered(branch: Floats, value: float, speed: float) -> bool:
 
 
 def _add_curve(
-    curves: list[Boundary],
-    point: BifurcationPoint | StickingEnd,
-    names: tuple[str, str],
-    box: tuple[Range, Range],
-    longest: float,
-    look: Report,
+    curves: list[Boundary], point: BifurcationPoint | StickingEnd, plane: Plane, longest: float, look: Report
 ) -> None:
     """Append the curve through a point, unless the point lies on a known one or cannot be followed."""
-    if any(_lies_on(point, curve, box, longest) for curve in curves):
+    if any(_lies_on(point, curve, plane, longest) for curve in curves):
         return
     with suppress(NoBoundary):  # two boundaries meet in the point: the other lines cross them separately
-        curves.append(boundary_through(point, names, box, longest, virtual=False, report=look))
+        curves.append(boundary_through(point, plane, longest, virtual=False, report=look))
 
 
-def _lies_on(point: BifurcationPoint | StickingEnd, curve: Boundary, box: tuple[Range, Range], longest: float) -> bool:
+def _lies_on(point: BifurcationPoint | StickingEnd, curve: Boundary, plane: Plane, longest: float) -> bool:
     """Whether a point is on a curve: less than some steps from one of its points, with nearly that one's velocity."""
     orbit = point.orbit
     if orbit is None or (curve.kind, curve.orbits[0].n_periods) != (point.kind, orbit.n_periods):
         return False
 
     def place(orbits: Sequence[Any]) -> Floats:
-        spans = [high - low for low, high in box]
+        spans = [high - low for low, high in plane.box]
         rows = [[q.value(name) for name in curve.parameters] for q in orbits]
         speeds = [max(q.velocities, default=0.0) / q.oscillator.velocity_scale for q in orbits]
         return np.column_stack([np.array(rows) / spans, speeds])

@@ -108,11 +108,9 @@ def find_orbit(osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: 
 
         found = find_sticking_orbit(osc, cycle.n_periods)
         return Orbits(found) if found else Orbits(outcome="none", message=f"no period-{cycle.n_periods} orbit sticks")
-    if cycle.n_impacts == 1:
+    if cycle.n_impacts == 1 or osc.at().amplitude == 0.0:
         solutions, why = impact_1_orbits(osc.at(), cycle.n_periods)
         return _sorted(osc, cycle, solutions) if solutions else Orbits(outcome="none", message=why)
-    if osc.at().amplitude == 0.0:
-        return Orbits(outcome="none", message=impact_1_orbits(osc.at(), cycle.n_periods)[1])
     return _search(osc, cycle) if begin is None else _from(osc, cycle, begin)
 
 
@@ -140,9 +138,8 @@ def _start(osc: ImpactOscillator, near: Any, cycle: Cycle) -> Orbit | tuple[floa
     elif isinstance(near, (tuple, list)) and len(near) == 2:
         phase, velocity = real_number("near", near[0]), near[1]
     else:
-        raise invalid(
-            "near", near, "an Orbit, a State at the stop, or (phase, velocity)", "for example near=(0.25, 1.4)"
-        )
+        what = "an Orbit, a State at the stop, or (phase, velocity)"
+        raise invalid("near", near, what, "for example near=(0.25, 1.4)")
     allowed = "an impact of velocity > 0"
     speed = real_number("near", velocity, allowed)
     if speed <= 0.0:
@@ -174,10 +171,8 @@ def _from(model: Model, cycle: Cycle, begin: Orbit | tuple[float, float]) -> Orb
         start = cycle_of(chain)
     found = solve(osc, cycle, start)
     if found.singular:
-        return Orbits(
-            outcome="singular",
-            message="converged to a fold or a graze, where the equations are singular; begin beside it",
-        )
+        message = "converged to a fold or a graze, where the equations are singular; begin beside it"
+        return Orbits(outcome="singular", message=message)
     if not found.converged:
         return Orbits(outcome="not_converged", message=f"not converged to a {cycle.name} orbit; begin nearer to one")
     own = true_cycle(cycle, found.z)

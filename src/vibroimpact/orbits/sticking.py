@@ -63,14 +63,10 @@ class Stick:
     fraction: float
 
 
-def lets_go(osc: ImpactOscillator) -> bool:
-    """Return whether the force both presses the mass against the stop and releases it once per period: k |g| < f."""
-    return abs(osc.stiffness * osc.gap) < osc.amplitude
-
-
 def from_release(osc: ImpactOscillator, longest: int) -> Stick | None:
     """Follow the mass from its release to where it next rests at the stop, or None if that takes too many periods."""
-    if not lets_go(osc) or osc.restitution == 1.0:
+    # Once per period the force presses the mass against the stop and releases it if k |g| < f.
+    if abs(osc.stiffness * osc.gap) >= osc.amplitude or osc.restitution == 1.0:
         return None
     cell = osc.cells({}, State(osc.gap, 0.0, CREST * osc.period)).table[0]
     steps = min(1000.0 / (1.0 - osc.restitution), _MOST_STEPS / (longest + 2))
@@ -88,7 +84,9 @@ def from_release(osc: ImpactOscillator, longest: int) -> Stick | None:
         n_impacts, _, n_sticks = seen.filled
         parts.append(seen.impacts[:n_impacts])
         if n_sticks and released and math.isfinite(seen.sticks[0, 2]):
-            return _stick(seen.sticks[0], np.concatenate(parts))
+            before, stick_phase, periods, phase = seen.sticks[0].tolist()
+            fraction = (periods - before) + (phase - stick_phase)
+            return Stick(int(periods), np.concatenate(parts), stick_phase, phase, fraction)
         released = released or (n_sticks == 1 and seen.sticks[0, 2] == 0.0 and n_impacts == 0)
         if memory[END] != RUNNING or not released:
             return None
@@ -98,11 +96,6 @@ def periods_from_release(osc: ImpactOscillator, longest: int) -> int:
     """Return the driving periods of the sticking cycle, 0 if it takes more than `longest` or does not exist."""
     stick = from_release(osc, longest)
     return stick.periods if stick else 0
-
-
-def _stick(row: Floats, impacts: Floats) -> Stick:
-    rest_periods, rest_phase, periods, phase = row.tolist()
-    return Stick(int(periods), impacts, rest_phase, phase, (periods - rest_periods) + (phase - rest_phase))
 
 
 def find_sticking_orbit(
