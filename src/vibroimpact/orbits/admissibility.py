@@ -46,24 +46,20 @@ def nearest_misses(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> list[NearM
         if end <= begin:
             continue
         rate, tau = osc.restitution * float(z[cycle.n_impacts + i]), (end - begin) * osc.period
-        lowest = _lowest(flight, TURN * begin, rate, tau)
-        if lowest is not None:
-            found.append(NearMiss(i, begin + lowest[0] / osc.period, lowest[1]))
+        angle = TURN * begin
+        times, gaps, rates = flight.sampled(angle, rate, tau)
+        turns = np.flatnonzero((rates[:-1] < 0.0) & (rates[1:] >= 0.0))
+        likely = turns[np.argsort(np.minimum(gaps[turns], gaps[turns + 1]))[:LOWEST]]
+        minima = [_minimum(flight, angle, rate, float(times[j]), float(times[j + 1])) for j in likely]
+        if minima:
+            time, gap = min(minima, key=lambda minimum: minimum[1])
+            found.append(NearMiss(i, begin + time / osc.period, gap))
     return found
 
 
 def closest(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> NearMiss | None:
     """Return the near-miss of the lowest gap, if there is one."""
     return min(nearest_misses(osc, cycle, z), key=lambda miss: miss.gap, default=None)
-
-
-def _lowest(flight: Flight, angle: float, rate: float, tau: float) -> tuple[float, float] | None:
-    """Return time and gap of the lowest local minimum of the gap inside a flight."""
-    times, gaps, rates = flight.sampled(angle, rate, tau)
-    turns = np.flatnonzero((rates[:-1] < 0.0) & (rates[1:] >= 0.0))
-    likely = turns[np.argsort(np.minimum(gaps[turns], gaps[turns + 1]))[:LOWEST]]
-    minima = [_minimum(flight, angle, rate, float(times[j]), float(times[j + 1])) for j in likely]
-    return min(minima, key=lambda minimum: minimum[1], default=None)
 
 
 def _minimum(flight: Flight, angle: float, rate: float, low: float, high: float) -> tuple[float, float]:
