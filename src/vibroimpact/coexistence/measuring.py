@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from threading import Event
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ from vibroimpact.backends.base import Counts, Outcome, Samples
 from vibroimpact.cells import cells_at
 from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
-from vibroimpact.motion import MotionClass, decide, motion_name
+from vibroimpact.motion import Motion, MotionClass, decide
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.sticking import CREST
 from vibroimpact.oscillator import ImpactOscillator, Model, State
@@ -91,27 +91,10 @@ def state_cells(osc: ImpactOscillator, starts: Iterable[State]) -> Cells:
 
 
 @dataclass(frozen=True)
-class Measured:
-    """The kind, the status and the indices of one motion."""
+class Measured(Motion):
+    """A motion as its indices name it, and these."""
 
-    motion_class: MotionClass
-    status: Status
-    indices: dict[str, float]
-
-    @property
-    def kind(self) -> str:
-        """The kind of the motion in a word."""
-        return self.motion_class.word
-
-    @property
-    def n_periods(self) -> int:
-        """Driving periods in a cycle; 0 where there is none."""
-        return int(self.indices["n_periods"])
-
-    @property
-    def n_impacts(self) -> int:
-        """Impacts in a cycle; -1 for a complete chatter."""
-        return int(self.indices["n_impacts"])
+    indices: dict[str, float] = field(default_factory=dict, compare=False)
 
     @property
     def group(self) -> tuple[str, int, int]:
@@ -120,11 +103,6 @@ class Measured:
         if rare or self.motion_class in (MotionClass.CHAOTIC, MotionClass.UNDECIDED):
             return "aperiodic", 0, 0
         return self.kind, self.n_periods, self.n_impacts
-
-    @property
-    def name(self) -> str:
-        """The motion in two or three words."""
-        return motion_name(self.motion_class, self.n_periods, self.n_impacts)
 
     @property
     def hardest(self) -> float:
@@ -202,11 +180,11 @@ class Runner:
 def _measured(table: Outcome, window: ImpactWindow) -> list[Measured]:
     growth = window.keep * table["lyapunov_per_impact"]
     kinds = decide(table["status"].astype(np.int8), growth, table["n_periods"], table["n_impacts"])
-    return [
-        Measured(
-            MotionClass(int(kind)),
-            Status(int(table["status"][at])),
-            {name: float(table[name][at]) for name in INDICES},
-        )
-        for at, kind in enumerate(kinds)
-    ]
+    rows = ({name: float(table[name][at]) for name in INDICES} for at in range(len(kinds)))
+    return [named(*row) for row in zip(kinds.tolist(), table["status"].tolist(), rows, strict=True)]
+
+
+def named(kind: int, status: float, indices: dict[str, float]) -> Measured:
+    """Return a motion of a kind, from its indices."""
+    n, p = int(indices["n_periods"]), int(indices["n_impacts"])
+    return Measured(MotionClass(kind).word, n, p, status=Status(int(status)), indices=indices)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.backends.base import Counts, Outcome
-from vibroimpact.coexistence.measuring import AT_REST, NEEDED, Measured, Runner
+from vibroimpact.coexistence.measuring import AT_REST, NEEDED, Measured, Runner, named
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import MotionClass, decide
 from vibroimpact.oscillator import ImpactOscillator
@@ -55,7 +55,7 @@ class Settled:
 
     def __getitem__(self, at: int) -> Measured:
         indices = {name: float(column[at]) for name, column in self.indices.items()}
-        return Measured(MotionClass(int(self.kind[at])), Status(int(self.status[at])), indices)
+        return named(int(self.kind[at]), int(self.status[at]), indices)
 
     def note(self, at: Counts, outcome: Outcome, kept: int) -> None:
         """Take down the outcome of a window of `kept` impacts."""

@@ -109,7 +109,7 @@ def _in_proportion(present: Present, varied: Range) -> bool:
     """Whether a smaller force only makes everything smaller, chaos included: the class never changes at g = 0."""
     osc = present.oscillator
     is_force = present.model is osc and varied.name == "amplitude"
-    return is_force and osc.gap == 0.0 and present.kind == MotionClass.CHAOTIC
+    return is_force and osc.gap == 0.0 and present.measured.motion_class == MotionClass.CHAOTIC
 
 
 def _locate(now: Measured, searches: Sequence[Search], runner: Runner) -> None:

@@ -31,7 +31,7 @@ HALVINGS = 12  # of the step in which the class changes
 BOUNCY = 0.99  # restitution up to which sticking is followed: chatters grow longer as 1/(1 - r)
 BRIEF = ImpactWindow(100, 1500)  # enough for a name, and an exponent to a few per cent
 ACROSS = ImpactWindow(1500, 2000)  # close to a boundary motions settle slowly
-KIND_WORDS = {
+BOUNDARIES = {  # in words
     "period_doubling": "period doubling",
     "fold": "fold",
     "grazing": "grazing",
@@ -94,6 +94,11 @@ class Edge:
     def exact(self) -> bool:
         """Whether the value solves the boundary's own equation."""
         return self.found and self.half_width == 0.0
+
+    @property
+    def what(self) -> str:
+        """The boundary in words, or the motion beyond where that alone is known."""
+        return self.beyond if self.kind == "change" and self.beyond else BOUNDARIES[self.kind]
 
     @property
     def at_once(self) -> bool:
@@ -178,9 +183,9 @@ def _exact(present: Present, range: Range, direction: int) -> Found | None:
     osc = present.oscillator
     if present.model is osc and range.name == "amplitude" and osc.gap == 0.0 and osc.amplitude > 0.0:
         return Found(range, direction)  # the motion only grows in proportion
-    if present.kind == MotionClass.NO_IMPACT and osc.damping > 0.0 and osc.gap > osc.steady_amplitude:
+    if present.measured.motion_class == MotionClass.NO_IMPACT and osc.damping > 0.0 and osc.gap > osc.steady_amplitude:
         return _closed_form("first_contact", range, direction, lambda o: o.gap - o.steady_amplitude)
-    if present.kind == MotionClass.STUCK_FOREVER and osc.stiffness * osc.gap <= -osc.amplitude:
+    if present.measured.motion_class == MotionClass.STUCK_FOREVER and osc.stiffness * osc.gap <= -osc.amplitude:
         return _closed_form("lift_off", range, direction, lambda o: -o.stiffness * o.gap - o.amplitude)
     if present.orbit is None:
         return None

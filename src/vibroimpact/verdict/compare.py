@@ -17,12 +17,10 @@ from vibroimpact.oscillator import Model
 from vibroimpact.parameters import Parameter, invalid
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
-from vibroimpact.verdict.boundaries import KIND_WORDS, Edge
+from vibroimpact.verdict.boundaries import BOUNDARIES, Edge
 from vibroimpact.verdict.describe import Verdict, describe
 from vibroimpact.verdict.present import range_of
 from vibroimpact.verdict.text import advice_words
-
-KINDS = tuple(KIND_WORDS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,17 +90,14 @@ class Comparison:
         for name, index in INDICES.items():
             values = np.array([verdict.indices[name] for verdict in self.verdicts])
             content[name] = variable(name, "design", values.astype(index.dtype))
-        content["power"] = xr.Variable(
-            "design", [verdict.power for verdict in self.verdicts], {"long_name": "mean power lost", "units": "W"}
-        )
-        content["motion"] = xr.Variable(
-            "design", _texts(verdict.motion.name for verdict in self.verdicts), {"long_name": "name of the motion"}
-        )
+        power, motion = zip(*((verdict.power, verdict.motion.name) for verdict in self.verdicts), strict=True)
+        content["power"] = xr.Variable("design", list(power), {"long_name": "mean power lost", "units": "W"})
+        content["motion"] = xr.Variable("design", _texts(motion), {"long_name": "name of the motion"})
         content["status"] = status_variable("design", [Status[v.status.upper()] for v in self.verdicts])
-        edges = [_table(verdict.boundaries) for verdict in self.verdicts]
-        varied = [edge.parameter for edge in self.verdicts[0].boundaries[::2]]
-        if all(len(table) == len(varied) for table in edges):
-            content |= _boundary_variables(edges)
+        first, second = (verdict.boundaries for verdict in self.verdicts)
+        varied = [edge.parameter for edge in first[::2]]
+        if len(first) == len(second):
+            content |= _boundary_variables(self.verdicts)
         arguments = {"names": self.names, "oscillators": [asdict(verdict.oscillator) for verdict in self.verdicts]}
         return xr.Dataset(
             content,
@@ -116,23 +111,20 @@ def _texts(items: Iterable[str]) -> np.ndarray[Any, Any]:
     return np.array(list(items), dtype=object)
 
 
-def _table(edges: tuple[Edge, ...]) -> list[tuple[Edge, Edge]]:
-    return list(zip(edges[::2], edges[1::2], strict=True))
-
-
-def _boundary_variables(tables: list[list[tuple[Edge, Edge]]]) -> dict[str, xr.Variable]:
-    dims, shape = ("design", "parameter", "direction"), (len(tables), len(tables[0]), 2)
+def _boundary_variables(verdicts: tuple[Verdict, Verdict]) -> dict[str, xr.Variable]:
+    dims, shape = ("design", "parameter", "direction"), (2, len(verdicts[0].boundaries) // 2, 2)
+    edges = [edge for verdict in verdicts for edge in verdict.boundaries]  # down and up in turn
 
     def numbers(name: str, long_name: str) -> xr.Variable:
-        values = [[[getattr(edge, name) for edge in row] for row in table] for table in tables]
-        return xr.Variable(dims, np.array(values, dtype=np.float64).reshape(shape), {"long_name": long_name})
+        values = np.array([getattr(edge, name) for edge in edges], dtype=np.float64)
+        return xr.Variable(dims, values.reshape(shape), {"long_name": long_name})
 
-    kinds = np.array([[[KINDS.index(edge.kind) for edge in row] for row in table] for table in tables])
+    kinds = np.array([list(BOUNDARIES).index(edge.kind) for edge in edges], np.int8)
     return {
         "boundary": numbers("value", "nearest boundary, in the parameter's unit"),
         "boundary_change": numbers("change", "relative change to the nearest boundary"),
         "boundary_half_width": numbers("half_width", "uncertainty of the nearest boundary; 0 where exact"),
-        "boundary_kind": flags(dims, kinds.reshape(shape), "kind of the nearest boundary", KINDS),
+        "boundary_kind": flags(dims, kinds.reshape(shape), "kind of the nearest boundary", BOUNDARIES),
     }
 
 
@@ -151,11 +143,10 @@ def _index(verdict: Verdict, name: str) -> str:
 def _boundary(verdict: Verdict, edge: Edge) -> str:
     if not edge.found:
         return f"none to {edge.searched_to:.4g}"
-    what = edge.beyond or KIND_WORDS[edge.kind] if edge.kind == "change" else KIND_WORDS[edge.kind]
     if edge.at_once:
-        return f"at once ({what})"
+        return f"at once ({edge.what})"
     change = range_of(verdict.model, edge.parameter, 1.0).percent(edge.value)
-    return f"{edge.value:.6g} ({'-' if edge.direction < 0 else '+'}{change}, {what})"
+    return f"{edge.value:.6g} ({'-' if edge.direction < 0 else '+'}{change}, {edge.what})"
 
 
 def _others(verdict: Verdict) -> str:

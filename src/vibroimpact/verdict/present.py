@@ -45,11 +45,6 @@ class Present:
     orbit: Orbit | None
     state: Start | None
 
-    @property
-    def kind(self) -> MotionClass:
-        """The kind of the motion."""
-        return self.measured.motion_class
-
 
 def present_motion(model: Model, runner: Runner) -> Present:
     """Return the motion that a start from rest settles to.

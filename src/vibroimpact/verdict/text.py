@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from vibroimpact.oscillator import Model
-from vibroimpact.verdict.boundaries import KIND_WORDS, NOISE, Edge
+from vibroimpact.verdict.boundaries import NOISE, Edge
 from vibroimpact.verdict.present import percent, range_of
 
 if TYPE_CHECKING:
@@ -153,11 +153,8 @@ def edge_words(model: Model, edge: Edge) -> str:
     if not edge.found:
         return f"{way} none to {edge.searched_to:.4g}"
     place = quantity(model, edge.parameter, edge.value, 6 if edge.exact else 5)
-    what = KIND_WORDS[edge.kind]
-    if edge.kind == "change":
-        what = edge.beyond or what
-    elif edge.beyond:
-        what += f", then {edge.beyond}"
+    then = f", then {edge.beyond}" if edge.beyond and edge.kind != "change" else ""
+    what = edge.what + then
     if edge.at_once:
         return f"{way} at once ({what})"
     change = change_words(model, edge.parameter, edge.value)
