@@ -8,8 +8,7 @@ from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
-from vibroimpact.explorer.address import to_query
-from vibroimpact.explorer.presets import BY_NAME
+from vibroimpact.explorer.address import BY_NAME, to_query
 from vibroimpact.explorer.state import View
 
 SERVE = "from vibroimpact.explorer import explore; explore(port=0, browser=False)"

@@ -7,9 +7,9 @@ import pytest
 
 pytest.importorskip("bokeh", reason="no Bokeh: install the extra [web]")
 
-from vibroimpact.explorer.around import Other
+from vibroimpact.explorer.address import BY_NAME, PRESETS
 from vibroimpact.explorer.controls import Commands, Controls
-from vibroimpact.explorer.presets import BY_NAME, PRESETS
+from vibroimpact.explorer.point import Other
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import NAMES, View
 from vibroimpact.oscillator import ImpactOscillator, State

@@ -421,14 +421,14 @@ def _token(connection):
 
 
 def test_the_server_listens_on_loopback_alone(address):
-    from vibroimpact.explorer.serve import check_host, is_loopback, origins
+    from vibroimpact.explorer import check_host, is_loopback, origins
 
     assert is_loopback(check_host("localhost"))
     assert origins("127.0.0.1", 5006) == ["127.0.0.1:5006", "localhost:5006"]
 
 
 def test_a_host_that_lets_others_in_is_warned_of(capsys):
-    from vibroimpact.explorer.serve import check_host
+    from vibroimpact.explorer import check_host
 
     assert check_host("0.0.0.0") == "0.0.0.0"
     assert "anyone" in capsys.readouterr().err
@@ -437,7 +437,7 @@ def test_a_host_that_lets_others_in_is_warned_of(capsys):
 
 
 def test_a_port_that_is_taken_is_refused_in_words(address):
-    from vibroimpact.explorer.serve import make_server
+    from vibroimpact.explorer import make_server
 
     for port in (urlsplit(address).port, 70_000, -1):
         with pytest.raises(ValueError, match="`port`"):
@@ -457,7 +457,7 @@ def test_closing_a_tab_ends_its_session(browser, address):
 
 
 def test_boundaries_that_are_cut_short_are_told_of_in_the_status_line(browser, monkeypatch):
-    hasty = "from vibroimpact.explorer import around; around.SEARCH_SECONDS = 0.0; "
+    hasty = "from vibroimpact.explorer import session; session.SEARCH_SECONDS = 0.0; "
     monkeypatch.setattr(sys.modules[__name__], "SERVE", hasty + SERVE)
     with serving() as found:
         page = browser.new_page()

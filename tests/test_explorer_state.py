@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vibroimpact.explorer.address import LONGEST, from_query, to_query
-from vibroimpact.explorer.presets import BY_NAME, PRESETS, case_of, ranges_for
+from vibroimpact.explorer.address import BY_NAME, LONGEST, PRESETS, case_of, from_query, ranges_for, to_query
 from vibroimpact.explorer.state import (
     CASES,
     NAMES,

@@ -12,13 +12,13 @@ from dataclasses import replace
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.explorer import around, session, work
-from vibroimpact.explorer.around import compute_line, find_curves, find_others
+from vibroimpact.explorer import plane, session, work
 from vibroimpact.explorer.files import export
-from vibroimpact.explorer.plane import SIDES, bands
+from vibroimpact.explorer.plane import SIDES, bands, compute_line, find_curves
+from vibroimpact.explorer.point import find_others
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import FINEST, View, granted
-from vibroimpact.explorer.work import Pool, Urgency
+from vibroimpact.explorer.work import Clock, Pool, Urgency
 from vibroimpact.oscillator import ImpactOscillator
 
 SMALL = View(x_range=(1.8, 2.2), y_range=(0.9, 1.1), samples=200)
@@ -112,22 +112,22 @@ def test_the_search_for_boundaries_stops_when_the_plane_changes(explorer, heard,
 
 
 def test_boundaries_that_are_cut_short_say_so(explorer, heard, monkeypatch, no_rest):
-    monkeypatch.setattr(around, "SEARCH_SECONDS", 0.0)
+    monkeypatch.setattr(session, "SEARCH_SECONDS", 0.0)
     explorer.set(boundaries=True)
     until(lambda: received(heard, "message"))
     assert received(heard, "message") == ["boundaries incomplete: stopped after 0 s"]
 
 
 def test_coexisting_motions_that_are_cut_short_say_so(explorer, heard, monkeypatch, no_rest):
-    monkeypatch.setattr(around, "SEARCH_SECONDS", 0.0)
+    monkeypatch.setattr(session, "SEARCH_SECONDS", 0.0)
     explorer.click(2.8, 1.0)
     until(lambda: received(heard, "message"))
     assert received(heard, "message") == ["coexisting motions incomplete: stopped after 0 s"]
 
 
 def test_a_diagram_that_is_cut_short_says_so(explorer, heard, monkeypatch, no_rest):
-    monkeypatch.setattr(around, "LINE_SECONDS", 0.0)
-    monkeypatch.setattr(around, "PART", 40)
+    monkeypatch.setattr(session, "LINE_SECONDS", 0.0)
+    monkeypatch.setattr(plane, "PART", 40)
     explorer.click(2.0, 1.05)
     until(lambda: received(heard, "message"))
     assert received(heard, "message") == ["diagram incomplete: stopped after 0 s"]
@@ -135,21 +135,18 @@ def test_a_diagram_that_is_cut_short_says_so(explorer, heard, monkeypatch, no_re
 
 
 def test_searches_that_come_to_their_end_say_nothing(heard, no_rest):
-    _, complete = find_curves(
-        replace(SMALL, x="restitution", x_range=(0.5, 0.9), y="gap", y_range=(-0.1, 0.1)), lambda: True
-    )
-    assert complete
-    others, complete = find_others(SMALL, lambda: True)
-    assert complete
-    assert [other.name for other in others] == ["period-1 impact-1"]
-    _, complete = compute_line(SMALL, lambda: True)
-    assert complete
+    clock = Clock(lambda: True, 60.0)
+    find_curves(replace(SMALL, x="restitution", x_range=(0.5, 0.9), y="gap", y_range=(-0.1, 0.1)), clock)
+    assert [other.name for other in find_others(SMALL, clock)] == ["period-1 impact-1"]
+    assert len(set(compute_line(SMALL, clock).values)) == plane.VALUES
+    assert clock.complete
 
 
-def test_what_is_not_wanted_is_not_returned():
-    assert find_curves(SMALL, lambda: False) is None
-    assert find_others(SMALL, lambda: False) is None
-    assert compute_line(SMALL, lambda: False) is None
+@pytest.mark.parametrize("search", [find_curves, find_others, compute_line])
+def test_what_is_not_wanted_any_more_is_not_complete(search):
+    clock = Clock(lambda: False, 60.0)
+    search(SMALL, clock)
+    assert not clock.complete
 
 
 def test_the_search_for_attractors_stops_where_it_is_told_to():

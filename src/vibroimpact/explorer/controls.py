@@ -9,8 +9,8 @@ from typing import Any
 from bokeh.layouts import column, row
 from bokeh.models import Button, Checkbox, Div, Dropdown, InlineStyleSheet, Select
 
-from vibroimpact.explorer.around import Other
-from vibroimpact.explorer.presets import BY_NAME, PRESETS, Preset, case_of, ranges_for
+from vibroimpact.explorer.address import BY_NAME, PRESETS, Preset, case_of, ranges_for
+from vibroimpact.explorer.point import Other
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import MOTION, NAMES, SAMPLES, Range, View, allowed_range, rounded, symbol
 from vibroimpact.indices import INDICES

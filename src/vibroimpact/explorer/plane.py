@@ -1,4 +1,4 @@
-"""The plane: its cells, a coarse lattice first and then the cells between, and the colours that show them."""
+"""The plane: its cells, a coarse lattice first and then the cells between, their colours, a diagram, and boundaries."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.explorer.state import FINEST, GREEK, MOTION, View, granted
+from vibroimpact.explorer.state import FINEST, GREEK, MOTION, Range, View, granted
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import MotionClass, motion_name, refined
 from vibroimpact.oscillator import ImpactOscillator, State
@@ -22,6 +22,7 @@ from vibroimpact.plotting.style import STICKING
 
 Floats = NDArray[np.float64]
 Places = NDArray[np.int64]  # of cells along an axis of the finest lattice
+KeepGoing = Callable[[], bool]
 
 SIDES = (64, 128, 256)  # of the lattices; each contains the one before
 BAND, USUAL = 2048, 500  # cells per job, about, with so many impacts per cell; fewer where more are sampled
@@ -32,6 +33,11 @@ NOTHING = "#c9c9c9"  # no impact, or no value
 SIGNED = frozenset({"lyapunov", "lyapunov_per_impact"})
 DECADES = 6  # that a logarithmic scale spans at most
 PERCENT = 99.5  # of the cells that the colours distinguish
+
+VALUES, PART = 200, 100  # along the line; computed at a time
+IMPACTS = 48  # of each value
+BUDGETED = 5000  # impacts for which a budget is granted: the few of a diagram get a share of it
+RESOLUTION = 10_000  # velocities that a diagram distinguishes, up to the largest
 
 
 def lattice(side: int) -> Places:
@@ -67,7 +73,7 @@ def compute_cells(
     stiff: float,
     axes: dict[str, Any],
     start: State | None = None,
-    keep_going: Callable[[], bool] = lambda: True,
+    keep_going: KeepGoing = lambda: True,
 ) -> xr.Dataset:
     """Return all indices of a page's cells over some axes, the impacts sampled and budgeted as pages do."""
     sweep: xr.Dataset = vi.parameter_map(
@@ -104,7 +110,7 @@ class Plane:
         values["status"] = np.full((FINEST, FINEST), vi.Status.INTERRUPTED, np.int8)
         return cls(view, 0, values)
 
-    def fill(self, columns: Places, rows: Places, keep_going: Callable[[], bool]) -> bool:
+    def fill(self, columns: Places, rows: Places, keep_going: KeepGoing) -> bool:
         """Compute a rectangle of cells; return whether it was finished."""
         view = self.view
         axes = {view.x: positions(*view.x_range, columns), view.y: positions(*view.y_range, rows)}
@@ -240,3 +246,74 @@ def _names(motion: Floats, n: Floats, p: Floats, name: Floats) -> Shades:
 def _share(where: Any) -> str:
     part = 100.0 * float(where.mean())
     return f"{part:.0f} %" if part >= 0.95 else "<1 %"
+
+
+# ---- what is drawn below and over the plane
+
+
+@dataclass(frozen=True)
+class Line:
+    """Impact velocities over one parameter, each given once."""
+
+    parameter: str
+    ends: Range
+    values: Floats
+    velocities: Floats
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Boundaries in the plane: points, kinds and descriptions."""
+
+    x: list[Floats]
+    y: list[Floats]
+    kinds: list[str]
+    descriptions: list[str]
+
+
+def compute_line(view: View, keep_going: KeepGoing) -> Line:
+    """Return the impact velocities along the view's line, as far as time is left."""
+    parameter, (low, high) = view.along
+    values: Floats = low + (np.arange(VALUES, dtype=np.float64) + 0.5) * ((high - low) / VALUES)
+    parts = [_velocities(view, parameter, values[:PART])]
+    for first in range(PART, VALUES, PART):
+        if keep_going():
+            parts.append(_velocities(view, parameter, values[first : first + PART]))
+    velocity = np.concatenate(parts)
+    finite = np.isfinite(velocity)
+    largest = float(velocity[finite].max(initial=0.0)) or 1.0
+    rounded = np.round(velocity[finite] * (RESOLUTION / largest)).astype(np.int64)
+    rows = np.broadcast_to(np.arange(len(velocity))[:, None], velocity.shape)[finite]
+    _, distinct = np.unique(rows * (RESOLUTION + 1) + rounded, return_index=True)
+    return Line(parameter, (low, high), values[rows[distinct]], velocity[finite][distinct])
+
+
+def _velocities(view: View, parameter: str, values: Floats) -> Floats:
+    """Return the velocities of some impacts at each value, NaN where there are fewer."""
+    axis: dict[str, Any] = {parameter: values}
+    diagram = vi.bifurcation_diagram(
+        view.osc,
+        transient_impacts=TRANSIENT,
+        sample_impacts=IMPACTS,
+        tolerances=granted(view.stiffness, BUDGETED),
+        workers=1,
+        **axis,
+    )
+    found = diagram["velocity"].values
+    return np.pad(found, ((0, 0), (0, IMPACTS - found.shape[1])), constant_values=np.nan)
+
+
+def find_curves(view: View, keep_going: KeepGoing) -> Curves:
+    """Return the boundaries in the view's plane, as far as time is left."""
+    found = vi.boundary_curves(
+        view.osc, (view.x, view.y), (view.x_range, view.y_range), progress=lambda *progress: keep_going()
+    )
+    points = [np.asarray(curve.values, dtype=np.float64) for curve in found]
+    return Curves(
+        x=[at[:, 0] for at in points],
+        y=[at[:, 1] for at in points],
+        kinds=[curve.kind for curve in found],
+        descriptions=[
+            f"{curve.kind.replace('_', ' ')}, {curve.orbits[0].name if curve.orbits else 'an orbit'}" for curve in found
+        ],
+    )

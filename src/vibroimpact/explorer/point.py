@@ -1,4 +1,4 @@
-"""The motion at a point: its history, portrait, sections, indices and name, from one orbit."""
+"""The motion at a point: its history, portrait, sections, indices and name, from one orbit; and those that coexist."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.explorer.plane import TRANSIENT
+from vibroimpact.explorer.plane import TRANSIENT, KeepGoing
 from vibroimpact.explorer.state import View, granted, stiffness
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.motion import MotionClass, decide, motion_name
@@ -32,6 +32,7 @@ RECORDED = (
     "time", "displacement", "velocity", "impact_time", "impact_velocity", "stick_time", "release_time",
 )  # fmt: skip
 REMEMBERED = 16  # motions per page
+START_IMPACTS = 2000  # of an initial condition, for which a budget is granted
 
 
 @dataclass(frozen=True)
@@ -211,6 +212,26 @@ def _impact_map(osc: ImpactOscillator, start: State | None, orbit: Columns, n_pe
         tolerances=granted(stiffness(osc), TRANSIENT + IMPACTS),
     )
     return {name: np.append(values, more[name].values) for name, values in found.items()}
+
+
+@dataclass(frozen=True)
+class Other:
+    """A motion that initial conditions lead to: its name, the share of them, its largest velocity, a state on it."""
+
+    name: str
+    share: float
+    max_velocity: float
+    start: State
+
+
+def find_others(view: View, keep_going: KeepGoing) -> list[Other]:
+    """Return the motions that initial conditions at the view's point lead to, as far as time is left.
+
+    The one with the largest share of the initial conditions comes first.
+    """
+    budget = granted(stiffness(view.osc), START_IMPACTS)
+    found = vi.attractors(view.osc, tolerances=budget, workers=1, progress=lambda *progress: keep_going())
+    return [Other(motion.name, motion.share, motion.max_velocity, motion.start) for motion in found]
 
 
 class Motions:

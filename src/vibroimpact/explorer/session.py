@@ -7,20 +7,20 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from vibroimpact.explorer import around, work
-from vibroimpact.explorer.around import Curves, KeepGoing, Line, Other, compute_line, find_curves, find_others
-from vibroimpact.explorer.plane import Plane
-from vibroimpact.explorer.point import Motions, Point
+from vibroimpact.explorer import work
+from vibroimpact.explorer.plane import Curves, KeepGoing, Line, Plane, compute_line, find_curves
+from vibroimpact.explorer.point import Motions, Other, Point, find_others
 from vibroimpact.explorer.state import MOST_PINS, Range, View, rounded, typed_number, with_ranges
-from vibroimpact.explorer.work import Job, Pool, Refinement, Urgency, Work
+from vibroimpact.explorer.work import Clock, Job, Pool, Refinement, Urgency, Work
 
 Message = tuple[str, Any]
-Search = Callable[[View, KeepGoing], tuple[Any, bool] | None]
+Search = Callable[[View, KeepGoing], Any]
 
 MOST_UNDO = 200
 SAME_GESTURE = 1.0  # s: changes of one control within it are undone together
 OTHERS_DELAY = 1.2  # s without a click before coexisting motions are searched for
 LINE_DELAY = 0.15  # s
+LINE_SECONDS, SEARCH_SECONDS = 10.0, 20.0  # a diagram and a search are stopped after so long
 
 
 class Explorer:
@@ -277,31 +277,31 @@ class Explorer:
         self._send(("message", f"This plane takes more than {limit}; zoom in, or sample fewer impacts per cell."))
 
     def _renew_line(self) -> None:
-        self._search("line", Urgency.LINE, compute_line, "diagram", around.LINE_SECONDS)
+        self._search("line", Urgency.LINE, compute_line, "diagram", LINE_SECONDS)
 
     def _renew_curves(self) -> None:
         self._work.renew("curves")
         self.curves = None
         self._send(("curves", None))
         if self.view.boundaries:
-            self._search("curves", Urgency.SEARCH, find_curves, "boundaries", around.SEARCH_SECONDS)
+            self._search("curves", Urgency.SEARCH, find_curves, "boundaries", SEARCH_SECONDS)
 
     def _renew_others(self) -> None:
-        self._search("others", Urgency.SEARCH, find_others, "coexisting motions", around.SEARCH_SECONDS)
+        self._search("others", Urgency.SEARCH, find_others, "coexisting motions", SEARCH_SECONDS)
 
     def _search(self, kind: str, urgency: Urgency, search: Search, name: str, seconds: float) -> None:
         """Run a search; keep and send its result unless it is out of date by then."""
         view, stamp = self.view, self._work.renew(kind)
 
         def job() -> None:
-            found = search(view, lambda: self._work.wanted(kind, stamp))
+            clock = Clock(lambda: self._work.wanted(kind, stamp), seconds)
+            content = search(view, clock)
             with self._lock:
-                if found is None or not self._work.wanted(kind, stamp):
+                if not self._work.wanted(kind, stamp):
                     return
-                content, complete = found
                 setattr(self, kind, content)
                 self._send((kind, content))
-                if not complete:
+                if not clock.complete:
                     self._send(("message", f"{name} incomplete: stopped after {seconds:g} s"))
 
         self._work.submit(kind, urgency, job, stamp)

@@ -10,9 +10,8 @@ from bokeh.models import ColumnDataSource
 from bokeh.palettes import RdBu11, Viridis256, interp_palette
 from numpy.typing import NDArray
 
-from vibroimpact.explorer.around import Curves, Line, Other
-from vibroimpact.explorer.plane import NOTHING, Plane, Shades, name_of, shades
-from vibroimpact.explorer.point import Point, index_rows
+from vibroimpact.explorer.plane import NOTHING, Curves, Line, Plane, Shades, name_of, shades
+from vibroimpact.explorer.point import Other, Point, index_rows
 from vibroimpact.explorer.state import NAMES, View, parameter_label, symbol, unit
 from vibroimpact.plotting.style import BLUE, GREEN, RED, STICKING
 from vibroimpact.plotting.style import view as limits

@@ -236,6 +236,18 @@ class Work:
             self._idle.notify_all()
 
 
+class Clock:
+    """Whether a search is still wanted, and has time left; `complete` says whether that was so whenever it asked."""
+
+    def __init__(self, wanted: Callable[[], bool], seconds: float) -> None:
+        self._wanted, self._deadline, self.complete = wanted, time.monotonic() + seconds, True
+
+    def __call__(self) -> bool:
+        """Return whether to go on."""
+        self.complete = self.complete and self._wanted() and time.monotonic() < self._deadline
+        return self.complete
+
+
 class Refinement:
     """The work on one plane, lattice by lattice; a later one of the same page makes it out of date.
 
