@@ -58,10 +58,8 @@ def _drawer(kind: figures.Kind) -> Callable[..., Axes | Figure]:
 
 
 KINDS: dict[str, Callable[..., Axes | Figure]] = {name: _drawer(kind) for name, kind in figures.KINDS.items()}
-ENDINGS = (".png", ".svg", ".pdf")
-
-# Without a date and with fixed identifiers, the same figure is the same file.
-_UNDATED: dict[str, dict[str, None]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+# By ending. Without a date and with fixed identifiers, the same figure is the same file.
+_METADATA: dict[str, dict[str, None]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 _BY_SHAPE = ("impact_section", "stroboscopic_section", "bifurcation_diagram", "parameter_map")  # may have been sliced
 
 
@@ -160,13 +158,13 @@ def save_figure(
         raise ValueError(
             "`figure` must be axes that belong to a figure; these were removed from theirs, draw them again"
         )
-    target = check_output(path, overwrite=overwrite, endings=ENDINGS)
+    target = check_output(path, overwrite=overwrite, endings=tuple(_METADATA))
     ending, own_size = target.suffix.lower(), whole.get_size_inches()
     try:
         if size is not None:
             whole.set_size_inches(*size)
         with replacing(target, overwrite=overwrite) as part, mpl.rc_context({"svg.hashsalt": "vibroimpact"}):
-            whole.savefig(part, dpi=dpi, format=ending[1:], metadata=_UNDATED[ending])
+            whole.savefig(part, dpi=dpi, format=ending[1:], metadata=_METADATA[ending])
     finally:
         whole.set_size_inches(*own_size)
     return target

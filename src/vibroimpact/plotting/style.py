@@ -289,8 +289,7 @@ def _legible(handle: Any) -> Any:
     """Return a stand-in for fine dots that can be seen in a legend; other handles as they are."""
     if not isinstance(handle, Line2D) or handle.get_linestyle() != "None" or handle.get_markersize() >= 4:
         return handle
-    name, color = str(handle.get_label()), handle.get_color()
-    return Line2D([], [], linestyle="none", marker="o", markersize=4, markeredgewidth=0, color=color, label=name)
+    return Line2D([], [], **DOTS, markersize=4, color=handle.get_color(), label=str(handle.get_label()))
 
 
 def _columns(ax: Axes, handles: Sequence[Any]) -> int:
