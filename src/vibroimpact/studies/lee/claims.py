@@ -95,6 +95,7 @@ class Section:
         """Register a printed number; `what` names the quantity in the sentence that says why."""
         suffix = f" {unit}" if unit else ""
 
+        @self.claim(quotation, f"{printed}{suffix}", importance)
         def compare(lab: Laboratory) -> Outcome:
             found = measure(lab)
             assessment = printed_value(found, printed)
@@ -102,8 +103,6 @@ class Section:
             if assessment.verdict is Verdict.LAST_DIGIT and cut_like(found, printed):
                 because += ", cut off instead of rounded"
             return Outcome(assessment, f"{found:.6g}{suffix}", because, fixed_step(lab) if fixed_step else "")
-
-        self.claim(quotation, f"{printed}{suffix}", importance)(compare)
 
     def trend(
         self,
@@ -119,17 +118,17 @@ class Section:
     ) -> None:
         """Register that a quantity rises or falls; `what` names it, `because` where it was found."""
 
+        @self.claim(quotation, says)
         def compare(lab: Laboratory) -> Outcome:
             found = measure(lab)
             numbers = " → ".join(form.format(value) for value in found) + (f" {unit}" if unit else "")
             reason = because if isinstance(because, str) else because(lab)
             return Outcome((rises if grows else falls)(found, what), numbers, reason)
 
-        self.claim(quotation, says)(compare)
-
     def named(self, quotation: str, name: str, omega: float) -> None:
         """Register the name of a motion at a frequency."""
 
+        @self.claim(quotation, f"{name} at w = {omega:g}")
         def compare(lab: Laboratory) -> Outcome:
             motion = lab.motion(omega=omega)
             seen = lab.window(omega=omega).velocity
@@ -140,11 +139,10 @@ class Section:
                 f"{len(seen)} impacts, {seen.min():.3g} to {seen.max():.3g} m/s" if len(seen) else "no impact",
             )
 
-        self.claim(quotation, f"{name} at w = {omega:g}")(compare)
-
     def fills(self, quotation: str, what: str, low: str, high: str, has: Test) -> None:
         """Register "this motion throughout [low, high]"."""
 
+        @self.claim(quotation, f"{what} in [{low}, {high}]")
         def compare(lab: Laboratory) -> Outcome:
             scan = lab.scan().between(low, high)
             flags = scan.where(has)
@@ -156,11 +154,10 @@ class Section:
                 else f"other motions {intervals(scan.omega, ~flags)}: {commonest(scan.motions, ~flags)}",
             )
 
-        self.claim(quotation, f"{what} in [{low}, {high}]")(compare)
-
     def chaotic(self, quotation: str, low: str, high: str, importance: int = 0) -> None:
         """Register "the motions are unstable in [low, high]"."""
 
+        @self.claim(quotation, f"unstable in [{low}, {high}]", importance)
         def compare(lab: Laboratory) -> Outcome:
             scan = lab.scan().between(low, high)
             flags = scan.where(aperiodic)
@@ -170,8 +167,6 @@ class Section:
                 f"motions that repeat {intervals(scan.omega, ~flags)} ({commonest(scan.motions, ~flags)})",
                 lab.unsettled(float(low), float(high)),
             )
-
-        self.claim(quotation, f"unstable in [{low}, {high}]", importance)(compare)
 
     # The following patterns recur in the subsections of section 4.
 
@@ -197,6 +192,7 @@ class Section:
         """Register "n impact resonances": a peak of the velocity at each 2 n w_n on a period-n impact-1 motion."""
         omega_n = OSCILLATOR.replace(**changes).natural_frequency
 
+        @self.claim(quotation, f"{count} resonances")
         def compare(lab: Laboratory) -> Outcome:
             names, places = [], []
             for n in range(1, int(TOP / (2 * omega_n)) + 1):
@@ -208,11 +204,10 @@ class Section:
             because = f"peaks of the impact velocity at w = {', '.join(places)}"
             return Outcome(all_of(rules), f"{sum(names)} resonances", because)
 
-        self.claim(quotation, f"{count} resonances")(compare)
-
     def axis_height(self, quotation: str, printed: str, importance: int = 0, **changes: float) -> None:
         """Register the upper end of a velocity axis."""
 
+        @self.claim(quotation, f"axis to {printed}", importance)
         def compare(lab: Laboratory) -> Outcome:
             omega, height = lab.largest(**changes)
             seen, _ = lab.window(omega=omega, **changes).hardest
@@ -222,13 +217,12 @@ class Section:
             seen_text = f"at most {seen:.4g} m/s at that w"
             return Outcome(axis_limit(height, printed), f"at most {height:.4g} m/s", because, seen_text)
 
-        self.claim(quotation, f"axis to {printed}", importance)(compare)
-
     def impact_rate(self, quotation: str, says: str, name: str, values: tuple[float, ...], importance: int) -> None:
         """Register that the first value of a parameter gives the most impacts per period, the last one the fewest."""
         symbol = pair_of(name).symbol
         many, few = (f"{symbol} = {value:g}" for value in (values[0], values[-1]))
 
+        @self.claim(quotation, says, importance)
         def compare(lab: Laboratory) -> Outcome:
             found = [rates(lab, **{name: value}) for value in values]
             both = np.all(np.isfinite(found), axis=0)
@@ -245,13 +239,12 @@ class Section:
                 f"{means}; a stick has infinitely many",
             )
 
-        self.claim(quotation, says, importance)(compare)
-
     def map_claims(self, mountain: str, flat: str, contour: str, marker: str) -> Pair:
         """Register the four statements that the paper makes about the map of this section; return its pair."""
         pair = next(pair for pair in PAIRS if pair.section == self.number)
         figure = pair.map_figure
 
+        @self.claim(f"{mountain} (Fig. {figure}a)", "mountain = unstable", 1)
         def mountains(lab: Laboratory) -> Outcome:
             share, _, _ = shares(lab, pair)
             cells = lab.cells(pair.name)
@@ -263,6 +256,7 @@ class Section:
                 f"({stable}); {len(cells.std)} cells of the map were named",
             )
 
+        @self.claim(f"{flat} (Fig. {figure}a)", "flat = stable")
         def plains(lab: Laboratory) -> Outcome:
             _, share, _ = shares(lab, pair)
             return Outcome(
@@ -271,6 +265,7 @@ class Section:
                 f"{1 - share:.1%} of the plain is chaos of low velocity, or settles more slowly than was sampled",
             )
 
+        @self.claim(f"{contour} (Fig. {figure}b)", "the contour divides stable from unstable", 1)
         def boundaries(lab: Laboratory) -> Outcome:
             _, _, share = shares(lab, pair)
             return Outcome(
@@ -280,6 +275,7 @@ class Section:
                 "nearly all of them stable motions with several impacts per cycle or a stick",
             )
 
+        @self.claim(f"{marker} (Fig. {figure}b)", f"the line {pair.symbol} = {pair.reference:g} is Fig. 3")
         def marker_line(lab: Laboratory) -> Outcome:
             diagram, line = lab.results["figure-03"], lab.results["figure-10"]["std"]
             differ = (diagram["velocity"].std("impact").values >= lab.level) != (line.values >= lab.level)
@@ -292,11 +288,6 @@ class Section:
                 f"nearest row is {pair.symbol} = {nearest:.4g}",
             )
 
-        line = f"the line {pair.symbol} = {pair.reference:g} is Fig. 3"
-        self.claim(f"{mountain} (Fig. {figure}a)", "mountain = unstable", 1)(mountains)
-        self.claim(f"{flat} (Fig. {figure}a)", "flat = stable")(plains)
-        self.claim(f"{contour} (Fig. {figure}b)", "the contour divides stable from unstable", 1)(boundaries)
-        self.claim(f"{marker} (Fig. {figure}b)", line)(marker_line)
         return pair
 
     def region_count(self, quotation: str) -> None:
@@ -307,14 +298,13 @@ class Section:
                 return "sticking"
             return motion.name if motion.n_impacts == 1 and motion.n_periods in (1, 2) else "other"
 
+        @self.claim(quotation, "six regions")
         def compare(lab: Laboratory) -> Outcome:
             scan = lab.scan()
             regions = merge_runs(list(scan.omega), [kind(motion) for motion in scan.motions], 0.2)
             found = "; ".join(f"{what} {low:g} to {high:g}" for what, low, high in regions)
             because = f"{found}. The paper prints the range as w = [1, 5]; its own list begins at 0"
             return Outcome(printed_value(len(regions), "6"), f"{len(regions)} regions", because)
-
-        self.claim(quotation, "six regions")(compare)
 
 
 def shares(lab: Laboratory, pair: Pair) -> tuple[float, float, float]:

@@ -52,6 +52,7 @@ def complex_within(section: Section, quotation: str, low: str, high: str, import
     def simple(motion: Motion) -> bool:
         return sticks(motion) or (periodic(motion) and motion.n_impacts == 1)
 
+    @section.claim(quotation, f"complex motions in [{low}, {high}]", importance)
     def compare(lab: Laboratory) -> Outcome:
         scan = lab.scan().between(low, high)
         flags = scan.where(simple)
@@ -62,8 +63,6 @@ def complex_within(section: Section, quotation: str, low: str, high: str, import
             f"aperiodic {intervals(scan.omega, scan.where(aperiodic))}",
             lab.unsettled(float(low), float(high)),
         )
-
-    section.claim(quotation, f"complex motions in [{low}, {high}]", importance)(compare)
 
 
 complex_within(
@@ -91,6 +90,7 @@ def complex_maps(section: Section, omega: float) -> None:
     """Register the two statements "fractal patterns" and "instability" at a frequency."""
     osc, at = OSCILLATOR.replace(omega=omega), f"w = {omega:g}"
 
+    @section.claim(f"period-fractal and impact-fractal patterns on the maps ({at})", f"chaotic at {at}")
     def never_repeats(lab: Laboratory) -> Outcome:
         motion, velocity = lab.motion(omega=omega), lab.section(omega=omega)["velocity"]
         return Outcome(
@@ -100,6 +100,7 @@ def complex_maps(section: Section, omega: float) -> None:
             "no two cycles alike; whether the set is fractal is not tested, only that it does not repeat",
         )
 
+    @section.claim(f"confirms the instability of the impact motion ({at})", f"unstable at {at}")
     def separates(lab: Laboratory) -> Outcome:
         first, second = (
             vi.impact_section(osc, start=start, transient_impacts=0, sample_impacts=60)["velocity"].values
@@ -111,9 +112,6 @@ def complex_maps(section: Section, omega: float) -> None:
             f"grows {growth:.2g}-fold",
             f"two motions that start 1e-9 m apart are {growth * 1e-9:.2g} m/s apart within 60 impacts",
         )
-
-    section.claim(f"period-fractal and impact-fractal patterns on the maps ({at})", f"chaotic at {at}")(never_repeats)
-    section.claim(f"confirms the instability of the impact motion ({at})", f"unstable at {at}")(separates)
 
 
 complex_maps(first_chaos, 0.75)
