@@ -70,23 +70,11 @@ _BY_STATUS = np.array([0, 0, 0, 0, 1, 1, 5, 6, 8, 9], dtype=np.int8)
 
 
 def decide(status: ArrayLike, growth: ArrayLike, n_periods: ArrayLike, n_impacts: ArrayLike) -> NDArray[np.int8]:
-    r"""Return the kind of motion, as a number of `MotionClass`, of one cell or of an array of cells.
+    r"""Return the kind of motion, as a number of `MotionClass`, of one cell or of an array, by the rules of `classify`.
 
-    Parameters
-    ----------
-    status : int or array
-        A `Status` a cell.
-    growth : float or array
-        ln of the factor by which neighbours part over the sampled impacts, :math:`N \lambda_\mathrm{impact}`.
-    n_periods, n_impacts : int or array
-        Driving periods and impacts of the cycle that was found; 0 where there is none, -1 impacts for complete chatter.
-
-    Returns
-    -------
-    ndarray of int8
-        The first of these that fits: what the status alone decides (no impact, stuck, decaying, budget, interrupted);
-        sticking, where two of three hold: there is a cycle, :math:`\lambda = -\infty`, a complete chatter; periodic,
-        with another cycle; chaotic, if growth exceeds 53 ln 2 in a window of 10 periods or more; undecided.
+    `growth` is ln of the factor by which neighbours part over the sampled impacts, :math:`N \lambda_\mathrm{impact}`;
+    `n_periods` and `n_impacts` are 0 where no cycle was found, and -1 impacts are a complete chatter. The mass sticks
+    where two of three hold: there is a cycle, :math:`\lambda = -\infty`, a complete chatter.
 
     Examples
     --------
@@ -279,7 +267,7 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
     kind = MotionClass(int(decide(status, growth, n, p)))
     if kind not in (MotionClass.PERIODIC, MotionClass.STICKING):
         return Motion(kind.word, status=status)
-    impacts = from_hardest(velocity[cycle], phase[cycle]) if n else ((), ())
+    impacts = _from_hardest(velocity[cycle], phase[cycle]) if n else ((), ())
     return Motion(kind.word, n, p, *impacts, status)
 
 
@@ -352,13 +340,7 @@ def _repeats(columns: Sequence[NDArray[Any]], tolerance: float, longest: int) ->
 
 
 def cycle_length(velocity: Floats, phase: Floats, *, tolerance: float = 1e-6, longest: int = 64) -> int:
-    """Return the fewest impacts after which velocities and phases repeat, or 0.
-
-    Examples
-    --------
-    >>> cycle_length(np.array([1.0, 2.0] * 4), np.array([0.1, 0.6] * 4))
-    2
-    """
+    """Return the fewest impacts after which velocities and phases repeat, or 0."""
     return recurrence(velocity, np.exp(2j * np.pi * phase), tolerance=tolerance, longest=longest)
 
 
@@ -386,7 +368,6 @@ def _between_releases(time: Floats, releases: Floats, osc: ImpactOscillator) -> 
     return int(waits[-q:].sum()), int(between.sum()) if osc.restitution == 0.0 else -1, between
 
 
-def from_hardest(velocity: Floats, phase: Floats) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the velocities and phases of a cycle from its hardest impact on."""
+def _from_hardest(velocity: Floats, phase: Floats) -> tuple[tuple[float, ...], tuple[float, ...]]:
     start = -int(velocity.argmax()) if len(velocity) else 0
     return tuple(np.roll(velocity, start).tolist()), tuple(np.roll(phase, start).tolist())

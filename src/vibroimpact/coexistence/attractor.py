@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -44,14 +43,8 @@ class Attractor:
     kind : str
         "periodic", "sticking", "chaotic", "no_impact" (the mass settles clear of the stop), "stuck_forever" (the force
         never lifts it off the stop) or "at_rest" (nothing drives it).
-    n_periods : int
-        Driving periods in a cycle; 0 where there is none or, in intermittent sticking, double precision does not
-        resolve it.
-    n_impacts : int
-        Impacts in a cycle; -1 for a complete chatter, 0 where there is no cycle.
-    velocities, phases : tuple of float
-        Speeds just before contact in m/s and phases in [0, 1) of one cycle, from its hardest hit on in the order of
-        time; of a complete chatter those above its cut. Empty where there is no cycle.
+    n_periods, n_impacts, velocities, phases
+        As of `Motion`; `n_periods` is 0 also where double precision does not resolve it, in intermittent sticking.
     std, mean_velocity, max_velocity : float
         Of the impact velocities, in m/s, over exactly one cycle, or over a long sample of chaos.
     lyapunov : float
@@ -103,13 +96,7 @@ class Attractor:
 
 
 def distinct_names(found: Sequence[Attractor]) -> list[str]:
-    """Return the attractors' names, followed by a letter where several share one.
-
-    Examples
-    --------
-    >>> distinct_names([Attractor("chaotic"), Attractor("no_impact"), Attractor("chaotic")])
-    ['chaotic a', 'no impact', 'chaotic b']
-    """
+    """Return the attractors' names, followed by a letter where several share one."""
     names = [attractor.name for attractor in found]
     return [
         f"{name} {_letters(names[:at].count(name))}" if names.count(name) > 1 else name for at, name in enumerate(names)
@@ -156,19 +143,11 @@ def same_chaos(one: Impacts, other: Impacts) -> bool:
 
 def attractor_of(settled: Settled, at: int, members: Counts, seen: Impacts) -> Attractor:
     """Return the cycle or the chaos that initial condition `at` and other members lead to, from its settled impacts."""
-    osc, one = settled.osc, settled[at]
-    chaotic = one.motion_class == MotionClass.CHAOTIC
+    chaotic = settled.kind[at] == MotionClass.CHAOTIC
     sample = members if chaotic else [at]
-    return Attractor(
-        kind=one.kind,
-        n_periods=one.n_periods,
-        n_impacts=one.n_impacts,
-        **_statistics(seen, None if chaotic else seen),
-        lyapunov=float(settled.indices["lyapunov"][sample].mean()),
-        dissipation=float(settled.indices["dissipation"][sample].mean()),
-        status=one.status,
-        start=State(osc.gap, float(seen.velocities[0]), float(seen.phases[0]) * osc.period),
-    )
+    exponent, loss = (float(settled.indices[name][sample].mean()) for name in ("lyapunov", "dissipation"))
+    start = State(settled.osc.gap, float(seen.velocities[0]), float(seen.phases[0]) * settled.osc.period)
+    return _attractor(settled[at], seen, None if chaotic else seen, start, exponent, loss)
 
 
 def sticking_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
@@ -184,15 +163,30 @@ def sticking_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
     time = seen.impact_periods + seen.impact_phase
     turn = (time > release[0]) & (time < release[0] + periods)
     impacts = Impacts(seen.impact_phase[turn], seen.impact_velocity[turn])
+    cycle = _from_hardest(impacts) if one.n_periods else None
+    start = State(osc.gap, 0.0, float(seen.release_phase[0]) * osc.period)
+    return _attractor(one, impacts, cycle, start, -math.inf, one.indices["dissipation"])
+
+
+def _attractor(
+    one: Measured, sample: Impacts, cycle: Impacts | None, start: State, exponent: float, loss: float
+) -> Attractor:
+    """Return an attractor from a sample of its impacts, and its cycle if it has one."""
+    velocity: Floats = np.asarray(sample.velocities)
+    phases, velocities = (tuple(np.asarray(column).tolist()) for column in cycle or Impacts((), ()))
     return Attractor(
         kind=one.kind,
         n_periods=one.n_periods,
         n_impacts=one.n_impacts,
-        **_statistics(impacts, _from_hardest(impacts) if one.n_periods else None),
-        lyapunov=-math.inf,
-        dissipation=one.indices["dissipation"],
-        status=Status.STICKING,
-        start=State(osc.gap, 0.0, float(seen.release_phase[0]) * osc.period),
+        velocities=velocities,
+        phases=phases,
+        std=float(velocity.std()),
+        mean_velocity=float(velocity.mean()),
+        max_velocity=float(velocity.max()),
+        lyapunov=exponent,
+        dissipation=loss,
+        status=one.status,
+        start=start,
     )
 
 
@@ -205,19 +199,6 @@ def quiet_attractor(osc: ImpactOscillator, one: Measured) -> Attractor:
     else:
         start = osc.steady_state
     return Attractor(kind=one.kind, status=one.status, start=start)
-
-
-def _statistics(sample: Impacts, cycle: Impacts | None) -> dict[str, Any]:
-    """Return the statistics of a sample of impacts, and the cycle if there is one."""
-    velocity: Floats = np.asarray(sample.velocities)
-    found: dict[str, Any] = {
-        "std": float(velocity.std()),
-        "mean_velocity": float(velocity.mean()),
-        "max_velocity": float(velocity.max()),
-    }
-    if cycle is not None:
-        found |= {name: tuple(np.asarray(column).tolist()) for name, column in cycle._asdict().items()}
-    return found
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
+from itertools import count
 from typing import Any
 
 from vibroimpact.coexistence.measuring import Runner
@@ -104,9 +105,7 @@ class Verdict:
             "advice": [asdict(advice) for advice in self.advice],
             "complete": self.complete,
         }
-        plain = _plain(content)
-        assert isinstance(plain, dict)
-        return plain
+        return {name: _plain(value) for name, value in content.items()}
 
 
 def _plain(value: Any) -> Any:
@@ -183,12 +182,10 @@ def describe(
     runner = Runner("cpu", tolerances, workers)
     parts = len(ranges) + BESIDE
     with reporter(progress, "parts") as report:
-        done = 0
+        done = count(1)
 
         def going() -> bool:
-            nonlocal done
-            done += 1
-            return report(done, parts, None) is not False
+            return report(next(done), parts, None) is not False
 
         present = present_motion(osc, runner)
         found: dict[str, Any] = {}
