@@ -68,21 +68,17 @@ def bifurcation_diagram(
     direction : {"fresh", "up", "down"}
         Start every value anew, or go up or down the axis and start each where the one before ended: clearance to the
         stop, velocity and phase are carried along, which shows hysteresis.
-    backend : str
-        Name of the back end; `time_step` in s goes with "fixed-step" only.
+    backend, time_step, tolerances
+        As of `simulate`.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept (section "impact").
-    phase : float, 0 <= phase < 1
-        When to look (section "stroboscopic").
-    transient_periods, sample_periods : int, >= 0 and >= 1
-        Periods left out, then kept (section "stroboscopic").
+    phase, transient_periods, sample_periods
+        As of `stroboscopic_section` (section "stroboscopic").
     indices : names
-        Indices of `parameter_map` to tell of each value too, over `transient_impacts` and `sample_impacts` from the
-        same start; none by default.
+        Indices of `parameter_map` to compute of each value too, over `transient_impacts` and `sample_impacts` from the
+        same initial condition; none by default.
     start : State, optional
-        The start of every value, or of the first one; None is at rest at min(0, gap), time 0.
-    tolerances : Tolerances, optional
-        Numerical tolerances.
+        Initial condition of every value, or of the first one; None is at rest at min(0, gap) at time 0.
     workers : int, optional
         Threads for fresh starts; None is one a core. A carried state leaves nothing to share.
     progress : bool or callable
@@ -95,7 +91,7 @@ def bifurcation_diagram(
     -------
     xarray.Dataset
         Dims (axis, `impact`) with `velocity` (m/s, before contact) and `phase`, or (axis, `period`) with `displacement`
-        (m) and `velocity` (m/s); NaN-padded, with `count`, `status` and the indices asked for over the axis.
+        (m) and `velocity` (m/s); NaN-padded, with `count`, `status` and the `indices` over the axis.
 
     Raises
     ------

@@ -148,14 +148,9 @@ class ImpactOscillator:
         return self.replace(**values) if values else self
 
     def cells(self, points: Mapping[str, Any], start: State | None = None) -> Cells:
-        """Return one cell per point, all from the same start.
+        """Return one cell per point, all from the same start; None is at rest at min(0, gap) at time 0.
 
-        Parameters
-        ----------
-        points : mapping of str to ndarray, shape (n,)
-            Values of some parameters; without any, there is one cell.
-        start : State, optional
-            None is at rest at min(0, gap) at time 0.
+        `points` holds the values of some parameters, arrays of one length; without any, there is one cell.
         """
         import numpy as np
 

@@ -133,12 +133,14 @@ class Meter:
         """Show how far the computation is; return whether to continue."""
         self._open()
         seconds = perf_counter() - self._began
-        if total is None:
-            return self._count(done, seconds)
         impacts = getattr(partial, "attrs", {}).get("impacts_computed", 0)
         detail = partial if isinstance(partial, str) else speed(impacts, seconds)
         if self._bar is not None:
-            self._bar.update(self._task, completed=done, total=total, detail=detail)
+            self._bar.update(self._task, completed=done, total=total, detail="" if total is None else detail)
+        elif total is None:
+            if seconds >= self._shown + SECONDS:
+                self._shown = seconds
+                print(f"{self.label}: {done}, {seconds:.0f} s", file=sys.stderr, flush=True)
         elif done / total >= self._shown + 0.1 or done == total:
             self._shown = done / total
             left = f"{seconds * (total - done) / done:.0f} s left" if done < total else f"{seconds:.1f} s"
@@ -150,15 +152,6 @@ class Meter:
         if self._opening is not None:
             opening, self._opening = self._opening, None
             opening()
-
-    def _count(self, done: int, seconds: float) -> bool:
-        """Show how many are done where the total is unknown."""
-        if self._bar is not None:
-            self._bar.update(self._task, completed=done)
-        elif seconds >= self._shown + SECONDS:
-            self._shown = seconds
-            print(f"{self.label}: {done}, {seconds:.0f} s", file=sys.stderr, flush=True)
-        return not self.stopped
 
     def _stop(self, signal_number: int, frame: FrameType | None) -> None:
         # os.write: a print here could meet one that the signal broke into
