@@ -194,10 +194,14 @@ class Motion:
 
 
 def _hits(velocities: tuple[float, ...]) -> str:
-    numbers = [f"{velocity:.3g}" for velocity in velocities]
-    if len(numbers) > 4:
+    if len(velocities) > 4:
         return f"hits from {min(velocities):.3g} to {max(velocities):.3g} m/s"
-    return f"hits at {' and '.join([', '.join(numbers[:-1]), numbers[-1]] if len(numbers) > 1 else numbers)} m/s"
+    return f"hits at {listed([f'{velocity:.3g}' for velocity in velocities])} m/s"
+
+
+def listed(items: list[str]) -> str:
+    """Return a list with commas, and an "and" before the last item."""
+    return " and ".join(part for part in (", ".join(items[:-1]), items[-1]) if part) if items else ""
 
 
 # Recognition

@@ -18,6 +18,7 @@ from vibroimpact.motion import (
     cycle_length,
     cycle_name,
     decide,
+    listed,
     motion_name,
     recognise,
     recurrence,
@@ -89,11 +90,6 @@ def counted(number: int, noun: str) -> str:
 def quantity(value: float, units: str, digits: int = 12) -> str:
     """Return a value with its unit."""
     return f"{value:.{digits}g}" + ("" if units == "1" else f" {units}")
-
-
-def listed(items: list[str]) -> str:
-    """Return a list with commas, and an "and" before the last item."""
-    return " and ".join(part for part in (", ".join(items[:-1]), items[-1]) if part) if items else ""
 
 
 # One motion

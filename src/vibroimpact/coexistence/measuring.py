@@ -28,7 +28,7 @@ _STRIDES = 0.7548776662466927, 0.5698402909980532  # 1/x and 1/x^2 with x^3 = x 
 PAPER = ImpactWindow(100, 5000)
 HARDLY_EVER = 64  # periods: chaos in which the mass rests now and then is, strictly, a long sticking cycle
 QUIET = (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER, MotionClass.AT_REST)
-NEEDED = (
+IDENTIFYING = (  # indices that name a motion and part attractors
     "mean_velocity",
     "impacts_per_period",
     "lyapunov",
@@ -41,7 +41,10 @@ NEEDED = (
 
 
 class Start(NamedTuple):
-    """Clearance to the stop in m, velocity in m/s and driving phase: what a motion is followed from."""
+    """Where a motion is followed from, as cells hold it: clearance to the stop in m, velocity in m/s, driving phase.
+
+    Unlike a `State` it carries a motion on bit by bit.
+    """
 
     clearance: float
     velocity: float
@@ -128,23 +131,16 @@ class Runner:
 
     def __init__(self, backend: str = "cpu", tolerances: Tolerances | None = None, workers: int | None = None) -> None:
         self.engine = get_backend(backend)
-        if not self.engine.known_indices.issuperset(NEEDED):
+        if not self.engine.known_indices.issuperset(IDENTIFYING):
             raise invalid("backend", backend, "one that gives n and p of cycles")
         self.tolerances = tolerances or Tolerances()
         self.workers = worker_count(workers)
         self.stop = Event()
         self.measured = 0
 
-    def run(
-        self,
-        cells: Cells,
-        window: ImpactWindow,
-        indices: tuple[str, ...] = NEEDED,
-        tolerances: Tolerances | None = None,
-    ) -> Iterator[tuple[Counts | slice, Outcome]]:
+    def run(self, cells: Cells, wanted: Measurement) -> Iterator[tuple[Counts | slice, Outcome]]:
         """Yield which cells have ended, and their indices."""
-        measurement = Measurement(window, tolerances or self.tolerances, indices=indices)
-        return run_sweep(self.engine, cells, measurement, self.workers, self.stop)
+        return run_sweep(self.engine, cells, wanted, self.workers, self.stop)
 
     def measure(
         self, cells: Cells, window: ImpactWindow = PAPER, tolerances: Tolerances | None = None
@@ -152,7 +148,8 @@ class Runner:
         """Return the motion of each cell with every index, its kind by the rule of `classify`."""
         self.measured += len(cells)
         table = {name: np.full(len(cells), np.nan) for name in (*INDICES, "status")}
-        for which, found in self.run(cells, window, tuple(INDICES), tolerances):
+        wanted = Measurement(window, tolerances or self.tolerances, indices=tuple(INDICES))
+        for which, found in self.run(cells, wanted):
             for name, column in table.items():
                 column[which] = found[name]
         return _measured(table, window)

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import Cells, ImpactWindow
+from vibroimpact.backends import Cells, ImpactWindow, Measurement
 from vibroimpact.backends.base import Counts, Outcome
-from vibroimpact.coexistence.measuring import AT_REST, NEEDED, Measured, Runner, named
+from vibroimpact.coexistence.measuring import AT_REST, IDENTIFYING, Measured, Runner, named
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import MotionClass, decide
 from vibroimpact.oscillator import ImpactOscillator
@@ -48,7 +48,7 @@ class Settled:
         """Return what is known before anything has run: nothing."""
         number = len(cells)
         counts = {name: np.zeros(number, np.int64) for name in ("impacts", "steps")}
-        indices = {name: np.zeros(number, INDICES[name].dtype) for name in NEEDED}
+        indices = {name: np.zeros(number, INDICES[name].dtype) for name in IDENTIFYING}
         return cls(
             osc, cells, np.zeros(number, np.int8), np.full(number, Status.INTERRUPTED, np.int8), counts | indices
         )
@@ -59,7 +59,7 @@ class Settled:
 
     def note(self, at: Counts, outcome: Outcome, kept: int) -> None:
         """Take down the outcome of a window of `kept` impacts."""
-        for name in (*NEEDED, "impacts"):
+        for name in (*IDENTIFYING, "impacts"):
             self.indices[name][at] = outcome[name]
         self.indices["steps"][at] += outcome["steps"]
         self.kind[at] = attracting_kinds(self.osc, outcome, kept)
@@ -68,7 +68,7 @@ class Settled:
     def follow(self, at: Counts, released: Settled) -> None:
         """Let those that have stuck go on as every mass does that is released."""
         self.kind[at], self.status[at] = released.kind[0], released.status[0]
-        for name in NEEDED:
+        for name in IDENTIFYING:
             self.indices[name][at] = released.indices[name][0]
         self.indices["impacts"][at] += released.indices["impacts"][0]
 
@@ -99,7 +99,7 @@ def settle(
     for window in windows:
         kind[left], status[left] = MotionClass.UNDECIDED, Status.INTERRUPTED
         undecided = len(left)
-        for which, outcome in runner.run(cells[left], window):
+        for which, outcome in runner.run(cells[left], Measurement(window, runner.tolerances, indices=IDENTIFYING)):
             settled.note(left[which], outcome, window.keep)
             undecided -= int(np.count_nonzero(kind[left[which]]))
             report(settled, undecided)
@@ -120,7 +120,7 @@ def _released(runner: Runner, osc: ImpactOscillator, windows: Sequence[ImpactWin
     """Return what a mass settles to that waits at the stop for its release."""
     settled = Settled.of(osc, AT_REST.cell(osc))
     for window in windows:
-        for which, outcome in runner.run(settled.cells, window):
+        for which, outcome in runner.run(settled.cells, Measurement(window, runner.tolerances, indices=IDENTIFYING)):
             settled.note(np.arange(1)[which], outcome, window.keep)
         if settled.kind[0] not in (MotionClass.UNDECIDED, MotionClass.CHAOTIC):
             break

@@ -15,7 +15,7 @@ PLACES = 36  # values along a path
 HALVINGS = 8  # of the step in which the benefit begins
 SOFTER = 0.8 * (1.0 + 1e-9)  # of the hardest hit: a clear benefit
 NO_HARDER = 1.05  # of the hardest hit: what a regular motion in place of chaos may cost
-SCANNED, TESTED = ImpactWindow(500, 1500), ImpactWindow(1000, 4000)
+SCAN, TEST = ImpactWindow(500, 1500), ImpactWindow(1000, 4000)
 TRIED = 6  # values beyond the first good one at which advice is tested
 
 
@@ -82,40 +82,32 @@ class Search:
 def advise(present: Present, ranges: Sequence[Range], runner: Runner) -> tuple[Advice, ...]:
     """Return for each parameter the smallest change to a gentler motion, the smallest of all first."""
     # Hits are compared over equal samples: the present motion goes on in the windows of the changed ones.
-    (now,), (known,) = (
-        measure(runner, cells_of([present.model], [present.state]), window) for window in (SCANNED, TESTED)
-    )
+    (now,), (known,) = (measure(runner, cells_of([present.model], [present.start]), window) for window in (SCAN, TEST))
     if now.hardest == 0.0 or not now.status.has_indices:
         return ()
+    chaotic = present.measured.motion_class == MotionClass.CHAOTIC  # then it stays so as the force grows in proportion
     searches = [
         Search(each, direction, path)
         for each in ranges
         for direction in (-1, 1)
-        if (path := each.path(direction, PLACES)) and not _in_proportion(present, each)
+        if (path := each.path(direction, PLACES)) and not (chaotic and each.only_scales)
     ]
     if not searches:
         return ()
     _locate(now, searches, runner)
     good = [search for search in searches if search.further]
     _refine(now, good, runner)
-    found = [advice for search in good if (advice := _tested(present.state, known, search, runner))]
+    found = [advice for search in good if (advice := _tested(present.start, known, search, runner))]
     smallest: dict[str, Advice] = {}
     for advice in sorted(found, key=lambda a: abs(a.change)):
         smallest.setdefault(advice.parameter, advice)
     return tuple(smallest.values())
 
 
-def _in_proportion(present: Present, varied: Range) -> bool:
-    """Whether a smaller force only makes everything smaller, chaos included: the class never changes at g = 0."""
-    osc = present.oscillator
-    is_force = present.model is osc and varied.name == "amplitude"
-    return is_force and osc.gap == 0.0 and present.measured.motion_class == MotionClass.CHAOTIC
-
-
 def _locate(now: Measured, searches: Sequence[Search], runner: Runner) -> None:
     """Find along each path the first value with a benefit that its next neighbour has too."""
     there = [search.range.changed(value) for search in searches for value in search.path]
-    motions = iter(measure(runner, cells_of(there), SCANNED))
+    motions = iter(measure(runner, cells_of(there), SCAN))
     for search in searches:
         good = [bool(gentler(now, next(motions))) for _ in search.path]
         pairs = zip(good, good[1:] + good[-1:], strict=True)
@@ -130,7 +122,7 @@ def _refine(now: Measured, searches: Sequence[Search], runner: Runner) -> None:
     for _ in range(HALVINGS if searches else 0):
         middles = [search.range.between(search.inside, search.outside, 0.5) for search in searches]
         there = [search.range.changed(value) for search, value in zip(searches, middles, strict=True)]
-        motions = measure(runner, cells_of(there), SCANNED)
+        motions = measure(runner, cells_of(there), SCAN)
         for search, middle, motion in zip(searches, middles, motions, strict=True):
             if gentler(now, motion):
                 search.outside = middle
@@ -144,8 +136,8 @@ def _tested(state: Start | None, now: Measured, search: Search, runner: Runner) 
     values = [_rounded(search.outside, varied, 0)]
     values += [_rounded(value, varied, search.direction) for value in (search.outside, *search.further)]
     there = [varied.changed(value) for value in values]
-    from_rest = measure(runner, cells_of(there), TESTED)
-    carried = measure(runner, cells_of(there, [state] * len(there)), TESTED)
+    from_rest = measure(runner, cells_of(there), TEST)
+    carried = measure(runner, cells_of(there, [state] * len(there)), TEST)
     for value, rest, onward in zip(values, from_rest, carried, strict=True):
         if gentler(now, rest) and gentler(now, onward):
             worse = max(rest, onward, key=lambda motion: motion.hardest)

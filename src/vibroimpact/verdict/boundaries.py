@@ -178,11 +178,9 @@ def _with_beyond(found: Sequence[Found], runner: Runner) -> tuple[Edge, ...]:
 
 def _exact(present: Present, range: Range, direction: int) -> Found | None:
     """Return the boundary, or `none` up to the end of the range; None where no equation gives it."""
-    if not range.path(direction, 1):
+    if range.only_scales or not range.path(direction, 1):
         return Found(range, direction)
     osc = present.oscillator
-    if present.model is osc and range.name == "amplitude" and osc.gap == 0.0 and osc.amplitude > 0.0:
-        return Found(range, direction)  # the motion only grows in proportion
     if present.measured.motion_class == MotionClass.NO_IMPACT and osc.damping > 0.0 and osc.gap > osc.steady_amplitude:
         return _closed_form("first_contact", range, direction, lambda o: o.gap - o.steady_amplitude)
     if present.measured.motion_class == MotionClass.STUCK_FOREVER and osc.stiffness * osc.gap <= -osc.amplitude:
@@ -293,7 +291,7 @@ class Track:
 def _bisected(present: Present, wanted: Sequence[tuple[Range, int]], runner: Runner) -> list[Found]:
     """Return, for each parameter and direction, where the motion that is followed first changes its class."""
     tracks = [
-        Track(each, direction, each.value, present.state, ahead=each.path(direction, PLACES))
+        Track(each, direction, each.value, present.start, ahead=each.path(direction, PLACES))
         for each, direction in wanted
     ]
     while active := [track for track in tracks if track.outside is None and track.ahead]:

@@ -36,14 +36,14 @@ def measure(runner: Runner, cells: Cells, window: ImpactWindow) -> list[Measured
 
 @dataclass(frozen=True)
 class Present:
-    """The motion that a design settles to from rest: measured, its cycle, its exact orbit if any, a state on it."""
+    """The motion that a design settles to from rest: measured, its cycle, its exact orbit if any, what continues it."""
 
     model: Model
     oscillator: ImpactOscillator
     measured: Measured
     motion: Motion
     orbit: Orbit | None
-    state: Start | None
+    start: Start | None
 
 
 def present_motion(model: Model, runner: Runner) -> Present:
@@ -56,9 +56,9 @@ def present_motion(model: Model, runner: Runner) -> Present:
     measured, seen = runner.record(osc.cells({}), ImpactWindow(SETTLED, SHOWN))
     motion = Motion(measured.kind, measured.n_periods, measured.n_impacts, status=measured.status)
     if not (measured.motion_class.hits and measured.n_periods):
-        (state,) = runner.follow(osc.cells({}), SETTLED)
+        (start,) = runner.follow(osc.cells({}), SETTLED)
         orbit = _sticking_orbit(model, 1) if measured.motion_class == MotionClass.STICKING else None
-        return Present(model, osc, measured, motion, orbit, state)
+        return Present(model, osc, measured, motion, orbit, start)
     if measured.motion_class == MotionClass.STICKING:
         orbit = _sticking_orbit(model, measured.n_periods)
     else:
@@ -165,6 +165,12 @@ class Range:
     scale: float
     of: str = ""
 
+    @property
+    def only_scales(self) -> bool:
+        """Whether the motion only grows in proportion: with the force, where the gap is zero."""
+        osc = self.model
+        return isinstance(osc, ImpactOscillator) and self.name == "amplitude" and osc.gap == 0.0 < osc.amplitude
+
     def changed(self, value: float) -> Model:
         """Return the model with another value of the parameter."""
         return self.model.replace(**{self.name: value})
@@ -223,8 +229,6 @@ def range_of(model: Model, name: str, within: float) -> Range:
         size = abs(value) or 1.0
         low, high = max(value - within * size, parameter.low), min(value + within * size, parameter.high)
         chosen = Range(model, name, value, low, high, size, "" if value else f"1 {parameter.unit}".removesuffix(" 1"))
-    if isinstance(model, ImpactOscillator):
-        return chosen
     return replace(chosen, low=_possible(chosen, -1), high=_possible(chosen, 1))
 
 
@@ -248,7 +252,7 @@ def _from_zero(osc: ImpactOscillator, name: str, within: float) -> Range:
 
 
 def _possible(chosen: Range, direction: int) -> float:
-    """Return the end of a family's range, drawn in to where the family still makes a design."""
+    """Return the end of a range, of a family drawn in to where it still makes a design."""
     inside, end = chosen.value, chosen.end(direction)
     outside = end
     for _ in range(TRIALS):

@@ -8,6 +8,7 @@ import textwrap
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
+from vibroimpact import report
 from vibroimpact.oscillator import Model
 from vibroimpact.verdict.boundaries import NOISE, Edge
 from vibroimpact.verdict.present import percent, range_of
@@ -61,7 +62,7 @@ def parameters_line(model: Model) -> str:
 def quantity(model: Model, name: str, value: float, digits: int = 4) -> str:
     """Return a value of a parameter with its unit; an angular frequency also in Hz."""
     unit = model.parameters[name].unit
-    text = f"{value:.{digits}g}" + ("" if unit == "1" else f" {unit}")
+    text = report.quantity(value, unit, digits)
     return f"{text} ({value / (2.0 * math.pi):.{digits}g} Hz)" if unit == "rad/s" else text
 
 
