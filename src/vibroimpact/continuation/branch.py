@@ -103,8 +103,8 @@ def continue_orbit(
     """
     ends = check_range(_checked(orbit), parameter, range)
     longest = check_share("step", step)
-    system, x = branch_system(orbit, parameter, ends)
-    x = _corrected(system, x)
+    system, z = system_of(orbit, (parameter,), (ends,))
+    x = _corrected(system, system.pack(z))
     with reporter(progress, "orbits") as report:
         down, up = both_ways(partial(walk, system, x, longest, virtual), report)
     special = [special.bifurcation(parameter) for special in down.special[::-1] + up.special]
@@ -141,12 +141,6 @@ def _corrected(system: System, x: Floats) -> Floats:
     if np.abs(system.misses(x)).max() < 1e-9:
         return x  # at a fold: solved, though the parameter does not fix it
     raise ValueError("`orbit` does not return to itself; give a periodic orbit that find_orbit returned")
-
-
-def branch_system(orbit: Orbit, parameter: str, range: tuple[float, float]) -> tuple[System, Floats]:
-    """Return the equations of a branch and the unknown of the orbit it begins with."""
-    system, z = system_of(orbit, (parameter,), (range,))
-    return system, system.pack(z)
 
 
 def walk(system: System, x: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:

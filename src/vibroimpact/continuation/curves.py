@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_through, check_box, check_plane
-from vibroimpact.continuation.branch import branch_system, walk
+from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary
 from vibroimpact.continuation.sticking import Range, ends_on_line
-from vibroimpact.continuation.system import UNKNOWN, both_ways, check_share
+from vibroimpact.continuation.system import UNKNOWN, both_ways, check_share, system_of
 from vibroimpact.orbits.equations import Cycle, Floats, impact_1_orbits
 from vibroimpact.orbits.orbit import make_orbit
 from vibroimpact.orbits.sticking import StickingEnd
@@ -178,8 +178,8 @@ def _on_line(
             orbit = make_orbit(here, Cycle(n, 1), z)
             if not orbit.admissible:
                 continue
-            system, x = branch_system(orbit, parameter, range)
-            for way in both_ways(partial(walk, system, x, longest, False), look):
+            system, solved = system_of(orbit, (parameter,), (range,))
+            for way in both_ways(partial(walk, system, system.pack(solved), longest, False), look):
                 covered.append(np.array([[*system.values(p.x), p.z[1]] for p in way.points]))
                 yield from (special.bifurcation(parameter) for special in way.special)
 

@@ -194,7 +194,7 @@ def orbit_variables(orbits: Sequence[Orbit], p: int, dim: str) -> dict[str, xr.V
         "phase": variable("phase", (dim, "impact"), _rows([orbit.phases for orbit in orbits], p)),
         "stable": flags(dim, [orbit.stable for orbit in orbits], "whether neighbours approach", ("unstable", "stable")),
         "admissible": flags(
-            dim, [orbit.admissible for orbit in orbits], "whether the mass moves so", ("inadmissible", "admissible")
+            dim, [q.admissible for q in orbits], "whether the mass moves so", ("inadmissible", "admissible")
         ),
     }
 
@@ -206,7 +206,7 @@ def axis(model: Model, name: str, dims: Any, values: Any) -> xr.Variable:
 
 def number(dims: Any, data: Any, long_name: str) -> xr.Variable:
     """Return plain numbers, labelled."""
-    return xr.Variable(dims, np.asarray(data, dtype=np.float64), {"long_name": long_name, "units": "1"})
+    return plain_variable(dims, np.asarray(data, dtype=np.float64), {"long_name": long_name, "units": "1"})
 
 
 def kind_variable(dims: Any, kinds: Any) -> xr.Variable:

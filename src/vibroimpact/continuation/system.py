@@ -130,10 +130,7 @@ class System:
     def _slopes(self, values: list[float]) -> Floats:
         """Return the derivatives of the oscillator's numbers by the free parameters, a row for each of these."""
         if self._own is not None:
-            own = np.zeros((len(values), len(parameters_of(self.oscillator))))
-            for row, (i, factor) in zip(own, self._own, strict=True):
-                row[i] = factor
-            return own
+            return np.array([factor * np.eye(len(self.model.values))[i] for i, factor in self._own])
         rows = []
         for j, (low, high) in enumerate(self.ranges):
             below, above = (max(low, values[j] - NUDGE * (high - low)), min(high, values[j] + NUDGE * (high - low)))

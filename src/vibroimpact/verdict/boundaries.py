@@ -15,7 +15,8 @@ import numpy as np
 
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence.measuring import AT_REST, Runner, Start, cells_of
-from vibroimpact.continuation.branch import branch_system, walk
+from vibroimpact.continuation.branch import walk
+from vibroimpact.continuation.system import system_of
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import Orbit
 from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release
@@ -197,9 +198,9 @@ def _exact(present: Present, range: Range, direction: int) -> Found | None:
 
 def _bifurcation(orbit: Orbit, range: Range, direction: int) -> Found | None:
     """Follow the orbit until it folds, doubles or grazes."""
-    system, x = branch_system(orbit, range.name, (range.low, range.high))
+    system, z = system_of(orbit, (range.name,), ((range.low, range.high),))
     way = None
-    for way in walk(system, x, STEP, False, direction):
+    for way in walk(system, system.pack(z), STEP, False, direction):
         for special in way.special:
             at = special.orbit
             if at.admissible:
