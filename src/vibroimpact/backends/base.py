@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
@@ -214,14 +214,41 @@ def energy_loss(mass: float, restitution: float) -> float:
     return 0.5 * mass * (1.0 - restitution) * (1.0 + restitution)
 
 
-def table_of_indices(runs: Sequence[tuple[Samples, int, Mapping[str, float]]]) -> Outcome:
-    """Return the arrays that `Backend.indices` promises from (samples, impacts computed, indices) of each cell."""
-    table: Outcome = {
-        index.name: np.array([found.get(index.name, index.fill) for _, _, found in runs], dtype=index.dtype)
-        for index in INDICES.values()
-    }
-    return table | {
-        "status": np.array([seen.status for seen, _, _ in runs], dtype=np.int8),
-        "impacts": np.array([impacts for _, impacts, _ in runs], dtype=np.int64),
-        "steps": np.array([seen.steps for seen, _, _ in runs], dtype=np.int64),
-    }
+class OneByOne(Backend):
+    """A back end that follows one cell after the other and computes every impact, `early_closing` or not.
+
+    Each gives all indices that it knows, named or not.
+    """
+
+    smallest_tile = 1
+    largest_tile = 1
+    slow = True
+
+    def run(self, cell: dict[str, float], tolerances: Tolerances) -> Any:
+        """Return the run of a cell from its start.
+
+        Its `looks(window)` gives samples, `impacts(window)` samples and how many impacts were recorded in all, and
+        `indices(window)` these two and a dict of indices.
+        """
+        ...
+
+    def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
+        """Return every index, the status, the impacts computed and the steps of each cell."""
+        rows = [self.run(cell, measurement.tolerances).indices(measurement.impacts) for cell in cells]
+        table: Outcome = {
+            index.name: np.array([found.get(index.name, index.fill) for _, _, found in rows], dtype=index.dtype)
+            for index in INDICES.values()
+        }
+        return table | {
+            "status": np.array([seen.status for seen, _, _ in rows], dtype=np.int8),
+            "impacts": np.array([impacts for _, impacts, _ in rows], dtype=np.int64),
+            "steps": np.array([seen.steps for seen, _, _ in rows], dtype=np.int64),
+        }
+
+    def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
+        """Return what the window sees of each cell."""
+        window = measurement.window
+        runs = (self.run(cell, measurement.tolerances) for cell in cells)
+        if isinstance(window, ImpactWindow):
+            return [run.impacts(window)[0] for run in runs]
+        return [run.looks(window) for run in runs]

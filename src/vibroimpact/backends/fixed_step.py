@@ -15,7 +15,6 @@ start to its last look.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import astuple
 
 import numpy as np
@@ -23,19 +22,15 @@ from numpy.typing import NDArray
 
 from vibroimpact.backends.base import (
     SAMPLE_INDICES,
-    Backend,
     Floats,
     ImpactWindow,
-    Measurement,
-    Outcome,
+    OneByOne,
     Samples,
     StroboscopicWindow,
     energy_loss,
     impact_indices,
-    table_of_indices,
 )
 from vibroimpact.backends.reference.flight import FreeMotion, State
-from vibroimpact.cells import Cells
 from vibroimpact.kernels.march import march
 from vibroimpact.options import Tolerances
 from vibroimpact.parameters import invalid, real_number
@@ -90,7 +85,7 @@ class Run:
                 return Status.STOPPED_IMPACTING if self.count else Status.NO_IMPACT
         return Status.OK
 
-    def look(self, steps: NDArray[np.int64]) -> Floats:
+    def _look(self, steps: NDArray[np.int64]) -> Floats:
         """Return (y, y') at ascending steps; fewer rows if the scheme blows up."""
         seen = np.empty((len(steps), 2))
         for i, step in enumerate(steps):
@@ -112,34 +107,34 @@ class Run:
         periods, phase = self.times(np.array([self.step]))
         return State(max(self.free.gap - self.y, 0.0), self.v, float(periods[0]), float(phase[0]))
 
-    def impacts(self) -> Floats:
+    def _impacts(self) -> Floats:
         """Return (periods, phase, velocity) of all impacts so far."""
         if not self.impact_steps:
             return np.empty((0, 3))
         periods, phase = self.times(np.concatenate(self.impact_steps))
         return np.column_stack([periods, phase, np.concatenate(self.impact_velocities)])
 
-    def impact_samples(self, window: ImpactWindow) -> tuple[Samples, int]:
+    def impacts(self, window: ImpactWindow) -> tuple[Samples, int]:
         """Return what an impact window keeps, and how many impacts were recorded in all."""
         ended = self.fill(window.transient + window.keep)
-        kept = self.impacts()[window.transient :]
+        kept = self._impacts()[window.transient :]
         span = float((kept[-1, 0] - kept[0, 0]) + (kept[-1, 1] - kept[0, 1])) if len(kept) else 0.0
         status = window_status(sampled=len(kept), wanted=window.keep, stuck=False, periods=span, ended=ended)
         return self._samples(kept, np.empty((0, 4)), status), self.count
 
     def indices(self, window: ImpactWindow) -> tuple[Samples, int, dict[str, float]]:
         """Return what an impact window keeps, the impacts recorded in all, and the indices of the kept ones."""
-        seen, computed = self.impact_samples(window)
+        seen, computed = self.impacts(window)
         return seen, computed, impact_indices(seen, self.loss) if Status(seen.status).has_indices else {}
 
-    def look_samples(self, window: StroboscopicWindow) -> Samples:
+    def looks(self, window: StroboscopicWindow) -> Samples:
         """Return what a stroboscopic window sees."""
         periods, phase = window.schedule(self.start.periods, self.start.phase)
         ahead = ((periods - self.start.periods) + (phase - self.start.phase)) * self.free.period
         at = np.rint(ahead / self.h).astype(np.int64)
-        seen = self.look(at)
+        seen = self._look(at)
         status = Status.OK if len(seen) == window.keep else Status.BUDGET
-        return self._samples(self.impacts(), np.column_stack([*self.times(at[: len(seen)]), seen]), status)
+        return self._samples(self._impacts(), np.column_stack([*self.times(at[: len(seen)]), seen]), status)
 
     def _samples(self, impacts: Floats, looks: Floats, status: Status) -> Samples:
         last = astuple(self.state())
@@ -148,8 +143,8 @@ class Run:
         )
 
 
-class FixedStepBackend(Backend):
-    """The paper's scheme behind the back-end protocol; every impact is computed, `early_closing` or not.
+class FixedStepBackend(OneByOne):
+    """The paper's scheme behind the back-end protocol.
 
     Seen at step ends only, no motion sticks, repeats to rounding or has a tangent: `known_indices` are those that
     have a value.
@@ -157,27 +152,13 @@ class FixedStepBackend(Backend):
 
     name = sampler = "fixed-step"
     known_indices = SAMPLE_INDICES
-    smallest_tile = 1
-    largest_tile = 1
-    slow = True
 
     def __init__(self, time_step: float = TIME_STEP) -> None:
         self.time_step = time_step
 
-    def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
-        """Return every index, named or not, the status, the impacts computed and the steps of each cell."""
-        return table_of_indices([run.indices(measurement.impacts) for run in self._each(cells, measurement.tolerances)])
-
-    def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
-        """Return what the window sees of each cell."""
-        window = measurement.window
-        if isinstance(window, ImpactWindow):
-            return [run.impact_samples(window)[0] for run in self._each(cells, measurement.tolerances)]
-        return [run.look_samples(window) for run in self._each(cells, measurement.tolerances)]
-
-    def _each(self, cells: Cells, tolerances: Tolerances) -> Iterator[Run]:
-        for cell in cells:
-            yield Run(cell, self.time_step, tolerances)
+    def run(self, cell: dict[str, float], tolerances: Tolerances) -> Run:
+        """Return the run of a cell."""
+        return Run(cell, self.time_step, tolerances)
 
 
 def create(time_step: float = TIME_STEP) -> FixedStepBackend:

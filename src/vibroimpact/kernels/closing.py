@@ -12,25 +12,11 @@ import math
 
 from numba import njit
 
+from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, step_at, walk
 from vibroimpact.kernels.cell import phase_of
 from vibroimpact.kernels.cycle import ALIKE, describe
 from vibroimpact.kernels.flight import flow, product
-from vibroimpact.kernels.lanes import (
-    load_constants,
-    load_motion,
-    load_phases,
-    load_recurrence,
-    load_rests,
-    load_sums,
-    observe_walked,
-    store_first,
-    store_last,
-    store_phases,
-    store_recurrence,
-    store_rests,
-    store_sums,
-)
 from vibroimpact.kernels.law import saltation
 from vibroimpact.kernels.observers import Phases, Recurrence, Rests, Stamp, repeated
 from vibroimpact.kernels.recorder import overhear
@@ -46,17 +32,17 @@ def _to_start_of_cycle(lanes, i, transient, total, sticking, limit, facts, trace
 
     Return the steps made, negative if it never came.
     """
-    k = load_constants(lanes, i)
+    k = lane.load_constants(lanes, i)
     made = 0
     while made < limit:
-        start = load_motion(lanes, i)
+        start = lane.load_motion(lanes, i)
         rows = walk(start, k, trace, limit - made, 0 if sticking else 1)
         if recorder is not None:
             overhear(recorder, start, trace, rows)
         for row in range(rows):
-            event = observe_walked(lanes, i, k, trace, row, transient, total, facts)
+            event = lane.observe_walked(lanes, i, k, trace, row, transient, total, facts)
             made += 1
-            if load_sums(lanes, i).hits >= total and (facts is None or sticking):
+            if lane.load_sums(lanes, i).hits >= total and (facts is None or sticking):
                 return -made
             if event == (RELEASE if sticking else IMPACT):
                 return made
@@ -123,12 +109,12 @@ def _stamp_at(cycle, number, periods, ahead):
 @njit(error_model="numpy")
 def _finish_sums(lanes, i, cycle, number, periods, transient, total):
     """Add the impacts up to `total`, cycle upon cycle, to the lane's observers."""
-    found = load_sums(lanes, i)
+    found = lane.load_sums(lanes, i)
     count, shift = found.hits, found.shift
-    sine, cosine = load_phases(lanes, i)
+    sine, cosine = lane.load_phases(lanes, i)
     if count <= transient:
         shift = cycle[int(transient - count) % number, 3]
-        store_first(lanes, i, _stamp_at(cycle, number, periods, transient - count))
+        lane.store_first(lanes, i, _stamp_at(cycle, number, periods, transient - count))
     for j in range(number):
         # Impact j of the cycle is number count + 1 + j + k p, k = 0, 1, ...; kept are those in (transient, total].
         rounds = math.floor((total - count - 1.0 - j) / number) + 1.0
@@ -138,9 +124,9 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
             found = repeated(found, total, shift, cycle[j, 3], times)
             sine += times * cycle[j, 1]
             cosine += times * cycle[j, 2]
-    store_last(lanes, i, _stamp_at(cycle, number, periods, total - count - 1.0))
-    store_sums(lanes, i, found)
-    store_phases(lanes, i, Phases(sine, cosine))
+    lane.store_last(lanes, i, _stamp_at(cycle, number, periods, total - count - 1.0))
+    lane.store_sums(lanes, i, found)
+    lane.store_phases(lanes, i, Phases(sine, cosine))
     # A stick lies at every end of a sticking cycle: is there one between the first and the last kept impact?
     first = max(transient, count)
     return math.floor((first - count) / number) < math.floor((total - 1.0 - count) / number)
@@ -155,21 +141,21 @@ def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle, facts,
     would give. Thorough lanes have the cycle's `facts` noted; of others that is None. `recorder` is that of the lane,
     or None.
     """
-    impacts = int(load_recurrence(lanes, i).candidate)
-    sticking = load_rests(lanes, i).releases >= 2.0
+    impacts = int(lane.load_recurrence(lanes, i).candidate)
+    sticking = lane.load_rests(lanes, i).releases >= 2.0
     made = _to_start_of_cycle(lanes, i, transient, total, sticking, limit, facts, trace, recorder)
     if made < 0:
         return 0, 0.0, -made, 0.0
-    start, k = load_motion(lanes, i), load_constants(lanes, i)
+    start, k = lane.load_motion(lanes, i), lane.load_constants(lanes, i)
     number, walked, tangent, growth, end = _follow_cycle(start, k, 0 if sticking else impacts, cycle, limit, trace)
     made += walked
     # Not before the reference has moved on, or two more releases have passed, is it tried again.
-    watched, rested = load_recurrence(lanes, i), load_rests(lanes, i)
-    store_recurrence(lanes, i, Recurrence(-math.inf, watched.number, watched.following, watched.near, 0.0))
-    store_rests(lanes, i, Rests(rested.stuck, rested.age, 0.0))
+    watched, rested = lane.load_recurrence(lanes, i), lane.load_rests(lanes, i)
+    lane.store_recurrence(lanes, i, Recurrence(-math.inf, watched.number, watched.following, watched.near, 0.0))
+    lane.store_rests(lanes, i, Rests(rested.stuck, rested.age, 0.0))
     if number < 1:
         return 0, 0.0, made, 0.0
-    count = load_sums(lanes, i).hits
+    count = lane.load_sums(lanes, i).hits
     periods = end.n - start.n
     way = 0.0
     if not sticking:
@@ -190,5 +176,5 @@ def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle, facts,
         known = max(total - count - number, 0.0)
         sticks = _finish_sums(lanes, i, cycle, number, periods, transient, total)
         if sticking and sticks:
-            store_rests(lanes, i, Rests(1.0, rested.age, 0.0))
+            lane.store_rests(lanes, i, Rests(1.0, rested.age, 0.0))
     return number, periods, made, known

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from numba import njit
 
+from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.cell import phase_of
 from vibroimpact.kernels.cycle import (
     IMPACTS,
@@ -18,16 +19,6 @@ from vibroimpact.kernels.cycle import (
     SQUARES,
     UNRESOLVED,
     describe_turn,
-)
-from vibroimpact.kernels.lanes import (
-    load_constants,
-    load_deviation,
-    load_first,
-    load_last,
-    load_misses,
-    load_phases,
-    load_rests,
-    load_sums,
 )
 from vibroimpact.kernels.law import energy_loss
 from vibroimpact.kernels.near_miss import NONE
@@ -77,12 +68,12 @@ def _put(result, first, values):
 @njit(error_model="numpy")
 def harvest(lanes, i, note, keep, result):
     """Turn the sums of lane i, in lengths of a step, into indices per second and the course of its window."""
-    h, found = note[H], load_sums(lanes, i)
-    first, last = load_first(lanes, i), load_last(lanes, i)
+    h, found = note[H], lane.load_sums(lanes, i)
+    first, last = lane.load_first(lanes, i), lane.load_last(lanes, i)
     span = (last.n - first.n) + (phase_of(last.s, last.c) - phase_of(first.s, first.c))
     course = Course(
         span=span,
-        sticks=load_rests(lanes, i).stuck,
+        sticks=lane.load_rests(lanes, i).stuck,
         counted=found.hits - note[KNOWN],
         steps=note[MADE],
         known=note[KNOWN],
@@ -94,17 +85,17 @@ def harvest(lanes, i, note, keep, result):
 @njit(error_model="numpy")
 def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
     """Turn the sums of a thorough lane and the facts of its cycle into indices; `harvest` comes first."""
-    _, shift, sum1, sum2, _ = load_sums(lanes, i)
-    margin, releases = load_misses(lanes, i)
+    _, shift, sum1, sum2, _ = lane.load_sums(lanes, i)
+    margin, releases = lane.load_misses(lanes, i)
     returns = releases > 1.0
-    stuck = returns or load_rests(lanes, i).stuck > 0.0
+    stuck = returns or lane.load_rests(lanes, i).stuck > 0.0
     if stuck:
-        describe_turn(load_constants(lanes, i), WALK if returns else PERHAPS, facts, trace)
+        describe_turn(lane.load_constants(lanes, i), WALK if returns else PERHAPS, facts, trace)
     period = 2.0 * math.pi / cell.omega
     n_periods, n_impacts = facts[PERIODS], facts[IMPACTS]
     if facts[PERIODS] > 0.0 and facts[PARTING] >= UNRESOLVED:  # it rests again, but rounding decides when
         n_periods, n_impacts = 0.0, -1.0
-    sine, cosine = load_phases(lanes, i)
+    sine, cosine = lane.load_phases(lanes, i)
     lost = energy_loss(cell.mass, cell.restitution) / (note[H] * note[H])
     if facts[PERIODS] > 0.0:
         exponent = facts[LOG_RADIUS] / (facts[PERIODS] * period)
@@ -114,7 +105,7 @@ def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
         margin = facts[MISS]
     else:
         span, gone = result[0], keep - 1.0
-        grown = load_deviation(lanes, i)
+        grown = lane.load_deviation(lanes, i)
         growth = -math.inf
         if grown.last_size > 0.0 and not stuck:
             folds = grown.last_folds - grown.first_folds

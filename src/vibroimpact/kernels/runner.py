@@ -6,27 +6,11 @@ import math
 
 from numba import njit
 
+from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import LOOK, walk
 from vibroimpact.kernels.cell import FILLED, RUNNING, budgets, cell_of, ending, prepare
 from vibroimpact.kernels.closing import try_to_close
 from vibroimpact.kernels.cycle import IMPACTS, PERIODS
-from vibroimpact.kernels.lanes import (
-    LANES,
-    ROWS,
-    load_constants,
-    load_motion,
-    load_recurrence,
-    load_rests,
-    load_sums,
-    observe_walked,
-    step_lanes,
-    step_thorough_lanes,
-    store_constants,
-    store_deviation,
-    store_misses,
-    store_motion,
-    store_recurrence,
-)
 from vibroimpact.kernels.machine import compiled, next_ticket
 from vibroimpact.kernels.near_miss import NONE
 from vibroimpact.kernels.observers import DEVIATION, Deviation, Misses, Recurrence
@@ -53,13 +37,13 @@ def begin(lanes, i, note, cell, total, chatter, flight_periods, steps_per_impact
     """Put a cell at its start into lane i, and begin its note."""
     h, motion, constants = prepare(cell, chatter)
     scale = constants.cut / chatter
-    for row in range(ROWS):
-        lanes[row * LANES + i] = 0.0
-    store_motion(lanes, i, motion)
-    store_constants(lanes, i, constants)
-    store_recurrence(lanes, i, Recurrence(-math.inf, 0.0, 32.0, NEAR * scale, 0.0))  # no reference yet
-    store_deviation(lanes, i, Deviation(DEVIATION[0], DEVIATION[1], 0.0, 0.0, 0.0, 0.0, 0.0))
-    store_misses(lanes, i, Misses(NONE, 0.0))
+    for row in range(lane.ROWS):
+        lanes[row * lane.LANES + i] = 0.0
+    lane.store_motion(lanes, i, motion)
+    lane.store_constants(lanes, i, constants)
+    lane.store_recurrence(lanes, i, Recurrence(-math.inf, 0.0, 32.0, NEAR * scale, 0.0))  # no reference yet
+    lane.store_deviation(lanes, i, Deviation(DEVIATION[0], DEVIATION[1], 0.0, 0.0, 0.0, 0.0, 0.0))
+    lane.store_misses(lanes, i, Misses(NONE, 0.0))
     longest, granted = budgets(cell, flight_periods, steps_per_impact)
     note[H], note[SCALE], note[FLIGHT], note[GRANTED] = h, scale, longest, granted * total
     note[MADE], note[RATIO], note[KNOWN] = 0.0, 0.0, 0.0
@@ -68,10 +52,12 @@ def begin(lanes, i, note, cell, total, chatter, flight_periods, steps_per_impact
 @njit(error_model="numpy")
 def ending_of(lanes, i, note, total):
     """Return why the cell in lane i ends here, or RUNNING."""
-    if load_sums(lanes, i).hits >= total:
+    if lane.load_sums(lanes, i).hits >= total:
         return FILLED
-    age = load_rests(lanes, i).age
-    return ending(load_motion(lanes, i), load_constants(lanes, i), age, note[FLIGHT], note[MADE], note[GRANTED])
+    age = lane.load_rests(lanes, i).age
+    return ending(
+        lane.load_motion(lanes, i), lane.load_constants(lanes, i), age, note[FLIGHT], note[MADE], note[GRANTED]
+    )
 
 
 @njit(error_model="numpy")
@@ -82,8 +68,8 @@ def may_close(lanes, i, note, total, facts):
     """
     if note[RATIO] > 0.0:
         return False
-    count, releases = load_sums(lanes, i).hits, load_rests(lanes, i).releases
-    if load_recurrence(lanes, i).candidate > 0.0:
+    count, releases = lane.load_sums(lanes, i).hits, lane.load_rests(lanes, i).releases
+    if lane.load_recurrence(lanes, i).candidate > 0.0:
         return count < total or facts is not None
     return releases >= 2.0 and total - count > PAYS * count / releases
 
@@ -116,7 +102,7 @@ def run_cells(
     number = 0
     for _ in range(looks):
         busy = 0
-        for i in range(LANES):
+        for i in range(lane.LANES):
             if owner[i] < 0:
                 following = next_ticket(tickets)
                 if following < len(cells):
@@ -126,13 +112,13 @@ def run_cells(
                     if facts is not None:
                         facts[i, PERIODS], facts[i, IMPACTS] = 0.0, 0.0
             busy += owner[i] >= 0
-        if busy == 0 or number + LANES > len(finished):
+        if busy == 0 or number + lane.LANES > len(finished):
             return number, busy
         if facts is None:
-            step_lanes(lanes, LOOK, transient, total)
+            lane.step_lanes(lanes, LOOK, transient, total)
         else:
-            step_thorough_lanes(lanes, LOOK, transient, total)
-        for i in range(LANES):
+            lane.step_thorough_lanes(lanes, LOOK, transient, total)
+        for i in range(lane.LANES):
             j = owner[i]
             if j < 0:
                 continue
@@ -168,17 +154,17 @@ def follow_cell(
     if owner[0] < 0:
         begin(lanes, 0, note, cell, total, chatter, flight_periods, steps_per_impact)
         owner[0] = 0
-    k = load_constants(lanes, 0)
+    k = lane.load_constants(lanes, 0)
     for _ in range(looks):
         if ends[0] != RUNNING or (room(recorder) <= LOOK and recorder.memory[END] == RUNNING):
             return
         made = 0
         while made < LOOK:
-            start = load_motion(lanes, 0)
+            start = lane.load_motion(lanes, 0)
             rows = walk(start, k, trace, LOOK - made, 0)
             overhear(recorder, start, trace, rows)
             for row in range(rows):
-                observe_walked(lanes, 0, k, trace, row, transient, total, facts)
+                lane.observe_walked(lanes, 0, k, trace, row, transient, total, facts)
             made += rows
         note[MADE] += LOOK
         if may_close(lanes, 0, note, total, own_facts):

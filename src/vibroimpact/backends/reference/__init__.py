@@ -9,27 +9,22 @@ impact. To audit a cell, read `motion.motion`: it is the whole physics on one sc
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import astuple, dataclass, field
 
 import numpy as np
 
 from vibroimpact.backends.base import (
-    Backend,
     Floats,
     ImpactWindow,
-    Measurement,
-    Outcome,
+    OneByOne,
     Samples,
     StroboscopicWindow,
     energy_loss,
     impact_indices,
-    table_of_indices,
 )
 from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.backends.reference.indices import Account, Ledger
 from vibroimpact.backends.reference.motion import Contact, Rest, motion, time_between
-from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
@@ -190,30 +185,15 @@ class ReferenceCell:
         return Status.STICKING if (np.isnan(released) | (released > turns[0])).any() else Status.OK
 
 
-class ReferenceBackend(Backend):
-    """The witness behind the back-end protocol; `early_closing` means nothing to it: every impact is computed."""
+class ReferenceBackend(OneByOne):
+    """The witness behind the back-end protocol."""
 
     name = sampler = "reference"
     known_indices = frozenset(INDICES)
-    smallest_tile = 1
-    largest_tile = 1
-    slow = True
 
-    def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
-        """Return every index, named or not, the status, the impacts computed and the events of each cell."""
-        return table_of_indices([cell.indices(measurement.impacts) for cell in _each(cells, measurement.tolerances)])
-
-    def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
-        """Return what the window sees of each cell."""
-        window = measurement.window
-        if isinstance(window, ImpactWindow):
-            return [cell.impacts(window)[0] for cell in _each(cells, measurement.tolerances)]
-        return [cell.looks(window) for cell in _each(cells, measurement.tolerances)]
-
-
-def _each(cells: Cells, tolerances: Tolerances) -> Iterator[ReferenceCell]:
-    for cell in cells:
-        yield ReferenceCell(cell, tolerances)
+    def run(self, cell: dict[str, float], tolerances: Tolerances) -> ReferenceCell:
+        """Return the run of a cell."""
+        return ReferenceCell(cell, tolerances)
 
 
 def create() -> ReferenceBackend:
