@@ -173,14 +173,9 @@ def _initial_conditions(study: Study, options: Options) -> dict[str, Any]:
 
 def _sweep(function: str, meter: Meter, study: Study, options: Options, **more: Any) -> None:
     """Compute many cells in memory, showing the progress, and hand on what was finished."""
-    from vibroimpact.status import Status
-
     with meter, refusing():
         dataset = _call(function, study, progress=meter, **more)
-    if meter.stopped:
-        empty = bool((dataset["status"] == Status.INTERRUPTED).all())
-        output.keep_finished(None if empty else dataset, options, meter.seconds)
-    output.hand_on(dataset, options, meter.seconds)
+    output.finish(dataset, options, meter)
 
 
 def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed: bool) -> None:

@@ -160,9 +160,7 @@ def follow(options: Options) -> None:
     arguments = {"parameter": parameter, "range": span, **_type(options), "doublings": doublings}
     made_by = provenance("continue_orbit", study.model, arguments)
     dataset = bundle([branch.dataset for branch in branches], "continue_orbit", made_by)
-    if meter.stopped:
-        output.keep_finished(dataset, options, meter.seconds)
-    output.hand_on(dataset, options, meter.seconds, beneath)
+    output.finish(dataset, options, meter, beneath)
 
 
 def _branches(
@@ -266,10 +264,7 @@ def boundary(options: Options) -> None:
         curves = (_of_orbits if of_orbits else _all)(study, box, kinds, options, meter)
     if not curves and not meter.stopped:
         _nothing(f"no such boundary in the plane of {' and '.join(names)}", options)
-    dataset = _bundled(curves, study, box) if curves else None
-    if meter.stopped or dataset is None:
-        output.keep_finished(dataset, options, meter.seconds, over)
-    output.hand_on(dataset, options, meter.seconds, over)
+    output.finish(_bundled(curves, study, box) if curves else None, options, meter, over)
 
 
 def _bundled(curves: list[Boundary], study: Study, box: Mapping[str, Range]) -> xr.Dataset:

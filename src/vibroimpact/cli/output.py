@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from vibroimpact.cli import Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import number
 from vibroimpact.figures import EXPONENTS, KINDS, kinds_of
-from vibroimpact.progress import speed
+from vibroimpact.progress import Meter, speed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,11 +36,16 @@ def hand_on(dataset: xr.Dataset, options: Mapping[str, Any], seconds: float, ove
         typer.echo(line)
 
 
-def keep_finished(
-    dataset: xr.Dataset | None, options: Mapping[str, Any], seconds: float, over: xr.Dataset | None = None
-) -> NoReturn:
-    """Hand on what an interrupted command had finished, without replacing a complete result."""
-    if dataset is None:
+def finish(
+    dataset: xr.Dataset | None, options: Mapping[str, Any], meter: Meter, over: xr.Dataset | None = None
+) -> None:
+    """Hand on a result, or what an interrupted command had finished, without replacing a complete result."""
+    from vibroimpact.status import Status
+
+    if dataset is not None and not meter.stopped:
+        hand_on(dataset, options, meter.seconds, over)
+        return
+    if dataset is None or ("status" in dataset and (dataset["status"] == Status.INTERRUPTED).all()):
         raise Interrupted("interrupted before anything was finished; nothing was written")
     out: Path | None = options["out"]
     marked = ", the rest has status interrupted" if "status" in dataset else ""
@@ -48,7 +53,7 @@ def keep_finished(
     if out is not None and out.exists():
         message += f"; {out} is unchanged"
         out = out.with_name(f"{out.stem}.partial{out.suffix}")
-    hand_on(dataset, {**options, "out": out}, seconds, over)
+    hand_on(dataset, {**options, "out": out}, meter.seconds, over)
     raise Interrupted(message)
 
 
