@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, QuadMesh
-from matplotlib.colors import Colormap, Normalize, PowerNorm, to_rgb
+from matplotlib.colors import PowerNorm, to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
@@ -43,11 +43,6 @@ def colour_mesh(ax: Axes, field: xr.DataArray, values: Any, **how: Any) -> QuadM
     ax.grid(visible=False)
     x, y, _ = grid_of(field)
     return ax.pcolormesh(x, y, values, shading="nearest", zorder=1, rasterized=True, **how)
-
-
-def draw_numbers(ax: Axes, field: xr.DataArray, colors: str | Colormap, norm: Normalize) -> QuadMesh:
-    """Draw the cells of a map in the colours of their finite values."""
-    return colour_mesh(ax, field, np.ma.masked_invalid(grid_of(field)[2]), cmap=colors, norm=norm)
 
 
 def fill_cells(ax: Axes, field: xr.DataArray, layers: Iterable[Layer], others: str | None = None) -> list[Patch]:
@@ -183,7 +178,8 @@ def _draw_references(ax: Axes, field: xr.DataArray, values: Mapping[str, float])
 
 def draw_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
     """Draw every cell of an index in colour, with a scale beside; return legend entries for those without a value."""
-    mesh = draw_numbers(ax, field, COLORS, _shades(grid_of(field)[2]))
+    values = grid_of(field)[2]
+    mesh = colour_mesh(ax, field, np.ma.masked_invalid(values), cmap=COLORS, norm=_shades(values))
     missing = draw_missing(ax, sweep, field)
     frame_plane(ax, field)
     add_bar(ax, mesh, field, "root scale", pad=0.02)

@@ -186,7 +186,7 @@ def exponent_map(sweep: xr.Dataset, index: str = "lyapunov", ax: Axes | None = N
     values = maps.grid_of(field)[2]
     limit = symmetric_limit(values)
     ax = style.new_axes(ax, (7.2, 5.4), style.title(sweep))
-    mesh = maps.draw_numbers(ax, field, SIGNED, Normalize(-limit, limit))
+    mesh = maps.colour_mesh(ax, field, np.ma.masked_invalid(values), cmap=SIGNED, norm=Normalize(-limit, limit))
     sticks, entries = np.isneginf(values), []
     if sticks.any():
         maps.colour_mesh(

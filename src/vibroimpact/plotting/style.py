@@ -62,15 +62,11 @@ _MATH = {
     "zeta": r"\zeta",
     "psi/T": r"\psi/T",
     "y'": r"\dot y",
-    "Std": r"\mathrm{Std}",
     "<I>": r"\langle I\,\rangle",
     "max I": r"\max\,I",
     "λ": r"\lambda",
     "λ per impact": r"\lambda_\mathrm{impact}",
-    "stuck": r"\mathrm{stuck}",
-    "spread": r"\mathrm{spread}",
-    "margin": r"\mathrm{margin}",
-}
+} | {name: rf"\mathrm{{{name}}}" for name in ("Std", "stuck", "spread", "margin")}
 DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0}
 RINGS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "white"}
 LETTERS = 12.5  # of a legend, per inch of the figure
