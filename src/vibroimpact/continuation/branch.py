@@ -149,14 +149,11 @@ def walk(system: System, x: Floats, longest: float, virtual: bool, direction: fl
     here = Point(system, x, along)
     way = Way([here])
     for step in follow(system, x, along, longest):
-        if step.end == "lost":
-            way.end = "lost"
-            break
         there = Point(system, step.x, step.tangent)
-        if not system.in_order(there.x):
-            way.end = "impacts_merge"
+        if step.end == "lost" or not system.in_order(step.x):
+            way.end = "lost" if step.end == "lost" else "impacts_merge"
             break
-        halved = _halved(system, here, there)
+        halved = _halved(here, there)
         if halved is not None:
             way.special.append(halved)
             way.end = "period_doubling"
@@ -174,35 +171,25 @@ def walk(system: System, x: Floats, longest: float, virtual: bool, direction: fl
             break
         way.points.append(there)
         here = there
-        if step.end:
-            way.end = step.end
-            break
-        if len(way.points) > MOST_POINTS:
+        way.end = step.end or "budget"
+        if step.end or len(way.points) > MOST_POINTS:
             break
         yield way
     yield way
 
 
-def _apart(system: System, x: Floats) -> Floats | None:
-    """Return how the two halves of a cycle of even n and p differ."""
-    p = system.cycle.n_impacts
-    if p % 2 or system.cycle.n_periods % 2:
+def _halved(a: Point, b: Point) -> Solution | None:
+    """Return the period doubling between two points at which the halves of a doubled orbit coincide, or None."""
+    system, p, n = a.system, a.system.cycle.n_impacts, a.system.cycle.n_periods
+    if p % 2 or n % 2:
         return None
     h = p // 2
-    return np.concatenate([x[h:p] - x[:h] - 0.5 * system.cycle.n_periods, x[p + h : 2 * p] - x[p : p + h]])
-
-
-def _halved(system: System, a: Point, b: Point) -> Solution | None:
-    """Return the period doubling between two points at which the halves of a doubled orbit coincide, or None."""
-    before, after = _apart(system, a.x), _apart(system, b.x)
-    if before is None or after is None:
-        return None
+    before, after = (np.concatenate([x[h:p] - x[:h] - 0.5 * n, x[p + h : 2 * p] - x[p : p + h]]) for x in (a.x, b.x))
     if before @ after > 0.0 and np.abs(after).max() > ONE_HALF:
         return None
-    p, h = system.cycle.n_impacts, system.cycle.n_impacts // 2
-    half = replace(system, cycle=Cycle(system.cycle.n_periods // 2, h), condition=DOUBLING)
+    half = replace(system, cycle=Cycle(n // 2, h), condition=DOUBLING)
     share = 1.0 / (1.0 + float(np.linalg.norm(after) / np.linalg.norm(before)))
     x = a.x + share * (b.x - a.x)
-    turns = 0.5 * (x[:h] + x[h:p] - 0.5 * system.cycle.n_periods)
+    turns = 0.5 * (x[:h] + x[h:p] - 0.5 * n)
     found, made = half.newton(np.concatenate([turns, 0.5 * (x[p : p + h] + x[p + h : 2 * p]), x[2 * p :]]))
     return Solution(half, found) if made else None
