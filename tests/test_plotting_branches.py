@@ -56,6 +56,12 @@ def test_a_branch_is_parted_exactly_at_its_bifurcations(branch, values):
     assert sum(len(part.values) - 1 for part in parts) == len(branch.orbits) - 1
 
 
+def test_a_branch_of_one_point_is_one_part(branch):
+    (part,) = split(branch.dataset.isel(point=[-1]), "omega")
+    assert part.look == UNSTABLE
+    np.testing.assert_array_equal(part.values, branch.dataset["omega"].values[-1:])
+
+
 @pytest.mark.parametrize("rounded", [0, 1])
 def test_how_rounding_falls_at_a_bifurcation_does_not_matter(branch, rounded):
     data = branch.dataset.copy(deep=True)
@@ -154,6 +160,7 @@ def test_what_is_no_branch_or_goes_another_way_is_refused(branch, diagram):
             "got impacts over gap",
         ),
         ((branch, branch.dataset), "`diagram` must be a result of bifurcation_diagram"),
+        ((branch, 3), "`diagram` must be a result of bifurcation_diagram"),
     ):
         with pytest.raises(ValueError) as caught:  # noqa: PT011
             branch_diagram(*arguments)
