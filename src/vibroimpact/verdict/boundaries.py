@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -114,7 +114,7 @@ class Edge:
 
 @dataclass(frozen=True)
 class Found:
-    """A boundary before one has looked beyond it; `start` is what to carry across."""
+    """What bounds a range in one direction, before one has looked beyond it; `start` is what to carry across."""
 
     range: Range
     direction: int
@@ -122,6 +122,10 @@ class Found:
     value: float = math.nan
     half_width: float = 0.0
     start: Start | None = None
+
+    def path(self, number: int) -> list[float]:
+        """Return values from beside the present one to the end of the range."""
+        return self.range.path(self.direction, number)
 
     def beyond_at(self) -> float:
         """Return a value a little beyond the boundary, NaN where the range ends first."""
@@ -145,20 +149,15 @@ def nearest_boundaries(
     present: Present, ranges: Sequence[Range], runner: Runner, done: Callable[[], bool] = lambda: True
 ) -> tuple[Edge, ...]:
     """Return the nearest boundary of a motion down and up each parameter; `done` is called for each, False stops."""
-    found: dict[tuple[str, int], Found] = {}
-    unknown: list[tuple[Range, int]] = []
+    found: list[Found | None] = []
     for each in ranges:
-        for direction in (-1, 1):
-            known = _exact(present, each, direction)
-            if known is None:
-                unknown.append((each, direction))
-            else:
-                found[each.name, direction] = known
+        found += [_exact(present, Found(each, direction)) for direction in (-1, 1)]
         if not done():
             return ()
-    for known in _bisected(present, unknown, runner):
-        found[known.range.name, known.direction] = known
-    return _with_beyond([found[each.name, direction] for each in ranges for direction in (-1, 1)], runner)
+    sides = [Found(each, direction) for each in ranges for direction in (-1, 1)]
+    unknown = [side for side, known in zip(sides, found, strict=True) if known is None]
+    bisected = iter(_bisected(present, unknown, runner))
+    return _with_beyond([known or next(bisected) for known in found], runner)
 
 
 def _with_beyond(found: Sequence[Found], runner: Runner) -> tuple[Edge, ...]:
@@ -177,77 +176,78 @@ def _with_beyond(found: Sequence[Found], runner: Runner) -> tuple[Edge, ...]:
 # Boundaries that are solutions of equations
 
 
-def _exact(present: Present, range: Range, direction: int) -> Found | None:
+def _exact(present: Present, side: Found) -> Found | None:
     """Return the boundary, or `none` up to the end of the range; None where no equation gives it."""
-    if range.only_scales or not range.path(direction, 1):
-        return Found(range, direction)
+    if side.range.only_scales or not side.path(1):
+        return side
     osc = present.oscillator
     if present.measured.motion_class == MotionClass.NO_IMPACT and osc.damping > 0.0 and osc.gap > osc.steady_amplitude:
-        return _closed_form("first_contact", range, direction, lambda o: o.gap - o.steady_amplitude)
+        return _closed_form(side, "first_contact", lambda o: o.gap - o.steady_amplitude)
     if present.measured.motion_class == MotionClass.STUCK_FOREVER and osc.stiffness * osc.gap <= -osc.amplitude:
-        return _closed_form("lift_off", range, direction, lambda o: -o.stiffness * o.gap - o.amplitude)
+        return _closed_form(side, "lift_off", lambda o: -o.stiffness * o.gap - o.amplitude)
     if present.orbit is None:
         return None
     if present.orbit.sticks:
-        return _end_of_sticking(present, range, direction)
+        return _end_of_sticking(present, side)
     try:
-        return _bifurcation(present.orbit, range, direction)
+        return _bifurcation(present.orbit, side)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return None  # the branch runs where its equations have no meaning
 
 
-def _bifurcation(orbit: Orbit, range: Range, direction: int) -> Found | None:
+def _bifurcation(orbit: Orbit, side: Found) -> Found | None:
     """Follow the orbit until it folds, doubles or grazes."""
-    system, z = system_of(orbit, (range.name,), ((range.low, range.high),))
+    system, z = system_of(orbit, (side.range.name,), ((side.range.low, side.range.high),))
     way = None
-    for way in walk(system, system.pack(z), STEP, False, direction):
+    for way in walk(system, system.pack(z), STEP, False, side.direction):
         for special in way.special:
             at = special.orbit
             if at.admissible:
                 value = special.system.values(special.x)[0]
                 hit = 0 if min(at.velocities) > 0.0 else int(np.argmax(at.velocities))
                 start = Start(0.0, at.velocities[hit], at.phases[hit])
-                return Found(range, direction, special.kind, value, start=start)
+                return replace(side, kind=special.kind, value=value, start=start)
         if len(way.points) * orbit.n_impacts > MOST:
             return None
-    return Found(range, direction) if way is not None and way.end == "range" else None
+    return side if way is not None and way.end == "range" else None
 
 
-def _end_of_sticking(present: Present, range: Range, direction: int) -> Found:
+def _end_of_sticking(present: Present, side: Found) -> Found:
     """Walk outwards until the mass, let go, does not rest again after as many periods; bisect there."""
     assert present.orbit is not None
-    n = present.orbit.n_periods
+    n, range = present.orbit.n_periods, side.range
     if present.model is present.oscillator and range.name == "restitution":
         range = replace(range, high=min(range.high, max(BOUNCY, 0.5 * (1.0 + range.value))))
     inside = range.value
-    for outside in range.path(direction, SCANNED):
+    for outside in range.path(side.direction, SCANNED):
         if periods_from_release(range.at(outside), n) != n:
             break
         inside = outside
     else:
-        return Found(range, direction)
+        return replace(side, range=range)
     end = end_of_sticking(present.model, range.name, (inside, outside), longest=n)
+    known = replace(side, range=range, kind="change", value=end.value, start=AT_REST)
     if end.outcome in ("found", "pressed_for_ever"):
-        kind = "end_of_sticking" if end.outcome == "found" else end.outcome
-        return Found(range, direction, kind, end.value, start=AT_REST)
-    value = end.value if math.isfinite(end.value) else 0.5 * (inside + outside)
-    width = math.ulp(value) if math.isfinite(end.value) else 0.5 * abs(outside - inside)
-    return Found(range, direction, "change", value, width, AT_REST)
+        return replace(known, kind="end_of_sticking" if end.outcome == "found" else end.outcome)
+    if math.isfinite(end.value):
+        return replace(known, half_width=math.ulp(end.value))
+    return replace(known, value=0.5 * (inside + outside), half_width=0.5 * abs(outside - inside))
 
 
-def _closed_form(kind: str, range: Range, direction: int, margin: Callable[[ImpactOscillator], float]) -> Found:
+def _closed_form(side: Found, kind: str, margin: Callable[[ImpactOscillator], float]) -> Found:
     """Return the first value outwards at which a margin becomes negative, if there is one.
 
     The mass first touches the stop where the amplitude of its motion without one reaches the gap, R = g; it is lifted
     off the stop where the force reaches the preload, f = -k g.
     """
+    range = side.range
     inside = range.value
-    for outside in range.path(direction, 4 * SCANNED):
+    for outside in side.path(4 * SCANNED):
         if margin(range.at(outside)) < 0.0:
             break
         inside = outside
     else:
-        return Found(range, direction)
+        return side
     narrow = 1e-17 * range.scale
     while abs(outside - inside) > narrow and (middle := 0.5 * (inside + outside)) not in (inside, outside):
         if margin(range.at(middle)) >= 0.0:
@@ -259,7 +259,7 @@ def _closed_form(kind: str, range: Range, direction: int, margin: Callable[[Impa
         osc = range.at(value)
         steady = osc.steady_state
         start = Start(max(osc.gap - steady.displacement, 0.0), steady.velocity, 0.0)
-    return Found(range, direction, kind, value, start=start)
+    return replace(side, kind=kind, value=value, start=start)
 
 
 # Boundaries by bisection
@@ -267,34 +267,30 @@ def _closed_form(kind: str, range: Range, direction: int, margin: Callable[[Impa
 
 @dataclass
 class Track:
-    """A path, how far the motion was followed along it, and the step in which it became another."""
+    """One side of a range, how far the motion was followed, and the step in which it became another."""
 
-    range: Range
-    direction: int
+    side: Found
     inside: float
     start: Start | None
+    ahead: list[float]
     outside: float | None = None
-    ahead: list[float] = field(default_factory=list)
 
     @property
     def next(self) -> float:
         """The next value outwards, or the middle of the step in which the class changes."""
-        return self.ahead[0] if self.outside is None else self.range.between(self.inside, self.outside, 0.5)
+        return self.ahead[0] if self.outside is None else self.side.range.between(self.inside, self.outside, 0.5)
 
     def found(self) -> Found:
         """Return where the motion ends."""
         if self.outside is None:
-            return Found(self.range, self.direction)
+            return self.side
         middle, half = 0.5 * (self.inside + self.outside), 0.5 * abs(self.outside - self.inside)
-        return Found(self.range, self.direction, "change", middle, half, self.start)
+        return replace(self.side, kind="change", value=middle, half_width=half, start=self.start)
 
 
-def _bisected(present: Present, wanted: Sequence[tuple[Range, int]], runner: Runner) -> list[Found]:
+def _bisected(present: Present, sides: Sequence[Found], runner: Runner) -> list[Found]:
     """Return, for each parameter and direction, where the motion that is followed first changes its class."""
-    tracks = [
-        Track(each, direction, each.value, present.start, ahead=each.path(direction, PLACES))
-        for each, direction in wanted
-    ]
+    tracks = [Track(side, side.range.value, present.start, side.path(PLACES)) for side in sides]
     while active := [track for track in tracks if track.outside is None and track.ahead]:
         _step(present, active, runner)
         for track in active:
@@ -308,7 +304,7 @@ def _bisected(present: Present, wanted: Sequence[tuple[Range, int]], runner: Run
 def _step(present: Present, tracks: Sequence[Track], runner: Runner) -> None:
     """Carry each motion to its next value, and see whether it is still the same."""
     values = [track.next for track in tracks]
-    there = [track.range.changed(value) for track, value in zip(tracks, values, strict=True)]
+    there = [track.side.range.changed(value) for track, value in zip(tracks, values, strict=True)]
     cells = cells_of(there, [track.start for track in tracks])
     motions = measure(runner, cells, BRIEF)
     same = [m.group == present.measured.group or m.motion_class == MotionClass.UNDECIDED for m in motions]
