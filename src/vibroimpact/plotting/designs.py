@@ -17,7 +17,7 @@ from vibroimpact.motion import recognise
 from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.plotting import style
 from vibroimpact.plotting.orbits import impact_map, phase_portrait, time_history
-from vibroimpact.plotting.style import BLUE, INK, RED
+from vibroimpact.plotting.style import BLUE, INK, RED, on_axes
 from vibroimpact.sections import impact_section, simulate, stroboscopic_section
 
 # Positions in drawing units: frame | spring and damper | mass | clearance | stop.
@@ -73,6 +73,7 @@ def _mass(ax: Axes) -> None:
         ax.plot(roller, 0.15, "o", markersize=8.5, markerfacecolor="white", markeredgecolor=INK, markeredgewidth=1.3)
 
 
+@on_axes
 def oscillator_sketch(oscillator: Model | None = None, ax: Axes | None = None) -> Axes:
     r"""Draw the model: mass, spring, damper, sine force, clearance and stop.
 
@@ -83,12 +84,6 @@ def oscillator_sketch(oscillator: Model | None = None, ax: Axes | None = None) -
     ----------
     oscillator : ImpactOscillator or family, optional
         Its parameters are written under the sketch.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None makes a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
 
     References
     ----------
@@ -99,6 +94,8 @@ def oscillator_sketch(oscillator: Model | None = None, ax: Axes | None = None) -
     >>> oscillator_sketch(ImpactOscillator(omega=2.8)).axison
     False
     """
+    if not isinstance(oscillator, Model | None):
+        raise style.refused("oscillator", oscillator, "an ImpactOscillator or a family", "leave it out to write none")
     ax = style.new_axes(ax, (7.2, 3.4))
     ax.set_axis_off()
     ax.set_aspect("equal")
