@@ -9,15 +9,14 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
-from vibroimpact.explorer.state import MODEL, NAMES, TABLE, Range, View, no_number
+from vibroimpact.explorer.state import CHOICES, MODEL, NAMES, TABLE, Range, View, no_number
 from vibroimpact.oscillator import State
 from vibroimpact.parameters import invalid, unknown
 
 LONGEST = 2000  # characters
 MOST = 40  # entries
 SYMBOLS = {TABLE[name].symbol: name for name in NAMES}
-FLAGS = {"log": "log", "b": "boundaries"}
-KEYS = (*SYMBOLS, "x", "y", "index", *FLAGS, "line", "n", "from", "start", "case", "pin")
+KEYS = (*SYMBOLS, "x", "y", *(choice.key for choice in CHOICES.values()), "start", "pin")
 
 
 def to_query(view: View) -> str:
@@ -33,18 +32,12 @@ def to_query(view: View) -> str:
     for axis in ("x", "y"):
         symbol, ends = TABLE[getattr(view, axis)].symbol, getattr(view, f"{axis}_range")
         pairs.append((axis, f"{symbol},{_numbers(ends)}"))
-    pairs.append(("index", view.index))
-    pairs += [(key, "1") for key, name in FLAGS.items() if getattr(view, name)]
-    if view.line != "x":
-        pairs.append(("line", view.line))
-    if view.samples != View.samples:
-        pairs.append(("n", str(view.samples)))
-    if not view.settled:
-        pairs.append(("from", "start"))
+    for name, choice in CHOICES.items():
+        value = getattr(view, name)
+        if name == "index" or value != getattr(View, name):
+            pairs += [(choice.key, text) for text, known in choice.texts.items() if known == value]
     if view.start is not None:
         pairs.append(("start", _numbers((view.start.displacement, view.start.velocity, view.start.time))))
-    if view.case:
-        pairs.append(("case", view.case))
     pairs += [("pin", _numbers(getattr(pin, name) for name in NAMES)) for pin in view.pins]
     return urlencode(pairs, safe=",")
 
@@ -82,14 +75,12 @@ def _view(given: dict[str, str], pins: list[str]) -> View:
     for axis in ("x", "y"):
         if axis in given:
             content[axis], content[f"{axis}_range"] = _axis(axis, given[axis])
-    content |= {name: given[name] for name in ("index", "line", "case") if name in given}
-    for key, name in FLAGS.items():
-        if key in given:
-            content[name] = _choice(key, given[key], {"0": False, "1": True})
-    if "n" in given:
-        content["samples"] = int(given["n"]) if given["n"].isascii() and given["n"].isdigit() else given["n"]
-    if "from" in given:
-        content["settled"] = _choice("from", given["from"], {"start": False, "settled": True})
+    for name, choice in CHOICES.items():
+        text = given.get(choice.key)
+        if text is not None and text not in choice.texts:
+            raise invalid(name, text, f"one of {', '.join(choice.texts)}")
+        if text is not None:
+            content[name] = choice.texts[text]
     if "start" in given:
         content["start"] = State(*_floats("start", given["start"], 3))
     if pins:
@@ -118,12 +109,6 @@ def _float(name: str, text: str) -> float:
         return float(text)
     except ValueError:
         raise no_number(name, text) from None
-
-
-def _choice(name: str, text: str, choices: dict[str, Any]) -> Any:
-    if text not in choices:
-        raise invalid(name, text, f"one of {', '.join(choices)}")
-    return choices[text]
 
 
 def _number(value: float) -> str:

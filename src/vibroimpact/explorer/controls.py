@@ -12,7 +12,7 @@ from bokeh.models import Button, Checkbox, Div, Dropdown, InlineStyleSheet, Sele
 from vibroimpact.explorer.address import BY_NAME, PRESETS, Preset, case_of, ranges_for
 from vibroimpact.explorer.point import Other
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import MOTION, NAMES, SAMPLES, Range, View, allowed_range, rounded, symbol
+from vibroimpact.explorer.state import CHOICES, MOTION, NAMES, Range, View, allowed_range, rounded, symbol
 from vibroimpact.indices import INDICES
 
 MOST_OTHERS = 12  # offered as initial conditions
@@ -22,7 +22,6 @@ EXPORTS = (
     ("Picture (.png)", "png"), ("Plane's data (.nc)", "nc"), ("Point's motion (.csv)", "csv"),
     ("Study file (.toml)", "toml"), ("Python lines (.py)", "py"),
 )  # fmt: skip
-_COUNTS = {str(samples): samples for samples in SAMPLES}
 _WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 0}
 _TIGHT = (
     ":host{font-size:12px} .bk-input{height:24px;min-height:24px;padding:1px 5px;font-size:12px}"
@@ -77,15 +76,14 @@ class Controls:
         self.x, self.y = self._menu("x", "x axis", names), self._menu("y", "y axis", names)
         self.start = self._menu("start", "initial condition", [("rest", "at rest")])
         self.menus = {
-            "index": self._menu("index", "colour by", _index_options()),
-            "samples": self._menu("samples", "impacts per cell", [(text, text) for text in _COUNTS]),
-            "line": self._menu("line", "diagram along", [("x", "x axis"), ("y", "y axis")]),
+            name: self._menu(name, CHOICES[name].label, options)
+            for name, options in {
+                "index": _index_options(),
+                "samples": [(text, text) for text in CHOICES["samples"].texts],
+                "line": [("x", "x axis"), ("y", "y axis")],
+            }.items()
         }
-        self.ticks = {
-            "log": self._tick("log", "logarithmic colours"),
-            "boundaries": self._tick("boundaries", "exact boundaries (some seconds)"),
-            "settled": self._tick("settled", "show the settled motion"),
-        }
+        self.ticks = {name: self._tick(name, CHOICES[name].label) for name in ("log", "boundaries", "settled")}
         for axis in (self.x, self.y):
             axis.on_change("value", self._to_axes)
         for name, chosen in self.menus.items():
@@ -121,8 +119,7 @@ class Controls:
 
     def _chosen(self, name: str, value: Any) -> None:
         if not self._quiet:
-            changes: dict[str, Any] = {name: _COUNTS.get(value, value) if name == "samples" else value}
-            self.explorer.set(**changes)
+            self.explorer.set(**{name: CHOICES[name].texts.get(value, value)})
             self.show_view(self.explorer.view)
 
     def _to_axes(self, attr: str, old: str, new: str) -> None:

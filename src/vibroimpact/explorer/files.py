@@ -23,7 +23,7 @@ from vibroimpact.explorer.address import to_query
 from vibroimpact.explorer.plane import TRANSIENT, Plane, positions
 from vibroimpact.explorer.point import Point
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import FINEST, MOTION, NAMES, SAMPLES, View, parameter_value
+from vibroimpact.explorer.state import FINEST, MOTION, NAMES, SAMPLES, TABLE, View
 from vibroimpact.files import load
 from vibroimpact.indices import INDICES
 from vibroimpact.oscillator import ImpactOscillator
@@ -139,7 +139,7 @@ def _edges(name: str, values: Any) -> tuple[float, float]:
 def _within(name: str, edge: float, value: float) -> float:
     """Return the edge of a cell, or the cell's value where the edge is out of the parameter's range."""
     try:
-        return parameter_value(name, edge)
+        return TABLE[name].check(edge)
     except ValueError:
         return float(value)
 

@@ -102,35 +102,20 @@ class Explorer:
 
     def set(self, gesture: str = "", **changes: Any) -> bool:
         """Change parts of the view by their names; a refused change is answered and changes nothing."""
-        try:
-            return self.show(replace(self.view, **changes), gesture)
-        except ValueError as error:
-            self._send(("message", str(error)))
-            return False
+        return self._show(lambda view: replace(view, **changes), gesture)
 
     def set_parameter(self, name: str, value: Any) -> bool:
         """Change one parameter, as typed or slid; where it is refused, the view is sent again."""
-        changed = False
-        try:
-            osc = self.view.osc.replace(**{name: typed_number(name, value)})
-        except ValueError as error:
-            self._send(("message", str(error)))
-        else:
-            changed = self.set(name, osc=osc, start=None)
+        changed = self._show(lambda view: _moved(view, {name: typed_number(name, value)}), name)
         if not changed:
             self._send(("view", self.view))
         return changed
 
     def click(self, x: Any, y: Any) -> bool:
         """Choose a point of the plane."""
-        try:
-            view = self.view
-            place = {view.x: rounded(x, view.x_range), view.y: rounded(y, view.y_range)}
-            osc = view.osc.replace(**place)
-        except ValueError as error:
-            self._send(("message", str(error)))
-            return False
-        return self.set("click", osc=osc, start=None)
+        return self._show(
+            lambda view: _moved(view, {view.x: rounded(x, view.x_range), view.y: rounded(y, view.y_range)}), "click"
+        )
 
     def zoom(self, x_range: Range, y_range: Range) -> bool:
         """Show another part of the plane, as far as it can be computed."""
@@ -166,6 +151,15 @@ class Explorer:
     def redo(self) -> bool:
         """Undo the last `undo`."""
         return self._travel(self._future, self._past)
+
+    def _show(self, change: Callable[[View], View], gesture: str) -> bool:
+        """Show a changed view; answer where the change is refused."""
+        try:
+            view = change(self.view)
+        except ValueError as error:
+            self._send(("message", str(error)))
+            return False
+        return self.show(view, gesture)
 
     def show(self, view: View, gesture: str = "") -> bool:
         """Show another view; parts that stay are not computed again. Returns whether anything changed."""
@@ -313,3 +307,8 @@ class Explorer:
     def _send(self, *messages: Message) -> None:
         if self._listener is not None and messages and not self.closed:
             self._listener(list(messages))
+
+
+def _moved(view: View, place: dict[str, float]) -> View:
+    """Return the view at another point, whose motion starts from rest."""
+    return replace(view, osc=view.osc.replace(**place), start=None)

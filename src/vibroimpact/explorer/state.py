@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
@@ -29,6 +30,31 @@ CASES = (
     "ship", "valve",
 )  # fmt: skip
 MOST_PINS = 2
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A field of a view that has one of some values: its key and texts in an address, and its label on the page."""
+
+    key: str
+    texts: dict[str, Any]
+    label: str = ""
+
+
+def _same(values: Iterable[Any]) -> dict[str, Any]:
+    return {str(value): value for value in values}
+
+
+FLAG = {"0": False, "1": True}
+CHOICES = {
+    "index": Choice("index", _same(SHOWN), "colour by"),
+    "log": Choice("log", FLAG, "logarithmic colours"),
+    "boundaries": Choice("b", FLAG, "exact boundaries (some seconds)"),
+    "line": Choice("line", _same("xy"), "diagram along"),
+    "samples": Choice("n", _same(SAMPLES), "impacts per cell"),
+    "settled": Choice("from", {"start": False, "settled": True}, "show the settled motion"),
+    "case": Choice("case", _same(CASES)),
+}
 
 FINEST = 256  # cells along an axis of the plane
 SPACING = 16  # doubles between neighbouring cells, at least
@@ -95,8 +121,9 @@ class View:
     case: str = ""
 
     def __post_init__(self) -> None:
-        for name, choices in _CHOICES.items():
-            object.__setattr__(self, name, _one_of(name, getattr(self, name), choices))
+        choices = {"x": NAMES, "y": NAMES} | {name: (*choice.texts.values(),) for name, choice in CHOICES.items()}
+        for name, values in choices.items():
+            object.__setattr__(self, name, _one_of(name, getattr(self, name), values))
         if self.x == self.y:
             raise invalid("y", self.y, "a parameter different from `x`")
         if len(self.pins) > MOST_PINS:
@@ -153,19 +180,6 @@ class View:
     def along(self) -> tuple[str, Range]:
         """The parameter along which the diagram runs, and its range."""
         return (self.x, self.x_range) if self.line == "x" else (self.y, self.y_range)
-
-
-_CHOICES: dict[str, tuple[Any, ...]] = {
-    "x": NAMES,
-    "y": NAMES,
-    "index": SHOWN,
-    "line": ("x", "y"),
-    "samples": SAMPLES,
-    "log": (False, True),
-    "boundaries": (False, True),
-    "settled": (False, True),
-    "case": CASES,
-}
 
 
 # ---- limits
@@ -252,7 +266,7 @@ def _checked_range(axis: str, parameter: str, ends: Any) -> Range:
         first, last = ends
     except (TypeError, ValueError):
         first = last = math.nan
-    low, high = (parameter_value(parameter, end) for end in (first, last))
+    low, high = (TABLE[parameter].check(end) for end in (first, last))
     if not high > low:
         raise invalid(axis, ends, "a lower and a higher end", "put the lower end first")
     least = least_width(low, high)
@@ -289,29 +303,27 @@ def with_ranges(view: View, x_range: Range, y_range: Range) -> tuple[View, str]:
     wanted = {"x_range": x_range, "y_range": y_range}
     if not all(_some_range(ends) for ends in wanted.values()):
         return view, message
-    begins = {name: getattr(view, name) for name in wanted}
-
-    def moved(share: float, name: str, begin: Range) -> Range:
-        low, high = (a + share * (b - a) for a, b in zip(begin, wanted[name], strict=True))
-        return low, high
-
     # First all four ends by the largest common share of their ways, then each alone as near as it may.
-    view = _farthest(view, lambda share: {name: moved(share, name, begins[name]) for name in wanted})
-    for name in wanted:
-        begin = getattr(view, name)
-        view = _farthest(view, lambda share, name=name, begin=begin: {name: (moved(share, name, begin)[0], begin[1])})
-        begin = getattr(view, name)
-        view = _farthest(view, lambda share, name=name, begin=begin: {name: (begin[0], moved(share, name, begin)[1])})
+    view = _farthest(view, wanted, (0, 1))
+    for name, end in product(wanted, (0, 1)):
+        view = _farthest(view, {name: wanted[name]}, (end,))
     return view, message
 
 
-def _farthest(view: View, change: Any) -> View:
-    """Return the view changed by the largest share between 0 and 1 that is not refused, to `HALVINGS` halvings."""
+def _farthest(view: View, wanted: dict[str, Range], ends: tuple[int, ...]) -> View:
+    """Return the view with these ends of ranges moved by the largest share of their ways that is not refused.
+
+    The share lies between 0 and 1 and is found by `HALVINGS` halvings.
+    """
     done, refused, best = 0.0, 1.0, view
     for share in (1.0, *[0.0] * HALVINGS):
         tried = share or 0.5 * (done + refused)
+        ranges: dict[str, Any] = {
+            name: tuple(a + tried * (to[end] - a) * (end in ends) for end, a in enumerate(getattr(view, name)))
+            for name, to in wanted.items()
+        }
         try:
-            best, done = replace(view, **change(tried)), tried
+            best, done = replace(view, **ranges), tried
         except ValueError:
             refused = tried
         if done == 1.0:
@@ -330,18 +342,13 @@ def _some_range(ends: Any) -> bool:
 # ---- numbers and names of the model's parameters
 
 
-def parameter_value(name: str, value: Any) -> float:
-    """Return a parameter as a float within its range."""
-    return TABLE[name].check(value)
-
-
 def typed_number(name: str, value: Any) -> float:
     """Return a parameter as it was typed."""
     if isinstance(value, str):
         if not NUMBER.fullmatch(value):
             raise no_number(name, value)
         value = float(value)
-    return parameter_value(name, value)
+    return TABLE[name].check(value)
 
 
 def no_number(name: str, text: str) -> ValueError:
