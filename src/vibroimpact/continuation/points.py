@@ -39,7 +39,7 @@ class Solution:
     @cached_property
     def oscillator(self) -> ImpactOscillator:
         """The oscillator there."""
-        return self.system.oscillator_at(self.x)
+        return self.system.model_at(self.x).at()
 
     @cached_property
     def z(self) -> Floats:

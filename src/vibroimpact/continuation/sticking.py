@@ -106,8 +106,7 @@ def ends_on_line(
     for (low, before), (high, after) in pairwise(zip(values, names, strict=True)):
         if before != after and n_periods in (before, after):
             inside, beyond = (low, high) if before == n_periods else (high, low)
-            seen = model.replace(**{parameter: inside})
-            end = end_of_sticking(seen, parameter, (inside, beyond), longest=n_periods)
+            end = end_of_sticking(model, parameter, (inside, beyond), longest=n_periods)
             if end.found and end.n_periods == n_periods:
                 yield end
 

@@ -150,10 +150,6 @@ class System:
         """Return the model, its free parameters inside their ranges."""
         return self.model.replace(**dict(zip(self.names, self._inside(self.values(x)), strict=True)))
 
-    def oscillator_at(self, x: Floats) -> ImpactOscillator:
-        """Return the oscillator that the model is there."""
-        return self.model_at(x).at()
-
     def misses(self, x: Floats) -> Floats:
         """Return what must vanish, in parts of the speed and of the length that goes with it."""
         parameters, z = self.parameters(x), self.solution(x)

@@ -101,7 +101,9 @@ def find_orbit(osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: 
     'no initial guess converged to a period-1 impact-2 orbit'
     """
     check_model(osc)
-    cycle = _checked_cycle(n_periods, n_impacts)
+    cycle = Cycle(whole_number("n_periods", n_periods, 1), whole_number("n_impacts", n_impacts, -1))
+    if cycle.n_impacts == 0:
+        raise invalid("n_impacts", n_impacts, "a whole number >= 1, or -1 for a complete chatter")
     begin = _start(osc.at(), near, cycle)
     if cycle.n_impacts == -1:
         from vibroimpact.orbits.sticking import find_sticking_orbit  # slower to import
@@ -112,14 +114,6 @@ def find_orbit(osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: 
         solutions, why = impact_1_orbits(osc.at(), cycle.n_periods)
         return _sorted(osc, cycle, solutions) if solutions else Orbits(outcome="none", message=why)
     return _search(osc, cycle) if begin is None else _from(osc, cycle, begin)
-
-
-def _checked_cycle(n_periods: Any, n_impacts: Any) -> Cycle:
-    n = whole_number("n_periods", n_periods, 1)
-    p = whole_number("n_impacts", n_impacts, -1)
-    if p == 0:
-        raise invalid("n_impacts", p, "a whole number >= 1, or -1 for a complete chatter")
-    return Cycle(n, p)
 
 
 def _start(osc: ImpactOscillator, near: Any, cycle: Cycle) -> Orbit | tuple[float, float] | None:
