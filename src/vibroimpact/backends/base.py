@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.options import Tolerances
-from vibroimpact.status import Status
+from vibroimpact.status import Status, window_status
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -124,6 +124,24 @@ class Samples:
         """
         values: tuple[Any, ...] = *impacts.T, *looks.T, *sticks.T, int(status), *last, steps
         return cls(*values)
+
+
+def impacts_status(impacts: Floats, sticks: Floats, window: ImpactWindow, ended: Status) -> Status:
+    """Return the status of a motion that `ended` so, from rows of the impacts and sticks that its window kept."""
+    turns = impacts[:, 0] + impacts[:, 1]
+    span = float(turns[-1] - turns[0]) if len(turns) else 0.0
+    return window_status(sampled=len(impacts), wanted=window.keep, stuck=len(sticks) > 0, periods=span, ended=ended)
+
+
+def looks_status(sticks: Floats, first: float, pressed: bool) -> Status:
+    """Return the status of a full window of looks, the first of them `first` periods from time 0, from rows of sticks.
+
+    `pressed`: a mass at rest at the stop is never released.
+    """
+    released = sticks[:, 2] + sticks[:, 3]
+    if pressed and len(sticks) and np.isnan(released[-1]):
+        return Status.STUCK_FOREVER
+    return Status.STICKING if (np.isnan(released) | (released > first)).any() else Status.OK
 
 
 Outcome = dict[str, NDArray[Any]]

@@ -18,6 +18,8 @@ from vibroimpact.backends.base import (
     Outcome,
     Samples,
     StroboscopicWindow,
+    impacts_status,
+    looks_status,
 )
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
@@ -42,7 +44,7 @@ Limits = tuple[float, float, float]
 Seen = tuple[Floats, Floats, Floats]  # rows of impacts, looks and sticks
 
 
-def limits(tolerances: Tolerances) -> tuple[float, float, float]:
+def limits(tolerances: Tolerances) -> Limits:
     """Return the tolerances in the order in which the kernels take them."""
     return tolerances.chatter, tolerances.flight_periods, float(tolerances.steps_per_impact)
 
@@ -110,7 +112,13 @@ class CpuBackend(Backend):
 
     def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
         """Return what the window sees of each cell."""
-        return sample(rows_of(cells), measurement.window, limits(measurement.tolerances))
+        runs = [_Run(row, measurement.window, limits(measurement.tolerances)) for row in rows_of(cells)]
+        if len(runs) < FEW:
+            for run in runs:
+                run.record()
+        else:
+            _record_in_lanes(runs)
+        return [run.samples() for run in runs]
 
     def follow(self, cell: Cells, measurement: Measurement, seen: Measurement) -> tuple[Outcome, Samples]:
         """Return what `indices` gives for a single cell, and what the window of `seen` sees of it, from one run.
@@ -186,17 +194,6 @@ def _seat() -> tuple[NDArray[Any], ...]:
     return aligned(ROWS * LANES), owner, notes, np.zeros((LONGEST, 4)), np.zeros((LOOK, TRACE))
 
 
-def sample(table: Floats, window: Window, limits: Limits) -> list[Samples]:
-    """Return what the window sees of each cell, one a row of the table."""
-    runs = [_Run(row, window, limits) for row in table]
-    if len(runs) < FEW:
-        for run in runs:
-            run.record()
-    else:
-        _record_in_lanes(runs)
-    return [run.samples() for run in runs]
-
-
 class _Run:
     """A cell, its recorder's memory, and what was seen of it so far."""
 
@@ -230,15 +227,13 @@ class _Run:
         parts, self.parts = self.parts, []
         impacts, looks, sticks = (np.concatenate(part) for part in zip(*parts, strict=True))
         last, progress = state_of(self.memory)
-        ended = ended_as(progress.end, progress.hits)
+        status = ended_as(progress.end, progress.hits)
         if isinstance(self.window, ImpactWindow):
-            turns = impacts[:, 0] + impacts[:, 1]
-            span = turns[-1] - turns[0] if len(turns) else 0.0
-            status = window_status(
-                sampled=len(impacts), wanted=self.window.keep, stuck=len(sticks) > 0, periods=span, ended=ended
-            )
+            status = impacts_status(impacts, sticks, self.window, status)
         else:
-            status = self._looks_status(looks, sticks, ended)
+            if len(looks) == self.window.keep:
+                pressed = self.cell.stiffness * self.cell.gap <= -self.cell.amplitude
+                status = looks_status(sticks, self.look_periods[0] + self.look_phase[0], pressed)
             last = (math.nan,) * 4
             if len(looks):
                 at = len(looks) - 1
@@ -247,16 +242,6 @@ class _Run:
         looked = np.column_stack([*times, self.cell.gap - looks[:, 0], looks[:, 1]])
         steps = int(progress.steps)
         return Samples.of(impacts=impacts, looks=looked, sticks=sticks, status=status, last=last, steps=steps)
-
-    def _looks_status(self, looks: Floats, sticks: Floats, ended: Status) -> Status:
-        if len(looks) < len(self.look_periods):
-            return ended
-        always_pressed = self.cell.stiffness * self.cell.gap <= -self.cell.amplitude
-        released = sticks[:, 2] + sticks[:, 3]
-        if len(sticks) and np.isnan(released[-1]) and always_pressed:
-            return Status.STUCK_FOREVER
-        within = np.isnan(released) | (released > self.look_periods[0] + self.look_phase[0])
-        return Status.STICKING if within.any() else Status.OK
 
 
 def aligned(size: int) -> Floats:

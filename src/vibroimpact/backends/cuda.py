@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Backend, Floats, ImpactWindow, Measurement, Outcome, Samples
-from vibroimpact.backends.cpu import CpuBackend, limits, outcomes, rows_of
+from vibroimpact.backends.base import Backend, Counts, Floats, ImpactWindow, Measurement, Outcome, Samples
+from vibroimpact.backends.cpu import CpuBackend, Limits, limits, outcomes, rows_of
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
 from vibroimpact.kernels.cell import RUNNING, Cell
@@ -25,16 +25,13 @@ from vibroimpact.kernels.lanes import LANES, ROWS
 from vibroimpact.kernels.machine import config
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
 
-Counts = NDArray[np.int64]
-
 THREADS = 64  # a block
 LOOKS = 32  # between two compactions: some 1000 steps, a few milliseconds
 AT_ONCE = 2  # tiles on the device: one fills it while the last cells of the other finish
 SHARE = 0.25  # of the device's free memory that one tile may take
 CLOSERS = 2048  # cycles walked side by side
-CELL_BYTES = 8 * (
-    len(Cell._fields) + ROWS + NOTES + FACTS + len(THOROUGH) + 2
-)  # its row, lane, notes, columns, place in lists
+# A cell's row, lane, notes, facts, columns, and its place in lists.
+CELL_BYTES = 8 * (len(Cell._fields) + ROWS + NOTES + FACTS + len(THOROUGH) + 2)
 CYCLE_BYTES = 8 * 4 * LONGEST
 
 # The simulator runs one kernel at a time.
@@ -105,9 +102,7 @@ def _room(cells: int) -> tuple[int, int]:
 class _Tile:
     """Cells on the device, and the launches that take them to their ends."""
 
-    def __init__(
-        self, rows: Floats, closers: int, window: ImpactWindow, tolerances: tuple[float, float, float], thorough: bool
-    ):
+    def __init__(self, rows: Floats, closers: int, window: ImpactWindow, tolerances: Limits, thorough: bool):
         from vibroimpact.kernels import device
 
         cuda = _numba_cuda()

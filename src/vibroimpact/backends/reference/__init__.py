@@ -21,13 +21,15 @@ from vibroimpact.backends.base import (
     StroboscopicWindow,
     energy_loss,
     impact_indices,
+    impacts_status,
+    looks_status,
 )
 from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.backends.reference.indices import Account, Ledger
 from vibroimpact.backends.reference.motion import Contact, Rest, motion, time_between
 from vibroimpact.indices import INDICES
 from vibroimpact.options import Tolerances
-from vibroimpact.status import Status, window_status
+from vibroimpact.status import Status
 
 
 @dataclass
@@ -159,14 +161,11 @@ class ReferenceCell:
         sticks = np.array(seen.sticks).reshape(-1, 4)
         clearance, velocity = np.array(seen.looks).reshape(-1, 2).T
         times = [part[: len(clearance)] for part in schedule or (np.empty(0), np.empty(0))]
+        status = seen.ended
         if isinstance(window, ImpactWindow):
-            turns = impacts[:, 0] + impacts[:, 1]
-            span = float(turns[-1] - turns[0]) if len(turns) else 0.0
-            status = window_status(
-                sampled=len(impacts), wanted=window.keep, stuck=len(sticks) > 0, periods=span, ended=seen.ended
-            )
-        else:
-            status = self._looks_status(seen, sticks, times[0] + times[1])
+            status = impacts_status(impacts, sticks, window, status)
+        elif status == Status.OK:
+            status = looks_status(sticks, times[0][0] + times[1][0], self.free.preload <= -self.free.drive)
         return Samples.of(
             impacts=impacts,
             looks=np.column_stack([*times, self.free.gap - clearance, velocity]),
@@ -175,14 +174,6 @@ class ReferenceCell:
             last=astuple(last),
             steps=seen.steps,
         )
-
-    def _looks_status(self, seen: Witness, sticks: Floats, turns: Floats) -> Status:
-        if seen.ended != Status.OK:
-            return seen.ended
-        released = sticks[:, 2] + sticks[:, 3]
-        if len(sticks) and self.free.preload <= -self.free.drive:
-            return Status.STUCK_FOREVER
-        return Status.STICKING if (np.isnan(released) | (released > turns[0])).any() else Status.OK
 
 
 class ReferenceBackend(OneByOne):
