@@ -92,14 +92,11 @@ def motion_variable(dims: Any, codes: NDArray[Any]) -> xr.Variable:
     return flags(dims, codes, "class of motion", [kind.word for kind in MotionClass if kind == kind.stored])
 
 
-def _growth(sweep: xr.Dataset) -> xr.DataArray:
+def _growth(sweep: xr.Dataset) -> Any:
     """Return ln of the factor by which neighbours part over the sampled impacts."""
-    growth: xr.DataArray
     if "lyapunov_per_impact" in sweep:
-        growth = sweep["lyapunov_per_impact"] * _sampled_impacts(sweep)
-    else:
-        growth = sweep["lyapunov"] * _period(sweep) / sweep["impacts_per_period"] * _sampled_impacts(sweep)
-    return growth
+        return sweep["lyapunov_per_impact"] * _sampled_impacts(sweep)
+    return sweep["lyapunov"] * _period(sweep) / sweep["impacts_per_period"] * _sampled_impacts(sweep)
 
 
 def _sampled_impacts(sweep: xr.Dataset) -> Any:

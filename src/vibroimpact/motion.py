@@ -97,13 +97,7 @@ def stored(kinds: NDArray[Any]) -> NDArray[np.int8]:
 
 
 def refined(codes: ArrayLike, status: ArrayLike) -> NDArray[np.int8]:
-    """Return stored kinds with those that the status tells apart.
-
-    Examples
-    --------
-    >>> motion_name(MotionClass(int(refined(MotionClass.NO_IMPACT, Status.STUCK_FOREVER))))
-    'permanently in contact'
-    """
+    """Return stored kinds, refined where the status alone decides."""
     by_status = _BY_STATUS[np.asarray(status)]
     return np.where(by_status > 0, by_status, np.asarray(codes, dtype=np.int8))
 
@@ -323,11 +317,6 @@ def recurrence(*columns: NDArray[Any], tolerance: float = 1e-6, longest: int = 6
 
     `tolerance` is relative to a column's largest modulus. Phases are given as points exp(2 pi i phase). No cycle longer
     than half of the samples is found.
-
-    Examples
-    --------
-    >>> recurrence(np.array([1.0, 2.0, 1.0, 2.0, 1.0]))
-    2
     """
     settled = [column[len(column) // 2 :] for column in columns]
     return _repeats(columns, tolerance, longest) or _repeats(settled, tolerance, longest)

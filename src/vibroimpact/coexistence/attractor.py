@@ -259,13 +259,7 @@ def _chaos(settled: Settled) -> Iterator[list[Counts]]:
 
 
 def clusters(columns: Sequence[tuple[Floats, float]]) -> list[Counts]:
-    """Return groups of rows, parted wherever the sorted values of a column leave a gap wider than that column's.
-
-    Examples
-    --------
-    >>> [group.tolist() for group in clusters([(np.array([1.0, 5.0, 1.01, 1.02]), 0.1)])]
-    [[0, 2, 3], [1]]
-    """
+    """Return groups of rows, parted wherever the sorted values of a column leave a gap wider than that column's."""
     label = np.zeros(len(columns[0][0]), dtype=np.int64)
     for values, gap in columns:
         order = np.lexsort((values, label))

@@ -138,8 +138,9 @@ class Runner:
         self.stop = Event()
         self.measured = 0
 
-    def run(self, cells: Cells, wanted: Measurement) -> Iterator[tuple[Counts | slice, Outcome]]:
-        """Yield which cells have ended, and their indices."""
+    def run(self, cells: Cells, window: ImpactWindow) -> Iterator[tuple[Counts | slice, Outcome]]:
+        """Yield which cells have ended, and the indices that identify their motions."""
+        wanted = Measurement(window, self.tolerances, indices=IDENTIFYING)
         return run_sweep(self.engine, cells, wanted, self.workers, self.stop)
 
     def measure(
@@ -149,7 +150,7 @@ class Runner:
         self.measured += len(cells)
         table = {name: np.full(len(cells), np.nan) for name in (*INDICES, "status")}
         wanted = Measurement(window, tolerances or self.tolerances, indices=tuple(INDICES))
-        for which, found in self.run(cells, wanted):
+        for which, found in run_sweep(self.engine, cells, wanted, self.workers, self.stop):
             for name, column in table.items():
                 column[which] = found[name]
         return _measured(table, window)

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import Cells, ImpactWindow, Measurement
+from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.backends.base import Counts, Outcome
 from vibroimpact.coexistence.measuring import AT_REST, IDENTIFYING, Measured, Runner, named
 from vibroimpact.indices import INDICES
@@ -49,9 +49,8 @@ class Settled:
         number = len(cells)
         counts = {name: np.zeros(number, np.int64) for name in ("impacts", "steps")}
         indices = {name: np.zeros(number, INDICES[name].dtype) for name in IDENTIFYING}
-        return cls(
-            osc, cells, np.zeros(number, np.int8), np.full(number, Status.INTERRUPTED, np.int8), counts | indices
-        )
+        status = np.full(number, Status.INTERRUPTED, np.int8)
+        return cls(osc, cells, np.zeros(number, np.int8), status, counts | indices)
 
     def __getitem__(self, at: int) -> Measured:
         indices = {name: float(column[at]) for name, column in self.indices.items()}
@@ -99,7 +98,7 @@ def settle(
     for window in windows:
         kind[left], status[left] = MotionClass.UNDECIDED, Status.INTERRUPTED
         undecided = len(left)
-        for which, outcome in runner.run(cells[left], Measurement(window, runner.tolerances, indices=IDENTIFYING)):
+        for which, outcome in runner.run(cells[left], window):
             settled.note(left[which], outcome, window.keep)
             undecided -= int(np.count_nonzero(kind[left[which]]))
             report(settled, undecided)
@@ -120,7 +119,7 @@ def _released(runner: Runner, osc: ImpactOscillator, windows: Sequence[ImpactWin
     """Return what a mass settles to that waits at the stop for its release."""
     settled = Settled.of(osc, AT_REST.cell(osc))
     for window in windows:
-        for which, outcome in runner.run(settled.cells, Measurement(window, runner.tolerances, indices=IDENTIFYING)):
+        for which, outcome in runner.run(settled.cells, window):
             settled.note(np.arange(1)[which], outcome, window.keep)
         if settled.kind[0] not in (MotionClass.UNDECIDED, MotionClass.CHAOTIC):
             break
