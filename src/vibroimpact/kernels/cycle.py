@@ -8,9 +8,8 @@ from numba import njit
 
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, step_at, walk
 from vibroimpact.kernels.cell import phase_of
-from vibroimpact.kernels.flight import undamped_flow
+from vibroimpact.kernels.flight import NONE, least_gap_exactly, undamped_flow
 from vibroimpact.kernels.law import across_impact, tail_duration
-from vibroimpact.kernels.near_miss import NONE, least_gap_exactly
 from vibroimpact.kernels.observers import DEVIATION
 from vibroimpact.kernels.state import Motion
 

@@ -12,10 +12,9 @@ from typing import NamedTuple
 from numba import njit
 
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, STUCK
-from vibroimpact.kernels.flight import acceleration, series, undamped_flow
+from vibroimpact.kernels.flight import NONE, acceleration, least_gap, series, undamped_flow
 from vibroimpact.kernels.law import across_impact, pressed
 from vibroimpact.kernels.machine import fma, select
-from vibroimpact.kernels.near_miss import NONE, least_gap
 
 WHOLE = 6755399441055744.0  # 1.5 * 2^52: adding and taking it away again rounds to a whole number
 FOLD = 1.6069380442589903e60  # 2^200: a power of two rescales without rounding

@@ -20,8 +20,8 @@ from vibroimpact.kernels.cycle import (
     UNRESOLVED,
     describe_turn,
 )
+from vibroimpact.kernels.flight import NONE
 from vibroimpact.kernels.law import energy_loss
-from vibroimpact.kernels.near_miss import NONE
 from vibroimpact.kernels.observers import FOLD, VelocityIndices, velocity_indices
 
 H, SCALE, FLIGHT, GRANTED, MADE, RATIO, KNOWN = range(7)  # what is noted of a cell beside its lane

@@ -11,8 +11,8 @@ from vibroimpact.kernels.advance import LOOK, walk
 from vibroimpact.kernels.cell import FILLED, RUNNING, budgets, cell_of, ending, prepare
 from vibroimpact.kernels.closing import try_to_close
 from vibroimpact.kernels.cycle import IMPACTS, PERIODS
+from vibroimpact.kernels.flight import NONE
 from vibroimpact.kernels.machine import compiled, next_ticket
-from vibroimpact.kernels.near_miss import NONE
 from vibroimpact.kernels.observers import DEVIATION, Deviation, Misses, Recurrence
 from vibroimpact.kernels.recorder import END, overhear, room
 from vibroimpact.kernels.results import (
