@@ -24,10 +24,7 @@ Report = Callable[[int, int, Any], Any]
 class Stop(Event):
     """Whether a sweep shall stop: because it was set, or because whoever it reports to wants it between two reports.
 
-    Parameters
-    ----------
-    progress : bool or callable
-        What the sweep reports to; a callable may have an attribute `stopped`, true once it wants the sweep to stop.
+    What a sweep reports to may have an attribute `stopped`, true once it wants the sweep to stop.
     """
 
     def __init__(self, progress: bool | Report) -> None:
@@ -77,18 +74,9 @@ SWITCH = 1e-4  # s, after which cells computed in Python give way to the thread 
 class Meter:
     """The callable that a command's computation reports to, within a `with` block.
 
-    Parameters
-    ----------
-    label : str
-        What is computed.
-    keeps : bool
-        Whether finished work is kept after an interruption.
-    patience : float, optional
-        Seconds, at most, that a stopped sweep waits for running cells.
-    settle : callable, optional
-        Completes what is being written to a store; called before the process is ended at once.
-    opening : callable, optional
-        Prints what comes before the first report; called at the end of a sweep that reported nothing.
+    `keeps` says whether finished work is kept after an interruption, `patience` how many seconds at most a stopped
+    sweep waits for running cells. `settle` completes what is being written to a store before the process ends at once;
+    `opening` prints what comes before the first report, or at the end of a sweep that reported nothing.
     """
 
     def __init__(

@@ -37,22 +37,7 @@ CHATTER = 1e-6  # of the hardest impact: softer ones only show where a chatter w
 
 
 def sentences_of(dataset: xr.Dataset) -> list[str]:
-    """Return the lines that sum a result up.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        A result of this package, fresh or loaded.
-
-    Returns
-    -------
-    list of str
-        One fact a line, with units.
-
-    Raises
-    ------
-    ValueError
-        `dataset` is not a result of this package.
+    """Return the lines that sum up a result of this package, fresh or loaded: one fact per line, with units.
 
     Examples
     --------

@@ -30,34 +30,16 @@ BLOCK = 1 << 18  # cells made at once where all are to be seen: some 25 MB
 
 @dataclass(frozen=True)
 class Request:
-    """Which designs, from which initial conditions, measured how and by which back end.
+    """Which designs, from which initial conditions, measured how and by which back end."""
 
-    Parameters
-    ----------
-    model : Model
-        The parameters that no axis varies.
-    axes : mapping of str to ndarray
-        The values of a grid, or, `scattered`, the columns of a table with one design per row.
-    measurement : Measurement
-        What is measured in each cell.
-    start : State, None, or a tuple of them
-        The initial condition of every cell; a tuple adds a dim `start`.
-    backend, time_step
-        Who computes.
-    scattered : bool
-        Whether the designs are scattered points (dim `point`) and not a grid.
-    further : mapping
-        Other arguments that decide the result, such as how a map is refined.
-    """
-
-    model: Model
-    axes: Mapping[str, Floats]
+    model: Model  # the parameters that no axis varies
+    axes: Mapping[str, Floats]  # the values of a grid, or, `scattered`, the columns of a table with one design per row
     measurement: Measurement
-    start: State | tuple[State | None, ...] | None = None
+    start: State | tuple[State | None, ...] | None = None  # of every cell; a tuple adds a dim `start`
     backend: str = "cpu"
     time_step: float | None = None
-    scattered: bool = False
-    further: Mapping[str, Any] = field(default_factory=dict)
+    scattered: bool = False  # points (dim `point`), not a grid
+    further: Mapping[str, Any] = field(default_factory=dict)  # what else decides the result: how a map is refined
 
     @property
     def starts(self) -> tuple[State | None, ...]:

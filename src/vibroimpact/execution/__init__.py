@@ -34,18 +34,10 @@ Pieces = Generator[tuple[int, slice | Places, Any], None, None]
 
 @dataclass(frozen=True)
 class Tiling:
-    """A grid of cells cut into equal boxes, those at the far edges smaller.
+    """A grid of cells cut into equal boxes, those at the far edges smaller."""
 
-    Parameters
-    ----------
-    shape : tuple of int
-        Cells along each axis of the grid.
-    tile : tuple of int
-        Cells along each axis of a tile.
-    """
-
-    shape: tuple[int, ...]
-    tile: tuple[int, ...]
+    shape: tuple[int, ...]  # cells along each axis of the grid
+    tile: tuple[int, ...]  # and of a tile
 
     @property
     def counts(self) -> tuple[int, ...]:

@@ -205,29 +205,11 @@ def _lost_scheduler() -> ConnectionError:
 
 @contextmanager
 def connect(cluster: Client | str) -> Iterator[Client]:
-    """Yield a client of a cluster; close in the end what was opened here, and nothing else.
+    """Yield a client that is connected; close in the end what was opened here, and nothing else.
 
-    Parameters
-    ----------
-    cluster : dask.distributed.Client or str
-        A client, which stays open; `tcp://HOST:PORT` or `tls://HOST:PORT` of a running scheduler; or `local:N`, which
-        starts N processes of one thread each on this machine and ends them at the end.
-
-    Yields
-    ------
-    dask.distributed.Client
-        A client that is connected.
-
-    Raises
-    ------
-    ValueError
-        It is neither, or a client that is asynchronous or closed.
-    ImportError
-        Dask is not installed.
-    ConnectionError
-        No scheduler answers there within five seconds.
-    RuntimeError
-        The processes of `local:N` did not start.
+    A client given stays open. `tcp://HOST:PORT` or `tls://HOST:PORT` is a running scheduler: `ConnectionError` where
+    none answers within five seconds. `local:N` starts N processes of one thread each on this machine and ends them at
+    the end: `RuntimeError` where they do not start.
     """
     from distributed import Client
 

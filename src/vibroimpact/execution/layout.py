@@ -237,18 +237,8 @@ class TileWriter:
 
     A tile's numbers are written first and its record last, each file whole or not at all: wherever the process ends, a
     tile without a record is computed again. Nothing is flushed to the disk by force: chunks that a power failure kept
-    from it fail their checksum and are computed again.
-
-    Parameters
-    ----------
-    path : Path
-        The store.
-    tiling : Tiling
-        Its tiles.
-    arrays : mapping
-        The path in the store of each array that holds tiles, by the name of its variable.
-    records : array of int64, one row per tile
-        The records of the tiles, kept up to date.
+    from it fail their checksum and are computed again. `arrays` gives the path in the store of each array that holds
+    tiles, by the name of its variable; `records`, one row per tile, are kept up to date.
     """
 
     def __init__(self, path: Path, tiling: Tiling, arrays: Mapping[str, str], records: Rows) -> None:

@@ -48,18 +48,7 @@ READ = 64  # tiles read at once, or one row of them: Zarr reads many chunks toge
 
 
 class SweepStore:
-    """A stored sweep, opened for reading.
-
-    Parameters
-    ----------
-    path : path
-        A `.zarr` folder that `parameter_map(store=...)` made.
-
-    Raises
-    ------
-    OSError
-        There is no stored sweep, or what describes it is damaged.
-    """
+    """A stored sweep, opened for reading; `OSError` where there is none, or what describes it is damaged."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path).absolute()  # the same store wherever the process goes
@@ -284,12 +273,7 @@ def run_into_store(
 ) -> xr.Dataset:
     """Compute the tiles that a store lacks and write them; return the sweep, read from disk where it is looked at.
 
-    Parameters
-    ----------
-    cells : int
-        Cells of a tile, if the store is made now.
-    computing : callable
-        Makes the context of the place where cells are computed; called if any are left to compute.
+    A store made now has tiles of so many `cells`; `computing` is called only if any are left to compute.
     """
     store = open_or_create(path, request, cells)
     try:

@@ -90,17 +90,8 @@ class Batches:
     """Computes batches of cells of the fine grid into the picture; takes from a store what it holds and keeps the rest.
 
     In the lists of a store every batch begins a tile, so that the place of a cell follows from the request alone.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        The picture as a map, in whose attributes impacts and steps are counted.
-    tile : int or None
-        Cells of a part that is computed together; None is what suits the place.
-    report : callable
-        Gets cells computed, cells known to be needed, and the dataset; False asks to stop.
-    kept : pair, optional
-        The store and what writes to it.
+    Impacts and steps are counted in the attributes of `dataset`, the picture as a map; `report` gets cells computed,
+    cells known to be needed, and the dataset. A `tile` of None is what suits the place; `kept` are store and writer.
     """
 
     def __init__(

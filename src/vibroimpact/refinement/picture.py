@@ -29,14 +29,7 @@ Jumps = Mapping[str, float]
 class Picture:
     """Indices, status, name of the motion and level of every cell of the fine grid.
 
-    Parameters
-    ----------
-    shape : tuple of int
-        Cells along each axis of the fine grid.
-    names : tuple of str
-        The indices.
-    sample_impacts : int
-        Impacts sampled in each cell, by which chaos is recognised.
+    `sample_impacts` are those sampled in each cell, by which chaos is recognised.
     """
 
     def __init__(self, shape: tuple[int, ...], names: tuple[str, ...], sample_impacts: int) -> None:
