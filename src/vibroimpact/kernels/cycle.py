@@ -76,7 +76,7 @@ def _closest_miss(motion, k, impacts, trace):
         for row in range(walk(motion, k, trace, len(trace), impacts - number)):
             before = motion
             motion, event, _, x = step_at(trace, row, 1, 0)
-            least = min(least, least_gap_exactly(before, k, x))
+            least = min(least, least_gap_exactly(before, k, x, least))
             number += event == IMPACT
     return least
 
@@ -105,7 +105,7 @@ def describe_turn(k, limit, facts, trace):
                 facts[PERIODS], facts[IMPACTS] = motion.n, (-1.0 if k.r > 0.0 else hits)
                 break
             if x > HOP or before.u > 0.0 or motion.u > 0.0:
-                least = min(least, least_gap_exactly(before, k, x))
+                least = min(least, least_gap_exactly(before, k, x, least))
             settling = tail_duration(v, motion.s, motion.c, k) * k.th / (2.0 * math.pi) if event == CHATTER else 0.0
             if event == IMPACT:
                 hits += 1.0

@@ -234,10 +234,18 @@ def least_gap(a, x, p1, q1, lands):
 
 
 @njit(error_model="numpy")
-def least_gap_exactly(motion, k, x):
-    """Return the least gap within a flight of x steps, to rounding, or NONE; the step is searched in pieces."""
+def least_gap_exactly(motion, k, x, known):
+    """Return the least gap within a flight of x steps, to rounding, or NONE; the step is searched in pieces.
+
+    A gap that is not below the least one `known` may be left out.
+    """
     a = series(motion, k, False)
-    least = NONE
+    least, change = NONE, 0.0
+    for j in range(len(a) - 1, 1, -1):
+        change = x * (change + 1.001 * j * abs(a[j]))
+    # Neither where the rate keeps its sign, nor where the gap stays above u + min(p, 0) x - change x/2.
+    if abs(motion.p) > change or motion.u + (min(motion.p, 0.0) - 0.5 * change) * x > known:
+        return least
     before = motion.p
     for piece in range(PIECES):
         low, high = x * piece / PIECES, x * (piece + 1.0) / PIECES
