@@ -168,11 +168,13 @@ class Runner:
 
     def follow(self, cells: Cells, impacts: int = 300) -> list[Start | None]:
         """Return where each motion is after so many impacts, or None where it could not be followed."""
-        found = []
-        for seen in self.samples(cells, ImpactWindow(impacts, 1)):
-            last = Start(max(seen.last_clearance, 0.0), seen.last_velocity, seen.last_phase)
-            found.append(last if seen.status != Status.BUDGET and all(map(math.isfinite, last)) else None)
-        return found
+        return [last_of(seen) for seen in self.samples(cells, ImpactWindow(impacts, 1))]
+
+
+def last_of(seen: Samples) -> Start | None:
+    """Return the state in which a recorded motion ended, or None where it could not be followed."""
+    last = Start(max(seen.last_clearance, 0.0), seen.last_velocity, seen.last_phase)
+    return last if seen.status != Status.BUDGET and all(map(math.isfinite, last)) else None
 
 
 def _measured(table: Outcome, window: ImpactWindow) -> list[Measured]:

@@ -9,7 +9,7 @@ from functools import partial
 
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence import Attractor, attractors
-from vibroimpact.coexistence.measuring import QUIET, Measured, Runner, Start
+from vibroimpact.coexistence.measuring import QUIET, Measured, Runner, Start, last_of
 from vibroimpact.dataset import provenance
 from vibroimpact.motion import Motion, MotionClass, recognise
 from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
@@ -49,16 +49,15 @@ class Present:
 def present_motion(model: Model, runner: Runner) -> Present:
     """Return the motion that a start from rest settles to.
 
-    One run measures and samples it; the first impact of a cycle's sample is the state that boundaries and advice are
-    followed from.
+    One run measures and samples it; boundaries and advice are followed from the first impact of a cycle's sample, or
+    from the end of another's.
     """
     osc = model.at()
     measured, seen = runner.record(osc.cells({}), ImpactWindow(SETTLED, SHOWN))
     motion = Motion(measured.kind, measured.n_periods, measured.n_impacts, status=measured.status)
     if not (measured.motion_class.hits and measured.n_periods):
-        (start,) = runner.follow(osc.cells({}), SETTLED)
         orbit = _sticking_orbit(model, 1) if measured.motion_class == MotionClass.STICKING else None
-        return Present(model, osc, measured, motion, orbit, start)
+        return Present(model, osc, measured, motion, orbit, last_of(seen))
     if measured.motion_class == MotionClass.STICKING:
         orbit = _sticking_orbit(model, measured.n_periods)
     else:
