@@ -17,7 +17,7 @@ m u'' + c u' + k u = k g - f sin(w t). With the response q to a unit kick,
 E is the divided difference of exp(tau x) over the two rates of free motion and nu, so no term is infinite where two of
 the three coincide, and a short flight is as accurate as a long one.
 
-Stability follows from the product over all flights of the flow and the saltation matrix of the impact at its end,
+Stability follows from the product over all flights of the flow and the impact's saltation matrix (method, equation 5),
 
     [ -r, 0; (a+ + r a-)/v, -r ],   a-, a+ = y'' just before and after the impact of velocity v
 
@@ -268,7 +268,7 @@ class Cycle:
             held, back = dq + flight.damp * q, -flight.stiff * q
             a, b, c, d = held * a + q * c, held * b + q * d, back * a + dq * c, back * b + dq * d
             v = float(z[p + (i + 1) % p])
-            # `motion.recognition.separations` has the same saltation; its forces round as (f sin - k g)/m, not as here.
+            # `motion.separations` has the same saltation; its forces round as (f sin - k g)/m, not as here.
             # y'' = -u'' just before (y' = v) and just after (y' = -r v).
             before, after = -flight.bend(TURN * end, 0.0, -v), -flight.bend(TURN * end, 0.0, r * v)
             kick = (after + r * before) / v if v else math.inf
