@@ -125,13 +125,13 @@ def test_exact_back_ends_agree_on_settled_indices():
         )
         for backend in EXACT
     }
-    witness = sweeps.pop("reference")
-    for sweep in sweeps.values():
+    for backend, sweep in sweeps.items():
         for name in names[:3]:
-            assert sweep[name].values == pytest.approx(witness[name].values, rel=1e-10, abs=1e-10)
-        assert sweep["impacts_per_period"].values.tolist() == [2.0, 1.0]
-    # The witness knows no cycles: over 20 impacts of a period-1 impact-2 motion (N - 1) T / (t_N - t_1) is not yet 2.
-    assert witness["impacts_per_period"].values == pytest.approx([19 / 9.29, 1.0], abs=1e-3)
+            assert sweep[name].values == pytest.approx(sweeps["reference"][name].values, rel=1e-10, abs=1e-10)
+        # Slow ones know no cycles: over 20 impacts of a period-1 impact-2 motion (N - 1) T / (t_N - t_1) is not yet 2.
+        slow = get_backend(backend, elsewhere=True).slow
+        rates = pytest.approx([19 / 9.29, 1.0], abs=1e-3) if slow else [2.0, 1.0]
+        assert sweep["impacts_per_period"].values.tolist() == rates
 
 
 def test_the_fixed_step_scheme_comes_near_where_motion_is_simple():

@@ -241,7 +241,10 @@ def _check_one(name: str, value: Any, other: str, other_value: Any) -> None:
 
 @runtime_checkable
 class Model(Protocol):
-    """What the machinery knows of a model: its table of parameters, their values, and the cells that it makes."""
+    """What the machinery knows of a model: its table of parameters, their values, and the cells that it makes.
+
+    `str()` of a model names it without its values: in titles, in files, and in the identity of a store.
+    """
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -250,7 +253,7 @@ class Model(Protocol):
 
     @property
     def values(self) -> dict[str, float]:
-        """Their values; of parameters that replace one another, one."""
+        """Their values; of parameters that replace one another, one, while the others are attributes."""
         ...
 
     def replace(self, **changes: float) -> Model:

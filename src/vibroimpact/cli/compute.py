@@ -42,7 +42,7 @@ def simulate(options: Options) -> None:
         typer.echo(f"settles to: {sentences_of(_call('impact_section', study))[0]}")
 
 
-@o.with_options(o.MODEL, o.START, o.SECTION_KIND, o.IMPACTS, o.PERIODS, o.ENGINE, o.OUT, o.PICTURE)
+@o.with_options(o.MODEL, o.START, o.SECTION_KIND, o.IMPACTS, o.PERIODS, o.ENGINE, o.OUT, o.FIGURE, o.PICTURE)
 def section(options: Options) -> None:
     """Impact map or Poincare map of the settled motion, and the name of that motion.
 
@@ -65,7 +65,7 @@ def _motion(function: str, study: Study, options: Options) -> None:
 
 @o.with_options(
     o.MODEL, o.START, o.X, o.SECTION, o.DIRECTION, o.INDICES, o.IMPACTS, o.PERIODS, o.ENGINE, o.WORKERS, o.OUT,
-    o.INDEX, o.PICTURE,
+    o.FIGURE, o.INDEX, o.PICTURE,
 )  # fmt: skip
 def diagram(options: Options) -> None:
     """Bifurcation diagram: how the settled motion changes with one parameter.

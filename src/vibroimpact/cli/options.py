@@ -245,7 +245,7 @@ _how = partial(Option, panel="How to compute")
 BACKEND = _how(
     "backend",
     "NAME",
-    "cpu, cuda (GPU), reference (slow witness) or fixed-step (the paper's). (default: cpu)",
+    "What computes, such as cuda (GPU), reference (slow witness) or fixed-step (the paper's). (default: cpu)",
     table="run",
 )
 TIME_STEP = _how("time_step", "S", "Time step of the back end fixed-step, in s. (default: 0.0005)", table="run")

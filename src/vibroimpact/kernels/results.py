@@ -85,9 +85,8 @@ def harvest(lanes, i, note, keep, result):
 @njit(error_model="numpy")
 def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
     """Turn the sums of a thorough lane and the facts of its cycle into indices; `harvest` comes first."""
-    _, shift, sum1, sum2, _ = lane.load_sums(lanes, i)
-    margin, releases = lane.load_misses(lanes, i)
-    returns = releases > 1.0
+    found, seen = lane.load_sums(lanes, i), lane.load_misses(lanes, i)
+    returns = seen.releases > 1.0
     stuck = returns or lane.load_rests(lanes, i).stuck > 0.0
     if stuck:
         describe_turn(lane.load_constants(lanes, i), WALK if returns else PERHAPS, facts, trace)
@@ -104,6 +103,7 @@ def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
         resting = facts[RESTS] / facts[PERIODS]
         margin = facts[MISS]
     else:
+        margin = seen.margin
         span, gone = result[0], keep - 1.0
         grown = lane.load_deviation(lanes, i)
         growth = -math.inf
@@ -113,7 +113,7 @@ def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
             growth -= 0.5 * cell.damping / cell.mass * span * period
         exponent = growth / (span * period) if gone > 0.0 else math.nan
         per_impact = growth / gone if gone > 0.0 else math.nan
-        squares = sum2 + shift * (2.0 * sum1 + gone * shift)
+        squares = found.sum2 + found.shift * (2.0 * found.sum1 + gone * found.shift)
         dissipation = lost * squares / span if gone > 0.0 else math.nan
         resting = 0.0 if gone > 0.0 and not stuck else math.nan
     indices = ThoroughIndices(

@@ -127,7 +127,8 @@ def family_of(model: Model) -> Model | None:
 
 def value_of(model: Model, name: str) -> float:
     """Return the value of a parameter of a model, also of one that replaces another."""
-    return float(getattr(model, name) if isinstance(model, ImpactOscillator) else model.values[name])
+    values = model.values
+    return float(values[name] if name in values else getattr(model, name))
 
 
 def check_pair(model: Model, parameter: str, name: str, given: Any) -> tuple[float, float]:
