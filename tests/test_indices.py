@@ -141,6 +141,10 @@ def test_closing_early_changes_no_index(spread):
         finite = np.isfinite(whole)
         np.testing.assert_array_equal(finite, np.isfinite(closed), err_msg=name)
         scale = np.abs(whole[finite]).max()
+        if name == "max_velocity":  # of a cell that is closed it is that of its cycle, without the way to it
+            cycles = np.isin(spread[True]["status"].values, (vi.Status.CLOSED, vi.Status.STICKING))
+            assert (closed[finite & cycles] <= whole[finite & cycles] * (1.0 + 1e-8)).all()
+            finite &= ~cycles
         # Multipliers of a cycle are taken 1e-10 from it at most, at either time.
         np.testing.assert_allclose(whole[finite], closed[finite], rtol=0, atol=1e-8 * scale, err_msg=name)
 
@@ -316,7 +320,10 @@ def test_a_diagram_tells_the_indices_of_the_motion_it_shows(direction):
         indices=["n_periods", "n_impacts", "lyapunov", "max_velocity"],
     )
     assert diagram["lyapunov"].dims == ("omega",)
-    np.testing.assert_allclose(diagram["max_velocity"], diagram["velocity"].max("impact"), rtol=1e-9)
+    cycle = diagram["n_periods"] > 0  # whose largest velocity is told without the way to it
+    settled, sample = diagram["velocity"][:, -100:].max("impact"), diagram["velocity"].max("impact")
+    np.testing.assert_allclose(diagram["max_velocity"].where(~cycle), sample.where(~cycle), rtol=1e-9)
+    np.testing.assert_allclose(diagram["max_velocity"].where(cycle), settled.where(cycle), rtol=1e-6)
     one = (diagram["n_impacts"] == 1).values
     spread = (diagram["velocity"].max("impact") - diagram["velocity"].min("impact")).values
     assert (spread[one] < 1e-3).all()

@@ -78,7 +78,8 @@ def parameter_map(
         `start`: ``.max("start")`` is the worst case.
     early_closing : bool
         Whether a cell stops once all its remaining impacts are known; its indices are then completed in closed form,
-        within 1e-10 of the velocity scale. False computes every impact.
+        within 1e-10 of the velocity scale, but `max_velocity` becomes that of the cycle, without what is left of the
+        transient. False computes every impact.
     tolerances : Tolerances, optional
         Numerical tolerances.
     workers : int, optional

@@ -18,7 +18,7 @@ from vibroimpact.kernels.cell import phase_of
 from vibroimpact.kernels.cycle import ALIKE, describe
 from vibroimpact.kernels.flight import flow, product
 from vibroimpact.kernels.law import saltation
-from vibroimpact.kernels.observers import Phases, Recurrence, Rests, Stamp, repeated
+from vibroimpact.kernels.observers import Phases, Recurrence, Rests, Stamp, Sums, repeated
 from vibroimpact.kernels.recorder import overhear
 
 LONGEST = 4096  # impacts of the longest cycle that is closed
@@ -108,14 +108,15 @@ def _stamp_at(cycle, number, periods, ahead):
 
 @njit(error_model="numpy")
 def _finish_sums(lanes, i, cycle, number, periods, transient, total):
-    """Add the impacts up to `total`, cycle upon cycle, to the lane's observers."""
-    found = lane.load_sums(lanes, i)
+    """Add the impacts up to `total`, cycle upon cycle, to the lane's observers; the largest is then the cycle's own."""
+    found, largest = lane.load_sums(lanes, i), 0.0
     count, shift = found.hits, found.shift
     sine, cosine = lane.load_phases(lanes, i)
     if count <= transient:
         shift = cycle[int(transient - count) % number, 3]
         lane.store_first(lanes, i, _stamp_at(cycle, number, periods, transient - count))
     for j in range(number):
+        largest = max(largest, cycle[j, 3])
         # Impact j of the cycle is number count + 1 + j + k p, k = 0, 1, ...; kept are those in (transient, total].
         rounds = math.floor((total - count - 1.0 - j) / number) + 1.0
         skipped = max(math.ceil((transient - count - j) / number), 0.0)
@@ -125,7 +126,7 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
             sine += times * cycle[j, 1]
             cosine += times * cycle[j, 2]
     lane.store_last(lanes, i, _stamp_at(cycle, number, periods, total - count - 1.0))
-    lane.store_sums(lanes, i, found)
+    lane.store_sums(lanes, i, Sums(found.hits, found.shift, found.sum1, found.sum2, largest))
     lane.store_phases(lanes, i, Phases(sine, cosine))
     # A stick lies at every end of a sticking cycle: is there one between the first and the last kept impact?
     first = max(transient, count)
