@@ -209,8 +209,8 @@ class Basin:
     members: Counts
 
 
-def match(runner: Runner, settled: Settled, longest: ImpactWindow) -> list[Basin]:
-    """Return the attractors, the one with the largest share first."""
+def match(runner: Runner, settled: Settled, longest: ImpactWindow, counted: int) -> list[Basin]:
+    """Return the attractors, the one with the largest share of the first `counted` initial conditions first."""
     groups = [*_cycles(settled), *_chaos(settled)]
     found = [basin for parts in groups for basin in _joined(runner, settled, parts, longest)]
     for kind in (MotionClass.STICKING, *QUIET):
@@ -220,9 +220,9 @@ def match(runner: Runner, settled: Settled, longest: ImpactWindow) -> list[Basin
             sticks = kind == MotionClass.STICKING
             one = sticking_attractor(runner, settled, at) if sticks else quiet_attractor(settled.osc, settled[at])
             found.append(Basin(one, members))
-    found.sort(key=lambda basin: (-len(basin.members), basin.attractor.name, -basin.attractor.max_velocity))
-    number = len(settled.cells)
-    return [replace(b, attractor=replace(b.attractor, share=len(b.members) / number)) for b in found]
+    shares = [int((basin.members < counted).sum()) / counted for basin in found]
+    found = [replace(b, attractor=replace(b.attractor, share=share)) for b, share in zip(found, shares, strict=True)]
+    return sorted(found, key=lambda b: (-b.attractor.share, b.attractor.name, -b.attractor.max_velocity))
 
 
 def _cycles(settled: Settled) -> Iterator[list[Counts]]:

@@ -17,6 +17,7 @@ from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import Motion, MotionClass, decide
 from vibroimpact.options import Tolerances
+from vibroimpact.orbits import find_orbit
 from vibroimpact.orbits.sticking import CREST
 from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.parameters import invalid
@@ -24,6 +25,7 @@ from vibroimpact.status import Status
 
 SPREAD = 256  # initial conditions where none are given
 FASTEST = 4.0  # of V: the hardest impact among them
+KNOWN_PERIODS = 16  # of orbits with one impact that are tried besides
 _STRIDES = 0.7548776662466927, 0.5698402909980532  # 1/x and 1/x^2 with x^3 = x + 1: what spreads points most evenly
 PAPER = ImpactWindow(100, 5000)
 HARDLY_EVER = 64  # periods: chaos in which the mass rests now and then is, strictly, a long sticking cycle
@@ -71,6 +73,13 @@ def spread_cells(osc: ImpactOscillator, number: int = SPREAD) -> Cells:
     """
     phase, part = (np.mod(0.5 + np.arange(number, dtype=np.float64) * stride, 1.0) for stride in _STRIDES)
     return cells_at(osc, np.zeros(number), FASTEST * (osc.velocity_scale or 1.0) * part, phase)
+
+
+def orbit_cells(osc: ImpactOscillator) -> list[Cells]:
+    """Return an impact of each stable, admissible orbit of one impact in up to 16 periods: all are known exactly."""
+    orbits = (orbit for n in range(1, KNOWN_PERIODS + 1) for orbit in find_orbit(osc, n_periods=n))
+    impacts = [(orbit.velocities[0], orbit.phases[0]) for orbit in orbits if orbit.stable and orbit.admissible]
+    return [cells_at(osc, np.zeros(1), np.array([velocity]), np.array([phase])) for velocity, phase in impacts]
 
 
 def state_cells(osc: ImpactOscillator, starts: Iterable[State]) -> Cells:
@@ -122,11 +131,6 @@ class Runner:
     """How motions are computed: back end, tolerances and threads, and the event that stops them.
 
     `measured` counts the motions that were measured.
-
-    Raises
-    ------
-    ValueError
-        The back end cannot name cycles, or `workers` is not a whole number >= 1.
     """
 
     def __init__(self, backend: str = "cpu", tolerances: Tolerances | None = None, workers: int | None = None) -> None:

@@ -180,7 +180,9 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
     for motion in verdict.attractors[:SHOWN]:
         hit = f", hardest hit {motion.max_velocity:.3g} m/s" if motion.max_velocity > 0.0 else ""
         here = " (this motion)" if motion.from_rest else ""
-        yield f"{100.0 * motion.share:.3g} % of the initial conditions: {motion.name}{here}{hit}"
+        share = f"{100.0 * motion.share:.3g} % of the initial conditions"
+        rare = motion.share == 0.0 and not motion.from_rest
+        yield f"{'stable, but reached from none of them' if rare else share}: {motion.name}{here}{hit}"
     if len(verdict.attractors) > SHOWN:
         yield f"and {len(verdict.attractors) - SHOWN} more"
     if verdict.attractors and undecided >= 1e-9:
