@@ -214,13 +214,6 @@ class SweepStore:
         """Yield what writes tiles; no second process is let in meanwhile.
 
         With the `request`, the store is cleared first of what was left half written, lost or altered.
-
-        Raises
-        ------
-        StoreBusy
-            Another process writes.
-        PermissionError
-            Nothing can be written there.
         """
         with locked(self.path / RECORDS / LOCK, self.path):
             writer = TileWriter(self.path, self.tiling, self.arrays, self.records())
@@ -236,15 +229,7 @@ class SweepStore:
 
 
 def open_or_create(path: str | os.PathLike[str], request: Request, cells: int) -> SweepStore:
-    """Return the store of a request: the one that exists there, or a new one with tiles of so many cells.
-
-    Raises
-    ------
-    ValueError
-        The store there holds another study, or the name does not end in .zarr.
-    OSError
-        What is there is no stored sweep, or nothing can be written there.
-    """
+    """Return the store of a request: the one that exists there, or a new one with tiles of so many cells."""
     try:
         folder = Path(path)
     except TypeError:
