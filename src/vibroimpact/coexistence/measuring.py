@@ -78,8 +78,8 @@ def spread_cells(osc: ImpactOscillator, number: int = SPREAD) -> Cells:
 def orbit_cells(osc: ImpactOscillator) -> list[Cells]:
     """Return an impact of each stable, admissible orbit of one impact in up to 16 periods: all are known exactly."""
     orbits = (orbit for n in range(1, KNOWN_PERIODS + 1) for orbit in find_orbit(osc, n_periods=n))
-    impacts = [(orbit.velocities[0], orbit.phases[0]) for orbit in orbits if orbit.stable and orbit.admissible]
-    return [cells_at(osc, np.zeros(1), np.array([velocity]), np.array([phase])) for velocity, phase in impacts]
+    stable = (orbit for orbit in orbits if orbit.stable and orbit.admissible)
+    return [Start(0.0, orbit.velocities[0], orbit.phases[0]).cell(osc) for orbit in stable]
 
 
 def state_cells(osc: ImpactOscillator, starts: Iterable[State]) -> Cells:
