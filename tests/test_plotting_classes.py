@@ -18,7 +18,7 @@ from vibroimpact.continuation import boundary_curves
 from vibroimpact.dataset import provenance, status_variable, variable
 from vibroimpact.motion import MotionClass
 from vibroimpact.plotting import index_contour
-from vibroimpact.plotting.continuation import SPECIAL, boundaries
+from vibroimpact.plotting.continuation import boundaries
 from vibroimpact.plotting.motions import (
     COLORS,
     OTHER_PERIODIC,
@@ -29,7 +29,7 @@ from vibroimpact.plotting.motions import (
     motion_map,
     name_colors,
 )
-from vibroimpact.plotting.style import STATUS_COLORS, STICKING
+from vibroimpact.plotting.style import BOUNDARY_COLORS, STATUS_COLORS, STICKING
 from vibroimpact.status import Status
 
 mpl.use("Agg")
@@ -169,7 +169,7 @@ def seen(color, sight):
 @pytest.mark.parametrize("sight", SIGHT)
 def test_colours_stay_apart_for_colour_blind_readers(sight):
     motions = [*PALETTE, OTHER_PERIODIC, SEVERAL, *COLORS.values()]
-    lines = [special.color for special in SPECIAL.values()]
+    lines = [color for color, _ in BOUNDARY_COLORS.values()]
     for colors in (motions, lines):
         apart = [np.linalg.norm(seen(a, sight) - seen(b, sight)) for a, b in combinations(colors, 2)]
         assert min(apart) > 14.0  # neighbouring steps of a fine scale are 2 or 3 apart
@@ -246,7 +246,7 @@ def test_boundaries_are_drawn_point_by_point_and_named_by_kind_and_orbit(curves,
     boundaries(curves, ax=ax)
     for line, curve in zip(ax.lines, curves, strict=True):
         np.testing.assert_array_equal(line.get_xydata(), curve.values)
-        assert line.get_color() == SPECIAL[curve.kind].color
+        assert line.get_color() == BOUNDARY_COLORS[curve.kind][0]
     words = {curve.kind: curve.kind.replace("_", " ") for curve in curves} | {"end_of_sticking": "end"}
     expected = {f"{words[curve.kind]} of {curve.orbits[0].name}" for curve in curves}
     assert len(expected) >= 2
@@ -307,11 +307,11 @@ def test_each_kind_of_curve_has_a_colour_of_its_own_and_a_halo_that_shows_where_
     def lightness(color):
         return seen(color, "all cones")[0]
 
-    colors = {special.color for special in SPECIAL.values()}
-    assert len(colors) == len(SPECIAL)
+    colors = {color for color, _ in BOUNDARY_COLORS.values()}
+    assert len(colors) == len(BOUNDARY_COLORS)
     assert "#ffffff" not in colors, "white are the lines of a level"
-    for special in SPECIAL.values():
-        assert abs(lightness(special.color) - lightness(special.halo)) > 45.0
+    for color, halo in BOUNDARY_COLORS.values():
+        assert abs(lightness(color) - lightness(halo)) > 45.0
 
 
 def test_the_legend_of_a_map_of_motions_stays_beside_it(curves, ax):

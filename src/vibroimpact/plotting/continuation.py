@@ -16,7 +16,7 @@ from vibroimpact.motion import cycle_name
 from vibroimpact.plotting import style
 from vibroimpact.plotting.diagrams import check_diagram, check_sweep, draw_samples, mark_empty, set_height
 from vibroimpact.plotting.maps import draw_cells
-from vibroimpact.plotting.style import BLUE, GREEN, INK, RED, RINGS, Floats, on_axes
+from vibroimpact.plotting.style import BLUE, BOUNDARY_COLORS, DOTS, GREEN, INK, RED, Floats, on_axes
 
 SAMPLES = "#a9a9a9"
 COLORS = (BLUE, RED, GREEN, "#8a5fa8", "#b8860b", "#56b4e9")  # one per name of an orbit, in their order
@@ -38,20 +38,18 @@ LOOKS: dict[int, dict[str, Any]] = {
 
 
 class Special(NamedTuple):
-    """How a kind of special point and its curve look: name, letters, marker, and colours that show on any map."""
+    """How a kind of special point looks in a branch diagram: name, letters, marker."""
 
     name: str
     letters: str
     marker: str
-    color: str
-    halo: str  # light around a dark line, dark around a light one
 
 
 SPECIAL = {
-    "fold": Special("fold", "F", "D", "#000000", "#ffffff"),
-    "period_doubling": Special("period doubling", "PD", "o", "#ff5d8f", INK),
-    "grazing": Special("grazing", "G", "s", "#ffb000", INK),
-    "end_of_sticking": Special("end of sticking", "S", "^", "#7fe3ff", INK),
+    "fold": Special("fold", "F", "D"),
+    "period_doubling": Special("period doubling", "PD", "o"),
+    "grazing": Special("grazing", "G", "s"),
+    "end_of_sticking": Special("end of sticking", "S", "^"),
 }
 DASHES: dict[int, Any] = {1: "solid", 2: (0, (5, 2)), 3: (0, (2, 1.5))}  # by n_periods
 MORE_PERIODS = (0, (1, 1))
@@ -145,7 +143,7 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
     entries += [Line2D([], [], color=INK, **LOOKS[look]) for look in sorted(looks)]
     set_height(ax, drawn[0], "velocity", np.concatenate(seen))
     style.label_axes(ax, drawn[0][parameter], drawn[0]["velocity"])
-    entries += _draw_special(ax, drawn, colors)
+    entries += _draw_special(ax, drawn)
     style.legend_below(ax, entries)
     return ax
 
@@ -181,25 +179,26 @@ def _before(kind: str, beyond: int, otherwise: int) -> int:
     return {STABLE: UNSTABLE, UNSTABLE: STABLE}.get(beyond, beyond)
 
 
-def _special_points(drawn: list[xr.Dataset]) -> Iterator[tuple[str, float, Floats, xr.Dataset]]:
-    """Yield kind, parameter value, impact velocities and branch of the special points, each once."""
+def _special_points(drawn: list[xr.Dataset]) -> Iterator[tuple[str, float, Floats]]:
+    """Yield kind, parameter value and impact velocities of the special points, each once."""
     met: list[tuple[str, float]] = []
     for branch in drawn:
         rows = branch["special_velocity"].transpose("special", "impact").values
         for kind, value, row in zip(_kinds(branch["special_kind"]), branch["special_value"].values, rows, strict=True):
             if not any(kind == other and np.isclose(value, at, rtol=1e-9, atol=0.0) for other, at in met):
                 met.append((kind, float(value)))
-                yield kind, float(value), row[np.isfinite(row)], branch
+                yield kind, float(value), row[np.isfinite(row)]
 
 
-def _draw_special(ax: Axes, drawn: list[xr.Dataset], colors: dict[str, str]) -> list[Line2D]:
+def _draw_special(ax: Axes, drawn: list[xr.Dataset]) -> list[Line2D]:
     """Mark and name the special points of all branches; return the legend's entries."""
     entries, names = {}, []
-    for kind, value, speeds, branch in _special_points(drawn):
+    for kind, value, speeds in _special_points(drawn):
         special = SPECIAL[kind]
-        look = RINGS | {"marker": special.marker, "markersize": 6.0, "zorder": 5}
-        ax.plot(np.full(len(speeds), value), speeds, markeredgecolor=colors[orbit_name(branch)], **look)
-        entries[kind] = Line2D([], [], markeredgecolor=INK, label=f"{special.letters}: {special.name}", **look)
+        look = DOTS | {"marker": special.marker, "markersize": 6.5, "zorder": 5, "markeredgewidth": 0.8}
+        look |= dict(zip(("color", "markeredgecolor"), BOUNDARY_COLORS[kind], strict=True))
+        ax.plot(np.full(len(speeds), value), speeds, **look)
+        entries[kind] = Line2D([], [], label=f"{special.letters}: {special.name}", **look)
         names.append((value, float(speeds.max()), special.letters))
     halo = [withStroke(linewidth=2.4, foreground="white")]
     for value, height, letters in _merged(ax, names):
@@ -325,15 +324,15 @@ def _order(ax: Axes, curve: xr.Dataset, plane: list[str]) -> tuple[str, str]:
 def _draw_curve(ax: Axes, curve: xr.Dataset, x: str, y: str) -> Line2D:
     """Draw one curve and return it, labelled with its kind and its orbit."""
     (kind,), n = _kinds(curve["kind"]), int(curve.attrs["n_periods"])
-    sticks, special = kind == "end_of_sticking", SPECIAL[kind]
+    sticks, (color, halo) = kind == "end_of_sticking", BOUNDARY_COLORS[kind]
     (line,) = ax.plot(
         curve[x].values,
         curve[y].values,
-        color=special.color,
+        color=color,
         linewidth=1.7,
         linestyle=DASHES.get(n, MORE_PERIODS),
-        path_effects=[withStroke(linewidth=3.1, foreground=special.halo)],
-        label=f"{'end' if sticks else special.name} of {orbit_name(curve, sticks)}",
+        path_effects=[withStroke(linewidth=3.1, foreground=halo)],
+        label=f"{'end' if sticks else SPECIAL[kind].name} of {orbit_name(curve, sticks)}",
         zorder=5,
     )
     return line

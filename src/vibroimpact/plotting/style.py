@@ -28,6 +28,14 @@ Layer = tuple[Mask, str, str]  # cells, their colour, their legend entry
 BLUE, RED, GREEN, INK, WALL = "#0072b2", "#d55e00", "#009e73", "#222222", "#b8b8b8"
 STICKING = "#f0e442"  # in every map that shows where the mass comes to rest at the stop
 
+# Of the boundaries of motions by kind, in every map and diagram: the line, and a halo that makes it show on any colour.
+BOUNDARY_COLORS: dict[str, tuple[str, str]] = {
+    "fold": ("#000000", "#ffffff"),
+    "period_doubling": ("#ff5d8f", INK),
+    "grazing": ("#ffb000", INK),
+    "end_of_sticking": ("#7fe3ff", INK),
+}
+
 STATUS_COLORS: dict[Status, str] = {
     Status.NO_IMPACT: "#cfcfcf",
     Status.STOPPED_IMPACTING: "#a3a3a3",
