@@ -104,9 +104,10 @@ def state_cells(osc: ImpactOscillator, starts: Iterable[State]) -> Cells:
 
 @dataclass(frozen=True)
 class Measured(Motion):
-    """A motion as its indices name it, and these."""
+    """A motion as its indices name it, these, and how many impacts were computed until it was decided."""
 
     indices: dict[str, float] = field(default_factory=dict, compare=False)
+    impacts: int = field(default=0, compare=False)
 
     @property
     def group(self) -> tuple[str, int, int]:
@@ -153,18 +154,22 @@ class Runner:
         """Return the motion of each cell with every index, its kind by the rule of `classify`."""
         self.measured += len(cells)
         table = {name: np.full(len(cells), np.nan) for name in (*INDICES, "status")}
+        table["impacts"] = np.zeros(len(cells))
         wanted = Measurement(window, tolerances or self.tolerances, indices=tuple(INDICES))
         for which, found in run_sweep(self.engine, cells, wanted, self.workers, self.stop):
             for name, column in table.items():
                 column[which] = found[name]
         return _measured(table, window)
 
-    def record(self, cell: Cells, seen: ImpactWindow) -> tuple[Measured, Samples]:
-        """Return the motion of one cell as `measure` does, and what a window sees of it, from one run."""
+    def record(
+        self, cell: Cells, seen: ImpactWindow, window: ImpactWindow = PAPER, tolerances: Tolerances | None = None
+    ) -> tuple[Measured, Samples]:
+        """Return the motion of one cell as `measure` does, and what the window `seen` sees of it, from one run."""
         self.measured += 1
-        wanted = Measurement(PAPER, self.tolerances, indices=tuple(INDICES))
-        outcome, samples = self.engine.follow(cell, wanted, Measurement(seen, self.tolerances))
-        return _measured(outcome, PAPER)[0], samples
+        limits = tolerances or self.tolerances
+        wanted = Measurement(window, limits, indices=tuple(INDICES))
+        outcome, samples = self.engine.follow(cell, wanted, Measurement(seen, limits))
+        return _measured(outcome, window)[0], samples
 
     def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow) -> list[Samples]:
         """Return what the window sees of each cell."""
@@ -185,10 +190,11 @@ def _measured(table: Outcome, window: ImpactWindow) -> list[Measured]:
     growth = window.keep * table["lyapunov_per_impact"]
     kinds = decide(table["status"].astype(np.int8), growth, table["n_periods"], table["n_impacts"])
     rows = ({name: float(table[name][at]) for name in INDICES} for at in range(len(kinds)))
-    return [named(*row) for row in zip(kinds.tolist(), table["status"].tolist(), rows, strict=True)]
+    columns = kinds.tolist(), table["status"].tolist(), rows, table["impacts"].tolist()
+    return [named(*row) for row in zip(*columns, strict=True)]
 
 
-def named(kind: int, status: float, indices: dict[str, float]) -> Measured:
-    """Return a motion of a kind, from its indices."""
+def named(kind: int, status: float, indices: dict[str, float], impacts: float) -> Measured:
+    """Return a motion of a kind, from its indices and how many impacts were computed."""
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
-    return Measured(MotionClass(kind).word, n, p, status=Status(int(status)), indices=indices)
+    return Measured(MotionClass(kind).word, n, p, status=Status(int(status)), indices=indices, impacts=int(impacts))

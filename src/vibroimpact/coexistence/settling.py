@@ -54,7 +54,7 @@ class Settled:
 
     def __getitem__(self, at: int) -> Measured:
         indices = {name: float(column[at]) for name, column in self.indices.items()}
-        return named(int(self.kind[at]), int(self.status[at]), indices)
+        return named(int(self.kind[at]), int(self.status[at]), indices, float(self.indices["impacts"][at]))
 
     def note(self, at: Counts, outcome: Outcome, kept: int) -> None:
         """Take down the outcome of a window of `kept` impacts."""

@@ -1,0 +1,151 @@
+"""The final motion of one initial condition: a motion that does not repeat is watched over 1e5 impacts.
+
+What looks chaotic over the 5000 impacts of a map may be a transient, and what has not closed a cycle by then may be on
+its way to one: both are run on.
+
+A mass that rests at the stop forgets what was before, but where neighbours part by more than 1e13 until it rests again
+(`motion.UNRESOLVED`), the cycle from release to release is an accident of rounding. What such a mass does in the end is
+found from releases that are moved by up to 1e-11 V: those that rest again are released again, and most of the others
+decide. Only where all rest again, turn after turn, for 1e5 impacts, is it intermittent sticking.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from vibroimpact.backends import Cells, ImpactWindow
+from vibroimpact.backends.base import Samples
+from vibroimpact.coexistence.measuring import Measured, Runner, last_of
+from vibroimpact.motion import MotionClass
+from vibroimpact.options import Tolerances
+from vibroimpact.status import Status
+
+WATCHED = 100_000  # impacts over which a motion is watched that does not repeat
+LATE = ImpactWindow(WATCHED // 2, WATCHED // 2)
+RELEASES = 32  # moved releases that are followed at a time
+MOVED = 1e-11  # of V: the most that a release is moved
+TURNS = 4  # computed of a motion that rests again: its own, and that of the exact release until that is closed
+THRIFT = 100  # certified steps per impact: rare hits are not worth a long wait
+
+
+@dataclass(frozen=True)
+class Final:
+    """What an initial condition settles to, as far as it was watched.
+
+    Parameters
+    ----------
+    measured : Measured
+        The final motion with every index: of a cycle those of the cycle alone.
+    samples : Samples
+        What the window that was asked for sees of it.
+    watched : int
+        Impacts after which it was certain, or over which it was watched in vain for an end of its irregularity.
+    before : Measured or None
+        The transient as the first 5100 impacts name it, where that is another name.
+    ends : dict
+        Of an irregular rest how many moved releases lead to the motion of each name.
+    """
+
+    measured: Measured
+    samples: Samples
+    watched: int
+    before: Measured | None = None
+    ends: dict[str, int] = field(default_factory=dict)
+
+
+def final_motion(runner: Runner, cell: Cells, seen: ImpactWindow) -> Final:
+    """Follow one cell to its final motion, for up to 1e5 impacts where it does not repeat before.
+
+    What is certain within the paper's 5100 impacts is computed once.
+    """
+    first, samples = runner.record(cell, seen)
+    final = Final(first, samples, first.impacts)
+    start = last_of(samples)
+    if irregular(first) and not rests(first) and start is not None:
+        final = _watched(runner, cell.replace(**start._asdict()), seen)
+        final = replace(final, watched=final.watched + min(first.impacts, seen.transient + seen.keep))
+        if (
+            final.measured.name == first.name or final.measured.status == Status.BUDGET
+        ):  # the indices stay those of a map
+            final = Final(first, samples, final.watched)
+    if irregular(final.measured) and rests(final.measured):
+        final = _released(runner, cell, seen, final)
+    return final if final.measured.name == first.name else replace(final, before=first)
+
+
+def irregular(measured: Measured) -> bool:
+    """Return whether a motion has no period that was found, although it hits, and was followed to the end."""
+    open_ended = (MotionClass.CHAOTIC, MotionClass.UNDECIDED)
+    return measured.motion_class in open_ended or (
+        measured.motion_class == MotionClass.STICKING and not measured.n_periods
+    )
+
+
+def rests(measured: Measured) -> bool:
+    """Return whether a motion came to rest at the stop within its window."""
+    return measured.status == Status.STICKING
+
+
+def released(cell: Cells, number: int = 0) -> Cells:
+    """Return so many releases of the mass, moved by up to 1e-11 V; others for each `number`."""
+    (design,) = cell
+    held = design["stiffness"] * design["gap"]
+    phase = 0.5 - math.asin(held / design["amplitude"]) / (2.0 * math.pi)
+    scale = max(design["amplitude"], abs(held)) / math.sqrt(design["stiffness"] * design["mass"])
+    share = (np.arange(RELEASES) + 1.0 / (number + 1.0)) / RELEASES
+    many = Cells(np.repeat(cell.table, RELEASES, axis=0), cell.columns)
+    return many.replace(clearance=0.0, velocity=-MOVED * scale * share, periods=0.0, phase=phase)
+
+
+def released_ends(runner: Runner, cell: Cells) -> Iterator[tuple[Cells, list[Measured]]]:
+    """Yield moved releases and where they lead, until some lead elsewhere than to the next rest, or all were watched.
+
+    As each turn between rests is one more throw of the same dice, turns from many releases are as good as one motion.
+    """
+    impacts, number = 0, 0
+    while impacts < TURNS * WATCHED:
+        cells = released(cell, number)
+        ends = runner.measure(cells, LATE, thrifty(runner))
+        yield cells, ends
+        if not all(irregular(end) and rests(end) for end in ends):
+            return
+        impacts += sum(end.impacts for end in ends)
+        number += 1
+
+
+def thrifty(runner: Runner) -> Tolerances:
+    """Return the tolerances with which a motion is watched."""
+    return replace(runner.tolerances, steps_per_impact=min(runner.tolerances.steps_per_impact, THRIFT))
+
+
+def _watched(runner: Runner, cell: Cells, seen: ImpactWindow) -> Final:
+    """Return what a cell does in 1e5 impacts, and a cycle that it is on by then with the indices of the cycle alone."""
+    last = ImpactWindow(WATCHED - seen.keep, seen.keep)
+    measured, samples = runner.record(cell, last, LATE, thrifty(runner))
+    watched, end = measured.impacts, last_of(samples)
+    if measured.motion_class.hits and measured.n_periods and end is not None:
+        measured, samples = runner.record(cell.replace(**end._asdict()), seen)
+    return Final(measured, samples, watched)
+
+
+def _released(runner: Runner, cell: Cells, seen: ImpactWindow, resting: Final) -> Final:
+    """Return what a motion settles to whose next rest is an accident of rounding."""
+    found: Counter[str] = Counter()
+    watched = 0
+    for cells, ends in released_ends(runner, cell):
+        found.update(end.name for end in ends)
+        watched += sum(end.impacts for end in ends) // TURNS
+        left = [(at, end) for at, end in enumerate(ends) if not (irregular(end) and rests(end))]
+        if left:
+            name, _ = Counter(end.name for _, end in left).most_common(1)[0]
+            at = next(at for at, end in left if end.name == name)
+            final = _watched(runner, cells[at : at + 1], seen)
+            return replace(final, watched=resting.watched + final.watched, ends=dict(found))
+    sticking = next((end for end in ends if end.motion_class == MotionClass.STICKING), resting.measured)
+    measured = resting.measured if resting.measured.motion_class == MotionClass.STICKING else sticking
+    return replace(resting, measured=measured, watched=watched, ends=dict(found))
