@@ -13,6 +13,8 @@ import pytest
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="no playwright: install the extra [web-test]")
 pytest.importorskip("bokeh", reason="no Bokeh: install the extra [web]")
+from vibroimpact.explorer.controls import EXPORTS
+
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
@@ -347,6 +349,29 @@ def test_the_motion_plays(tab):
     tab.wait_for_timeout(300)
     assert tab.evaluate("document.getElementById('play-canvas').toDataURL()") != first
     tab.click("#play")
+
+
+CONTRAST = """(element) => {
+  const numbers = (color) => color.match(/[\\d.]+/g).map(Number);
+  const light = ([r, g, b]) => [r, g, b].map((one) => one / 255)
+    .map((one) => (one <= 0.04045 ? one / 12.92 : ((one + 0.055) / 1.055) ** 2.4))
+    .reduce((sum, one, at) => sum + one * [0.2126, 0.7152, 0.0722][at], 0);
+  let below = element, back = [0, 0, 0, 0];
+  for (; below && back[3] === 0; below = below.assignedSlot || below.parentElement || below.getRootNode().host) {
+    back = numbers(getComputedStyle(below).backgroundColor);
+    if (back.length === 3) back.push(1);
+  }
+  const [dark, bright] = [light(numbers(getComputedStyle(element).color)), light(back)].sort((a, b) => a - b);
+  return (bright + 0.05) / (dark + 0.05); }"""
+
+
+def test_words_of_menus_and_buttons_stand_out(tab):
+    load(tab, side=64)
+    tab.locator(".buttons").get_by_text("Export").click()
+    items = [tab.get_by_text(label) for label, _ in EXPORTS]
+    buttons = [tab.get_by_text(label) for label in ("Undo", "Pin point", "Copy link", "vibroimpact explorer")]
+    for seen in (*items, *buttons):
+        assert seen.first.evaluate(CONTRAST) > 4.5  # WCAG 2.1, 1.4.3
 
 
 @pytest.mark.parametrize(("item", "name", "holds"), [("Python lines (.py)", "view.py", b"parameter_map"),
