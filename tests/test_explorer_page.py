@@ -13,8 +13,6 @@ import pytest
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="no playwright: install the extra [web-test]")
 pytest.importorskip("bokeh", reason="no Bokeh: install the extra [web]")
-from vibroimpact.explorer.controls import EXPORTS
-
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
@@ -366,6 +364,8 @@ CONTRAST = """(element) => {
 
 
 def test_words_of_menus_and_buttons_stand_out(tab):
+    from vibroimpact.explorer.controls import EXPORTS
+
     load(tab, side=64)
     tab.locator(".buttons").get_by_text("Export").click()
     items = [tab.get_by_text(label) for label, _ in EXPORTS]

@@ -12,13 +12,14 @@ import pytest
 import vibroimpact as vi
 from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.explorer.files import KINDS, export, open_study, python_lines, study_file
-from vibroimpact.explorer.plane import SIDES, Plane, bands, lattice, name_of, positions, shades
+from vibroimpact.explorer.plane import SIDES, Curves, Plane, bands, lattice, name_of, positions, shades
 from vibroimpact.explorer.point import compute_point
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import FINEST, View
-from vibroimpact.explorer.views import color_numbers, one_turn
+from vibroimpact.explorer.views import PlaneView, color_numbers, one_turn
 from vibroimpact.explorer.work import Pool, Urgency
 from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.plotting.style import BOUNDARY_COLORS
 
 SMALL = View(x_range=(1.8, 2.2), y_range=(0.9, 1.1), samples=200)
 
@@ -121,6 +122,15 @@ def test_only_cells_that_stick_have_the_colour_of_sticking():
     seen = shades(plane)
     cells = color_numbers(seen, 255)
     assert ((cells == 256).reshape(64, 64)[::-1] == np.isneginf(seen.value)).all()
+
+
+def test_boundaries_have_the_colours_that_they_have_in_figures():
+    kinds = ["grazing", "fold", "grazing"]
+    drawn = PlaneView()
+    drawn.show_curves(Curves([np.zeros(2)] * 3, [np.zeros(2)] * 3, kinds, kinds))
+    parts = dict(zip(*drawn.updates["curves"].source.data.values(), strict=True))
+    assert parts["curves"]["colors"] == [BOUNDARY_COLORS[kind] for kind in kinds]
+    assert [parts["#boundaries"]["html"].count(BOUNDARY_COLORS[kind][0]) for kind in BOUNDARY_COLORS] == [1, 0, 1, 0]
 
 
 @pytest.fixture

@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from vibroimpact.explorer.plane import NOTHING, Curves, Line, Plane, Shades, name_of, shades
 from vibroimpact.explorer.point import Other, Point, index_rows
 from vibroimpact.explorer.state import NAMES, View, parameter_label, symbol, unit
-from vibroimpact.plotting.style import BLUE, GREEN, RED, STICKING
+from vibroimpact.plotting.style import BLUE, BOUNDARY_COLORS, GREEN, RED, STICKING
 from vibroimpact.plotting.style import view as limits
 
 PINS = (RED, GREEN)
 LETTERS = ("A", "B")
 COLORS = (BLUE, *PINS)  # of the present motion and the pinned ones
-CURVES = {"fold": "#e7298a", "period_doubling": "#ffffff", "grazing": "#ff9d2e", "end_of_sticking": "#f0e442"}
 SCALES = {"signed": interp_palette(RdBu11, 255), "sequential": Viridis256}
 OUTSIDE = (NOTHING, STICKING)  # cells without a place on the colour scale
 SHOWN_PERIODS = 6
@@ -105,13 +104,13 @@ class PlaneView:
         origin = f"stored sweep {escape(plane.stored)}" if plane.stored else f"{plane.side} × {plane.side} cells"
         took = f", {plane.seconds:.1f} s" if plane.seconds >= 0.05 else ""
         update.add("#plane-head", html=f"<b>{escape(seen.title)}</b> <span>{origin}{took}</span>")
-        update.add("#colours", html=" ".join(_legend_entry("key", color, label) for color, label in seen.legend))
+        update.add("#colours", html=" ".join(_legend_entry(color, label) for color, label in seen.legend))
         update.send()
 
     def show_curves(self, curves: Curves | None) -> None:
         """Draw boundaries over the plane, or remove them."""
         curves, update = curves or Curves([], [], [], []), self.updates["curves"]
-        colors = [CURVES.get(kind, "#ffffff") for kind in curves.kinds]
+        colors = [BOUNDARY_COLORS[kind] for kind in curves.kinds]
         places = [np.column_stack([x, y]) for x, y in zip(curves.x, curves.y, strict=True)]
         update.add(
             "curves",
@@ -120,14 +119,19 @@ class PlaneView:
             colors=colors,
             words=curves.descriptions,
         )
-        kinds = {color: kind.replace("_", " ") for color, kind in zip(colors, curves.kinds, strict=True)}
-        html = " ".join(_legend_entry("key line", color, kind) for color, kind in kinds.items())
+        kinds = [kind for kind in BOUNDARY_COLORS if kind in curves.kinds]
+        html = " ".join(_line_entry(*BOUNDARY_COLORS[kind], kind.replace("_", " ")) for kind in kinds)
         update.add("#boundaries", html=html)
         update.send()
 
 
-def _legend_entry(kind: str, color: str, label: str) -> str:
-    return f"<span class='entry'><span class='{kind}' style='background:{color}'></span> {escape(label)}</span>"
+def _line_entry(color: str, halo: str, label: str) -> str:
+    look = f"background:{color};border-color:{halo}"
+    return f"<span class='entry'><span class='key line' style='{look}'></span> {escape(label)}</span>"
+
+
+def _legend_entry(color: str, label: str) -> str:
+    return f"<span class='entry'><span class='key' style='background:{color}'></span> {escape(label)}</span>"
 
 
 def color_numbers(seen: Shades, scale: int) -> NDArray[np.uint16]:

@@ -33,8 +33,9 @@ window.Plane = (() => {
       pen.imageSmoothingEnabled = false;
       pen.drawImage(image, left, top, plot.px(x[1]) - left, plot.py(y[0]) - top);
     }
-    for (const wide of [2.6, 0.8]) each_curve((from, to, number) => {
-      Object.assign(pen, { strokeStyle: wide > 1 ? curves.colors[number] : INK, lineWidth: wide, lineJoin: "round" });
+    for (const wide of [3.1, 1.7]) each_curve((from, to, number) => {
+      const [color, halo] = curves.colors[number];
+      Object.assign(pen, { strokeStyle: wide > 2 ? halo : color, lineWidth: wide, lineJoin: "round" });
       pen.beginPath();
       for (let k = from; k < to; k++) pen.lineTo(plot.px(curves.places[2 * k]), plot.py(curves.places[2 * k + 1]));
       pen.stroke();
