@@ -7,7 +7,7 @@ and names it with `motion_name`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
@@ -207,7 +207,8 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
     A period-n impact-p motion repeats after p impacts that take n driving periods: :math:`I_{i+p} = I_i`,
     :math:`\psi_{i+p} = \psi_i`, :math:`t_{i+p} = t_i + nT` for all i, with the smallest such p. A stick erases all
     memory, so a motion that leaves the stop from rest twice repeats from one release to the next, unless neighbours
-    part by more than 1e13 on the way. What does not repeat is chaotic if neighbours part by more than 2^53.
+    part by more than 1e13 on the way (`resolved`): then it is intermittent sticking in this section, which the smallest
+    push may end. What does not repeat is chaotic if neighbours part by more than 2^53.
 
     Parameters
     ----------
@@ -253,7 +254,7 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
         n, p, cycle = _between_releases(time, releases, osc)
         from_release = [np.append(0.0, column[cycle]) for column in (time, phase, velocity)]
         from_release[0][0] = releases[-1] - n * osc.period
-        if separations(osc, *from_release).max(initial=0.0) > UNRESOLVED:
+        if not resolved(osc, *from_release):
             n, p = 0, -1  # intermittent: rounding decides when the mass rests again
     elif p := cycle_length(velocity, phase, tolerance=tolerance, longest=longest):
         settled = time[len(time) // 2 :]
@@ -288,6 +289,48 @@ def separations(osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Fl
     >>> round(float(grown[-1]) / 999, 2)  # the exponent per impact of `parameter_map`
     0.33
     """
+    grown: list[float] = []
+    total, scale = 0.0, osc.natural_frequency
+    y, rate = 1.0, scale
+    for a, b, d, e in _across(osc, time, phase, velocity):
+        y, rate = a * y + b * rate, d * y + e * rate
+        size = math.hypot(y * scale, rate)
+        if not size:  # nothing is left of the deviation
+            return np.array([*grown, -math.inf])
+        total += math.log(size)
+        grown.append(total)
+        y, rate = y / size, rate / size
+    return np.array(grown)
+
+
+def resolved(osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Floats) -> bool:
+    """Return whether double precision resolves a turn from a release, the first row, through impacts to the next one.
+
+    It does unless neighbours part by 1e13 between any two of its times: beyond that rounding decides when the mass
+    rests again, and the turn is no orbit of the oscillator. As in `describe_turn` of the kernels, deviations begin as
+    (1, 0.7) in lengths and speeds of a step, and anew wherever less than that is left of them.
+    """
+    from vibroimpact.kernels.flight import REACH  # slower to import
+
+    overdamped = max(0.25 * (osc.damping / osc.mass) ** 2 - osc.natural_frequency**2, 0.0)
+    decay = 0.5 * osc.damping / osc.mass + math.sqrt(overdamped) if overdamped else 0.0
+    step = REACH / max(osc.omega, osc.natural_frequency, decay)
+    begin = 1.0, 0.7
+    (y, rate), whole = begin, sum(begin)
+    for a, b, d, e in _across(osc, time, phase, velocity):
+        y, rate = a * y + b * rate / step, step * d * y + e * rate
+        size = abs(y) + abs(rate)
+        if size >= math.exp(UNRESOLVED) * whole:
+            return False
+        if size < whole:
+            y, rate = begin
+    return True
+
+
+def _across(
+    osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Floats
+) -> Iterator[tuple[float, float, float, float]]:
+    """Yield how a deviation in displacement and velocity goes from just after one impact to just after the next."""
     m, c, k, r = osc.mass, osc.damping, osc.stiffness, osc.restitution
     half, flight, speed = 0.5 * c / m, np.diff(time), velocity[1:]
     root = np.sqrt(complex(k / m - half * half))  # imaginary beyond critical damping
@@ -297,19 +340,8 @@ def separations(osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Fl
     force = (osc.amplitude * np.sin(2.0 * np.pi * phase[1:]) - k * osc.gap) / m
     salt = ((force + r * c / m * speed) + r * (force - c / m * speed)) / speed
     rows = zip(cosine + half * sine, sine, -k / m * sine, cosine - half * sine, salt, strict=True)
-    grown: list[float] = []
-    total, scale = 0.0, osc.natural_frequency
-    y, rate = 1.0, scale
     for a, b, d, e, kick in rows:
-        y, rate = a * y + b * rate, d * y + e * rate
-        y, rate = -r * y, kick * y - r * rate
-        size = math.hypot(y * scale, rate)
-        if not size:  # nothing is left of the deviation
-            return np.array([*grown, -math.inf])
-        total += math.log(size)
-        grown.append(total)
-        y, rate = y / size, rate / size
-    return np.array(grown)
+        yield -r * a, -r * b, kick * a - r * d, kick * b - r * e
 
 
 def recurrence(*columns: NDArray[Any], tolerance: float = 1e-6, longest: int = 64) -> int:

@@ -106,10 +106,10 @@ def find_orbit(osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: 
         raise invalid("n_impacts", n_impacts, "a whole number >= 1, or -1 for a complete chatter")
     begin = _start(osc.at(), near, cycle)
     if cycle.n_impacts == -1:
-        from vibroimpact.orbits.sticking import find_sticking_orbit  # slower to import
+        from vibroimpact.orbits.sticking import find_sticking_orbit, why_none  # slower to import
 
         found = find_sticking_orbit(osc, cycle.n_periods)
-        return Orbits(found) if found else Orbits(outcome="none", message=f"no period-{cycle.n_periods} orbit sticks")
+        return Orbits(found) if found else Orbits(outcome="none", message=why_none(osc.at(), cycle.n_periods))
     if cycle.n_impacts == 1 or osc.at().amplitude == 0.0:
         solutions, why = impact_1_orbits(osc.at(), cycle.n_periods)
         return _sorted(osc, cycle, solutions) if solutions else Orbits(outcome="none", message=why)

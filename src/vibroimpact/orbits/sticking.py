@@ -33,7 +33,7 @@ from vibroimpact.backends.cpu import limits
 from vibroimpact.kernels.advance import LOOK, TRACE
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.recorder import END, MEMORY, Recorder, begin, record
-from vibroimpact.motion import cycle_name
+from vibroimpact.motion import cycle_name, resolved
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit, check_pair, family_of
@@ -126,8 +126,9 @@ def find_sticking_orbit(
     Returns
     -------
     list of Orbit
-        At most one: all sticks end in the same release, so the next stick closes the cycle. Its impacts are in the
-        order of time, from the release on; `n_impacts` is -1 for a complete chatter, their number for r = 0;
+        At most one: all sticks end in the same release, so the next stick closes the cycle, unless neighbours part by
+        more than 1e13 on the way: then rounding decides when the mass rests again, and there is none. Its impacts are
+        in the order of time, from the release on; `n_impacts` is -1 for a complete chatter, their number for r = 0;
         both multipliers are 0. `stuck_time` is that of the one stick in a cycle.
 
     Raises
@@ -157,9 +158,28 @@ def find_sticking_orbit(
     wanted = None if n_periods is None else whole_number("n_periods", n_periods, 1)
     check_model(osc)
     stick = from_release(osc.at(), max(whole_number("longest", longest, 1), wanted or 1))
-    if stick is None or wanted not in (None, stick.periods):
+    if stick is None or wanted not in (None, stick.periods) or not closes(osc.at(), stick):
         return []
     return [sticking_orbit(osc, stick, (tolerances or Tolerances()).chatter)]
+
+
+def why_none(osc: ImpactOscillator, n_periods: int) -> str:
+    """Return why there is no sticking orbit of so many periods, in words."""
+    stick = from_release(osc, max(LONGEST, n_periods))
+    if stick is None or closes(osc, stick):
+        return f"no period-{n_periods} orbit sticks"
+    return (
+        "no orbit sticks: neighbours part by more than 1e13 from one rest to the next, so that rounding decides when "
+        "the mass rests again"
+    )
+
+
+def closes(osc: ImpactOscillator, stick: Stick) -> bool:
+    """Return whether a stick closes an orbit, rather than being an accident of rounding (`resolved`)."""
+    listed = stick.impacts[stick.impacts[:, 2] >= Tolerances().chatter * osc.velocity_scale]
+    time = np.append(stick.release_phase, listed[:, 0] + listed[:, 1]) * osc.period
+    phase, velocity = (np.append(first, listed[:, at]) for at, first in ((1, stick.release_phase), (2, 0.0)))
+    return resolved(osc, time, phase, velocity)
 
 
 def sticking_orbit(model: Model, stick: Stick, chatter: float) -> Orbit:
@@ -321,7 +341,10 @@ def end_of_sticking(
 
 
 def _point(model: Model, parameter: str, value: float, beyond: ImpactOscillator) -> StickingEnd:
-    (orbit,), osc = find_sticking_orbit(model), model.at()
+    osc = model.at()
+    stick = from_release(osc, LONGEST)
+    assert stick is not None
+    orbit = sticking_orbit(model, stick, Tolerances().chatter)
     fraction = orbit.stuck_time / osc.period
     left = residual(osc, fraction)
     outcome, message = "found", ""
