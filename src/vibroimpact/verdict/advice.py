@@ -1,27 +1,36 @@
-"""Ways to soften the impacts: the smallest change of one parameter with a clear benefit, computed."""
+"""Ways to soften the impacts: the smallest change of one parameter with a clear benefit, from every initial condition.
+
+A change is found with a few initial conditions and judged by many: 256 spread over the impact surface, the known orbits
+of one impact there, and the present motions, changed at any instant of their cycles. One from which the mass would then
+hit harder than what is to be softened is enough to reject it, and the next value is tried.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
-from vibroimpact.backends import ImpactWindow
-from vibroimpact.coexistence.measuring import Measured, Runner, Start, cells_of
-from vibroimpact.motion import MotionClass
-from vibroimpact.verdict.present import Present, Range, measure
+import numpy as np
+
+from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
+from vibroimpact.cells import cells_at
+from vibroimpact.coexistence.measuring import Measured, Runner, orbit_cells, spread_cells
+from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.verdict.present import Coexisting, Present, Range, measure
 
 PLACES = 36  # values along a path
 HALVINGS = 8  # of the step in which the benefit begins
 SOFTER = 0.8 * (1.0 + 1e-9)  # of the hardest hit: a clear benefit
-NO_HARDER = 1.05  # of the hardest hit: what a regular motion in place of chaos may cost
-SCAN, TEST = ImpactWindow(500, 1500), ImpactWindow(1000, 4000)
+SCOUTS = 6  # spread initial conditions with which a value is found
+INSTANTS = 128  # of each present cycle at which the change is made
+SCAN, TEST = ImpactWindow(500, 1500), ImpactWindow(1000, 2000)
 TRIED = 6  # values beyond the first good one at which advice is tested
 
 
 @dataclass(frozen=True)
 class Advice:
-    """A change of one parameter, and the motion that both a start from rest and the present motion then settle to.
+    """A change of one parameter that softens the impacts, from every initial condition that was tried.
 
     Parameters
     ----------
@@ -34,9 +43,11 @@ class Advice:
     benefit : str
         "no_impact", "no_chaos", or "softer" (the hardest hit at least a fifth lower).
     motion : str
-        The new motion, in two or three words.
+        The motion there that hits hardest, in two or three words.
     max_velocity, before : float
-        Its hardest hit and that of the present motion, in m/s.
+        Its hardest hit and that of the hardest present motion, in m/s.
+    tried : int
+        Initial conditions from which no hit is harder than `max_velocity`.
     """
 
     parameter: str
@@ -47,103 +58,202 @@ class Advice:
     motion: str
     max_velocity: float
     before: float
+    tried: int
 
 
-def gentler(now: Measured, then: Measured) -> str:
-    """Return the benefit of another motion, or nothing if it is not gentler.
+@dataclass(frozen=True)
+class Target:
+    """What is to be softened: the hardest hit of all present motions, and whether one of them never repeats."""
 
-    Regular motions are not exchanged for chaos, nor chaos for harder hits.
-    """
-    if now.hardest == 0.0 or not (then.hardest == 0.0 or then.status.has_indices):
-        return ""
-    if then.hardest == 0.0:
-        return "no_impact"
-    wild = now.group[0] == "aperiodic"
-    if then.group[0] == "aperiodic" and not wild:
-        return ""
-    regular = then.group[0] != "aperiodic"
-    if now.motion_class == MotionClass.CHAOTIC and regular and then.hardest <= NO_HARDER * now.hardest:
-        return "no_chaos"
-    return "softer" if then.hardest <= SOFTER * now.hardest else ""
+    hardest: float
+    wild: bool
+
+    def benefit(self, then: Iterable[Measured]) -> str:
+        """Return the benefit of a change after which these are the motions, or nothing.
+
+        Regular motions are not exchanged for chaos, nor chaos for harder hits.
+        """
+        motions = list(then)
+        hardest = max(map(hit, motions))
+        if hardest == 0.0:
+            return "no_impact"
+        wild = any(motion.group[0] == "aperiodic" for motion in motions)
+        if wild and not self.wild:
+            return ""
+        if hardest <= SOFTER * self.hardest:
+            return "softer"
+        return "no_chaos" if self.wild and not wild and hardest <= self.hardest else ""
+
+
+def hit(motion: Measured) -> float:
+    """Return the hardest hit of a motion, infinity where it could not be followed."""
+    known = motion.hardest == 0.0 or motion.status.has_indices
+    return motion.hardest if known and not math.isnan(motion.hardest) else math.inf
 
 
 @dataclass
 class Search:
-    """A path, and the step of it in which the benefit begins."""
+    """A path, the benefits looked for, and the step of it in which they begin."""
 
     range: Range
     direction: int
     path: list[float]
+    wanted: tuple[str, ...]
     inside: float = math.nan
     outside: float = math.nan
-    further: list[float] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+
+    def begins(self, good: Sequence[bool]) -> None:
+        """Note the first value with a benefit that its next neighbour has too, and those beyond it."""
+        pairs = zip(good, [*good[1:], good[-1]], strict=True)
+        first = next((j for j, (here, beyond) in enumerate(pairs) if here and beyond), None)
+        if first is not None:
+            self.inside = self.path[first - 1] if first else self.range.value
+            self.outside = self.path[first]
+            self.values = self.path[first : first + TRIED]
+
+    def candidates(self) -> list[float]:
+        """Return rounded values, the smallest change first."""
+        near = [_rounded(self.outside, self.range, 0)]
+        return near + [_rounded(value, self.range, self.direction) for value in (self.outside, *self.values)]
 
 
-def advise(present: Present, ranges: Sequence[Range], runner: Runner) -> tuple[Advice, ...]:
-    """Return for each parameter the smallest change to a gentler motion, the smallest of all first."""
-    # Hits are compared over equal samples: the present motion goes on in the windows of the changed ones.
-    (now,), (known,) = (measure(runner, cells_of([present.model], [present.start]), window) for window in (SCAN, TEST))
-    if now.hardest == 0.0 or not now.status.has_indices:
+Starts = Callable[[ImpactOscillator], Cells]
+
+
+@dataclass(frozen=True)
+class Judge:
+    """Which benefit changes have, from initial conditions that depend on the design."""
+
+    target: Target
+    runner: Runner
+
+    def motions(
+        self, designs: Sequence[ImpactOscillator], starts: Starts, window: ImpactWindow
+    ) -> list[list[Measured]]:
+        """Return the motions that follow from the initial conditions of each design."""
+        cells = [starts(design) for design in designs]
+        found = iter(measure(self.runner, Cells.join(cells), window) if cells else ())
+        return [[next(found) for _ in range(len(part))] for part in cells]
+
+    def benefits(self, designs: Sequence[ImpactOscillator], starts: Starts) -> list[str]:
+        """Return the benefit of each design."""
+        return [self.target.benefit(motions) for motions in self.motions(designs, starts, SCAN)]
+
+
+def advise(
+    present: Present, motions: Sequence[Coexisting], ranges: Sequence[Range], runner: Runner
+) -> tuple[Advice, ...]:
+    """Return for each parameter the smallest change to gentler motions, and to none that hit; the smallest first."""
+    reached = [motion for motion in motions if motion.reached]
+    target = Target(max(m.max_velocity for m in reached), not all(m.repeats for m in reached))
+    if not 0.0 < target.hardest < math.inf:
         return ()
-    chaotic = present.measured.motion_class == MotionClass.CHAOTIC  # then it stays so as the force grows in proportion
+    judge = Judge(target, runner)
+    cycles = present_cycles(present.oscillator, reached, runner)
+    scouts = scouting(present.oscillator, cycles)
     searches = [
-        Search(each, direction, path)
+        Search(each, direction, path, wanted)
         for each in ranges
         for direction in (-1, 1)
-        if (path := each.path(direction, PLACES)) and not (chaotic and each.only_scales)
+        if (path := each.path(direction, PLACES)) and not (target.wild and each.only_scales)
+        for wanted in (("softer", "no_chaos", "no_impact"), ("no_impact",))
     ]
-    if not searches:
-        return ()
-    _locate(now, searches, runner)
-    good = [search for search in searches if search.further]
-    _refine(now, good, runner)
-    found = [advice for search in good if (advice := _tested(present.start, known, search, runner))]
-    smallest: dict[str, Advice] = {}
+    _locate(searches, judge, scouts)
+    good = [search for search in searches if search.values]
+    _refine(good, judge, scouts)
+    found = _judged(good, judge, cycles)
+    smallest: dict[tuple[str, bool], Advice] = {}
     for advice in sorted(found, key=lambda a: abs(a.change)):
-        smallest.setdefault(advice.parameter, advice)
+        smallest.setdefault((advice.parameter, advice.benefit == "no_impact"), advice)
     return tuple(smallest.values())
 
 
-def _locate(now: Measured, searches: Sequence[Search], runner: Runner) -> None:
+@dataclass(frozen=True)
+class Cycle:
+    """States of a present motion through its cycle: displacement in m, velocity in m/s, driving phase."""
+
+    displacement: np.ndarray
+    velocity: np.ndarray
+    phase: np.ndarray
+
+    def cells(self, design: ImpactOscillator, every: int = 1) -> Cells:
+        """Return the states as cells of a changed design; where the stop has moved past the mass, it is there."""
+        y, v, phase = (column[::every] for column in (self.displacement, self.velocity, self.phase))
+        inside = y <= design.gap
+        return cells_at(design, np.where(inside, design.gap - y, 0.0), np.where(inside, v, np.minimum(v, 0.0)), phase)
+
+
+def present_cycles(osc: ImpactOscillator, motions: Sequence[Coexisting], runner: Runner) -> list[Cycle]:
+    """Return the states of each motion at instants spread evenly over its cycle, or over 16 periods of chaos."""
+    found = []
+    for motion in motions:
+        periods = min(motion.n_periods or 16, INSTANTS)
+        often = math.ceil(INSTANTS / periods)
+        cell = osc.cells({}, motion.start)
+        (seen,) = runner.samples(cell, StroboscopicWindow(0, periods * often, None, often))
+        phase = np.mod(cell["phase"][0] + np.arange(periods * often) / often, 1.0)
+        n = len(seen.look_displacement)
+        found.append(Cycle(np.minimum(seen.look_displacement, osc.gap), seen.look_velocity, phase[:n]))
+    return found
+
+
+def scouting(osc: ImpactOscillator, cycles: Sequence[Cycle]) -> Starts:
+    """Return the few initial conditions with which changes are found: at rest, on each present motion, some spread."""
+
+    def starts(design: ImpactOscillator) -> Cells:
+        return Cells.join(
+            [design.cells({}), *(c.cells(design, INSTANTS) for c in cycles), spread_cells(design, SCOUTS)]
+        )
+
+    return starts
+
+
+def _locate(searches: Sequence[Search], judge: Judge, scouts: Starts) -> None:
     """Find along each path the first value with a benefit that its next neighbour has too."""
-    there = [search.range.changed(value) for search in searches for value in search.path]
-    motions = iter(measure(runner, cells_of(there), SCAN))
-    for search in searches:
-        good = [bool(gentler(now, next(motions))) for _ in search.path]
-        pairs = zip(good, good[1:] + good[-1:], strict=True)
-        first = next((j for j, (here, next_) in enumerate(pairs) if here and next_), None)
-        if first is not None:
-            search.inside = search.path[first - 1] if first else search.range.value
-            search.outside = search.path[first]
-            search.further = search.path[first : first + TRIED]
+    paths = {(search.range.name, search.direction): search for search in searches}
+    for (name, direction), search in paths.items():
+        benefits = judge.benefits([search.range.at(value) for value in search.path], scouts)
+        for one in searches:
+            if (one.range.name, one.direction) == (name, direction):
+                one.begins([benefit in one.wanted for benefit in benefits])
 
 
-def _refine(now: Measured, searches: Sequence[Search], runner: Runner) -> None:
+def _refine(searches: Sequence[Search], judge: Judge, scouts: Starts) -> None:
     for _ in range(HALVINGS if searches else 0):
         middles = [search.range.between(search.inside, search.outside, 0.5) for search in searches]
-        there = [search.range.changed(value) for search, value in zip(searches, middles, strict=True)]
-        motions = measure(runner, cells_of(there), SCAN)
-        for search, middle, motion in zip(searches, middles, motions, strict=True):
-            if gentler(now, motion):
+        there = [search.range.at(value) for search, value in zip(searches, middles, strict=True)]
+        for search, middle, benefit in zip(searches, middles, judge.benefits(there, scouts), strict=True):
+            if benefit in search.wanted:
                 search.outside = middle
             else:
                 search.inside = middle
 
 
-def _tested(state: Start | None, now: Measured, search: Search, runner: Runner) -> Advice | None:
-    """Return the first rounded value with a benefit both from rest and from the present motion's state."""
-    varied = search.range
-    values = [_rounded(search.outside, varied, 0)]
-    values += [_rounded(value, varied, search.direction) for value in (search.outside, *search.further)]
-    there = [varied.changed(value) for value in values]
-    from_rest = measure(runner, cells_of(there), TEST)
-    carried = measure(runner, cells_of(there, [state] * len(there)), TEST)
-    for value, rest, onward in zip(values, from_rest, carried, strict=True):
-        if gentler(now, rest) and gentler(now, onward):
-            worse = max(rest, onward, key=lambda motion: motion.hardest)
-            benefit, change = gentler(now, worse), varied.change(value)
-            return Advice(varied.name, value, change, varied.of, benefit, worse.name, worse.hardest, now.hardest)
-    return None
+def _judged(searches: Sequence[Search], judge: Judge, cycles: Sequence[Cycle]) -> list[Advice]:
+    """Return for each path the first rounded value whose benefit stands from all initial conditions."""
+
+    def everywhere(design: ImpactOscillator) -> Cells:
+        return Cells.join(
+            [design.cells({}), spread_cells(design), *(c.cells(design) for c in cycles), *orbit_cells(design)]
+        )
+
+    found = []
+    for search in searches:
+        for value in dict.fromkeys(search.candidates()):
+            (motions,) = judge.motions([search.range.at(value)], everywhere, TEST)
+            benefit = judge.target.benefit(motions)
+            if benefit in search.wanted:
+                worst = max(motions, key=hit)
+                varied, change = search.range, search.range.change(value)
+                found.append(
+                    Advice(
+                        varied.name, value, change, varied.of, benefit, worst.name, worst.hardest,
+                        judge.target.hardest, len(motions),
+                    )
+                )  # fmt: skip
+                break
+    return found
 
 
 def _rounded(value: float, varied: Range, outwards: int) -> float:

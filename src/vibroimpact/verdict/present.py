@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence import Attractor, attractors
-from vibroimpact.coexistence.measuring import QUIET, Measured, Runner, Start, last_of
+from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runner, Start, last_of
 from vibroimpact.dataset import provenance
 from vibroimpact.motion import Motion, MotionClass, recognise
 from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.orbit import Impacts, value_of
-from vibroimpact.oscillator import ImpactOscillator, Model, check_names
+from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names
 from vibroimpact.parameters import Parameter, invalid
 from vibroimpact.sections import in_seconds, labelled_impacts
 
@@ -44,6 +44,17 @@ class Present:
     motion: Motion
     orbit: Orbit | None
     start: Start | None
+
+    @property
+    def hardest(self) -> float:
+        """The hardest hit of its cycle, or of the sample, in m/s; 0 where it does not hit."""
+        return max(self.motion.velocities, default=self.measured.hardest)
+
+    @property
+    def state(self) -> State:
+        """A state on it, or rest where it could not be followed."""
+        osc, start = self.oscillator, self.start or Start(max(self.oscillator.gap, 0.0), 0.0, 0.0)
+        return State(osc.gap - start.clearance, start.velocity, start.phase * osc.period)
 
 
 def present_motion(model: Model, runner: Runner) -> Present:
@@ -106,6 +117,10 @@ class Coexisting:
         Energy lost at the stop per driving period, in J.
     from_rest : bool
         Whether it is the motion that a start from rest settles to.
+    n_periods : int
+        Driving periods of its cycle, 0 where it has none.
+    start : State
+        A state on it.
     """
 
     name: str
@@ -113,6 +128,18 @@ class Coexisting:
     max_velocity: float
     dissipation: float
     from_rest: bool
+    n_periods: int = 0
+    start: State = field(default_factory=lambda: State(0.0))
+
+    @property
+    def reached(self) -> bool:
+        """Whether one of the initial conditions tried, or rest, leads to it."""
+        return self.from_rest or self.share > 0.0
+
+    @property
+    def repeats(self) -> bool:
+        """Whether it has no impacts, or repeats them before long."""
+        return not self.max_velocity or 0 < self.n_periods <= HARDLY_EVER
 
 
 def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ...]:
@@ -122,16 +149,16 @@ def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ..
     same = next((i for i, attractor in enumerate(found) if _is_present(attractor, present)), None)
     if same is None:
         measured = present.measured
-        first = Coexisting(measured.name, 0.0, measured.hardest, measured.loss, True)
+        first = Coexisting(measured.name, 0.0, 0.0, measured.loss, True, measured.n_periods, present.state)
     else:
         first = replace(motions.pop(same), from_rest=True)
-    return first, *motions
+    return replace(first, max_velocity=present.hardest), *motions
 
 
 def _coexisting(attractor: Attractor) -> Coexisting:
     hits = MotionClass[attractor.kind.upper()].hits
     velocity, loss = (attractor.max_velocity, attractor.dissipation) if hits else (0.0, 0.0)
-    return Coexisting(attractor.name, attractor.share, velocity, loss, False)
+    return Coexisting(attractor.name, attractor.share, velocity, loss, False, attractor.n_periods, attractor.start)
 
 
 def _is_present(attractor: Attractor, present: Present) -> bool:

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from vibroimpact import report
+from vibroimpact.coexistence.measuring import SPREAD
 from vibroimpact.oscillator import Model
 from vibroimpact.verdict.boundaries import NOISE, Edge
 from vibroimpact.verdict.present import percent, range_of
@@ -69,9 +70,15 @@ def quantity(model: Model, name: str, value: float, digits: int = 4) -> str:
 def _motion(verdict: Verdict) -> Iterator[str]:
     osc, motion = verdict.oscillator, verdict.motion
     if motion.n_periods:
-        yield f"{motion.name}, repeats every {motion.n_periods * osc.period:.4g} s"
+        yield f"from rest {motion.name}, repeats every {motion.n_periods * osc.period:.4g} s"
     else:
-        yield motion.sentence(osc.period)
+        yield f"from rest {motion.sentence(osc.period)}"
+    worst = verdict.worst
+    if worst is not None and not worst.from_rest:
+        yield (
+            f"hits hardest from {percent(worst.share)} of the initial conditions: {worst.name}, "
+            f"{worst.max_velocity:.5g} m/s"
+        )
     if verdict.kind == "no_impact" and math.isfinite(osc.steady_amplitude):
         yield (
             f"it swings by {osc.steady_amplitude:.4g} m and stays {osc.gap - osc.steady_amplitude:.3g} m clear of the "
@@ -175,7 +182,7 @@ def change_words(model: Model, parameter: str, value: float) -> str:
 def _coexisting(verdict: Verdict) -> Iterator[str]:
     undecided = 1.0 - sum(motion.share for motion in verdict.attractors)
     if len(verdict.attractors) == 1 and undecided < 1e-9:
-        yield "none: all initial conditions tried settle to this motion"
+        yield f"none found: {SPREAD} spread initial conditions settle to this motion"
         return
     for motion in verdict.attractors[:SHOWN]:
         hit = f", hardest hit {motion.max_velocity:.3g} m/s" if motion.max_velocity > 0.0 else ""
@@ -190,11 +197,24 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
 
 
 def _advice(verdict: Verdict) -> Iterator[str]:
-    for i, advice in enumerate(verdict.advice[:ADVICE]):
-        yield ("or " if i else "to soften the impacts, ") + advice_words(verdict.model, advice)
-    if verdict.complete and not verdict.advice:
-        quiet = verdict.max_velocity == 0.0
-        yield "no impacts from rest" if quiet else "no change of one parameter within its range softens the impacts"
+    if not verdict.complete:
+        return
+    if verdict.worst is None:
+        yield f"no impacts from rest or from any of {SPREAD} spread initial conditions"
+    elif not verdict.advice:
+        yield "no change of one parameter within its range softens the impacts from all initial conditions tried"
+    else:
+        smallest = verdict.advice[:ADVICE]
+        for i, advice in enumerate(smallest):
+            yield ("or " if i else "to soften the impacts, ") + advice_words(verdict.model, advice)
+        quiet = next((advice for advice in verdict.advice if advice.benefit == "no_impact"), None)
+        if quiet is not None and quiet not in smallest:
+            yield "to end them, " + advice_words(verdict.model, quiet)
+        fewest = min(advice.tried for advice in verdict.advice)
+        yield (
+            f"each holds from {fewest} initial conditions or more: rest, {SPREAD} spread ones, and the present motions "
+            "changed at any instant of their cycles"
+        )
 
 
 def advice_words(model: Model, advice: Advice) -> str:

@@ -1,0 +1,109 @@
+"""Advice softens the impacts from every initial condition, and a verdict agrees with itself and with the others."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from designs import random_designs
+from vibroimpact.backends import ImpactWindow, StroboscopicWindow
+from vibroimpact.cells import cells_at
+from vibroimpact.coexistence.measuring import Runner
+from vibroimpact.verdict import describe
+
+DESIGNS, PARTS = 200, 8
+SAMPLE = ImpactWindow(3000, 3000)
+TUBE = vi.ImpactOscillator(
+    mass=2.1, stiffness=26860.0, damping_ratio=0.01, amplitude=5.0, frequency=20.0, restitution=0.7, gap=0.5e-3
+)
+HARDER = 1.001  # chaos is compared over different samples
+
+
+def hits(runner, cells):
+    """Return the hardest hit of the motion that each cell settles to."""
+    return np.array([motion.hardest for motion in runner.measure(cells, SAMPLE)])
+
+
+def impacts(osc, rng, number=256):
+    """Return random impacts of up to 4 V."""
+    return cells_at(osc, np.zeros(number), 4.0 * osc.velocity_scale * rng.random(number), rng.random(number))
+
+
+def switched(osc, changed, n_periods, runner):
+    """Return the motion from rest at 32 instants of its cycle, as initial conditions of a changed design."""
+    often = math.ceil(32 / min(n_periods or 32, 32))
+    window = StroboscopicWindow(3000, often * min(n_periods or 32, 32), 0.37 / often, often)
+    (seen,) = runner.samples(osc.cells({}), window)
+    y = np.minimum(seen.look_displacement, osc.gap)
+    clear = y < changed.gap
+    v = np.where(clear, seen.look_velocity, np.minimum(seen.look_velocity, 0.0))
+    return cells_at(changed, np.where(clear, changed.gap - y, 0.0), v, seen.look_phase)
+
+
+def check_advice(verdict, rng):
+    """No more than 2 % of 256 initial conditions, nor any of 32 instants, hit harder than what is softened."""
+    osc, runner = verdict.oscillator, Runner(workers=1)
+    for advice in verdict.advice:
+        changed = osc.replace(**{advice.parameter: advice.value})
+        assert advice.before == verdict.worst.max_velocity
+        spread = hits(runner, impacts(changed, rng))
+        assert (spread > advice.before * HARDER).mean() <= 0.02, (osc, advice)
+        then = hits(runner, switched(osc, changed, verdict.motion.n_periods, runner))
+        assert (then <= advice.before * HARDER).all(), (osc, advice)
+        if advice.benefit == "no_impact":
+            assert (spread > 0.0).mean() <= 0.02, (osc, advice)
+            assert not then.any(), (osc, advice)
+
+
+@pytest.mark.parametrize("part", range(PARTS))
+def test_no_advice_makes_it_worse_from_any_initial_condition_or_instant(part):
+    rng = np.random.default_rng([1311, part])
+    given = 0
+    for osc in random_designs(rng, DESIGNS // PARTS):
+        verdict = describe(osc, parameters=[str(rng.choice(list(vi.oscillator.PARAMETERS)))], workers=1)
+        check_advice(verdict, rng)
+        given += len(verdict.advice)
+    assert given > DESIGNS // PARTS // 2
+
+
+@pytest.mark.parametrize(
+    ("osc", "parameters"),
+    [
+        (vi.ImpactOscillator(omega=2.6), None),
+        (TUBE, None),
+        (TUBE.replace(frequency=25.0), None),
+        (
+            vi.ImpactOscillator(
+                mass=164.0, damping=2290.0, stiffness=3.62e7, amplitude=78.3, omega=1430.0, restitution=0.64
+            ),
+            None,
+        ),
+    ],
+)
+def test_advice_that_made_it_worse_from_other_initial_conditions_is_not_given(osc, parameters):
+    verdict = describe(osc, parameters=parameters)
+    assert verdict.advice
+    check_advice(verdict, np.random.default_rng(5))
+
+
+def test_the_head_names_the_motion_that_hits_hardest_and_advice_aims_at_it():
+    """From rest the tube does not hit at 25 Hz; from seven of eight initial conditions it does."""
+    verdict = describe(TUBE.replace(frequency=25.0), parameters=["gap", "omega"])
+    assert verdict.motion.name == "no impact"
+    assert verdict.worst.share == pytest.approx(0.88, abs=0.02)
+    assert verdict.worst.max_velocity == pytest.approx(0.1054, rel=1e-3)
+    head = str(verdict).partition("boundaries")[0]
+    assert f"{100 * verdict.worst.share:.2g} % of the initial conditions: period-1 impact-1, 0.10543 m/s" in head
+    assert {advice.before for advice in verdict.advice} == {verdict.worst.max_velocity}
+
+
+def test_preload_and_wider_gaps_are_tried():
+    """k |g| > f holds the tube at its stop at any speed; only what may be changed is varied."""
+    for frequency in (15.0, 20.0, 25.0):
+        verdict = describe(TUBE.replace(frequency=frequency, gap=0.1e-3), parameters=["gap"])
+        quiet = [advice for advice in verdict.advice if advice.benefit == "no_impact"]
+        assert {advice.parameter for advice in verdict.advice} == {"gap"}
+        assert quiet
+        assert quiet[0].value < -TUBE.amplitude / TUBE.stiffness or quiet[0].value > 0.2e-3
+    assert any(advice.value < 0.0 for advice in verdict.advice)
