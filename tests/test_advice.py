@@ -107,3 +107,54 @@ def test_preload_and_wider_gaps_are_tried():
         assert quiet
         assert quiet[0].value < -TUBE.amplitude / TUBE.stiffness or quiet[0].value > 0.2e-3
     assert any(advice.value < 0.0 for advice in verdict.advice)
+
+
+# What the motion from rest ends in
+
+
+@pytest.mark.parametrize(
+    ("numbers", "name"),
+    [
+        (
+            (2.7100628669094715, 0.005375363235924331, 0.454113487303927, 0.930387431116233, -0.16381753326560708),
+            (16, 48),
+        ),
+        ((2.329070381187245, 0.01597319150637318, 4.720499149104183, 0.8209103043174075, 0.0), (16, 7)),
+    ],
+)
+def test_a_long_chaotic_transient_is_named_beside_the_motion_that_it_ends_in(numbers, name):
+    mass, damping, omega, restitution, gap = numbers
+    osc = vi.ImpactOscillator(mass=mass, damping=damping, omega=omega, restitution=restitution, gap=gap)
+    verdict = describe(osc, parameters=[])
+    assert (verdict.motion.n_periods, verdict.motion.n_impacts) == name
+    assert verdict.transient == "chaotic"
+    assert f"certain after {verdict.watched} impacts: the first 5100 look chaotic" in str(verdict)
+    assert verdict.max_velocity == pytest.approx(
+        max(verdict.orbit.velocities if verdict.orbit else verdict.motion.velocities)
+    )
+
+
+def test_chaos_is_said_to_last_as_long_as_it_was_watched():
+    verdict = describe(vi.ImpactOscillator(omega=2.8), parameters=[])
+    assert verdict.kind == "chaotic"
+    assert verdict.watched >= 100_000
+    assert f"watched over {verdict.watched} impacts" in str(verdict)
+
+
+@pytest.mark.parametrize(
+    ("mass", "damping", "omega", "restitution", "gap", "velocity"),
+    [
+        (0.2649, 0.00462, 4.9764, 0.91, -0.7844, 5.425),
+        (1.531, 0.0265, 2.4113, 0.899, -0.8022, 1.381),
+        (2.069, 0.0193, 1.7413, 0.908, -0.771, 2.1125),
+    ],
+)
+def test_a_rest_that_rounding_decides_is_named_by_where_most_releases_lead(
+    mass, damping, omega, restitution, gap, velocity
+):
+    osc = vi.ImpactOscillator(mass=mass, damping=damping, omega=omega, restitution=restitution, gap=gap)
+    verdict = describe(osc, parameters=[])
+    assert verdict.motion.name == "period-1 impact-1"
+    assert verdict.max_velocity == pytest.approx(velocity, rel=1e-3)
+    assert verdict.releases["period-1 impact-1"] > 16
+    assert "rounding decides" in str(verdict)

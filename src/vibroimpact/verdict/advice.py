@@ -63,10 +63,17 @@ class Advice:
 
 @dataclass(frozen=True)
 class Target:
-    """What is to be softened: the hardest hit of all present motions, and whether one of them never repeats."""
+    """What is to be softened: the hardest hits of the present motions; whether any, and whether these, never repeat."""
 
     hardest: float
-    wild: bool
+    irregular: bool
+    chaotic: bool
+
+    @classmethod
+    def of(cls, motions: Sequence[Coexisting]) -> Target:
+        """Return the target among motions that coexist."""
+        worst = max(motions, key=lambda motion: motion.max_velocity)
+        return cls(worst.max_velocity, not all(motion.repeats for motion in motions), not worst.repeats)
 
     def benefit(self, then: Iterable[Measured]) -> str:
         """Return the benefit of a change after which these are the motions, or nothing.
@@ -77,12 +84,12 @@ class Target:
         hardest = max(map(hit, motions))
         if hardest == 0.0:
             return "no_impact"
-        wild = any(motion.group[0] == "aperiodic" for motion in motions)
-        if wild and not self.wild:
+        irregular = any(motion.group[0] == "aperiodic" for motion in motions)
+        if irregular and not self.irregular:
             return ""
         if hardest <= SOFTER * self.hardest:
             return "softer"
-        return "no_chaos" if self.wild and not wild and hardest <= self.hardest else ""
+        return "no_chaos" if self.chaotic and not irregular and hardest <= self.hardest else ""
 
 
 def hit(motion: Measured) -> float:
@@ -146,7 +153,7 @@ def advise(
 ) -> tuple[Advice, ...]:
     """Return for each parameter the smallest change to gentler motions, and to none that hit; the smallest first."""
     reached = [motion for motion in motions if motion.reached]
-    target = Target(max(m.max_velocity for m in reached), not all(m.repeats for m in reached))
+    target = Target.of(reached)
     if not 0.0 < target.hardest < math.inf:
         return ()
     judge = Judge(target, runner)
@@ -156,7 +163,7 @@ def advise(
         Search(each, direction, path, wanted)
         for each in ranges
         for direction in (-1, 1)
-        if (path := each.path(direction, PLACES)) and not (target.wild and each.only_scales)
+        if (path := each.path(direction, PLACES)) and not (target.chaotic and each.only_scales)
         for wanted in (("softer", "no_chaos", "no_impact"), ("no_impact",))
     ]
     _locate(searches, judge, scouts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import count
 from typing import Any
 
@@ -48,7 +48,14 @@ class Verdict:
     status : str
         How the sampled motion ended, as in `parameter_map`.
     indices : dict
-        Every index of `parameter_map`, with its default sampling; NaN where there is no value.
+        Every index of `parameter_map`, with its default sampling, or of the cycle where that comes later; NaN where
+        there is no value.
+    watched : int
+        Impacts after which the motion was certain, or over which it did not repeat.
+    transient : str
+        What the first 5100 impacts look like, where that is another motion.
+    releases : dict
+        Where the next rest is decided by rounding: how many of 32 moved releases lead to the motion of each name.
     boundaries : tuple of Edge
         The nearest boundary below and above each parameter.
     attractors : tuple of Coexisting
@@ -69,6 +76,9 @@ class Verdict:
     orbit: Orbit | None
     status: str
     indices: dict[str, float]
+    watched: int = 0
+    transient: str = ""
+    releases: dict[str, int] = field(default_factory=dict)
     boundaries: tuple[Edge, ...] = ()
     attractors: tuple[Coexisting, ...] = ()
     advice: tuple[Advice, ...] = ()
@@ -106,6 +116,9 @@ class Verdict:
             "multipliers": [[z.real, z.imag] for z in self.orbit.multipliers] if self.orbit else None,
             "status": self.status,
             "indices": self.indices,
+            "watched": self.watched,
+            "transient": self.transient,
+            "releases": self.releases,
             "power": self.power,
             "boundaries": [asdict(edge) | {"accuracy": edge.accuracy} for edge in self.boundaries],
             "attractors": [asdict(motion) for motion in self.attractors],
@@ -215,6 +228,9 @@ def describe(
         orbit=present.orbit,
         status=present.measured.status.word,
         indices=present.measured.indices,
+        watched=present.final.watched,
+        transient=present.final.before.name if present.final.before else "",
+        releases=present.final.ends,
         complete=complete,
         cells=runner.measured,
         **found,

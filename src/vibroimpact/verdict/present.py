@@ -9,6 +9,7 @@ from functools import partial
 
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence import Attractor, attractors
+from vibroimpact.coexistence.final import Final, final_motion
 from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runner, Start, last_of
 from vibroimpact.dataset import provenance
 from vibroimpact.motion import Motion, MotionClass, recognise
@@ -36,14 +37,21 @@ def measure(runner: Runner, cells: Cells, window: ImpactWindow) -> list[Measured
 
 @dataclass(frozen=True)
 class Present:
-    """The motion that a design settles to from rest: measured, its cycle, its exact orbit if any, what continues it."""
+    """The motion that a design settles to from rest: followed to its end, its cycle, its exact orbit if any, what
+    continues it.
+    """
 
     model: Model
     oscillator: ImpactOscillator
-    measured: Measured
+    final: Final
     motion: Motion
     orbit: Orbit | None
     start: Start | None
+
+    @property
+    def measured(self) -> Measured:
+        """The motion with its indices."""
+        return self.final.measured
 
     @property
     def hardest(self) -> float:
@@ -60,15 +68,16 @@ class Present:
 def present_motion(model: Model, runner: Runner) -> Present:
     """Return the motion that a start from rest settles to.
 
-    One run measures and samples it; boundaries and advice are followed from the first impact of a cycle's sample, or
-    from the end of another's.
+    One run measures and samples it, and a longer one what has not repeated by then; boundaries and advice are followed
+    from the first impact of a cycle's sample, or from the end of another's.
     """
     osc = model.at()
-    measured, seen = runner.record(osc.cells({}), ImpactWindow(SETTLED, SHOWN))
+    final = final_motion(runner, osc.cells({}), ImpactWindow(SETTLED, SHOWN))
+    measured, seen = final.measured, final.samples
     motion = Motion(measured.kind, measured.n_periods, measured.n_impacts, status=measured.status)
     if not (measured.motion_class.hits and measured.n_periods):
         orbit = _sticking_orbit(model, 1) if measured.motion_class == MotionClass.STICKING else None
-        return Present(model, osc, measured, motion, orbit, last_of(seen))
+        return Present(model, osc, final, motion, orbit, last_of(seen))
     if measured.motion_class == MotionClass.STICKING:
         orbit = _sticking_orbit(model, measured.n_periods)
     else:
@@ -80,7 +89,7 @@ def present_motion(model: Model, runner: Runner) -> Present:
         motion = recognised if recognised.kind == motion.kind else motion
     hits = zip(seen.impact_velocity.tolist(), seen.impact_phase.tolist(), strict=True)
     after = (Start(0.0, -osc.restitution * velocity, phase) for velocity, phase in hits)
-    return Present(model, osc, measured, motion, orbit, next(after, None))
+    return Present(model, osc, final, motion, orbit, next(after, None))
 
 
 def _sticking_orbit(model: Model, n_periods: int) -> Orbit | None:

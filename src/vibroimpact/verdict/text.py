@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from vibroimpact import report
-from vibroimpact.coexistence.measuring import SPREAD
+from vibroimpact.coexistence.measuring import PAPER, SPREAD
 from vibroimpact.oscillator import Model
 from vibroimpact.verdict.boundaries import NOISE, Edge
 from vibroimpact.verdict.present import percent, range_of
@@ -73,6 +73,7 @@ def _motion(verdict: Verdict) -> Iterator[str]:
         yield f"from rest {motion.name}, repeats every {motion.n_periods * osc.period:.4g} s"
     else:
         yield f"from rest {motion.sentence(osc.period)}"
+    yield from _watched(verdict)
     worst = verdict.worst
     if worst is not None and not worst.from_rest:
         yield (
@@ -86,6 +87,19 @@ def _motion(verdict: Verdict) -> Iterator[str]:
         )
     if verdict.kind == "stuck_forever":
         yield f"the preload -k g = {abs(osc.stiffness * osc.gap):.4g} N against the force f = {osc.amplitude:.4g} N"
+
+
+def _watched(verdict: Verdict) -> Iterator[str]:
+    """Yield over how many impacts a motion was watched that did not soon repeat."""
+    first = PAPER.transient + PAPER.keep
+    if verdict.releases:
+        moved = sum(verdict.releases.values())
+        ends = ", ".join(f"{number} lead to {name}" for name, number in verdict.releases.items())
+        yield f"rounding decides when it next rests at the stop: of {moved} releases moved by up to 1e-11 V, {ends}"
+    if verdict.transient:
+        yield f"certain after {verdict.watched} impacts: the first {first} look {verdict.transient}"
+    elif verdict.watched > first:
+        yield f"watched over {verdict.watched} impacts"
 
 
 def _hits(verdict: Verdict) -> Iterator[str]:
@@ -105,8 +119,9 @@ def _hits(verdict: Verdict) -> Iterator[str]:
         yield f"{often}: {hits}{more}"
     else:
         yield (
-            f"{rate:.3g} times per period on average, hardest {hardest}, mean {verdict.indices['mean_velocity']:.3g} "
-            f"m/s; phases spread {verdict.indices['impact_phase_spread']:.2g} (0 one phase, 1 uniform)"
+            f"{rate:.3g} times per period on average, hardest {hardest} of {PAPER.keep} sampled, mean "
+            f"{verdict.indices['mean_velocity']:.3g} m/s; phases spread {verdict.indices['impact_phase_spread']:.2g} "
+            "(0 one phase, 1 uniform)"
         )
 
 
