@@ -47,37 +47,42 @@ def test_version_is_that_of_the_package(run):
 def test_the_motion_is_named_in_a_sentence_with_units(run):
     code, told, complaints = run("section -p omega=0.9")
     assert (code, complaints) == (0, [])
-    assert told[0] == "period-1 impact-2, hits at 1.48 and 1.13 m/s every 6.98 s"
+    assert told[0] == "from rest at y = min(0, gap): period-1 impact-2, hits at 1.48 and 1.13 m/s every 6.98 s"
 
 
 @pytest.mark.parametrize("parameter", ["omega=2.0", "w=2", f"frequency={1 / np.pi}"])
 def test_a_parameter_goes_by_word_symbol_or_frequency_in_hz(run, parameter):
     _, told, _ = run(f"section -p {parameter} --sample-impacts 200")
-    assert told[0] == "period-1 impact-1, hits at 6.23 m/s every 3.14 s"
+    assert told[0] == "from rest at y = min(0, gap): period-1 impact-1, hits at 6.23 m/s every 3.14 s"
 
 
 def test_a_stroboscopic_section_is_told_by_its_period(run):
     _, told, _ = run("section -p w=4 --kind stroboscopic --sample-periods 50")
-    assert told[0] == "period-2, repeats every 3.14 s"
+    assert told[0] == "from rest at y = min(0, gap): period-2, repeats every 3.14 s"
 
 
 def test_a_simulation_is_told_with_its_hits_and_what_it_settles_to(run):
     code, told, _ = run("simulate -p w=0.9 --start -1,0,0 --periods 5")
     assert code == 0
-    assert told[0].startswith("5 driving periods of 6.981 s")
+    assert told[0].startswith("from y = -1 m, y' = 0 m/s at t = 0 s: 5 driving periods of 6.981 s")
     assert any("the hardest at" in line for line in told)
     assert told[-1] == "settles to: period-1 impact-2, hits at 1.48 and 1.13 m/s every 6.98 s"
 
 
 def test_a_diagram_is_told_by_its_stretches(run):
     _, told, _ = run("diagram --x omega=1.8:2.2:5 --sample-impacts 200")
-    assert told[0] == "5 values of angular driving frequency 1.8 to 2.2 rad/s"
+    values, rest = "5 values of angular driving frequency 1.8 to 2.2 rad/s", "from rest at y = min(0, gap)"
+    assert told[0] == f"{values}, each {rest}"
     assert "  omega 1.8 to 2.2: 1 impact per cycle" in told
+    _, told, _ = run("diagram --x omega=1.8:2.2:5 --sample-impacts 200 --direction up")
+    assert told[0] == f"{values}, going up {rest}, then each from where its neighbour ended"
 
 
 def test_a_map_is_told_by_ranges_shares_and_speed(run):
     _, told, progress = run("map --x omega=2:2.8:3 --y m=1:2:2 --indices std,max_velocity --sample-impacts 200")
-    assert told[0] == "3 x 2 cells: angular driving frequency 2 to 2.8 rad/s; mass 1 to 2 kg"
+    assert told[0] == (
+        "3 x 2 cells from rest at y = min(0, gap): angular driving frequency 2 to 2.8 rad/s; mass 1 to 2 kg"
+    )
     assert re.match(r"largest impact velocity \(max_velocity\): .* m/s, largest at omega = \S+, mass = \S+", told[2])
     assert sum(float(line.split()[0]) for line in told if " % " in line) == pytest.approx(100.0, abs=0.5)
     assert re.match(r"computed in .* s, .* impacts/s", told[-1])
@@ -87,7 +92,45 @@ def test_a_map_is_told_by_ranges_shares_and_speed(run):
 def test_a_motion_without_impacts_is_told_and_no_fault(run):
     code, told, _ = run("section -p gap=10")
     assert code == 0
-    assert told[0] == "no impact: the mass never reaches the stop from these initial conditions"
+    never = "no impact: the mass never reaches the stop from these initial conditions"
+    assert told[0] == f"from rest at y = min(0, gap): {never}"
+
+
+def test_a_map_from_several_initial_conditions_counts_the_cells_that_hit_only_from_some(run, tmp_path):
+    grid = "--x omega=1:3:5 --y gap=0:3:4 --sample-impacts 100"
+    command = f"map {grid} --indices max_velocity"
+    _, told, _ = run(f"{command} --starts 8")
+    assert told[0] == "5 x 4 cells: angular driving frequency 1 to 3 rad/s; gap 0 to 3 m"
+    assert told[1].startswith(
+        "each from 8 initial conditions: rest at y = min(0, gap); 7 impacts at phases 0 to 1 and "
+    )
+    sweep = vi.parameter_map(vi.ImpactOscillator(), omega=np.linspace(1, 3, 5), gap=np.linspace(0, 3, 4), start=8,
+                             sample_impacts=100, indices=["max_velocity"])  # fmt: skip
+    hits = np.isfinite(sweep["max_velocity"].values)
+    first, others = hits[..., 0].sum(), (hits.any(axis=-1) & ~hits[..., 0]).sum()
+    assert others > 0
+    line = (
+        f"impacts go on from rest in {first} of 20 cells ({5 * first:.3g} %); in {others} more ({5 * others:.3g} %) "
+        "only from others of the 8 initial conditions"
+    )
+    assert line in told
+    assert sum(float(row.split()[0]) for row in told if row.startswith("  ")) == pytest.approx(100.0, abs=0.5)
+
+    run(f"{command} --starts 8 --out m.zarr")
+    assert line in run("info m.zarr")[1]
+    assert line in run("plot m.zarr")[1]
+    xr.testing.assert_equal(vi.load("m.zarr").load(), sweep)
+    for figure in ("index-contour", "index-surface", "motion-map"):
+        assert run(f"map {grid} --starts 2 --figure {figure} --out {figure}.png --dpi 50")[0] == 0
+    assert run("plot m.zarr --out m.png --dpi 50")[0] == 0
+
+
+def test_typed_initial_conditions_replace_those_of_a_study_file(run, tmp_path):
+    (tmp_path / "study.toml").write_text("[axes]\nomega = [2.0]\n[sampling]\nsample_impacts = 20\n[run]\nstarts = 3\n")
+    assert run("map study.toml")[1][1].startswith("each from 3 initial conditions")
+    assert run("map study.toml --starts 4")[1][1].startswith("each from 4 initial conditions")
+    assert run("map study.toml --start -1")[1][0].startswith("1 cell from y = -1 m, y' = 0 m/s at t = 0 s: ")
+    assert run("section study.toml")[1][0].startswith("from rest at y = min(0, gap): period-1 impact-1")
 
 
 # Files
@@ -145,7 +188,7 @@ def test_a_saved_result_is_told_drawn_and_converted(run, tmp_path):
     run("map --x w=2:2.4:5 --sample-impacts 20 --out sweep.nc")
     code, told, _ = run("plot diagram.zarr")
     assert code == 0
-    assert told[0] == "5 values of angular driving frequency 2 to 2.4 rad/s"
+    assert told[0] == "5 values of angular driving frequency 2 to 2.4 rad/s, each from rest at y = min(0, gap)"
     for command in ("diagram.zarr --out a.svg", "diagram.zarr --sweep sweep.nc --out b.png", "sweep.nc --out c.csv"):
         assert run(f"plot {command}")[0] == 0
     assert {"a.svg", "b.png", "c.csv"} <= set(names(tmp_path))

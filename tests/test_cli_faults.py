@@ -71,6 +71,9 @@ def names(folder):
             "map --x omega=1:2:1000000000 --y m=1:2:300000",
             "`omega.points` must be at most 10,000,000, got 1000000000",
         ),
+        ("map --x omega=1:2:3 --starts 1", "`starts` must be a whole number >= 2, got 1"),
+        ("map --x omega=1:2:3 --starts 8 --start -1", "give either `start` or `starts`, not both"),
+        ("map --x omega=1:2:3 --y m=1:2:3 --starts 8 --refine 2", "`refine` goes with a grid from one initial"),
         ("map --x omega=2:1:5", "`omega` must increase, got 2 to 1"),
         ("map --x omega=a:b:5", "`omega.from` must be .*, got 'a'.*`omega.to` must be .*, got 'b'"),
         ("map --x omgea=1:2:3", "did you mean 'omega'"),
@@ -153,7 +156,9 @@ def test_what_memory_cannot_hold_is_refused_before_computing(run, tmp_path, monk
 
 
 def test_a_single_value_may_be_an_axis_of_its_own(run):
-    assert run("map --x omega=2:2:1 --sample-impacts 20")[1][0] == "1 cell: angular driving frequency 2 rad/s"
+    assert run("map --x omega=2:2:1 --sample-impacts 20")[1][0] == (
+        "1 cell from rest at y = min(0, gap): angular driving frequency 2 rad/s"
+    )
 
 
 @pytest.mark.parametrize("out", ["map.xls", "map", "missing/map.zarr"])

@@ -35,7 +35,9 @@ def test_a_family_takes_its_own_parameters_and_axes(run, tmp_path):
     stored = vi.load(tmp_path / "map.zarr")
     assert stored["std"].dims == ("rpm", "clearance_mm")
     assert stored["rpm"].attrs["units"] == "1/min"
-    assert run("plot map.zarr")[1][0] == "4 x 3 cells: rpm 1200 to 1500 1/min; clearance mm 0.1 to 0.5"
+    assert run("plot map.zarr")[1][0] == (
+        "4 x 3 cells from rest at y = min(0, gap): rpm 1200 to 1500 1/min; clearance mm 0.1 to 0.5"
+    )
     assert "over rpm 1200 to 1500 in 4 and clearance_mm" in run("info map.zarr")[1][0]
 
 
@@ -80,10 +82,21 @@ def test_a_study_file_may_name_the_model(run, tmp_path):
         ("--model tube.py", "`model` must be FILE.py:NAME such as tube.py:shaker, got 'tube.py'"),
         ("--model none.py:shaker", "there is no file 'none.py'"),
         ("--model broken.py:shaker", "`model` 'broken.py:shaker' cannot be loaded; ZeroDivisionError"),
+        ("--model lacking.py:shaker", "`model` 'lacking.py:shaker' cannot be loaded; ModuleNotFoundError: No module"),
     ],
 )
 def test_a_wrong_model_is_refused_in_one_line(run, tmp_path, given, words):
     (tmp_path / "broken.py").write_text("1 / 0")
+    (tmp_path / "lacking.py").write_text("import no_such_module")
     code, told, complaints = run(f"section {given}")
     assert (code, told, len(complaints)) == (2, [], 1)
     assert words in complaints[0]
+
+
+def test_a_model_whose_function_cannot_import_what_it_needs_is_named(run, tmp_path):
+    (tmp_path / "late.py").write_text(
+        "import vibroimpact\n@vibroimpact.family\ndef late(omega=2.0):\n    import no_such_module\n"
+    )
+    code, told, complaints = run("section --model late.py:late")
+    assert (code, told) == (1, [])
+    assert complaints == ["vibroimpact: ValueError: late fails at omega=2: No module named 'no_such_module'"]

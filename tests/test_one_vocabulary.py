@@ -157,4 +157,4 @@ def test_the_command_line_says_the_maps_word_for_a_map_and_for_a_section(oscilla
         cell, _, name = name_of_cell(osc, **SAMPLES)
         assert f"100 % {name}" in [line.strip() for line in report.sentences_of(cell)]
     sections = [vi.impact_section(osc, **SAMPLES) for osc in oscillators]
-    agree(names, [re.split("[,:;]", report.sentences_of(section)[0])[0] for section in sections])
+    agree(names, [re.split("[,:;]", report.sentences_of(section)[0].split(": ", 1)[1])[0] for section in sections])

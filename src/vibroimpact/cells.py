@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 COUNTABLE = 2.0**53  # periods: the next whole number is the next number
+FASTEST = 4.0  # of V: the hardest of the impacts that are spread over the impact surface
+_STRIDES = 0.7548776662466927, 0.5698402909980532  # 1/x and 1/x^2 with x^3 = x + 1: what spreads points most evenly
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,19 @@ class Cells:
             table[:, self.columns.index(name)] = values
         return Cells(table, self.columns)
 
+    def struck(self, numbers: Any) -> Cells:
+        """Return the cells, each from a numbered impact of those spread over its own impact surface.
+
+        They have the bits of a `State` at the gap with that velocity, at the phase's time. Without a scale (V = 0) the
+        motions are alike at every speed, and 1 m/s stands for V.
+        """
+        phase, velocity = spread(numbers)
+        force = np.maximum(self["amplitude"], self["stiffness"] * np.abs(self["gap"]))
+        scale = force / np.sqrt(self["stiffness"] * self["mass"])
+        time = phase * (2.0 * np.pi / self["omega"])
+        turns = time * self["omega"] / (2.0 * np.pi)
+        return self.replace(**_start(0.0, np.where(scale > 0.0, scale, 1.0) * velocity, turns))
+
     def begun(self, start: State | None) -> Cells:
         """Return the cells from an initial condition; None leaves them as they are.
 
@@ -90,6 +105,20 @@ class Cells:
         turns = start.time * self["omega"] / (2.0 * np.pi)
         _check_start(start, self["gap"], turns)
         return self.replace(**_start(self["gap"] - start.displacement, start.velocity, turns))
+
+
+def spread(numbers: Any) -> tuple[Floats, Floats]:
+    """Return the phases, 0 to 1, and velocities, 0 to 4 of V, of numbered impacts, spread evenly and always the same.
+
+    Examples
+    --------
+    >>> phase, velocity = spread([0, 1, 2])
+    >>> phase.round(3).tolist(), velocity.round(3).tolist()
+    ([0.5, 0.255, 0.01], [2.0, 0.279, 2.559])
+    """
+    counted = np.asarray(numbers, np.float64)
+    phase, part = (np.mod(0.5 + counted * stride, 1.0) for stride in _STRIDES)
+    return phase, FASTEST * part
 
 
 def cells_at(osc: ImpactOscillator, clearance: Floats, velocity: Floats, turns: Floats) -> Cells:

@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibroimpact.cells import FASTEST
 from vibroimpact.indices import INDICES
 from vibroimpact.oscillator import ImpactOscillator, Model
 from vibroimpact.parameters import Parameter
@@ -103,17 +104,32 @@ def package_version() -> str:
 def provenance(function: str, model: Model, arguments: Mapping[str, Any]) -> dict[str, str]:
     """Return attributes that say which call, on which model, by which version made a result.
 
-    Of a family they hold its own parameters (`model`) and the oscillator that these make.
+    Of a family they hold its own parameters (`model`) and the oscillator that these make; `initial_condition` says in
+    words from where the motions were followed.
     """
     osc = model.at()
     family = {} if model is osc else {"model": json.dumps({"family": str(model), **model.values})}
+    begun = {"initial_condition": _begun(arguments["start"])} if "start" in arguments else {}
     return {
         "source": f"vibroimpact {package_version()}",
         "function": function,
         **family,
         "oscillator": json.dumps(asdict(osc)),
         "arguments": json.dumps(dict(arguments), default=str),
+        **begun,
     }
+
+
+def _begun(start: Any) -> str:
+    """Return in words from which initial conditions a result was computed."""
+    if isinstance(start, int):
+        others = f"{start - 1} impacts at phases 0 to 1 and velocities 0 to {FASTEST:g} max(f, k|g|)/sqrt(k m)"
+        return f"{start} initial conditions: {_begun(None)}; {others}"
+    if isinstance(start, tuple):
+        return f"{len(start)} initial conditions: {'; '.join(map(_begun, start))}"
+    if start is None:
+        return "rest at y = min(0, gap)"
+    return f"y = {start.displacement:g} m, y' = {start.velocity:g} m/s at t = {start.time:g} s"
 
 
 def oscillator_of(dataset: xr.Dataset) -> ImpactOscillator:

@@ -59,7 +59,7 @@ class Family:
         given = self.values | self._checked(values)
         try:
             made = self.function(**given)
-        except (ValueError, ArithmeticError) as error:
+        except (ValueError, ArithmeticError, ImportError) as error:
             where = ", ".join(f"{name}={value:g}" for name, value in given.items())
             raise ValueError(f"{self} fails at {where}: {error}") from error
         if not isinstance(made, Model):

@@ -18,10 +18,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibroimpact.backends import ImpactWindow, Measurement
-from vibroimpact.cells import Cells, Floats
+from vibroimpact.cells import FASTEST, Cells, Floats
 from vibroimpact.dataset import label, package_version, plain_variable, provenance, status_variable, variable
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names, one_start
-from vibroimpact.parameters import Parameter, invalid
+from vibroimpact.parameters import Parameter, invalid, whole_number
 
 Places = NDArray[np.int64]
 CELL, INDEX = 250, 8  # bytes per cell of a map while it is computed, and per index beyond the first
@@ -35,16 +35,17 @@ class Request:
     model: Model  # the parameters that no axis varies
     axes: Mapping[str, Floats]  # the values of a grid, or, `scattered`, the columns of a table with one design per row
     measurement: Measurement
-    start: State | tuple[State | None, ...] | None = None  # of every cell; a tuple adds a dim `start`
+    # Of every cell; a tuple adds a dim `start`, and so does a number of them: at rest, the others spread impacts.
+    start: State | tuple[State | None, ...] | int | None = None
     backend: str = "cpu"
     time_step: float | None = None
     scattered: bool = False  # points (dim `point`), not a grid
     further: Mapping[str, Any] = field(default_factory=dict)  # what else decides the result: how a map is refined
 
     @property
-    def starts(self) -> tuple[State | None, ...]:
-        """All initial conditions."""
-        return self.start if isinstance(self.start, tuple) else (self.start,)
+    def several(self) -> int:
+        """Number of initial conditions along the dim `start`; 0 where there is no such dim."""
+        return len(self.start) if isinstance(self.start, tuple) else self.start if isinstance(self.start, int) else 0
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -52,7 +53,7 @@ class Request:
         sizes = {name: len(values) for name, values in self.axes.items()}
         if self.scattered:
             sizes = {"point": next(iter(sizes.values()))}
-        return sizes | ({"start": len(self.starts)} if isinstance(self.start, tuple) else {})
+        return sizes | ({"start": self.several} if self.several else {})
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -82,9 +83,9 @@ class Request:
         labels = {name: label(self.model.parameters[name]) for name in self.axes}
         dims = dict.fromkeys(self.axes, "point") if self.scattered else {name: name for name in self.axes}
         found = {name: plain_variable(dims[name], values, labels[name]) for name, values in self.axes.items()}
-        if isinstance(self.start, tuple):
+        if self.several:
             attrs = {"long_name": "number of the initial condition", "units": "1", "symbol": "start"}
-            found["start"] = plain_variable("start", np.arange(len(self.start)), attrs)
+            found["start"] = plain_variable("start", np.arange(self.several), attrs)
         return found
 
     def cells(self, at: slice | Places = slice(None)) -> Cells:
@@ -96,12 +97,15 @@ class Request:
         else:
             along = zip(self.axes.items(), places, strict=False)  # the last places are those of several starts
             cells = self.model.cells({name: values[place] for (name, values), place in along})
-        if not isinstance(self.start, tuple):
+        if not isinstance(self.start, (tuple, int)):
             return cells.begun(self.start)
-        table = cells.table.copy()
-        for number, start in enumerate(self.start):
-            chosen = places[-1] == number
-            table[chosen] = cells[chosen].begun(start).table
+        table, numbers = cells.table.copy(), places[-1]
+        if isinstance(self.start, int):
+            struck = numbers > 0
+            table[struck] = cells[struck].struck(numbers[struck] - 1).table
+        else:
+            for number, start in enumerate(self.start):
+                table[numbers == number] = cells[numbers == number].begun(start).table
         return Cells(table, cells.columns)
 
     @cached_property
@@ -133,13 +137,19 @@ class Request:
             "transient_impacts": window.transient,
             "sample_impacts": window.keep,
             **asdict(self.measurement.tolerances),
-            "start": "; ".join("at rest" if start is None else str(start) for start in self.starts),
+            "start": self._start(),
             "backend": self.backend,
             "time_step": self.time_step,
             "early_closing": self.measurement.early_closing,
             **({"points": "scattered"} if self.scattered else {}),
             **self.further,
         }
+
+    def _start(self) -> str:
+        if isinstance(self.start, int):
+            return f"at rest; {self.several - 1} impacts at phases 0 to 1, velocities 0 to {FASTEST:g} V"
+        starts = self.start if isinstance(self.start, tuple) else (self.start,)
+        return "; ".join("at rest" if start is None else str(start) for start in starts)
 
     def _numbers(self) -> dict[str, Any]:
         """Return a mark of the numbers that a family makes: its function may change under the same name."""
@@ -210,8 +220,10 @@ def check_points(points: Any, model: Model) -> dict[str, Floats]:
     return found
 
 
-def check_start(start: Any) -> State | tuple[State | None, ...] | None:
-    """Return one initial condition, or several as a tuple."""
+def check_start(start: Any) -> State | tuple[State | None, ...] | int | None:
+    """Return one initial condition, or several as a tuple, or their number."""
+    if hasattr(start, "__index__"):
+        return whole_number("start", start, 2)
     if not isinstance(start, (list, tuple)):
         return one_start(start)
     if not start:

@@ -39,7 +39,7 @@ def parameter_map(
     time_step: float | None = None,
     transient_impacts: int = 100,
     sample_impacts: int = 5000,
-    start: State | Sequence[State | None] | None = None,
+    start: State | Sequence[State | None] | int | None = None,
     early_closing: bool = True,
     tolerances: Tolerances | None = None,
     workers: int | None = None,
@@ -73,9 +73,12 @@ def parameter_map(
         Name of the back end; `time_step` in s goes with "fixed-step" only.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept, in every cell.
-    start : State or list of State, optional
+    start : State, list of State or int, optional
         The initial condition of every cell; None is at rest at min(0, gap) at time 0. A list of them adds a dim
-        `start`: ``.max("start")`` is the worst case.
+        `start`: ``.max("start")`` is the worst case. A number N >= 2 stands for N of them: first at rest, then N - 1
+        impacts spread over phases 0 to 1 and velocities 0 to 4 V of each cell, V = max(f, k \|g\|)/sqrt(k m). Number j
+        has the phase psi/T = frac(1/2 + 0.7548776662466927 (j - 1)) and the velocity 4 V frac(1/2 +
+        0.5698402909980532 (j - 1)), those from which `attractors` starts.
     early_closing : bool
         Whether a cell stops once all its remaining impacts are known; its indices are then completed in closed form,
         within 1e-10 of the velocity scale, but `max_velocity` becomes that of the cycle, without what is left of the

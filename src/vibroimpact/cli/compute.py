@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from vibroimpact.cli.study import Study
 
 INITIAL_CONDITIONS = 200  # along an axis of basins that is not given
-FASTEST = 4.0  # times the velocity scale: the hardest impact then
 
 
 @o.with_options(o.MODEL, o.START, o.DURATION, o.ENGINE, o.OUT, o.FIGURE, o.PICTURE)
@@ -37,9 +36,10 @@ def simulate(options: Options) -> None:
     study = options.study()
     _motion("simulate", study, options)
     if options["out"] is None:
-        from vibroimpact.report import sentences_of
+        from vibroimpact.motion import recognise
 
-        typer.echo(f"settles to: {sentences_of(_call('impact_section', study))[0]}")
+        period = study.model.at().period
+        typer.echo(f"settles to: {recognise(_call('impact_section', study)).sentence(period)}")
 
 
 @o.with_options(o.MODEL, o.START, o.SECTION_KIND, o.IMPACTS, o.PERIODS, o.ENGINE, o.OUT, o.FIGURE, o.PICTURE)
@@ -88,8 +88,8 @@ def diagram(options: Options) -> None:
 
 
 @o.with_options(
-    o.MODEL, o.START, o.X, o.Y, o.MORE_AXES, o.INDICES, o.IMPACTS, o.ENGINE, o.EVERY_IMPACT, o.WORKERS, o.CLUSTER,
-    o.TILE, o.REFINE, o.OUT, o.FIGURE, o.INDEX, o.LEVEL, o.PICTURE,
+    o.MODEL, o.START, o.STARTS, o.X, o.Y, o.MORE_AXES, o.INDICES, o.IMPACTS, o.ENGINE, o.EVERY_IMPACT, o.WORKERS,
+    o.CLUSTER, o.TILE, o.REFINE, o.OUT, o.FIGURE, o.INDEX, o.LEVEL, o.PICTURE,
 )  # fmt: skip
 def parameter_map(options: Options) -> None:
     """Stability map: an index of the impacts over one, two or more parameters.
@@ -103,6 +103,7 @@ def parameter_map(options: Options) -> None:
       vibroimpact map --x omega=0.025:5:200 --y mass=0.1:5:200 --out map.zarr
       vibroimpact map --x w=1:3:99 --y r=0.1:0.9:50 --indices max_velocity
       vibroimpact map --x w=1:3:99 --y m=1:2:99 --figure motion-map -o names.png
+      vibroimpact map --x w=1:3:99 --y g=0:3:99 --starts 16 --out worst.png
       vibroimpact map study.toml -p damping=0.02 --workers 4
     """
     needed = output.NEEDS.get(options["figure"] or "", ()) if output.is_figure(options) else ()
@@ -154,6 +155,7 @@ def _initial_conditions(study: Study, options: Options) -> dict[str, Any]:
     """Return the axes of initial conditions, completed by phases or velocities of impacts."""
     import numpy as np
 
+    from vibroimpact.cells import FASTEST
     from vibroimpact.cli.study import span_values
     from vibroimpact.parameters import Parameter
 

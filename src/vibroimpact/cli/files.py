@@ -180,6 +180,10 @@ def sentences_of_store(path: Path) -> Iterator[str]:
     yield "  " + ", ".join(f"{name} {value}" for name, value in identity.items() if value is not None)
     yield from _progress(store)
     damaged = store.damaged()
+    if store.is_complete() and not damaged and "start" in (dataset := store.dataset()).dims:
+        from vibroimpact.report.sweeps import hits_of
+
+        yield from hits_of(dataset)
     if damaged:
         yield f"{len(damaged)} damaged tiles; they are computed again when you continue"
     if damaged or not store.is_complete():

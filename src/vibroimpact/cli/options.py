@@ -189,6 +189,12 @@ START = Option(
     "gap), time 0)",
     "Oscillator", table="start", read=_start,
 )  # fmt: skip
+STARTS = Option(
+    "starts", "N",
+    "Compute each cell from N initial conditions: at rest, and N - 1 impacts at phases 0 to 1 and velocities 0 to "
+    "4 max(f, k|g|)/sqrt(km). Figures show the largest value of the N. (default: 1, that of --start)",
+    "Oscillator", table="run",
+)  # fmt: skip
 
 GRID, SPAN = "NAME=FROM:TO:POINTS", "NAME=FROM:TO"
 

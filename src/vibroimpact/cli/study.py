@@ -59,6 +59,10 @@ def _count(name: str, value: Any) -> int:
     return whole_number(name, value, 1)
 
 
+def _several(name: str, value: Any) -> int:
+    return whole_number(name, value, 2)
+
+
 def _indices(name: str, value: Any) -> tuple[str, ...]:
     from vibroimpact.indices import check_indices
 
@@ -85,6 +89,7 @@ TABLES: dict[str, dict[str, Callable[[str, Any], Any]]] = {
         "section": _one_of("impact", "stroboscopic"),
         "direction": _one_of("fresh", "up", "down"),
         "early_closing": _flag,
+        "starts": _several,
     },
 }
 
@@ -109,7 +114,10 @@ class Study:
         import vibroimpact
 
         takes = inspect.signature(getattr(vibroimpact, function)).parameters
-        return {name: value for name, value in self.given.items() if name in takes}
+        given = {name: value for name, value in self.given.items() if name in takes}
+        if function == "parameter_map" and "starts" in self.given:
+            given["start"] = self.given["starts"]
+        return given
 
 
 def read_study(path: Path | None, changes: Mapping[str, Mapping[str, Any]], model: str | None = None) -> Study:
@@ -154,6 +162,10 @@ def make_study(
     """
     reader, typed = _Reader(dotted), changes or {}
     own = reader.tables(document)
+    if typed.get("start"):
+        own["run"] = {key: value for key, value in own["run"].items() if key != "starts"}
+    if "starts" in typed.get("run", ()):
+        own["start"] = {}
     model = load_model(document["model"]) if "model" in document else ImpactOscillator()
 
     values = reader.values("oscillator", model, Parameter.check, own["oscillator"], typed.get("oscillator", {}))
@@ -163,6 +175,8 @@ def make_study(
     given = {table: reader.entries(table, {**own[table], **typed.get(table, {})}) for table in TABLES}
     if given["start"] and "displacement" not in given["start"]:
         reader.faults.append("`start` must have a `displacement`, in m")
+    if given["start"] and "starts" in given["run"]:
+        reader.faults.append("give either `start` or `starts`, not both")
     if not reader.faults:
         reader.check("", "", _check_replaced, model, values, axes)
     if reader.faults:

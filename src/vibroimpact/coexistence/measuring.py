@@ -12,7 +12,7 @@ import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, Measurement, StroboscopicWindow, get_backend
 from vibroimpact.backends.base import Counts, Outcome, Samples
-from vibroimpact.cells import cells_at
+from vibroimpact.cells import cells_at, spread
 from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import Motion, MotionClass, decide
@@ -24,9 +24,7 @@ from vibroimpact.parameters import invalid
 from vibroimpact.status import Status
 
 SPREAD = 256  # initial conditions where none are given
-FASTEST = 4.0  # of V: the hardest impact among them
 KNOWN_PERIODS = 16  # of orbits with one impact that are tried besides
-_STRIDES = 0.7548776662466927, 0.5698402909980532  # 1/x and 1/x^2 with x^3 = x + 1: what spreads points most evenly
 PAPER = ImpactWindow(100, 5000)
 HARDLY_EVER = 64  # periods: chaos in which the mass rests now and then is, strictly, a long sticking cycle
 QUIET = (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER, MotionClass.AT_REST)
@@ -71,8 +69,8 @@ def spread_cells(osc: ImpactOscillator, number: int = SPREAD) -> Cells:
 
     Without a scale (V = 0) the motions are alike at every speed, and 1 m/s stands for V.
     """
-    phase, part = (np.mod(0.5 + np.arange(number, dtype=np.float64) * stride, 1.0) for stride in _STRIDES)
-    return cells_at(osc, np.zeros(number), FASTEST * (osc.velocity_scale or 1.0) * part, phase)
+    phase, velocity = spread(np.arange(number))
+    return cells_at(osc, np.zeros(number), (osc.velocity_scale or 1.0) * velocity, phase)
 
 
 def orbit_cells(osc: ImpactOscillator) -> list[Cells]:

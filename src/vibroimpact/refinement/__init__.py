@@ -212,8 +212,10 @@ def to_uniform(plane: xr.Dataset, *, shape: tuple[int, int] | None = None) -> xr
 
 
 def _check_plane(request: Request) -> None:
-    if request.scattered or isinstance(request.start, tuple):
-        raise ValueError("`refine` goes with a grid from one initial condition; leave out `points` and lists of starts")
+    if request.scattered or request.several:
+        raise ValueError(
+            "`refine` goes with a grid from one initial condition; leave out `points`, and give one `start` or none"
+        )
     if len(request.axes) != 2:
         raise ValueError(f"`refine` needs two axes, got {len(request.axes)}; leave it out for other numbers of axes")
     for name, values in request.axes.items():

@@ -1,0 +1,41 @@
+"""Numbers with their units, ranges and counts, and where motions begin, in words."""
+
+from __future__ import annotations
+
+import xarray as xr
+
+
+def axis_range(dataset: xr.Dataset, name: str) -> str:
+    """Return the long name of an axis and the range of its values."""
+    return f"{dataset[name].attrs['long_name']} {span(dataset[name])}"
+
+
+def span(values: xr.DataArray) -> str:
+    """Return the smallest and the largest of some values, with their unit."""
+    low, high = float(values.min()), float(values.max())
+    ends = f"{low:.4g}" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g}"
+    units = values.attrs.get("units", "1")
+    return ends if units == "1" else f"{ends} {units}"
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a count with its noun, in the plural unless there is one."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def quantity(value: float, units: str, digits: int = 12) -> str:
+    """Return a value with its unit."""
+    return f"{value:.{digits}g}" + ("" if units == "1" else f" {units}")
+
+
+def spaced(word: str) -> str:
+    """Return a word of a table of flags, as it is said."""
+    return word.replace("_", " ")
+
+
+def begun(dataset: xr.Dataset, before: str = "from ", after: str = "") -> str:
+    """Return from which initial conditions a result was computed; nothing where it does not hold that."""
+    start = dataset.attrs.get("initial_condition", "")
+    if "start" in dataset.coords and "start" not in dataset.dims:  # one of several was selected
+        start = f"number {int(dataset['start'])} of {start}"
+    return f"{before}{start}{after}" if start else ""

@@ -1,0 +1,170 @@
+"""Maps and diagrams in words."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from itertools import groupby
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibroimpact.classes import NEEDED, classify
+from vibroimpact.dataset import oscillator_of
+from vibroimpact.indices import INDICES, ROUNDING, spread_scale
+from vibroimpact.motion import MotionClass, cycle_length, decide, motion_name, recurrence, refined
+from vibroimpact.report.quantities import axis_range, begun, counted, quantity, spaced, span
+from vibroimpact.status import Status
+
+MOTIONS = 8  # listed of a map, at most
+INTERVALS = 12  # listed of a diagram, at most
+CHATTER = 1e-6  # of the hardest impact: softer ones only show where a chatter was cut off
+
+
+def map_sentences(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield what a map holds: ranges of its indices, its motions, and how they ended."""
+    several = dataset.sizes.get("start", 1)
+    dims = [str(dim) for dim in dataset["status"].dims if dim != "start"]
+    axes = [str(name) for dim in dims for name, axis in dataset.coords.items() if axis.dims == (dim,)]
+    shape = " x ".join(str(dataset.sizes[dim]) for dim in dims)
+    cells = "cell" if dataset["status"].size == several else "cells"
+    ranges = "; ".join(axis_range(dataset, axis) for axis in axes)
+    if "start" in dataset.dims:
+        yield f"{shape} {cells}: {ranges}"
+        yield begun(dataset, "each from ")
+    else:
+        yield f"{shape} {cells}{begun(dataset, ' from ')}: {ranges}"
+    for name in (name for name in INDICES if name in dataset):
+        yield _index(dataset[name], axes, oscillator_of(dataset).velocity_scale)
+    if "start" in dataset.dims:
+        yield from hits_of(dataset)
+        yield f"of the {dataset['status'].size:,} motions:"
+    if set(NEEDED) <= set(map(str, dataset.data_vars)):
+        yield from _motions(classify(dataset))
+    codes, counts = np.unique(dataset["status"].values, return_counts=True)
+    for code, count in sorted(zip(codes, counts, strict=True), key=lambda pair: -pair[1]):
+        status = Status(int(code))
+        yield f"  {100 * count / dataset['status'].size:.3g} % {spaced(status.word)}: {status.sentence}"
+
+
+def hits_of(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield in how many cells of a map impacts go on from the first initial condition, and from others alone."""
+    field = dataset["status"].transpose("start", ...)
+    has_impacts = np.isin(field.values, [status for status in Status if status.has_indices])
+    first, others = has_impacts[0], has_impacts.any(axis=0) & ~has_impacts[0]
+    named = json.loads(dataset.attrs.get("arguments", "{}")).get("start")
+    at_rest = isinstance(named, int) or (isinstance(named, list) and named[:1] == [None])
+    start = "rest" if at_rest else "the first initial condition"
+    yield (
+        f"impacts go on from {start} in {first.sum():,} of {first.size:,} cells ({100 * first.mean():.3g} %); in "
+        f"{others.sum():,} more ({100 * others.mean():.3g} %) only from others of the {len(field)} initial conditions"
+    )
+
+
+def _index(field: xr.DataArray, axes: list[str], scale: float) -> str:
+    """Return range and largest value of an index, and how often it is infinite; `scale` is that of velocities.
+
+    Of several initial conditions the range is that of the largest value in each cell.
+    """
+    rounding = ROUNDING * spread_scale(str(field.name), scale)  # the spread of a cycle is nothing else
+    field = field.where(~(np.abs(field) <= rounding), 0.0).assign_attrs(field.attrs)
+    head = f"{field.attrs['long_name']} ({field.name})"
+    values = field.where(np.isfinite(field)).assign_attrs(field.attrs)
+    if not np.isfinite(field).any():
+        return f"{head}: no cell has a finite value"
+    peak = field.isel({str(dim): int(at) for dim, at in values.argmax(...).items()})
+    place = ", ".join(f"{axis} = {float(peak[axis]):.4g}" for axis in axes)
+    if "start" in field.dims:
+        head += f", the largest of {field.sizes['start']} initial conditions"
+        place += f", start = {int(peak['start'])}"
+        field, values = field.max("start"), values.max("start").assign_attrs(field.attrs)
+    infinite = 100.0 * float(np.isinf(field).mean())
+    more = f"; infinite in {infinite:.3g} % of the cells" if infinite else ""
+    return f"{head}: {span(values)}, largest at {place}{more}"
+
+
+def _motions(classes: xr.Dataset) -> Iterator[str]:
+    """Yield the most frequent motions of a map."""
+    kind = refined(classes["motion"].values, classes["status"].values).ravel()
+    n, p = (classes[name].values.ravel() for name in ("n_periods", "n_impacts"))
+    rows, counts = np.unique(np.column_stack([kind, n, np.where(kind == MotionClass.PERIODIC, p, 0)]), axis=0,
+                             return_counts=True)  # fmt: skip
+    order = np.argsort(-counts, kind="stable")
+    for at in order[:MOTIONS]:
+        yield f"  {100 * counts[at] / kind.size:.3g} % {motion_name(*rows[at].tolist())}"
+    if len(order) > MOTIONS:
+        rest = 100 * counts[order[MOTIONS:]].sum() / kind.size
+        yield f"  {rest:.3g} % {counted(len(order) - MOTIONS, 'other motion')}"
+
+
+# Diagrams
+
+
+def diagram_sentences(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield what a diagram holds: ranges of its samples, and the motions along its axis."""
+    axis = str(dataset["status"].dims[0])
+    values = dataset[axis].values
+    direction = json.loads(dataset.attrs.get("arguments", "{}")).get("direction", "fresh")
+    start = begun(dataset, ", each from ")
+    if direction != "fresh":
+        start = begun(dataset, f", going {direction} from ", ", then each from where its neighbour ended")
+    yield f"{counted(len(values), 'value')} of {axis_range(dataset, axis)}{start}"
+    for name in ("displacement", "velocity"):
+        if name in dataset and np.isfinite(dataset[name]).any():
+            yield from _sample_range(dataset[name], axis)
+    labels = [_motion_at(dataset.isel({axis: i}), axis) for i in range(len(values))]
+    runs = [(label, [i for i, _ in group]) for label, group in groupby(enumerate(labels), lambda pair: pair[1])]
+    longest = sorted(sorted(runs, key=lambda run: -len(run[1]))[:INTERVALS], key=lambda run: run[1][0])
+    for label, at in longest:
+        ends = f"{values[at[0]]:.4g}" + (f" to {values[at[-1]]:.4g}" if len(at) > 1 else "")
+        yield f"  {axis} {ends}: {label}"
+    if len(runs) > len(longest):
+        yield f"  and {counted(len(runs) - len(longest), 'shorter interval')}"
+
+
+def _sample_range(samples: xr.DataArray, axis: str) -> Iterator[str]:
+    """Yield the range of the samples; for impact velocities also where the largest is."""
+    head = samples.attrs["long_name"]
+    if samples.name != "velocity" or "impact" not in samples.dims:
+        yield f"{head} {span(samples)}"
+        return
+    hardest = float(samples.max())
+    cut_off = float(samples.min()) < CHATTER * hardest
+    yield f"{head} " + (f"up to {quantity(hardest, 'm/s', 4)}" if cut_off else span(samples))
+    column = int(np.nanargmax(samples.transpose(axis, "impact").values)) // samples.sizes["impact"]
+    value = quantity(float(samples[axis][column]), samples[axis].attrs["units"], 4)
+    yield f"hardest impact {quantity(hardest, 'm/s', 4)} at {axis} {value}"
+
+
+def _motion_at(row: xr.Dataset, axis: str) -> str:
+    """Return the motion at one value of a diagram's axis, from its indices and samples."""
+    status, count = Status(int(row["status"])), int(row["count"])
+    kept = {name: row[name].values[:count] for name in ("displacement", "velocity", "phase") if name in row}
+    n, p = (int(row[name]) if name in row else 0 for name in ("n_periods", "n_impacts"))
+    kind = MotionClass(int(decide(status, _growth(row, axis, kept), n, p)))
+    if kind != MotionClass.UNDECIDED:
+        return motion_name(kind, n, p)
+    if "phase" not in kept:
+        if n := recurrence(kept["displacement"], kept["velocity"]):
+            return f"period-{n}"
+    elif status == Status.STICKING:
+        return "comes to rest at the stop"
+    elif p := cycle_length(kept["velocity"], kept["phase"]):
+        return f"{counted(p, 'impact')} per cycle"
+    elif status == Status.SHORT_WINDOW:
+        return "sample too short to classify"
+    return "does not repeat"
+
+
+def _growth(row: xr.Dataset, axis: str, kept: Mapping[str, NDArray[np.float64]]) -> float:
+    """Return ln of the growth of perturbations over the sample; NaN where no index gives it."""
+    if "lyapunov_per_impact" in row and "phase" in kept:
+        return float(row["lyapunov_per_impact"]) * int(row["count"])
+    osc = oscillator_of(row)
+    if "lyapunov" not in row or axis not in osc.parameters:
+        return math.nan
+    # A phase that falls from one impact to the next shows that a driving period began between them.
+    periods = int((np.diff(kept["phase"]) < 0.0).sum()) if "phase" in kept else int(row["count"])
+    return float(row["lyapunov"]) * osc.replace(**{axis: float(row[axis])}).period * periods

@@ -1,0 +1,76 @@
+"""Maps from several initial conditions: each slice is the map from that one alone, wherever it is computed."""
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from designs import random_designs
+from vibroimpact.cells import spread
+from vibroimpact.coexistence.measuring import spread_cells
+
+NAMES = ("std", "max_velocity")
+SHORT = {"indices": NAMES, "transient_impacts": 20, "sample_impacts": 100}
+
+
+def explicit(osc, number):
+    """Return the initial conditions that a number of them stands for, one by one."""
+    phase, velocity = spread(np.arange(number - 1))
+    scale = osc.velocity_scale or 1.0
+    hits = zip((phase * osc.period).tolist(), (scale * velocity).tolist(), strict=True)
+    return [None, *(vi.State(osc.gap, speed, time) for time, speed in hits)]
+
+
+def same(one, other):
+    return all(np.array_equal(one[name].values, other[name].values, equal_nan=True) for name in (*NAMES, "status"))
+
+
+@pytest.mark.parametrize("osc", list(random_designs(np.random.default_rng(13), 20)))
+def test_a_number_of_initial_conditions_gives_the_bits_of_each_of_them_in_every_cell(osc):
+    gaps = np.array([osc.gap, osc.gap + 0.3 * osc.velocity_scale / osc.natural_frequency])
+    sweep = vi.parameter_map(osc, start=5, gap=gaps, **SHORT)
+    assert sweep["std"].dims == ("gap", "start")
+    for at, gap in enumerate(gaps.tolist()):
+        here = osc.replace(gap=gap)
+        listed = vi.parameter_map(osc, start=explicit(here, 5), gap=[gap], **SHORT)
+        assert same(sweep.isel(gap=[at]), listed)
+        for number, start in enumerate(explicit(here, 5)):
+            assert same(sweep.isel(gap=[at], start=number), vi.parameter_map(osc, start=start, gap=[gap], **SHORT))
+    worst = sweep["max_velocity"].max("start").values
+    assert np.array_equal(worst, np.fmax.reduce(sweep["max_velocity"].values, axis=1), equal_nan=True)
+
+
+def test_they_are_the_initial_conditions_that_attractors_are_looked_for_from():
+    for osc in (*random_designs(np.random.default_rng(1), 5), vi.ImpactOscillator(amplitude=0.0)):
+        mine, theirs = osc.cells({"gap": np.full(40, osc.gap)}).struck(np.arange(40)), spread_cells(osc, 40)
+        assert np.array_equal(mine["velocity"], theirs["velocity"])
+        assert np.array_equal(mine["clearance"], theirs["clearance"])
+        assert np.abs(mine["phase"] - theirs["phase"]).max() < 4e-16  # as a time in seconds it is rounded
+
+
+def test_a_store_and_a_table_of_designs_hold_the_same_bits(tmp_path):
+    grid = {"omega": np.linspace(0.5, 4.0, 7), "gap": [-0.2, 0.1]}
+    whole = vi.parameter_map(vi.ImpactOscillator(), start=4, **grid, **SHORT)
+    stored = vi.parameter_map(vi.ImpactOscillator(), start=4, store=tmp_path / "s.zarr", tile=9, **grid, **SHORT)
+    assert same(stored.load(), whole)
+    table = {"omega": np.repeat(grid["omega"], 2), "gap": np.tile(grid["gap"], 7)}
+    scattered = vi.parameter_map(vi.ImpactOscillator(), start=4, points=table, **SHORT)
+    flat = {name: whole[name].values.reshape(14, 4) for name in (*NAMES, "status")}
+    assert all(np.array_equal(scattered[name].values, flat[name], equal_nan=True) for name in flat)
+    with pytest.raises(ValueError, match="start is at rest; 3 impacts .* there, at rest; 4 impacts .* here"):
+        vi.parameter_map(vi.ImpactOscillator(), start=5, store=tmp_path / "s.zarr", **grid, **SHORT)
+
+
+@pytest.mark.parametrize("start", [1, 0, -2, True])
+def test_fewer_than_two_are_refused(start):
+    with pytest.raises(ValueError, match="`start` must be a whole number >= 2"):
+        vi.parameter_map(vi.ImpactOscillator(), omega=[1.0], start=start)
+
+
+def test_results_say_from_where_they_begin():
+    osc = vi.ImpactOscillator()
+    assert vi.simulate(osc, periods=1).attrs["initial_condition"] == "rest at y = min(0, gap)"
+    hits = vi.impact_section(osc, start=vi.State(-1.0, 0.5), sample_impacts=5)
+    assert hits.attrs["initial_condition"] == "y = -1 m, y' = 0.5 m/s at t = 0 s"
+    sweep = vi.parameter_map(osc, omega=[2.0], start=[None, vi.State(-1.0)], sample_impacts=5)
+    both = "2 initial conditions: rest at y = min(0, gap); y = -1 m, y' = 0 m/s at t = 0 s"
+    assert sweep.attrs["initial_condition"] == both
