@@ -13,7 +13,6 @@ import xarray as xr
 
 import vibroimpact as vi
 from vibroimpact.continuation.windows import follow_all
-from vibroimpact.motion import recognise
 
 DOCS = Path(__file__).parent
 IMAGES = DOCS / "images"
@@ -43,7 +42,7 @@ def _two_impacts(ax: plt.Axes, osc: vi.ImpactOscillator) -> None:
     std = float(hits["velocity"].std())
     ax.stem((hits["time"] - hits["time"][0]) / osc.period, hits["velocity"], basefmt=" ")
     ax.set(ylim=(0, None), xlabel="driving periods", ylabel="impact velocity [m/s]")
-    ax.set_title(f"w = 1: {recognise(vi.impact_section(osc)).name}, stable, Std = {std:.3f}")
+    ax.set_title(f"w = 1: {vi.recognise(vi.impact_section(osc)).name}, stable, Std = {std:.3f}")
 
 
 def _cuts(ax: plt.Axes, osc: vi.ImpactOscillator) -> None:

@@ -6,12 +6,11 @@ Run it: python first_orbit.py. It prints the motion and draws first_orbit.png.
 import matplotlib.pyplot as plt
 
 import vibroimpact as vi
-from vibroimpact.motion import recognise
 
 osc = vi.ImpactOscillator(omega=0.95)
 orbit = vi.simulate(osc, periods=12)
 settled = vi.impact_section(osc, sample_impacts=200)
-print(recognise(settled).sentence(osc.period))
+print(vi.recognise(settled).sentence(osc.period))
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), layout="constrained")
 vi.plotting.time_history(orbit, ax=left)

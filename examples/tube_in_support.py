@@ -16,7 +16,6 @@ import numpy as np
 import xarray as xr
 
 import vibroimpact as vi
-from vibroimpact.motion import recognise
 
 MASS, NATURAL_FREQUENCY, DAMPING_RATIO = 2.1, 18.0, 0.01  # kg, Hz, 1
 FORCE, RESTITUTION, CLEARANCE = 5.0, 0.7, 0.5e-3  # N, 1, m
@@ -78,7 +77,7 @@ def two_motions(osc: vi.ImpactOscillator) -> str:
     sections = [
         vi.impact_section(osc, start=start, transient_impacts=500, sample_impacts=200) for start in (None, KNOCK)
     ]
-    rest, knocked = (recognise(section).sentence(osc.period) for section in sections)
+    rest, knocked = (vi.recognise(section).sentence(osc.period) for section in sections)
     time, speeds = sections[1]["time"].values, sections[1]["velocity"].values
     lost = osc.mass / 2 * (1 - osc.restitution**2) * (speeds[1:] ** 2).sum() / (time[-1] - time[0])
     return f"From rest: {rest}. After a knock: {knocked}; {lost * 1e3:.0f} mW go into the contact."

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from vibroimpact.continuation import boundary_curves, continue_boundary, continue_orbit, switch_branch
     from vibroimpact.diagrams import bifurcation_diagram
     from vibroimpact.families import family
+    from vibroimpact.motion import recognise
     from vibroimpact.options import Tolerances
     from vibroimpact.orbits import Orbit, find_orbit
     from vibroimpact.orbits.sticking import end_of_sticking
@@ -29,6 +30,7 @@ _NAMES = {
     "families": "family",
     "sections": "impact_map simulate impact_section stroboscopic_section",
     "status": "Status",
+    "motion": "recognise",
     "diagrams": "bifurcation_diagram",
     "sweeps": "parameter_map refined_map",
     "refinement": "to_uniform",
@@ -65,6 +67,7 @@ __all__ = [
     "load",
     "parameter_map",
     "plotting",
+    "recognise",
     "refined_map",
     "save",
     "simulate",

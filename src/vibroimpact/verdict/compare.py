@@ -19,7 +19,7 @@ from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
 from vibroimpact.verdict.boundaries import BOUNDARIES, Edge
 from vibroimpact.verdict.describe import Verdict, describe
-from vibroimpact.verdict.present import range_of
+from vibroimpact.verdict.present import percent, range_of
 from vibroimpact.verdict.text import advice_words
 
 
@@ -53,8 +53,9 @@ class Comparison:
             if parameter.unit == "rad/s":
                 hertz = _labelled(parameter.long_name.replace("angular ", ""), "Hz")
                 yield hertz + star, _number(a / (2.0 * math.pi)), _number(b / (2.0 * math.pi))
-        yield "motion", first.motion.name, second.motion.name
-        yield "hardest hit, settled [m/s]", _number(first.max_velocity), _number(second.max_velocity)
+        yield "motion, from rest", first.motion.name, second.motion.name
+        yield "hardest hit, from rest [m/s]", _number(first.max_velocity), _number(second.max_velocity)
+        yield "hardest hit, from any of 256 [m/s]", _worst(first), _worst(second)
         for name in INDICES:
             yield _labelled(*VARIABLES[name][:2]), _index(first, name), _index(second, name)
         yield "mean power lost [W]", _number(first.power), _number(second.power)
@@ -147,6 +148,13 @@ def _boundary(verdict: Verdict, edge: Edge) -> str:
         return f"at once ({edge.what})"
     change = range_of(verdict.model, edge.parameter, 1.0).percent(edge.value)
     return f"{edge.value:.6g} ({'-' if edge.direction < 0 else '+'}{change}, {edge.what})"
+
+
+def _worst(verdict: Verdict) -> str:
+    worst = verdict.worst
+    if worst is None:
+        return "0" if verdict.attractors else "-"
+    return _number(worst.max_velocity) + ("" if worst.from_rest else f" ({percent(worst.share)} of them)")
 
 
 def _others(verdict: Verdict) -> str:
