@@ -4,6 +4,26 @@ import math
 
 import vibroimpact as vi
 
+# Chaotic over 5,100 impacts, before they end in the motion named.
+TRANSIENTS = {
+    "period-16 impact-48": vi.ImpactOscillator(
+        mass=2.7100628669094715,
+        damping=0.005375363235924331,
+        omega=0.454113487303927,
+        restitution=0.930387431116233,
+        gap=-0.16381753326560708,
+    ),
+    "period-16 impact-7": vi.ImpactOscillator(
+        mass=2.329070381187245, damping=0.01597319150637318, omega=4.720499149104183, restitution=0.8209103043174075
+    ),
+}
+# Rests that only rounding repeats, and the hardest hit (m/s) of the period-1 impact-1 motion that they end in.
+RESTS = {
+    5.425: vi.ImpactOscillator(mass=0.2649, damping=0.00462, omega=4.9764, restitution=0.91, gap=-0.7844),
+    1.381: vi.ImpactOscillator(mass=1.531, damping=0.0265, omega=2.4113, restitution=0.899, gap=-0.8022),
+    2.113: vi.ImpactOscillator(mass=2.069, damping=0.0193, omega=1.7413, restitution=0.908, gap=-0.771),
+}
+
 
 def random_designs(rng, number):
     """Yield oscillators of 1 g to 1 t, driven at 1 Hz to 2 kHz, that swing by 1 um to 1 cm, with gaps of both signs.
@@ -27,3 +47,14 @@ def random_designs(rng, number):
         swing = min(plain.steady_amplitude, 4.0 * deflection)
         gaps = [0.0, rng.uniform(-1.1, 0.0) * deflection, rng.uniform(0.0, 1.0) * swing, rng.uniform(1.0, 3.0) * swing]
         yield plain.replace(gap=gaps[rng.choice(4, p=[0.15, 0.35, 0.25, 0.25])])
+
+
+def random_oscillator(random):
+    """Return a dimensionless oscillator, one in eleven of which is irregular from rest."""
+    return vi.ImpactOscillator(
+        mass=10 ** random.uniform(-0.5, 0.5),
+        damping=10 ** random.uniform(-3.0, -0.5),
+        omega=random.uniform(0.3, 5.0),
+        restitution=random.uniform(0.6, 0.98),
+        gap=random.uniform(-0.9, 2.5),
+    )

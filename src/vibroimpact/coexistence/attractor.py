@@ -17,18 +17,17 @@ import numpy as np
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
 from vibroimpact.backends.base import Counts, Floats
 from vibroimpact.coexistence.measuring import AT_REST, QUIET, Measured, Runner
-from vibroimpact.coexistence.settling import Settled
+from vibroimpact.coexistence.settling import Settled, chaotic_groups, clusters
 from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.orbits.orbit import Impacts, same_orbit
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.status import Status
 
 SAME = 1e-6  # `orbit_distance` between cycles that are one
-# Gaps that part groups, beyond what the way to go (1e-10 V) leaves in a cycle, and chance in a short chaotic sample.
+# Gaps that part groups of cycles, beyond what the way to go (1e-10 V) leaves.
 ENERGY_GAP = 1e-7  # of m V^2, of a cycle's loss per period
 EXPONENT_GAP = 1e-5  # per period; the logarithm of two equal multipliers is good to 1e-5
 MISS_GAP = 1e-6  # of V/w_n
-MEAN_GAP, RATE_GAP = 0.02, 0.02  # of V; impacts per period
 BOXES = 64  # along phase and along velocity
 SHARED = 0.5  # of the impacts of two chaotic motions in the same boxes: above this they are one attractor
 WANDERING = 2000  # driving periods sampled of intermittent sticking, whose rests have no period
@@ -41,10 +40,11 @@ class Attractor:
     Parameters
     ----------
     kind : str
-        "periodic", "sticking", "chaotic", "no_impact" (the mass settles clear of the stop), "stuck_forever" (the force
-        never lifts it off the stop) or "at_rest" (nothing drives it).
+        "periodic", "sticking", "chaotic" (watched for 1e5 impacts, see `attractors`), "no_impact" (the mass settles
+        clear of the stop), "stuck_forever" (the force never lifts it off the stop) or "at_rest" (nothing drives it).
     n_periods, n_impacts, velocities, phases
-        As of `Motion`; `n_periods` is 0 also where double precision does not resolve it, in intermittent sticking.
+        As of `Motion`; `n_periods` is 0 also in intermittent sticking: double precision does not resolve when the mass
+        rests again, and for 1e5 impacts it always did.
     std, mean_velocity, max_velocity : float
         Of the impact velocities, in m/s, over exactly one cycle, or over a long sample of chaos.
     lyapunov : float
@@ -211,7 +211,7 @@ class Basin:
 
 def match(runner: Runner, settled: Settled, longest: ImpactWindow, counted: int) -> list[Basin]:
     """Return the attractors, the one with the largest share of the first `counted` initial conditions first."""
-    groups = [*_cycles(settled), *_chaos(settled)]
+    groups = [*_cycles(settled), chaotic_groups(settled)]
     found = [basin for parts in groups for basin in _joined(runner, settled, parts, longest)]
     for kind in (MotionClass.STICKING, *QUIET):
         members = np.flatnonzero(settled.kind == kind)
@@ -244,29 +244,6 @@ def _cycles(settled: Settled) -> Iterator[list[Counts]]:
             (misses, MISS_GAP * scale / osc.natural_frequency),
         ]
         yield [members[part] for part in clusters(columns)]
-
-
-def _chaos(settled: Settled) -> Iterator[list[Counts]]:
-    """Yield the groups of initial conditions that lead to chaos."""
-    members = np.flatnonzero(settled.kind == MotionClass.CHAOTIC)
-    if members.size == 0:
-        return
-    columns = [
-        (settled.indices["mean_velocity"][members], MEAN_GAP * settled.osc.velocity_scale),
-        (settled.indices["impacts_per_period"][members], RATE_GAP),
-    ]
-    yield [members[part] for part in clusters(columns)]
-
-
-def clusters(columns: Sequence[tuple[Floats, float]]) -> list[Counts]:
-    """Return groups of rows, parted wherever the sorted values of a column leave a gap wider than that column's."""
-    label = np.zeros(len(columns[0][0]), dtype=np.int64)
-    for values, gap in columns:
-        order = np.lexsort((values, label))
-        steps = (np.diff(values[order]) > gap) | (np.diff(label[order]) > 0)
-        label[order] = np.concatenate([[0], np.cumsum(steps)])
-    order = np.argsort(label, kind="stable")
-    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
 def _joined(runner: Runner, settled: Settled, groups: Sequence[Counts], longest: ImpactWindow) -> Iterator[Basin]:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -102,20 +101,40 @@ def released(cell: Cells, number: int = 0) -> Cells:
     return many.replace(clearance=0.0, velocity=-MOVED * scale * share, periods=0.0, phase=phase)
 
 
-def released_ends(runner: Runner, cell: Cells) -> Iterator[tuple[Cells, list[Measured]]]:
-    """Yield moved releases and where they lead, until some lead elsewhere than to the next rest, or all were watched.
+@dataclass(frozen=True)
+class Fate:
+    """What becomes of a mass whose next rest is an accident of rounding.
+
+    `cell` is the moved release and `end` the motion that it leads to, `ends` how many releases led to each name, and
+    `watched` the impacts of all turns that ended in another rest.
+    """
+
+    cell: Cells
+    end: Measured
+    ends: dict[str, int]
+    watched: int
+
+
+def fate_of_release(runner: Runner, cell: Cells) -> Fate:
+    """Return where most moved releases lead of those that do not lead to the next rest, or that all lead to it.
 
     As each turn between rests is one more throw of the same dice, turns from many releases are as good as one motion.
     """
-    impacts, number = 0, 0
-    while impacts < TURNS * WATCHED:
+    found: Counter[str] = Counter()
+    impacts = number = 0
+    while True:
         cells = released(cell, number)
         ends = runner.measure(cells, LATE, thrifty(runner))
-        yield cells, ends
-        if not all(irregular(end) and rests(end) for end in ends):
-            return
+        found.update(end.name for end in ends)
         impacts += sum(end.impacts for end in ends)
         number += 1
+        left = [end for end in ends if end.status != Status.BUDGET and not (irregular(end) and rests(end))]
+        if left or impacts >= TURNS * WATCHED or runner.stop.is_set():
+            break
+    named = left or [end for end in ends if end.motion_class == MotionClass.STICKING] or ends
+    name, _ = Counter(end.name for end in named).most_common(1)[0]
+    at = next(at for at, end in enumerate(ends) if end.name == name)
+    return Fate(cells[at : at + 1], ends[at], dict(found), impacts // TURNS)
 
 
 def thrifty(runner: Runner) -> Tolerances:
@@ -135,17 +154,9 @@ def _watched(runner: Runner, cell: Cells, seen: ImpactWindow) -> Final:
 
 def _released(runner: Runner, cell: Cells, seen: ImpactWindow, resting: Final) -> Final:
     """Return what a motion settles to whose next rest is an accident of rounding."""
-    found: Counter[str] = Counter()
-    watched = 0
-    for cells, ends in released_ends(runner, cell):
-        found.update(end.name for end in ends)
-        watched += sum(end.impacts for end in ends) // TURNS
-        left = [(at, end) for at, end in enumerate(ends) if not (irregular(end) and rests(end))]
-        if left:
-            name, _ = Counter(end.name for _, end in left).most_common(1)[0]
-            at = next(at for at, end in left if end.name == name)
-            final = _watched(runner, cells[at : at + 1], seen)
-            return replace(final, watched=resting.watched + final.watched, ends=dict(found))
-    sticking = next((end for end in ends if end.motion_class == MotionClass.STICKING), resting.measured)
-    measured = resting.measured if resting.measured.motion_class == MotionClass.STICKING else sticking
-    return replace(resting, measured=measured, watched=watched, ends=dict(found))
+    fate = fate_of_release(runner, cell)
+    if irregular(fate.end) and rests(fate.end):
+        measured = resting.measured if resting.measured.name == fate.end.name else fate.end
+        return replace(resting, measured=measured, watched=fate.watched, ends=fate.ends)
+    final = _watched(runner, fate.cell, seen)
+    return replace(final, watched=resting.watched + final.watched, ends=fate.ends)

@@ -141,9 +141,11 @@ class Runner:
         self.stop = Event()
         self.measured = 0
 
-    def run(self, cells: Cells, window: ImpactWindow) -> Iterator[tuple[Counts | slice, Outcome]]:
+    def run(
+        self, cells: Cells, window: ImpactWindow, tolerances: Tolerances | None = None
+    ) -> Iterator[tuple[Counts | slice, Outcome]]:
         """Yield which cells have ended, and the indices that identify their motions."""
-        wanted = Measurement(window, self.tolerances, indices=IDENTIFYING)
+        wanted = Measurement(window, tolerances or self.tolerances, indices=IDENTIFYING)
         return run_sweep(self.engine, cells, wanted, self.workers, self.stop)
 
     def measure(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
 from vibroimpact.cells import Floats, cells_at
 from vibroimpact.coexistence.attractor import Attractor, Basin, distinct_names, match
 from vibroimpact.coexistence.measuring import Runner, orbit_cells, spread_cells, state_cells
-from vibroimpact.coexistence.settling import Settled, lasts, rounds, settle
+from vibroimpact.coexistence.settling import Settled, all_last, last_round, lasts, rounds, settle
 from vibroimpact.dataset import flags, impact_speed, provenance, status_variable, variable
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
@@ -53,7 +54,7 @@ def attractors(
         velocities 0 to 4 V, V = max(f, k |g|)/sqrt(k m).
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept, in the first of three rounds; initial conditions that are not decided by then go
-        on to a second and a third one, four and sixteen times as long.
+        on to a second and a third one, four and sixteen times as long, and then to 1e5 impacts.
     backend : str
         Name of the back end: one that gives n and p of cycles.
     tolerances : Tolerances, optional
@@ -78,14 +79,23 @@ def attractors(
     Notes
     -----
     An initial condition is decided once its cycle is certain (stable, and within 1e-10 V), once it is certain never to
-    hit again, or if it is chaotic by the rule of `classify` in the sample of the last round. All motions that stick are
-    one attractor, as every release is the same state. Two chaotic motions are one if more than half of their impacts
-    fall into the same boxes of a 64 x 64 grid on the impact surface. With r = 1 and c = 0 areas are kept and nothing
-    attracts: only what never hits is decided. With c = 0 alone, that a motion never hits again often cannot be proved:
-    it is undecided. Chaos that outlasts the last round is called chaos even if it is a transient. Where `starts` is
-    None, the stable orbits of one impact in up to 16 periods are tried besides: they are known in closed form. They do
-    not count in shares: an attractor that no other initial condition leads to has share 0. Of other attractors,
-    those that no initial condition leads to are not found. Cost: tens of milliseconds, a second for chaotic motions.
+    hit again, or if it is chaotic by the rule of `classify`: in the sample of the last round, and then over 1e5 impacts
+    from 32 of the chaotic ones, some of each group. Where one of these ends elsewhere, and where initial conditions are
+    still undecided, all of them are followed for up to 1e5 impacts and sorted by where they go. Slow back ends, which
+    take seconds per motion, end with the last round.
+
+    All motions that stick are one attractor, as every release is the same state. Where neighbours part by more than
+    1e13 from one rest to the next, rounding would decide what follows: 32 releases, moved by up to 1e-11 V, are
+    followed instead, and where most of those go that do not rest again is where such motions lead. If all rest again,
+    turn after turn, for 1e5 impacts, it is intermittent sticking.
+
+    Two chaotic motions are one if more than half of their impacts fall into the same boxes of a 64 x 64 grid on the
+    impact surface. With r = 1 and c = 0 areas are kept and nothing attracts: only what never hits is decided. With
+    c = 0 alone, that a motion never hits again often cannot be proved: it is undecided. Where `starts` is None, the
+    stable orbits of one impact in up to 16 periods are tried besides: they are known in closed form. They do not count
+    in shares: an attractor that no other initial condition leads to has share 0. Of other attractors, those that no
+    initial condition leads to are not found. Cost: tens of milliseconds, a second for chaotic motions, some seconds
+    where chaos does not last.
 
     Examples
     --------
@@ -99,7 +109,12 @@ def attractors(
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     windows = rounds(one, sampling.transient_impacts, sampling.sample_impacts)
     runner = Runner(backend, tolerances, workers)
-    settled = _settled(runner, one, cells, windows, progress, lambda settled: settled.status)
+
+    def chaos_lasts(settled: Settled, window: ImpactWindow) -> bool:
+        return window is windows[-1] and all_last(runner, settled)
+
+    whole = [*windows, *last_round(runner, one, windows)]
+    settled = _settled(runner, one, cells, whole, progress, lambda settled: settled.status, chaos_lasts)
     return [basin.attractor for basin in match(runner, settled, windows[-1], len(given))]
 
 
@@ -150,8 +165,9 @@ def basins(
 
     Notes
     -----
-    What an initial condition leads to is decided by the rules of `attractors`, and does not depend on the others, but
-    that chaos is accepted after the first round if it lasts from 256 initial conditions spread over the impact surface.
+    What an initial condition leads to is decided by the rules of `attractors`, and does not depend on the others: chaos
+    is accepted after the first round if it lasts in all rounds, and then for 1e5 impacts, from 256 initial conditions
+    spread over the impact surface; if not, each is followed for up to 1e5 impacts.
     Shares are parts of the grid's points. One that leads to a cycle takes some 600 certified steps (30 microseconds on
     a core), a chaotic one 2500, one that settles slowly up to 50,000; `attrs` count the steps of all.
 
@@ -179,12 +195,14 @@ def basins(
         coords["velocity"] = impact_speed("velocity", grid["velocity"])
     labelled = xr.Dataset(coords=coords, attrs=provenance("basins", osc, arguments))
     dims, shape = tuple(grid), tuple(len(values) for values in grid.values())
-    cells, survey = grid_cells(one, grid, phase), spread_cells(one)
+    cells = grid_cells(one, grid, phase)
 
     def so_far(settled: Settled) -> xr.Dataset:
         return labelled.assign(status=status_variable(dims, settled.status.reshape(shape)))
 
-    settled = _settled(runner, one, cells, windows, progress, so_far, lambda: lasts(runner, one, survey, windows))
+    survey_lasts = cache(lambda: lasts(runner, one, spread_cells(one), windows))
+    whole = [*windows, *last_round(runner, one, windows)]
+    settled = _settled(runner, one, cells, whole, progress, so_far, lambda settled, window: survey_lasts())
     found = match(runner, settled, windows[-1], len(cells))
     numbers = np.full(len(cells), -1)
     for at, basin in enumerate(found):
@@ -207,7 +225,7 @@ def _settled(
     windows: Sequence[ImpactWindow],
     progress: bool | Report,
     so_far: Callable[[Settled], Any],
-    chaos_lasts: Callable[[], bool] = lambda: False,
+    chaos_lasts: Callable[[Settled, ImpactWindow], bool],
 ) -> Settled:
     """Return what cells settle to, reporting to `progress`, which may stop it."""
     with reporter(progress, "initial conditions") as tell:

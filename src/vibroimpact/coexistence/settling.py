@@ -2,17 +2,19 @@
 
 One is decided once its cycle is certain, or it can never hit again, or stays at rest; what has not closed a cycle is
 chaotic if neighbours part by more than 2^53 within the sampled impacts, the rule of `classify`. One that is not decided
-is run again, four times as long, then sixteen times. One that has stuck, without a cycle that was found, goes where
-the release goes: all motions are alike from there on.
+is run again, four times as long, then sixteen times. One that has rested, without a cycle that double precision
+resolves, goes where moved releases go (`final.fate_of_release`): all motions are alike from there on.
 
-Chaos may be a long transient. It is accepted after the shortest run if 256 initial conditions spread over the impact
-surface show that it lasts: each of them that is chaotic there still is so after the longest run. Otherwise every
-chaotic one is run to the end. With r = 1 and c = 0 areas are kept and nothing attracts: only that it never hits is
-decided. So what an initial condition leads to never depends on the others of a grid.
+Chaos may be a long transient. It is believed if 32 of the chaotic initial conditions, some of each group, are chaotic
+for 1e5 impacts; if not, every chaotic one is watched for so long, and sorted by where it goes. Those that are still
+undecided are watched too. For a grid, 256 initial conditions spread over the impact surface decide whether chaos lasts,
+so that what one leads to never depends on the others. With r = 1 and c = 0 areas are kept and nothing attracts: only
+that it never hits is decided.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -22,8 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.backends import Cells, ImpactWindow
-from vibroimpact.backends.base import Counts, Outcome
-from vibroimpact.coexistence.measuring import AT_REST, IDENTIFYING, Measured, Runner, named
+from vibroimpact.backends.base import Counts, Floats, Outcome
+from vibroimpact.coexistence.final import LATE, WATCHED, Fate, fate_of_release, thrifty
+from vibroimpact.coexistence.measuring import IDENTIFYING, Measured, Runner, named
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import MotionClass, decide
 from vibroimpact.oscillator import ImpactOscillator
@@ -31,6 +34,9 @@ from vibroimpact.status import Status
 
 ROUNDS = 3
 LONGER = 4  # how much each round is longer than the one before
+REPRESENTATIVES = 32  # chaotic initial conditions that are watched for all: as many as fill the lanes
+# Gaps that part groups of chaotic motions, beyond chance in a short sample: of V; impacts per period.
+MEAN_GAP, RATE_GAP = 0.02, 0.02
 
 
 @dataclass(frozen=True)
@@ -46,7 +52,7 @@ class Settled:
     @classmethod
     def of(cls, osc: ImpactOscillator, cells: Cells) -> Settled:
         """Return what is known before anything has run: nothing."""
-        number = len(cells)
+        number, cells = len(cells), Cells(cells.table.copy(), cells.columns)
         counts = {name: np.zeros(number, np.int64) for name in ("impacts", "steps")}
         indices = {name: np.zeros(number, INDICES[name].dtype) for name in IDENTIFYING}
         status = np.full(number, Status.INTERRUPTED, np.int8)
@@ -64,12 +70,14 @@ class Settled:
         self.kind[at] = attracting_kinds(self.osc, outcome, kept)
         self.status[at] = _plain(outcome["status"], self.kind[at])
 
-    def follow(self, at: Counts, released: Settled) -> None:
-        """Let those that have stuck go on as every mass does that is released."""
-        self.kind[at], self.status[at] = released.kind[0], released.status[0]
+    def follow(self, at: Counts, fate: Fate) -> None:
+        """Let those that have rested go on as moved releases do."""
+        self.cells.table[at] = fate.cell.table[0]
+        self.kind[at] = MotionClass.UNDECIDED if fate.end.status == Status.BUDGET else fate.end.motion_class
+        self.status[at] = _plain(np.array([fate.end.status]), self.kind[at[:1]])[0]
         for name in IDENTIFYING:
-            self.indices[name][at] = released.indices[name][0]
-        self.indices["impacts"][at] += released.indices["impacts"][0]
+            self.indices[name][at] = fate.end.indices[name]
+        self.indices["impacts"][at] = fate.end.impacts
 
 
 def attracts(osc: ImpactOscillator) -> bool:
@@ -82,32 +90,48 @@ def rounds(osc: ImpactOscillator, transient: int, keep: int) -> list[ImpactWindo
     return [ImpactWindow(transient * LONGER**i, keep * LONGER**i) for i in range(ROUNDS if attracts(osc) else 1)]
 
 
+def last_round(runner: Runner, osc: ImpactOscillator, windows: Sequence[ImpactWindow]) -> list[ImpactWindow]:
+    """Return the window in which motions are watched that do not repeat, unless nothing is gained by it."""
+    longer = windows[-1].transient + windows[-1].keep >= WATCHED
+    return [] if longer or runner.engine.slow or not attracts(osc) else [LATE]
+
+
 def settle(
     runner: Runner,
     osc: ImpactOscillator,
     cells: Cells,
     windows: Sequence[ImpactWindow],
-    chaos_lasts: Callable[[], bool] = lambda: False,
+    chaos_lasts: Callable[[Settled, ImpactWindow], bool] = lambda settled, window: False,
     report: Callable[[Settled, int], None] = lambda settled, undecided: None,
 ) -> Settled:
-    """Run cells in ever longer windows until each is decided; `report` gets the number undecided after each batch."""
+    """Run cells in ever longer windows until each is decided; `report` gets the number undecided after each batch.
+
+    `chaos_lasts` says after a window whether what is chaotic there need not be run on.
+    """
     settled = Settled.of(osc, cells)
     kind, status = settled.kind, settled.status
-    released = cache(lambda: _released(runner, osc, windows))
+    fate = cache(lambda: fate_of_release(runner, cells[:1]))
     left = np.arange(len(cells))
     for window in windows:
+        before = kind[left], status[left]
         kind[left], status[left] = MotionClass.UNDECIDED, Status.INTERRUPTED
         undecided = len(left)
-        for which, outcome in runner.run(cells[left], window):
+        late = window == LATE
+        for which, outcome in runner.run(settled.cells[left], window, thrifty(runner) if late else None):
             settled.note(left[which], outcome, window.keep)
             undecided -= int(np.count_nonzero(kind[left[which]]))
             report(settled, undecided)
-        stuck = left[(kind[left] == MotionClass.UNDECIDED) & (status[left] == Status.STICKING)]
+        if late:  # what is not followed to the end there stays what it was
+            cut = (status[left] == Status.BUDGET) | (status[left] == Status.INTERRUPTED)
+            kind[left[cut]], status[left[cut]] = before[0][cut], before[1][cut]
+        resting = (status == Status.STICKING) & (settled.indices["n_periods"] == 0)
+        stuck = left[resting[left] & np.isin(kind[left], (MotionClass.UNDECIDED, MotionClass.STICKING))]
         if stuck.size and not runner.stop.is_set():
-            settled.follow(stuck, released())
+            settled.follow(stuck, fate())
         again = (kind == MotionClass.UNDECIDED) & (status != Status.BUDGET) & (status != Status.INTERRUPTED)
+        again[stuck] = False
         chaotic = kind == MotionClass.CHAOTIC
-        if window is not windows[-1] and chaotic[left].any() and not chaos_lasts():
+        if window is not windows[-1] and chaotic[left].any() and not chaos_lasts(settled, window):
             again |= chaotic
         left = np.flatnonzero(again)
         if left.size == 0 or runner.stop.is_set():
@@ -115,22 +139,47 @@ def settle(
     return settled
 
 
-def _released(runner: Runner, osc: ImpactOscillator, windows: Sequence[ImpactWindow]) -> Settled:
-    """Return what a mass settles to that waits at the stop for its release."""
-    settled = Settled.of(osc, AT_REST.cell(osc))
-    for window in windows:
-        for which, outcome in runner.run(settled.cells, window):
-            settled.note(np.arange(1)[which], outcome, window.keep)
-        if settled.kind[0] not in (MotionClass.UNDECIDED, MotionClass.CHAOTIC):
-            break
-    return settled
+def all_last(runner: Runner, settled: Settled) -> bool:
+    """Return whether representatives of all that is chaotic are so for 1e5 impacts."""
+    groups = chaotic_groups(settled)
+    number = sum(map(len, groups))
+    chosen = [group[:: math.ceil(number / REPRESENTATIVES)] for group in groups]
+    if not chosen:
+        return True
+    cells = settled.cells[np.concatenate(chosen)]
+    late = settle(runner, settled.osc, cells, [LATE])
+    return bool((late.kind == MotionClass.CHAOTIC).all())
 
 
 def lasts(runner: Runner, osc: ImpactOscillator, cells: Cells, windows: Sequence[ImpactWindow]) -> bool:
-    """Return whether cells that are chaotic in the first window are so in the last one too, all of them."""
+    """Return whether cells that are chaotic in the first window are so in the last one too, and stay so."""
     early = settle(runner, osc, cells, windows[:1]).kind == MotionClass.CHAOTIC
-    late = settle(runner, osc, cells[early], windows[-1:]).kind == MotionClass.CHAOTIC
-    return bool(early.any()) and bool(late.all())
+    late = settle(runner, osc, cells[early], windows[-1:])
+    chaotic = bool(early.any()) and bool((late.kind == MotionClass.CHAOTIC).all())
+    return chaotic and (not last_round(runner, osc, windows) or all_last(runner, late))
+
+
+def chaotic_groups(settled: Settled) -> list[Counts]:
+    """Return the groups of initial conditions that lead to chaos, by its mean velocity and impacts per period."""
+    members = np.flatnonzero(settled.kind == MotionClass.CHAOTIC)
+    if members.size == 0:
+        return []
+    columns = [
+        (settled.indices["mean_velocity"][members], MEAN_GAP * settled.osc.velocity_scale),
+        (settled.indices["impacts_per_period"][members], RATE_GAP),
+    ]
+    return [members[part] for part in clusters(columns)]
+
+
+def clusters(columns: Sequence[tuple[Floats, float]]) -> list[Counts]:
+    """Return groups of rows, parted wherever the sorted values of a column leave a gap wider than that column's."""
+    label = np.zeros(len(columns[0][0]), dtype=np.int64)
+    for values, gap in columns:
+        order = np.lexsort((values, label))
+        steps = (np.diff(values[order]) > gap) | (np.diff(label[order]) > 0)
+        label[order] = np.concatenate([[0], np.cumsum(steps)])
+    order = np.argsort(label, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
 def attracting_kinds(osc: ImpactOscillator, outcome: Outcome, kept: int) -> NDArray[np.int8]:
