@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import vibroimpact as vi
 from vibroimpact.coexistence import basins
-from vibroimpact.plotting.maps import OPEN
+from vibroimpact.plotting.categories import OPEN
 from vibroimpact.plotting.motions import ATTRACTORS, FURTHER, QUIET, basin_portrait
 from vibroimpact.plotting.style import STATUS_COLORS
 from vibroimpact.status import Status
@@ -115,7 +115,8 @@ def test_starts_without_an_attractor_say_why(ax):
     basin_portrait(made([[-1, -1], [-1, 0]], ["chaotic"], status), ax=ax)
     colors = [OPEN, STATUS_COLORS[Status.BUDGET], STATUS_COLORS[Status.INTERRUPTED], ATTRACTORS[0]]
     np.testing.assert_allclose(shades(ax)[[0, 1, 0, 1], [0, 0, 1, 1]], [to_rgb(color) for color in colors])
-    assert [text.split(":")[0] for text in legend(ax)] == ["chaotic", "budget", "interrupted", "undecided"]
+    told = [text.partition(":")[0].partition(" (")[0] for text in legend(ax)]
+    assert told == ["chaotic", "not followed to the end", "interrupted", "undecided"]
 
 
 def test_many_attractors_share_the_last_colour(ax):

@@ -125,7 +125,7 @@ def test_columns_without_a_sample_are_marked_over_branches_too(branch, diagram, 
     holed = diagram.copy(deep=True)
     holed["velocity"][:3], holed["status"][:3] = np.nan, vi.Status.BUDGET
     branch_diagram(branch, holed, ax=ax)
-    assert any(text.startswith("budget: ") for text in legend_texts(ax))
+    assert any(text == "not followed to the end (3 columns)" for text in legend_texts(ax))
 
 
 def test_parts_that_are_no_motion_do_not_widen_the_view(branch, ax):

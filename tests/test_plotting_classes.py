@@ -18,17 +18,9 @@ from vibroimpact.continuation import boundary_curves
 from vibroimpact.dataset import provenance, status_variable, variable
 from vibroimpact.motion import MotionClass
 from vibroimpact.plotting import index_contour
+from vibroimpact.plotting.categories import COLORS, OTHER_PERIODIC, PALETTE, USUAL, name_colors
 from vibroimpact.plotting.continuation import boundaries
-from vibroimpact.plotting.motions import (
-    COLORS,
-    OTHER_PERIODIC,
-    PALETTE,
-    SEVERAL,
-    USUAL,
-    exponent_map,
-    motion_map,
-    name_colors,
-)
+from vibroimpact.plotting.motions import exponent_map, motion_map
 from vibroimpact.plotting.style import BOUNDARY_COLORS, STATUS_COLORS, STICKING
 from vibroimpact.status import Status
 
@@ -117,13 +109,16 @@ def test_each_motion_has_its_colour_in_its_place_and_the_legend_its_share(ax):
     assert (ax.get_xlabel(), ax.get_ylabel()) == LABELS
 
 
-def test_cells_whose_motion_depends_on_the_initial_condition_have_a_colour_of_their_own(ax):
+def test_cells_whose_motion_depends_on_the_initial_condition_are_hatched_over_the_first_one(ax):
     one, two = classes([(P, 1, 1), (P, 1, 1)]), classes([(P, 1, 1), (P, 2, 1)])
     both = xr.concat([one, two], xr.Variable("start", [0, 1]), combine_attrs="override")
     motion_map(both.transpose("omega", "mass", "start"), ax=ax)
-    assert legend_texts(ax) == ["5.0 %   period-1 impact-1", "95.0 %   depends on the initial condition"]
+    (beside,) = (artist for artist in ax.artists if isinstance(artist, mpl.legend.Legend))
+    assert [text.get_text().strip() for text in beside.get_texts()] == ["100.0 %   period-1 impact-1"]
+    assert legend_texts(ax) == ["another motion from other initial conditions (570 cells)"]
+    assert {patch.get_hatch() for patch in ax.patches} == {ax.get_legend().get_patches()[0].get_hatch()} != {None}
     shade = meshes(ax)[0].get_array()
-    np.testing.assert_allclose(shade[:, 1], np.tile(to_rgb(SEVERAL), (30, 1)))
+    np.testing.assert_allclose(shade[:, 1], np.tile(to_rgb(USUAL[1, 1]), (30, 1)))
 
 
 def test_rare_names_share_a_colour_and_shares_sum_to_all_cells(ax):
@@ -168,7 +163,7 @@ def seen(color, sight):
 
 @pytest.mark.parametrize("sight", SIGHT)
 def test_colours_stay_apart_for_colour_blind_readers(sight):
-    motions = [*PALETTE, OTHER_PERIODIC, SEVERAL, *COLORS.values()]
+    motions = [*PALETTE, OTHER_PERIODIC, *COLORS.values()]
     lines = [color for color, _ in BOUNDARY_COLORS.values()]
     for colors in (motions, lines):
         apart = [np.linalg.norm(seen(a, sight) - seen(b, sight)) for a, b in combinations(colors, 2)]
@@ -225,21 +220,20 @@ def test_sticking_cells_have_a_colour_of_their_own_and_holes_their_status(ax):
     values, status = np.full((20, 30), -0.1), np.zeros((20, 30), int)
     values[:2], values[5, 7], status[5, 7] = -np.inf, np.nan, Status.BUDGET
     exponent_map(exponents(values, status), ax=ax)
-    finite, sticking, holes = meshes(ax)
+    finite, holes = meshes(ax)
     assert finite.get_array().mask.sum() == 61
-    np.testing.assert_array_equal(~sticking.get_array().mask, np.isneginf(values.T))
-    assert sticking.cmap(0.0)[:3] == to_rgb(STICKING)
-    np.testing.assert_allclose(holes.get_array()[7, 5], (*to_rgb(STATUS_COLORS[Status.BUDGET]), 1.0))
-    assert holes.get_array()[..., 3].sum() == 1.0, "nothing but the hole is covered"
-    first, second = legend_texts(ax)
-    assert first == r"sticking: $\lambda = -\infty$ (10.0 % of the cells)"
-    assert second.startswith("budget: ")
+    shade = holes.get_array()
+    sticking = (shade[..., :3] == to_rgb(STICKING)).all(axis=-1)
+    np.testing.assert_array_equal(sticking, np.isneginf(values.T))
+    np.testing.assert_allclose(shade[7, 5], (*to_rgb(STATUS_COLORS[Status.BUDGET]), 1.0))
+    assert shade[..., 3].sum() == 61.0, "nothing but the hole is covered"
+    assert legend_texts(ax) == ["not followed to the end (1 cell)", r"sticking: $\lambda$ = $-\infty$ (60 cells)"]
 
 
 def test_exponents_of_cells_that_all_stick_still_draw(ax):
     exponent_map(exponents(np.full((20, 30), -np.inf)), ax=ax)
     ax.get_figure().draw_without_rendering()
-    assert legend_texts(ax) == [r"sticking: $\lambda = -\infty$ (100.0 % of the cells)"]
+    assert legend_texts(ax) == [r"sticking: $\lambda$ = $-\infty$ (600 cells)"]
 
 
 def test_boundaries_are_drawn_point_by_point_and_named_by_kind_and_orbit(curves, ax):

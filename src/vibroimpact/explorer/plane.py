@@ -17,7 +17,8 @@ from vibroimpact.explorer.state import FINEST, GREEK, MOTION, Range, View, grant
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import MotionClass, motion_name, refined
 from vibroimpact.oscillator import ImpactOscillator, State
-from vibroimpact.plotting.motions import motion_layers, symmetric_limit
+from vibroimpact.plotting.categories import motion_layers
+from vibroimpact.plotting.cells import symmetric_limit
 from vibroimpact.plotting.style import STICKING
 
 Floats = NDArray[np.float64]

@@ -27,7 +27,6 @@ from vibroimpact.plotting.orbits import impact_map, phase_portrait, stroboscopic
 from vibroimpact.plotting.style import SAMPLE_DIMS
 
 __all__ = [
-    "KINDS",
     "basin_portrait",
     "bifurcation_diagram",
     "boundaries",
@@ -49,6 +48,11 @@ __all__ = [
     "stroboscopic_map",
     "time_history",
 ]
+
+
+def __dir__() -> list[str]:
+    """Return the names of the public functions."""
+    return __all__
 
 
 def _drawer(kind: figures.Kind) -> Callable[..., Axes | Figure]:

@@ -13,16 +13,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
 from vibroimpact.motion import cycle_name
-from vibroimpact.plotting import style
+from vibroimpact.plotting import labels, style
+from vibroimpact.plotting.cells import draw_cells
 from vibroimpact.plotting.diagrams import check_diagram, check_sweep, draw_samples, mark_empty, set_height
-from vibroimpact.plotting.maps import draw_cells
 from vibroimpact.plotting.style import BLUE, BOUNDARY_COLORS, DOTS, GREEN, INK, RED, Floats, on_axes
 
 SAMPLES = "#a9a9a9"
 COLORS = (BLUE, RED, GREEN, "#8a5fa8", "#b8860b", "#56b4e9")  # one per name of an orbit, in their order
 
 NAME_WIDTH, NAME_HEIGHT = 0.03, 0.05  # of the axes: the room that the letters of a point take
-LEGEND_LINE = 0.16  # inches per line of a legend
 
 STABLE, UNSTABLE, INADMISSIBLE = 0, 1, 2
 LOOKS: dict[int, dict[str, Any]] = {
@@ -61,7 +60,7 @@ def _parts(argument: str, given: Any, mark: str, what: str, makers: str) -> list
     parts = [getattr(part, "dataset", part) for part in ([given] if alone else given)]
     for part in parts:
         if not isinstance(part, xr.Dataset) or mark not in part or not _along(part):
-            raise style.refused(argument, part, what, f"pass what {makers} returns")
+            raise labels.refused(argument, part, what, f"pass what {makers} returns")
     if not parts:
         raise ValueError(f"`{argument}` must hold at least one of {what}, got none; pass what {makers} returns")
     return parts
@@ -128,7 +127,7 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
     (parameter,) = _plane("branches", drawn, "go along one parameter")
     if diagram is not None:
         _check_beneath(diagram, parameter)
-    ax = style.new_axes(ax, (8.0, 5.0), style.title(drawn[0] if diagram is None else diagram))
+    ax = style.new_axes(ax, (8.0, 5.0), labels.title(drawn[0] if diagram is None else diagram))
     heights = _draw_beneath(ax, drawn, diagram, parameter)
     entries = ax.get_legend_handles_labels()[0]
     colors = dict(zip(dict.fromkeys(map(orbit_name, drawn)), cycle(COLORS)))
@@ -142,7 +141,7 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
     entries += [Line2D([], [], color=color, linewidth=2.0, label=name) for name, color in colors.items()]
     entries += [Line2D([], [], color=INK, **LOOKS[look]) for look in sorted(looks)]
     set_height(ax, drawn[0], "velocity", np.concatenate(seen))
-    style.label_axes(ax, drawn[0][parameter], drawn[0]["velocity"])
+    labels.label_axes(ax, drawn[0][parameter], drawn[0]["velocity"])
     entries += _draw_special(ax, drawn)
     style.legend_below(ax, entries)
     return ax
@@ -208,16 +207,17 @@ def _draw_special(ax: Axes, drawn: list[xr.Dataset]) -> list[Line2D]:
 
 
 def _merged(ax: Axes, names: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
-    """Return names and their places; those that would overlap are joined into one."""
+    """Return names and their places; those that would overlap are joined into one, each kind named once."""
     wide, high = np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())
-    joined: list[tuple[float, float, str]] = []
+    joined: list[tuple[float, float, list[str]]] = []
     for value, height, letters in sorted(names):
-        if joined and value - joined[-1][0] < NAME_WIDTH * wide and abs(height - joined[-1][1]) < NAME_HEIGHT * high:
-            at, top, before = joined.pop()
-            joined.append((at, max(top, height), f"{before}, {letters}"))
+        for i, (at, top, held) in enumerate(joined):
+            if value - at < NAME_WIDTH * wide * (len(held) + 1) and abs(height - top) < NAME_HEIGHT * high:
+                joined[i] = at, max(top, height), list(dict.fromkeys([*held, letters]))
+                break
         else:
-            joined.append((value, height, letters))
-    return joined
+            joined.append((value, height, [letters]))
+    return [(at, top, ", ".join(held)) for at, top, held in joined]
 
 
 def _check_beneath(diagram: Any, parameter: str) -> None:
@@ -271,34 +271,24 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
     makers = "continue_boundary or boundary_curves"
     drawn = _parts("curves", curves, "kind", "boundaries in a plane of two parameters", makers)
     plane = _plane("curves", drawn, "lie in one plane")
-    own, below = ax is None, []
+    below: list[Any] = []
     if sweep is not None:
         _check_plane(sweep, plane)
         sweep, field = check_sweep("sweep", sweep, index, 2)
-        ax = style.new_axes(ax, (7.2, 5.4), style.title(sweep))
+        ax = style.new_axes(ax, (7.2, 5.4), labels.title(sweep))
         below = draw_cells(ax, sweep, field)
-    ax = style.new_axes(ax, (7.2, 5.4), style.title(drawn[0]))
+    ax = style.new_axes(ax, (7.2, 5.4), labels.title(drawn[0]))
     x, y = _order(ax, drawn[0], plane)
     labelled = bool(ax.get_xlabel())
     limits = ax.get_xlim(), ax.get_ylim()
     entries = {str(line.get_label()): line for line in (_draw_curve(ax, curve, x, y) for curve in drawn)}
     if labelled:
         ax.set(xlim=limits[0], ylim=limits[1])
-    style.label_axes(ax, drawn[0][x], drawn[0][y])
+    else:
+        labels.label_axes(ax, drawn[0][x], drawn[0][y])
     ordered = sorted(entries, key=lambda text: text.partition(" of period-")[::-1])  # by orbit, then by kind
     style.legend_added(ax, [*below, *(entries[text] for text in ordered)])
-    if own:
-        _make_room(ax)
     return ax
-
-
-def _make_room(ax: Axes) -> None:
-    """Make the figure higher by what its legend takes, so that the plane keeps its height."""
-    figure, legend = ax.get_figure(root=True), ax.get_legend()
-    if figure is not None and legend is not None:
-        lines = -(-len(legend.get_texts()) // legend._ncols)  # type: ignore[attr-defined]
-        width, height = figure.get_size_inches()
-        figure.set_size_inches(width, height + LEGEND_LINE * lines)
 
 
 def _check_plane(sweep: Any, plane: list[str]) -> None:
@@ -312,9 +302,9 @@ def _check_plane(sweep: Any, plane: list[str]) -> None:
 
 def _order(ax: Axes, curve: xr.Dataset, plane: list[str]) -> tuple[str, str]:
     """Return which parameter lies along x and which along y: as the axes are labelled, else in the plane's order."""
-    shown = ax.get_xlabel(), ax.get_ylabel()
+    shown = tuple(text.replace("\n", " ").partition(" [")[0] for text in (ax.get_xlabel(), ax.get_ylabel()))
     for x, y in (plane, plane[::-1]):
-        if shown in (("", ""), (style.label(curve[x]), style.label(curve[y]))):
+        if shown in (("", ""), tuple(labels.label(curve[name]).partition(" [")[0] for name in (x, y))):
             return x, y
     raise ValueError(
         f"`ax` must be new or show {' and '.join(plane)}, as `curves` do, got axes of {shown[0]} and {shown[1]}"

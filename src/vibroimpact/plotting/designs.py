@@ -15,7 +15,7 @@ from matplotlib.patches import FancyBboxPatch, Rectangle
 
 from vibroimpact.motion import recognise
 from vibroimpact.oscillator import ImpactOscillator, Model, State
-from vibroimpact.plotting import style
+from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.orbits import impact_map, phase_portrait, time_history
 from vibroimpact.plotting.style import BLUE, INK, RED, on_axes
 from vibroimpact.sections import impact_section, simulate, stroboscopic_section
@@ -95,7 +95,7 @@ def oscillator_sketch(oscillator: Model | None = None, ax: Axes | None = None) -
     False
     """
     if not isinstance(oscillator, Model | None):
-        raise style.refused("oscillator", oscillator, "an ImpactOscillator or a family", "leave it out to write none")
+        raise labels.refused("oscillator", oscillator, "an ImpactOscillator or a family", "leave it out to write none")
     ax = style.new_axes(ax, (7.2, 3.4))
     ax.set_axis_off()
     ax.set_aspect("equal")
@@ -121,7 +121,7 @@ def oscillator_sketch(oscillator: Model | None = None, ax: Axes | None = None) -
     ):
         ax.text(x, y, text, color=color, fontsize=14, ha="center", va="center")
     if oscillator is not None:
-        text = ",   ".join(style.parameter_text(name, oscillator) for name in oscillator.values)
+        text = ",   ".join(labels.parameter_text(name, oscillator) for name in oscillator.values)
         ax.text(4.0, -0.75, text, ha="center", va="center", fontsize=8.5, color="#555555")
     ax.set_xlim(_FRAME - 0.6, _STOP + 0.75)
     ax.set_ylim(-0.55 if oscillator is None else -1.0, 3.4)
@@ -201,10 +201,10 @@ def _designs(designs: Any, names: Sequence[str]) -> Designs:
     if len(models) == len(names) == 2 and all(isinstance(model, Model) for model in models):
         a, b = (model.values for model in models)
         differing = [name for name in a if a[name] != b.get(name)]
-        texts = [[style.parameter_text(name, model) for name in differing if name in model.values] for model in models]
+        texts = [[labels.parameter_text(name, model) for name in differing if name in model.values] for model in models]
         return [model.at() for model in models], [str(name) for name in names], texts
     allowed = "the dataset of a comparison, or two oscillators with two names"
-    raise style.refused("designs", designs, allowed, "pass for example compare(a, b).dataset")
+    raise labels.refused("designs", designs, allowed, "pass for example compare(a, b).dataset")
 
 
 def _compared(dataset: xr.Dataset) -> Designs:
@@ -212,8 +212,8 @@ def _compared(dataset: xr.Dataset) -> Designs:
     oscillators = [ImpactOscillator(**values) for values in json.loads(dataset.attrs["arguments"])["oscillators"]]
     own = json.loads(dataset.attrs.get("model", dataset.attrs["oscillator"]))
     parameters = [dataset[name] for name in own if name in dataset]
-    differing = [(style.described(pair), pair.values) for pair in parameters if pair.values[0] != pair.values[1]]
-    texts = [[style.held_text(symbol, values[i], units) for (_, units, symbol), values in differing] for i in range(2)]
+    differing = [(labels.described(pair), pair.values) for pair in parameters if pair.values[0] != pair.values[1]]
+    texts = [[labels.held_text(symbol, values[i], units) for (_, units, symbol), values in differing] for i in range(2)]
     return oscillators, [str(name) for name in dataset["design"].values], texts
 
 

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
+from vibroimpact.indices import ROUNDING, spread_scale
 from vibroimpact.parameters import choice, real_number, unknown
-from vibroimpact.plotting import style
+from vibroimpact.plotting import labels, style
+from vibroimpact.plotting.categories import COUNTS, missing_layers
 from vibroimpact.plotting.style import BLUE, DOTS, INK, Floats, on_axes
+from vibroimpact.status import Status
 
 DRAW_ALL = 200_000  # samples; up to so many, each is drawn
 PAPERS_SCALE = 5.0  # of Std over the velocities, in Lee's figure 10
+HATCHED = "hatched"  # in a map of several initial conditions
+ELSEWHERE = "#e69f00"  # where only other initial conditions do so
+UNRANKED = ("motion", "n_periods", "n_impacts")
 LEVELS = 2000  # above it, samples of one column in the same 1/LEVELS of the axis are drawn once
 
 
@@ -25,7 +32,7 @@ def check_diagram(argument: str, value: Any) -> tuple[str, str]:
         if len(axes) == 1 and len(samples) == 1 and axes[0] in value.coords:
             return axes[0], samples[0]
     allowed = "a result of bifurcation_diagram (velocity over its axis and impact or period)"
-    raise style.refused(argument, value, allowed, "pass what vibroimpact.bifurcation_diagram returns")
+    raise labels.refused(argument, value, allowed, "pass what vibroimpact.bifurcation_diagram returns")
 
 
 def check_sweep(argument: str, value: Any, index: str, n_axes: int) -> tuple[xr.Dataset, xr.DataArray]:
@@ -35,7 +42,7 @@ def check_sweep(argument: str, value: Any, index: str, n_axes: int) -> tuple[xr.
     """
     allowed = f"a parameter_map over {('one axis', 'two axes')[n_axes - 1]}"
     if not isinstance(value, xr.Dataset) or "status" not in value or set(value.dims) & set(style.SAMPLE_DIMS):
-        raise style.refused(argument, value, allowed, "pass what vibroimpact.parameter_map returns")
+        raise labels.refused(argument, value, allowed, "pass what vibroimpact.parameter_map returns")
     value, field = with_index(value, index)
     axes = [str(dim) for dim in field.dims if dim != "start"]
     if len(axes) == n_axes and "point" not in axes:
@@ -59,15 +66,46 @@ def check_lengths(argument: str, field: xr.DataArray) -> None:
 
 
 def with_index(sweep: xr.Dataset, index: str) -> tuple[xr.Dataset, xr.DataArray]:
-    """Return a map and its index: the largest over several initial conditions, NaN with the status of the first."""
+    """Return a map and its index; of several initial conditions the worst value, NaN with the status of the first.
+
+    Worst is the largest value (of a grazing margin the smallest); of what has no worst, motions and numbers of periods
+    and impacts, it is the first. `HATCHED` marks the cells in which the others do what the colour does not show: they
+    hit where the first does not, or lead to another motion; the attribute of the same name says which.
+    """
     held = [str(name) for name in sweep.data_vars if name != "status"]
     if index not in held:
         raise unknown("`index`", index, held, "or run the map again with it among `indices`")
-    if "start" in sweep[index].dims and index != "motion":
-        note = f"largest of {sweep.sizes['start']} initial conditions"
-        largest, status = sweep[[index]].max("start", keep_attrs=True), sweep["status"].isel(start=0, drop=True)
-        sweep = largest.assign(status=status).assign_attrs(sweep.attrs, note=note)
+    if "start" in sweep[index].dims:
+        sweep = _of_starts(sweep, index)
     return sweep, sweep[index]
+
+
+def _of_starts(sweep: xr.Dataset, index: str) -> xr.Dataset:
+    """Return a map of several initial conditions without their dimension, as `with_index` says."""
+    several, first = labels.counted(sweep.sizes["start"], "initial condition"), sweep.isel(start=0, drop=True)
+    starts = json.loads(sweep.attrs.get("arguments", "{}")).get("start")
+    whence = "from rest" if isinstance(starts, list) and starts[0] is None else "from the first initial condition"
+    if index in UNRANKED:
+        names = [name for name in {index, *UNRANKED} if index == "motion" or name == index]
+        differs = sum((sweep[name] != first[name]).any("start") for name in names) > 0
+        said = f"another {'motion' if index == 'motion' else 'number'} from other initial conditions"
+        own = {"note": f"{whence}, the first of {several}", HATCHED: said, "origin": f" {whence}"}
+        return first.assign({HATCHED: differs}).assign_attrs(own)
+    worst = (sweep[[index]].min if index == "grazing_margin" else sweep[[index]].max)("start", keep_attrs=True)
+    silent = first["status"].isin([Status.NO_IMPACT, Status.STOPPED_IMPACTING, Status.STUCK_FOREVER, Status.DECAYING])
+    hits = (sweep["status"] <= Status.SHORT_WINDOW).any("start")
+    said = f"no impact {whence}, impacts from other initial conditions"
+    own = {"note": f"worst of {several}", HATCHED: said, "origin": f" from any of {several}"}
+    return worst.assign({"status": first["status"], HATCHED: silent & hits}).assign_attrs(sweep.attrs | own)
+
+
+def resolved(sweep: xr.Dataset, field: xr.DataArray) -> Floats:
+    """Return the values of an index that decide limits and units: a spread that is only rounding is 0, a count > 0."""
+    values, osc = field.values.astype(float), labels.reference(sweep)
+    rounding = ROUNDING * spread_scale(str(field.name), osc.velocity_scale if osc else 1.0)
+    if field.name in COUNTS:
+        return np.where(values > 0.0, values, np.nan)
+    return np.where(np.abs(values) <= rounding, 0.0, values)
 
 
 def _points(axis: Floats, columns: Floats) -> tuple[Floats, Floats]:
@@ -88,15 +126,14 @@ def _points(axis: Floats, columns: Floats) -> tuple[Floats, Floats]:
 
 
 def draw_samples(ax: Axes, diagram: xr.Dataset, axis: str, samples: str, quantity: str, color: str = BLUE) -> Floats:
-    """Draw the samples and label the axes; return the heights drawn."""
+    """Draw the samples; return the heights drawn."""
     columns = diagram[quantity].transpose(axis, samples).values
     x, y = _points(diagram[axis].values, columns)
     dots = min(3.0, max(0.9, 550.0 / max(1, len(columns))))
-    text = f"{style.described(diagram[quantity])[0]} (one dot per {samples})"
+    text = f"{labels.described(diagram[quantity])[0]} (one dot per {samples})"
     ax.plot(x, y, **DOTS, color=color, markersize=dots, label=text, rasterized=True)
     low, high = float(diagram[axis].min()), float(diagram[axis].max())
     ax.set_xlim(low, high if high > low else low + 1.0)
-    style.label_axes(ax, diagram[axis], diagram[quantity])
     return y
 
 
@@ -104,12 +141,13 @@ def mark_empty(ax: Axes, diagram: xr.Dataset, axis: str) -> None:
     """Mark along the bottom the columns without a sample, by their status."""
     if "status" in diagram:
         empty = diagram["velocity"].isnull().all([dim for dim in style.SAMPLE_DIMS if dim in diagram.dims])
-        style.mark_missing(ax, diagram[axis].values, diagram["status"].values, empty.values)
+        layers = style.by_status(empty.values, diagram["status"].values, "column", style.origin(diagram))
+        style.mark_missing(ax, diagram[axis].values, layers)
 
 
 def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) -> None:
     """Set the limits of the y axis: speeds from zero, a phase from 0 to 1, the rest around what is drawn."""
-    osc = style.reference(diagram)
+    osc = labels.reference(diagram)
     speed = osc.velocity_scale if osc else 1.0
     if quantity == "phase":
         ax.set_ylim(-0.03, 1.0)
@@ -154,10 +192,11 @@ def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Ax
     axis, samples = check_diagram("diagram", diagram)
     offered = [name for name in ("displacement", "velocity", "phase") if name in diagram]
     chosen = offered[0] if quantity is None else choice("quantity", quantity, offered)
-    ax = style.new_axes(ax, (8.0, 4.4), style.title(diagram))
+    ax = style.new_axes(ax, (8.0, 4.4), labels.title(diagram))
     heights = draw_samples(ax, diagram, axis, samples, chosen)
     mark_empty(ax, diagram, axis)
     set_height(ax, diagram, chosen, heights)
+    labels.label_axes(ax, diagram[axis], diagram[chosen])
     handles = ax.get_legend_handles_labels()[0]
     if len(handles) > 1:
         style.legend_below(ax, handles)
@@ -167,13 +206,18 @@ def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Ax
 def _draw_index(ax: Axes, field: xr.DataArray, scale: float) -> Floats:
     """Draw `scale` times an index over its axis, with a dot where both neighbours have no value."""
     values = scale * field.values.astype(float)
+    if field.name in COUNTS:
+        values[values <= 0.0] = np.nan
     held = np.pad(np.isfinite(values), 1)
     alone = held[1:-1] & ~held[:-2] & ~held[2:]
     x = field[field.dims[0]].values
-    symbol = style.symbol_of(field)
+    symbol = labels.symbol_of(field)
     name = symbol if scale == 1.0 else rf"{scale:g} $\times$ {symbol}"
-    ax.plot(x, values, color=INK, linewidth=1.1, label=name, zorder=4)
-    ax.plot(x[alone], values[alone], **DOTS, color=INK, markersize=2, zorder=4)
+    if field.name in COUNTS:
+        ax.plot(x, values, **DOTS, color=INK, markersize=3, label=name, zorder=4)
+    else:
+        ax.plot(x, values, color=INK, linewidth=1.1, label=name, zorder=4)
+        ax.plot(x[alone], values[alone], **DOTS, color=INK, markersize=2, zorder=4)
     return values
 
 
@@ -214,29 +258,31 @@ def diagram_with_index(
         raise ValueError(
             "`diagram` must hold impacts, got one sample per period; call bifurcation_diagram with section='impact'"
         )
-    field = check_sweep("sweep", sweep, index, 1)[1]
+    sweep, field = check_sweep("sweep", sweep, index, 1)
     if field.dims != (axis,):
         raise ValueError(f"`sweep` must run over {axis}, as `diagram` does, got {field.dims[0]}")
     factor = PAPERS_SCALE if scale is None else real_number("scale", scale)
-    ax = style.new_axes(ax, (8.0, 4.4), style.title(diagram))
+    ax = style.new_axes(ax, (8.0, 4.4), labels.title(diagram))
     heights = draw_samples(ax, diagram, axis, samples, "velocity")
     if scale is None and index != "std":
-        lines = _draw_beside(ax, field)
+        lines = _draw_beside(ax, sweep, field)
     else:
         drawn = _draw_index(ax, field, factor)
         heights, lines = np.concatenate([heights, drawn[np.isfinite(drawn)]]), []
     mark_empty(ax, diagram, axis)
     set_height(ax, diagram, "velocity", heights)
+    labels.label_axes(ax, diagram[axis], diagram["velocity"])
     style.legend_below(ax, [*ax.get_legend_handles_labels()[0], *lines])
     return ax
 
 
-def _draw_beside(ax: Axes, field: xr.DataArray) -> list[Any]:
+def _draw_beside(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Any]:
     """Draw an index on its own axis on the right; return the legend's entry."""
     right = ax.twinx()
     right.spines["top"].set_visible(False)
-    _frame_index(right, _draw_index(right, field, 1.0))
-    right.set_ylabel(style.label(field))
+    _draw_index(right, field, 1.0)
+    _frame_index(right, resolved(sweep, field))
+    labels.label_axis(right.yaxis, field)
     return right.get_legend_handles_labels()[0]
 
 
@@ -273,11 +319,14 @@ def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -
     """
     sweep, field = check_sweep("sweep", sweep, index, 1)
     axis = field[field.dims[0]]
-    ax = style.new_axes(ax, (8.0, 4.0), style.title(sweep))
-    values = _draw_index(ax, field, 1.0)
-    style.mark_missing(ax, axis.values, sweep["status"].values, ~np.isfinite(values))
-    _frame_index(ax, values)
+    ax = style.new_axes(ax, (8.0, 4.0), labels.title(sweep))
+    _draw_index(ax, field, 1.0)
+    style.mark_missing(ax, axis.values, missing_layers(sweep, field, "column"))
+    if HATCHED in sweep and (here := sweep[HATCHED].values).any():
+        text = f"{sweep.attrs[HATCHED]} ({labels.counted(int(here.sum()), 'column')})"
+        style.mark_missing(ax, axis.values, [(here, ELSEWHERE, text)])
+    _frame_index(ax, resolved(sweep, field))
     ax.set_xlim(float(axis.min()), float(axis.max()))
-    style.label_axes(ax, axis, field)
+    labels.label_axes(ax, axis, field)
     style.legend_below(ax, ax.get_legend_handles_labels()[0][1:])
     return ax

@@ -2,82 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import contourpy
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, QuadMesh
-from matplotlib.colors import PowerNorm, to_rgb
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
 from vibroimpact.parameters import invalid, real_number, unknown
-from vibroimpact.plotting import diagrams, style
-from vibroimpact.plotting.style import BLUE, DOTS, INK, RED, WALL, Floats, Layer, on_axes
+from vibroimpact.plotting import diagrams, labels, style
+from vibroimpact.plotting.categories import COUNTS, missing_layers
+from vibroimpact.plotting.cells import COLORS, ROOT, add_bar, draw_cells, grid_of, root_shades, swatch
+from vibroimpact.plotting.style import BLUE, DOTS, INK, RED, Floats, on_axes
+from vibroimpact.plotting.ticks import Scaled, power_of, quantity, unit_label
 
-COLORS = "viridis"
-OPEN = "#ffffff"  # cells without a colour of their own; their patch in a legend has an edge
 LEVEL_OF_V = 0.05  # the default boundary of Std, as a part of the velocity scale V
-
-
-def grid_of(field: xr.DataArray) -> tuple[Floats, Floats, Floats]:
-    """Return x, y and values of shape (len(y), len(x)): the map's first axis lies along x."""
-    x, y = (field[dim].values.astype(float) for dim in field.dims)
-    return x, y, field.values.astype(float).T
-
-
-def frame_plane(ax: Axes, field: xr.DataArray) -> None:
-    """Limit and label the axes by the two axes of a map."""
-    x, y = (field[dim] for dim in field.dims)
-    ax.set_xlim(float(x[0]), float(x[-1]))
-    ax.set_ylim(float(y[0]), float(y[-1]))
-    style.label_axes(ax, x, y)
-
-
-def colour_mesh(ax: Axes, field: xr.DataArray, values: Any, **how: Any) -> QuadMesh:
-    """Draw a rectangle per cell in place of the grid's lines: colours, or numbers with their `cmap` and `norm`."""
-    ax.grid(visible=False)
-    x, y, _ = grid_of(field)
-    return ax.pcolormesh(x, y, values, shading="nearest", zorder=1, rasterized=True, **how)
-
-
-def fill_cells(ax: Axes, field: xr.DataArray, layers: Iterable[Layer], others: str | None = None) -> list[Patch]:
-    """Fill the cells of each layer with its colour, the `others` with theirs or none; return legend entries."""
-    shape = grid_of(field)[2].shape
-    shade, entries = np.zeros((*shape, 4)) if others is None else np.full((*shape, 3), to_rgb(others)), []
-    for here, color, text in (layer for layer in layers if layer[0].any()):
-        shade[here] = (*to_rgb(color), 1.0)[: shade.shape[2]]
-        entries.append(Patch(facecolor=color, edgecolor=WALL if color == OPEN else color, label=text))
-    if entries or others:
-        colour_mesh(ax, field, shade)
-    return entries
-
-
-def draw_missing(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
-    """Colour cells without a value by their status; return legend entries that say why."""
-    codes = sweep["status"].transpose(*field.dims).values.T
-    return fill_cells(ax, field, style.by_status(~np.isfinite(grid_of(field)[2]), codes, "cell"))
-
-
-def add_bar(ax: Axes, mesh: Any, field: xr.DataArray, note: str = "", text: str = "", **how: Any) -> None:
-    """Put the scale of colours beside a map, labelled with quantity and unit."""
-    bar = ax.get_figure().colorbar(mesh, ax=ax, **how)  # type: ignore[union-attr]
-    bar.set_label(text or style.label(field), labelpad=6)
-    if note:
-        bar.ax.set_xlabel(note, loc="left", labelpad=6, fontsize=8.5)
-
-
-def _shades(values: Floats) -> PowerNorm:
-    """Return colours on a square-root scale from zero, so that small values differ visibly beside a resonance."""
-    finite = values[np.isfinite(values)]
-    low, high = float(finite.min(initial=np.inf)), float(finite.max(initial=-np.inf))
-    if low >= high:  # one value, or none
-        low, high = (low, low + (abs(low) or 1.0)) if finite.size else (0.0, 1.0)
-    return PowerNorm(0.5, vmin=min(0.0, low), vmax=high)
 
 
 def boundary_lines(sweep: xr.Dataset, index: str, level: float) -> list[Floats]:
@@ -125,14 +73,14 @@ def boundary_lines(sweep: xr.Dataset, index: str, level: float) -> list[Floats]:
 
 def _boundary_level(sweep: xr.Dataset, field: xr.DataArray, level: float | None) -> tuple[float, str] | None:
     """Return the level of the boundary and how the legend explains it; None where no level has a meaning."""
-    units = style.unit_suffix(style.described(field)[1], " {}")
+    units = labels.described(field)[1]
     if level is not None:
-        return (number := real_number("level", level)), f"{number:.3g}{units}"
-    osc = style.reference(sweep)
+        return (number := real_number("level", level)), quantity(number, units, 3)
+    osc = labels.reference(sweep)
     if field.name != "std" or osc is None:
         return None
     number = LEVEL_OF_V * osc.velocity_scale
-    return number, f"{number:.3g}{units} ({100 * LEVEL_OF_V:.0f} % of the velocity scale)"
+    return number, f"{quantity(number, units, 3)} ({100 * LEVEL_OF_V:.0f} % of the velocity scale)"
 
 
 def _reference_values(
@@ -142,7 +90,7 @@ def _reference_values(
     limits = {str(dim): (float(field[dim].min()), float(field[dim].max())) for dim in field.dims}
     if reference is None:
         axis = str(field.dims[1])
-        own = style.own_value(sweep, axis)
+        own = labels.own_value(sweep, axis)
         return {} if own is None or not limits[axis][0] <= own <= limits[axis][1] else {axis: float(own)}
     chosen = {}
     for name, value in reference.items():
@@ -165,8 +113,8 @@ def _draw_references(ax: Axes, field: xr.DataArray, values: Mapping[str, float])
         (ax.axhline if along_x else ax.axvline)(
             value, color=RED, linewidth=1.4, linestyle=(0, (6, 3)), path_effects=halo, zorder=5
         )
-        _, units, symbol = style.described(field[name])
-        text = style.value_text(symbol or name, value, units)
+        _, units, symbol = labels.described(field[name])
+        text = labels.value_text(symbol or name, value, units)
         if along_x:
             low, high = ax.get_ylim()
             below = value > low + 0.93 * (high - low)  # above the line it would cover the title
@@ -174,16 +122,6 @@ def _draw_references(ax: Axes, field: xr.DataArray, values: Mapping[str, float])
             ax.annotate(text, (1.0, value), offset, ax.get_yaxis_transform(), ha="right", va=side, **look)
         else:
             ax.annotate(text, (value, 1.0), (4, -4), ax.get_xaxis_transform(), ha="left", va="top", **look)
-
-
-def draw_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
-    """Draw every cell of an index in colour, with a scale beside; return legend entries for those without a value."""
-    values = grid_of(field)[2]
-    mesh = colour_mesh(ax, field, np.ma.masked_invalid(values), cmap=COLORS, norm=_shades(values))
-    missing = draw_missing(ax, sweep, field)
-    frame_plane(ax, field)
-    add_bar(ax, mesh, field, "root scale", pad=0.02)
-    return missing
 
 
 def _draw_boundary(ax: Axes, lines: list[Floats], text: str) -> Line2D:
@@ -239,13 +177,13 @@ def index_contour(
     sweep, field = diagrams.check_sweep("sweep", sweep, index, 2)
     boundary = _boundary_level(sweep, field, level)
     marked = _reference_values(sweep, field, reference)
-    ax = style.new_axes(ax, (7.2, 5.4), style.title(sweep))
-    entries: list[Any] = list(draw_cells(ax, sweep, field))
+    ax = style.new_axes(ax, (8.4, 5.2) if index in COUNTS else (7.2, 5.4), labels.title(sweep))
+    entries: list[Any] = draw_cells(ax, sweep, field)
     if boundary is not None:
         lines = boundary_lines(sweep, index, boundary[0])
-        entries.insert(0, _draw_boundary(ax, lines, f"boundary: {style.symbol_of(field)} = {boundary[1]}"))
+        entries.insert(0, _draw_boundary(ax, lines, f"boundary: {labels.symbol_of(field)} = {boundary[1]}"))
     _draw_references(ax, field, marked)
-    style.legend_below(ax, entries)
+    style.legend_added(ax, entries)
     return ax
 
 
@@ -262,8 +200,9 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
 
     Notes
     -----
-    `ax` must be three-dimensional. Every cell is drawn, none is thinned out. Cells without a value are holes;
-    `index_contour` says why.
+    `ax` must be three-dimensional. Every cell is drawn, none is thinned out. Cells without a value lie flat at the
+    bottom, in the colours of `index_contour`, which the legend names. Of several initial conditions the worst value is
+    drawn, as there.
 
     References
     ----------
@@ -280,33 +219,68 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
     sweep, field = diagrams.check_sweep("sweep", sweep, index, 2)
     if ax is not None and ax.name != "3d":
         raise invalid("ax", ax.name, "three-dimensional axes", "make them with add_subplot(projection='3d')")
-    solid: Any = style.new_axes(ax, (7.2, 5.6), style.title(sweep), projection="3d")
-    x, y, values = grid_of(field)
-    shades = _shades(values)
-    surface = solid.plot_surface(
-        *np.meshgrid(x, y), values, rcount=len(y), ccount=len(x), cmap=COLORS, norm=shades,
-        linewidth=0.0, antialiased=False, rasterized=True,
-    )  # fmt: skip
+    solid: Any = style.new_axes(ax, (7.2, 5.6), labels.title(sweep), projection="3d")
+    x, y, _ = grid_of(field)
+    shades = root_shades(diagrams.resolved(sweep, field))
     solid.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]), zlim=(shades.vmin, shades.vmax))
-    solid.set_xlabel(style.label(field[field.dims[0]]), labelpad=6)
-    solid.set_ylabel(style.label(field[field.dims[1]]), labelpad=6)
-    short = f"{style.symbol_of(field)}{style.unit_suffix(style.described(field)[1])}"
-    solid.set_zlabel(short, labelpad=4)
-    add_bar(solid, surface, field, "root scale", f"{style.described(field)[0]}\n{short}", shrink=0.6, pad=0.08)
+    surface = ScalarMappable(shades, COLORS)
+    entries = _draw_surface(solid, sweep, field, surface)
+    shown = *(sweep[dim] for dim in field.dims), field
+    for axis, data in zip((solid.xaxis, solid.yaxis, solid.zaxis), shown, strict=True):
+        power = power_of(axis.get_view_interval())
+        axis.set_major_formatter(Scaled(power))
+        axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+        short = labels.symbol_of(data) + unit_label(labels.described(data)[1], power)
+        axis.set_label_text(labels.wrapped(short if data is field else labels.label(data, power), 40))
+        axis.labelpad = 10
+    bar = add_bar(solid, surface, field, ROOT, shrink=0.6, pad=0.1)
     solid.set_box_aspect((1.2, 1.2, 0.7), zoom=0.95)  # leaves room for the labels outside the box
     solid.view_init(elev=38, azim=-70)
+    style.legend_below(solid, entries)
+    if (figure := solid.get_figure(root=True)) in style.OWN:
+        figure.set_layout_engine("none")  # it takes an outer box for the labels that changes with each drawing
+        low = 0.08 + style.LEGEND_LINE * style.legend_lines(solid) / figure.get_figheight()
+        solid.set_position((0.02, low, 0.76, 0.92 - low))
+        bar.ax.set_position((0.83, low + 0.15, 0.03, 0.6 - low))
     return solid  # type: ignore[no-any-return]
+
+
+def _draw_surface(solid: Any, sweep: xr.Dataset, field: xr.DataArray, colors: ScalarMappable) -> list[Patch]:
+    """Draw the surface between the centres of cells, and flat where one has no value; return legend entries of that.
+
+    One collection, so that what lies in front hides what lies behind.
+    """
+    x, y, values = grid_of(field)
+    shade, entries = np.zeros((*values.shape, 4)), []
+    for here, color, text in missing_layers(sweep, field, "cell"):
+        shade[here.T] = (*to_rgb(color), 1.0)
+        entries.append(swatch(color, text))
+    gone = shade[..., 3] > 0.0
+    heights = np.where(gone, np.nan, values)
+
+    def corners(array: Any) -> Any:
+        """Return the values at the four corners of each quadrangle."""
+        return np.stack([array[:-1, :-1], array[:-1, 1:], array[1:, 1:], array[1:, :-1]], axis=2)
+
+    flat = corners(gone)
+    quads = np.stack([*map(corners, np.meshgrid(x, y)), corners(heights)], axis=-1)
+    quads[flat.any(axis=2), :, 2] = solid.get_zlim()[0]
+    own = np.take_along_axis(corners(shade), flat.argmax(axis=2)[..., None, None], axis=2)[:, :, 0]
+    faces = np.where(flat.any(axis=2)[..., None], own, colors.to_rgba(quads[..., 2].mean(axis=2)))
+    looks: dict[str, Any] = {"linewidths": 0.0, "antialiased": False, "rasterized": True}
+    solid.add_collection3d(Poly3DCollection(quads.reshape(-1, 4, 3), facecolors=faces.reshape(-1, 4), **looks))
+    return entries
 
 
 def check_points(argument: str, value: Any, index: str) -> tuple[xr.Dataset, xr.DataArray, list[xr.DataArray]]:
     """Return a map of scattered designs, its `index` and the parameters that vary, or raise `ValueError`."""
     if not isinstance(value, xr.Dataset) or "status" not in value or "point" not in value["status"].dims:
         hint = "pass what vibroimpact.parameter_map(points=...) returns"
-        raise style.refused(argument, value, "a parameter_map of scattered designs", hint)
+        raise labels.refused(argument, value, "a parameter_map of scattered designs", hint)
     value, field = diagrams.with_index(value, index)
     varied = [coord for name, coord in value.coords.items() if coord.dims == ("point",) and name != "point"]
     if not varied:
-        raise style.refused(argument, value, "a parameter_map with the parameters that vary", "keep its coordinates")
+        raise labels.refused(argument, value, "a parameter_map with the parameters that vary", "keep its coordinates")
     return value, field, varied
 
 
@@ -335,17 +309,18 @@ def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = Non
     designs, field, varied = check_points("designs", designs, index)
     x, values = varied[0], field.values.astype(float)
     y = varied[1] if len(varied) > 1 else field
-    known, codes = np.isfinite(values), designs["status"].values
-    ax = style.new_axes(ax, (7.2, 5.4), style.title(designs))
+    known = np.isfinite(resolved := diagrams.resolved(designs, field))
+    ax = style.new_axes(ax, (7.2, 5.4), labels.title(designs))
     if y is field:
         ax.plot(x.values[known], values[known], **DOTS, color=BLUE, markersize=4, zorder=3)
-        style.mark_missing(ax, x.values, codes, ~known, "design")
+        style.mark_missing(ax, x.values, missing_layers(designs, field, "design"))
     else:
-        shades = _shades(values)
+        shades = root_shades(resolved)
         dots = ax.scatter(x.values[known], y.values[known], c=values[known], cmap=COLORS, norm=shades, s=22, zorder=3)
-        add_bar(ax, dots, field, "root scale", pad=0.02)
-        for here, color, text in style.by_status(~known, codes, "design"):
+        add_bar(ax, dots, field, ROOT, pad=0.02)
+        for here, color, text in missing_layers(designs, field, "design"):
             ax.scatter(x.values[here], y.values[here], marker="x", color=color, label=text, zorder=2)
-    style.label_axes(ax, x, y)
+    labels.label_axis(ax.xaxis, x)
+    labels.label_axis(ax.yaxis, y, resolved if y is field else None)
     style.legend_below(ax)
     return ax

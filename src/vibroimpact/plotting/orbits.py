@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
 from vibroimpact.oscillator import ImpactOscillator
-from vibroimpact.plotting import style
+from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.style import BLUE, DOTS, GREEN, INK, RED, RINGS, Floats, on_axes
 from vibroimpact.status import Status
 
@@ -24,7 +24,7 @@ def _check(argument: str, value: Any, maker: str, needed: dict[str, str]) -> Non
         name not in value or value[name].dims != (dim,) for name, dim in needed.items()
     ):
         wanted = ", ".join(f"{name} over {dim}" for name, dim in needed.items())
-        raise style.refused(
+        raise labels.refused(
             argument, value, f"a result of {maker} ({wanted})", f"pass what vibroimpact.{maker} returns"
         )
 
@@ -101,7 +101,7 @@ def _draw_sticks(ax: Axes, spans: Any, height: float, name: str, zorder: float) 
 def _stop(ax: Axes, displacement: Floats, osc: ImpactOscillator, *, upright: bool) -> tuple[float, float]:
     """Draw the stop and return the limits of the displacement axis; an arrow points to a stop too far off."""
     size = style.magnitude(displacement, osc.velocity_scale / osc.natural_frequency)
-    text = f"stop, {style.parameter_text('gap', osc)}"
+    text = f"stop, {labels.parameter_text('gap', osc)}"
     low, high = style.view(displacement, size)
     near = osc.gap - high <= 3.0 * (high - low)
     if near:
@@ -127,13 +127,13 @@ def _started(
 ) -> tuple[ImpactOscillator, Axes, tuple[Floats, Floats, Floats]]:
     """Return the oscillator of a checked simulation, the axes to draw on, and time, y and y' of the line."""
     _check("simulation", simulation, "simulate", STATES)
-    osc = style.reference(simulation)
+    osc = labels.reference(simulation)
     if osc is None:
         raise ValueError(
             "`simulation` has no attribute 'oscillator', which says where the stop is; "
             "keep the attributes (xarray.set_options(keep_attrs=True)) when you compute with a result"
         )
-    return osc, style.new_axes(ax, size, style.title(simulation)), _broken_orbit(simulation, osc.gap, osc.restitution)
+    return osc, style.new_axes(ax, size, labels.title(simulation)), _broken_orbit(simulation, osc.gap, osc.restitution)
 
 
 @on_axes
@@ -162,11 +162,11 @@ def time_history(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
     impacts = simulation["impact_time"].values
     if impacts.size:
         look = DOTS | {"color": RED, "markersize": 4, "zorder": 5}
-        ax.plot(impacts, np.full_like(impacts, osc.gap), label=style.counted(impacts.size, "impact"), **look)
+        ax.plot(impacts, np.full_like(impacts, osc.gap), label=labels.counted(impacts.size, "impact"), **look)
     if len(sticks := _sticks(simulation)):
-        _draw_sticks(ax, sticks, osc.gap, style.counted(len(sticks), "stick"), 4)
+        _draw_sticks(ax, sticks, osc.gap, labels.counted(len(sticks), "stick"), 4)
     ax.set_xlim(float(simulation["time"][0]), float(simulation["time"][-1]))
-    style.label_axes(ax, simulation["time"], simulation["displacement"])
+    labels.label_axes(ax, simulation["time"], simulation["displacement"])
     _legend(ax, simulation)
     return ax
 
@@ -196,17 +196,17 @@ def phase_portrait(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
     if speeds.size:
         jumps = [[(osc.gap, speed), (osc.gap, -osc.restitution * speed)] for speed in speeds]
         thin: dict[str, Any] = {"colors": RED, "linewidths": 0.8, "linestyles": (0, (3, 2)), "zorder": 3, "alpha": 0.6}
-        ax.add_collection(LineCollection(jumps, label=style.counted(speeds.size, "impact"), **thin), autolim=False)
+        ax.add_collection(LineCollection(jumps, label=labels.counted(speeds.size, "impact"), **thin), autolim=False)
         ax.plot(np.full_like(speeds, osc.gap), speeds, **DOTS, color=RED, markersize=3, zorder=4)
     if len(sticks := _sticks(simulation)):
-        name = style.counted(len(sticks), "stick")
+        name = labels.counted(len(sticks), "stick")
         ax.plot([osc.gap], [0.0], "s", color=GREEN, markersize=7, markeredgewidth=0, label=name, zorder=5)
     first = simulation.isel(time=0)
     ring = RINGS | {"markeredgecolor": INK, "markersize": 5, "zorder": 6}
     ax.plot(float(first["displacement"]), float(first["velocity"]), label="start", **ring)
     ax.set_xlim(*_stop(ax, y, osc, upright=True))
     ax.set_ylim(*style.view(dy, style.magnitude(dy, osc.velocity_scale)))
-    style.label_axes(ax, simulation["displacement"], simulation["velocity"])
+    labels.label_axes(ax, simulation["displacement"], simulation["velocity"])
     _legend(ax, simulation)
     return ax
 
@@ -230,10 +230,10 @@ def distinct_points(points: Floats, tolerance: Floats, wrap: bool = False) -> Fl
 def _section(section: xr.Dataset, ax: Axes | None, maker: str, across: str, along: str) -> tuple[Axes, Floats]:
     """Return labelled axes for a checked section and its points; axes without any say why."""
     _check("section", section, maker, {across: along, "velocity": along})
-    ax = style.new_axes(ax, (6.2, 5.0), style.title(section))
+    ax = style.new_axes(ax, (6.2, 5.0), labels.title(section))
     points: Floats = np.column_stack([section[across].values, section["velocity"].values])
     points = points[np.isfinite(points).all(axis=1)]
-    style.label_axes(ax, section[across], section["velocity"])
+    labels.label_axes(ax, section[across], section["velocity"])
     if not len(points):
         status = _ended(section)
         text = "no sample" if status is None else status.sentence.replace("; ", ";\n")
@@ -244,13 +244,13 @@ def _section(section: xr.Dataset, ax: Axes | None, maker: str, across: str, alon
 def _draw_points(ax: Axes, points: Floats, tolerance: Floats, noun: str, wrap: bool = False) -> bool:
     """Draw few places as large marks and an attractor as fine translucent dots; return whether they are few."""
     places = distinct_points(points, tolerance, wrap)
-    total = style.counted(len(points), noun)
+    total = labels.counted(len(points), noun)
     look = DOTS | {"color": BLUE, "zorder": 3}
     if places is None:
         fine = {"markersize": 1.6, "alpha": 0.55 if len(points) > 1000 else 0.8, "rasterized": len(points) > 2000}
         ax.plot(*points.T, label=total, **(look | fine))
         return False
-    name = f"{style.counted(len(places), 'point')} in {total}"
+    name = f"{labels.counted(len(places), 'point')} in {total}"
     ax.plot(*places.T, label=name, **(look | {"markersize": 9 if len(places) <= 12 else 4.5, "clip_on": False}))
     return True
 
@@ -285,7 +285,7 @@ def stroboscopic_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax, points = _section(section, ax, "stroboscopic_section", "displacement", "period")
     if not len(points):
         return ax
-    osc = style.reference(section)
+    osc = labels.reference(section)
     # One size for both axes: an orbit may well pass the section near y = 0 or at y' = 0.
     rate = max(osc.omega, osc.natural_frequency) if osc else 1.0
     size = style.magnitude(points * [1.0, 1.0 / rate], osc.velocity_scale / osc.natural_frequency if osc else 1.0)
@@ -294,7 +294,7 @@ def stroboscopic_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     low, high = style.view(points[:, 0], sizes[0], least)
     ax.set_xlim(low, high)
     ax.set_ylim(*style.view(points[:, 1], sizes[1], least))
-    ax.locator_params(axis="x", nbins=6)
+    labels.label_axes(ax, section["displacement"], section["velocity"])
     if osc and osc.gap < high:
         style.draw_stop(ax, osc.gap, high, upright=True)
     _legend(ax, section)
@@ -344,9 +344,10 @@ def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
         return ax
     fastest = float(points[:, 1].max())
     _draw_points(ax, points, np.array([1e-6, 1e-6 * fastest]), "impact", wrap=True)
-    osc = style.reference(section)
+    osc = labels.reference(section)
     if osc and "stick_time" in section and (sticks := _stick_phases(section, osc.period)):
         _draw_sticks(ax, sticks, 0.0, "stick", 2)
     ax.set_ylim(-0.03 * fastest, 1.08 * fastest)
+    labels.label_axes(ax, section["phase"], section["velocity"])
     _legend(ax, section)
     return ax

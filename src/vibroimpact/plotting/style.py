@@ -5,19 +5,21 @@ from __future__ import annotations
 import inspect
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
+from weakref import WeakSet
 
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
-from vibroimpact.dataset import VARIABLES, oscillator_of
-from vibroimpact.oscillator import ImpactOscillator, Model
+from vibroimpact.motion import motion_name, refined
+from vibroimpact.plotting.labels import counted, letters, wrapped
 from vibroimpact.status import Status
 
 Floats = NDArray[np.float64]
@@ -64,149 +66,14 @@ STYLE: Any = {
     "ytick.labelcolor": INK,
 }
 
-_MATH = {
-    "w": r"\omega",
-    "w/2pi": r"\omega/2\pi",
-    "zeta": r"\zeta",
-    "psi/T": r"\psi/T",
-    "y'": r"\dot y",
-    "<I>": r"\langle I\,\rangle",
-    "max I": r"\max\,I",
-    "λ": r"\lambda",
-    "λ per impact": r"\lambda_\mathrm{impact}",
-} | {name: rf"\mathrm{{{name}}}" for name in ("Std", "stuck", "spread", "margin")}
 DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0}
 RINGS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "white"}
-LETTERS = 12.5  # of a legend, per inch of the figure
+LETTERS = 15.0  # of a legend, per inch of the figure
+LEGEND_LINE = 0.17  # inches per line of a legend
+OWN: WeakSet[Figure] = WeakSet()  # figures that the package made
 SAMPLE_DIMS = ("impact", "period")
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 8.5, "borderaxespad": 0.0}
 BESIDE = "beside"  # marks a legend that leaves the room below the axes free
-
-
-# Labels and titles
-
-
-def math(symbol: str) -> str:
-    """Return a symbol of the glossary as mathtext; a name of several letters as plain text."""
-    if symbol in _MATH or re.fullmatch(r"\w(/\w)?", symbol):
-        return f"${_MATH.get(symbol, symbol)}$"
-    return symbol.replace("$", r"\$")
-
-
-def unit_suffix(units: str, form: str = " [{}]") -> str:
-    """Return the unit as a label shows it; nothing for a pure number."""
-    return "" if units in ("", "1") else form.format(units)
-
-
-def described(data: xr.DataArray) -> tuple[str, str, str]:
-    """Return long name, unit and symbol of a labelled array; the package's table fills in what is missing."""
-    usual = VARIABLES.get(str(data.name), (str(data.name), "", ""))
-    long_name, units, symbol = (
-        str(data.attrs.get(key, other)) for key, other in zip(("long_name", "units", "symbol"), usual, strict=True)
-    )
-    return long_name, units, symbol
-
-
-def symbol_of(data: xr.DataArray) -> str:
-    """Return the symbol of a labelled array as mathtext, or its name if it has none."""
-    return math(described(data)[2] or str(data.name))
-
-
-def label(data: xr.DataArray) -> str:
-    r"""Return an axis label such as 'angular driving frequency $\omega$ [rad/s]'."""
-    long_name, units, symbol = described(data)
-    shown = f" {math(symbol)}" if symbol and symbol not in (long_name, data.name) else ""
-    return f"{long_name}{shown}{unit_suffix(units)}"
-
-
-def label_axes(ax: Axes, x: xr.DataArray, y: xr.DataArray) -> None:
-    """Label both axes with name, symbol and unit of what lies along them."""
-    ax.set_xlabel(label(x))
-    ax.set_ylabel(label(y))
-
-
-def value_text(symbol: str, value: float, units: str) -> str:
-    """Return 'm = 1 kg' for a quantity and its value."""
-    return f"{math(symbol)} = {value:.5g}{unit_suffix(units, ' {}')}"
-
-
-def held_text(symbol: str, value: float, units: str) -> str:
-    """Return a parameter and its value, an angular frequency also in Hz."""
-    hertz = f" ({value / (2.0 * np.pi):.5g} Hz)" if units == "rad/s" else ""
-    return value_text(symbol, value, units) + hertz
-
-
-def parameter_text(name: str, model: Model) -> str:
-    """Return a parameter of a model and its value."""
-    parameter = model.parameters[name]
-    return held_text(parameter.symbol or name, model.values[name], parameter.unit)
-
-
-def percent(share: float) -> str:
-    """Return a share in per cent."""
-    return f"{100.0 * share:.1f} %" if share >= 0.0005 else "<0.1 %"
-
-
-def counted(count: int, noun: str) -> str:
-    """Return '1 impact', '2 impacts'."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
-def refused(argument: str, value: Any, allowed: str, hint: str) -> ValueError:
-    """Return the error for a result of another kind, which says what was given."""
-    if isinstance(value, xr.Dataset):
-        names, dims = (", ".join(map(str, found)) for found in (value.data_vars, value.dims))
-        kind = f"a result of {value.attrs['function']}" if value.attrs.get("function") else "a Dataset"
-        given = f"{kind} with {names or 'no variable'} over {dims or 'no axis'}"
-    else:
-        name = type(value).__name__
-        given = f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
-    return ValueError(f"`{argument}` must be {allowed}, got {given}; {hint}")
-
-
-def _selected(dataset: xr.Dataset) -> dict[str, float]:
-    """Return the values selected from the axes of a result."""
-    return {str(name): float(coord) for name, coord in dataset.coords.items() if coord.ndim == 0}
-
-
-def _family(dataset: xr.Dataset) -> tuple[str, dict[str, float]] | None:
-    """Return the name of the family that made a result, and its parameters; None for a plain oscillator."""
-    if "model" not in dataset.attrs:
-        return None
-    values = json.loads(dataset.attrs["model"])
-    return str(values.pop("family")), values | {k: v for k, v in _selected(dataset).items() if k in values}
-
-
-def reference(dataset: xr.Dataset) -> ImpactOscillator | None:
-    """Return the oscillator of a result, with the values selected from its axes; None if it is not recorded.
-
-    Of a family it is the oscillator at the family's own values.
-    """
-    if "oscillator" not in dataset.attrs:
-        return None
-    osc = oscillator_of(dataset)
-    if _family(dataset):
-        return osc
-    return osc.replace(**{name: value for name, value in _selected(dataset).items() if name in osc.parameters})
-
-
-def own_value(dataset: xr.Dataset, name: str) -> float | None:
-    """Return a parameter's own value in the model of a result; None if there is none."""
-    family = _family(dataset)
-    return family[1].get(name) if family else getattr(reference(dataset), name, None)
-
-
-def title(dataset: xr.Dataset) -> str:
-    """Return the parameters that a result holds fixed, and its note if it has one, in one line."""
-    osc, family = reference(dataset), _family(dataset)
-    varied = {str(name) for name, coord in dataset.coords.items() if coord.ndim}
-    held: list[str] = []
-    if family:
-        held = [family[0], *(f"{name} = {value:.5g}" for name, value in family[1].items() if name not in varied)]
-    elif osc:
-        varied |= {osc.parameters[name].replaces or name for name in varied if name in osc.parameters}
-        held = [parameter_text(name, osc) for name in osc.values if name not in varied]
-    return ",  ".join([*held, *([str(dataset.attrs["note"])] if "note" in dataset.attrs else [])])
 
 
 # Axes and their limits
@@ -244,8 +111,9 @@ def new_axes(ax: Axes | None, size: tuple[float, float], title: str = "", projec
 
     with mpl.rc_context(STYLE):
         figure = plt.figure(figsize=size, layout="constrained")
+        OWN.add(figure)
         fresh = figure.add_subplot(projection=projection)
-        fresh.set_title(_broken(title, 13.0 * size[0]))
+        fresh.set_title(_broken(title, 9.5 * size[0]), y=1.0 if projection else None)
     return fresh
 
 
@@ -296,35 +164,59 @@ def _legible(handle: Any) -> Any:
     return Line2D([], [], **DOTS, markersize=4, color=handle.get_color(), label=str(handle.get_label()))
 
 
-def _columns(ax: Axes, handles: Sequence[Any]) -> int:
-    """Return how many columns of legend entries fit below the axes."""
+def _room(ax: Axes) -> float:
+    """Return how many letters of a legend fit below the axes."""
     figure: Any = ax.get_figure(root=True)
     spec = ax.get_subplotspec()
     abreast = spec.get_topmost_subplotspec().get_gridspec().ncols if spec else 1
-    room = LETTERS * figure.get_size_inches()[0] / abreast
-    lengths = [len(str(handle.get_label())) for handle in handles]
-    for columns in range(len(handles), 1, -1):  # Matplotlib fills column by column, as array_split does
+    beside = any(mesh.colorbar for mesh in ax.collections)  # then the axes lie left of the middle
+    return float((0.85 if beside else 1.0) * LETTERS * figure.get_size_inches()[0] / abreast)
+
+
+def _columns(texts: Sequence[str], room: float) -> int:
+    """Return how many columns of legend entries fit below the axes."""
+    lengths = [letters(text) for text in texts]
+    for columns in range(len(texts), 1, -1):  # Matplotlib fills column by column, as array_split does
         if sum(part.max() + 6 for part in np.array_split(lengths, columns)) <= room:
             return columns
     return 1
 
 
 def legend_below(ax: Axes, handles: Sequence[Any] | None = None) -> None:
-    """Put the legend under the axis label, in as many columns as fit, where it hides no data."""
+    """Put the legend under the axis label, in as many columns as fit, where it hides no data.
+
+    A figure of the package's own becomes higher by its lines, so that the axes keep their height.
+    """
     handles = ax.get_legend_handles_labels()[0] if handles is None else handles
     if not handles:
         return
-    under_label = ScaledTranslation(0.0, -34 / 72, ax.get_figure(root=True).dpi_scale_trans)  # type: ignore[union-attr]
+    figure: Any = ax.get_figure(root=True)
+    before, room = legend_lines(ax), _room(ax)
+    texts = [wrapped(str(handle.get_label()), room - 6) for handle in handles]
+    below = 6 / 72 if ax.name == "3d" else (ax.xaxis.label.get_text().count("\n") * 14 + 34) / 72  # of the axis label
     ax.legend(
         handles=[_legible(handle) for handle in handles],
+        labels=texts,
         loc="upper center",
-        ncols=_columns(ax, handles),
+        ncols=_columns(texts, room),
         bbox_to_anchor=(0.5, 0.0),
-        bbox_transform=ax.transAxes + under_label,
+        bbox_transform=ax.transAxes + ScaledTranslation(0.0, -below, figure.dpi_scale_trans),
         handletextpad=0.5,
         columnspacing=1.6,
         **LEGEND,
     )
+    if figure in OWN:
+        width, height = figure.get_size_inches()
+        figure.set_size_inches(width, height + LEGEND_LINE * (legend_lines(ax) - before))
+
+
+def legend_lines(ax: Axes) -> int:
+    """Return how many lines the legend below the axes has."""
+    legend: Any = ax.get_legend()
+    if legend is None or legend.get_gid() == BESIDE:
+        return 0
+    texts = [text.get_text() for text in legend.get_texts()]
+    return int(max(sum(text.count("\n") + 1 for text in part) for part in np.array_split(texts, legend._ncols)))
 
 
 def legend_beside(ax: Axes, handles: Sequence[Any], heading: str) -> None:
@@ -362,18 +254,31 @@ def outcome(status: Status) -> str:
     return f"{status.word.replace('_', ' ')}: {status.sentence.split(';')[0]}"
 
 
-def by_status(missing: Mask, codes: NDArray[np.integer[Any]], of_what: str) -> Iterator[Layer]:
+def origin(dataset: xr.Dataset) -> str:
+    """Return from where the motions of a map started, if it is worth a word: ' from rest'."""
+    if "origin" in dataset.attrs:
+        return str(dataset.attrs["origin"])
+    arguments = json.loads(dataset.attrs.get("arguments", "{}"))
+    from_rest = "start" in arguments and arguments["start"] is None and not arguments.get("direction")
+    return " from rest" if from_rest else ""
+
+
+def by_status(missing: Mask, codes: NDArray[np.integer[Any]], of_what: str, origin: str = "") -> Iterator[Layer]:
     """Yield for each status where it leaves something without a value, its colour, and its legend entry."""
     for status in Status:
         here = missing & (codes == status)
         if count := int(here.sum()):
-            yield here, STATUS_COLORS.get(status, WALL), f"{outcome(status)} ({counted(count, of_what)})"
+            words = {
+                Status.NO_IMPACT: f"no impact{origin}",
+                Status.STOPPED_IMPACTING: "impacts cease after a transient",
+            }
+            text = words.get(status) or motion_name(int(refined(0, status)))
+            yield here, STATUS_COLORS.get(status, WALL), text + (f" ({counted(count, of_what)})" if of_what else "")
 
 
-def mark_missing(
-    ax: Axes, positions: Floats, codes: NDArray[np.integer[Any]], missing: Mask, of_what: str = "column"
-) -> None:
-    """Mark along the bottom axis where there is nothing to draw, one colour per status."""
+def mark_missing(ax: Axes, positions: Floats, layers: Iterable[Layer]) -> None:
+    """Mark along the bottom axis where there is nothing to draw, one colour per reason."""
     look: dict[str, Any] = DOTS | {"marker": "s", "markersize": 4.0, "zorder": 4, "transform": ax.get_xaxis_transform()}
-    for here, color, text in by_status(missing, codes, of_what):
-        ax.add_line(Line2D(positions[here], np.full(here.sum(), 0.012), color=color, label=text, **look))
+    for here, color, text in layers:
+        edge = {"markeredgewidth": 0.5, "markeredgecolor": WALL} if color == "#ffffff" else {}
+        ax.add_line(Line2D(positions[here], np.full(here.sum(), 0.012), color=color, label=text, **look | edge))

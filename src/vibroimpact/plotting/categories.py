@@ -1,0 +1,113 @@
+"""Colours of names and of numbers in maps: which motion, how many periods and impacts in its cycle, why no value."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Hashable, Iterator, Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+import xarray as xr
+
+from vibroimpact.classes import NEEDED, classify
+from vibroimpact.motion import MotionClass, cycle_name
+from vibroimpact.plotting import labels, style
+from vibroimpact.plotting.style import INK, STICKING, Layer, Mask
+from vibroimpact.status import Status
+
+COUNTS = ("n_periods", "n_impacts")  # of a cycle: numbers without an order of better and worse
+OPEN = "#ffffff"  # cells without a colour of their own; their patch in a legend has an edge
+NO_VALUE = "#ead9b0"
+
+# Colours that the usual names always have, so that maps can be compared: impact-1 motions from blue to green.
+USUAL = {
+    (1, 1): "#0072b2",
+    (2, 1): "#56b4e9",
+    (3, 1): "#009e73",
+    (4, 1): "#8edfa7",
+    (5, 1): "#cc79a7",
+    (1, 2): "#d55e00",
+}
+NUMBERS = dict(enumerate(USUAL.values(), start=1))
+SPARE = ("#7a2e12", "#7a3dd8")
+PALETTE = (*USUAL.values(), *SPARE)
+OTHER_PERIODIC = "#c79a5b"
+MOST_NAMES = len(PALETTE)  # have colours of their own
+LEAST_SHARE = 0.005  # of the cells; rarer names have no colour of their own
+
+COLORS = {
+    MotionClass.STICKING: STICKING,
+    MotionClass.CHAOTIC: INK,
+    MotionClass.NO_IMPACT: "#c9c9c9",
+    MotionClass.UNDECIDED: OPEN,
+}
+WORDS = {kind: kind.word.replace("_", " ") for kind in COLORS}
+
+Name = TypeVar("Name", bound=Hashable)
+
+
+def name_colors(counts: Counter[Name], cells: int, usual: Mapping[Any, str] = USUAL) -> dict[Name, str]:
+    """Return the colours of the most frequent names (n_periods, n_impacts) among `cells`, the most frequent first."""
+    ranked = [name for name, count in counts.most_common(MOST_NAMES) if count >= LEAST_SHARE * cells]
+    spare = iter([*SPARE, *(color for name, color in usual.items() if name not in ranked)])
+    return {name: usual.get(name) or next(spare) for name in ranked}
+
+
+def motion_layers(codes: Any, n_periods: Any, n_impacts: Any) -> Iterator[Layer]:
+    """Yield for each entry of a legend of motions which cells it fills, perhaps none, its colour and its name."""
+    rest = codes == MotionClass.PERIODIC
+    counts = Counter(zip(n_periods[rest].tolist(), n_impacts[rest].tolist(), strict=True))
+    for name, color in name_colors(counts, codes.size).items():
+        here = (codes == MotionClass.PERIODIC) & (n_periods == name[0]) & (n_impacts == name[1])
+        rest = rest & ~here
+        yield here, color, cycle_name(*name)
+    yield rest, OTHER_PERIODIC, "other periodic"
+    yield from ((codes == kind, COLORS[kind], word) for kind, word in WORDS.items())
+
+
+def number_layers(sweep: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
+    """Yield for each number of periods or impacts in a cycle, then for each reason why there is none, its cells."""
+    values = field.values
+    counts = Counter(values[values > 0].tolist())
+    colors = name_colors(counts, values.size, NUMBERS)
+    for number in sorted(colors):
+        yield values == number, colors[number], f"{number}"
+    if further := sorted(set(counts) - set(colors)):
+        text = f"{further[0]} to {further[-1]}, others" if len(further) > 1 else f"{further[0]}"
+        yield np.isin(values, further), OTHER_PERIODIC, text
+    yield from missing_layers(sweep, field, "")
+
+
+def missing_layers(sweep: xr.Dataset, field: xr.DataArray, of_what: str) -> Iterator[Layer]:
+    """Yield for each reason why an index has no value which cells it leaves without one, its colour and its name.
+
+    Without a noun `of_what` for the cells they are not counted.
+    """
+    values, codes = field.values, sweep["status"].transpose(*field.dims).values
+    gone = values <= 0 if field.name in COUNTS else ~np.isfinite(values)
+    ended = codes > Status.SHORT_WINDOW
+    yield from style.by_status(gone & ended, codes, of_what, style.origin(sweep))
+    for reason, color, text in _reasons(sweep, field, values):
+        if count := int((here := gone & ~ended & reason).sum()):
+            yield here, color, text + (f" ({labels.counted(count, of_what)})" if of_what else "")
+
+
+def _reasons(sweep: xr.Dataset, field: xr.DataArray, values: Any) -> Iterator[tuple[Mask, str, str]]:
+    """Yield why a motion that goes on has no value of an index, and the colour of that."""
+    if field.name not in COUNTS:
+        sticks = np.isneginf(values)
+        yield sticks, STICKING, rf"sticking: {labels.symbol_of(field)} = $-\infty$"
+        yield ~sticks, NO_VALUE, "no near-miss" if field.name == "grazing_margin" else "no value"
+        return
+    kinds = _kinds(sweep, field)
+    sticks = (values < 0) | (kinds == MotionClass.STICKING)
+    yield sticks, STICKING, "complete chatter" if field.name == "n_impacts" else "intermittent sticking"
+    for kind in (MotionClass.CHAOTIC, MotionClass.UNDECIDED):
+        yield ~sticks & (kinds == kind), COLORS[kind], WORDS[kind]
+    yield ~sticks & (kinds < 0), INK, "no cycle found: chaotic or undecided"
+
+
+def _kinds(sweep: xr.Dataset, field: xr.DataArray) -> Any:
+    """Return the classes of motion of a map, -1 where it does not hold what decides them."""
+    known = set(NEEDED) <= set(map(str, sweep.variables)) and "sample_impacts" in sweep.attrs.get("arguments", "")
+    return classify(sweep)["motion"].transpose(*field.dims).values if known else np.full(field.shape, -1)

@@ -1,0 +1,123 @@
+"""Units with a prefix and tick labels that fit: an axis of small numbers shows [mm], not ticks such as 0.0002."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axis import Axis
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
+
+PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 3: "k", 6: "M", 9: "G", 12: "T"}
+PREFIXED = re.compile(r"(m|s|N|J|Hz|g)(?=$|[ /])(.*)")  # units that take a prefix, to the first power
+PLAIN = (0.01, 1e5)  # the largest value of an axis that needs no prefix
+WIDE, HIGH = 0.66, 1.5  # of a tick label's character and of its line, per size of the letters
+
+
+def power_of(values: Any) -> int:
+    """Return the power of ten, a multiple of three, in which values are shown.
+
+    Examples
+    --------
+    >>> power_of([-4e-4, 9e-4]), power_of([0.05, 3.0]), power_of([3.62e7])
+    (-3, 0, 6)
+    """
+    sizes = np.abs(np.asarray(values, dtype=float))
+    largest = float(sizes[np.isfinite(sizes)].max(initial=0.0))
+    if largest == 0.0 or PLAIN[0] <= largest < PLAIN[1]:
+        return 0
+    return 3 * math.floor((math.log10(largest) + 1.0) / 3.0)  # 0.1 to 100 of the unit
+
+
+def prefixed(units: str, power: int) -> str | None:
+    """Return a unit times a power of ten as a unit with a prefix; None if there is none.
+
+    Examples
+    --------
+    >>> prefixed("m/s", -3), prefixed("kg", -6), prefixed("rad/s", 3)
+    ('mm/s', 'mg', None)
+    """
+    base, power = ("g", power + 3) if units == "kg" and power else (units, power)
+    found = PREFIXED.fullmatch(base)
+    if power == 0 or (found and power in PREFIXES and not (units == "kg" and power > 0)):
+        return PREFIXES.get(power, "") + base
+    return None
+
+
+def quantity(value: float, units: str, digits: int = 5) -> str:
+    """Return a value with its unit, as 0.5 mm for 0.0005 m; nothing stands after a pure number.
+
+    Examples
+    --------
+    >>> quantity(0.5e-3, "m"), quantity(26860.0, "N/m"), quantity(0.8, "1")
+    ('0.5 mm', '26860 N/m', '0.8')
+    """
+    power = power_of(value)
+    unit = prefixed(units, power)
+    if unit is None:
+        unit, power = units, 0
+    return f"{value / 10.0**power:.{digits}g}" + ("" if unit in ("", "1") else f" {unit}")
+
+
+def unit_label(units: str, power: int) -> str:
+    """Return a unit times a power of ten as an axis shows it, in brackets; nothing for pure numbers."""
+    unit = prefixed(units, power)
+    if unit is None:
+        unit = f"$10^{{{power}}}$" + ("" if units in ("", "1") else f" {units}")
+    return "" if unit in ("", "1") else f" [{unit}]"
+
+
+class Scaled(ScalarFormatter):
+    """Numbers in units of a power of ten, which the axis label shows: no factor and no offset stand aside."""
+
+    def __init__(self, power: int) -> None:
+        super().__init__(useOffset=False)
+        if power:
+            self.set_powerlimits((power, power))
+        else:
+            self.set_scientific(False)
+
+    def get_offset(self) -> str:
+        """Return nothing, whatever the power."""
+        return ""
+
+
+class Fitting(MaxNLocator):
+    """Ticks at round numbers, as many as their labels leave room for."""
+
+    def __init__(self, whole: bool = False) -> None:
+        super().__init__(nbins="auto", steps=[1, 2, 2.5, 5, 10], integer=whole)
+        self._whole = whole
+
+    def __call__(self) -> Sequence[float]:
+        """Return the places of the ticks."""
+        low, high = sorted(self.axis.get_view_interval())  # type: ignore[union-attr]
+        ticks = super().__call__()
+        for most in range(len(ticks) - 1, 0, -1):
+            if self._fits(np.asarray(ticks), low, high):
+                break
+            ticks = MaxNLocator(most, steps=[1, 2, 2.5, 5, 10], integer=self._whole).tick_values(low, high)
+        return ticks
+
+    def _fits(self, ticks: Any, low: float, high: float) -> bool:
+        """Return whether no label of the ticks within the view meets its neighbour's."""
+        axis: Any = self.axis
+        shown = ticks[(ticks >= low) & (ticks <= high)]
+        if len(shown) < 2:
+            return True
+        size = axis.majorTicks[0].label1.get_size() if axis.majorTicks else 10.0
+        sides = axis.axes.bbox.size * 72.0 / axis.get_figure(root=True).dpi
+        letters = max(len(text) for text in axis.major.formatter.format_ticks(shown))
+        needed, length = ((WIDE * letters + 1.0), sides[0]) if axis.axis_name == "x" else (HIGH, sides[1])
+        return bool(needed * size <= length * np.diff(shown).min() / (high - low))
+
+
+def scale_axis(axis: Axis, data: xr.DataArray, power: int) -> None:
+    """Give an axis ticks in units of a power of ten, at whole numbers for counts; a logarithmic one keeps its own."""
+    if axis.get_scale() == "linear":
+        axis.set_major_formatter(Scaled(power))
+        axis.set_major_locator(Fitting(data.dtype.kind in "iu"))
