@@ -99,7 +99,7 @@ def test_every_index_is_that_of_parameter_map(fast):
 
 
 @pytest.mark.parametrize("omega", [2.0, 0.1, 2.8])  # a cycle, sticking, chaos
-def test_the_motion_from_rest_is_computed_once_and_where_it_does_not_repeat_carried_on(omega, monkeypatch):
+def test_the_motion_from_rest_is_computed_once_and_where_it_does_not_repeat_watched_besides(omega, monkeypatch):
     osc, calls = vi.ImpactOscillator(omega=omega), []
     engine = type(get_backend("cpu"))
 
@@ -115,7 +115,7 @@ def test_the_motion_from_rest_is_computed_once_and_where_it_does_not_repeat_carr
     for name in ("indices", "share", "samples", "follow"):
         monkeypatch.setattr(engine, name, counted(name))
     describe(osc, parameters=["omega", "gap"])
-    assert calls == ["follow"]
+    assert calls == ["follow"] * (2 if omega == 2.8 else 1)
 
 
 # How far it is from something else

@@ -64,13 +64,10 @@ def final_motion(runner: Runner, cell: Cells, seen: ImpactWindow) -> Final:
     """
     first, samples = runner.record(cell, seen)
     final = Final(first, samples, first.impacts)
-    start = last_of(samples)
-    if irregular(first) and not rests(first) and start is not None:
-        final = _watched(runner, cell.replace(**start._asdict()), seen)
-        final = replace(final, watched=final.watched + min(first.impacts, seen.transient + seen.keep))
-        if (
-            final.measured.name == first.name or final.measured.status == Status.BUDGET
-        ):  # the indices stay those of a map
+    if irregular(first) and not rests(first):
+        final = _watched(runner, cell, seen)
+        if final.measured.name == first.name or final.measured.status == Status.BUDGET:
+            # The indices stay those of a map.
             final = Final(first, samples, final.watched)
     if irregular(final.measured) and rests(final.measured):
         final = _released(runner, cell, seen, final)
