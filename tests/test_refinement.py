@@ -7,6 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from cells import make_cells
+from designs import random_designs
 from vibroimpact import refined_map, to_uniform
 from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.execution.store import SweepStore
@@ -94,6 +95,31 @@ def test_a_gap_that_is_never_crossed_is_followed_to_the_finest_level():
     finest = (plane["level"].values[:, 1:] >= 0) & (plane["level"].values[:, :-1] >= 0)
     assert edge.any(axis=1).all()
     assert finest[edge].all()
+
+
+def test_an_island_of_hits_between_quiet_points_of_the_given_grid_is_found():
+    resonant = vi.ImpactOscillator(gap=1.0)
+    plane = refined_map(resonant, refine=4, omega=np.linspace(0.6, 1.5, 4), amplitude=[0.01, 0.035, 0.06], **BRIEF)
+    quiet = plane["status"] == vi.Status.NO_IMPACT
+    assert quiet.values[::16, ::16].all()
+    whole = uniform(plane, resonant)
+    assert (whole["status"] < vi.Status.NO_IMPACT).sum() > 50
+    assert np.array_equal(plane["status"].values, whole["status"].values)
+
+
+@pytest.mark.parametrize("osc", list(random_designs(np.random.default_rng(131), 10)))
+def test_no_cell_that_hits_is_shown_without_impacts(osc):
+    size = osc.velocity_scale / osc.natural_frequency
+    axes = {"omega": osc.omega * np.linspace(0.6, 1.4, 6), "gap": osc.gap + size * np.linspace(-0.3, 0.5, 6)}
+    plane = refined_map(osc, refine=3, **axes, **BRIEF)
+    quiet = plane["status"].values >= vi.Status.NO_IMPACT
+    assert (plane["level"].values[quiet] >= 0).all()
+    assert not (quiet & (uniform(plane, osc)["status"].values < vi.Status.NO_IMPACT)).any()
+
+
+def test_a_refined_map_says_what_was_filled_in(hard):
+    grid = "islands of another motion between the points of the given 13 x 13 grid may be missing"
+    assert hard[0].attrs["filled_in"].endswith(grid)
 
 
 def test_jumps_of_an_index_are_refined_too():

@@ -108,6 +108,7 @@ def test_info_of_a_finished_refined_map_has_nothing_to_go_on_with(run, tmp_path,
     told = run("info r.zarr")[1]
     computed = whole.attrs["cells_computed"]
     assert told[2] == f"finished: {computed:,} cells computed, {computed / 2401:.1%} of 2,401 in the map"
+    assert told[-1] == whole.attrs["filled_in"]
     assert "continue" not in " ".join(told)
     assert "left" not in " ".join(told)
     assert f"finished: {computed:,} cells computed" in run(command)[2][0]  # it exists

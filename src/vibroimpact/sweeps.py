@@ -207,8 +207,8 @@ def refined_map(osc: Model, *, refine: int, jump: float | None = None, **how: An
     .. math:: (\text{class}, n, p)_i \ne (\text{class}, n, p)_j \quad\text{or}\quad
               |q_i - q_j| > \text{jump} \cdot (\max q - \min q),
 
-    and so are squares that turn out to lie beside such a boundary. The other cells of the fine grid are filled in from
-    their neighbours: the motion is theirs, an index is interpolated linearly.
+    and so are squares that turn out to lie beside such a boundary, and all cells without impacts. The other cells of
+    the fine grid are filled in from their neighbours: the motion is theirs, an index is interpolated linearly.
 
     Parameters
     ----------
@@ -229,8 +229,8 @@ def refined_map(osc: Model, *, refine: int, jump: float | None = None, **how: An
     -------
     xarray.Dataset
         What `parameter_map` returns, over the fine axes, and `level`: at which level a cell was computed, 0 for the
-        given grid, -1 where it was filled in. `attrs` hold `cells_computed`, `fraction_computed` and, of a stopped
-        sweep, whose other cells are filled from what there is, `complete` = 0.
+        given grid, -1 where it was filled in. `attrs` hold `cells_computed`, `fraction_computed`, `filled_in` (what
+        the others hold) and, of a stopped sweep, whose other cells are filled from what there is, `complete` = 0.
 
     Raises
     ------
@@ -239,10 +239,11 @@ def refined_map(osc: Model, *, refine: int, jump: float | None = None, **how: An
 
     Notes
     -----
-    A computed cell is bit for bit that of `parameter_map` over the fine axes. An island that lies between the points of
-    the given grid is overlooked. The paper's (omega, mass) plane has detail at every scale: at 4097 x 4097 cells the
-    quadtree computes 22 % of them and 0.5 % of the area shows another motion than the uniform map. Memory is 30 bytes a
-    fine cell, 8 or 4 more for each further index, and some 60 MB.
+    A computed cell is bit for bit that of `parameter_map` over the fine axes. No impact is never filled in; among
+    motions that hit, an island that lies between the points of the given grid is overlooked. The paper's (omega, mass)
+    plane has detail at every scale: at 4097 x 4097 cells the quadtree computes 22 % of them and 0.5 % of the area shows
+    another motion than the uniform map. Memory is 30 bytes a fine cell, 8 or 4 more for each further index, and some
+    60 MB.
 
     References
     ----------

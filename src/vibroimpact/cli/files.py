@@ -180,10 +180,14 @@ def sentences_of_store(path: Path) -> Iterator[str]:
     yield "  " + ", ".join(f"{name} {value}" for name, value in identity.items() if value is not None)
     yield from _progress(store)
     damaged = store.damaged()
-    if store.is_complete() and not damaged and "start" in (dataset := store.dataset()).dims:
+    if store.is_complete() and not damaged:
         from vibroimpact.report.sweeps import hits_of
 
-        yield from hits_of(dataset)
+        dataset = store.dataset()
+        if "filled_in" in dataset.attrs:
+            yield dataset.attrs["filled_in"]
+        if "start" in dataset.dims:
+            yield from hits_of(dataset)
     if damaged:
         yield f"{len(damaged)} damaged tiles; they are computed again when you continue"
     if damaged or not store.is_complete():

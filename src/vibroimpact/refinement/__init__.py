@@ -62,12 +62,24 @@ def refine_map(
             "complete": int(complete),
             "cells_computed": picture.computed,
             "fraction_computed": picture.computed / picture.level.size,
+            "filled_in": _filled_in(coarse.shape, complete),
         }
         if kept is None:
             return dataset
         stored, writer = kept
         writer.draw({**picture.values, "level": picture.level}, dataset.attrs)
         return stored.dataset()
+
+
+def _filled_in(given: tuple[int, ...], complete: bool) -> str:
+    """Return what the cells that were not computed hold, and what they may hide."""
+    if not complete:
+        return "stopped early: the other cells hold the motion of the nearest ones, also where that is no impact"
+    grid = " x ".join(map(str, given))
+    return (
+        "every cell without impacts was computed; the others hold the motion of their neighbours, so that islands of "
+        f"another motion between the points of the given {grid} grid may be missing"
+    )
 
 
 def refined(coarse: Request, refine: int, jump: float | None) -> Request:

@@ -17,6 +17,7 @@ from vibroimpact.status import Status
 
 FILLED = -1  # the level of a cell that was not computed
 NAMING = NEEDED[:3]  # the indices that a class is decided from
+KINDS = 8  # by which a motion's code counts: its class is the rest
 BAND = 256  # rows filled at a time, to save memory
 Arrays = Mapping[str, NDArray[Any]]
 Flags = NDArray[np.bool_]
@@ -86,7 +87,7 @@ def motion_codes(result: Arrays, sample_impacts: int) -> NDArray[np.uint32]:
     growth = sample_impacts * result["lyapunov_per_impact"]
     kind = stored(decide(result["status"], growth, periods, impacts)).astype(np.uint32)
     name = np.where(kind == MotionClass.PERIODIC, periods * 8192 + impacts, 0)  # impacts of a cycle are at most 4096
-    codes: NDArray[np.uint32] = (kind + 8 * name).astype(np.uint32)
+    codes: NDArray[np.uint32] = (kind + KINDS * name).astype(np.uint32)
     return codes
 
 
@@ -107,7 +108,8 @@ def finer(values: Floats, levels: int) -> Floats:
 def refine_picture(picture: Picture, levels: int, jump: float | None, compute: Compute) -> bool:
     """Compute and fill the picture, a coarse lattice first; return whether it is complete.
 
-    Each batch follows from the ones before alone, so that a stopped run retraces its steps.
+    Where a cell would be filled in as one without impacts it is computed: that costs little, and the worst thing to be
+    wrong about is a hit. Each batch follows from the ones before alone, so that a stopped run retraces its steps.
     """
     step = 1 << levels
     everywhere = np.ones([side - 1 for side in picture.level[::step, ::step].shape], bool)
@@ -115,9 +117,10 @@ def refine_picture(picture: Picture, levels: int, jump: float | None, compute: C
     jumps = {} if jump is None else _jumps(picture, step, jump)
     for level in range(1, levels + 1):
         # No margin around mixed squares: the boundaries that slip between samples are found below, at less cost.
-        batch = _unknown(picture, step // 2, _mixed_squares(picture, step, jumps), 2) if going else None
+        mixed = _mixed_squares(picture, step, jumps)
         step //= 2
         picture.fill(step)
+        batch = _unknown(picture, step, mixed, 2) if going else None
         while batch is not None and len(batch):
             going = compute(batch, level)
             # what was filled in but turns out to lie beside a boundary
@@ -126,12 +129,13 @@ def refine_picture(picture: Picture, levels: int, jump: float | None, compute: C
 
 
 def _unknown(picture: Picture, step: int, squares: Flags, cuts: int) -> Places:
-    """Return the cells of the lattice of `step` in or on marked squares of sides `cuts` steps that are not computed.
+    """Return the cells of the lattice of `step` that must be computed and are not yet.
 
+    They are those in or on marked squares of sides `cuts` steps, and those that would be filled in as without impacts.
     They come as flat indices of the fine grid, in ascending order.
     """
     rows, columns = (cuts * side for side in squares.shape)
-    points = np.zeros((rows + 1, columns + 1), bool)
+    points: Flags = picture.motion[::step, ::step] % KINDS == MotionClass.NO_IMPACT
     for i in range(cuts + 1):
         for j in range(cuts + 1):
             points[i : i + rows : cuts, j : j + columns : cuts] |= squares

@@ -38,6 +38,8 @@ def map_sentences(dataset: xr.Dataset) -> Iterator[str]:
         yield f"{shape} {cells}{begun(dataset, ' from ')}: {ranges}"
     for name in (name for name in INDICES if name in dataset):
         yield _index(dataset[name], axes, oscillator_of(dataset).velocity_scale)
+    if "filled_in" in dataset.attrs:
+        yield f"{100 * dataset.attrs['fraction_computed']:.3g} % of the cells computed; {dataset.attrs['filled_in']}"
     if "start" in dataset.dims:
         yield from hits_of(dataset)
         yield f"of the {dataset['status'].size:,} motions:"
