@@ -90,7 +90,9 @@ def until(page, condition):
 
 def test_the_page_shows_plane_point_and_numbers(tab):
     load(tab)
-    assert "Period-1 impact-1, stable, largest impact velocity 6.23 m/s once per period" in tab.inner_text("#sentence")
+    assert "From rest: period-1 impact-1, stable, largest impact velocity 6.23 m/s once per period" in tab.inner_text(
+        "#sentence"
+    )
     assert "6.2264" in tab.inner_text("#numbers")
     ends = tab.evaluate("""["time", "displacement", "velocity", "speeds", "phases"].map((name) => {
       const values = [...Motion.motions[0][name]];
@@ -246,9 +248,10 @@ def test_the_pointer_over_the_plane_tells_value_and_name_of_the_cell(tab):
     tab.mouse.move(box["x"] + 62 + 0.5 * (box["width"] - 128), box["y"] + 150)
     tab.locator("#tip").wait_for(state="visible")
     told = tab.inner_text("#tip").split("\n")
-    assert re.fullmatch(r"ω (2|2\.00\d*|1\.99\d*)", told[0])
-    assert re.fullmatch(r"std \d\S*", told[2])
-    assert told[3] == "period-1 impact-1"
+    assert re.fullmatch(r"ω (2|2\.00\d*|1\.99\d*) rad/s", told[0])
+    assert re.fullmatch(r"m \d\S* kg", told[1])
+    assert re.fullmatch(r"Std of impact velocities \d\S* [fpnµm]?m/s", told[2])
+    assert told[3] == "from rest: period-1 impact-1"
     tab.mouse.down()
     assert not tab.locator("#tip").is_visible()
     tab.mouse.up()
@@ -303,7 +306,7 @@ def test_a_plot_of_the_motion_zooms_pans_and_comes_back(tab):
     box = tab.locator("#portrait").bounding_box()
     middle = box["x"] + 0.5 * box["width"], box["y"] + 0.4 * box["height"]
     tab.mouse.move(*middle)
-    assert re.fullmatch(r"−?[\d.]+, −?[\d.]+", tab.locator(".plot output").nth(1).inner_text())
+    assert re.fullmatch(r"−?[\d.]+ m, −?[\d.]+ m/s", tab.locator(".plot output").nth(1).inner_text())
     tab.mouse.wheel(0, -200)
     until(tab, f"{picture} !== {home!r}")
     zoomed = tab.evaluate(picture)
@@ -347,6 +350,62 @@ def test_the_motion_plays(tab):
     tab.wait_for_timeout(300)
     assert tab.evaluate("document.getElementById('play-canvas').toDataURL()") != first
     tab.click("#play")
+
+
+SI = "m=2.1&c=4.75&k=26860&f=5&w=157&r=0.7&g=0.0005&x=w,60,220&y=g,0.0001,0.0015&index=max_velocity&n=200"
+TINY = "m=1&c=0.05&k=1&f=1e-06&w=1.2&r=0.7&g=2e-06&x=g,-4e-06,4e-06&y=f,1e-07,3e-06&index=max_velocity&n=200"
+LABELS = """() => {
+  const found = {}, draw = CanvasRenderingContext2D.prototype.fillText, ratio = window.devicePixelRatio;
+  CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+    const { width } = this.measureText(text), size = parseInt(this.font, 10), at = this.getTransform();
+    const left = x - width * { left: 0, start: 0, center: 0.5, right: 1 }[this.textAlign];
+    const top = y - size * { top: 0, middle: 0.5, alphabetic: 0.8 }[this.textBaseline];
+    const corners = [[left, top], [left + width, top + size]].map(([a, b]) => at.transformPoint({ x: a, y: b }));
+    const ends = (axis) => corners.map((one) => one[axis] / ratio).sort((a, b) => a - b);
+    (found[this.canvas.id] ||= []).push([text, ...ends("x"), ...ends("y")]);
+  };
+  for (const plot of [...Object.values(Motion.plots), Motion.below, Plane.plot]) plot.draw();
+  CanvasRenderingContext2D.prototype.fillText = draw;
+  return Object.entries(found).map(([id, texts]) => [texts, byId(id).clientWidth, byId(id).clientHeight]);
+  function byId(id) { return document.getElementById(id); } }"""
+
+
+@pytest.mark.parametrize("query", [QUICK, SI, TINY, TINY + "&log=1&b=1"])
+def test_no_label_of_a_plot_covers_another_or_leaves_it(tab, query):
+    load(tab, query, side=64)
+    plots = tab.evaluate(LABELS)
+    assert len(plots) == 6
+    for texts, width, height in plots:
+        for at, (text, left, right, top, bottom) in enumerate(texts):
+            assert left >= -1 and right <= width + 1 and top >= -1 and bottom <= height + 1, text  # noqa: PT018
+            assert len(text) < 8 or not re.fullmatch(r"[−\d.e]+", text)
+            for other, left_, right_, top_, bottom_ in texts[:at]:
+                assert left >= right_ or left_ >= right or top >= bottom_ or top_ >= bottom, (text, other)
+
+
+def test_cells_that_hit_from_other_initial_conditions_are_hatched(tab):
+    load(tab, SI)
+    tab.get_by_text("no impact from rest; impacts from other initial conditions (16 tried)").wait_for(timeout=60_000)
+    stripes = """([x, y]) => {
+      const { plot } = Plane, [left, top] = [plot.px(x), plot.py(y)].map((at) => Math.round(at) - 24);
+      const copy = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+      copy.drawImage(plot.canvas, left, top, 48, 48, 0, 0, 48, 48);
+      const { data } = copy.getImageData(0, 0, 48, 48);
+      const dark = Array.from({ length: data.length / 4 }, (_, k) => data[4 * k] < 0xa0);
+      return dark.filter(Boolean).length / dark.length; }"""
+    hatched, plain = [165, 0.0006], [200, 0.001]
+    assert 0.05 < tab.evaluate(stripes, hatched) < 0.4
+    assert tab.evaluate(stripes, plain) == 0.0
+    box = tab.locator("#plane-canvas").bounding_box()
+    x, y = tab.evaluate("[Plane.plot.px(165), Plane.plot.py(0.0006)]")
+    tab.mouse.move(box["x"] + x, box["y"] + y)
+    tab.locator("#tip").wait_for(state="visible")
+    told = tab.inner_text("#tip").split("\n")
+    assert told[1].endswith(" mm")
+    assert told[2] == "from rest: no impact"
+    assert re.fullmatch(r"from another initial condition: impacts of up to 0\.1\d* m/s", told[3])
+    tab.mouse.wheel(0, -100)  # the stripes stay as wide while the plane is zoomed
+    assert 0.05 < tab.evaluate(stripes, hatched) < 0.4
 
 
 CONTRAST = """(element) => {

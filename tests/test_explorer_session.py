@@ -1,6 +1,7 @@
 """The explorer without its page: what is computed when, what is not, and what stops."""
 
 import json
+import re
 import threading
 import time
 import tomllib
@@ -12,15 +13,20 @@ import pytest
 import vibroimpact as vi
 from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.explorer.files import KINDS, export, open_study, python_lines, study_file
-from vibroimpact.explorer.plane import SIDES, Curves, Plane, bands, lattice, name_of, positions, shades
-from vibroimpact.explorer.point import compute_point
+from vibroimpact.explorer.plane import OTHERS, SIDES, Curves, Plane, bands, lattice, positions
+from vibroimpact.explorer.point import Other, compute_point
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import FINEST, View
-from vibroimpact.explorer.views import PlaneView, color_numbers, one_turn
+from vibroimpact.explorer.shades import name_of, shades
+from vibroimpact.explorer.state import FINEST, View, granted
+from vibroimpact.explorer.views import PlaneView, PointView, color_numbers, one_turn
 from vibroimpact.explorer.work import Pool, Urgency
+from vibroimpact.motion import MotionClass
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.plotting.style import BOUNDARY_COLORS
 
+TUBE = ImpactOscillator(
+    mass=2.1, damping_ratio=0.01, stiffness=26860.0, amplitude=5.0, omega=157.08, restitution=0.7, gap=0.5e-3
+)
 SMALL = View(x_range=(1.8, 2.2), y_range=(0.9, 1.1), samples=200)
 
 
@@ -122,6 +128,53 @@ def test_only_cells_that_stick_have_the_colour_of_sticking():
     seen = shades(plane)
     cells = color_numbers(seen, 255)
     assert ((cells == 256).reshape(64, 64)[::-1] == np.isneginf(seen.value)).all()
+
+
+def test_what_has_no_impact_from_rest_is_hatched_where_others_of_16_hit(heard):
+    view = View(osc=TUBE, x="omega", x_range=(60.0, 220.0), y="gap", y_range=(1e-4, 1.5e-3), samples=200)
+    explorer = Explorer(view, listener=heard.extend)
+    explorer.start()
+    assert explorer.wait(120)
+    kinds, plane = [what for what, _ in heard], explorer.plane
+    assert plane.tried
+    assert kinds.count("hatch") == 1
+    assert kinds.index("hatch") > max(at for at, kind in enumerate(kinds) if kind == "plane")
+    quiet = plane.values["motion"] == MotionClass.NO_IMPACT
+    assert (np.isfinite(plane.elsewhere) == quiet).all()
+    assert 0.1 < (plane.elsewhere[quiet] > 0.0).mean() < 0.5
+    rng = np.random.default_rng(13)
+    at = rng.permutation(np.argwhere(quiet))[:200]
+    points = {"omega": positions(60.0, 220.0, at[:, 0]), "gap": positions(1e-4, 1.5e-3, at[:, 1])}
+    sweep = vi.parameter_map(
+        TUBE, points=points, start=OTHERS + 1, indices=["max_velocity"], sample_impacts=200,
+        tolerances=granted(view.stiffness, 300),
+    )  # fmt: skip
+    assert not (sweep["max_velocity"].isel(start=0) > 0.0).any()
+    assert ((sweep["max_velocity"].max("start") > 0.0) == (plane.elsewhere[tuple(at.T)] > 0.0)).all()
+    explorer.set(index="motion")
+    assert explorer.wait(60)
+    assert [what for what, _ in heard].count("hatch") == 1  # the cells are the same
+    explorer.close()
+
+
+def test_the_page_hatches_a_plane_until_there_is_another_one():
+    drawn, plane, other = PlaneView(), Plane.unknown(View()), Plane.unknown(View())
+
+    def hatched():
+        parts = dict(zip(*drawn.updates["hatch"].source.data.values(), strict=True))
+        return parts["hatch"]["side"], parts["#hatch"]["html"]
+
+    drawn.show_hatch(plane)  # nothing is known
+    assert hatched() == (0, "")
+    plane.elsewhere[3, 5] = 0.5
+    drawn.show_hatch(plane)
+    assert hatched()[0] == FINEST
+    assert "no impact from rest; impacts from other initial conditions (16 tried)" in hatched()[1]
+    plane.side = other.side = SIDES[0]
+    drawn.show_plane(plane)
+    assert hatched()[0] == FINEST
+    drawn.show_plane(other)
+    assert hatched() == (0, "")
 
 
 def test_boundaries_have_the_colours_that_they_have_in_figures():
@@ -332,6 +385,27 @@ def test_coexisting_motions_are_found_and_can_be_followed(explorer):
     assert explorer.point.name == "period-3 impact-4"
 
 
+def test_what_other_initial_conditions_lead_to_is_told_with_their_number():
+    shown = PointView()
+
+    def told(osc, *others):
+        shown.show_point(compute_point(View(osc=osc, x="damping", x_range=(0.0, 20.0), y="mass", y_range=(0.9, 5.0))))
+        shown.show_others([Other(*one, State(0.0)) for one in others])
+        return re.sub(
+            "<[^>]*>", "", dict(zip(*shown.updates["others"].source.data.values(), strict=True))["#others"]["html"]
+        )
+
+    same = ("period-1 impact-1", 1.0, compute_point(View()).indices["max_velocity"])
+    assert told(ImpactOscillator(), same) == "All 256 other initial conditions tried lead to this motion."
+    everywhere = ("period-1 impact-1", 1.0, 0.105)  # though nothing hits from rest
+    assert told(TUBE, everywhere) == "From 256 other initial conditions: 100 % period-1 impact-1 (up to 0.105 m/s)."
+    several = ("period-1 impact-1", 0.88, 0.105), ("no impact", 0.1, float("nan")), ("period-3 impact-1", 0.0, 0.002)
+    assert told(TUBE, *several) == (
+        "From 256 other initial conditions: 88 % period-1 impact-1 (up to 0.105 m/s), 10 % no impact, "
+        "none period-3 impact-1 (up to 0.002 m/s), 2 % not decided."
+    )
+
+
 def test_the_history_shows_both_sides_of_every_impact_and_never_passes_the_stop():
     for omega in (0.1, 0.9, 2.0, 2.8):
         point = compute_point(View(osc=ImpactOscillator(omega=omega)))
@@ -344,11 +418,11 @@ def test_the_history_shows_both_sides_of_every_impact_and_never_passes_the_stop(
 @pytest.mark.parametrize(
     ("osc", "words"),
     [
-        (ImpactOscillator(omega=2.0), ("Period-1 impact-1", "stable", "once per period")),
+        (ImpactOscillator(omega=2.0), ("From rest: period-1 impact-1", "stable", "once per period")),
         (ImpactOscillator(omega=0.1), ("sticking", "at rest at the stop")),
-        (ImpactOscillator(omega=2.8), ("Chaotic", "perturbations double")),
-        (ImpactOscillator(gap=9.0, omega=3.0, damping=0.1), ("amplitude is 0.125 m",)),
-        (ImpactOscillator(gap=-2.0), ("stop",)),
+        (ImpactOscillator(omega=2.8), ("Chaotic over 1100 impacts", "perturbations double")),
+        (ImpactOscillator(gap=9.0, omega=3.0, damping=0.1), ("From rest: no impact", "swing of 0.125 m", "gap of 9 m")),
+        (ImpactOscillator(gap=-2.0), ("permanently in contact", "stop")),
     ],
 )
 def test_a_sentence_tells_the_motion(osc, words):

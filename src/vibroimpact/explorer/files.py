@@ -144,6 +144,15 @@ def _within(name: str, edge: float, value: float) -> float:
         return float(value)
 
 
+def _origin(sweep: xr.Dataset) -> str:
+    """Return from where the motions of a stored sweep began, as far as it says so."""
+    try:
+        start = json.loads(sweep.attrs["arguments"])["start"]
+    except (KeyError, TypeError, ValueError):
+        return "from the stored initial condition"
+    return Plane.origin if start is None else "from the stored initial condition"
+
+
 def _nearest(values: Any, places: Any) -> Any:
     """Return which of increasing values is nearest to each place."""
     after = np.searchsorted(values, places).clip(1, len(values) - 1)
@@ -171,6 +180,7 @@ def _plane(view: View, sweep: xr.Dataset, name: str) -> tuple[Plane, frozenset[s
     missing = int(sweep.attrs.get("cells_missing", 0))
     plane.stored = f"{name}, {len(sweep[view.x])} × {len(sweep[view.y])} cells" + f", {missing} missing" * bool(missing)
     plane.side = FINEST
+    plane.origin = _origin(sweep)
     return plane, frozenset(map(str, near.data_vars)) & {MOTION, *INDICES}
 
 

@@ -53,6 +53,7 @@ class Page:
         self._show: dict[str, Callable[[Any], None]] = {
             "view": self._show_view,
             "plane": self.plane.show_plane,
+            "hatch": self.plane.show_hatch,
             "point": self.point.show_point,
             "line": self.line.show,
             "curves": self.plane.show_curves,

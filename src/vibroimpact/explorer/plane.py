@@ -1,25 +1,20 @@
-"""The plane: its cells, a coarse lattice first and then the cells between, their colours, a diagram, and boundaries."""
+"""The plane: its cells, a coarse lattice first and then the cells between, a diagram, and boundaries."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.explorer.state import FINEST, GREEK, MOTION, Range, View, granted
+from vibroimpact.explorer.state import FINEST, Range, View, granted
 from vibroimpact.indices import INDICES
-from vibroimpact.motion import MotionClass, motion_name, refined
+from vibroimpact.motion import MotionClass
 from vibroimpact.oscillator import ImpactOscillator, State
-from vibroimpact.plotting.categories import motion_layers
-from vibroimpact.plotting.cells import symmetric_limit
-from vibroimpact.plotting.style import STICKING
 
 Floats = NDArray[np.float64]
 Places = NDArray[np.int64]  # of cells along an axis of the finest lattice
@@ -28,12 +23,8 @@ KeepGoing = Callable[[], bool]
 SIDES = (64, 128, 256)  # of the lattices; each contains the one before
 BAND, USUAL = 2048, 500  # cells per job, about, with so many impacts per cell; fewer where more are sampled
 TRANSIENT = 100  # impacts left out
-
-KIND, PERIOD = 1e10, 1e5  # kind of motion, periods and impacts in one number
-NOTHING = "#c9c9c9"  # no impact, or no value
-SIGNED = frozenset({"lyapunov", "lyapunov_per_impact"})
-DECADES = 6  # that a logarithmic scale spans at most
-PERCENT = 99.5  # of the cells that the colours distinguish
+TRIED = (2, 5, 17)  # initial conditions in turn, rest among them, of cells without impact from rest: until one hits
+OTHERS = TRIED[-1] - 1
 
 VALUES, PART = 200, 100  # along the line; computed at a time
 IMPACTS = 48  # of each value
@@ -73,13 +64,14 @@ def compute_cells(
     samples: int,
     stiff: float,
     axes: dict[str, Any],
-    start: State | None = None,
+    start: State | int | None = None,
     keep_going: KeepGoing = lambda: True,
+    indices: Iterable[str] = tuple(INDICES),
 ) -> xr.Dataset:
-    """Return all indices of a page's cells over some axes, the impacts sampled and budgeted as pages do."""
+    """Return indices of a page's cells over some axes, or points, the impacts sampled and budgeted as pages do."""
     sweep: xr.Dataset = vi.parameter_map(
         osc,
-        indices=tuple(INDICES),
+        indices=tuple(indices),
         start=start,
         transient_impacts=TRANSIENT,
         sample_impacts=samples,
@@ -98,8 +90,11 @@ class Plane:
     view: View
     side: int
     values: dict[str, NDArray[Any]]  # each FINEST x FINEST, the first axis along x
+    elsewhere: NDArray[np.float32]  # m/s: a hardest impact from other initial conditions; 0 from none, NaN not tried
     seconds: float = 0.0
     stored: str = ""  # the stored sweep that they were taken from
+    origin: str = "from rest"
+    tried: bool = False  # whether `elsewhere` is complete
 
     @classmethod
     def unknown(cls, view: View) -> Plane:
@@ -109,7 +104,7 @@ class Plane:
         }
         values["motion"] = np.zeros((FINEST, FINEST), np.int8)
         values["status"] = np.full((FINEST, FINEST), vi.Status.INTERRUPTED, np.int8)
-        return cls(view, 0, values)
+        return cls(view, 0, values, np.full((FINEST, FINEST), np.nan, np.float32))
 
     def fill(self, columns: Places, rows: Places, keep_going: KeepGoing) -> bool:
         """Compute a rectangle of cells; return whether it was finished."""
@@ -121,6 +116,30 @@ class Plane:
         found = sweep.assign(motion=vi.classify(sweep)["motion"])
         for name, array in self.values.items():
             array[np.ix_(columns, rows)] = found[name].values
+        return True
+
+    def quiet(self) -> list[Places]:
+        """Return the places of the cells that have no impact from rest, in rows of two, in parts for a job each."""
+        places = np.argwhere(self.values["motion"] == MotionClass.NO_IMPACT)
+        parts = round(len(places) * max(self.view.samples, USUAL) / (BAND * USUAL))
+        return np.array_split(places, max(1, parts)) if len(places) else []
+
+    def try_others(self, places: Places, keep_going: KeepGoing) -> bool:
+        """Look for impacts from other initial conditions in some cells; return whether that was finished."""
+        view, hardest = self.view, np.zeros(len(places), np.float32)
+        for number in TRIED:
+            left = np.flatnonzero(hardest == 0.0)
+            if not len(left):
+                break
+            columns, rows = places[left].T
+            points = {view.x: positions(*view.x_range, columns), view.y: positions(*view.y_range, rows)}
+            sweep = compute_cells(
+                view.osc, view.samples, view.stiffness, {"points": points}, number, keep_going, ["max_velocity"]
+            )
+            if not keep_going():
+                return False
+            hardest[left] = sweep["max_velocity"].fillna(0.0).max("start").values
+        self.elsewhere[tuple(places.T)] = hardest
         return True
 
     def array(self, name: str) -> NDArray[Any]:
@@ -141,112 +160,8 @@ class Plane:
         sweep = compute_cells(view.osc, view.samples, view.stiffness, one, keep_going=lambda: False)
         axes = {name: (name, self.axis(axis), sweep[name].attrs) for axis, name in zip("xy", dims, strict=True)}
         content = {str(name): (dims, self.array(str(name)), sweep[name].attrs) for name in sweep.data_vars}
-        return xr.Dataset(content, coords=axes, attrs=sweep.attrs)
-
-
-@dataclass(frozen=True)
-class Shades:
-    """A plane as colours: what is mapped to colours, exact values and names to be read, limits, and a legend."""
-
-    shade: NDArray[np.float32]
-    value: Floats
-    name: Floats  # class, periods and impacts in one number
-    low: float
-    high: float
-    palette: str  # "sequential", "signed" or "names"
-    colors: tuple[str, ...]
-    title: str
-    ticks: tuple[tuple[float, str], ...]  # of the colour bar
-    legend: tuple[tuple[str, str], ...]
-
-
-def shades(plane: Plane) -> Shades:
-    """Return a plane as colours; arrays have rows along y, as a picture has."""
-    view = plane.view
-    motion, n, p = (plane.array(key).astype(np.float64).T for key in ("motion", "n_periods", "n_impacts"))
-    name = refined(motion, plane.array("status").T) * KIND + n * PERIOD + (p + 1.0)
-    if view.index == MOTION:
-        return _names(motion, n, p, name)
-    index = INDICES[view.index]
-    value = plane.array(view.index).astype(np.float64).T
-    if view.index in ("n_periods", "n_impacts"):
-        value = np.where(value == 0, np.nan, value)
-    finite = value[np.isfinite(value)]
-    title = f"{index.long_name} {GREEK.get(index.symbol, index.symbol)}"
-    title += "" if index.units == "1" else f" [{index.units}]"
-    palette = "signed" if view.index in SIGNED else "sequential"
-    low, high = _limits(finite, palette == "signed", view.log and palette == "sequential")
-    shade = np.clip(value, low, high)
-    shade[np.isneginf(value)] = low - 1.0 - abs(low)
-    log = view.log and palette == "sequential"
-    ticks = tuple(_ticks(low, high, log))
-    if log:
-        shade, low, high = np.log10(shade), math.log10(low), math.log10(high)
-    legend = tuple(_special(value, motion))
-    return Shades(shade.astype(np.float32), value, name, low, high, palette, (), title, ticks, legend)
-
-
-def name_of(code: float) -> str:
-    """Return the motion's name that a number of `Shades.name` stands for."""
-    kind, rest = divmod(code, KIND)
-    n, p = divmod(rest, PERIOD)
-    return motion_name(int(kind), int(n), int(p) - 1)
-
-
-def _ticks(low: float, high: float, log: bool) -> Iterator[tuple[float, str]]:
-    """Yield where the colour bar has ticks, and their labels."""
-    values: Sequence[float] = []
-    if log and high > 3.0 * low:
-        values = LogLocator(subs=(1.0, 2.0, 5.0) if high < 3e3 * low else (1.0,)).tick_values(low, high)
-    if len([value for value in values if low <= value <= high]) < 2:
-        values = MaxNLocator(7).tick_values(low, high)
-    for value in values:
-        if low <= value <= high:
-            yield (math.log10(value) if log else float(value)), f"{float(f'{value:.6g}'):g}".replace("-", "−")
-
-
-def _limits(finite: Floats, signed: bool, log: bool) -> tuple[float, float]:
-    if not finite.size:
-        return (-1.0, 1.0) if signed else (0.1, 1.0)
-    if signed:
-        most = symmetric_limit(finite)
-        return -most, most
-    low, high = float(finite.min()), float(np.percentile(finite, PERCENT))
-    if log:
-        high = max(high, float(finite.max()) * 1e-3, 1e-300)
-        above = finite[finite > high * 10.0**-DECADES]
-        low = float(above.min()) if above.size else high * 10.0**-DECADES
-    if high - low <= 1e-9 * max(abs(high), abs(low)):
-        middle = 0.5 * (low + high)
-        return (middle / 1.1, middle * 1.1) if middle > 0.0 else (middle - 0.1, middle + 1.0)
-    return low, high
-
-
-def _special(value: Floats, motion: Floats) -> list[tuple[str, str]]:
-    entries = []
-    if np.isneginf(value).any():
-        entries.append((STICKING, "−∞: sticks"))
-    without = np.isnan(value)
-    if (without & (motion == MotionClass.NO_IMPACT)).any():
-        entries.append((NOTHING, "no impact"))
-    if (without & (motion != MotionClass.NO_IMPACT)).any():
-        entries.append((NOTHING, "no value" if not entries or entries[-1][1] != "no impact" else "or no value"))
-    return entries
-
-
-def _names(motion: Floats, n: Floats, p: Floats, name: Floats) -> Shades:
-    layers = list(motion_layers(motion, n.astype(int), p.astype(int)))
-    shade = np.zeros(motion.shape, np.float32)
-    for number, (where, _, _) in enumerate(layers):
-        shade[where] = number
-    legend = tuple((color, f"{_share(where)} {label}") for where, color, label in layers if where.any())
-    colors = tuple(color for _, color, _ in layers)
-    return Shades(shade, motion, name, -0.5, len(layers) - 0.5, "names", colors, "motion", (), legend)
-
-
-def _share(where: Any) -> str:
-    part = 100.0 * float(where.mean())
-    return f"{part:.0f} %" if part >= 0.95 else "<1 %"
+        origin = {} if self.origin == Plane.origin else {"origin": f" {self.origin}"}
+        return xr.Dataset(content, coords=axes, attrs=sweep.attrs | origin)
 
 
 # ---- what is drawn below and over the plane

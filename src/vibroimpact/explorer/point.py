@@ -95,7 +95,7 @@ def compute_point(view: View, osc: ImpactOscillator | None = None) -> Point:
     return Point(
         osc=osc,
         name=motion_name(kind, n, p),
-        sentence=sentence(osc, kind, status, indices),
+        sentence=sentence(osc, kind, status, indices, start, TRANSIENT + view.samples),
         n_periods=n,
         settled=settled,
         indices=indices,
@@ -223,6 +223,12 @@ class Other:
     max_velocity: float
     start: State
 
+    def same(self, point: Point) -> bool:
+        """Whether this is the motion of a point: of one name, and of a cycle with the same largest velocity."""
+        velocity = point.indices["max_velocity"]
+        alike = not point.n_periods or math.isclose(self.max_velocity, velocity, rel_tol=1e-6)
+        return self.name == point.name and alike
+
 
 def find_others(view: View, keep_going: KeepGoing) -> list[Other]:
     """Return the motions that initial conditions at the view's point lead to, as far as time is left.
@@ -255,8 +261,22 @@ class Motions:
         return known
 
 
-def sentence(osc: ImpactOscillator, kind: MotionClass, status: Status, indices: dict[str, float]) -> str:
-    """Return the motion in a sentence."""
+def sentence(
+    osc: ImpactOscillator,
+    kind: MotionClass,
+    status: Status,
+    indices: dict[str, float],
+    start: State | None = None,
+    impacts: int = TRANSIENT,
+) -> str:
+    """Return the motion in a sentence: from which initial condition, and what was seen in so many impacts at most."""
+    origin = "From rest" if start is None else "From the chosen initial condition"
+    return f"{origin}: {_settled_motion(osc, kind, status, indices, impacts)}"
+
+
+def _settled_motion(
+    osc: ImpactOscillator, kind: MotionClass, status: Status, indices: dict[str, float], impacts: int
+) -> str:
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
     name, peak = motion_name(kind, n, p), f"largest impact velocity {indices['max_velocity']:.3g} m/s"
     often = "once per period" if n <= 1 else f"once in {n} periods"
@@ -271,14 +291,15 @@ def sentence(osc: ImpactOscillator, kind: MotionClass, status: Status, indices: 
         return f"{name}, stable, {peak} {often}; at rest at the stop {rest:.3g} % of the time."
     if kind == MotionClass.CHAOTIC:
         doubling = math.log(2.0) / (indices["lyapunov"] * osc.period)
-        return f"{name}, {peak}; perturbations double in {_periods(doubling)}."
+        return f"{name} over {impacts} impacts, {peak}; perturbations double in {_periods(doubling)}."
     if kind.stored == MotionClass.NO_IMPACT:
-        reach = osc.steady_amplitude
-        free = f" The amplitude is {reach:.3g} m, the gap {osc.gap:.3g} m." if reach < osc.gap else ""
-        return f"{status.sentence[0].upper()}{status.sentence[1:].split(';')[0]}.{free}"
+        words = "no impact" if status == Status.NO_IMPACT else status.sentence.split(";")[0]
+        reach, gap = (f"{length:.3g} m" for length in (osc.steady_amplitude, osc.gap))
+        swings = f"; the steady swing of {reach} stays short of the gap of {gap}"
+        return f"{words}{swings if osc.steady_amplitude < osc.gap else ''}."
     known = f", {peak}" if math.isfinite(indices["max_velocity"]) else ""
-    reason = "no cycle was found, and chaos is not certain" if status.has_indices else status.sentence.split(";")[0]
-    return f"Undecided{known}: {reason}; sample more impacts."
+    reason = f"no cycle in {impacts} impacts, and chaos is not certain" if status.has_indices else status.sentence
+    return f"undecided{known}: {reason.split(';')[0]}; sample more impacts."
 
 
 def _periods(value: float) -> str:
@@ -286,7 +307,7 @@ def _periods(value: float) -> str:
 
 
 def index_text(index: str, value: float) -> str:
-    """Return the value of an index as a table shows it."""
+    """Return the value of an index as a table shows it; n and p of a motion without impacts are NaN."""
     if math.isnan(value):
         return "–"
     if math.isinf(value):
@@ -301,11 +322,14 @@ def index_text(index: str, value: float) -> str:
 def index_rows(point: Point) -> list[tuple[str, str, str]]:
     """Return long name, value and unit of every index."""
     rows = []
+    hits = math.isfinite(point.indices["max_velocity"])
     for name, value in point.indices.items():
+        value = value if hits else math.nan
         index, scale = INDICES[name], spread_scale(name, point.osc.velocity_scale)
-        rows.append((index.long_name, index_text(name, shown_spread(value, scale)), _plain(index.units)))
+        rows.append((index.long_name, index_text(name, shown_spread(value, scale)), plain(index.units)))
     return rows
 
 
-def _plain(units: str) -> str:
+def plain(units: str) -> str:
+    """Return a unit; "" for a pure number."""
     return "" if units == "1" else units

@@ -34,8 +34,8 @@ class Explorer:
         The threads that compute; None makes them.
     listener : callable, optional
         Gets lists of messages that belong together, from any thread: ("view", View), ("plane", Plane),
-        ("point", Point), ("line", Line), ("curves", Curves or None), ("others", list of Other), ("pins", list of
-        Point) and ("message", str).
+        ("hatch", Plane), ("point", Point), ("line", Line), ("curves", Curves or None), ("others", list of Other),
+        ("pins", list of Point) and ("message", str).
     stored : callable, optional
         Given a view, returns a `Plane` taken from a stored sweep, or None.
 
@@ -256,7 +256,7 @@ class Explorer:
         if known is not None:
             self._work.submit("plane", Urgency.COARSE, lambda: self._show_plane(known))
         else:
-            Refinement(Plane.unknown(self.view), self._work, self._show_plane, self._late)
+            Refinement(Plane.unknown(self.view), self._work, self._show_plane, self._show_hatch, self._late)
 
     def _show_plane(self, plane: Plane) -> None:
         with self._lock:
@@ -265,6 +265,15 @@ class Explorer:
             plane.view = self.view
             self.plane = plane
             self._send(("plane", plane))
+
+    def _show_hatch(self, plane: Plane) -> None:
+        with self._lock:
+            if plane.view.plane_key != self.view.plane_key:
+                return
+            self._send(("hatch", plane))
+            if not plane.tried:
+                limit = f"{work.PLANE_SECONDS:g} s"
+                self._send(("message", f"hatching of cells without impact from rest incomplete: stopped after {limit}"))
 
     def _late(self) -> None:
         limit = f"{work.PLANE_SECONDS:g} s"

@@ -10,12 +10,18 @@ from bokeh.models import ColumnDataSource
 from bokeh.palettes import RdBu11, Viridis256, interp_palette
 from numpy.typing import NDArray
 
-from vibroimpact.explorer.plane import NOTHING, Curves, Line, Plane, Shades, name_of, shades
-from vibroimpact.explorer.point import Other, Point, index_rows
-from vibroimpact.explorer.state import NAMES, View, parameter_label, symbol, unit
+from vibroimpact.cells import FASTEST
+from vibroimpact.coexistence.measuring import SPREAD
+from vibroimpact.explorer.plane import OTHERS, TRANSIENT, Curves, Line, Plane
+from vibroimpact.explorer.point import Other, Point, index_rows, plain
+from vibroimpact.explorer.shades import NOTHING, Shades, name_of, shades
+from vibroimpact.explorer.state import FINEST, NAMES, View, parameter_label, symbol, unit
+from vibroimpact.indices import INDICES
 from vibroimpact.plotting.style import BLUE, BOUNDARY_COLORS, GREEN, RED, STICKING
 from vibroimpact.plotting.style import view as limits
 
+MOST_LISTED = 5  # motions
+TRIED_THERE = f"impacts spread over phases 0 to 1 and velocities 0 to {FASTEST:g} V, V = max(f, k |g|)/√(km)"
 PINS = (RED, GREEN)
 LETTERS = ("A", "B")
 COLORS = (BLUE, *PINS)  # of the present motion and the pinned ones
@@ -59,7 +65,8 @@ class PlaneView:
     """The plane, its legend, and what lies over it."""
 
     def __init__(self) -> None:
-        self.updates = {name: Update(name) for name in ("plane", "curves")}
+        self.updates = {name: Update(name) for name in ("plane", "hatch", "curves")}
+        self._hatched: Plane | None = None
 
     def show_view(self, view: View, update: Update) -> None:
         """Put ranges, labels, the point and the pins where the view has them."""
@@ -95,16 +102,38 @@ class PlaneView:
             values=[] if named else seen.value.ravel(),
             names=names.ravel().astype(np.uint16),
             motions=[name_of(code) for code in motions.tolist()],
-            index="" if named else view.index,
+            index="" if named else SHORT.get(INDICES[view.index].long_name, INDICES[view.index].long_name),
+            unit="" if named else plain(INDICES[view.index].units),
             colors=colors,
+            scale=len(colors) - len(OUTSIDE),
+            origin=plane.origin,
             low=seen.low,
             high=seen.high,
             ticks=seen.ticks,
         )
-        origin = f"stored sweep {escape(plane.stored)}" if plane.stored else f"{plane.side} × {plane.side} cells"
-        took = f", {plane.seconds:.1f} s" if plane.seconds >= 0.05 else ""
-        update.add("#plane-head", html=f"<b>{escape(seen.title)}</b> <span>{origin}{took}</span>")
+        cells = f"stored sweep {escape(plane.stored)}" if plane.stored else f"{plane.side} × {plane.side} cells"
+        took = f"computed in {plane.seconds:.1f} s" if plane.seconds else ""
+        head = f"<b>{escape(seen.title)}</b> {plane.origin} <span title='{took}'>{cells}</span>"
+        update.add("#plane-head", html=head)
         update.add("#colours", html=" ".join(_legend_entry(color, label) for color, label in seen.legend))
+        update.send()
+
+        if self._hatched is not None and plane is not self._hatched:  # what is hatched belongs to its plane
+            self._hatch(None)
+
+    def show_hatch(self, plane: Plane) -> None:
+        """Hatch the cells that have no impact from rest, but from other initial conditions."""
+        self._hatch(plane if (plane.elsewhere > 0.0).any() else None)
+
+    def _hatch(self, plane: Plane | None) -> None:
+        self._hatched, update, html = plane, self.updates["hatch"], ""
+        if plane is not None:
+            tried = f"{OTHERS} tried per cell, {TRANSIENT + plane.view.samples} impacts each"
+            key = f"<span class='key hatch' style='background-color:{NOTHING}'></span>"
+            words = f"no impact from rest; impacts from other initial conditions ({OTHERS} tried)"
+            html = f"<span class='entry' title='{tried}'>{key} {words}</span>"
+        update.add("hatch", side=FINEST if plane else 0, speeds=plane.elsewhere.T.ravel() if plane else [])
+        update.add("#hatch", html=html)
         update.send()
 
     def show_curves(self, curves: Curves | None) -> None:
@@ -152,7 +181,8 @@ class PointView:
         self.updates = {name: Update(name) for name in ("point", "pins", "others")}
         self._point: Point | None = None
         self._pins: list[Point] = []
-        self._others = ""
+        self._others: list[Other] = []
+        self._listed = ""
 
     def show_point(self, point: Point) -> None:
         """Draw the present motion."""
@@ -174,6 +204,7 @@ class PointView:
         update.add("#sentence", html=escape(point.sentence[0].upper() + point.sentence[1:]))
         update.add("#numbers", html=numbers_table(point, self._pins))
         update.send()
+        self.show_others(self._others)
 
     def show_pins(self, pins: list[Point]) -> None:
         """Draw the pinned motions beside it."""
@@ -187,10 +218,11 @@ class PointView:
         update.send()
 
     def show_others(self, others: list[Other]) -> None:
-        """List the motions that coexist."""
-        listed = _coexistence(others)
-        if listed != self._others:
-            self._others = listed
+        """List the motions that other initial conditions lead to."""
+        self._others = others
+        listed = _coexistence(others, self._point)
+        if listed != self._listed:
+            self._listed = listed
             self.updates["others"].add("#others", html=listed)
             self.updates["others"].send()
 
@@ -215,13 +247,27 @@ class PointView:
         )
 
 
-def _coexistence(others: list[Other]) -> str:
+def _coexistence(others: list[Other], point: Point | None) -> str:
     if not others:
         return ""
-    if len(others) == 1:
-        return "All initial conditions that were tried lead to this motion."
-    listed = ", ".join(f"{escape(other.name)} ({100 * other.share:.0f} %)" for other in others[:5])
-    return f"<span title='with the share of the initial conditions'>Coexisting motions: {listed}.</span>"
+    if len(others) == 1 and others[0].share == 1.0 and point is not None and others[0].same(point):
+        return f"<span title='{TRIED_THERE}'>All {SPREAD} other initial conditions tried lead to this motion.</span>"
+    listed = [f"{_part(other.share)} {escape(other.name)}{_hardest(other)}" for other in others[:MOST_LISTED]]
+    undecided = 1.0 - sum(other.share for other in others)
+    listed += [f"{len(others) - MOST_LISTED} more motions"] if len(others) > MOST_LISTED else []
+    listed += [f"{_part(undecided)} not decided"] if undecided > 0.5 / SPREAD else []
+    return f"<span title='{TRIED_THERE}'>From {SPREAD} other initial conditions: {', '.join(listed)}.</span>"
+
+
+def _part(share: float) -> str:
+    """Return a share of the initial conditions; an orbit that is known exactly may attract none of them."""
+    if 0.0 < share < 0.01:
+        return "<1 %"
+    return "none" if not share else f"{100 * min(share, 0.99 if share < 1.0 else 1.0):.0f} %"
+
+
+def _hardest(other: Other) -> str:
+    return f" (up to {other.max_velocity:.3g} m/s)" if other.max_velocity > 0.0 else ""
 
 
 def numbers_table(point: Point, pins: list[Point]) -> str:

@@ -16,7 +16,7 @@ from functools import partial
 from itertools import count
 
 from vibroimpact.execution.threads import worker_count
-from vibroimpact.explorer.plane import SIDES, Places, Plane, bands
+from vibroimpact.explorer.plane import SIDES, KeepGoing, Plane, bands
 
 Job = Callable[[], None]
 
@@ -33,7 +33,8 @@ class Urgency(IntEnum):
     COARSE = 1
     LINE = 2
     FINE = 3
-    SEARCH = 4
+    HATCH = 4
+    SEARCH = 5
 
 
 @dataclass(order=True)
@@ -64,7 +65,7 @@ class Pool:
         self._changed = threading.Condition()
         self._open = True
         self._clicked = -math.inf
-        general = (Urgency.CLICK, Urgency.COARSE, Urgency.LINE, Urgency.FINE)
+        general = tuple(urgency for urgency in Urgency if urgency < Urgency.SEARCH)
         duties = [general] * self.workers + [(Urgency.CLICK,), (Urgency.SEARCH,)]
         self._threads = [
             threading.Thread(
@@ -249,7 +250,9 @@ class Clock:
 
 
 class Refinement:
-    """The work on one plane, lattice by lattice; a later one of the same page makes it out of date.
+    """The work on one plane: lattice by lattice, then other initial conditions of cells that have no impact from rest.
+
+    A later one of the same page makes it out of date.
 
     Parameters
     ----------
@@ -259,12 +262,21 @@ class Refinement:
         The page's jobs.
     show : callable
         Gets the plane whenever a lattice is complete.
+    hatch : callable
+        Gets the plane once the other initial conditions were tried, and whether in all cells.
     late : callable
         Called once if the plane takes longer than `PLANE_SECONDS`.
     """
 
-    def __init__(self, plane: Plane, work: Work, show: Callable[[Plane], None], late: Callable[[], None]) -> None:
-        self.plane, self._work, self._show, self._late = plane, work, show, late
+    def __init__(
+        self,
+        plane: Plane,
+        work: Work,
+        show: Callable[[Plane], None],
+        hatch: Callable[[Plane], None],
+        late: Callable[[], None],
+    ) -> None:
+        self.plane, self._work, self._show, self._hatch, self._late = plane, work, show, hatch, late
         self._stamp, self._begun = work.renew("plane"), time.monotonic()
         self._spent, self._left = 0.0, 0
         self._queue(0)
@@ -275,14 +287,19 @@ class Refinement:
         return self._work.wanted("plane", self._stamp)
 
     def _queue(self, level: int) -> None:
-        parts = bands(SIDES[level], self.plane.view.samples)
-        self._left = len(parts)
-        urgency = Urgency.COARSE if level == 0 else Urgency.FINE
-        for part in parts:
-            self._work.submit("plane", urgency, partial(self._fill, level, part), self._stamp)
+        jobs: list[Callable[[KeepGoing], bool]]
+        if level < len(SIDES):
+            urgency = Urgency.COARSE if level == 0 else Urgency.FINE
+            jobs = [partial(self.plane.fill, *part) for part in bands(SIDES[level], self.plane.view.samples)]
+        else:
+            urgency, self._spent = Urgency.HATCH, 0.0
+            jobs = [partial(self.plane.try_others, places) for places in self.plane.quiet()]
+        self._left = len(jobs)
+        for job in jobs:
+            self._work.submit("plane", urgency, partial(self._run, level, job), self._stamp)
 
-    def _fill(self, level: int, part: tuple[Places, Places]) -> None:
-        """Compute a rectangle; the last one of a lattice shows it and begins the next."""
+    def _run(self, level: int, job: Callable[[KeepGoing], bool]) -> None:
+        """Compute a part; the last one of a lattice shows it and begins the next."""
         begun = time.monotonic()
         granted = PLANE_SECONDS * self._work.pool.workers - self._spent
 
@@ -290,9 +307,9 @@ class Refinement:
             return self.wanted and time.monotonic() - begun < granted
 
         try:
-            filled = keep_going() and self.plane.fill(*part, keep_going)
+            filled = keep_going() and job(keep_going)
         except Exception:
-            self._give_up()  # the other rectangles would fail as well
+            self._give_up()  # the other parts would fail as well
             raise
         with self._work.lock:
             self._spent += time.monotonic() - begun
@@ -300,12 +317,14 @@ class Refinement:
             complete = self.wanted and not self._left
         if not filled:
             if self._give_up():
-                self._late()
+                self._late() if level < len(SIDES) else self._hatch(self.plane)
+        elif complete and level == len(SIDES):
+            self.plane.tried = True
+            self._hatch(self.plane)
         elif complete:
             self.plane.side, self.plane.seconds = SIDES[level], time.monotonic() - self._begun
             self._show(self.plane)
-            if level + 1 < len(SIDES):
-                self._queue(level + 1)
+            self._queue(level + 1)
 
     def _give_up(self) -> bool:
         """Drop the rest of the plane; return whether it was wanted until now."""

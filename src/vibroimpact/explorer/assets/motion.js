@@ -2,7 +2,7 @@
 window.Motion = (() => {
   "use strict";
   const byId = (id) => document.getElementById(id);
-  const { Plot, MARGINS } = window.Plots;
+  const { Plot, MARGINS, quantity, power_of } = window.Plots;
   const motions = [], order = [1, 2, 0];  // the present motion lies on top
   let facts = { gap: 0, period: 1, force: 0, low: -1, begin: [], end: [], colors: [] };
   let line = { x: [], y: [], here: 0, color: "#000" };
@@ -45,7 +45,7 @@ window.Motion = (() => {
     }),
   };
   const below = new Plot("line", {
-    x: "", y: "impact velocity [m/s]", fixed: MARGINS, still: true,
+    x: "", y: "impact velocity [m/s]", title: "Impacts of the motion from rest", fixed: MARGINS, still: true,
     paint: (plot) => { plot.dots(line.x, line.y, "#222", 1.6); plot.rule("x", line.here, line.color, [6, 4]); },
   });
 
@@ -84,8 +84,9 @@ window.Motion = (() => {
     trace("#d55e00", 2, () => { pen.moveTo(x - side, above); pen.lineTo(tip, above); });
     if (Math.abs(push) > 3) { pen.beginPath(); pen.moveTo(tip + 4 * Math.sign(push), above); pen.lineTo(tip, above - 4); pen.lineTo(tip, above + 4); pen.fill(); }
     pen.fillStyle = "#222"; pen.font = "12px Arial, sans-serif";
-    pen.fillText(`t = ${time.toPrecision(4)} s`, right + 18, middle - 3);
-    pen.fillText(`y = ${at.toPrecision(3)} m`, right + 18, middle + 13);
+    const { x: [, last], y: [lowest, highest] } = plots.history.home, most = Math.max(Math.abs(lowest), Math.abs(highest));
+    pen.fillText(`t = ${quantity(time, "s", 4, power_of(last))}`, right + 18, middle - 3);
+    pen.fillText(`y = ${quantity(at, "m", 3, power_of(most))}`, right + 18, middle + 13);
   };
   const tick = (stamp) => {
     if (!playing) return;

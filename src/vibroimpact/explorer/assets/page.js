@@ -129,7 +129,7 @@
     if (!doc || !model("mail")) { setTimeout(begin, 10); return; }
     model("mail").properties.value.change.connect(read);
     read();
-    for (const name of ["view", "point", "plane", "curves", "pins", "others", "line"].map((one) => `${one}_update`)) {
+    for (const name of ["view", "point", "plane", "hatch", "curves", "pins", "others", "line"].map((one) => `${one}_update`)) {
       const update = model(name);
       update.properties.data.change.connect(() => take(update));
       take(update);

@@ -1,12 +1,13 @@
 // The plane: a picture of a value for every pair of two parameters, and what lies over it.
 window.Plane = (() => {
   "use strict";
-  const { Plot, MARGINS, minus } = window.Plots;
+  const { Plot, MARGINS, quantity } = window.Plots;
   const INK = "#222", REST = 150, HOVER = 60;  // ms after the last turn of the wheel, before the server is told; before the text
   let picture = null, curves = { lengths: [], places: [], colors: [], words: [] }, pending = null;
   let marks = { x: 0, y: 0, along: "x", pins: [] };
-  let names = { x: "", y: "" }, hovering = null;
-  const tip = document.getElementById("tip"), image = document.createElement("canvas");
+  let names = { x: "", y: "" }, hovering = null, hatch = { side: 0, speeds: [] };
+  const canvas = () => document.createElement("canvas");
+  const tip = document.getElementById("tip"), image = canvas(), mask = canvas(), stripes = canvas();
 
   const disc = (pen, x, y, radius, fill, edge, width) => {
     Object.assign(pen, { fillStyle: fill, strokeStyle: edge, lineWidth: width });
@@ -20,6 +21,22 @@ window.Plane = (() => {
     pen.moveTo(x - 7.5, y); pen.lineTo(x + 7.5, y); pen.moveTo(x, y - 7.5); pen.lineTo(x, y + 7.5);
     pen.stroke();
   };
+  // Stripes over the cells of the mask, as far apart on the screen whatever is zoomed to.
+  const STEP = 7;
+  const draw_hatch = (plot, left, top, width, height) => {
+    const { pen } = plot, { a: ratio } = pen.getTransform(), brush = stripes.getContext("2d");
+    [stripes.width, stripes.height] = [plot.left + plot.width, plot.top + plot.height].map((size) => Math.ceil(size * ratio));
+    brush.scale(ratio, ratio);
+    brush.imageSmoothingEnabled = false;
+    brush.drawImage(mask, left, top, width, height);
+    brush.globalCompositeOperation = "source-in";
+    Object.assign(brush, { strokeStyle: INK, lineWidth: 1 });
+    brush.beginPath();
+    const bottom = plot.top + plot.height, tall = plot.height;
+    for (let x = plot.left - tall; x < plot.left + plot.width; x += STEP) { brush.moveTo(x, bottom); brush.lineTo(x + tall, plot.top); }
+    brush.stroke();
+    pen.drawImage(stripes, 0, 0, stripes.width / ratio, stripes.height / ratio);
+  };
   const each_curve = (draw) => {
     let at = 0;
     curves.lengths.forEach((length, number) => { draw(at, at + length, number); at += length; });
@@ -31,7 +48,9 @@ window.Plane = (() => {
     if (picture) {
       const { x, y } = picture, left = plot.px(x[0]), top = plot.py(y[1]);
       pen.imageSmoothingEnabled = false;
-      pen.drawImage(image, left, top, plot.px(x[1]) - left, plot.py(y[0]) - top);
+      const size = [plot.px(x[1]) - left, plot.py(y[0]) - top];
+      pen.drawImage(image, left, top, ...size);
+      if (hatch.side) draw_hatch(plot, left, top, ...size);
     }
     for (const wide of [3.1, 1.7]) each_curve((from, to, number) => {
       const [color, halo] = curves.colors[number];
@@ -92,8 +111,10 @@ window.Plane = (() => {
       const column = Math.floor((at.x - x[0]) / (x[1] - x[0]) * columns), row = Math.floor((at.y - y[0]) / (y[1] - y[0]) * rows);
       if (column < 0 || column >= columns || row < 0 || row >= rows) return lines;
       const value = picture.values[row * columns + column];
-      if (picture.index) lines.push(`${picture.index} ${minus(Number.isNaN(value) ? "no value" : Number.isFinite(value) ? String(Number(value.toPrecision(9))) : value < 0 ? "-∞" : "none")}`);
-      lines.push(picture.motions[picture.names[row * columns + column]]);
+      if (picture.index && !Number.isNaN(value)) lines.push(`${picture.index} ${Number.isFinite(value) ? quantity(value, picture.unit, 9) : value < 0 ? "−∞" : "none"}`);
+      lines.push(`${picture.origin}: ${picture.motions[picture.names[row * columns + column]]}`);
+      const other = hatch.speeds[Math.floor((row + 0.5) / rows * hatch.side) * hatch.side + Math.floor((column + 0.5) / columns * hatch.side)];
+      if (other > 0) lines.push(`from another initial condition: impacts of up to ${quantity(other, "m/s", 3)}`);
       return lines;
     }
 
@@ -129,12 +150,24 @@ window.Plane = (() => {
   const takes = {
     plane: (content) => {
       const [rows, columns] = content.shape, colors = content.colors.map(pixel), pixels = new Uint32Array(rows * columns);
-      picture = { ...content, scale: content.colors.slice(0, -2) };  // without those of cells that have no value
+      picture = { ...content, scale: content.colors.slice(0, content.scale) };
       image.width = columns;
       image.height = rows;
       for (let k = 0; k < pixels.length; k++) pixels[k] = colors[content.cells[k]];
       image.getContext("2d").putImageData(new ImageData(new Uint8ClampedArray(pixels.buffer), columns, rows), 0, 0);
       window.explorer.planes.push([content.side, performance.now()]);
+    },
+    hatch: (content) => {
+      hatch = content;
+      const { side, speeds } = content;
+      if (!side) return;
+      mask.width = mask.height = side;
+      const pixels = new ImageData(side, side);
+      for (let k = 0; k < side * side; k++) {
+        const row = Math.floor(k / side);
+        if (speeds[k] > 0) pixels.data[4 * ((side - 1 - row) * side + k % side) + 3] = 255;
+      }
+      mask.getContext("2d").putImageData(pixels, 0, 0);
     },
     plane_home: ({ x, y, labels, symbols }) => {
       [plot.x, plot.y] = labels;

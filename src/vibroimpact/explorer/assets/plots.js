@@ -3,21 +3,38 @@
 window.Plots = (() => {
   "use strict";
   const INK = "#222", FRAME = "#555", GRID = "#e8e8e8", STEPS = [1, 2, 5, 10];
+  const UNIT = /^(.*?)(?: \[(.*)\])?$/;  // of an axis label: what it is, its unit
   const minus = (text) => text.replace(/-/g, "−");
 
-  // Round places within [low, high], and how to write them; values far from zero are counted from a round base.
+  // Units with a prefix as the package's figures have them: 0.1 to 100 of it; powers of ten before others.
+  const PREFIXES = { "-15": "f", "-12": "p", "-9": "n", "-6": "µ", "-3": "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T" };
+  const power_of = (size) => (!size || !Number.isFinite(size) || (size >= 0.01 && size < 1e5) ? 0 : 3 * Math.floor((Math.log10(size) + 1) / 3));
+  const scaled_unit = (unit, power) => {
+    if (!power) return unit;
+    const [base, ten] = unit === "kg" && power < 0 ? ["g", power + 3] : [unit, power];
+    if (/^(m|s|N|J|g)(?=$|[ /])/.test(base) && ten in PREFIXES) return PREFIXES[ten] + base;
+    return `10${[...String(power)].map((one) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(one)]).join("")} ${unit}`.trim();
+  };
+  // A value with its unit, of a power of ten or its own.
+  const quantity = (value, unit, digits, power = power_of(Math.abs(value))) => {
+    const text = (value / 10 ** power).toPrecision(digits), scaled = scaled_unit(unit, power);
+    return minus(`${String(Number(text))}${/^10./.test(scaled) ? " · " : scaled ? " " : ""}${scaled}`);
+  };
+
+  // Round places within [low, high], and how to write them in units of a power of ten; values far from zero are counted
+  // from a round base.
   const ticks = (low, high, room) => {
     const span = high - low, size = Math.max(Math.abs(low), Math.abs(high));
-    if (!(span > 0) || !Number.isFinite(size)) return { at: [], word: String, base: 0 };
+    if (!(span > 0) || !Number.isFinite(size)) return { at: [], word: String, base: 0, power: 0 };
     const ten = 10 ** Math.floor(Math.log10(span / Math.max(room, 1)));
     const step = ten * STEPS.find((one) => ten * one >= 0.7 * span / Math.max(room, 1));
     const base = size / span > 1e4 ? Number((0.5 * (low + high)).toPrecision(Math.ceil(Math.log10(size / span)))) : 0;
     const at = [];
     for (let k = Math.ceil((low - base) / step); k * step <= high - base && at.length < 50; k++) at.push(k * step);
-    const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-    const plain = digits <= 5 && size < 1e5;
-    const word = (value) => minus(plain ? value.toFixed(digits) : value === 0 ? "0" : String(Number(value.toPrecision(3))));
-    return { at: at.map((value) => base + value), word: (value) => word(value - base), base };
+    const power = power_of(Math.max(Math.abs(low - base), Math.abs(high - base))), unit = 10 ** power;
+    const digits = Math.max(0, -Math.floor(Math.log10(step / unit) + 1e-9));
+    const word = (value) => minus(((value - base) / unit).toFixed(digits).replace(/^-(0\.?0*)$/, "$1"));
+    return { at: at.map((value) => base + value), word, base, power };
   };
 
   class Plot {
@@ -112,10 +129,11 @@ window.Plots = (() => {
       return right >= 0 && right <= this.width && down >= 0 && down <= this.height;
     }
 
-    // A value with as many digits as its axis tells apart.
+    // A value in its unit, with as many digits as its axis tells apart.
     written(axis, value) {
       const [low, high] = this.range[axis], apart = Math.max(Math.abs(low), Math.abs(high)) / (high - low);
-      return minus(String(Number(value.toPrecision(Math.min(Math.max(Math.ceil(Math.log10(apart)) + 4, 4), 17)))));
+      const power = apart > 1e4 ? 0 : power_of(Math.max(Math.abs(low), Math.abs(high)));  // as its ticks
+      return quantity(value, this[axis].match(UNIT)[2] || "", Math.min(Math.max(Math.ceil(Math.log10(apart)) + 4, 4), 17), power);
     }
 
     tell(event) {
@@ -166,7 +184,10 @@ window.Plots = (() => {
     frame(columns, rows, words, letter, high) {
       const { pen, left, top, width, height } = this, bottom = top + height, sharp = (value) => Math.round(value) + 0.5;
       const stroke = (color, path) => { pen.strokeStyle = color; pen.lineWidth = 1; pen.beginPath(); path(); pen.stroke(); };
-      const label = (text, base) => base ? text.replace(/( \[|$)/, ` − ${minus(String(base))}$1`) : text;
+      const label = (text, { base, power }) => {
+        const [, name, unit = ""] = text.match(UNIT), scaled = scaled_unit(unit, power);
+        return `${name}${base ? ` − ${minus(String(base))}${power && unit ? ` ${unit}` : ""}` : ""}${scaled ? ` [${scaled}]` : ""}`;
+      };
       stroke(GRID, () => {
         for (const x of columns.at) { pen.moveTo(sharp(this.px(x)), top); pen.lineTo(sharp(this.px(x)), bottom); }
         for (const y of rows.at) { pen.moveTo(left, sharp(this.py(y))); pen.lineTo(left + width, sharp(this.py(y))); }
@@ -180,7 +201,7 @@ window.Plots = (() => {
       pen.textAlign = "center";
       pen.textBaseline = "top";
       for (const x of columns.at) pen.fillText(columns.word(x), this.px(x), bottom + 7);
-      pen.fillText(label(this.x, columns.base), left + width / 2, high - letter - 2);
+      pen.fillText(label(this.x, columns), left + width / 2, high - letter - 2);
       pen.textBaseline = "middle";
       pen.textAlign = "right";
       rows.at.forEach((y, k) => pen.fillText(words[k], left - 8, this.py(y)));
@@ -190,7 +211,7 @@ window.Plots = (() => {
       pen.translate(letter / 2 + 2, top + height / 2);
       pen.rotate(-Math.PI / 2);
       pen.textAlign = "center";
-      pen.fillText(label(this.y, rows.base), 0, 0);
+      pen.fillText(label(this.y, rows), 0, 0);
       pen.restore();
     }
 
@@ -276,5 +297,5 @@ window.Plots = (() => {
   // pixels beside the plane and beside the diagram below it, whose axes stand over each other
   const MARGINS = [62, 66];
 
-  return { Plot, MARGINS, minus };
+  return { Plot, MARGINS, minus, quantity, power_of };
 })();
