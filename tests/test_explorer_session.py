@@ -18,11 +18,11 @@ from vibroimpact.explorer.point import Other, compute_point
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.shades import name_of, shades
 from vibroimpact.explorer.state import FINEST, View, granted
-from vibroimpact.explorer.views import PlaneView, PointView, color_numbers, one_turn
+from vibroimpact.explorer.views import PlaneView, PointView, one_turn
 from vibroimpact.explorer.work import Pool, Urgency
 from vibroimpact.motion import MotionClass
 from vibroimpact.oscillator import ImpactOscillator, State
-from vibroimpact.plotting.style import BOUNDARY_COLORS
+from vibroimpact.plotting.style import BOUNDARY_COLORS, STICKING
 
 TUBE = ImpactOscillator(
     mass=2.1, damping_ratio=0.01, stiffness=26860.0, amplitude=5.0, omega=157.08, restitution=0.7, gap=0.5e-3
@@ -126,8 +126,35 @@ def test_only_cells_that_stick_have_the_colour_of_sticking():
         plane.fill(*part, lambda: True)
     plane.side = 64
     seen = shades(plane)
-    cells = color_numbers(seen, 255)
-    assert ((cells == 256).reshape(64, 64)[::-1] == np.isneginf(seen.value)).all()
+    assert ((np.array(seen.colors)[seen.number] == STICKING) == np.isneginf(seen.value)).all()
+
+
+@pytest.mark.parametrize("index", ["n_periods", "n_impacts", "motion"])
+def test_no_impact_chaos_and_every_count_have_colours_of_their_own(index):
+    plane = Plane.unknown(
+        View(osc=TUBE, x="omega", x_range=(60.0, 220.0), y="gap", y_range=(1e-4, 1.5e-3), index=index)
+    )
+    for part in bands(64):
+        plane.fill(*part, lambda: True)
+    plane.side = 64
+    seen, kinds = shades(plane), plane.array("motion").T
+    of = {kind: set(seen.number[kinds == kind]) for kind in MotionClass if (kinds == kind).any()}
+    assert {MotionClass.NO_IMPACT, MotionClass.PERIODIC, MotionClass.CHAOTIC} <= set(of)
+    assert sum(map(len, of.values())) == len(set().union(*of.values()))  # none in common
+    assert len(set(seen.colors)) == len(seen.colors) == len(seen.legend)
+    assert seen.number.max() < len(seen.colors)
+
+
+def test_cells_without_a_value_say_why(explorer):
+    plane = Plane.unknown(View(osc=TUBE, x="omega", x_range=(60.0, 220.0), y="gap", y_range=(-5e-4, 1.5e-3)))
+    for part in bands(64):
+        plane.fill(*part, lambda: True)
+    plane.side = 64
+    seen, status = shades(plane), plane.array("status").T
+    words = {text: color for color, text in seen.legend}
+    assert set(words) == {"no impact from rest", "impacts cease after a transient", "permanently in contact"}
+    for code, text in zip((4, 5, 6), words, strict=True):
+        assert ((np.array(seen.colors)[seen.number] == words[text]) == (status == code)).all()
 
 
 def test_what_has_no_impact_from_rest_is_hatched_where_others_of_16_hit(heard):
@@ -402,7 +429,7 @@ def test_what_other_initial_conditions_lead_to_is_told_with_their_number():
     several = ("period-1 impact-1", 0.88, 0.105), ("no impact", 0.1, float("nan")), ("period-3 impact-1", 0.0, 0.002)
     assert told(TUBE, *several) == (
         "From 256 other initial conditions: 88 % period-1 impact-1 (up to 0.105 m/s), 10 % no impact, "
-        "none period-3 impact-1 (up to 0.002 m/s), 2 % not decided."
+        "none period-3 impact-1 (up to 2 mm/s), 2 % not decided."
     )
 
 
@@ -423,6 +450,7 @@ def test_the_history_shows_both_sides_of_every_impact_and_never_passes_the_stop(
         (ImpactOscillator(omega=2.8), ("Chaotic over 1100 impacts", "perturbations double")),
         (ImpactOscillator(gap=9.0, omega=3.0, damping=0.1), ("From rest: no impact", "swing of 0.125 m", "gap of 9 m")),
         (ImpactOscillator(gap=-2.0), ("permanently in contact", "stop")),
+        (ImpactOscillator(amplitude=1e-6), ("largest impact velocity", "µm/s")),
     ],
 )
 def test_a_sentence_tells_the_motion(osc, words):
@@ -454,9 +482,10 @@ def test_colours_have_room_for_every_value():
         for log in (False, True):
             plane.view = replace(plane.view, index=index, log=log)
             seen = shades(plane)
-            assert seen.shade.dtype == np.float32
+            assert seen.number.dtype == np.uint16
+            assert seen.number.max() < len(seen.colors)
             assert seen.high > seen.low
-            assert seen.shade.shape == seen.value.shape == seen.name.shape == (64, 64)
+            assert seen.number.shape == seen.value.shape == seen.name.shape == (64, 64)
 
 
 def test_the_page_that_waited_longest_is_served_first():

@@ -9,6 +9,7 @@ import xarray as xr
 import vibroimpact as vi
 from vibroimpact.explorer.files import export, open_study
 from vibroimpact.explorer.session import Explorer
+from vibroimpact.explorer.shades import shades
 from vibroimpact.explorer.state import FINEST
 from vibroimpact.oscillator import ImpactOscillator
 
@@ -39,6 +40,17 @@ def test_a_study_is_seen_with_the_sampling_and_the_cells_that_it_has(study, swee
     plane = look(view)
     shown = plane.values["std"][FINEST // 12 :: FINEST // 6, FINEST // 10 :: FINEST // 5][:6, :5]
     assert (shown == sweep["std"].values).all()
+
+
+def test_a_study_says_from_where_its_motions_begin_and_only_what_it_knows(tmp_path):
+    path = tmp_path / "began.nc"
+    how = {"indices": ["n_impacts"], "sample_impacts": 200, "start": vi.State(-1.0)}
+    vi.save(vi.parameter_map(ImpactOscillator(), omega=np.linspace(2.0, 3.0, 9), gap=[0.0, 9.0], **how), path)
+    view, look = open_study(path)
+    plane = look(view)
+    assert plane.origin == "from the stored initial condition"
+    legend = [text.partition(" (")[0] for _, text in shades(plane).legend]
+    assert {"1", "no cycle found: chaotic or undecided", "no impact from the stored initial condition"} <= set(legend)
 
 
 def test_the_cells_of_a_study_are_not_exported_as_if_they_were_computed_here(study):

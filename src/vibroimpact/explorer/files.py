@@ -180,8 +180,9 @@ def _plane(view: View, sweep: xr.Dataset, name: str) -> tuple[Plane, frozenset[s
     missing = int(sweep.attrs.get("cells_missing", 0))
     plane.stored = f"{name}, {len(sweep[view.x])} × {len(sweep[view.y])} cells" + f", {missing} missing" * bool(missing)
     plane.side = FINEST
+    plane.held = frozenset(map(str, near.data_vars)) & frozenset(INDICES)
     plane.origin = _origin(sweep)
-    return plane, frozenset(map(str, near.data_vars)) & {MOTION, *INDICES}
+    return plane, plane.held | ({MOTION} & set(near.data_vars))
 
 
 # ---- a view as files

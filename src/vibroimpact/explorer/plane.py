@@ -94,6 +94,7 @@ class Plane:
     seconds: float = 0.0
     stored: str = ""  # the stored sweep that they were taken from
     origin: str = "from rest"
+    held: frozenset[str] = frozenset(INDICES)  # indices that are known
     tried: bool = False  # whether `elsewhere` is complete
 
     @classmethod
@@ -159,7 +160,8 @@ class Plane:
         # attributes and nothing else: no cell is computed
         sweep = compute_cells(view.osc, view.samples, view.stiffness, one, keep_going=lambda: False)
         axes = {name: (name, self.axis(axis), sweep[name].attrs) for axis, name in zip("xy", dims, strict=True)}
-        content = {str(name): (dims, self.array(str(name)), sweep[name].attrs) for name in sweep.data_vars}
+        names = [str(name) for name in sweep.data_vars if name == "status" or name in self.held]
+        content = {name: (dims, self.array(name), sweep[name].attrs) for name in names}
         origin = {} if self.origin == Plane.origin else {"origin": f" {self.origin}"}
         return xr.Dataset(content, coords=axes, attrs=sweep.attrs | origin)
 

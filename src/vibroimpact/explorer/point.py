@@ -16,6 +16,7 @@ from vibroimpact.explorer.state import View, granted, stiffness
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.motion import MotionClass, decide, motion_name
 from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.plotting.ticks import quantity
 from vibroimpact.sections import measure_orbit
 from vibroimpact.status import Status
 
@@ -278,7 +279,7 @@ def _settled_motion(
     osc: ImpactOscillator, kind: MotionClass, status: Status, indices: dict[str, float], impacts: int
 ) -> str:
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
-    name, peak = motion_name(kind, n, p), f"largest impact velocity {indices['max_velocity']:.3g} m/s"
+    name, peak = motion_name(kind, n, p), f"largest impact velocity {quantity(indices['max_velocity'], 'm/s', 3)}"
     often = "once per period" if n <= 1 else f"once in {n} periods"
     if kind == MotionClass.PERIODIC:
         growth = indices["lyapunov"] * osc.period
@@ -294,7 +295,7 @@ def _settled_motion(
         return f"{name} over {impacts} impacts, {peak}; perturbations double in {_periods(doubling)}."
     if kind.stored == MotionClass.NO_IMPACT:
         words = "no impact" if status == Status.NO_IMPACT else status.sentence.split(";")[0]
-        reach, gap = (f"{length:.3g} m" for length in (osc.steady_amplitude, osc.gap))
+        reach, gap = (quantity(length, "m", 3) for length in (osc.steady_amplitude, osc.gap))
         swings = f"; the steady swing of {reach} stays short of the gap of {gap}"
         return f"{words}{swings if osc.steady_amplitude < osc.gap else ''}."
     known = f", {peak}" if math.isfinite(indices["max_velocity"]) else ""

@@ -8,64 +8,80 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from bokeh.palettes import RdBu11, Viridis256, interp_palette
 from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
 from vibroimpact.explorer.plane import Floats, Plane
 from vibroimpact.explorer.state import GREEK, MOTION
 from vibroimpact.indices import INDICES
-from vibroimpact.motion import MotionClass, motion_name, refined
-from vibroimpact.plotting.categories import motion_layers
+from vibroimpact.motion import motion_name, refined
+from vibroimpact.plotting.categories import COUNTS, missing_layers, motion_layers, number_layers
 from vibroimpact.plotting.cells import symmetric_limit
-from vibroimpact.plotting.style import STICKING
+from vibroimpact.plotting.labels import WORDS
+from vibroimpact.plotting.style import STICKING, Layer
+from vibroimpact.plotting.ticks import power_of, prefixed
 
 KIND, PERIOD = 1e10, 1e5  # kind of motion, periods and impacts in one number
-NOTHING = "#c9c9c9"  # no impact, or no value
 SIGNED = frozenset({"lyapunov", "lyapunov_per_impact"})
+SCALES: dict[bool, Sequence[str]] = {True: interp_palette(RdBu11, 255), False: Viridis256}
 DECADES = 6  # that a logarithmic scale spans at most
 PERCENT = 99.5  # of the cells that the colours distinguish
 
 
 @dataclass(frozen=True)
 class Shades:
-    """A plane as colours: what is mapped to colours, exact values and names to be read, limits, and a legend."""
+    """A plane as colours: the number of every cell's colour, values and names to be read, a scale, and a legend."""
 
-    shade: NDArray[np.float32]
+    number: NDArray[np.uint16]  # of `colors`
     value: Floats
     name: Floats  # class, periods and impacts in one number
+    colors: tuple[str, ...]  # first those of the scale
+    scale: int  # how many colours it has; 0 where there are categories alone
     low: float
     high: float
-    palette: str  # "sequential", "signed" or "names"
-    colors: tuple[str, ...]
     title: str
     ticks: tuple[tuple[float, str], ...]  # of the colour bar
-    legend: tuple[tuple[str, str], ...]
+    legend: tuple[tuple[str, str], ...]  # colours and what they stand for
 
 
 def shades(plane: Plane) -> Shades:
     """Return a plane as colours; arrays have rows along y, as a picture has."""
-    view = plane.view
+    view, sweep = plane.view, plane.dataset()
     motion, n, p = (plane.array(key).astype(np.float64).T for key in ("motion", "n_periods", "n_impacts"))
     name = refined(motion, plane.array("status").T) * KIND + n * PERIOD + (p + 1.0)
     if view.index == MOTION:
-        return _names(motion, n, p, name)
-    index = INDICES[view.index]
-    value = plane.array(view.index).astype(np.float64).T
-    if view.index in ("n_periods", "n_impacts"):
-        value = np.where(value == 0, np.nan, value)
-    finite = value[np.isfinite(value)]
-    title = f"{index.long_name} {GREEK.get(index.symbol, index.symbol)}"
-    title += "" if index.units == "1" else f" [{index.units}]"
-    palette = "signed" if view.index in SIGNED else "sequential"
-    low, high = _limits(finite, palette == "signed", view.log and palette == "sequential")
-    shade = np.clip(value, low, high)
-    shade[np.isneginf(value)] = low - 1.0 - abs(low)
-    log = view.log and palette == "sequential"
-    ticks = tuple(_ticks(low, high, log))
+        return _categories(motion, name, MOTION, motion_layers(motion, n.astype(int), p.astype(int)))
+    index, field = INDICES[view.index], sweep[view.index].T
+    value = field.values.astype(np.float64)
+    title = index.long_name
+    if index.symbol not in (*WORDS, "λ per impact"):
+        title += f" {GREEK.get(index.symbol, index.symbol)}"
+    if view.index in COUNTS:
+        return _categories(value, name, title, number_layers(sweep, field))
+    signed, log = view.index in SIGNED, view.log and view.index not in SIGNED
+    low, high = _limits(value[np.isfinite(value)], signed, log)
+    power = power_of([low, high])
+    ticks = tuple(_ticks(low, high, log, 10.0**power))
+    place = np.clip(value, low, high)
     if log:
-        shade, low, high = np.log10(shade), math.log10(low), math.log10(high)
-    legend = tuple(_special(value, motion, plane.origin))
-    return Shades(shade.astype(np.float32), value, name, low, high, palette, (), title, ticks, legend)
+        place, low, high = np.log10(place), math.log10(low), math.log10(high)
+    colors = SCALES[signed]
+    with np.errstate(invalid="ignore"):
+        place = np.clip((place - low) / (high - low) * len(colors), 0, len(colors) - 1)
+    others = [(here, color, _plain(color, text)) for here, color, text in missing_layers(sweep, field, "")]
+    return Shades(
+        number=_numbers(others, np.nan_to_num(place).astype(np.uint16), len(colors)),
+        value=value,
+        name=name,
+        colors=(*colors, *(color for _, color, _ in others)),
+        scale=len(colors),
+        low=low,
+        high=high,
+        title=title + _unit(index.units, power),
+        ticks=ticks,
+        legend=tuple((color, text) for _, color, text in others),
+    )
 
 
 def name_of(code: float) -> str:
@@ -75,8 +91,45 @@ def name_of(code: float) -> str:
     return motion_name(int(kind), int(n), int(p) - 1)
 
 
-def _ticks(low: float, high: float, log: bool) -> Iterator[tuple[float, str]]:
-    """Yield where the colour bar has ticks, and their labels."""
+def _categories(value: Any, name: Floats, title: str, found: Iterator[Layer]) -> Shades:
+    """Return a plane of categories: each its colour, in the legend with its share of the cells."""
+    layers = [layer for layer in found if layer[0].any()]
+    return Shades(
+        number=_numbers(layers, np.zeros(value.shape, np.uint16), 0),
+        value=value,
+        name=name,
+        colors=tuple(color for _, color, _ in layers),
+        scale=0,
+        low=0.0,
+        high=1.0,
+        title=title,
+        ticks=(),
+        legend=tuple((color, f"{text} ({_share(here)})") for here, color, text in layers),
+    )
+
+
+def _numbers(layers: Sequence[Layer], number: NDArray[np.uint16], first: int) -> NDArray[np.uint16]:
+    """Return numbers of colours with those of layers set, counted from `first`."""
+    for at, (here, _, _) in enumerate(layers, first):
+        number[here] = at
+    return number
+
+
+def _plain(color: str, text: str) -> str:
+    return "sticking: −∞" if color == STICKING else text
+
+
+def _unit(units: str, power: int) -> str:
+    """Return a unit with a prefix, or a power of ten, in brackets; nothing for a pure number."""
+    unit = prefixed(units, power)
+    if unit is None:
+        digits = str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+        unit = f"10{digits} {units}".removesuffix(" 1")
+    return "" if unit == "1" else f" [{unit}]"
+
+
+def _ticks(low: float, high: float, log: bool, unit: float) -> Iterator[tuple[float, str]]:
+    """Yield where the colour bar has ticks, and their labels in a unit."""
     values: Sequence[float] = []
     if log and high > 3.0 * low:
         values = LogLocator(subs=(1.0, 2.0, 5.0) if high < 3e3 * low else (1.0,)).tick_values(low, high)
@@ -84,7 +137,7 @@ def _ticks(low: float, high: float, log: bool) -> Iterator[tuple[float, str]]:
         values = MaxNLocator(7).tick_values(low, high)
     for value in values:
         if low <= value <= high:
-            yield (math.log10(value) if log else float(value)), f"{float(f'{value:.6g}'):g}".replace("-", "−")
+            yield (math.log10(value) if log else float(value)), f"{float(f'{value / unit:.6g}'):g}".replace("-", "−")
 
 
 def _limits(finite: Floats, signed: bool, log: bool) -> tuple[float, float]:
@@ -102,28 +155,6 @@ def _limits(finite: Floats, signed: bool, log: bool) -> tuple[float, float]:
         middle = 0.5 * (low + high)
         return (middle / 1.1, middle * 1.1) if middle > 0.0 else (middle - 0.1, middle + 1.0)
     return low, high
-
-
-def _special(value: Floats, motion: Floats, origin: str) -> list[tuple[str, str]]:
-    entries = []
-    if np.isneginf(value).any():
-        entries.append((STICKING, "−∞: sticks"))
-    without = np.isnan(value)
-    if (without & (motion == MotionClass.NO_IMPACT)).any():
-        entries.append((NOTHING, f"no impact {origin}"))
-    if (without & (motion != MotionClass.NO_IMPACT)).any():
-        entries.append((NOTHING, "or no value" if entries and entries[-1][0] == NOTHING else "no value"))
-    return entries
-
-
-def _names(motion: Floats, n: Floats, p: Floats, name: Floats) -> Shades:
-    layers = list(motion_layers(motion, n.astype(int), p.astype(int)))
-    shade = np.zeros(motion.shape, np.float32)
-    for number, (where, _, _) in enumerate(layers):
-        shade[where] = number
-    legend = tuple((color, f"{_share(where)} {label}") for where, color, label in layers if where.any())
-    colors = tuple(color for _, color, _ in layers)
-    return Shades(shade, motion, name, -0.5, len(layers) - 0.5, "names", colors, "motion", (), legend)
 
 
 def _share(where: Any) -> str:

@@ -7,26 +7,24 @@ from typing import Any
 
 import numpy as np
 from bokeh.models import ColumnDataSource
-from bokeh.palettes import RdBu11, Viridis256, interp_palette
-from numpy.typing import NDArray
 
 from vibroimpact.cells import FASTEST
 from vibroimpact.coexistence.measuring import SPREAD
 from vibroimpact.explorer.plane import OTHERS, TRANSIENT, Curves, Line, Plane
 from vibroimpact.explorer.point import Other, Point, index_rows, plain
-from vibroimpact.explorer.shades import NOTHING, Shades, name_of, shades
+from vibroimpact.explorer.shades import name_of, shades
 from vibroimpact.explorer.state import FINEST, NAMES, View, parameter_label, symbol, unit
 from vibroimpact.indices import INDICES
-from vibroimpact.plotting.style import BLUE, BOUNDARY_COLORS, GREEN, RED, STICKING
+from vibroimpact.plotting.style import BLUE, BOUNDARY_COLORS, GREEN, RED, STATUS_COLORS
 from vibroimpact.plotting.style import view as limits
+from vibroimpact.plotting.ticks import quantity
+from vibroimpact.status import Status
 
 MOST_LISTED = 5  # motions
 TRIED_THERE = f"impacts spread over phases 0 to 1 and velocities 0 to {FASTEST:g} V, V = max(f, k |g|)/√(km)"
 PINS = (RED, GREEN)
 LETTERS = ("A", "B")
 COLORS = (BLUE, *PINS)  # of the present motion and the pinned ones
-SCALES = {"signed": interp_palette(RdBu11, 255), "sequential": Viridis256}
-OUTSIDE = (NOTHING, STICKING)  # cells without a place on the colour scale
 SHOWN_PERIODS = 6
 SHORT = {
     "largest Lyapunov exponent": "Lyapunov exponent λ",
@@ -90,22 +88,22 @@ class PlaneView:
     def show_plane(self, plane: Plane) -> None:
         """Show a plane as far as it is known."""
         seen, update, view = shades(plane), self.updates["plane"], plane.view
-        colors, named = (*SCALES.get(seen.palette, seen.colors), *OUTSIDE), seen.palette == "names"
+        named = not seen.scale
         motions, names = np.unique(seen.name, return_inverse=True)
         update.add(
             "plane",
             side=plane.side,
-            shape=seen.shade.shape,
+            shape=seen.number.shape,
             x=view.x_range,
             y=view.y_range,
-            cells=color_numbers(seen, len(colors) - len(OUTSIDE)),
+            cells=seen.number[::-1].ravel(),  # the upper row first, as in pictures
             values=[] if named else seen.value.ravel(),
             names=names.ravel().astype(np.uint16),
             motions=[name_of(code) for code in motions.tolist()],
             index="" if named else SHORT.get(INDICES[view.index].long_name, INDICES[view.index].long_name),
             unit="" if named else plain(INDICES[view.index].units),
-            colors=colors,
-            scale=len(colors) - len(OUTSIDE),
+            colors=seen.colors,
+            scale=seen.scale,
             origin=plane.origin,
             low=seen.low,
             high=seen.high,
@@ -129,7 +127,7 @@ class PlaneView:
         self._hatched, update, html = plane, self.updates["hatch"], ""
         if plane is not None:
             tried = f"{OTHERS} tried per cell, {TRANSIENT + plane.view.samples} impacts each"
-            key = f"<span class='key hatch' style='background-color:{NOTHING}'></span>"
+            key = f"<span class='key hatch' style='background-color:{STATUS_COLORS[Status.NO_IMPACT]}'></span>"
             words = f"no impact from rest; impacts from other initial conditions ({OTHERS} tried)"
             html = f"<span class='entry' title='{tried}'>{key} {words}</span>"
         update.add("hatch", side=FINEST if plane else 0, speeds=plane.elsewhere.T.ravel() if plane else [])
@@ -161,17 +159,6 @@ def _line_entry(color: str, halo: str, label: str) -> str:
 
 def _legend_entry(color: str, label: str) -> str:
     return f"<span class='entry'><span class='key' style='background:{color}'></span> {escape(label)}</span>"
-
-
-def color_numbers(seen: Shades, scale: int) -> NDArray[np.uint16]:
-    """Return the number of every cell's colour, the upper row first as in pictures."""
-    shade = seen.shade[::-1].astype(np.float64)
-    with np.errstate(invalid="ignore"):
-        place = np.clip((shade - seen.low) / (seen.high - seen.low) * scale, 0, scale - 1)
-    number = np.nan_to_num(place, nan=scale).astype(np.uint16)
-    if seen.palette == "signed":
-        number[np.isneginf(seen.value[::-1])] = scale + 1
-    return number.ravel()
 
 
 class PointView:
@@ -267,7 +254,7 @@ def _part(share: float) -> str:
 
 
 def _hardest(other: Other) -> str:
-    return f" (up to {other.max_velocity:.3g} m/s)" if other.max_velocity > 0.0 else ""
+    return f" (up to {quantity(other.max_velocity, 'm/s', 3)})" if other.max_velocity > 0.0 else ""
 
 
 def numbers_table(point: Point, pins: list[Point]) -> str:
@@ -276,7 +263,9 @@ def numbers_table(point: Point, pins: list[Point]) -> str:
     rows = []
     for row in zip(*map(index_rows, points), strict=True):
         long_name, _, units = row[0]
-        rows.append(_row(SHORT.get(long_name, long_name), [value for _, value, _ in row], units, long_name))
+        values = [value for _, value, _ in row]
+        units = units if any(map(str.isdigit, "".join(values))) else ""
+        rows.append(_row(SHORT.get(long_name, long_name), values, units, long_name))
     for name in NAMES:
         values = [getattr(one.osc, name) for one in points]
         if len(set(values)) > 1:
