@@ -1,8 +1,8 @@
 """Where a motion ends along each parameter: its nearest boundary down and up, and the motion beyond.
 
 Where an equation gives the boundary - the orbit's own bifurcations, the end of sticking, or a closed form - it is
-solved. Elsewhere one motion is followed along many paths at once, its state carried along, and the step in which its
-class changes is bisected.
+solved. Elsewhere one motion is followed along many paths at once, its state carried along (`carried`). A motion without
+impacts has further edges, beyond which others hit (`onsets`).
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,16 +22,17 @@ from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import Orbit
 from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release
 from vibroimpact.oscillator import ImpactOscillator
-from vibroimpact.verdict.present import Present, Range, measure
+from vibroimpact.status import Status
+from vibroimpact.verdict.carried import SECTIONS, UNSURE, Track, carry
+from vibroimpact.verdict.onsets import Onset, Side, from_rest, from_some
+from vibroimpact.verdict.present import CROWDED, Coexisting, Present, Range, measure
 
 NOISE = 1e-12  # relative: what is smaller is rounding
 STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch
 MOST = 800  # orbits times impacts that are solved for along one direction
+GOLDEN, GOLDEN_SHARE = 60, 0.5 * (math.sqrt(5.0) - 1.0)  # steps of a golden section, to 3e-13 of its beginning
 SCANNED = 60  # values along a path at which a condition is evaluated
-PLACES = 36  # values along a path at which a motion is followed
-HALVINGS = 12  # of the step in which the class changes
 BOUNCY = 0.99  # restitution up to which sticking is followed: chatters grow longer as 1/(1 - r)
-BRIEF = ImpactWindow(100, 1500)  # enough for a name, and an exponent to a few per cent
 ACROSS = ImpactWindow(1500, 2000)  # close to a boundary motions settle slowly
 BOUNDARIES = {  # in words
     "period_doubling": "period doubling",
@@ -42,6 +44,11 @@ BOUNDARIES = {  # in words
     "pressed_for_ever": "the force no longer lifts the mass off the stop",
     "change": "another motion",
     "none": "none",
+}
+ONSETS = {  # of others, beside a motion without impacts
+    "from_some": "lasting impacts from some initial conditions",
+    "strikes": "passing impacts from rest",
+    "from_rest": "lasting impacts from rest",
 }
 
 
@@ -72,7 +79,14 @@ class Edge:
     beyond_at : float
         The value at which that motion was computed; NaN where it was not.
     searched_to : float
-        The end of the range.
+        The end of the range, or as far as the motion could be followed; NaN where none was sought, as it is undecided.
+    spacing : float
+        The widest step between the values at which the motion was looked at, in the unit of `change`: narrower windows
+        of another motion may have been passed over. 0 where the boundary's own equation was followed.
+    strikes, from_rest, from_some : Onset or None
+        Of a motion without impacts, from where on a start from rest strikes the stop, if only in passing; from where on
+        it settles to impacts; and from where on some initial condition does. None where none was found, and for motions
+        that hit.
     """
 
     parameter: str
@@ -85,6 +99,10 @@ class Edge:
     beyond: str = ""
     beyond_at: float = math.nan
     searched_to: float = math.nan
+    spacing: float = 0.0
+    strikes: Onset | None = None
+    from_rest: Onset | None = None
+    from_some: Onset | None = None
 
     @property
     def found(self) -> bool:
@@ -122,6 +140,16 @@ class Found:
     value: float = math.nan
     half_width: float = 0.0
     start: Start | None = None
+    spacing: float = 0.0
+    reached: float | None = None
+    beyond: str = ""
+    outside: float = math.nan
+    onsets: tuple[Onset | None, ...] = (None, None, None)
+
+    @property
+    def end(self) -> float:
+        """The end of the range."""
+        return self.range.end(self.direction)
 
     def path(self, number: int) -> list[float]:
         """Return values from beside the present one to the end of the range."""
@@ -134,21 +162,27 @@ class Found:
         scale = self.range.scale
         ahead = min(0.02 * abs(self.value - self.range.value) + 1e-6 * scale, 4e-3 * scale) + 2.0 * self.half_width
         value = self.value + self.direction * ahead
-        end = self.range.end(self.direction)
-        value = min(value, end) if self.direction > 0 else max(value, end)
+        value = min(value, self.end) if self.direction > 0 else max(value, self.end)
         return value if (value - self.value) * self.direction > 0.0 else math.nan
 
     def edge(self, beyond: str, at: float) -> Edge:
         """Return what callers see."""
-        change, end = self.range.change(self.value), self.range.end(self.direction)
+        change, end = self.range.change(self.value), self.end if self.reached is None else self.reached
         what = self.range.name, self.direction, self.kind, self.value, change, self.range.of, self.half_width
-        return Edge(*what, beyond, at, end)
+        return Edge(*what, beyond, at, end, self.spacing, *self.onsets)
 
 
 def nearest_boundaries(
-    present: Present, ranges: Sequence[Range], runner: Runner, done: Callable[[], bool] = lambda: True
+    present: Present,
+    ranges: Sequence[Range],
+    runner: Runner,
+    done: Callable[[], bool] = lambda: True,
+    coexisting: Sequence[Coexisting] = (),
 ) -> tuple[Edge, ...]:
-    """Return the nearest boundary of a motion down and up each parameter; `done` is called for each, False stops."""
+    """Return the nearest boundary of a motion down and up each parameter; `done` is called for each, False stops.
+
+    Where motions that hit coexist with one that does not, some initial conditions settle to impacts here already.
+    """
     found: list[Found | None] = []
     for each in ranges:
         found += [_exact(present, Found(each, direction)) for direction in (-1, 1)]
@@ -157,20 +191,44 @@ def nearest_boundaries(
     sides = [Found(each, direction) for each in ranges for direction in (-1, 1)]
     unknown = [side for side, known in zip(sides, found, strict=True) if known is None]
     bisected = iter(_bisected(present, unknown, runner))
-    return _with_beyond([known or next(bisected) for known in found], runner)
+    whole = [known or next(bisected) for known in found]
+    if present.measured.motion_class in (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER):
+        whole = _with_onsets(present, whole, runner, any(motion.max_velocity > 0.0 for motion in coexisting))
+    return _with_beyond(whole, present.measured.group, runner)
 
 
-def _with_beyond(found: Sequence[Found], runner: Runner) -> tuple[Edge, ...]:
-    """Return the boundaries as callers see them, with the motion beyond each."""
+def _with_onsets(present: Present, found: Sequence[Found], runner: Runner, here: bool) -> list[Found]:
+    """Return the boundaries of a motion without impacts, and from where on others hit; `here`: some do already."""
+    open_ = [i for i, one in enumerate(found) if one.end != one.range.value and not one.range.only_scales]
+    ways = [
+        Side(found[i].range, found[i].direction, found[i].value, found[i].beyond_at(), found[i].start) for i in open_
+    ]
+    here_already = [way.onset(way.range.value, 0.0, 0.0) for way in ways]
+    if present.measured.motion_class == MotionClass.STUCK_FOREVER:  # at rest at the stop is where it is
+        rest = [way.onset(way.value, 0.0, 0.0, way.start) if math.isfinite(way.value) else None for way in ways]
+        passing: Sequence[Onset | None] = rest
+    else:
+        rest = from_rest(ways, runner)
+        strikes = present.measured.status != Status.NO_IMPACT
+        passing = here_already if strikes else from_rest(ways, runner, lasting=False)
+    some: Sequence[Onset | None] = here_already if here else from_some(ways, rest, runner)
+    whole = list(found)
+    for i, *others in zip(open_, passing, rest, some, strict=True):
+        whole[i] = replace(found[i], onsets=tuple(others))
+    return whole
+
+
+def _with_beyond(found: Sequence[Found], group: tuple[str, int, int], runner: Runner) -> tuple[Edge, ...]:
+    """Return the boundaries as callers see them, with the motion a little beyond each, or else right beyond it."""
     values = [boundary.beyond_at() for boundary in found]
     beyond = [i for i, value in enumerate(values) if not math.isnan(value)]
-    names: dict[int, str] = {}
-    if beyond:
-        there = [found[i].range.changed(values[i]) for i in beyond]
-        motions = measure(runner, cells_of(there, [found[i].start for i in beyond]), ACROSS)
-        decided = (one for one in zip(beyond, motions, strict=True) if one[1].motion_class != MotionClass.UNDECIDED)
-        names = {i: motion.name for i, motion in decided}
-    return tuple(boundary.edge(names.get(i, ""), values[i]) for i, boundary in enumerate(found))
+    there = [found[i].range.changed(values[i]) for i in beyond]
+    motions = measure(runner, cells_of(there, [found[i].start for i in beyond]), ACROSS) if beyond else []
+    edges = [boundary.edge(boundary.beyond, boundary.outside) for boundary in found]
+    for i, motion in zip(beyond, motions, strict=True):
+        if motion.motion_class not in UNSURE and motion.group != group:
+            edges[i] = found[i].edge(motion.name, values[i])
+    return tuple(edges)
 
 
 # Boundaries that are solutions of equations
@@ -215,18 +273,21 @@ def _bifurcation(orbit: Orbit, side: Found) -> Found | None:
 def _end_of_sticking(present: Present, side: Found) -> Found:
     """Walk outwards until the mass, let go, does not rest again after as many periods; bisect there."""
     assert present.orbit is not None
-    n, range = present.orbit.n_periods, side.range
-    if present.model is present.oscillator and range.name == "restitution":
-        range = replace(range, high=min(range.high, max(BOUNCY, 0.5 * (1.0 + range.value))))
-    inside = range.value
-    for outside in range.path(side.direction, SCANNED):
-        if periods_from_release(range.at(outside), n) != n:
-            break
-        inside = outside
-    else:
-        return replace(side, range=range)
-    end = end_of_sticking(present.model, range.name, (inside, outside), longest=n)
-    known = replace(side, range=range, kind="change", value=end.value, start=AT_REST)
+    n, varied = present.orbit.n_periods, side.range
+    if present.model is present.oscillator and varied.name == "restitution":
+        varied = replace(varied, high=min(varied.high, max(BOUNCY, 0.5 * (1.0 + varied.value))))
+    values = [varied.value, *varied.path(side.direction, SCANNED)]
+    widest = 0.0
+    for _ in range(3):  # the steps, then the first in which it ends in finer ones: cycles may come and go within
+        ended = next((i for i, value in enumerate(values) if i and periods_from_release(varied.at(value), n) != n), 0)
+        changes = [varied.change(value) for value in values[: (ended or len(values)) + (ended > 0)]]
+        widest = widest or max((abs(b - a) for a, b in pairwise(changes)), default=0.0)
+        if not ended:
+            return replace(side, range=varied, spacing=widest)
+        inside, outside = values[ended - 1], values[ended]
+        values = [varied.between(inside, outside, j / SECTIONS) for j in range(SECTIONS)] + [outside]
+    end = end_of_sticking(present.model, varied.name, (inside, outside), longest=n)
+    known = replace(side, range=varied, kind="change", value=end.value, start=AT_REST, spacing=widest)
     if end.outcome in ("found", "pressed_for_ever"):
         return replace(known, kind="end_of_sticking" if end.outcome == "found" else end.outcome)
     if math.isfinite(end.value):
@@ -241,16 +302,16 @@ def _closed_form(side: Found, kind: str, margin: Callable[[ImpactOscillator], fl
     off the stop where the force reaches the preload, f = -k g.
     """
     range = side.range
-    inside = range.value
-    for outside in side.path(4 * SCANNED):
-        if margin(range.at(outside)) < 0.0:
-            break
-        inside = outside
-    else:
+
+    def there(value: float) -> float:
+        return margin(range.at(value))
+
+    inside, outside = _first_negative(there, [range.value, *side.path(SCANNED)])
+    if math.isnan(outside):
         return side
     narrow = 1e-17 * range.scale
     while abs(outside - inside) > narrow and (middle := 0.5 * (inside + outside)) not in (inside, outside):
-        if margin(range.at(middle)) >= 0.0:
+        if there(middle) >= 0.0:
             inside = middle
         else:
             outside = middle
@@ -262,55 +323,51 @@ def _closed_form(side: Found, kind: str, margin: Callable[[ImpactOscillator], fl
     return replace(side, kind=kind, value=value, start=start)
 
 
+def _first_negative(margin: Callable[[float], float], values: Sequence[float]) -> tuple[float, float]:
+    """Return neighbouring values between which a margin first becomes negative, NaN for the second if it does not.
+
+    A resonance may be narrower than a step: wherever the margin has a minimum, that is found by golden section.
+    """
+    known = [margin(value) for value in values]
+    for i in range(1, len(values)):
+        if known[i] < 0.0:
+            return values[i - 1], values[i]
+        if i + 1 < len(values) and known[i - 1] > known[i] <= known[i + 1]:
+            low, high = values[i - 1], values[i + 1]
+            for _ in range(GOLDEN):
+                cuts = high - GOLDEN_SHARE * (high - low), low + GOLDEN_SHARE * (high - low)
+                seen = [margin(cut) for cut in cuts]
+                if min(seen) < 0.0:
+                    return values[i - 1], cuts[int(seen[1] < seen[0])]
+                low, high = (low, cuts[1]) if seen[0] < seen[1] else (cuts[0], high)
+    return values[-1], math.nan
+
+
 # Boundaries by bisection
 
 
-@dataclass
-class Track:
-    """One side of a range, how far the motion was followed, and the step in which it became another."""
-
-    side: Found
-    inside: float
-    start: Start | None
-    ahead: list[float]
-    outside: float | None = None
-
-    @property
-    def next(self) -> float:
-        """The next value outwards, or the middle of the step in which the class changes."""
-        return self.ahead[0] if self.outside is None else self.side.range.between(self.inside, self.outside, 0.5)
-
-    def found(self) -> Found:
-        """Return where the motion ends."""
-        if self.outside is None:
-            return self.side
-        middle, half = 0.5 * (self.inside + self.outside), 0.5 * abs(self.outside - self.inside)
-        return replace(self.side, kind="change", value=middle, half_width=half, start=self.start)
-
-
 def _bisected(present: Present, sides: Sequence[Found], runner: Runner) -> list[Found]:
-    """Return, for each parameter and direction, where the motion that is followed first changes its class."""
-    tracks = [Track(side, side.range.value, present.start, side.path(PLACES)) for side in sides]
-    while active := [track for track in tracks if track.outside is None and track.ahead]:
-        _step(present, active, runner)
-        for track in active:
-            track.ahead.pop(0)
-    changed = [track for track in tracks if track.outside is not None]
-    for _ in range(HALVINGS if changed else 0):
-        _step(present, changed, runner)
-    return [track.found() for track in tracks]
+    """Return, for each parameter and direction, where the motion that is followed first changes its class.
+
+    What an undecided motion ends as is not known, and so not where it ends.
+    """
+    if present.measured.motion_class in UNSURE:
+        return [replace(side, reached=math.nan) for side in sides]
+    group = present.measured.group
+    tracks = [
+        Track(side.range, side.range.value, side.end, lambda motion: motion.group == group, present.start, CROWDED)
+        for side in sides
+    ]
+    carry(tracks, runner)
+    return [_ended(side, track) for side, track in zip(sides, tracks, strict=True)]
 
 
-def _step(present: Present, tracks: Sequence[Track], runner: Runner) -> None:
-    """Carry each motion to its next value, and see whether it is still the same."""
-    values = [track.next for track in tracks]
-    there = [track.side.range.changed(value) for track, value in zip(tracks, values, strict=True)]
-    cells = cells_of(there, [track.start for track in tracks])
-    motions = measure(runner, cells, BRIEF)
-    same = [m.group == present.measured.group or m.motion_class == MotionClass.UNDECIDED for m in motions]
-    kept = np.flatnonzero(same)
-    for i, state in zip(kept.tolist(), runner.follow(cells[kept]), strict=True):
-        tracks[i].inside, tracks[i].start = values[i], state
-    for track, value, is_same in zip(tracks, values, same, strict=True):
-        if not is_same:
-            track.outside = value
+def _ended(side: Found, track: Track) -> Found:
+    """Return where a motion that was carried along ends."""
+    if track.beyond is None:
+        return replace(side, spacing=track.widest, reached=track.inside)
+    inside, outside = track.inside, track.outside
+    middle, half = 0.5 * (inside + outside), 0.5 * abs(outside - inside)
+    there = track.beyond.name if track.beyond.motion_class != MotionClass.UNDECIDED else ""
+    known = replace(side, kind="change", value=middle, half_width=half, spacing=track.widest, start=track.start)
+    return replace(known, beyond=there, outside=outside)

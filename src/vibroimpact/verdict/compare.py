@@ -17,10 +17,10 @@ from vibroimpact.oscillator import Model
 from vibroimpact.parameters import Parameter, invalid
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
-from vibroimpact.verdict.boundaries import BOUNDARIES, Edge
+from vibroimpact.verdict.boundaries import BOUNDARIES, ONSETS, Edge
 from vibroimpact.verdict.describe import Verdict, describe
 from vibroimpact.verdict.present import percent, range_of
-from vibroimpact.verdict.text import advice_words
+from vibroimpact.verdict.text import advice_words, onset_words
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,11 +120,19 @@ def _boundary_variables(verdicts: tuple[Verdict, Verdict]) -> dict[str, xr.Varia
         values = np.array([getattr(edge, name) for edge in edges], dtype=np.float64)
         return xr.Variable(dims, values.reshape(shape), {"long_name": long_name})
 
+    def onsets(name: str, words: str) -> xr.Variable:
+        values = np.array([getattr(getattr(edge, name), "value", math.nan) for edge in edges])
+        return xr.Variable(dims, values.reshape(shape), {"long_name": f"{words}, in the parameter's unit"})
+
     kinds = np.array([list(BOUNDARIES).index(edge.kind) for edge in edges], np.int8)
     return {
         "boundary": numbers("value", "nearest boundary, in the parameter's unit"),
         "boundary_change": numbers("change", "relative change to the nearest boundary"),
+        "boundary_spacing": numbers(
+            "spacing", "widest step between the values tried, as a relative change; 0 where exact"
+        ),
         "boundary_half_width": numbers("half_width", "uncertainty of the nearest boundary; 0 where exact"),
+        **{f"boundary_{name}": onsets(name, words) for name, words in ONSETS.items()},
         "boundary_kind": flags(dims, kinds.reshape(shape), "kind of the nearest boundary", BOUNDARIES),
     }
 
@@ -142,12 +150,15 @@ def _index(verdict: Verdict, name: str) -> str:
 
 
 def _boundary(verdict: Verdict, edge: Edge) -> str:
-    if not edge.found:
-        return f"none to {edge.searched_to:.4g}"
     if edge.at_once:
         return f"at once ({edge.what})"
+    others = [f"{what} {onset.value:.5g}" for onset, what in onset_words(edge)]
+    if not edge.found:
+        end = "not sought" if math.isnan(edge.searched_to) else f"none to {edge.searched_to:.4g}"
+        return f"{end} ({', '.join(others)})" if others else end
     change = range_of(verdict.model, edge.parameter, 1.0).percent(edge.value)
-    return f"{edge.value:.6g} ({'-' if edge.direction < 0 else '+'}{change}, {edge.what})"
+    about = ", ".join([f"{'-' if edge.direction < 0 else '+'}{change}", edge.what, *others])
+    return f"{edge.value:.6g} ({about})"
 
 
 def _worst(verdict: Verdict) -> str:

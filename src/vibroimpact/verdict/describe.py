@@ -212,11 +212,11 @@ def describe(
         present = present_motion(osc, runner)
         found: dict[str, Any] = {}
         if complete := going():
-            found["boundaries"] = nearest_boundaries(present, ranges, runner, going)
-            complete = len(found["boundaries"]) == 2 * len(ranges)
-        if complete:
             found["attractors"] = coexisting_motions(present, runner)
             complete = going()
+        if complete:
+            found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"])
+            complete = len(found["boundaries"]) == 2 * len(ranges)
         if complete:
             found["advice"] = advise(present, found["attractors"], ranges, runner)
             going()

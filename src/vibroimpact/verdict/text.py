@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 from vibroimpact import report
 from vibroimpact.coexistence.measuring import PAPER, SPREAD
 from vibroimpact.oscillator import Model
-from vibroimpact.verdict.boundaries import NOISE, Edge
+from vibroimpact.verdict.boundaries import NOISE, ONSETS, Edge
+from vibroimpact.verdict.carried import PLACES
+from vibroimpact.verdict.onsets import Onset
 from vibroimpact.verdict.present import percent, range_of
 
 if TYPE_CHECKING:
@@ -162,26 +164,71 @@ def _stability(verdict: Verdict) -> Iterator[str]:
 
 
 def _boundaries(verdict: Verdict) -> Iterator[str]:
-    for down, up in zip(verdict.boundaries[::2], verdict.boundaries[1::2], strict=True):
-        if not (down.found or up.found):
+    edges = verdict.boundaries
+    for down, up in zip(edges[::2], edges[1::2], strict=True):
+        if down.found or up.found or down.spacing or up.spacing or onset_words(down) or onset_words(up):
+            yield f"{down.parameter}: {edge_words(verdict.model, down)}; {edge_words(verdict.model, up)}"
+        elif math.isnan(down.searched_to) or math.isnan(up.searched_to):
+            yield f"{down.parameter}: not sought, as the motion is not decided"
+        else:
             span = " to ".join(f"{edge.searched_to:.4g}" for edge in (down, up))
             yield f"{down.parameter}: none from {span}"
+    yield from _about_edges(verdict)
+
+
+def _about_edges(verdict: Verdict) -> Iterator[str]:
+    """Yield for which initial conditions boundaries hold, and what was sampled."""
+    edges = verdict.boundaries
+    if verdict.kind in ("no_impact", "stuck_forever") and any(edge.from_some for edge in edges):
+        hitting = sum(motion.share for motion in verdict.attractors if motion.max_velocity > 0.0)
+        if any(edge.from_some and edge.from_some.change == 0.0 for edge in edges):
+            share = percent(hitting) if hitting else "some"
+            yield f"here already {share} of the initial conditions settle to impacts"
         else:
-            yield f"{down.parameter}: {edge_words(verdict.model, down)}; {edge_words(verdict.model, up)}"
+            yield "up to there neither a start from rest nor the other ones tried settle to impacts"
+    elif any(edge.found for edge in edges):
+        yield "these hold for the motion from rest, carried along in small steps"
+    if any(edge.spacing for edge in edges):
+        yield "steps are those between the values tried: narrower windows of other motions may lie nearer"
+    if any(onset_words(edge) for edge in edges):
+        yield f"both kinds of impacts were looked for at {PLACES} values per side: narrower windows may lie nearer"
 
 
 def edge_words(model: Model, edge: Edge) -> str:
-    """Return a boundary in words, such as 'up 3.1 % to 2.693 rad/s (period doubling, then period-2 impact-2)'."""
+    """Return a boundary in words, such as 'up 3.1 % to 2.693 rad/s (period doubling, then period-2 impact-2)'.
+
+    Of a motion without impacts others come first, where they differ: from where on some initial condition settles to
+    impacts, and a start from rest strikes the stop or settles to impacts.
+    """
     way = "down" if edge.direction < 0 else "up"
-    if not edge.found:
-        return f"{way} none to {edge.searched_to:.4g}"
-    place = quantity(model, edge.parameter, edge.value, 6 if edge.exact else 5)
     then = f", then {edge.beyond}" if edge.beyond and edge.kind != "change" else ""
-    what = edge.what + then
     if edge.at_once:
-        return f"{way} at once ({what})"
-    change = change_words(model, edge.parameter, edge.value)
-    return f"{way} {change} to {place} ({what}{'' if edge.exact else f'; {edge.accuracy}'})"
+        return f"{way} at once ({edge.what}{then})"
+    parts = [_place(model, edge, onset, [what]) for onset, what in onset_words(edge)]
+    steps = f"in steps of {percent(edge.spacing)}{f' of {edge.of}' if edge.of else ''}" if edge.spacing else ""
+    if edge.found:
+        parts.append(_place(model, edge, edge, [edge.what + then, "" if edge.exact else edge.accuracy, steps]))
+    else:
+        parts.append(f"{'itself ' if parts else ''}none to {edge.searched_to:.4g}{f' ({steps})' if steps else ''}")
+    return f"{way} {', '.join(parts)}"
+
+
+def onset_words(edge: Edge) -> list[tuple[Onset, str]]:
+    """Return where others than the motion itself begin to hit, the nearest first, each with what happens there."""
+    values = {name: onset.value for name in ONSETS if (onset := getattr(edge, name))}
+    if values.get("strikes") == values.get("from_rest"):
+        values.pop("strikes", None)
+    if values.get("from_some") == values.get("from_rest"):
+        values.pop("from_some", None)
+    known = [(getattr(edge, name), ONSETS[name]) for name, value in values.items() if value != edge.value]
+    return sorted((part for part in known if part[0].change), key=lambda part: abs(part[0].change))
+
+
+def _place(model: Model, edge: Edge, at: Edge | Onset, about: list[str]) -> str:
+    """Return a value on the way along a parameter, and what is known of it."""
+    place = quantity(model, edge.parameter, at.value, 6 if at.half_width == 0.0 else 5)
+    known = "; ".join(part for part in about if part)
+    return f"{change_words(model, edge.parameter, at.value)} to {place} ({known})"
 
 
 def change_words(model: Model, parameter: str, value: float) -> str:

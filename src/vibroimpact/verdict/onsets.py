@@ -1,0 +1,233 @@
+"""Where others than the present motion begin to hit: a motion from rest, and one from some initial conditions.
+
+A motion without impacts has three edges. The steady motion itself touches the stop where an equation says so. From rest
+the mass overshoots, and may settle to impacts long before. From other initial conditions it may do so earlier still:
+attractors that hit are looked for from initial conditions spread over the impact surface and on the closed-form orbits
+of one impact, and the first one found is carried back to where it ends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from vibroimpact.backends import Cells, Measurement
+from vibroimpact.coexistence.measuring import Measured, Runner, Start, cells_of, spread_cells
+from vibroimpact.execution.threads import run_sweep
+from vibroimpact.orbits.equations import impact_1_orbits
+from vibroimpact.oscillator import Model
+from vibroimpact.status import Status
+from vibroimpact.verdict.carried import BRIEF, LONG, NARROW, PLACES, SECTIONS, UNSURE, Track, carry
+from vibroimpact.verdict.present import CROWDED, Range, measure
+
+SPREAD = 32  # initial conditions at a value, besides the orbits of one impact
+ORBITS = 4  # periods of these, at most
+BATCH = 12  # values looked at together
+ROUNDS, PASSING = 2, 3  # times that a step is cut so: close to where impacts begin to last they settle slowly
+TRIED = 3  # motions that hit, of which one is to last
+ONWARD = 3000  # impacts after which a motion is taken to be on its attractor
+
+
+@dataclass(frozen=True)
+class Onset:
+    """From where on initial conditions settle to impacts, along one parameter.
+
+    Parameters
+    ----------
+    value : float
+        The parameter there; the present value where some do so already.
+    change : float
+        From the present value to there, as of the `Edge`.
+    half_width : float
+        `value` is known to within this; 0 where it is exact.
+    spacing : float
+        The widest step between the values looked at up to there, in the unit of `change`; 0 where it is exact.
+    start : Start
+        An impact (clearance 0 in m, velocity in m/s, phase) that keeps hitting just beyond; None where none is named.
+    """
+
+    value: float
+    change: float
+    half_width: float = 0.0
+    spacing: float = 0.0
+    start: Start | None = None
+
+
+@dataclass(frozen=True)
+class Side:
+    """A range in one direction, up to where the motion without impacts itself ends, and a start just beyond."""
+
+    range: Range
+    direction: int
+    value: float
+    beyond: float
+    start: Start | None
+
+    @property
+    def end(self) -> float:
+        """Where the motion itself ends, or the range."""
+        return self.range.end(self.direction) if math.isnan(self.value) else self.value
+
+    def path(self) -> list[float]:
+        """Return values up to the end, the last of them a hair inside."""
+        shares = [(j / PLACES) ** CROWDED for j in range(1, PLACES)]
+        return [self.range.between(self.range.value, self.end, share) for share in (*shares, 1.0 - NARROW)]
+
+    def onset(self, value: float, half_width: float, spacing: float, start: Start | None = None) -> Onset:
+        """Return what callers see."""
+        return Onset(value, self.range.change(value), half_width, spacing, start)
+
+
+def hits(motion: Measured) -> bool:
+    """Return whether a motion fills its window with impacts."""
+    return motion.status.has_indices
+
+
+def surely_hits(motion: Measured) -> bool:
+    """Return whether a motion is known to go on hitting, not just slow to end."""
+    return hits(motion) and motion.motion_class not in UNSURE
+
+
+def from_rest(sides: Sequence[Side], runner: Runner, lasting: bool = True) -> list[Onset | None]:
+    """Return from where on a start from rest settles to impacts; where the motion itself ends, at the latest.
+
+    Without `lasting`: from where on it strikes the stop, if only in passing.
+    """
+
+    def first(some: Sequence[Side], paths: Sequence[Sequence[float]]) -> list[tuple[int, Start | None] | None]:
+        return _first(some, paths, lambda model: cells_of([model]), runner, lasting)
+
+    paths = [side.path() for side in sides]
+    found = first(sides, paths)
+    brackets: list[tuple[float, float] | None] = []
+    for side, path, one in zip(sides, paths, found, strict=True):
+        before = None if one is None else path[one[0] - 1] if one[0] else side.range.value
+        brackets.append(None if one is None or before is None else (before, path[one[0]]))
+    starts = [one and one[1] for one in found]
+    for _ in range(ROUNDS if lasting else PASSING):
+        open_ = [i for i, bracket in enumerate(brackets) if bracket is not None]
+        inner = [_sections(sides[i].range, brackets[i]) for i in open_]
+        firsts = first([sides[i] for i in open_], [cuts[1:-1] for cuts in inner])
+        for i, cuts, one in zip(open_, inner, firsts, strict=True):
+            at = len(cuts) - 1 if one is None else one[0] + 1
+            brackets[i] = cuts[at - 1], cuts[at]
+            starts[i] = one[1] if one else starts[i]
+    onsets: list[Onset | None] = []
+    for side, path, one, bracket, start in zip(sides, paths, found, brackets, starts, strict=True):
+        if bracket is None or one is None or one[0] == len(path) - 1:
+            exact = math.isfinite(side.value)
+            onsets.append(side.onset(side.value, 0.0, 0.0, side.start) if exact else None)
+            continue
+        half = 0.5 * abs(bracket[1] - bracket[0])
+        onsets.append(side.onset(0.5 * (bracket[0] + bracket[1]), half, _widest(side, path, one[0]), start))
+    return onsets
+
+
+def from_some(sides: Sequence[Side], rest: Sequence[Onset | None], runner: Runner) -> list[Onset | None]:
+    """Return from where on some initial condition settles to impacts; where one at rest does, at the latest."""
+    paths = []
+    for side, known in zip(sides, rest, strict=True):
+        most = abs(side.range.change(known.value)) if known else math.inf
+        paths.append([value for value in side.path() if abs(side.range.change(value)) < most])
+    found = _first(sides, paths, _spread, runner)
+    tracks: list[Track | None] = []
+    for side, path, first, known in zip(sides, paths, found, rest, strict=True):
+        if first is not None:
+            origin, start = path[first[0]], first[1]
+        elif known is not None:
+            exact = known.half_width == 0.0
+            origin = side.beyond if exact else known.value + side.direction * known.half_width
+            start = known.start
+        else:
+            tracks.append(None)
+            continue
+        tracks.append(None if math.isnan(origin) else Track(side.range, origin, side.range.value, surely_hits, start))
+    carry([track for track in tracks if track], runner)
+    onsets: list[Onset | None] = []
+    for side, path, first, known, track in zip(sides, paths, found, rest, tracks, strict=True):
+        spacing = _widest(side, path, first[0] if first else len(path) - 1)
+        onsets.append(known if track is None else _carried_back(side, known, track, spacing))
+    return onsets
+
+
+def _carried_back(side: Side, rest: Onset | None, track: Track, spacing: float) -> Onset:
+    """Return where an attractor that hits ends, carried towards the present value."""
+    if track.place >= 1.0:
+        return side.onset(side.range.value, 0.0, 0.0, track.start)
+    outside = track.outside if track.ends else track.inside
+    value, half = 0.5 * (track.inside + outside), 0.5 * abs(outside - track.inside)
+    if rest is not None and abs(value - rest.value) <= 2.0 * (half + rest.half_width):
+        return rest
+    return side.onset(value, half, spacing, track.start)
+
+
+def _sections(range_: Range, bracket: tuple[float, float] | None) -> list[float]:
+    assert bracket is not None
+    first, last = bracket
+    return [first, *(range_.between(first, last, j / SECTIONS) for j in range(1, SECTIONS)), last]
+
+
+def _widest(side: Side, path: Sequence[float], last: int) -> float:
+    """Return the widest step between the values up to one of them."""
+    changes = [0.0, *(side.range.change(value) for value in path[: last + 1])]
+    return max((abs(b - a) for a, b in pairwise(changes)), default=0.0)
+
+
+def _spread(model: Model) -> Cells:
+    """Return the initial conditions from which impacts are looked for."""
+    osc = model.at()
+    known = (z for n in range(1, ORBITS + 1) for z in impact_1_orbits(osc, n)[0])
+    starts = [Start(0.0, float(z[1]), float(z[0]) % 1.0) for z in known if z[1] > 0.0]
+    return Cells.join([spread_cells(osc, SPREAD), *(start.cell(osc) for start in starts)])
+
+
+Begin = Callable[[Model], Cells]
+
+
+def _first(
+    sides: Sequence[Side], paths: Sequence[Sequence[float]], begin: Begin, runner: Runner, lasting: bool = True
+) -> list[tuple[int, Start | None] | None]:
+    """Return of each path the first value at which a motion hits, and a state of one that lasts; None without one."""
+    found: list[tuple[int, Start | None] | None] = [None] * len(paths)
+    next_ = [0] * len(paths)
+    while left := [i for i, path in enumerate(paths) if found[i] is None and next_[i] < len(path)]:
+        places = [(i, j) for i in left for j in range(next_[i], min(next_[i] + BATCH, len(paths[i])))]
+        cells = [begin(sides[i].range.changed(paths[i][j])) for i, j in places]
+        waiting: dict[int, list[tuple[int, Cells]]] = {i: [] for i in left}
+        for (i, j), own, hit in zip(places, cells, _hitting(cells, runner, lasting), strict=True):
+            next_[i] = j + 1
+            if hit.any():
+                waiting[i].append((j, own[np.flatnonzero(hit)[:TRIED]]))
+        while first := {i: some.pop(0) for i, some in waiting.items() if some and found[i] is None}:
+            parts = [own for _, own in first.values()]
+            ends = _lasting(parts, runner) if lasting else [(True, None)] * len(parts)
+            for (i, (j, _)), (hits_on, start) in zip(first.items(), ends, strict=True):
+                found[i] = (j, start) if hits_on else None
+    return found
+
+
+def _hitting(parts: Sequence[Cells], runner: Runner, lasting: bool) -> list[np.ndarray]:
+    """Return of the cells of each part which of them fill a brief window with impacts, or hit at all."""
+    cells = Cells.join(parts)
+    runner.measured += len(cells)
+    hit = np.zeros(len(cells), bool)
+    wanted = Measurement(BRIEF, runner.tolerances)
+    for which, outcome in run_sweep(runner.engine, cells, wanted, runner.workers, runner.stop):
+        hit[which] = outcome["status"] <= (Status.SHORT_WINDOW if lasting else 99)
+        hit[which] &= outcome["status"] != Status.NO_IMPACT
+    return np.split(hit, np.cumsum([len(part) for part in parts])[:-1])
+
+
+def _lasting(parts: Sequence[Cells], runner: Runner) -> list[tuple[bool, Start | None]]:
+    """Return whether one of the cells of each part keeps hitting, and where it is much later."""
+    if not parts:
+        return []
+    motions = iter(measure(runner, Cells.join(parts), LONG))
+    lasting = [[at for at, _ in enumerate(part.table) if hits(next(motions))] for part in parts]
+    first = [part[np.array(own[:1])] for part, own in zip(parts, lasting, strict=True) if own]
+    states = iter(runner.follow(Cells.join(first), ONWARD) if first else [])
+    return [(bool(own), next(states) if own else None) for own in lasting]
