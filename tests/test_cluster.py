@@ -80,6 +80,13 @@ def test_a_cluster_gives_the_bits_of_one_machine(client, whole):
     assert_same(sweep(cluster=client), whole)
 
 
+def test_a_cluster_takes_several_initial_conditions(client):
+    how = {"omega": np.linspace(1.0, 3.0, 5), "gap": [-0.2, 0.5], "start": 4, "sample_impacts": 50}
+    here = vi.parameter_map(vi.ImpactOscillator(), **how)
+    there = vi.parameter_map(vi.ImpactOscillator(), cluster=client, tile=7, **how)
+    assert np.array_equal(here["std"].values, there["std"].values, equal_nan=True)
+
+
 @pytest.mark.parametrize("backend", ["reference", "fixed-step"])
 def test_workers_compute_with_any_back_end(client, backend):
     axes = {"omega": [1.0, 2.0, 2.8], "mass": [1.0, 1.1]}

@@ -130,6 +130,9 @@ def test_the_function_of_a_family_is_called_once_for_each_design_of_a_table(tmp_
         how = {"points": {"omega": [1.0, 1.5, 3.0]}, "start": [None, vi.State(-1.0)], "sample_impacts": 20}
         vi.parameter_map(counted, **how, **place)
         assert [calls.count(omega) for omega in (1.0, 1.5, 3.0)] == [1, 1, 1]
+    calls.clear()
+    vi.parameter_map(counted, omega=[1.0, 1.5, 3.0], start=6, sample_impacts=20)
+    assert max(calls.count(omega) for omega in (1.0, 1.5, 3.0)) <= 2  # corners are looked at beforehand
 
 
 def test_several_initial_conditions_add_a_dimension():

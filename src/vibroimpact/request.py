@@ -91,22 +91,25 @@ class Request:
     def cells(self, at: slice | Places = slice(None)) -> Cells:
         """Return the cells at some flat indices: the same bits whichever others are asked for beside them."""
         flat = np.arange(*at.indices(len(self))) if isinstance(at, slice) else at
-        places = np.unravel_index(flat, self.shape)
-        if self.scattered:
-            cells = self._designs[places[0]]
-        else:
-            along = zip(self.axes.items(), places, strict=False)  # the last places are those of several starts
-            cells = self.model.cells({name: values[place] for (name, values), place in along})
         if not isinstance(self.start, (tuple, int)):
-            return cells.begun(self.start)
-        table, numbers = cells.table.copy(), places[-1]
+            return self._designs_at(flat).begun(self.start)
+        designs, owner = np.unique(flat // self.several, return_inverse=True)
+        cells, numbers = self._designs_at(designs)[owner], flat % self.several
         if isinstance(self.start, int):
             struck = numbers > 0
-            table[struck] = cells[struck].struck(numbers[struck] - 1).table
+            cells.table[struck] = cells[struck].struck(numbers[struck] - 1).table
         else:
             for number, start in enumerate(self.start):
-                table[numbers == number] = cells[numbers == number].begun(start).table
-        return Cells(table, cells.columns)
+                cells.table[numbers == number] = cells[numbers == number].begun(start).table
+        return cells
+
+    def _designs_at(self, flat: Places) -> Cells:
+        """Return designs by their flat indices, at rest; the function of a family is called once for each."""
+        if self.scattered:
+            return self._designs[flat]
+        places = np.unravel_index(flat, tuple(map(len, self.axes.values())))
+        along = zip(self.axes.items(), places, strict=True)
+        return self.model.cells({name: values[place] for (name, values), place in along})
 
     @cached_property
     def _designs(self) -> Cells:

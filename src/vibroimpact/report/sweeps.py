@@ -54,8 +54,10 @@ def map_sentences(dataset: xr.Dataset) -> Iterator[str]:
 def hits_of(dataset: xr.Dataset) -> Iterator[str]:
     """Yield in how many cells of a map impacts go on from the first initial condition, and from others alone."""
     field = dataset["status"].transpose("start", ...)
+    if (field == Status.INTERRUPTED).any():
+        return
     has_impacts = np.isin(field.values, [status for status in Status if status.has_indices])
-    first, others = has_impacts[0], has_impacts.any(axis=0) & ~has_impacts[0]
+    first, others = has_impacts[0], has_impacts.any(axis=0) & ~has_impacts[0] & (field.values[0] != Status.BUDGET)
     named = json.loads(dataset.attrs.get("arguments", "{}")).get("start")
     at_rest = isinstance(named, int) or (isinstance(named, list) and named[:1] == [None])
     start = "rest" if at_rest else "the first initial condition"
