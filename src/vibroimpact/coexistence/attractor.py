@@ -15,7 +15,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
-from vibroimpact.backends.base import Counts, Floats
+from vibroimpact.backends.base import Counts, Floats, energy_loss
+from vibroimpact.coexistence.final import release_phase, released
 from vibroimpact.coexistence.measuring import AT_REST, QUIET, Measured, Runner
 from vibroimpact.coexistence.settling import Settled, chaotic_groups, clusters
 from vibroimpact.motion import Motion, MotionClass
@@ -30,7 +31,7 @@ EXPONENT_GAP = 1e-5  # per period; the logarithm of two equal multipliers is goo
 MISS_GAP = 1e-6  # of V/w_n
 BOXES = 64  # along phase and along velocity
 SHARED = 0.5  # of the impacts of two chaotic motions in the same boxes: above this they are one attractor
-WANDERING = 2000  # driving periods sampled of intermittent sticking, whose rests have no period
+WANDERING = 4000  # impacts, at most, from a release to the next rest that are sampled of intermittent sticking
 
 
 @dataclass(frozen=True)
@@ -151,21 +152,37 @@ def attractor_of(settled: Settled, at: int, members: Counts, seen: Impacts) -> A
 
 
 def sticking_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
-    """Return the one attractor that sticks: every release is the same state, sin = k g / f falling.
-
-    Of intermittent sticking, whose period double precision does not resolve, a long sample is measured, as of chaos.
-    """
+    """Return the one attractor that sticks: every release is the same state, sin = k g / f falling."""
     osc, one = settled.osc, settled[at]
-    periods = one.n_periods or WANDERING
-    looks = one.n_periods + 2 if one.n_periods else WANDERING
-    (seen,) = runner.samples(AT_REST.cell(osc), StroboscopicWindow(0, looks))
+    if not one.n_periods:
+        impacts, loss = _turns(runner, osc)
+        start = State(osc.gap, 0.0, release_phase(*osc.cells({})) * osc.period)
+        return _attractor(one, impacts, None, start, -math.inf, loss)
+    (seen,) = runner.samples(AT_REST.cell(osc), StroboscopicWindow(0, one.n_periods + 2))
     release = seen.release_periods + seen.release_phase
     time = seen.impact_periods + seen.impact_phase
-    turn = (time > release[0]) & (time < release[0] + periods)
+    turn = (time > release[0]) & (time < release[0] + one.n_periods)
     impacts = Impacts(seen.impact_phase[turn], seen.impact_velocity[turn])
-    cycle = _from_hardest(impacts) if one.n_periods else None
     start = State(osc.gap, 0.0, float(seen.release_phase[0]) * osc.period)
-    return _attractor(one, impacts, cycle, start, -math.inf, one.indices["dissipation"])
+    return _attractor(one, impacts, _from_hardest(impacts), start, -math.inf, one.indices["dissipation"])
+
+
+def _turns(runner: Runner, osc: ImpactOscillator) -> tuple[Impacts, float]:
+    """Return the impacts of intermittent sticking from moved releases to the next rest, and the energy lost per period.
+
+    One turn from the exact release would be an accident of rounding.
+    """
+    phases, velocities, periods = [], [], 0.0
+    for seen in runner.samples(released(osc.cells({})), ImpactWindow(0, WANDERING)):
+        time = seen.impact_periods + seen.impact_phase
+        rested = len(seen.stick_phase) > 0 and math.isfinite(seen.release_phase[0])
+        end = seen.release_periods[0] + seen.release_phase[0] if rested else time[-1]
+        phases.append(seen.impact_phase[time <= end])
+        velocities.append(seen.impact_velocity[time <= end])
+        periods += float(end) - release_phase(*osc.cells({}))
+    impacts = Impacts(np.concatenate(phases), np.concatenate(velocities))
+    loss = energy_loss(osc.mass, osc.restitution) * float((np.asarray(impacts.velocities) ** 2).sum()) / periods
+    return impacts, loss
 
 
 def _attractor(

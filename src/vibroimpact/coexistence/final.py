@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -87,15 +88,19 @@ def rests(measured: Measured) -> bool:
     return measured.status == Status.STICKING
 
 
+def release_phase(design: Mapping[str, float]) -> float:
+    """Return where in the period the force releases a resting mass."""
+    return 0.5 - math.asin(design["stiffness"] * design["gap"] / design["amplitude"]) / (2.0 * math.pi)
+
+
 def released(cell: Cells, number: int = 0) -> Cells:
     """Return so many releases of the mass, moved by up to 1e-11 V; others for each `number`."""
     (design,) = cell
-    held = design["stiffness"] * design["gap"]
-    phase = 0.5 - math.asin(held / design["amplitude"]) / (2.0 * math.pi)
-    scale = max(design["amplitude"], abs(held)) / math.sqrt(design["stiffness"] * design["mass"])
+    held = abs(design["stiffness"] * design["gap"])
+    scale = max(design["amplitude"], held) / math.sqrt(design["stiffness"] * design["mass"])
     share = (np.arange(RELEASES) + 1.0 / (number + 1.0)) / RELEASES
     many = Cells(np.repeat(cell.table, RELEASES, axis=0), cell.columns)
-    return many.replace(clearance=0.0, velocity=-MOVED * scale * share, periods=0.0, phase=phase)
+    return many.replace(clearance=0.0, velocity=-MOVED * scale * share, periods=0.0, phase=release_phase(design))
 
 
 @dataclass(frozen=True)
