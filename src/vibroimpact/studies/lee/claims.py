@@ -132,10 +132,12 @@ class Section:
         def compare(lab: Laboratory) -> Outcome:
             motion = lab.motion(omega=omega)
             seen = lab.window(omega=omega).velocity
+            other = motion.name != name and beside(lab, [omega], name, lambda motion: motion.name == name)
             return Outcome(
                 same_name(motion.name, name),
                 motion.name,
-                f"after {lab.scale.settle_impacts} impacts: {motion.sentence(OSCILLATOR.replace(omega=omega).period)}",
+                f"after {lab.scale.settle_impacts} impacts: {motion.sentence(OSCILLATOR.replace(omega=omega).period)}"
+                + (f"; {other}" if other else ""),
                 f"{len(seen)} impacts, {seen.min():.3g} to {seen.max():.3g} m/s" if len(seen) else "no impact",
             )
 
@@ -151,7 +153,8 @@ class Section:
                 f"at {np.mean(flags):.0%} of the frequencies",
                 f"present at every scanned frequency of the interval ({len(flags)} in all)"
                 if flags.all()
-                else f"other motions {intervals(scan.omega, ~flags)}: {commonest(scan.motions, ~flags)}",
+                else f"from rest other motions {intervals(scan.omega, ~flags)}: {commonest(scan.motions, ~flags)}; "
+                f"{beside(lab, scan.omega[~flags], what, has)}",
             )
 
     def chaotic(self, quotation: str, low: str, high: str, importance: int = 0) -> None:
@@ -204,8 +207,10 @@ class Section:
             because = f"peaks of the impact velocity at w = {', '.join(places)}"
             return Outcome(all_of(rules), f"{sum(names)} resonances", because)
 
-    def axis_height(self, quotation: str, printed: str, importance: int = 0, **changes: float) -> None:
-        """Register the upper end of a velocity axis."""
+    def axis_height(
+        self, quotation: str, printed: str, importance: int = 0, resonance: float | None = None, **changes: float
+    ) -> None:
+        """Register the upper end of a velocity axis, and, where the paper gives it as the reason, a resonance."""
 
         @self.claim(quotation, f"axis to {printed}", importance)
         def compare(lab: Laboratory) -> Outcome:
@@ -215,7 +220,12 @@ class Section:
             because += f"; the axis ends at {printed}"
             because += "; in the paper's window that motion is still growing" if seen < 0.9 * height else ""
             seen_text = f"at most {seen:.4g} m/s at that w"
-            return Outcome(axis_limit(height, printed), f"at most {height:.4g} m/s", because, seen_text)
+            rules = [axis_limit(height, printed)]
+            if resonance is not None:
+                at, peak = lab.peak(resonance, 0.15 * resonance, **changes)
+                rules.append(is_true(peak <= float(printed), "the axis holds the first impact resonance, its reason"))
+                because += f"; the first impact resonance, the reason given, reaches {peak:.4g} m/s at w = {at:.4g}"
+            return Outcome(all_of(rules), f"at most {height:.4g} m/s", because, seen_text)
 
     def impact_rate(self, quotation: str, says: str, name: str, values: tuple[float, ...], importance: int) -> None:
         """Register that the first value of a parameter gives the most impacts per period, the last one the fewest."""
@@ -305,6 +315,20 @@ class Section:
             found = "; ".join(f"{what} {low:g} to {high:g}" for what, low, high in regions)
             because = f"{found}. The paper prints the range as w = [1, 5]; its own list begins at 0"
             return Outcome(printed_value(len(regions), "6"), f"{len(regions)} regions", because)
+
+
+def beside(lab: Laboratory, frequencies: Sequence[float] | Floats, what: str, has: Test, most: int = 12) -> str:
+    """Say where a motion is among those that coexist, at up to so many of the frequencies, spread evenly."""
+    chosen = [float(frequencies[i]) for i in np.unique(np.linspace(0, len(frequencies) - 1, most).round().astype(int))]
+    shares = [sum(found.share for found in lab.coexisting(omega) if has(found.motion)) for omega in chosen]
+    flags = np.array(shares) > 0.0
+    looked = f"of 256 other initial conditions at {len(chosen)} of these frequencies" if len(chosen) > 1 else ""
+    if not flags.any():
+        return f"no {what} motion coexists: none {looked or 'of 256 other initial conditions'} leads to one"
+    reached = [share for share in shares if share > 0.0]
+    parts = f"{min(reached):.0%}" + (f" to {max(reached):.0%}" if len(reached) > 1 else "")
+    gone = "" if flags.all() else f", not {intervals(chosen, ~flags)}"
+    return f"coexistence: {parts} {looked or 'of 256 other initial conditions'} lead to {what} motions{gone}"
 
 
 def shares(lab: Laboratory, pair: Pair) -> tuple[float, float, float]:

@@ -14,6 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import vibroimpact as vi
+from vibroimpact.coexistence import Attractor
 from vibroimpact.motion import Motion, cycle_length, cycle_name, recognise
 from vibroimpact.studies.lee.paper import INDICES, OSCILLATOR, TIME_STEP, TOP, WINDOW, Scale, frequencies, pair_of
 
@@ -119,6 +120,7 @@ class Laboratory:
         self.scale, self.results, self.level, self.workers = scale, results, level, workers
         self.section, self.motion, self.scan = cache(self._section), cache(self._motion), cache(self._scan)
         self.window, self.line, self.edge = cache(self._window), cache(self._line), cache(self._edge)
+        self.coexisting = cache(self._coexisting)
         self.cells, self.unsettled = cache(self._cells), cache(self._unsettled)
 
     def _section(self, start: vi.State | None = None, **changes: float) -> xr.Dataset:
@@ -132,6 +134,10 @@ class Laboratory:
 
     def _motion(self, **changes: float) -> Motion:
         return recognise(self._section(None, **changes))
+
+    def _coexisting(self, omega: float) -> list[Attractor]:
+        """Attractors of the paper's oscillator at a frequency, from 256 initial conditions."""
+        return list(vi.attractors(OSCILLATOR.replace(omega=omega), workers=self.workers))
 
     def _motions(self, points: Sequence[Mapping[str, float]]) -> tuple[Motion, ...]:
         """Recognise the motions at many parameter points, in threads."""

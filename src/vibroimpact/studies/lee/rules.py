@@ -126,19 +126,20 @@ def rises(values: Sequence[float], what: str) -> Assessment:
 
 
 def axis_limit(largest: float, printed: str) -> Assessment:
-    """Assess the height of a printed axis: it must hold the data, and the data must fill more than half of it.
+    """Assess the height of a printed axis: the largest velocity rounded up to the printed digits.
 
     Examples
     --------
     >>> axis_limit(2.895, "3").verdict.value, axis_limit(8.09, "8").verdict.value, axis_limit(77.6, "35").verdict.value
     ('holds', 'last digit', 'does not hold')
     """
-    top = float(printed)
+    top, unit = float(printed), last_unit(printed)
     rule = (
-        "the largest velocity lies below the end of the axis and above half of it; 'last digit' if it passes "
-        "the end by less than one unit of the last printed digit"
+        "the end of the axis is the largest velocity, rounded up to the printed digits; one unit of the last digit "
+        "away is 'last digit'"
     )
-    return Assessment(_verdict(0.5 * top < largest <= top, top < largest < top + last_unit(printed)), rule)
+    holds, close = (top - n * unit < largest <= top + (n - 1) * unit for n in (1, 2))
+    return Assessment(_verdict(holds, close), rule)
 
 
 def proportional(ratios: Sequence[float], factor: float, tolerance: float = 1e-9) -> Assessment:
