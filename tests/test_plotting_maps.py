@@ -243,10 +243,10 @@ def test_a_family_is_drawn_over_its_own_parameters_with_their_units():
     found = vi.parameter_map(shaker, rpm=[18.0, 20.0, 22.0], clearance_mm=[50.0, 100.0, 150.0], sample_impacts=100)
     drawn = plotting.index_contour(found)
     assert (drawn.get_xlabel(), drawn.get_ylabel()) == ("rpm [1/min]", "clearance mm [mm]")
-    assert drawn.get_title() == "shaker,  unbalance = 0.5"
+    assert drawn.get_title() == "shaker,  unbalance = 0.5,  from rest"
     assert [text.get_text() for text in drawn.texts] == ["clearance_mm = 100 mm"]
     held = plotting.index_curve(found.sel(clearance_mm=150.0))
-    assert held.get_title() == "shaker,  clearance_mm = 150,  unbalance = 0.5"
+    assert held.get_title() == "shaker,  clearance_mm = 150,  unbalance = 0.5,  from rest"
     pair = plotting.comparison_figure([shaker.replace(rpm=13.4), shaker.replace(rpm=26.7)], periods=2)
     assert [ax.get_title().splitlines()[1] for ax in pair.axes[:2]] == ["rpm = 13.4 1/min", "rpm = 26.7 1/min"]
     plt.close("all")

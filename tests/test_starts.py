@@ -74,3 +74,16 @@ def test_results_say_from_where_they_begin():
     sweep = vi.parameter_map(osc, omega=[2.0], start=[None, vi.State(-1.0)], sample_impacts=5)
     both = "2 initial conditions: rest at y = min(0, gap); y = -1 m, y' = 0 m/s at t = 0 s"
     assert sweep.attrs["initial_condition"] == both
+
+
+def test_figures_say_from_where_they_begin():
+    osc, way = vi.ImpactOscillator(), {"omega": [2.0, 2.1], "sample_impacts": 20}
+    drawn = {
+        "from rest": vi.plotting.impact_map(vi.impact_section(osc, sample_impacts=20)),
+        "from y = -1 m, y' = 0 m/s at t = 0 s": vi.plotting.time_history(vi.simulate(osc, start=vi.State(-1.0))),
+        "going up from rest": vi.plotting.bifurcation_diagram(vi.bifurcation_diagram(osc, direction="up", **way)),
+        "worst of 3 initial conditions": vi.plotting.index_curve(vi.parameter_map(osc, start=3, **way)),
+    }
+    for said, axes in drawn.items():
+        title = np.ravel(axes)[0].figure.axes[0].get_title()
+        assert title.replace("\n", " ").endswith(f",  {said}") or title.replace("\n", " ").endswith(f", {said}")

@@ -84,7 +84,8 @@ def _of_starts(sweep: xr.Dataset, index: str) -> xr.Dataset:
     """Return a map of several initial conditions without their dimension, as `with_index` says."""
     several, first = labels.counted(sweep.sizes["start"], "initial condition"), sweep.isel(start=0, drop=True)
     starts = json.loads(sweep.attrs.get("arguments", "{}")).get("start")
-    whence = "from rest" if isinstance(starts, list) and starts[0] is None else "from the first initial condition"
+    at_rest = isinstance(starts, int) or (isinstance(starts, list) and starts[0] is None)
+    whence = "from rest" if at_rest else "from the first initial condition"
     if index in UNRANKED:
         names = [name for name in {index, *UNRANKED} if index == "motion" or name == index]
         differs = sum((sweep[name] != first[name]).any("start") for name in names) > 0

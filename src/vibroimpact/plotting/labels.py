@@ -176,7 +176,7 @@ def own_value(dataset: xr.Dataset, name: str) -> float | None:
 
 
 def title(dataset: xr.Dataset) -> str:
-    """Return the parameters that a result holds fixed, and its note if it has one, in one line."""
+    """Return the parameters that a result holds fixed, and its note or from where it begins, in one line."""
     osc, family = reference(dataset), _family(dataset)
     varied = {str(name) for name, coord in dataset.coords.items() if coord.ndim}
     held: list[str] = []
@@ -185,4 +185,12 @@ def title(dataset: xr.Dataset) -> str:
     elif osc:
         varied |= {osc.parameters[name].replaces or name for name in varied if name in osc.parameters}
         held = [parameter_text(name, osc) for name in osc.values if name not in varied]
-    return ",  ".join([*held, *([str(dataset.attrs["note"])] if "note" in dataset.attrs else [])])
+    return ",  ".join(filter(None, [*held, str(dataset.attrs.get("note", _begun(dataset)))]))
+
+
+def _begun(dataset: xr.Dataset) -> str:
+    """Return from which initial condition a result was computed, if it says so."""
+    start = str(dataset.attrs.get("initial_condition", "")).partition(":")[0]
+    direction = json.loads(dataset.attrs.get("arguments", "{}")).get("direction", "fresh")
+    way = "" if direction == "fresh" else f"going {direction} "
+    return f"{way}from {'rest' if start.startswith('rest') else start}" if start else ""
