@@ -38,7 +38,7 @@ def check_diagram(argument: str, value: Any) -> tuple[str, str]:
 def check_sweep(argument: str, value: Any, index: str, n_axes: int) -> tuple[xr.Dataset, xr.DataArray]:
     """Return a parameter map over `n_axes` axes and its `index`, or raise `ValueError` saying what to select.
 
-    Of several initial conditions it is the largest value, which the map's `note` says.
+    Of several initial conditions it is the worst value, which the map's `note` says.
     """
     allowed = f"a parameter_map over {('one axis', 'two axes')[n_axes - 1]}"
     if not isinstance(value, xr.Dataset) or "status" not in value or set(value.dims) & set(style.SAMPLE_DIMS):
@@ -302,7 +302,8 @@ def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -
     r"""Draw an index against the one parameter swept.
 
     The line is broken where the index has no value; marks along the bottom show the statuses that say why. Of several
-    initial conditions the largest value is drawn.
+    initial conditions the worst value is drawn, as in `index_contour`, and where only others than the first lead to
+    impacts is marked.
 
     Parameters
     ----------

@@ -157,10 +157,15 @@ def index_contour(
 
     Notes
     -----
-    Every cell is drawn as computed, without smoothing; colours follow the square root of the index. Cells
-    without a value are grey or red by their status, which the legend names. Of several initial conditions the
-    largest value is drawn. "Stable" below a level of Std is the paper's reading: a stable period-1 impact-2
-    motion has a large Std too.
+    Every cell is drawn as computed, without smoothing; colours follow the square root of the index, those of exponents
+    are as in `exponent_map`, and of `n_periods` and `n_impacts` each number has its own, as have chaos, complete
+    chatter and no impact. Cells without a value are grey or red by their status, which the legend names.
+
+    Of several initial conditions the worst value is drawn: the largest, of `grazing_margin` the smallest. Cells that
+    the first leaves without impacts while others lead to some are hatched. Of numbers of periods and impacts it is the
+    first, and the cells are hatched in which others lead to another number.
+
+    "Stable" below a level of Std is the paper's reading: a stable period-1 impact-2 motion has a large Std too.
 
     References
     ----------
@@ -289,7 +294,7 @@ def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = Non
     """Draw an index of scattered designs: each a dot over its first two varied parameters, coloured by the index.
 
     With one varied parameter the index lies along y. Designs without a value are crosses in the colour of their
-    status, which the legend names. Of several initial conditions the largest value is drawn.
+    status, which the legend names. Of several initial conditions the worst value is drawn, as in `index_contour`.
 
     Parameters
     ----------

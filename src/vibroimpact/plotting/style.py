@@ -239,6 +239,8 @@ def legend_beside(ax: Axes, handles: Sequence[Any], heading: str) -> None:
 def legend_added(ax: Axes, handles: Sequence[Any]) -> None:
     """Put entries below the axes, after those of a legend that is there already."""
     before = ax.get_legend()
+    if not handles:
+        return
     if before is not None and before.get_gid() == BESIDE:
         legend_below(ax, handles)
         ax.add_artist(before).set_clip_on(False)
