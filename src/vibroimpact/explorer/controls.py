@@ -27,7 +27,10 @@ _TIGHT = (
     ":host{font-size:12px} .bk-input{height:24px;min-height:24px;padding:1px 5px;font-size:12px}"
     " .bk-input-group>label,.bk-input-group>.bk-label{margin:0;font-size:12px}"
 )
-_BAR = ":host{font-size:12px} .bk-btn{padding:3px 9px;font-size:12px;white-space:nowrap}"
+_BAR = (
+    ":host{font-size:12px} .bk-btn{padding:3px 9px;font-size:12px;white-space:nowrap}"
+    " :host{--menu-width:max-content}"  # of Export
+)
 _ABOUT = (
     "<p style='font-size:11.5px;color:#5b6470;margin:6px 0'>Click a point of the plane to see its motion. Drag "
     "to move, scroll to zoom. Choose a case above; Help explains terms and keys.</p>"

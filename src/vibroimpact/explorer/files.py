@@ -18,18 +18,21 @@ import xarray as xr
 
 import vibroimpact as vi
 from vibroimpact.classes import NEEDED, classify
-from vibroimpact.dataset import oscillator_of, variable
+from vibroimpact.dataset import impact_speed, oscillator_of, variable
 from vibroimpact.explorer.address import to_query
-from vibroimpact.explorer.plane import TRANSIENT, Plane, positions
+from vibroimpact.explorer.plane import ONLY_OTHERS, TRANSIENT, Plane, lattice, positions
 from vibroimpact.explorer.point import Point
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import FINEST, MOTION, NAMES, SAMPLES, TABLE, View
 from vibroimpact.files import load
 from vibroimpact.indices import INDICES
 from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.plotting import labels
+from vibroimpact.plotting.diagrams import HATCHED
 from vibroimpact.plotting.style import BLUE, INK, STYLE, draw_stop
 from vibroimpact.plotting.style import view as limits
 
+STATE = ("displacement", "velocity", "phase")
 Stored = Callable[[View], Plane | None]
 SIZE, DPI = (13.0, 7.6), 150  # of a picture, in inches and dots per inch
 
@@ -320,9 +323,9 @@ def _picture(explorer: Explorer) -> bytes:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
         FigureCanvasAgg(figure)
-        parts: Any = figure.subfigures(1, 2, width_ratios=(1.1, 1.0))
-        _draw_plane(parts[0].add_subplot(), plane, explorer.view)
-        _draw_plots(parts[1].subplots(2, 2), point)
+        grid = figure.add_gridspec(1, 2, width_ratios=(1.1, 1.0))
+        _draw_plane(figure.add_subplot(grid[0]), plane, explorer.view)
+        _draw_plots(grid[1].subgridspec(2, 2).subplots(), point)
         figure.suptitle(point.sentence, fontsize=10, color=INK)
         content = io.BytesIO()
         figure.savefig(content, format="png")
@@ -331,7 +334,11 @@ def _picture(explorer: Explorer) -> bytes:
 
 def _draw_plane(ax: Any, plane: Plane, view: View) -> None:
     figure, arguments = _figure(view.index)
-    getattr(vi.plotting, figure)(plane.dataset(), *arguments, ax=ax)
+    sweep = plane.dataset()
+    cells = lattice(plane.side)
+    hit = plane.elsewhere[np.ix_(cells, cells)] > 0.0
+    sweep = sweep.assign({HATCHED: (sweep["status"].dims, hit)}).assign_attrs({HATCHED: ONLY_OTHERS})
+    getattr(vi.plotting, figure)(sweep, *arguments, ax=ax)
     ring: dict[str, Any] = {"marker": "o", "markersize": 9, "markerfacecolor": "none"}
     for color, width in (("white", 3.5), (INK, None)):
         ax.plot(view.osc_value("x"), view.osc_value("y"), color=color, markeredgewidth=width, **ring)
@@ -344,10 +351,8 @@ def _draw_plots(axes: Any, point: Point) -> None:
     high = max(high, gap + 0.05 * (gap - low))
     begin = float(point.history["time"][0]) if len(y) else 0.0
     states: dict[str, Any] = {"xlim": (low, high), "ylim": limits(v, point.osc.velocity_scale or 1.0)}
-    states |= {"xlabel": "displacement [m]", "ylabel": "velocity [m/s]"}
     history.plot(point.history["time"], y, color=BLUE, linewidth=0.9)
     history.set(xlim=(begin, begin + 8 * point.osc.period), ylim=(low, high), title="time history")
-    history.set(xlabel="time [s]", ylabel="displacement [m]")
     portrait.plot(y, v, color=BLUE, linewidth=0.7)
     portrait.set(**states, title="phase portrait")
     looks.plot(point.poincare["displacement"], point.poincare["velocity"], ".", color=BLUE, markersize=3)
@@ -355,7 +360,11 @@ def _draw_plots(axes: Any, point: Point) -> None:
     hits.plot(point.impact_map["phase"], point.impact_map["velocity"], ".", color=BLUE, markersize=3)
     most = float(point.impact_map["velocity"].max(initial=0.0)) or 1.0
     hits.set(xlim=(0, 1), ylim=(-0.03 * most, 1.08 * most), title="impact map")
-    hits.set(xlabel="phase", ylabel="impact velocity [m/s]")
+    time, place, velocity, phase = (xr.DataArray(0.0, name=name) for name in ("time", *STATE))
+    labels.label_axes(history, time, place)
+    for plot in (portrait, looks):
+        labels.label_axes(plot, place, velocity)
+    labels.label_axes(hits, phase, xr.DataArray(impact_speed((), 0.0), name="velocity"))
     draw_stop(history, gap, high, upright=False)
     draw_stop(portrait, gap, high, upright=True)
 

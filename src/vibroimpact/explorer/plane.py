@@ -25,6 +25,7 @@ BAND, USUAL = 2048, 500  # cells per job, about, with so many impacts per cell; 
 TRANSIENT = 100  # impacts left out
 TRIED = (2, 5, 17)  # initial conditions in turn, rest among them, of cells without impact from rest: until one hits
 OTHERS = TRIED[-1] - 1
+ONLY_OTHERS = f"no impact from rest; impacts from other initial conditions ({OTHERS} tried)"
 
 VALUES, PART = 200, 100  # along the line; computed at a time
 IMPACTS = 48  # of each value

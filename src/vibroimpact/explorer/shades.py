@@ -27,6 +27,7 @@ SIGNED = frozenset({"lyapunov", "lyapunov_per_impact"})
 SCALES: dict[bool, Sequence[str]] = {True: interp_palette(RdBu11, 255), False: Viridis256}
 DECADES = 6  # that a logarithmic scale spans at most
 PERCENT = 99.5  # of the cells that the colours distinguish
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
@@ -123,8 +124,7 @@ def _unit(units: str, power: int) -> str:
     """Return a unit with a prefix, or a power of ten, in brackets; nothing for a pure number."""
     unit = prefixed(units, power)
     if unit is None:
-        digits = str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-        unit = f"10{digits} {units}".removesuffix(" 1")
+        unit = f"10{str(power).translate(RAISED)} {units}".removesuffix(" 1")
     return "" if unit == "1" else f" [{unit}]"
 
 
@@ -137,7 +137,16 @@ def _ticks(low: float, high: float, log: bool, unit: float) -> Iterator[tuple[fl
         values = MaxNLocator(7).tick_values(low, high)
     for value in values:
         if low <= value <= high:
-            yield (math.log10(value) if log else float(value)), f"{float(f'{value / unit:.6g}'):g}".replace("-", "−")
+            yield (math.log10(value) if log else float(value)), _written(float(f"{value / unit:.6g}"))
+
+
+def _written(value: float) -> str:
+    """Return a number, very small and very large ones with a power of ten."""
+    number, _, power = f"{value:g}".replace("-", "−").partition("e")
+    if not power:
+        return number
+    ten = "10" + (str(int(power.replace("−", "-"))).translate(RAISED))
+    return ten if number == "1" else f"{number}·{ten}"
 
 
 def _limits(finite: Floats, signed: bool, log: bool) -> tuple[float, float]:

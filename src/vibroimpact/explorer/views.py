@@ -10,7 +10,7 @@ from bokeh.models import ColumnDataSource
 
 from vibroimpact.cells import FASTEST
 from vibroimpact.coexistence.measuring import SPREAD
-from vibroimpact.explorer.plane import OTHERS, TRANSIENT, Curves, Line, Plane
+from vibroimpact.explorer.plane import ONLY_OTHERS, OTHERS, TRANSIENT, Curves, Line, Plane
 from vibroimpact.explorer.point import Other, Point, index_rows, plain
 from vibroimpact.explorer.shades import name_of, shades
 from vibroimpact.explorer.state import FINEST, NAMES, View, parameter_label, symbol, unit
@@ -128,8 +128,7 @@ class PlaneView:
         if plane is not None:
             tried = f"{OTHERS} tried per cell, {TRANSIENT + plane.view.samples} impacts each"
             key = f"<span class='key hatch' style='background-color:{STATUS_COLORS[Status.NO_IMPACT]}'></span>"
-            words = f"no impact from rest; impacts from other initial conditions ({OTHERS} tried)"
-            html = f"<span class='entry' title='{tried}'>{key} {words}</span>"
+            html = f"<span class='entry' title='{tried}'>{key} {ONLY_OTHERS}</span>"
         update.add("hatch", side=FINEST if plane else 0, speeds=plane.elsewhere.T.ravel() if plane else [])
         update.add("#hatch", html=html)
         update.send()

@@ -46,7 +46,8 @@
     catch { say(`Copy this address: ${location.href}`); }
   });
   const help = byId("help");
-  byId("help-button").addEventListener("click", () => help.showModal());
+  const show_help = () => { help.showModal(); help.scrollTop = 0; };  // not at its only button, at the end
+  byId("help-button").addEventListener("click", show_help);
   help.addEventListener("click", (event) => { if (event.target === help) help.close(); });
   document.addEventListener("keydown", (event) => {
     const deep = event.composedPath()[0];
@@ -62,7 +63,7 @@
     const keys = { p: "pin", u: "unpin", h: "home", b: "boundaries", g: "log", d: "line", m: "motion", "+": "in", "=": "in", "-": "out",
       ArrowLeft: "left", ArrowRight: "right", ArrowUp: "up", ArrowDown: "down" };
     if (event.key === " " && !(deep instanceof HTMLButtonElement)) { Motion.play(); event.preventDefault(); }
-    else if (event.key === "?") help.showModal();
+    else if (event.key === "?") show_help();
     else if (event.key.toLowerCase() === "l") byId("copy").click();
     else if (keys[event.key] && !(event.key.startsWith("Arrow") && slides)) {
       command(keys[event.key]);
