@@ -32,7 +32,8 @@ UNSURE = (MotionClass.UNDECIDED, MotionClass.BUDGET)
 class Track:
     """A path, how far along it the motion has been followed, and a place further on at which it is another.
 
-    Places are shares of the way from the range's own value to `end`, taken to the power `crowded`.
+    Places are shares of the way from `first` to `end`, taken to the power `crowded`. A motion that `lasts` is the same
+    only if it is so from all states that are tried: else it is a transient.
     """
 
     range: Range
@@ -41,6 +42,7 @@ class Track:
     same: Callable[[Measured], bool]
     start: Start | None
     crowded: float = 1.0
+    lasts: bool = False
     place: float = 0.0
     barrier: float = math.nan
     step: float = 1.0 / PLACES
@@ -181,7 +183,8 @@ def _same_from(
     found: list[tuple[Start | None, Measured]] = []
     for track, own in zip(tracks, starts, strict=True):
         seen = [next(motions) for _ in own]
-        good = next((i for i, motion in enumerate(seen) if judge(track, motion)), None)
+        right = [judge(track, motion) for motion in seen]
+        good = right.index(True) if any(right) and (all(right) or not track.lasts) else None
         found.append((None, seen[0]) if good is None else (own[good], seen[good]))
     return found
 

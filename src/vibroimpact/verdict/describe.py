@@ -182,12 +182,13 @@ def describe(
     The motion described is that from rest. The orbit of a periodic motion is continued until it folds, doubles or
     grazes; of a sticking one the end of the chatter is followed to the release; without impacts R = g and f = -k g are
     solved: such boundaries are exact to about 1e-12. Others are bisected between motions, the state being carried along
-    so that coexisting motions are not mistaken for changes; there, and with sticking, windows narrower than about 1 %
-    near the present value and 6 % far from it may be stepped over. Advice softens the hardest hit of all coexisting
-    motions that initial conditions lead to: by at least a fifth, or it ends all impacts, or chaos at no harder hits. It
-    is given only if nothing hits harder at the advised value from rest, from 256 spread impacts, on the stable orbits
-    of one impact, and after the change was made at 128 instants of each present cycle. One to three seconds on two
-    cores, 10,000 to 20,000 motions.
+    so that coexisting motions are not mistaken for changes; there, and with sticking, windows narrower than `spacing`
+    may be stepped over, which is about 1 % near the present value and 6 % far from it. Without impacts, `strikes`,
+    `from_rest` and `from_some` of an edge say from where on others hit. Advice softens the hardest hit of all
+    coexisting motions that initial conditions lead to: by at least a fifth, or it ends all impacts, or chaos at no
+    harder hits. It is given only if nothing hits harder at the advised value from rest, from 256 spread impacts, on the
+    stable orbits of one impact, and after the change was made at 128 instants of each present cycle. One to three
+    seconds on two cores, 10,000 to 20,000 motions.
 
     Examples
     --------

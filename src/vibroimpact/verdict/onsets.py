@@ -21,13 +21,14 @@ from vibroimpact.execution.threads import run_sweep
 from vibroimpact.orbits.equations import impact_1_orbits
 from vibroimpact.oscillator import Model
 from vibroimpact.status import Status
-from vibroimpact.verdict.carried import BRIEF, LONG, NARROW, PLACES, SECTIONS, UNSURE, Track, carry
+from vibroimpact.verdict.carried import BRIEF, LONG, NARROW, PLACES, SECTIONS, STATES, UNSURE, Track, carry
 from vibroimpact.verdict.present import CROWDED, Range, measure
 
 SPREAD = 32  # initial conditions at a value, besides the orbits of one impact
 ORBITS = 4  # periods of these, at most
 BATCH = 12  # values looked at together
 ROUNDS, PASSING = 2, 3  # times that a step is cut so: close to where impacts begin to last they settle slowly
+TOGETHER = 4  # values of a side at which impacts are looked at more closely at a time
 TRIED = 3  # motions that hit, of which one is to last
 ONWARD = 3000  # impacts after which a motion is taken to be on its attractor
 
@@ -145,7 +146,9 @@ def from_some(sides: Sequence[Side], rest: Sequence[Onset | None], runner: Runne
         else:
             tracks.append(None)
             continue
-        tracks.append(None if math.isnan(origin) else Track(side.range, origin, side.range.value, surely_hits, start))
+        tracks.append(
+            None if math.isnan(origin) else Track(side.range, origin, side.range.value, surely_hits, start, lasts=True)
+        )
     carry([track for track in tracks if track], runner)
     onsets: list[Onset | None] = []
     for side, path, first, known, track in zip(sides, paths, found, rest, tracks, strict=True):
@@ -202,11 +205,12 @@ def _first(
             next_[i] = j + 1
             if hit.any():
                 waiting[i].append((j, own[np.flatnonzero(hit)[:TRIED]]))
-        while first := {i: some.pop(0) for i, some in waiting.items() if some and found[i] is None}:
-            parts = [own for _, own in first.values()]
+        while some := [(i, j, own) for i, all_ in waiting.items() if not found[i] for j, own in all_[:TOGETHER]]:
+            parts = [own for _, _, own in some]
             ends = _lasting(parts, runner) if lasting else [(True, None)] * len(parts)
-            for (i, (j, _)), (hits_on, start) in zip(first.items(), ends, strict=True):
-                found[i] = (j, start) if hits_on else None
+            for (i, j, _), (hits_on, start) in zip(some, ends, strict=True):
+                found[i] = found[i] or ((j, start) if hits_on else None)
+            waiting = {i: all_[TOGETHER:] for i, all_ in waiting.items()}
     return found
 
 
@@ -223,11 +227,31 @@ def _hitting(parts: Sequence[Cells], runner: Runner, lasting: bool) -> list[np.n
 
 
 def _lasting(parts: Sequence[Cells], runner: Runner) -> list[tuple[bool, Start | None]]:
-    """Return whether one of the cells of each part keeps hitting, and where it is much later."""
-    if not parts:
-        return []
+    """Return whether one of the cells of each part keeps hitting, and where it is much later.
+
+    Chaos counts if it lasts from `STATES` of its states: else it is a transient.
+    """
     motions = iter(measure(runner, Cells.join(parts), LONG))
-    lasting = [[at for at, _ in enumerate(part.table) if hits(next(motions))] for part in parts]
-    first = [part[np.array(own[:1])] for part, own in zip(parts, lasting, strict=True) if own]
-    states = iter(runner.follow(Cells.join(first), ONWARD) if first else [])
-    return [(bool(own), next(states) if own else None) for own in lasting]
+    seen = [[(at, motion) for at in range(len(part)) if hits(motion := next(motions))] for part in parts]
+    first = [part[np.array([own[0][0]])] for part, own in zip(parts, seen, strict=True) if own]
+    if not first:
+        return [(False, None)] * len(parts)
+    one = Cells.join(first)
+    irregular = np.array([not own[0][1].n_periods for own in seen if own])
+    lasts = np.ones(len(one), bool)
+    wild = [one[np.flatnonzero(irregular)]]
+    for _ in range(STATES if irregular.any() else 0):
+        wild.append(_onward(wild[-1], runner))
+    if irregular.any():
+        ends = [hits(motion) for motion in measure(runner, Cells.join(wild[1:]), LONG)]
+        lasts[irregular] = np.reshape(ends, (STATES, -1)).all(axis=0)
+    states = iter(zip(lasts.tolist(), runner.follow(one, ONWARD), strict=True))
+    return [next(states) if own else (False, None) for own in seen]
+
+
+def _onward(cells: Cells, runner: Runner) -> Cells:
+    """Return the states of motions some impacts later."""
+    states = zip(runner.follow(cells, ONWARD // STATES), cells, strict=True)
+    rows = [state or Start(cell["clearance"], cell["velocity"], cell["phase"]) for state, cell in states]
+    clearance, velocity, phase = np.array(rows).T
+    return cells.replace(clearance=clearance, velocity=velocity, periods=0.0, phase=phase)
