@@ -27,6 +27,7 @@ TRIED = (2, 5, 17)  # initial conditions in turn, rest among them, of cells with
 OTHERS = TRIED[-1] - 1
 ONLY_OTHERS = f"no impact from rest; impacts from other initial conditions ({OTHERS} tried)"
 
+FOLLOWED = (1, 2)  # driving periods of the motions whose boundaries are followed
 VALUES, PART = 200, 100  # along the line; computed at a time
 IMPACTS = 48  # of each value
 BUDGETED = 5000  # impacts for which a budget is granted: the few of a diagram get a share of it
@@ -225,7 +226,11 @@ def _velocities(view: View, parameter: str, values: Floats) -> Floats:
 def find_curves(view: View, keep_going: KeepGoing) -> Curves:
     """Return the boundaries in the view's plane, as far as time is left."""
     found = vi.boundary_curves(
-        view.osc, (view.x, view.y), (view.x_range, view.y_range), progress=lambda *progress: keep_going()
+        view.osc,
+        (view.x, view.y),
+        (view.x_range, view.y_range),
+        n_periods=FOLLOWED,
+        progress=lambda *progress: keep_going(),
     )
     points = [np.asarray(curve.values, dtype=np.float64) for curve in found]
     return Curves(

@@ -49,7 +49,7 @@ FLAG = {"0": False, "1": True}
 CHOICES = {
     "index": Choice("index", _same(SHOWN), "colour by"),
     "log": Choice("log", FLAG, "logarithmic colours"),
-    "boundaries": Choice("b", FLAG, "exact boundaries (some seconds)"),
+    "boundaries": Choice("b", FLAG, "boundaries of n = 1, 2 (some seconds)"),
     "line": Choice("line", _same("xy"), "diagram along"),
     "samples": Choice("n", _same(SAMPLES), "impacts per cell"),
     "settled": Choice("from", {"start": False, "settled": True}, "show the settled motion"),

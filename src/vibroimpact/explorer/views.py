@@ -10,7 +10,7 @@ from bokeh.models import ColumnDataSource
 
 from vibroimpact.cells import FASTEST
 from vibroimpact.coexistence.measuring import SPREAD
-from vibroimpact.explorer.plane import ONLY_OTHERS, OTHERS, TRANSIENT, Curves, Line, Plane
+from vibroimpact.explorer.plane import FOLLOWED, ONLY_OTHERS, OTHERS, TRANSIENT, Curves, Line, Plane
 from vibroimpact.explorer.point import Other, Point, index_rows, plain
 from vibroimpact.explorer.shades import name_of, shades
 from vibroimpact.explorer.state import FINEST, NAMES, View, parameter_label, symbol, unit
@@ -146,8 +146,11 @@ class PlaneView:
             words=curves.descriptions,
         )
         kinds = [kind for kind in BOUNDARY_COLORS if kind in curves.kinds]
-        html = " ".join(_line_entry(*BOUNDARY_COLORS[kind], kind.replace("_", " ")) for kind in kinds)
-        update.add("#boundaries", html=html)
+        entries = " ".join(_line_entry(*BOUNDARY_COLORS[kind], kind.replace("_", " ")) for kind in kinds)
+        counts = ", ".join(map(str, FOLLOWED))
+        of = f"of motions of n = {counts} driving periods with one impact, or sticking; others are not drawn"
+        html = f"<span title='{of}'>boundaries of n = {counts}:</span> {entries}"
+        update.add("#boundaries", html=html if entries else "")
         update.send()
 
 
