@@ -250,7 +250,7 @@ def test_axes_of_starts_left_out_span_the_impact_surface(run, monkeypatch, tmp_p
 def test_a_verdict_is_told_in_words_and_as_json(run):
     code, told, _ = run("describe -p omega=1.4 --vary w")
     assert code == 0
-    assert any(line.startswith("motion      period-1 impact-1") for line in told)
+    assert any(line.startswith("motion      from rest period-1 impact-1") for line in told)
     assert any("1.25896 rad/s (0.20037 Hz) (period" in line for line in told)
     _, told, _ = run("describe -p omega=1.4 --vary omega --json")
     assert json.loads("\n".join(told))["motion"]["name"] == "period-1 impact-1"
@@ -341,7 +341,7 @@ def test_interrupted_basins_keep_what_is_decided(run, tmp_path):
 def test_an_interrupted_verdict_tells_what_it_found(run, tmp_path):
     code, told, complaints = run("describe -p omega=2.0")
     assert code == 130
-    assert any(line.startswith("motion      period-1 impact-1") for line in told)
+    assert any(line.startswith("motion      from rest period-1 impact-1") for line in told)
     assert "what was found so far is shown" in complaints[-1]
 
 
