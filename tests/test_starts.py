@@ -7,6 +7,7 @@ import vibroimpact as vi
 from designs import random_designs
 from vibroimpact.cells import spread
 from vibroimpact.coexistence.measuring import spread_cells
+from vibroimpact.report import sentences_of
 
 NAMES = ("std", "max_velocity")
 SHORT = {"indices": NAMES, "transient_impacts": 20, "sample_impacts": 100}
@@ -74,6 +75,7 @@ def test_results_say_from_where_they_begin():
     sweep = vi.parameter_map(osc, omega=[2.0], start=[None, vi.State(-1.0)], sample_impacts=5)
     both = "2 initial conditions: rest at y = min(0, gap); y = -1 m, y' = 0 m/s at t = 0 s"
     assert sweep.attrs["initial_condition"] == both
+    assert sentences_of(sweep.isel(start=1))[0].startswith(f"1 cell from start = 1 of {both}: angular")
 
 
 def test_figures_say_from_where_they_begin():

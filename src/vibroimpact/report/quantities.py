@@ -37,5 +37,5 @@ def begun(dataset: xr.Dataset, before: str = "from ", after: str = "") -> str:
     """Return from which initial conditions a result was computed; nothing where it does not hold that."""
     start = dataset.attrs.get("initial_condition", "")
     if "start" in dataset.coords and "start" not in dataset.dims:  # one of several was selected
-        start = f"number {int(dataset['start'])} of {start}"
+        start = f"start = {int(dataset['start'])} of {start}"
     return f"{before}{start}{after}" if start else ""

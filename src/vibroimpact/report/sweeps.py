@@ -56,7 +56,8 @@ def hits_of(dataset: xr.Dataset) -> Iterator[str]:
     field = dataset["status"].transpose("start", ...)
     if (field == Status.INTERRUPTED).any():
         return
-    has_impacts = np.isin(field.values, [status for status in Status if status.has_indices])
+    going = [status for status in Status if status.has_indices or status == Status.DECAYING]
+    has_impacts = np.isin(field.values, going)
     first, others = has_impacts[0], has_impacts.any(axis=0) & ~has_impacts[0] & (field.values[0] != Status.BUDGET)
     named = json.loads(dataset.attrs.get("arguments", "{}")).get("start")
     at_rest = isinstance(named, int) or (isinstance(named, list) and named[:1] == [None])
