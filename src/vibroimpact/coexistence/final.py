@@ -122,6 +122,15 @@ def fate_of_release(runner: Runner, cell: Cells) -> Fate:
 
     As each turn between rests is one more throw of the same dice, turns from many releases are as good as one motion.
     """
+    design = released(cell).table.tobytes()
+    if design not in runner.fates:
+        runner.fates[design] = _fate(runner, cell)
+    fate: Fate = runner.fates[design]
+    return fate
+
+
+def _fate(runner: Runner, cell: Cells) -> Fate:
+    """Follow moved releases until some lead elsewhere than to the next rest, or all were watched for long enough."""
     found: Counter[str] = Counter()
     impacts = number = 0
     while True:
@@ -133,10 +142,13 @@ def fate_of_release(runner: Runner, cell: Cells) -> Fate:
         left = [end for end in ends if end.status != Status.BUDGET and not (irregular(end) and rests(end))]
         if left or impacts >= TURNS * WATCHED or runner.stop.is_set():
             break
-    named = left or [end for end in ends if end.motion_class == MotionClass.STICKING] or ends
-    name, _ = Counter(end.name for end in named).most_common(1)[0]
+    name, _ = Counter(end.name for end in left or ends).most_common(1)[0]
     at = next(at for at, end in enumerate(ends) if end.name == name)
-    return Fate(cells[at : at + 1], ends[at], dict(found), impacts // TURNS)
+    end = ends[at]
+    if not left:  # all rest again and again, also where the turn from the exact release was given up as too long
+        indices = end.indices | {"n_periods": 0.0, "n_impacts": -1.0}
+        end = replace(end, kind=MotionClass.STICKING.word, n_periods=0, n_impacts=-1, indices=indices)
+    return Fate(cells[at : at + 1], end, dict(found), impacts // TURNS)
 
 
 def thrifty(runner: Runner) -> Tolerances:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from threading import Event
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -129,7 +129,7 @@ class Measured(Motion):
 class Runner:
     """How motions are computed: back end, tolerances and threads, and the event that stops them.
 
-    `measured` counts the motions that were measured.
+    `measured` counts the motions that were measured; `fates` holds what becomes of a released mass, by design.
     """
 
     def __init__(self, backend: str = "cpu", tolerances: Tolerances | None = None, workers: int | None = None) -> None:
@@ -140,6 +140,7 @@ class Runner:
         self.workers = worker_count(workers)
         self.stop = Event()
         self.measured = 0
+        self.fates: dict[bytes, Any] = {}
 
     def run(
         self, cells: Cells, window: ImpactWindow, tolerances: Tolerances | None = None

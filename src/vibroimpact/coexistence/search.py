@@ -14,7 +14,7 @@ from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
 from vibroimpact.cells import Floats, cells_at
 from vibroimpact.coexistence.attractor import Attractor, Basin, distinct_names, match
 from vibroimpact.coexistence.measuring import Runner, orbit_cells, spread_cells, state_cells
-from vibroimpact.coexistence.settling import Settled, all_last, last_round, lasts, rounds, settle
+from vibroimpact.coexistence.settling import Settled, last_round, outlook_from, outlook_of, rounds, settle
 from vibroimpact.dataset import flags, impact_speed, provenance, status_variable, variable
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
@@ -110,11 +110,11 @@ def attractors(
     windows = rounds(one, sampling.transient_impacts, sampling.sample_impacts)
     runner = Runner(backend, tolerances, workers)
 
-    def chaos_lasts(settled: Settled, window: ImpactWindow) -> bool:
-        return window is windows[-1] and all_last(runner, settled)
+    def outlook(settled: Settled, window: ImpactWindow) -> MotionClass:
+        return outlook_of(runner, settled) if window is windows[-1] else MotionClass.UNDECIDED
 
     whole = [*windows, *last_round(runner, one, windows)]
-    settled = _settled(runner, one, cells, whole, progress, lambda settled: settled.status, chaos_lasts)
+    settled = _settled(runner, one, cells, whole, progress, lambda settled: settled.status, outlook)
     return [basin.attractor for basin in match(runner, settled, windows[-1], len(given))]
 
 
@@ -200,9 +200,9 @@ def basins(
     def so_far(settled: Settled) -> xr.Dataset:
         return labelled.assign(status=status_variable(dims, settled.status.reshape(shape)))
 
-    survey_lasts = cache(lambda: lasts(runner, one, spread_cells(one), windows))
+    survey = cache(lambda: outlook_from(runner, one, spread_cells(one), windows))
     whole = [*windows, *last_round(runner, one, windows)]
-    settled = _settled(runner, one, cells, whole, progress, so_far, lambda settled, window: survey_lasts())
+    settled = _settled(runner, one, cells, whole, progress, so_far, lambda settled, window: survey())
     found = match(runner, settled, windows[-1], len(cells))
     numbers = np.full(len(cells), -1)
     for at, basin in enumerate(found):
@@ -225,7 +225,7 @@ def _settled(
     windows: Sequence[ImpactWindow],
     progress: bool | Report,
     so_far: Callable[[Settled], Any],
-    chaos_lasts: Callable[[Settled, ImpactWindow], bool],
+    outlook: Callable[[Settled, ImpactWindow], MotionClass],
 ) -> Settled:
     """Return what cells settle to, reporting to `progress`, which may stop it."""
     with reporter(progress, "initial conditions") as tell:
@@ -235,7 +235,7 @@ def _settled(
             if not stopped and tell(len(cells) - undecided, len(cells), so_far(settled)) is False:
                 runner.stop.set()
 
-        settled = settle(runner, osc, cells, windows, chaos_lasts, report)
+        settled = settle(runner, osc, cells, windows, outlook, report)
         report(settled, int(np.count_nonzero(settled.kind == MotionClass.UNDECIDED)))
     return settled
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -101,16 +101,17 @@ def settle(
     osc: ImpactOscillator,
     cells: Cells,
     windows: Sequence[ImpactWindow],
-    chaos_lasts: Callable[[Settled, ImpactWindow], bool] = lambda settled, window: False,
+    outlook: Callable[[Settled, ImpactWindow], MotionClass] = lambda settled, window: MotionClass.UNDECIDED,
     report: Callable[[Settled, int], None] = lambda settled, undecided: None,
 ) -> Settled:
     """Run cells in ever longer windows until each is decided; `report` gets the number undecided after each batch.
 
-    `chaos_lasts` says after a window whether what is chaotic there need not be run on.
+    `outlook` says after a window what all that is chaotic there comes to: chaos that lasts, intermittent sticking, or
+    (undecided) one this and one that, so that all must be run on.
     """
     settled = Settled.of(osc, cells)
     kind, status = settled.kind, settled.status
-    fate = cache(lambda: fate_of_release(runner, cells[:1]))
+    fate = partial(fate_of_release, runner, cells[:1])
     left = np.arange(len(cells))
     for window in windows:
         before = kind[left], status[left]
@@ -131,32 +132,42 @@ def settle(
         again = (kind == MotionClass.UNDECIDED) & (status != Status.BUDGET) & (status != Status.INTERRUPTED)
         again[stuck] = False
         chaotic = kind == MotionClass.CHAOTIC
-        if window is not windows[-1] and chaotic[left].any() and not chaos_lasts(settled, window):
-            again |= chaotic
+        if window is not windows[-1] and chaotic[left].any():
+            match outlook(settled, window):
+                case MotionClass.UNDECIDED:
+                    again |= chaotic
+                case MotionClass.STICKING:
+                    settled.follow(np.flatnonzero(chaotic), fate())
         left = np.flatnonzero(again)
         if left.size == 0 or runner.stop.is_set():
             break
     return settled
 
 
-def all_last(runner: Runner, settled: Settled) -> bool:
-    """Return whether representatives of all that is chaotic are so for 1e5 impacts."""
+def outlook_of(runner: Runner, settled: Settled) -> MotionClass:
+    """Return what representatives of all that is chaotic come to in 1e5 impacts, or undecided where they differ."""
     groups = chaotic_groups(settled)
     number = sum(map(len, groups))
-    chosen = [group[:: math.ceil(number / REPRESENTATIVES)] for group in groups]
-    if not chosen:
-        return True
-    cells = settled.cells[np.concatenate(chosen)]
-    late = settle(runner, settled.osc, cells, [LATE])
-    return bool((late.kind == MotionClass.CHAOTIC).all())
+    chosen = np.concatenate([group[:: math.ceil(number / REPRESENTATIVES)] for group in groups])
+    return _common(settle(runner, settled.osc, settled.cells[chosen], [LATE]))
 
 
-def lasts(runner: Runner, osc: ImpactOscillator, cells: Cells, windows: Sequence[ImpactWindow]) -> bool:
-    """Return whether cells that are chaotic in the first window are so in the last one too, and stay so."""
+def outlook_from(runner: Runner, osc: ImpactOscillator, cells: Cells, windows: Sequence[ImpactWindow]) -> MotionClass:
+    """Return what cells that are chaotic in the first window come to in the last one, and their representatives."""
     early = settle(runner, osc, cells, windows[:1]).kind == MotionClass.CHAOTIC
     late = settle(runner, osc, cells[early], windows[-1:])
-    chaotic = bool(early.any()) and bool((late.kind == MotionClass.CHAOTIC).all())
-    return chaotic and (not last_round(runner, osc, windows) or all_last(runner, late))
+    here = _common(late)
+    if here != MotionClass.CHAOTIC or not last_round(runner, osc, windows):
+        return here
+    return outlook_of(runner, late)
+
+
+def _common(settled: Settled) -> MotionClass:
+    """Return whether all are chaotic, or all are intermittent sticking; else undecided."""
+    for kind in (MotionClass.CHAOTIC, MotionClass.STICKING):
+        if len(settled.kind) and ((settled.kind == kind) & (settled.indices["n_periods"] == 0)).all():
+            return kind
+    return MotionClass.UNDECIDED
 
 
 def chaotic_groups(settled: Settled) -> list[Counts]:
