@@ -90,6 +90,13 @@ class Track:
         self.place, self.start = place, start or self.start
         self.done = place >= 1.0
 
+    def go_on(self, start: Start | None) -> None:
+        """Take the motion past a place at which it only seemed to be another."""
+        self.go(self.barrier, start)
+        self.barrier, self.step = math.nan, 8.0 * NARROW
+        self.missed += 1
+        self.done = self.done or self.missed > MISSED
+
 
 def carry(tracks: Sequence[Track], runner: Runner) -> None:
     """Carry the motion of each track to where it becomes another, or to the end of its path."""
@@ -137,7 +144,7 @@ def _look_closely(tracks: Sequence[Track], runner: Runner) -> None:
     for track, (start, _) in zip(tracks, chosen, strict=True):
         track.start = track.start if start is None else start
     _look_back([track for track, (start, _) in zip(tracks, chosen, strict=True) if start is None], runner)
-    if not (left := [track for track in tracks if not track.done]):
+    if not (left := [track for track in tracks if not track.done and track.close]):
         return
     inside = _states(left, [(track.place, track.start) for track in left], runner)
     for track, (start, there) in zip(
@@ -147,10 +154,7 @@ def _look_closely(tracks: Sequence[Track], runner: Runner) -> None:
             track.beyond, track.done = there, True
             continue
         (state,) = runner.follow(start.cell(track.range.changed(track.outside)))
-        track.go(track.barrier, state)
-        track.barrier, track.step = math.nan, 8.0 * NARROW
-        track.missed += 1
-        track.done = track.done or track.missed > MISSED
+        track.go_on(state)
 
 
 def _states(
@@ -194,17 +198,23 @@ def _look_back(tracks: Sequence[Track], runner: Runner) -> None:
 
     A motion is followed as far as it surely is the same, and ends where it surely is another.
     """
-    known = [[*track.behind, (track.place, track.start), (track.barrier, track.start)] for track in tracks]
-    for _ in range(ROUNDS if tracks else 0):
-        pairs = [(track, place) for track, own in zip(tracks, known, strict=True) for place, _ in own]
-        there = [track.range.changed(track.at(place)) for track, place in pairs]
-        starts = [start for own in known for _, start in own]
-        motions = iter(measure(runner, cells_of(there, starts), LONG))
-        for track, own in zip(tracks, known, strict=True):
+    left = [(track, [*track.behind, (track.place, track.start), (track.barrier, track.start)]) for track in tracks]
+    for _ in range(ROUNDS):
+        if not left:
+            return
+        there = [track.range.changed(track.at(place)) for track, own in left for place, _ in own]
+        motions = iter(measure(runner, cells_of(there, [start for _, own in left for _, start in own]), LONG))
+        known, left = left, []
+        for track, own in known:
             seen = [next(motions) for _ in own]
-            ended = next((i for i, motion in enumerate(seen) if i and not still(track, motion)), len(own) - 1)
+            ended = next((i for i, motion in enumerate(seen) if i and not still(track, motion)), None)
+            if ended is None:  # nowhere is it surely another
+                if track.beyond is None:
+                    track.go_on(track.start)
+                continue
             sure = next((i for i in range(ended - 1, 0, -1) if track.same(seen[i])), 0)
             (track.place, track.start), (track.barrier, _), track.beyond = own[sure], own[ended], seen[ended]
             part = (track.barrier - track.place) / SECTIONS
-            own[:] = [(track.place + part * j, track.start) for j in range(SECTIONS)] + [(track.barrier, track.start)]
+            inner = [(track.place + part * j, track.start) for j in range(SECTIONS)]
+            left.append((track, [*inner, (track.barrier, track.start)]))
             track.done = True
