@@ -37,6 +37,7 @@ def draw(path: Path) -> None:
             page.goto(f"{address}?{to_query(view())}")
             page.wait_for_function("window.explorer && window.explorer.planes.some(p => p[0] === 256)", timeout=60_000)
             page.wait_for_function("document.getElementById('others').innerText", timeout=60_000)
+            page.wait_for_function("document.getElementById('hatch').innerText.includes('tried)')", timeout=60_000)
             page.wait_for_timeout(2000)
             page.screenshot(path=path)
             browser.close()

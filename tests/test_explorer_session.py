@@ -164,7 +164,7 @@ def test_what_has_no_impact_from_rest_is_hatched_where_others_of_16_hit(heard):
     assert explorer.wait(120)
     kinds, plane = [what for what, _ in heard], explorer.plane
     assert plane.tried
-    assert kinds.count("hatch") == 1
+    assert kinds.count("hatch") == 2  # when it begins, and when it ends
     assert kinds.index("hatch") > max(at for at, kind in enumerate(kinds) if kind == "plane")
     quiet = plane.values["motion"] == MotionClass.NO_IMPACT
     assert (np.isfinite(plane.elsewhere) == quiet).all()
@@ -180,7 +180,7 @@ def test_what_has_no_impact_from_rest_is_hatched_where_others_of_16_hit(heard):
     assert ((sweep["max_velocity"].max("start") > 0.0) == (plane.elsewhere[tuple(at.T)] > 0.0)).all()
     explorer.set(index="motion")
     assert explorer.wait(60)
-    assert [what for what, _ in heard].count("hatch") == 1  # the cells are the same
+    assert [what for what, _ in heard].count("hatch") == 2  # the cells are the same
     explorer.close()
 
 
@@ -191,9 +191,17 @@ def test_the_page_hatches_a_plane_until_there_is_another_one():
         parts = dict(zip(*drawn.updates["hatch"].source.data.values(), strict=True))
         return parts["hatch"]["side"], parts["#hatch"]["html"]
 
-    drawn.show_hatch(plane)  # nothing is known
-    assert hatched() == (0, "")
-    plane.elsewhere[3, 5] = 0.5
+    drawn.show_hatch(plane)
+    assert hatched()[0] == 0
+    assert "16 other initial conditions are being tried in grey cells" in hatched()[1]
+    plane.tried = True
+    drawn.show_hatch(plane)
+    assert hatched()[0] == 0
+    assert "16 other initial conditions tried in grey cells: no impacts" in hatched()[1]
+    plane.elsewhere[3, 5], plane.tried = 0.5, False
+    drawn.show_hatch(plane)
+    assert "(16 tried), not in all" in hatched()[1]
+    plane.tried = True
     drawn.show_hatch(plane)
     assert hatched()[0] == FINEST
     assert "no impact from rest; impacts from other initial conditions (16 tried)" in hatched()[1]

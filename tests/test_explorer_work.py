@@ -9,12 +9,13 @@ import time
 import weakref
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import vibroimpact as vi
 from vibroimpact.explorer import plane, session, work
 from vibroimpact.explorer.files import export
-from vibroimpact.explorer.plane import SIDES, bands, compute_line, find_curves
+from vibroimpact.explorer.plane import SIDES, Plane, bands, compute_line, find_curves
 from vibroimpact.explorer.point import find_others
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import FINEST, View, granted
@@ -109,6 +110,40 @@ def test_the_search_for_boundaries_stops_when_the_plane_changes(explorer, heard,
     change(explorer)
     assert search.stopped.wait(10.0)
     assert not any(received(heard, "curves"))
+
+
+def test_hatching_stops_when_the_plane_changes(explorer, heard, monkeypatch):
+    begun, stopped = threading.Event(), threading.Event()
+
+    def endless(self, places, keep_going):
+        begun.set()
+        while keep_going():
+            time.sleep(0.002)
+        stopped.set()
+        return False
+
+    monkeypatch.setattr(Plane, "quiet", lambda self: [np.zeros((1, 2), int)])
+    monkeypatch.setattr(Plane, "try_others", endless)
+    explorer.start()
+    assert begun.wait(20.0)
+    (first,) = received(heard, "hatch")
+    assert first.tried is None
+    explorer.zoom((1.9, 2.0), (1.0, 1.1))
+    assert stopped.wait(2.0)
+    assert first.tried is None
+    assert explorer.plane is not first
+
+
+def test_hatching_that_is_cut_short_says_so(explorer, heard, monkeypatch):
+    def no_time(self):
+        monkeypatch.setattr(work, "PLANE_SECONDS", 0.0)
+        return [np.zeros((1, 2), int)]
+
+    monkeypatch.setattr(Plane, "quiet", no_time)
+    explorer.start()
+    until(lambda: received(heard, "message"))
+    assert received(heard, "message")[0].endswith("incomplete: stopped after 0 s")
+    assert [one.tried for one in received(heard, "hatch")] == [False, False]  # one plane, at the beginning and the end
 
 
 def test_boundaries_that_are_cut_short_say_so(explorer, heard, monkeypatch, no_rest):

@@ -97,7 +97,7 @@ class Plane:
     stored: str = ""  # the stored sweep that they were taken from
     origin: str = "from rest"
     held: frozenset[str] = frozenset(INDICES)  # indices that are known
-    tried: bool = False  # whether `elsewhere` is complete
+    tried: bool | None = None  # whether `elsewhere` is complete, or was given up; None is not yet
 
     @classmethod
     def unknown(cls, view: View) -> Plane:

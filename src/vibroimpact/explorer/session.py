@@ -271,7 +271,7 @@ class Explorer:
             if plane.view.plane_key != self.view.plane_key:
                 return
             self._send(("hatch", plane))
-            if not plane.tried:
+            if plane.tried is False:
                 limit = f"{work.PLANE_SECONDS:g} s"
                 self._send(("message", f"hatching of cells without impact from rest incomplete: stopped after {limit}"))
 

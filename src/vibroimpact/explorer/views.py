@@ -120,17 +120,24 @@ class PlaneView:
             self._hatch(None)
 
     def show_hatch(self, plane: Plane) -> None:
-        """Hatch the cells that have no impact from rest, but from other initial conditions."""
-        self._hatch(plane if (plane.elsewhere > 0.0).any() else None)
+        """Hatch the cells that have no impact from rest, but from other initial conditions, as far as that is known."""
+        self._hatch(plane)
 
     def _hatch(self, plane: Plane | None) -> None:
-        self._hatched, update, html = plane, self.updates["hatch"], ""
+        self._hatched, update, side = plane, self.updates["hatch"], 0
+        words = ""
         if plane is not None:
-            tried = f"{OTHERS} tried per cell, {TRANSIENT + plane.view.samples} impacts each"
-            key = f"<span class='key hatch' style='background-color:{STATUS_COLORS[Status.NO_IMPACT]}'></span>"
-            html = f"<span class='entry' title='{tried}'>{key} {ONLY_OTHERS}</span>"
-        update.add("hatch", side=FINEST if plane else 0, speeds=plane.elsewhere.T.ravel() if plane else [])
-        update.add("#hatch", html=html)
+            side = FINEST if plane.tried is not None and (plane.elsewhere > 0.0).any() else 0
+            words = f"{OTHERS} other initial conditions tried in grey cells: no impacts"
+            if plane.tried is None:
+                words = f"{OTHERS} other initial conditions are being tried in grey cells"
+            elif side:
+                key = f"<span class='key hatch' style='background-color:{STATUS_COLORS[Status.NO_IMPACT]}'></span>"
+                words = f"{key} {ONLY_OTHERS}"
+            words += ", not in all" if plane.tried is False else ""
+            words = f"<span class='entry' title='{TRANSIENT + plane.view.samples} impacts each'>{words}</span>"
+        update.add("hatch", side=side, speeds=plane.elsewhere.T.ravel() if plane and side else [])
+        update.add("#hatch", html=words)
         update.send()
 
     def show_curves(self, curves: Curves | None) -> None:

@@ -263,7 +263,7 @@ class Refinement:
     show : callable
         Gets the plane whenever a lattice is complete.
     hatch : callable
-        Gets the plane once the other initial conditions were tried, and whether in all cells.
+        Gets the plane when other initial conditions begin to be tried, and when that has ended.
     late : callable
         Called once if the plane takes longer than `PLANE_SECONDS`.
     """
@@ -294,6 +294,8 @@ class Refinement:
         else:
             urgency, self._spent = Urgency.HATCH, 0.0
             jobs = [partial(self.plane.try_others, places) for places in self.plane.quiet()]
+            if jobs:
+                self._hatch(self.plane)
         self._left = len(jobs)
         for job in jobs:
             self._work.submit("plane", urgency, partial(self._run, level, job), self._stamp)
@@ -317,14 +319,17 @@ class Refinement:
             complete = self.wanted and not self._left
         if not filled:
             if self._give_up():
-                self._late() if level < len(SIDES) else self._hatch(self.plane)
+                self._late() if level < len(SIDES) else self._end_hatch(complete=False)
         elif complete and level == len(SIDES):
-            self.plane.tried = True
-            self._hatch(self.plane)
+            self._end_hatch(complete=True)
         elif complete:
             self.plane.side, self.plane.seconds = SIDES[level], time.monotonic() - self._begun
             self._show(self.plane)
             self._queue(level + 1)
+
+    def _end_hatch(self, complete: bool) -> None:
+        self.plane.tried = complete
+        self._hatch(self.plane)
 
     def _give_up(self) -> bool:
         """Drop the rest of the plane; return whether it was wanted until now."""
