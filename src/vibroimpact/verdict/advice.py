@@ -14,8 +14,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
-from vibroimpact.cells import cells_at
+from vibroimpact.cells import Floats, cells_at
 from vibroimpact.coexistence.measuring import Measured, Runner, orbit_cells, spread_cells
+from vibroimpact.motion import MotionClass
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.verdict.present import Coexisting, Present, Range, measure
 
@@ -26,6 +27,7 @@ SCOUTS = 6  # spread initial conditions with which a value is found
 INSTANTS = 128  # of each present cycle at which the change is made
 SCAN, TEST = ImpactWindow(500, 1500), ImpactWindow(1000, 2000)
 TRIED = 6  # values beyond the first good one at which advice is tested
+FEW = 8  # the first of so many initial conditions reject most of what is rejected
 
 
 @dataclass(frozen=True)
@@ -78,14 +80,15 @@ class Target:
     def benefit(self, then: Iterable[Measured]) -> str:
         """Return the benefit of a change after which these are the motions, or nothing.
 
-        Regular motions are not exchanged for chaos, nor chaos for harder hits.
+        Regular motions are not exchanged for chaos, nor chaos for harder hits. Rests that do not repeat are no chaos:
+        rounding may decide when they come.
         """
         motions = list(then)
         hardest = max(map(hit, motions))
         if hardest == 0.0:
             return "no_impact"
-        irregular = any(motion.group[0] == "aperiodic" for motion in motions)
-        if irregular and not self.irregular:
+        irregular = [motion for motion in motions if motion.group[0] == "aperiodic"]
+        if not self.irregular and any(motion.motion_class != MotionClass.STICKING for motion in irregular):
             return ""
         if hardest <= SOFTER * self.hardest:
             return "softer"
@@ -125,7 +128,31 @@ class Search:
         return near + [_rounded(value, self.range, self.direction) for value in (self.outside, *self.values)]
 
 
-Starts = Callable[[ImpactOscillator], Cells]
+@dataclass(frozen=True)
+class Cycle:
+    """States of a present motion through its cycle: displacement in m, velocity in m/s, driving phase."""
+
+    displacement: Floats
+    velocity: Floats
+    phase: Floats
+
+    def cells(self, design: ImpactOscillator, every: int = 1) -> Cells:
+        """Return the states as cells of a changed design; where the stop has moved past the mass, it is there."""
+        y, v, phase = (column[::every] for column in (self.displacement, self.velocity, self.phase))
+        clear = y <= design.gap
+        return cells_at(design, np.where(clear, design.gap - y, 0.0), np.where(clear, v, np.minimum(v, 0.0)), phase)
+
+
+def present_cycles(osc: ImpactOscillator, motions: Sequence[Coexisting], runner: Runner) -> list[Cycle]:
+    """Return the states of each motion at instants spread evenly over its cycle, or over 16 periods of chaos."""
+    found = []
+    for motion in motions:
+        periods = min(motion.n_periods or 16, INSTANTS)
+        often = math.ceil(INSTANTS / periods)
+        window = StroboscopicWindow(0, periods * often, None, often)
+        (seen,) = runner.samples(osc.cells({}, motion.start), window)
+        found.append(Cycle(np.minimum(seen.look_displacement, osc.gap), seen.look_velocity, seen.look_phase))
+    return found
 
 
 @dataclass(frozen=True)
@@ -134,18 +161,37 @@ class Judge:
 
     target: Target
     runner: Runner
+    cycles: Sequence[Cycle]
 
-    def motions(
-        self, designs: Sequence[ImpactOscillator], starts: Starts, window: ImpactWindow
-    ) -> list[list[Measured]]:
-        """Return the motions that follow from the initial conditions of each design."""
-        cells = [starts(design) for design in designs]
-        found = iter(measure(self.runner, Cells.join(cells), window) if cells else ())
-        return [[next(found) for _ in range(len(part))] for part in cells]
+    def glance(self, designs: Sequence[ImpactOscillator]) -> list[str]:
+        """Return the benefit of each design from rest, the present motions, and, if that holds, some spread impacts."""
+        return self._benefits(
+            designs,
+            lambda design: [design.cells({}), *(cycle.cells(design, INSTANTS) for cycle in self.cycles)],
+            lambda design: [spread_cells(design, SCOUTS)],
+        )
 
-    def benefits(self, designs: Sequence[ImpactOscillator], starts: Starts) -> list[str]:
-        """Return the benefit of each design."""
-        return [self.target.benefit(motions) for motions in self.motions(designs, starts, SCAN)]
+    def _benefits(
+        self, designs: Sequence[ImpactOscillator], *stages: Callable[[ImpactOscillator], list[Cells]]
+    ) -> list[str]:
+        motions: list[list[Measured]] = [[] for _ in designs]
+        benefits = [""] * len(designs)
+        left = list(range(len(designs)))
+        for stage in stages:
+            cells = [Cells.join(stage(designs[at])) for at in left]
+            found = iter(measure(self.runner, Cells.join(cells), SCAN) if cells else ())
+            for at, part in zip(left, cells, strict=True):
+                motions[at] += [next(found) for _ in range(len(part))]
+                benefits[at] = self.target.benefit(motions[at])
+            left = [at for at in left if benefits[at]]
+        return benefits
+
+    def settled(self, design: ImpactOscillator) -> list[Measured]:
+        """Return the motions from all initial conditions, from fewer where these show no benefit."""
+        spread, cycles = spread_cells(design), [cycle.cells(design) for cycle in self.cycles]
+        many = Cells.join([design.cells({}), spread, *cycles, *orbit_cells(design)])
+        some = measure(self.runner, many[np.arange(0, len(many), FEW)], TEST)
+        return measure(self.runner, many, TEST) if self.target.benefit(some) else some
 
 
 def advise(
@@ -156,9 +202,7 @@ def advise(
     target = Target.of(reached)
     if not 0.0 < target.hardest < math.inf:
         return ()
-    judge = Judge(target, runner)
-    cycles = present_cycles(present.oscillator, reached, runner)
-    scouts = scouting(present.oscillator, cycles)
+    judge = Judge(target, runner, present_cycles(present.oscillator, reached, runner))
     searches = [
         Search(each, direction, path, wanted)
         for each in ranges
@@ -166,101 +210,51 @@ def advise(
         if (path := each.path(direction, PLACES)) and not (target.chaotic and each.only_scales)
         for wanted in (("softer", "no_chaos", "no_impact"), ("no_impact",))
     ]
-    _locate(searches, judge, scouts)
+    _locate(searches, judge)
     good = [search for search in searches if search.values]
-    _refine(good, judge, scouts)
-    found = _judged(good, judge, cycles)
-    smallest: dict[tuple[str, bool], Advice] = {}
-    for advice in sorted(found, key=lambda a: abs(a.change)):
-        smallest.setdefault((advice.parameter, advice.benefit == "no_impact"), advice)
-    return tuple(smallest.values())
-
-
-@dataclass(frozen=True)
-class Cycle:
-    """States of a present motion through its cycle: displacement in m, velocity in m/s, driving phase."""
-
-    displacement: np.ndarray
-    velocity: np.ndarray
-    phase: np.ndarray
-
-    def cells(self, design: ImpactOscillator, every: int = 1) -> Cells:
-        """Return the states as cells of a changed design; where the stop has moved past the mass, it is there."""
-        y, v, phase = (column[::every] for column in (self.displacement, self.velocity, self.phase))
-        inside = y <= design.gap
-        return cells_at(design, np.where(inside, design.gap - y, 0.0), np.where(inside, v, np.minimum(v, 0.0)), phase)
-
-
-def present_cycles(osc: ImpactOscillator, motions: Sequence[Coexisting], runner: Runner) -> list[Cycle]:
-    """Return the states of each motion at instants spread evenly over its cycle, or over 16 periods of chaos."""
+    _refine(good, judge)
     found = []
-    for motion in motions:
-        periods = min(motion.n_periods or 16, INSTANTS)
-        often = math.ceil(INSTANTS / periods)
-        cell = osc.cells({}, motion.start)
-        (seen,) = runner.samples(cell, StroboscopicWindow(0, periods * often, None, often))
-        phase = np.mod(cell["phase"][0] + np.arange(periods * often) / often, 1.0)
-        n = len(seen.look_displacement)
-        found.append(Cycle(np.minimum(seen.look_displacement, osc.gap), seen.look_velocity, phase[:n]))
-    return found
+    for each in ranges:
+        mine = [search for search in good if search.range is each]
+        first = _smallest([search for search in mine if len(search.wanted) > 1], judge)
+        if first is not None and first.benefit != "no_impact":
+            found.append(_smallest([search for search in mine if len(search.wanted) == 1], judge))
+        found.append(first)
+    return tuple(sorted((advice for advice in found if advice is not None), key=lambda advice: abs(advice.change)))
 
 
-def scouting(osc: ImpactOscillator, cycles: Sequence[Cycle]) -> Starts:
-    """Return the few initial conditions with which changes are found: at rest, on each present motion, some spread."""
-
-    def starts(design: ImpactOscillator) -> Cells:
-        return Cells.join(
-            [design.cells({}), *(c.cells(design, INSTANTS) for c in cycles), spread_cells(design, SCOUTS)]
-        )
-
-    return starts
-
-
-def _locate(searches: Sequence[Search], judge: Judge, scouts: Starts) -> None:
+def _locate(searches: Sequence[Search], judge: Judge) -> None:
     """Find along each path the first value with a benefit that its next neighbour has too."""
     paths = {(search.range.name, search.direction): search for search in searches}
     for (name, direction), search in paths.items():
-        benefits = judge.benefits([search.range.at(value) for value in search.path], scouts)
+        benefits = judge.glance([search.range.at(value) for value in search.path])
         for one in searches:
             if (one.range.name, one.direction) == (name, direction):
                 one.begins([benefit in one.wanted for benefit in benefits])
 
 
-def _refine(searches: Sequence[Search], judge: Judge, scouts: Starts) -> None:
+def _refine(searches: Sequence[Search], judge: Judge) -> None:
     for _ in range(HALVINGS if searches else 0):
         middles = [search.range.between(search.inside, search.outside, 0.5) for search in searches]
         there = [search.range.at(value) for search, value in zip(searches, middles, strict=True)]
-        for search, middle, benefit in zip(searches, middles, judge.benefits(there, scouts), strict=True):
+        for search, middle, benefit in zip(searches, middles, judge.glance(there), strict=True):
             if benefit in search.wanted:
                 search.outside = middle
             else:
                 search.inside = middle
 
 
-def _judged(searches: Sequence[Search], judge: Judge, cycles: Sequence[Cycle]) -> list[Advice]:
-    """Return for each path the first rounded value whose benefit stands from all initial conditions."""
-
-    def everywhere(design: ImpactOscillator) -> Cells:
-        return Cells.join(
-            [design.cells({}), spread_cells(design), *(c.cells(design) for c in cycles), *orbit_cells(design)]
-        )
-
-    found = []
-    for search in searches:
-        for value in dict.fromkeys(search.candidates()):
-            (motions,) = judge.motions([search.range.at(value)], everywhere, TEST)
-            benefit = judge.target.benefit(motions)
-            if benefit in search.wanted:
-                worst = max(motions, key=hit)
-                varied, change = search.range, search.range.change(value)
-                found.append(
-                    Advice(
-                        varied.name, value, change, varied.of, benefit, worst.name, worst.hardest,
-                        judge.target.hardest, len(motions),
-                    )
-                )  # fmt: skip
-                break
-    return found
+def _smallest(searches: Sequence[Search], judge: Judge) -> Advice | None:
+    """Return the smallest change, rounded, whose benefit stands from all initial conditions."""
+    values = {value: search for search in searches for value in search.candidates()}
+    for value, search in sorted(values.items(), key=lambda pair: abs(pair[1].range.change(pair[0]))):
+        varied = search.range
+        motions = judge.settled(varied.at(value))
+        benefit, worst = judge.target.benefit(motions), max(motions, key=hit)
+        if benefit in search.wanted:
+            what = varied.name, value, varied.change(value), varied.of, benefit, worst.name
+            return Advice(*what, worst.hardest, judge.target.hardest, len(motions))
+    return None
 
 
 def _rounded(value: float, varied: Range, outwards: int) -> float:

@@ -96,9 +96,11 @@ def _watched(verdict: Verdict) -> Iterator[str]:
     first = PAPER.transient + PAPER.keep
     if verdict.releases:
         moved = sum(verdict.releases.values())
-        ends = ", ".join(f"{number} lead to {name}" for name, number in verdict.releases.items())
-        yield f"rounding decides when it next rests at the stop: of {moved} releases moved by up to 1e-11 V, {ends}"
-    if verdict.transient:
+        ends = ", ".join(f"{number} to {name}" for name, number in verdict.releases.items())
+        yield f"rounding decides when it next rests at the stop: of {moved} releases moved by up to 1e-11 V go {ends}"
+    if verdict.transient and verdict.releases:
+        yield f"not moved, the first {first} impacts look {verdict.transient}"
+    elif verdict.transient:
         yield f"certain after {verdict.watched} impacts: the first {first} look {verdict.transient}"
     elif verdict.watched > first:
         yield f"watched over {verdict.watched} impacts"
@@ -263,6 +265,8 @@ def _advice(verdict: Verdict) -> Iterator[str]:
         return
     if verdict.worst is None:
         yield f"no impacts from rest or from any of {SPREAD} spread initial conditions"
+    elif not verdict.boundaries:
+        yield "no parameter was varied"
     elif not verdict.advice:
         yield "no change of one parameter within its range softens the impacts from all initial conditions tried"
     else:
