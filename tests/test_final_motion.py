@@ -75,7 +75,7 @@ def otherwise(osc, found, moved=1e-9):
 
 
 def test_what_is_named_irregular_still_is_so_1e5_impacts_later():
-    # 1,000 irregular motions were tried once: see docs/coexistence.md.
+    # 500 irregular motions were tried once: 5 had ended by then, chaotic transients of 1e5 impacts and more.
     random, tried = np.random.default_rng(2026), 0
     while tried < 6:
         osc = random_oscillator(random)

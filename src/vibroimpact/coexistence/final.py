@@ -145,7 +145,7 @@ def _fate(runner: Runner, cell: Cells) -> Fate:
     name, _ = Counter(end.name for end in left or ends).most_common(1)[0]
     at = next(at for at, end in enumerate(ends) if end.name == name)
     end = ends[at]
-    if not left:  # all rest again and again, also where the turn from the exact release was given up as too long
+    if not left and rests(end):  # also where the turn from the exact release was given up as too long
         indices = end.indices | {"n_periods": 0.0, "n_impacts": -1.0}
         end = replace(end, kind=MotionClass.STICKING.word, n_periods=0, n_impacts=-1, indices=indices)
     return Fate(cells[at : at + 1], end, dict(found), impacts // TURNS)
