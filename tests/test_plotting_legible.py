@@ -80,6 +80,9 @@ FIGURES = {
     "time-history": lambda r: plotting.time_history(sweep(r, "motion")),
     "phase-portrait": lambda r: plotting.phase_portrait(sweep(r, "motion")),
     "stroboscopic-map": lambda r: plotting.stroboscopic_map(sweep(r, "looks")),
+    "stroboscopic-map beside the stop": lambda r: plotting.stroboscopic_map(
+        vi.stroboscopic_section(REQUESTS[r][0].replace(gap=0.0, omega=0.25 * REQUESTS[r][0].natural_frequency))
+    ),
     "impact-map": lambda r: plotting.impact_map(sweep(r, "hits")),
     "bifurcation-diagram": lambda r: plotting.bifurcation_diagram(sweep(r, "diagram")),
     "bifurcation-diagram of displacements": lambda r: plotting.bifurcation_diagram(sweep(r, "heights")),

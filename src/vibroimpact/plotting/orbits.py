@@ -296,7 +296,7 @@ def stroboscopic_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax.set_ylim(*style.view(points[:, 1], sizes[1], least))
     labels.label_axes(ax, section["displacement"], section["velocity"])
     if osc and osc.gap < high:
-        style.draw_stop(ax, osc.gap, high, upright=True)
+        style.draw_stop(ax, osc.gap, high, upright=True, label=f"stop, {labels.parameter_text('gap', osc)}")
     _legend(ax, section)
     return ax
 

@@ -147,10 +147,10 @@ def view(values: Floats, size: float, least: float = 1e-6) -> tuple[float, float
     return 0.5 * (low + high) - half, 0.5 * (low + high) + half
 
 
-def draw_stop(ax: Axes, gap: float, beyond: float, *, upright: bool) -> None:
-    """Shade the room behind the stop, from the gap to the axis limit `beyond`."""
+def draw_stop(ax: Axes, gap: float, beyond: float, *, upright: bool, label: str = "") -> None:
+    """Shade the room behind the stop, from the gap to the axis limit `beyond`; a legend explains it by its label."""
     span, line = (ax.axvspan, ax.axvline) if upright else (ax.axhspan, ax.axhline)
-    span(gap, beyond, facecolor="#ededed", edgecolor="#c4c4c4", hatch="////", linewidth=0.0, zorder=1.5)
+    span(gap, beyond, facecolor="#ededed", edgecolor="#c4c4c4", hatch="////", linewidth=0.0, zorder=1.5, label=label)
     line(gap, color="#555555", linewidth=1.2, zorder=1.6)
 
 
@@ -261,7 +261,8 @@ def origin(dataset: xr.Dataset) -> str:
     if "origin" in dataset.attrs:
         return str(dataset.attrs["origin"])
     arguments = json.loads(dataset.attrs.get("arguments", "{}"))
-    from_rest = "start" in arguments and arguments["start"] is None and not arguments.get("direction")
+    fresh = arguments.get("direction", "fresh") == "fresh"
+    from_rest = fresh and "start" in arguments and arguments["start"] is None
     return " from rest" if from_rest else ""
 
 
