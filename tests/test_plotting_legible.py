@@ -39,6 +39,7 @@ REQUESTS = {
     "tube": (TUBE, {"omega": np.linspace(63.0, 251.0, 24), "gap": np.linspace(-0.4e-3, 0.9e-3, 16)}),
     "tiny": (TINY, {"mass": np.linspace(0.5e-6, 3.5e-6, 24), "gap": np.linspace(-0.5e-6, 2.1e-6, 16)}),
 }
+# Of pure numbers; a symbol alone, on the third axis of a surface, has its unit in the label of the colour bar.
 PURE = tuple(long_name for long_name, units, _ in VARIABLES.values() if units == "1")
 
 
@@ -174,14 +175,18 @@ def outside(figure):
 
 def repeated(figure):
     """Return the axes of which a tick label is there twice."""
-    shown = {axis: [text.get_text() for text in tick_labels(axis)] for ax in figure.axes for axis in axes_of(ax)}
+    shown = {
+        axis: [text.get_text() for text in tick_labels(axis) if text.get_text()]
+        for ax in figure.axes
+        for axis in axes_of(ax)
+    }
     return [texts for texts in shown.values() if len(set(texts)) < len(texts)]
 
 
 def without_unit(figure):
     """Return the labels of axes that show no unit though their quantity has one."""
     told = [axis.label.get_text().replace("\n", " ") for ax in figure.axes for axis in axes_of(ax)]
-    return [text for text in told if text and "[" not in text and not text.startswith(PURE)]
+    return [text for text in told if text and "[" not in text and not text.startswith((*PURE, "$"))]
 
 
 def unexplained(figure):

@@ -121,10 +121,10 @@ def oscillator_sketch(oscillator: Model | None = None, ax: Axes | None = None) -
     ):
         ax.text(x, y, text, color=color, fontsize=14, ha="center", va="center")
     if oscillator is not None:
-        text = ",   ".join(labels.parameter_text(name, oscillator) for name in oscillator.values)
-        ax.text(4.0, -0.75, text, ha="center", va="center", fontsize=8.5, color="#555555")
+        text = ",  ".join(labels.parameter_text(name, oscillator) for name in oscillator.values)
+        ax.text(4.0, -0.8, style.broken(text, 75), ha="center", va="center", fontsize=8.5, color="#555555")
     ax.set_xlim(_FRAME - 0.6, _STOP + 0.75)
-    ax.set_ylim(-0.55 if oscillator is None else -1.0, 3.4)
+    ax.set_ylim(-0.55 if oscillator is None else -1.1, 3.4)
     return ax
 
 

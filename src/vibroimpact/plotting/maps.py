@@ -236,8 +236,10 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
         axis.set_major_formatter(Scaled(power))
         axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
         short = labels.symbol_of(data) + unit_label(labels.described(data)[1], power)
-        axis.set_label_text(labels.wrapped(short if data is field else labels.label(data, power), 40))
-        axis.labelpad = 10
+        text = labels.wrapped(short, 22) if data is field else labels.wrapped(labels.label(data, power), 40)
+        axis.set_label_text(text)
+        longest = max(map(len, axis.major.formatter.format_ticks(axis.get_majorticklocs())))
+        axis.labelpad = 10 + 4 * max(0, longest - 5)
     bar = add_bar(solid, surface, field, ROOT, shrink=0.6, pad=0.1)
     solid.set_box_aspect((1.2, 1.2, 0.7), zoom=0.95)  # leaves room for the labels outside the box
     solid.view_init(elev=38, azim=-70)
@@ -245,8 +247,8 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
     if (figure := solid.get_figure(root=True)) in style.OWN:
         figure.set_layout_engine("none")  # it takes an outer box for the labels that changes with each drawing
         low = 0.08 + style.LEGEND_LINE * style.legend_lines(solid) / figure.get_figheight()
-        solid.set_position((0.02, low, 0.76, 0.92 - low))
-        bar.ax.set_position((0.83, low + 0.15, 0.03, 0.6 - low))
+        solid.set_position((0.0, low, 0.76, 0.92 - low))
+        bar.ax.set_position((0.8, low + 0.15, 0.03, 0.6 - low))
     return solid  # type: ignore[no-any-return]
 
 

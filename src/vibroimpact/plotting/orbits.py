@@ -236,7 +236,7 @@ def _section(section: xr.Dataset, ax: Axes | None, maker: str, across: str, alon
     labels.label_axes(ax, section[across], section["velocity"])
     if not len(points):
         status = _ended(section)
-        text = "no sample" if status is None else status.sentence.replace("; ", ";\n")
+        text = "no sample" if status is None else labels.wrapped(status.sentence, 45)
         ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color="#555555")
     return ax, points
 

@@ -113,13 +113,13 @@ def new_axes(ax: Axes | None, size: tuple[float, float], title: str = "", projec
         figure = plt.figure(figsize=size, layout="constrained")
         OWN.add(figure)
         fresh = figure.add_subplot(projection=projection)
-        fresh.set_title(_broken(title, 9.5 * size[0]), y=1.0 if projection else None)
+        fresh.set_title(broken(title, 9.5 * size[0]), y=1.0 if projection else None)
     return fresh
 
 
-def _broken(title: str, room: float) -> str:
+def broken(title: str, room: float) -> str:
     """Return a title in two lines if it has more characters than fit into one."""
-    if len(title.replace("$", "")) <= room:
+    if letters(title) <= room:
         return title
     parts = title.split(",  ")
     half = (len(parts) + 1) // 2
