@@ -32,6 +32,13 @@ def test_chaos_that_ends_is_a_transient_of_the_cycle_that_it_ends_in(name):
     assert found.measured.indices["mean_velocity"] == pytest.approx(hits[:p].mean(), rel=1e-3)
 
 
+def test_a_slow_motion_is_followed_to_its_cycle():
+    found = final(vi.ImpactOscillator(damping=0.0181, omega=0.93, restitution=0.898, gap=3.77))
+    assert (found.measured.name, found.before.name) == ("period-3 impact-1", "undecided")
+    assert 50_000 < found.watched < WATCHED
+    assert found.measured.impacts < PAPER.transient  # measured again on the cycle, where nothing is left of the way
+
+
 def test_chaos_that_lasts_is_watched_for_1e5_impacts_and_keeps_the_indices_of_a_map():
     osc = vi.ImpactOscillator(omega=2.8)
     found = final(osc)
