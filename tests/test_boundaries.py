@@ -154,11 +154,14 @@ def test_on_a_grazing_curve_the_engine_sees_the_mass_touch_the_stop(curves):
             continue
         orbit = curve.orbits[len(curve.orbits) // 2]
         o, touch = orbit.oscillator, curve.touch_phases[len(curve.orbits) // 2]
-        ahead = ((touch - orbit.phases[0]) % 1) * o.period
-        flight = vi.simulate(o, start=orbit.start, periods=1.02 * ahead / o.period, samples_per_period=20000)
-        near = np.abs(flight["time"].values - orbit.start.time - ahead) < 2e-3 * o.period
-        assert np.abs(flight["displacement"].values[near]).max() < 1e-4
-        assert flight["displacement"].values[near].max() > -1e-8
+        turns, n = (touch - orbit.phases[0]) % 1, orbit.n_periods
+        flight = vi.simulate(o, start=orbit.start, periods=n - 1 + 1.02 * turns, samples_per_period=20000)
+        passed = (flight["time"].values - orbit.start.time) / o.period
+        # The phase does not say in which of the cycle's periods the touch is.
+        around = [flight["displacement"].values[np.abs(passed - turns - k) < 2e-3] for k in range(n)]
+        near = min(around, key=lambda displacement: np.abs(displacement).max())
+        assert np.abs(near).max() < 1e-4
+        assert near.max() > -1e-8
 
 
 @pytest.mark.parametrize("name", [*PLANES, "gap"])

@@ -155,14 +155,23 @@ def test_boundaries_are_told_saved_and_drawn_over_maps(run, tmp_path):
 
 def test_a_kind_that_is_not_there_is_no_curve(run):
     code, told, _ = run(f"boundary {PLANE} --kind fold,grazing")
-    assert (code, told) == (0, ["no such boundary in the plane of omega and restitution"])
+    assert (code, told) == (
+        0,
+        [
+            "no such boundary found in the plane of omega and restitution: fold and grazing only; looked for period-1 "
+            "impact-1 on lines across the plane only; other motions end elsewhere"
+        ],
+    )
 
 
 def test_boundaries_of_an_orbit_with_two_impacts_start_from_that_orbit(run):
     plane = "--x gap=0.3:0.4 --y omega=0.88:0.92 --step 0.1"
     code, told, _ = run(f"boundary -p omega=0.9 -p gap=0.35 --impacts 2 {plane} --kind fold")
-    assert (code, len(told)) == (0, 3)
+    assert (code, len(told)) == (0, 5)
     assert told[1].startswith("  fold of period-1 impact-2: gap 0.3")
+    assert told[2:4] == [
+        "followed period-1 impact-2 from the oscillator at -p along gap only", "other motions end elsewhere",
+    ]  # fmt: skip
 
 
 def test_the_end_of_sticking_is_a_boundary_too(run, tmp_path):

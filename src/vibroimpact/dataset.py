@@ -152,7 +152,8 @@ def bundle(parts: Sequence[xr.Dataset], function: str, provenance: Mapping[str, 
     Examples
     --------
     >>> from vibroimpact import ImpactOscillator, boundary_curves
-    >>> curves = boundary_curves(ImpactOscillator(), ("omega", "restitution"), ((2, 3), (0.5, 0.9)), lines=2)
+    >>> plane = ("omega", "restitution"), ((2, 3), (0.5, 0.9))
+    >>> curves = boundary_curves(ImpactOscillator(), *plane, n_periods=(1,), lines=2)
     >>> joined = bundle([curve.dataset for curve in curves], "boundary_curves", {})
     >>> len(unbundle(joined)) == len(curves)
     True

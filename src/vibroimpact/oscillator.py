@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
@@ -135,13 +135,13 @@ class ImpactOscillator:
         for name, value in changes.items():  # None, which the constructor takes for nothing given, is no value
             self.parameters[name].check(value)
         dropped = {self.parameters[name].replaces for name in changes}
-        kept = {name: value for name, value in asdict(self).items() if name not in dropped}
+        kept = {name: value for name, value in self.values.items() if name not in dropped}
         return ImpactOscillator(**{**kept, **changes})
 
     @property
     def values(self) -> dict[str, float]:
         """The seven numbers by name."""
-        return asdict(self)
+        return {name: getattr(self, name) for name in PARAMETERS}
 
     def at(self, **values: float) -> ImpactOscillator:
         """Return the oscillator with some parameters changed: what a model is at one point of its axes."""

@@ -313,7 +313,7 @@ SEARCH = (VARY, WITHIN)
 _orbit = partial(Option, panel="Which orbits")
 ORBIT_PERIODS = _orbit("n_periods", "N", "Driving periods per cycle. (default: 1)", flags=("--periods",))
 PERIODS_LIST = _orbit(
-    "periods_list", "N,N", "Driving periods per cycle, one or several. (default: 1,2)", flags=("--periods",)
+    "periods_list", "N,N", "Driving periods per cycle, one or several. (default: see above)", flags=("--periods",)
 )
 ORBIT_IMPACTS = _orbit(
     "n_impacts", "P", "Impacts per cycle; -1 for complete chatter and sticking. (default: 1)", flags=("--impacts",)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from vibroimpact.cli.options import Options
     from vibroimpact.cli.study import Study
-    from vibroimpact.continuation import Boundary, Branch
+    from vibroimpact.continuation import Boundaries, Branch
     from vibroimpact.orbits import Orbit, Orbits
     from vibroimpact.oscillator import Model
 
@@ -241,8 +241,10 @@ def _nothing(message: str, options: Options) -> NoReturn:
 def boundary(options: Options) -> None:
     """Exact curves in a plane of two parameters on which motions fold, double, graze or cease to stick.
 
-    Of orbits with one impact all curves that cross a grid of lines are found;
-    of others (--impacts) those that the orbit at -p meets along --x.
+    What ends at the class boundaries of a coarse map of motions from rest is followed,
+    if it covers more than 1 % of the map, and orbits with one impact that cross a grid of lines.
+    With --periods: only period-n impact-1 orbits and period-n sticking, on these lines.
+    With --impacts: what the orbit at -p meets along --x.
     Ctrl-C keeps what is finished.
 
     For example:
@@ -263,36 +265,38 @@ def boundary(options: Options) -> None:
     with Meter("boundaries") as meter, refusing():
         curves = (_of_orbits if of_orbits else _all)(study, box, kinds, options, meter)
     if not curves and not meter.stopped:
-        _nothing(f"no such boundary in the plane of {' and '.join(names)}", options)
+        _nothing(f"no such boundary found in the plane of {' and '.join(names)}: {curves.message}", options)
     output.finish(_bundled(curves, study, box) if curves else None, options, meter, over)
 
 
-def _bundled(curves: list[Boundary], study: Study, box: Mapping[str, Range]) -> xr.Dataset:
+def _bundled(curves: Boundaries, study: Study, box: Mapping[str, Range]) -> xr.Dataset:
     """Return all curves as one dataset; of the many impacts of a chatter only the first."""
     from vibroimpact.dataset import bundle, provenance
 
     parts = [curve.dataset for curve in curves]
     parts = [part.isel(impact=slice(0, 1)) if part.attrs["n_impacts"] == -1 else part for part in parts]
     arguments = {"parameters": tuple(box), "ranges": tuple(box.values())}
-    return bundle(parts, "boundary_curves", provenance("boundary_curves", study.model, arguments))
+    made_by = provenance("boundary_curves", study.model, arguments) | {"message": curves.message}
+    return bundle(parts, "boundary_curves", made_by)
 
 
-def _all(
-    study: Study, box: Mapping[str, Range], kinds: tuple[str, ...], options: Options, meter: Meter
-) -> list[Boundary]:
-    """Return the curves of orbits with one impact and of sticking."""
+def _all(study: Study, box: Mapping[str, Range], kinds: tuple[str, ...], options: Options, meter: Meter) -> Boundaries:
+    """Return the curves of what a coarse map shows, or, with --periods, of orbits with one impact and of sticking."""
     import vibroimpact
 
-    more = options.numbers("lines", "step") | {"n_periods": _periods(options, "1,2")}
+    more = options.numbers("lines", "step")
+    if options["periods_list"]:
+        more["n_periods"] = _periods(options, "")
     plane: Any = tuple(box), tuple(box.values())
     return vibroimpact.boundary_curves(study.model, *plane, kinds=kinds, progress=meter, **more)
 
 
 def _of_orbits(
     study: Study, box: Mapping[str, Range], kinds: tuple[str, ...], options: Options, meter: Meter
-) -> list[Boundary]:
+) -> Boundaries:
     """Return the boundaries that the orbits at the model itself meet along the first parameter."""
     from vibroimpact.continuation import curves_through
+    from vibroimpact.motion import listed
 
     step, names = options.numbers("step"), tuple(box)
     branches: list[Branch] = []
@@ -301,7 +305,10 @@ def _of_orbits(
         branches += _branches(found, names[0], box[names[0]], meter, **step)
     points = [point for branch in branches for point in branch.special if point.kind in kinds]
     plane: Any = names, tuple(box.values())
-    return curves_through(points, *plane, progress=meter, **step)
+    curves = curves_through(points, *plane, progress=meter, **step)
+    followed = listed(sorted({branch.orbits[0].name for branch in branches})) or "no orbit"
+    curves.message = f"followed {followed} from the oscillator at -p along {names[0]} only; other motions end elsewhere"
+    return curves
 
 
 def _periods(options: Options, usual: str) -> Any:

@@ -12,7 +12,7 @@ import numpy as np
 
 from vibroimpact.continuation.points import Solution
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
-from vibroimpact.continuation.sticking import LONGEST_STEP, Range, sticking_curve
+from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Range, sticking_curve
 from vibroimpact.continuation.system import (
     LAST_IMPACT,
     MOST_POINTS,
@@ -122,11 +122,14 @@ def continue_boundary(
 
 
 def boundary_through(
-    point: BifurcationPoint | StickingEnd, plane: Plane, longest: float, virtual: bool, report: Report
+    point: BifurcationPoint | StickingEnd, plane: Plane, longest: float, virtual: bool, report: Report, most: int = MOST
 ) -> Boundary:
-    """Return the curve through a point, whatever its kind, in a plane that was checked."""
+    """Return the curve through a point, whatever its kind, in a plane that was checked.
+
+    Along an end of sticking it ends after `most` points to either side.
+    """
     if isinstance(point, StickingEnd):
-        return sticking_curve(point, *plane, min(longest, LONGEST_STEP), report)
+        return sticking_curve(point, *plane, min(longest, LONGEST_STEP), report, most)
     return _traced(*_boundary_system(point, plane), longest, virtual, report)
 
 
@@ -206,7 +209,8 @@ def _walk(here: Solution, along: Floats, longest: float, virtual: bool, directio
             there, end = here, "impacts_merge"
         elif at_first and not virtual and not there.admissible:
             there, end = _last_admissible(here, there), "inadmissible"
-        way.points.append(there)
+        if there is not here and np.abs(there.x - here.x).max() > 1e-12:  # nor a start on the edge of the ranges again
+            way.points.append(there)
         way.end = end or "budget"
         yield way
         if end or number > MOST_POINTS:

@@ -1,28 +1,59 @@
-"""All boundaries of orbits with one impact in a plane of two parameters."""
+"""The boundaries of a plane of two parameters: of orbits with one impact, and of what a coarse map shows."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import math
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from itertools import groupby, product
 
 import numpy as np
+import xarray as xr
 
 from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_through, check_box, check_plane
 from vibroimpact.continuation.branch import walk
-from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary
-from vibroimpact.continuation.sticking import Range, ends_on_line
+from vibroimpact.continuation.coverage import CELLS, Coverage, coverage, distances
+from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary, course
+from vibroimpact.continuation.sticking import MOST, Range, ends_on_line
 from vibroimpact.continuation.system import UNKNOWN, both_ways, check_share, system_of
-from vibroimpact.orbits.equations import Cycle, Floats, impact_1_orbits
-from vibroimpact.orbits.orbit import make_orbit
+from vibroimpact.motion import cycle_name, listed
+from vibroimpact.orbits.admissibility import ROUNDING
+from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits
+from vibroimpact.orbits.orbit import Orbit, from_hardest, make_orbit, solution_of, true_cycle
 from vibroimpact.orbits.sticking import StickingEnd
 from vibroimpact.oscillator import ImpactOscillator, Model, check_model
 from vibroimpact.parameters import choice, invalid, whole_number
 from vibroimpact.progress import Report, reporter
+from vibroimpact.status import Status
+
+Bools = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 SEEDS = 60  # values along a line at which orbits are looked for
-SAME = 2.0  # steps: points of one kind nearer than this to a curve are on it
+USUAL = (1, 2)  # driving periods of the orbits with one impact, and of sticking, that are looked for on lines
+ENOUGH = 200  # points to either side along an end of sticking; each costs as much as ten of other curves
+SAME = 0.25  # steps: points of one kind and one orbit type nearer than this to a curve are on it
+
+
+class Boundaries(list[Boundary]):
+    """The boundaries of a plane, with what was looked for.
+
+    Attributes
+    ----------
+    message : str
+        What was followed, and how much of the class boundaries of a coarse map the curves reach.
+    share : float
+        The share of that map's class boundaries within 1.5 cells of a curve; NaN where no map was computed.
+    motions : xarray.Dataset or None
+        That map, from rest, as `classify` returns it.
+    """
+
+    def __init__(self, curves: Iterable[Boundary] = ()) -> None:
+        super().__init__(curves)
+        self.message = ""
+        self.share = math.nan
+        self.motions: xr.Dataset | None = None
 
 
 def boundary_curves(
@@ -30,17 +61,20 @@ def boundary_curves(
     parameters: tuple[str, str],
     ranges: tuple[Range, Range],
     *,
-    n_periods: Sequence[int] = (1, 2),
+    n_periods: Sequence[int] | None = None,
     kinds: Sequence[str] = KINDS,
     lines: int = 5,
     step: float = 0.01,
     progress: bool | Report = False,
-) -> list[Boundary]:
-    r"""Return the boundaries of period-n impact-1 orbits and of period-n sticking in a plane of two parameters.
+) -> Boundaries:
+    r"""Return the curves in a plane of two parameters at which attractors end.
 
-    On lines across the plane, along either parameter, the orbits known in closed form are followed [1]_, and their
-    folds, period doublings and grazes collected, as well as the ends of sticking. Each of them that is on no curve yet
-    is followed through the plane, by the equations of `continue_boundary` and `end_of_sticking`.
+    On lines across the plane, along either parameter, the orbits with one impact, known in closed form, are followed
+    [1]_, and their folds, period doublings and grazes collected, as well as the ends of sticking. Then the motions from
+    rest are computed on a map of 48 x 48 cells, and wherever two neighbouring cells differ and no curve passes within
+    1.5 cells, the motions on both sides are followed to where they end, if they cover more than 1 % of the map. Each
+    end that is on no curve yet is followed through the plane, by the equations of `continue_boundary` and
+    `end_of_sticking`.
 
     Parameters
     ----------
@@ -48,8 +82,9 @@ def boundary_curves(
         The model; its own values of the two parameters do not matter.
     parameters, ranges
         As of `continue_boundary`.
-    n_periods : sequence of int, >= 1
-        Which n.
+    n_periods : sequence of int, >= 1, optional
+        Only the boundaries of period-n impact-1 orbits and of period-n sticking for these n, without a map, grazes of
+        unstable orbits included. None is what the map shows, and n = 1 and 2.
     kinds : sequence of {"fold", "period_doubling", "grazing", "end_of_sticking"}
         Which boundaries.
     lines : int, >= 2
@@ -62,8 +97,10 @@ def boundary_curves(
 
     Returns
     -------
-    list of Boundary
-        The curves as far as their orbits are admissible, in the order in which they were found.
+    Boundaries
+        A list of `Boundary`, as far as their orbits are admissible, each curve once, in the order in which they were
+        found; with a `message` that says what was followed, and the `share` of the map's class boundaries within 1.5
+        cells of a curve.
 
     Raises
     ------
@@ -72,9 +109,13 @@ def boundary_curves(
 
     Notes
     -----
-    A curve that crosses none of the lines is not found: an island smaller than their spacing, or a part that a graze
-    cuts off. The residual of each point is below 1e-10 (1e-7 where an end of sticking meets a graze). Some seconds for
-    a plane of the paper; a family's function adds its own time, called several times per point.
+    On one side of a curve the motion named is stable and admissible, on the other it is not. A graze at velocity 0 is
+    where the steady motion without impacts first touches the stop. Class boundaries that no curve reaches bound chaos
+    (a crisis), or motions that cover less than 1 % of the map; or both motions exist on both sides, and the one that is
+    reached from rest changes. What covers less than a cell of the map, or is not reached from rest, and crosses none
+    of the lines, is not found. The residual of each point is below 1e-10 (1e-7 where an end of sticking meets a graze).
+    15 to 60 s for a plane of the paper, most of it for ends of sticking; a family's function adds its own time, called
+    several times per point.
 
     References
     ----------
@@ -83,38 +124,47 @@ def boundary_curves(
 
     Examples
     --------
-    >>> curves = boundary_curves(ImpactOscillator(), ("omega", "restitution"), ((2, 3), (0.5, 0.9)), lines=3)
+    >>> plane = ("omega", "restitution"), ((2, 3), (0.5, 0.9))
+    >>> curves = boundary_curves(ImpactOscillator(), *plane, n_periods=(1, 2), lines=3)
     >>> sorted({(curve.kind, curve.orbits[0].n_periods) for curve in curves})
     [('end_of_sticking', 2), ('period_doubling', 1)]
     """
     check_model(osc)
     plane = names, box = check_box(osc, parameters, ranges)
     count, longest = whole_number("lines", lines, 2), check_share("step", step)
-    lengths = [whole_number("n_periods", n, 1) for n in n_periods]
-    wanted = {choice("kinds", kind, KINDS) for kind in ([kinds] if isinstance(kinds, str) else kinds)}
+    lengths = [whole_number("n_periods", n, 1) for n in (USUAL if n_periods is None else n_periods)]
+    wanted = frozenset(choice("kinds", kind, KINDS) for kind in ([kinds] if isinstance(kinds, str) else kinds))
     if not wanted:
         raise invalid("kinds", kinds, f"at least one of {', '.join(KINDS)}")
     work = [
         (n, along, value) for n in lengths for along in (0, 1) for value in np.linspace(*box[1 - along], count).tolist()
     ]
-    curves: list[Boundary] = []
-    done = 0
+    found = Boundaries()
+    done, rows = 0, 0 if n_periods is not None else 2 * CELLS
+
+    def ask(*_: object) -> bool:
+        return report(done, len(work) + rows, found) is not False
 
     def look(*_: object) -> None:
-        if report(done, len(work), curves) is False:
+        if not ask():
             raise _Stopped
 
+    search = _Search(found, plane, longest, look, wanted, attractors=n_periods is None)
     with reporter(progress, "lines") as report, suppress(_Stopped):
         for n, along, value in work:
             line = osc.replace(**{names[1 - along]: value}), names[along], box[along], n
             for point in _on_line(*line, longest, look):
-                if point.kind in wanted:
-                    _add_curve(curves, point, plane, longest, look)
+                search.add(point)
             for end in ends_on_line(*line, SEEDS, look) if "end_of_sticking" in wanted else ():
-                _add_curve(curves, end, plane, longest, look)
+                search.add(end)
             done += 1
             look()
-    return curves
+        if n_periods is None:
+            for _ in search.cover(coverage(osc, plane, ask)):
+                done += 1
+                look()
+    _describe(found, search.map, n_periods, wanted, finished=done == len(work) + rows)
+    return found
 
 
 def curves_through(
@@ -124,7 +174,7 @@ def curves_through(
     *,
     step: float = 0.01,
     progress: bool | Report = False,
-) -> list[Boundary]:
+) -> Boundaries:
     """Return the boundaries through given bifurcation points, each curve once, as far as its orbits are admissible.
 
     Parameters
@@ -139,7 +189,7 @@ def curves_through(
 
     Returns
     -------
-    list of Boundary
+    Boundaries
         In the order of the points. A point where two boundaries meet begins no curve.
 
     Raises
@@ -148,15 +198,18 @@ def curves_through(
         An argument is out of its range, or a point lies outside `ranges`.
     """
     longest = check_share("step", step)
-    curves: list[Boundary] = []
+    curves = Boundaries()
 
     def look(*_: object) -> None:
         if report(len(curves), UNKNOWN, curves) is False:
             raise _Stopped
 
     with reporter(progress, "curves") as report, suppress(_Stopped):
+        search: _Search | None = None
         for point in points:
-            _add_curve(curves, point, check_plane(point, parameters, ranges), longest, look)
+            plane = check_plane(point, parameters, ranges)
+            search = search or _Search(curves, plane, longest, look)
+            search.add(point)
     return curves
 
 
@@ -193,28 +246,151 @@ def _covered(branch: Floats, value: float, speed: float) -> bool:
     return bool(((low - slack <= speed) & (speed <= high + slack)).any())
 
 
-def _add_curve(
-    curves: list[Boundary], point: BifurcationPoint | StickingEnd, plane: Plane, longest: float, look: Report
-) -> None:
-    """Append the curve through a point, unless the point lies on a known one or cannot be followed."""
-    if any(_lies_on(point, curve, plane, longest) for curve in curves):
+@dataclass
+class _Search:
+    """The curves of a plane as far as they are known.
+
+    Attributes
+    ----------
+    found : list of Boundary
+        Where they are collected: the parts of interest.
+    attractors : bool
+        Whether a graze is of interest only where the orbit that grazes is stable, or the steady motion.
+    known : list of Boundary
+        All that were followed, whole.
+    map : Coverage or None
+        The map whose class boundaries they shall reach.
+    """
+
+    found: list[Boundary]
+    plane: Plane
+    longest: float
+    look: Report
+    kinds: Collection[str] = KINDS
+    attractors: bool = False
+    known: list[Boundary] = field(default_factory=list)
+    map: Coverage | None = None
+
+    def add(self, point: BifurcationPoint | StickingEnd) -> None:
+        """Follow the curve through a point, unless it is not wanted, lies on a known one or cannot be followed."""
+        point = _plain(point)
+        if point.kind not in self.kinds or self._known(point.kind, [point.orbit] if point.orbit else [])[0]:
+            return
+        with suppress(NoBoundary):  # two boundaries meet in the point: another line or edge crosses them separately
+            longest, most = self.longest, MOST
+            if self.attractors and isinstance(point, StickingEnd):
+                longest, most = 2.0 * longest, ENOUGH
+            curve = boundary_through(point, self.plane, longest, virtual=False, report=self.look, most=most)
+            again = self._known(curve.kind, curve.orbits)
+            idle = np.zeros(len(again), dtype=bool)
+            if self.attractors and curve.kind == "grazing":
+                idle = np.array([not orbit.stable and max(orbit.velocities) > 0.0 for orbit in curve.orbits])
+            for part in _parts(curve, again, idle):
+                self.found.append(part)
+                if self.map is not None:
+                    self.map.add(part)
+            self.known.append(curve)
+
+    def cover(self, map: Coverage) -> Iterator[None]:
+        """Follow what ends at the class boundaries of a map that no curve reaches; yield after each row and column."""
+        if (map.motions["status"] == Status.INTERRUPTED).any():
+            raise _Stopped
+        self.map = map
+        for curve in self.found:
+            map.add(curve)
+        number = 0
+        for along, row in product((0, 1), range(CELLS)):
+            while number < len(map.edges) and map.edges[number][:1] == (along,) and map.edges[number].low[0] == row:
+                if not map.reached[number]:
+                    self.look(0, UNKNOWN, None)
+                    for end in map.ends(number):
+                        self.add(end)
+                number += 1
+            yield
+
+    def _known(self, kind: str, orbits: Sequence[Orbit]) -> Bools:
+        """Return which orbits are on a curve that is known already: nearer to it than a part of a step."""
+        known = np.zeros(len(orbits), dtype=bool)
+        for curve in self.known:
+            if orbits and (kind, _type(orbits[0])) == (curve.kind, _type(curve.orbits[0])):
+                fastest = max(max(orbit.velocities, default=0.0) for orbit in curve.orbits)
+                places = [self._places(which, fastest) for which in (orbits, curve.orbits)]
+                known |= distances(*places) < SAME * self.longest
+        return known
+
+    def _places(self, orbits: Sequence[Orbit], fastest: float) -> Floats:
+        """Return parameters in parts of their ranges, and of what does not stick the hardest impact's velocity."""
+        spans = [high - low for low, high in self.plane.box]
+        rows = np.array([[orbit.value(name) for name in self.plane.names] for orbit in orbits]) / spans
+        if orbits[0].n_impacts == -1 or fastest == 0.0:
+            return rows
+        return np.column_stack([rows, [max(orbit.velocities) / fastest for orbit in orbits]])
+
+
+def _type(orbit: Orbit) -> tuple[int, int]:
+    return orbit.n_periods, orbit.n_impacts
+
+
+def _plain(point: BifurcationPoint | StickingEnd) -> BifurcationPoint | StickingEnd:
+    """Return a graze at velocity 0 as that of the orbit without this impact, which repeats sooner, perhaps.
+
+    Of an orbit with one impact nothing is left but the steady motion, which repeats after each driving period: it is
+    kept as a period-1 impact-1 orbit of velocity 0.
+    """
+    if not isinstance(point, BifurcationPoint) or point.kind != "grazing":
+        return point
+    cycle, z = solution_of(point.orbit)
+    turns, speeds = z[: cycle.n_impacts], z[cycle.n_impacts :]
+    hits = speeds > ROUNDING * fastest_of(point.orbit.oscillator, speeds)
+    if hits.all():
+        return point
+    if not hits.any():
+        cycle, z = Cycle(1, 1), np.array([turns[0], 0.0])
+    else:
+        cycle = Cycle(cycle.n_periods, int(hits.sum()))
+        z = from_hardest(cycle, np.concatenate([turns[hits], speeds[hits]]))
+        own = true_cycle(cycle, z)
+        cycle, z = own, np.concatenate([z[: own.n_impacts], z[cycle.n_impacts :][: own.n_impacts]])
+    return replace(point, orbit=make_orbit(point.orbit.model, cycle, z))
+
+
+def _parts(curve: Boundary, again: Bools, idle: Bools) -> Iterator[Boundary]:
+    """Yield the runs of points of a curve that are neither on another one nor without interest; why they end."""
+    drop = again | idle
+    if not drop.any():
+        yield curve
         return
-    with suppress(NoBoundary):  # two boundaries meet in the point: the other lines cross them separately
-        curves.append(boundary_through(point, plane, longest, virtual=False, report=look))
+    for dropped, run in groupby(range(len(drop)), key=lambda i: bool(drop[i])):
+        at = list(run)
+        first, last = at[0], at[-1] + 1
+        before = curve.outcome[0] if first == 0 else "unstable" if idle[first - 1] else "joined"
+        after = curve.outcome[1] if last == len(drop) else "unstable" if idle[last] else "joined"
+        first, last = first - (before == "joined"), last + (after == "joined")  # up to the other curve
+        if dropped or last - first < 2:
+            continue
+        orbits = curve.orbits[first:last]
+        yield replace(
+            curve,
+            orbits=orbits,
+            residuals=curve.residuals[first:last],
+            touch_phases=curve.touch_phases[first:last],
+            outcome=(before, after),
+            message=course("curve", orbits, curve.parameters, (before, after)),
+        )
 
 
-def _lies_on(point: BifurcationPoint | StickingEnd, curve: Boundary, plane: Plane, longest: float) -> bool:
-    """Whether a point is on a curve: less than some steps from one of its points, with nearly that one's velocity."""
-    orbit = point.orbit
-    if orbit is None or (curve.kind, curve.orbits[0].n_periods) != (point.kind, orbit.n_periods):
-        return False
-
-    def place(orbits: Sequence[Any]) -> Floats:
-        spans = [high - low for low, high in plane.box]
-        rows = [[q.value(name) for name in curve.parameters] for q in orbits]
-        speeds = [max(q.velocities, default=0.0) / q.oscillator.velocity_scale for q in orbits]
-        return np.column_stack([np.array(rows) / spans, speeds])
-
-    at, on = place([orbit])[0], place(curve.orbits)
-    near = np.abs(on[:, :2] - at[:2]).max(axis=1) < SAME * longest
-    return bool((near & (np.abs(on[:, 2] - at[2]) < 0.1 * (1.0 + at[2]))).any())
+def _describe(
+    found: Boundaries, map: Coverage | None, n_periods: Sequence[int] | None, kinds: Collection[str], finished: bool
+) -> None:
+    """Say what was followed."""
+    said = [] if finished else ["stopped before all was followed"]
+    if len(kinds) < len(KINDS):
+        said += [f"{listed([kind.replace('_', ' ') for kind in KINDS if kind in kinds])} only"]
+    if n_periods is not None:
+        impacts = [1] * (kinds != {"end_of_sticking"}) + [-1] * ("end_of_sticking" in kinds)
+        names = listed([cycle_name(n, p) for n in n_periods for p in impacts])
+        said += [f"looked for {names} on lines across the plane only", "other motions end elsewhere"]
+    elif map is not None:
+        found.share, found.motions = map.share, map.motions
+        said += map.sentences(finished=finished)
+    found.message = "; ".join(said)

@@ -25,6 +25,8 @@ ENDS = {
     "lost": "where Newton's method finds no next orbit",
     "budget": f"after {MOST_POINTS} orbits",
     "stopped": "where it was stopped",
+    "unstable": "where its orbit becomes unstable",
+    "joined": "where it joins another curve",
 }
 MISS = "miss of the defining condition"
 KINDS = ("fold", "period_doubling", "grazing", "end_of_sticking")
@@ -134,7 +136,7 @@ class Boundary:
         Driving phase of the graze, or of the release that an end of sticking meets; NaN for other kinds.
     outcome : tuple of two str
         Why it ends at its first and at its last point: "range", "closed", "inadmissible", "impacts_merge", "lost",
-        "budget" or "stopped".
+        "budget", "stopped", or, of a part of a curve, "unstable" or "joined" (the rest is on another curve).
     message : str
         The outcome in sentences.
     """

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -41,6 +42,7 @@ LONGEST_STEP = 0.02  # of the ranges: the longest distance between points that `
 FINEST_STEP = 1 / 1024  # of the step: only so close together may points lie on either side of a corner
 BAND = 0.12  # of the chord between points: how far off it the curve may lie
 MOST = 2000  # points to either side
+AIM = 1e-2  # of the distance to the end that is expected: so far beside it the cycle is looked at next
 
 
 def _silent(*_: object) -> None:
@@ -53,6 +55,7 @@ def sticking_curve(
     box: tuple[Range, Range],
     longest: float = LONGEST_STEP,
     report: Report = _silent,
+    most: int = MOST,
 ) -> Boundary:
     """Return the curve in two parameters on which the sticking cycle of a point ends, to both sides of the point.
 
@@ -66,13 +69,11 @@ def sticking_curve(
     plane, start = _Plane(point.orbit.model, names, box, point.n_periods, report), (0.0, 0.0)
     headings = _headings(plane, start, longest)
     if headings:
-        ways = both_ways(lambda side: _follow(plane, start, headings[int(side)], int(side), longest), report)
+        ways = both_ways(lambda side: _follow(plane, start, headings[int(side)], int(side), longest, most), report)
     else:
         why = "no curve leaves the start" + (f": {plane.why}" if plane.why else "")
         ways = [Way([start], end="lost", why=why), Way([start], end="lost")]
     points = ways[0].points[::-1] + ways[1].points[1:]
-    ends = {way.end for way in ways}
-    outcome = next((end for end in ("lost", "budget", "stopped") if end in ends), "range")
     sticks = [(plane.model_at(at), plane.stick(at)) for at in points]
     return Boundary(
         kind=KIND,
@@ -80,7 +81,7 @@ def sticking_curve(
         orbits=[_orbit(model, stick, point.n_periods) for model, stick in sticks],
         residuals=[residual(model.at(), stick.fraction if stick else math.nan) for model, stick in sticks],
         touch_phases=[stick.release_phase if stick else math.nan for _, stick in sticks],
-        outcome=(outcome, outcome),
+        outcome=(ways[0].end, ways[1].end),
         message="; ".join(way.why for way in ways if way.why),
     )
 
@@ -126,10 +127,11 @@ class _Plane:
     done: int = field(default=0, init=False)  # points
     why: str = field(default="", init=False)
 
-    @property
+    @cached_property
     def edges(self) -> list[Point]:
-        return [((low - own) / (high - low), (high - own) / (high - low)) for own, (low, high) in self._own()]
+        return [((low - own) / (high - low), (high - own) / (high - low)) for own, (low, high) in self._own]
 
+    @cached_property
     def _own(self) -> list[tuple[float, Point]]:
         return [(value_of(self.model, name), ends) for name, ends in zip(self.names, self.ranges, strict=True)]
 
@@ -137,7 +139,7 @@ class _Plane:
         return all(low <= z <= high for z, (low, high) in zip(at, self.edges, strict=True))
 
     def values(self, at: Point) -> list[float]:
-        pairs = zip(at, self._own(), strict=True)
+        pairs = zip(at, self._own, strict=True)
         return [min(max(own + z * (high - low), low), high) for z, (own, (low, high)) in pairs]
 
     def model_at(self, at: Point) -> Model:
@@ -156,12 +158,28 @@ class _Plane:
     def sticks(self, at: Point) -> bool:
         return not math.isnan(self.stuck(at))
 
+    def _level(self, at: Point) -> float:
+        """Return what falls linearly to zero at the end of the cycle, or NaN where it is not there."""
+        return residual(self.model_at(at).at(), self.stuck(at))
+
     def bisect(self, place: Callable[[float], Point], out: float, into: float) -> float | None:
         """Return where along a line the cycle ends, on its side of it, or None if not by its chatter's end."""
+        before, last = (math.nan, math.nan), (into, self._level(place(into)))  # where it sticks
+        beside = AIM
         while (middle := 0.5 * (out + into)) not in (out, into) and self.values(place(out)) != self.values(place(into)):
-            out, into = (out, middle) if self.sticks(place(middle)) else (middle, into)
+            # The level falls linearly to zero at the end: look beside that zero, on the inner and the outer side in
+            # turn, and in the middle whenever this is not between.
+            away = last[1] * (last[0] - before[0]) / (last[1] - before[1]) if last[1] != before[1] else math.nan
+            trial, beside = last[0] - away * (1.0 - beside), -beside
+            if not min(out, into) < trial < max(out, into) or not abs(away) < 2.0 * abs(into - out):
+                trial = middle
+            level = self._level(place(trial))
+            if math.isnan(level):
+                out = trial
+            else:
+                into, before, last = trial, last, (trial, level)
         at = place(into)
-        if residual(self.model_at(at).at(), self.stuck(at)) <= MET:
+        if self._level(at) <= MET:
             return into
         other = self.stick(place(out))
         self.why = (
@@ -246,14 +264,14 @@ def _to_edge(plane: _Plane, last: Point, heading: float, reach: float) -> tuple[
     return (place(found), axis) if found is not None and plane.holds(place(found)) else None
 
 
-def _follow(plane: _Plane, start: Point, heading: float, side: int, longest: float) -> Iterator[Way]:
+def _follow(plane: _Plane, start: Point, heading: float, side: int, longest: float, most: int) -> Iterator[Way]:
     """Yield, point by point, the curve to one side of its first point as far as it has been followed."""
     way, step = Way([start]), longest
-    while len(way.points) <= MOST:
+    while len(way.points) <= most:
         last, finest = way.points[-1], step <= longest * FINEST_STEP
         end = _to_edge(plane, last, heading, 1.5 * step)
         if end and (finest or end[0] == last or _joined(plane, last, end[0], side)):
-            way.points += [end[0]] if end[0] != last else []
+            way.points += [end[0]] if math.dist(end[0], last) > 1e-12 else []  # a start on the edge is no second point
             way.end, way.why = "range", f"at the edge of the range of `{plane.names[end[1]]}`"
             break
         place = _on_circle(last, step, heading)
@@ -277,5 +295,5 @@ def _follow(plane: _Plane, start: Point, heading: float, side: int, longest: flo
         else:
             step = max(0.5 * step, longest * FINEST_STEP)
     else:
-        way.why = f"not at its end after {MOST} points; take a longer `step`"
+        way.why = f"not at its end after {most} points; take a longer `step`"
     yield way

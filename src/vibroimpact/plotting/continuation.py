@@ -264,7 +264,8 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
     --------
     >>> import vibroimpact as vi
     >>> from vibroimpact.continuation import boundary_curves
-    >>> curves = boundary_curves(vi.ImpactOscillator(), ("omega", "restitution"), ((2, 3), (0.5, 0.9)), lines=3)
+    >>> plane = ("omega", "restitution"), ((2, 3), (0.5, 0.9))
+    >>> curves = boundary_curves(vi.ImpactOscillator(), *plane, n_periods=(1, 2), lines=3)
     >>> boundaries(curves).get_legend().get_texts()[0].get_text()
     'period doubling of period-1 impact-1'
     """

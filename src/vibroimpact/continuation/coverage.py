@@ -1,0 +1,242 @@
+"""A coarse map of a plane's motions, its class boundaries, and the bifurcation that each of them is.
+
+The motions are those from rest. An edge between two cells whose motions differ is a class boundary; the motion on one
+side of it is followed across, along the line through both cells' centres, to the bifurcation that ends it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from scipy.ndimage import label
+from scipy.optimize import brentq
+
+from vibroimpact.backends import ImpactWindow, Measurement, get_backend
+from vibroimpact.classes import NEEDED, classify
+from vibroimpact.continuation.boundary import Plane
+from vibroimpact.continuation.branch import walk
+from vibroimpact.continuation.results import BifurcationPoint, Boundary
+from vibroimpact.continuation.system import system_of
+from vibroimpact.motion import MotionClass, listed, motion_name
+from vibroimpact.orbits.equations import Cycle, Floats
+from vibroimpact.orbits.orbit import Orbit, make_orbit
+from vibroimpact.orbits.search import find_orbit
+from vibroimpact.orbits.sticking import StickingEnd, end_of_sticking
+from vibroimpact.oscillator import Model
+from vibroimpact.progress import Report
+from vibroimpact.sweeps import parameter_map
+
+CELLS = 48  # along each parameter
+LEAST = 0.01  # of the cells: a motion that covers more is followed
+NEAR = 1.5  # cells between a class boundary and a curve that reaches it
+STRIDE = 0.25  # of the line between two cells: the longest step along it
+WINDOW = ImpactWindow(100, 5000)  # of `parameter_map`, whose motions these are
+
+Cell = tuple[int, int]
+Name = tuple[int, int, int]  # MotionClass, n_periods, n_impacts
+
+
+class Edge(NamedTuple):
+    """An edge between two cells of different motions, side by side along one parameter (0 or 1)."""
+
+    along: int
+    low: Cell
+    high: Cell
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Its middle, in cells from the corner of the plane."""
+        (a, b), (c, d) = self.low, self.high
+        return 0.5 * (a + c + 1), 0.5 * (b + d + 1)
+
+
+@dataclass
+class Coverage:
+    """The motions of a coarse map, and how much of its class boundaries some curves reach.
+
+    Attributes
+    ----------
+    motions : xarray.Dataset
+        What `classify` makes of the map.
+    edges : list of Edge
+        Its class boundaries.
+    reached : array of bool
+        Whether each lies within 1.5 cells of a curve.
+    lasting : set of int
+        Edges across which the motion of a side goes on, stable: another motion is reached from rest beyond.
+    followed : list of (MotionClass, n, p)
+        The motions that cover more than 1 % of the cells and have boundaries to follow, the most frequent first.
+    """
+
+    model: Model
+    plane: Plane
+    motions: xr.Dataset
+    names: dict[Cell, Name]
+    edges: list[Edge]
+    reached: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    lasting: set[int] = field(default_factory=set)
+    followed: list[Name] = field(init=False)
+
+    @property
+    def share(self) -> float:
+        """The share of the class boundaries that curves reach; 1 where there is no class boundary."""
+        return float(self.reached.mean()) if self.edges else 1.0
+
+    def sentences(self, *, finished: bool) -> list[str]:
+        """Return what was followed, what share of the class boundaries the curves reach, and what the others are."""
+        names = listed([motion_name(*name) for name in self.followed]) or "no motion"
+        piece = " (of sticking, in one piece)" if any(name[0] == MotionClass.STICKING for name in self.followed) else ""
+        map = f"a map of {CELLS} x {CELLS} cells, from rest"
+        said = [f"followed {names}: what covers more than {100 * LEAST:g} %{piece} of {map}"]
+        unseen = "islands smaller than a cell are not seen"
+        if not self.edges:
+            return [*said, f"that map has no class boundary, {unseen}"]
+        near = f"lie within {NEAR:g} cells of a curve"
+        said.append(f"{100 * self.share:.0f} % of that map's {len(self.edges)} class boundaries {near}, {unseen}")
+        if finished and not self.reached.all():
+            lasting = sum(not self.reached[i] for i in self.lasting) / len(self.edges)
+            beside = f"across {100 * lasting:.0f} % a stable motion goes on beside the one reached from rest"
+            said.append(f"{beside}, the others bound chaos and motions that were not followed")
+        return said
+
+    def model_at(self, cell: Cell) -> Model:
+        """Return the model at the centre of a cell."""
+        return self.model.replace(**dict(zip(self.plane.names, self._centre(cell), strict=True)))
+
+    def _centre(self, cell: Cell) -> list[float]:
+        return [low + (i + 0.5) / CELLS * (high - low) for i, (low, high) in zip(cell, self.plane.box, strict=True)]
+
+    def add(self, curve: Boundary) -> None:
+        """Count the class boundaries that a curve reaches."""
+        if self.edges:
+            lows, spans = np.array([(low, high - low) for low, high in self.plane.box]).T
+            middles = np.array([edge.middle for edge in self.edges])
+            self.reached |= distances(middles, (curve.values - lows) / spans * CELLS) <= NEAR
+
+    def ends(self, number: int) -> Iterator[BifurcationPoint | StickingEnd]:
+        """Yield the bifurcations at which the followed motions on the sides of an edge end before the other side."""
+        edge = self.edges[number]
+        for inside, beyond in ((edge.low, edge.high), (edge.high, edge.low)):
+            if inside in self._wanted:
+                found, lasts = self._end(edge.along, inside, beyond)
+                if found is not None:
+                    yield found
+                elif lasts:
+                    self.lasting.add(number)
+
+    def __post_init__(self) -> None:
+        least, many = LEAST * len(self.names), Counter(self.names.values()).most_common()
+        followed = [name for name, number in many if number > least and _can_end(name)]
+        cells = {cell for cell, name in self.names.items() if name in followed}
+        # Tongues of sticking of ever longer cycles crowd together, and their ends take long to follow.
+        for name in (name for name in followed if name[0] == MotionClass.STICKING):
+            places = np.zeros((CELLS, CELLS), dtype=bool)
+            places[tuple(zip(*(cell for cell in cells if self.names[cell] == name), strict=True))] = True
+            regions = label(places)[0]
+            small = np.flatnonzero(np.bincount(regions.ravel()) <= least)
+            cells -= set(map(tuple, np.argwhere(places & np.isin(regions, small)).tolist()))
+        self._wanted = cells
+        self.followed = [name for name in followed if any(self.names[cell] == name for cell in cells)]
+
+    def _end(self, along: int, inside: Cell, beyond: Cell) -> tuple[BifurcationPoint | StickingEnd | None, bool]:
+        """Return where the motion of a cell ends on the way to another cell, and whether it is still there."""
+        kind, n, p = self.names[inside]
+        parameter, model = self.plane.names[along], self.model_at(inside)
+        values = self._centre(inside)[along], self._centre(beyond)[along]
+        if kind == MotionClass.NO_IMPACT:
+            return _touch(model, parameter, values)
+        if kind == MotionClass.STICKING:
+            end = end_of_sticking(model, parameter, values, longest=n)
+            return (end, False) if end.found and end.n_periods == n else (None, end.outcome == "no_change")
+        orbit = _orbit_of(model, n, p)
+        return (None, False) if orbit is None else _end_of_orbit(orbit, parameter, values)
+
+
+def coverage(model: Model, plane: Plane, report: Report) -> Coverage:
+    """Return the coarse map of a plane with no curve yet; `report` may stop it by returning False."""
+    centres: dict[str, Any] = {
+        name: low + (np.arange(CELLS) + 0.5) / CELLS * (high - low)
+        for name, (low, high) in zip(plane.names, plane.box, strict=True)
+    }
+    sweep = parameter_map(
+        model,
+        indices=NEEDED[:3],
+        transient_impacts=WINDOW.transient,
+        sample_impacts=WINDOW.keep,
+        progress=report,
+        **centres,
+    )
+    motions = classify(sweep).transpose(*plane.names)
+    columns = [motions[name].values.tolist() for name in ("motion", "n_periods", "n_impacts")]
+    names = {(i, j): tuple(column[i][j] for column in columns) for i, j in product(range(CELLS), repeat=2)}
+    edges = [
+        Edge(along, (i, j), other)
+        for along in (0, 1)
+        for i, j in names
+        if (other := (i + 1 - along, j + along)) in names and names[i, j] != names[other]
+    ]
+    return Coverage(model, plane, motions, names, edges, np.zeros(len(edges), dtype=bool))
+
+
+def distances(points: Floats, curve: Floats) -> Floats:
+    """Return the distance of each point, rows (x, y, ...), from a curve through rows of points."""
+    begin, way = curve[:-1] if len(curve) > 1 else curve, np.diff(curve, axis=0) if len(curve) > 1 else 0.0 * curve
+    length = (way * way).sum(axis=1)
+    length[length == 0.0] = 1.0
+    share = np.clip(((points[:, None] - begin) * way).sum(axis=2) / length, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(points[:, None] - begin - share[..., None] * way, axis=2).min(axis=1))
+
+
+def _can_end(name: Name) -> bool:
+    """Whether the end of a motion is a curve that can be followed."""
+    kind, n, p = name
+    if kind == MotionClass.STICKING:
+        return n > 0 and p == -1
+    return kind == MotionClass.NO_IMPACT or (kind == MotionClass.PERIODIC and p > 0)
+
+
+def _orbit_of(model: Model, n: int, p: int) -> Orbit | None:
+    """Return the cycle that the motion from rest ends on, or None if it is no stable one of that type."""
+    osc = model.at()
+    last = ImpactWindow(WINDOW.transient + WINDOW.keep - 1, 1)
+    (seen,) = get_backend("cpu").samples(osc.cells({}), Measurement(last))
+    if not len(seen.impact_velocity):
+        return None
+    phase, speed = float(seen.impact_phase[0]), float(seen.impact_velocity[0])
+    found = find_orbit(model, n_periods=n, n_impacts=p, near=(phase, speed))
+    lasting = [orbit for orbit in found if orbit.stable and orbit.admissible]
+    return min(lasting, key=lambda orbit: min(abs(v - speed) for v in orbit.velocities), default=None)
+
+
+def _end_of_orbit(orbit: Orbit, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
+    """Return the first bifurcation of a stable orbit between two values, and whether it reaches the second."""
+    begin, end = values
+    system, z = system_of(orbit, (parameter,), ((min(values), max(values)),))
+    for way in walk(system, system.pack(z), STRIDE, False, 1.0 if end > begin else -1.0):
+        if way.special:
+            return way.special[0].bifurcation(parameter), False
+    return None, way.end == "range" and abs(system.values(way.points[-1].x)[0] - end) < abs(end - begin) / 2
+
+
+def _touch(model: Model, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
+    """Return where the steady motion without a stop first touches it, and whether it is still clear at the end."""
+
+    def room(value: float) -> float:
+        osc = model.at(**{parameter: value})
+        return osc.gap - osc.steady_amplitude
+
+    first, last = map(room, values)
+    if not (math.isfinite(first) and math.isfinite(last)) or first <= 0.0 or last > 0.0:
+        return None, first > 0.0 and last > 0.0
+    there = model.replace(**{parameter: float(brentq(room, *values, xtol=1e-300, rtol=1e-15))})
+    steady = there.at().steady_state
+    turns = math.atan2(steady.velocity / there.at().omega, steady.displacement) / (2.0 * math.pi)
+    orbit = make_orbit(there, Cycle(1, 1), np.array([turns % 1.0, 0.0]))
+    return BifurcationPoint("grazing", parameter, orbit.value(parameter), orbit), False
