@@ -25,6 +25,7 @@ STATES = 4  # of a motion from which it may go on
 MISSED = 3  # times that a motion may miss its own basin along a path, before it is given up
 BRIEF = ImpactWindow(100, 1500)  # enough for a name, and an exponent to a few per cent
 LONG = ImpactWindow(5000, 5000)  # close to a boundary motions settle slowly, and chaos may be a transient
+LONGEST = ImpactWindow(35_000, 5000)  # of one state, as long as of `STATES` of them
 UNSURE = (MotionClass.UNDECIDED, MotionClass.BUDGET)
 
 
@@ -199,11 +200,12 @@ def _look_back(tracks: Sequence[Track], runner: Runner) -> None:
     A motion is followed as far as it surely is the same, and ends where it surely is another.
     """
     left = [(track, [*track.behind, (track.place, track.start), (track.barrier, track.start)]) for track in tracks]
-    for _ in range(ROUNDS):
+    window = LONGEST if any(track.lasts for track in tracks) else LONG
+    for _ in range(ROUNDS if window == LONG else ROUNDS // 2):
         if not left:
             return
         there = [track.range.changed(track.at(place)) for track, own in left for place, _ in own]
-        motions = iter(measure(runner, cells_of(there, [start for _, own in left for _, start in own]), LONG))
+        motions = iter(measure(runner, cells_of(there, [start for _, own in left for _, start in own]), window))
         known, left = left, []
         for track, own in known:
             seen = [next(motions) for _ in own]
