@@ -374,7 +374,9 @@ LABELS = """() => {
 def test_no_label_of_a_plot_covers_another_or_leaves_it(tab, query):
     load(tab, query, side=64)
     plots = tab.evaluate(LABELS)
-    assert len(plots) == 6
+    tab.set_viewport_size({"width": 1100, "height": 640})
+    plots += tab.evaluate(LABELS)
+    assert len(plots) == 12
     for texts, width, height in plots:
         for at, (text, left, right, top, bottom) in enumerate(texts):
             assert left >= -1 and right <= width + 1 and top >= -1 and bottom <= height + 1, text  # noqa: PT018

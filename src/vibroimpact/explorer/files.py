@@ -20,7 +20,7 @@ import vibroimpact as vi
 from vibroimpact.classes import NEEDED, classify
 from vibroimpact.dataset import impact_speed, oscillator_of, variable
 from vibroimpact.explorer.address import to_query
-from vibroimpact.explorer.plane import ONLY_OTHERS, TRANSIENT, Plane, lattice, positions
+from vibroimpact.explorer.plane import ONLY_OTHERS, OTHERS, TRANSIENT, Plane, lattice, positions
 from vibroimpact.explorer.point import Point
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import FINEST, MOTION, NAMES, SAMPLES, TABLE, View
@@ -247,7 +247,7 @@ import vibroimpact as vi
 
 osc = vi.{type(view.osc).__name__}({osc})
 
-# the plane
+# the plane, from rest; start={OTHERS + 1} tries {OTHERS} other initial conditions of each cell too
 sweep = vi.parameter_map(
     osc,
     {view.x}=np.linspace({x0!r}, {x1!r}, {FINEST}),

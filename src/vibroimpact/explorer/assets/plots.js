@@ -206,7 +206,8 @@ window.Plots = (() => {
       pen.textAlign = "right";
       rows.at.forEach((y, k) => pen.fillText(words[k], left - 8, this.py(y)));
       pen.textAlign = "left";
-      if (this.title) pen.fillText(this.title, left, letter / 2 + 4);
+      const room = this.canvas.clientWidth - pen.measureText(this.title).width - 2;
+      if (this.title) pen.fillText(this.title, Math.max(Math.min(left, room), 2), letter / 2 + 4);
       pen.save();
       pen.translate(letter / 2 + 2, top + height / 2);
       pen.rotate(-Math.PI / 2);
