@@ -62,7 +62,11 @@ def sweep(request, kind):
         "map": lambda: vi.parameter_map(osc, indices=tuple(INDICES), **window, **axes),
         "starts": lambda: vi.parameter_map(osc, indices=tuple(INDICES), start=several, **window, **axes),
         "designs": lambda: vi.parameter_map(
-            osc, points={name: rng.uniform(at[0], at[-1], 30) for name, at in axes.items()}, **window
+            osc,
+            points={name: rng.uniform(at[0], at[-1], 40) for name, at in axes.items()},
+            indices=("std", "lyapunov", "max_velocity", "n_periods"),
+            start=3,
+            **window,
         ),
         "basins": lambda: vi.basins(osc, phase=np.linspace(0, 1, 13), velocity=np.linspace(0, 3 * scale, 13)),
         "branch": lambda: vi.continue_orbit(vi.find_orbit(osc)[0], x, (xs[0], xs[-1])),
@@ -100,6 +104,8 @@ FIGURES = {
     "motion-map": lambda r: plotting.motion_map(sweep(r, "map")),
     "exponent-map": lambda r: plotting.exponent_map(sweep(r, "map")),
     "index-scatter": lambda r: plotting.index_scatter(sweep(r, "designs")),
+    "index-scatter of numbers": lambda r: plotting.index_scatter(sweep(r, "designs"), "n_periods"),
+    "index-scatter of exponents": lambda r: plotting.index_scatter(sweep(r, "designs"), "lyapunov"),
     "basin-portrait": lambda r: plotting.basin_portrait(sweep(r, "basins")),
     "branch-diagram": lambda r: plotting.branch_diagram(sweep(r, "branch"), sweep(r, "diagram")),
     "boundaries": lambda r: plotting.boundaries(boundary_of(r), sweep(r, "map")),

@@ -121,6 +121,15 @@ def symmetric_limit(values: Floats) -> float:
     return float(np.percentile(sizes, SHOWN)) or 1.0 if sizes.size else 1.0
 
 
+def colour_scale(sweep: xr.Dataset, field: xr.DataArray) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return colours and scale of an index, and what its colour bar says: signed for exponents, else a root scale."""
+    if field.name not in EXPONENTS:
+        return {"cmap": COLORS, "norm": root_shades(resolved(sweep, field))}, {"note": ROOT}
+    values = field.values.astype(float)
+    limit = symmetric_limit(values)
+    return {"cmap": SIGNED, "norm": Normalize(-limit, limit)}, {"extend": _beyond(values, limit)}
+
+
 def draw_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
     """Draw every cell of an index in colour, with a scale beside; return legend entries for what it does not explain.
 
@@ -132,11 +141,7 @@ def draw_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
         shown = [(here.T, color, f"{share_of(here)}   {text}") for here, color, text in number_layers(sweep, field)]
         style.legend_beside(ax, fill_cells(ax, field, shown, OPEN), f"share of the cells, and\n{labels.label(field)}")
     else:
-        limit = symmetric_limit(values)
-        how: dict[str, Any] = {"cmap": COLORS, "norm": root_shades(resolved(sweep, field))}
-        bar: dict[str, Any] = {"note": ROOT}
-        if field.name in EXPONENTS:
-            how, bar = {"cmap": SIGNED, "norm": Normalize(-limit, limit)}, {"extend": _beyond(values, limit)}
+        how, bar = colour_scale(sweep, field)
         add_bar(ax, colour_mesh(ax, field, np.ma.masked_invalid(values), **how), field, pad=0.02, **bar)
         missing = missing_layers(sweep, field, "cell")
         entries = fill_cells(ax, field, ((here.T, color, text) for here, color, text in missing))

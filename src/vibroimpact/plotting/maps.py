@@ -20,9 +20,9 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-u
 
 from vibroimpact.parameters import invalid, real_number, unknown
 from vibroimpact.plotting import diagrams, labels, style
-from vibroimpact.plotting.categories import COUNTS, missing_layers
-from vibroimpact.plotting.cells import COLORS, ROOT, add_bar, draw_cells, grid_of, root_shades, swatch
-from vibroimpact.plotting.style import BLUE, DOTS, INK, RED, Floats, on_axes
+from vibroimpact.plotting.categories import COUNTS, missing_layers, number_layers
+from vibroimpact.plotting.cells import COLORS, ROOT, add_bar, colour_scale, draw_cells, grid_of, root_shades, swatch
+from vibroimpact.plotting.style import BLUE, DOTS, INK, RED, WALL, Floats, on_axes
 from vibroimpact.plotting.ticks import Scaled, power_of, quantity, unit_label
 
 LEVEL_OF_V = 0.05  # the default boundary of Std, as a part of the velocity scale V
@@ -296,7 +296,8 @@ def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = Non
     """Draw an index of scattered designs: each a dot over its first two varied parameters, coloured by the index.
 
     With one varied parameter the index lies along y. Designs without a value are crosses in the colour of their
-    status, which the legend names. Of several initial conditions the worst value is drawn, as in `index_contour`.
+    status, which the legend names. Of several initial conditions the worst value is drawn, as in `index_contour`; a
+    ring stands for its hatching.
 
     Parameters
     ----------
@@ -317,17 +318,28 @@ def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = Non
     x, values = varied[0], field.values.astype(float)
     y = varied[1] if len(varied) > 1 else field
     known = np.isfinite(resolved := diagrams.resolved(designs, field))
-    ax = style.new_axes(ax, (7.2, 5.4), labels.title(designs))
+    numbers = y is not field and index in COUNTS
+    ax = style.new_axes(ax, (8.4, 5.2) if numbers else (7.2, 5.4), labels.title(designs))
+    height = (field if y is field else y).values
     if y is field:
         ax.plot(x.values[known], values[known], **DOTS, color=BLUE, markersize=4, zorder=3)
         style.mark_missing(ax, x.values, missing_layers(designs, field, "design"))
+    elif numbers:
+        for here, color, text in number_layers(designs, field):
+            ax.scatter(x.values[here], height[here], color=color, edgecolors=WALL, s=24, label=text, zorder=3)
     else:
-        shades = root_shades(resolved)
-        dots = ax.scatter(x.values[known], y.values[known], c=values[known], cmap=COLORS, norm=shades, s=22, zorder=3)
-        add_bar(ax, dots, field, ROOT, pad=0.02)
+        how, bar = colour_scale(designs, field)
+        drawn = ax.scatter(x.values[known], height[known], c=values[known], s=22, zorder=3, **how)
+        add_bar(ax, drawn, field, pad=0.02, **bar)
         for here, color, text in missing_layers(designs, field, "design"):
-            ax.scatter(x.values[here], y.values[here], marker="x", color=color, label=text, zorder=2)
+            ax.scatter(x.values[here], height[here], marker="x", color=color, label=text, zorder=2)
+    named = ax.get_legend_handles_labels()[0] if numbers else []
+    if named:
+        style.legend_beside(ax, named, labels.label(field))
+    if diagrams.HATCHED in designs and (here := designs[diagrams.HATCHED].values & np.isfinite(height)).any():
+        text = f"{designs.attrs[diagrams.HATCHED]} ({labels.counted(int(here.sum()), 'design')})"
+        ax.scatter(x.values[here], height[here], s=70, facecolors="none", edgecolors=INK, label=text, zorder=4)
     labels.label_axis(ax.xaxis, x)
     labels.label_axis(ax.yaxis, y, resolved if y is field else None)
-    style.legend_below(ax)
+    style.legend_added(ax, ax.get_legend_handles_labels()[0][len(named) :])
     return ax
