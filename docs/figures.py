@@ -112,7 +112,7 @@ def continuation() -> plt.Figure:
     )
     vi.plotting.branch_diagram(branches, sweep, ax=left)
     box = (1.0, 4.0), (0.3, 0.95)
-    curves = vi.boundary_curves(osc, ("omega", "restitution"), box)
+    curves = vi.boundary_curves(osc, ("omega", "restitution"), box, n_periods=(1, 2))
     cells = {"omega": np.linspace(*box[0], 200), "restitution": np.linspace(*box[1], 120)}
     vi.plotting.boundaries(curves, vi.parameter_map(osc, **cells, sample_impacts=1000), ax=right)
     return figure

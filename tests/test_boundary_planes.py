@@ -10,13 +10,13 @@ import vibroimpact as vi
 from vibroimpact.continuation import boundary_curves, continue_orbit
 from vibroimpact.continuation.curves import _plain
 from vibroimpact.continuation.results import BifurcationPoint
-from vibroimpact.continuation.sticking import sticking_curve
+from vibroimpact.continuation.sticking import _Plane, sticking_curve
 from vibroimpact.dataset import bundle
 from vibroimpact.orbits import find_orbit
 from vibroimpact.orbits.equations import parameters_of
 from vibroimpact.orbits.orbit import make_orbit, solution_of
 from vibroimpact.orbits.search import solve
-from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release
+from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release, scaling_exponent
 from vibroimpact.report import sentences_of
 
 OSC = vi.ImpactOscillator()
@@ -151,7 +151,15 @@ def test_a_graze_at_velocity_zero_is_one_of_the_orbit_without_that_impact():
         assert plain.orbit.admissible
 
 
-def test_the_ends_of_an_end_of_sticking_are_told_apart():
+def test_an_island_of_sticking_has_a_closed_curve(monkeypatch):
+    def in_a_disc(plane, at):
+        inside = 0.1 - math.dist(at, (0.1, 0.0))
+        return inside ** scaling_exponent(OSC.restitution) if inside >= 0.0 else math.nan
+
+    monkeypatch.setattr(_Plane, "stuck", in_a_disc)
     point = end_of_sticking(OSC, "omega", (0.3, 0.4))
-    curve = sticking_curve(point, ("omega", "mass"), ((0.3, 0.4), (0.8, 1.2)))
-    assert curve.outcome == ("range", "range")
+    curve = sticking_curve(point, ("omega", "mass"), ((0.2, 0.6), (0.5, 1.5)))
+    assert curve.outcome == ("closed", "closed")
+    np.testing.assert_array_equal(curve.values[0], curve.values[-1])
+    unit = (curve.values - (point.value, 1.0)) / (0.4, 1.0)
+    assert np.hypot(*(unit - (0.1, 0.0)).T) == pytest.approx(0.1, rel=1e-12)

@@ -37,7 +37,7 @@ def ax():
 
 @pytest.fixture(scope="module")
 def curves():
-    return boundary_curves(OSC, ("omega", "mass"), ((1.0, 3.0), (0.5, 2.5)), lines=3)
+    return boundary_curves(OSC, ("omega", "mass"), ((1.0, 3.0), (0.5, 2.5)), n_periods=(1, 2), lines=3)
 
 
 def plane(**content):
