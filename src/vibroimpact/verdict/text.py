@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 from vibroimpact import report
 from vibroimpact.coexistence.measuring import PAPER, SPREAD
 from vibroimpact.oscillator import Model
+from vibroimpact.verdict.advice import INSTANTS, Advice
 from vibroimpact.verdict.boundaries import NOISE, ONSETS, Edge
 from vibroimpact.verdict.carried import PLACES
 from vibroimpact.verdict.onsets import Onset
 from vibroimpact.verdict.present import percent, range_of
 
 if TYPE_CHECKING:
-    from vibroimpact.verdict.advice import Advice
     from vibroimpact.verdict.describe import Verdict
 
 MARGIN, WIDTH = 12, 110
@@ -278,8 +278,8 @@ def _advice(verdict: Verdict) -> Iterator[str]:
             yield "to end them, " + advice_words(verdict.model, quiet)
         fewest = min(advice.tried for advice in verdict.advice)
         yield (
-            f"each holds from {fewest} initial conditions or more: rest, {SPREAD} spread ones, and the present motions "
-            "changed at any instant of their cycles"
+            f"each holds from {fewest} initial conditions or more: rest, {SPREAD} spread ones and the present motions, "
+            f"changed at {INSTANTS} instants of each cycle"
         )
 
 
