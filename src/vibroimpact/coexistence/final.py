@@ -132,15 +132,16 @@ def fate_of_release(runner: Runner, cell: Cells) -> Fate:
 def _fate(runner: Runner, cell: Cells) -> Fate:
     """Follow moved releases until some lead elsewhere than to the next rest, or all were watched for long enough."""
     found: Counter[str] = Counter()
-    impacts = number = 0
+    impacts, tried = 0, 0
     while True:
-        cells = released(cell, number)
+        cells = Cells.join([released(cell, number) for number in range(tried, 2 * tried + 1)])
         ends = runner.measure(cells, LATE, thrifty(runner))
         found.update(end.name for end in ends)
         impacts += sum(end.impacts for end in ends)
-        number += 1
-        left = [end for end in ends if end.status != Status.BUDGET and not (irregular(end) and rests(end))]
-        if left or impacts >= TURNS * WATCHED or runner.stop.is_set():
+        tried = 2 * tried + 1  # twice as many releases each time
+        resting = [irregular(end) and rests(end) for end in ends]
+        left = [end for end, rest in zip(ends, resting, strict=True) if not rest and end.status != Status.BUDGET]
+        if left or impacts >= TURNS * WATCHED or not any(resting) or runner.stop.is_set():
             break
     name, _ = Counter(end.name for end in left or ends).most_common(1)[0]
     at = next(at for at, end in enumerate(ends) if end.name == name)
