@@ -95,8 +95,9 @@ def _of_starts(sweep: xr.Dataset, index: str) -> xr.Dataset:
     worst = (sweep[[index]].min if index == "grazing_margin" else sweep[[index]].max)("start", keep_attrs=True)
     silent = first["status"].isin([Status.NO_IMPACT, Status.STOPPED_IMPACTING, Status.STUCK_FOREVER, Status.DECAYING])
     hits = (sweep["status"] <= Status.SHORT_WINDOW).any("start")
+    others = sweep.sizes["start"] - 1
     said = f"no impact {whence}, impacts from other initial conditions"
-    own = {"note": f"worst of {several}", HATCHED: said, "origin": f" from any of {several}"}
+    own = {"note": f"worst of {several}", HATCHED: said, "origin": f" {whence}, none that last from the other {others}"}
     return worst.assign({"status": first["status"], HATCHED: silent & hits}).assign_attrs(sweep.attrs | own)
 
 

@@ -239,7 +239,7 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
         text = labels.wrapped(short, 22) if data is field else labels.wrapped(labels.label(data, power), 40)
         axis.set_label_text(text)
         longest = max(map(len, axis.major.formatter.format_ticks(axis.get_majorticklocs())))
-        axis.labelpad = 10 + 4 * max(0, longest - 5)
+        axis.labelpad = 10 + 4 * max(0, longest - 5) * (axis is not solid.xaxis)  # whose labels lie below its ticks
     bar = add_bar(solid, surface, field, ROOT, shrink=0.6, pad=0.1)
     solid.set_box_aspect((1.2, 1.2, 0.7), zoom=0.95)  # leaves room for the labels outside the box
     solid.view_init(elev=38, azim=-70)

@@ -273,7 +273,7 @@ def by_status(missing: Mask, codes: NDArray[np.integer[Any]], of_what: str, orig
         if count := int(here.sum()):
             words = {
                 Status.NO_IMPACT: f"no impact{origin}",
-                Status.STOPPED_IMPACTING: "impacts cease after a transient",
+                Status.STOPPED_IMPACTING: f"impacts cease after a transient{origin.removeprefix(' from rest')}",
             }
             text = words.get(status) or motion_name(int(refined(0, status)))
             yield here, STATUS_COLORS.get(status, WALL), text + (f" ({counted(count, of_what)})" if of_what else "")
