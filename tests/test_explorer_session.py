@@ -13,7 +13,7 @@ import pytest
 import vibroimpact as vi
 from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.explorer.files import KINDS, export, open_study, python_lines, study_file
-from vibroimpact.explorer.plane import OTHERS, SIDES, Curves, Plane, bands, lattice, positions
+from vibroimpact.explorer.plane import OTHERS, SIDES, Curves, Plane, bands, find_curves, lattice, positions
 from vibroimpact.explorer.point import Other, compute_point
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.shades import name_of, shades
@@ -219,6 +219,11 @@ def test_boundaries_have_the_colours_that_they_have_in_figures():
     parts = dict(zip(*drawn.updates["curves"].source.data.values(), strict=True))
     assert parts["curves"]["colors"] == [BOUNDARY_COLORS[kind] for kind in kinds]
     assert [parts["#boundaries"]["html"].count(BOUNDARY_COLORS[kind][0]) for kind in BOUNDARY_COLORS] == [1, 0, 1, 0]
+
+
+def test_a_boundary_says_which_motion_ends_there():
+    view = View(osc=ImpactOscillator(damping=0.1), x="gap", x_range=(0.5, 3.0), y="amplitude", y_range=(0.5, 3.0))
+    assert "grazing, the steady swing without impacts" in find_curves(view, lambda: True).descriptions
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ import vibroimpact as vi
 from vibroimpact.explorer.state import FINEST, Range, View, granted
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import MotionClass
+from vibroimpact.orbits import Orbit
 from vibroimpact.oscillator import ImpactOscillator, State
 
 Floats = NDArray[np.float64]
@@ -237,7 +238,10 @@ def find_curves(view: View, keep_going: KeepGoing) -> Curves:
         x=[at[:, 0] for at in points],
         y=[at[:, 1] for at in points],
         kinds=[curve.kind for curve in found],
-        descriptions=[
-            f"{curve.kind.replace('_', ' ')}, {curve.orbits[0].name if curve.orbits else 'an orbit'}" for curve in found
-        ],
+        descriptions=[f"{curve.kind.replace('_', ' ')}, {_motion_at(curve.orbits[0])}" for curve in found],
     )
+
+
+def _motion_at(orbit: Orbit) -> str:
+    """Return the orbit's name; where the swing without impacts first touches the stop, it hits at velocity 0."""
+    return orbit.name if max(orbit.velocities, default=1.0) > 0.0 else "the steady swing without impacts"
