@@ -100,10 +100,15 @@ class Coverage:
             return [*said, f"that map has no class boundary, {unseen}"]
         near = f"lie within {NEAR:g} cells of a curve"
         said.append(f"{100 * self.share:.0f} % of that map's {len(self.edges)} class boundaries {near}, {unseen}")
-        if finished and not self.reached.all():
-            lasting = sum(not self.reached[i] for i in self.lasting) / len(self.edges)
-            beside = f"across {100 * lasting:.0f} % a stable motion goes on beside the one reached from rest"
-            said.append(f"{beside}, the others bound chaos and motions that were not followed")
+        left = [i for i in range(len(self.edges)) if not self.reached[i]]
+        if finished and left:
+            lasting = [i for i in left if i in self.lasting]
+            lost = [i for i in left if i not in self.lasting and not self._wanted.isdisjoint(self.edges[i][1:])]
+            across, at = (100 * len(part) / len(self.edges) for part in (lasting, lost))
+            beside = f"across {across:.0f} % a stable motion goes on beside the one reached from rest"
+            ends = f"at {at:.0f} % no curve could be followed" if lost else ""
+            rest = "the others are of chaos and of motions that were not followed"
+            said.append(", ".join(filter(None, [beside, ends, rest])))
         return said
 
     def model_at(self, cell: Cell) -> Model:
