@@ -72,7 +72,7 @@ def letters(text: str) -> int:
 def wrapped(text: str, room: float) -> str:
     """Return a label in as many lines as it needs; symbols, units and what stands in parentheses are not split."""
     parts = re.findall(r"\(.*?\)|\$[^$]*\$|\[[^]]*\]|\S+", text)
-    lines = [parts[0]]
+    lines = parts[:1]
     for part in parts[1:]:
         joined = f"{lines[-1]} {part}"
         if letters(joined) <= room:
