@@ -115,7 +115,8 @@ def faults(present, track, runner):
             (track.start,) = runner.follow(track.cell(osc, track.value), 997)
             cell = track.cell(osc, track.beyond)
         else:
-            around = spread_cells(osc.replace(**{edge.parameter: edge.beyond_at}), 64)
+            there = edge.value if math.isnan(edge.beyond_at) else edge.beyond_at
+            around = spread_cells(osc.replace(**{edge.parameter: there}), 64)
             others = {motion.name for motion in runner.measure(around, LATEST)}
             if track.group[0] != "aperiodic" or edge.beyond not in others:  # several may follow on chaos
                 yield where + f"just beyond, at {track.beyond}, it is the same"

@@ -199,7 +199,9 @@ def nearest_boundaries(
 
 def _with_onsets(present: Present, found: Sequence[Found], runner: Runner, here: bool) -> list[Found]:
     """Return the boundaries of a motion without impacts, and from where on others hit; `here`: some do already."""
-    open_ = [i for i, one in enumerate(found) if one.end != one.range.value and not one.range.only_scales]
+    # Without a force no impacts last, and without damping passing ones have no end.
+    driven = [one.end != one.range.value and one.range.at(one.end).amplitude > 0.0 for one in found]
+    open_ = [i for i, is_driven in enumerate(driven) if is_driven and present.oscillator.damping > 0.0]
     ways = [
         Side(found[i].range, found[i].direction, found[i].value, found[i].beyond_at(), found[i].start) for i in open_
     ]
@@ -224,7 +226,10 @@ def _with_beyond(found: Sequence[Found], group: tuple[str, int, int], runner: Ru
     beyond = [i for i, value in enumerate(values) if not math.isnan(value)]
     there = [found[i].range.changed(values[i]) for i in beyond]
     motions = measure(runner, cells_of(there, [found[i].start for i in beyond]), ACROSS) if beyond else []
-    edges = [boundary.edge(boundary.beyond, boundary.outside) for boundary in found]
+    edges = [
+        boundary.edge(boundary.beyond, value if math.isnan(boundary.outside) else boundary.outside)
+        for boundary, value in zip(found, values, strict=True)
+    ]
     for i, motion in zip(beyond, motions, strict=True):
         if motion.motion_class not in UNSURE and motion.group != group:
             edges[i] = found[i].edge(motion.name, values[i])

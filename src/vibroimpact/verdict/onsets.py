@@ -26,6 +26,7 @@ from vibroimpact.verdict.present import CROWDED, Range, measure
 
 SPREAD = 32  # initial conditions at a value, besides the orbits of one impact
 ORBITS = 4  # periods of these, at most
+ROUNDING = 1e-12  # of a change
 BATCH = 12  # values looked at together
 ROUNDS, PASSING = 2, 3  # times that a step is cut so: close to where impacts begin to last they settle slowly
 TOGETHER = 4  # values of a side at which impacts are looked at more closely at a time
@@ -139,7 +140,7 @@ def from_some(sides: Sequence[Side], rest: Sequence[Onset | None], runner: Runne
     for side, path, first, known in zip(sides, paths, found, rest, strict=True):
         if first is not None:
             origin, start = path[first[0]], first[1]
-        elif known is not None:
+        elif known is not None and abs(known.change) > ROUNDING:
             exact = known.half_width == 0.0
             origin = side.beyond if exact else known.value + side.direction * known.half_width
             start = known.start

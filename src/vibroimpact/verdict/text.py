@@ -183,7 +183,7 @@ def _about_edges(verdict: Verdict) -> Iterator[str]:
     edges = verdict.boundaries
     if verdict.kind in ("no_impact", "stuck_forever") and any(edge.from_some for edge in edges):
         hitting = sum(motion.share for motion in verdict.attractors if motion.max_velocity > 0.0)
-        if any(edge.from_some and edge.from_some.change == 0.0 for edge in edges):
+        if any(edge.from_some and edge.from_some.change == 0.0 and not edge.at_once for edge in edges):
             share = percent(hitting) if hitting else "some"
             yield f"here already {share} of the initial conditions settle to impacts"
         else:
