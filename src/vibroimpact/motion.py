@@ -184,7 +184,7 @@ class Motion:
             return "chaotic, the impacts do not repeat"
         if kind == MotionClass.UNDECIDED:
             return "undecided, the sampled impacts do not repeat and are too few to prove chaos; sample more"
-        return f"{self.name}: {self.status.sentence}"
+        return f"{self.name}: {self.status.sentence.removeprefix(f'{self.name}: ')}"
 
 
 def _hits(velocities: tuple[float, ...]) -> str:
