@@ -81,8 +81,9 @@ def attractors(
     An initial condition is decided once its cycle is certain (stable, and within 1e-10 V), once it is certain never to
     hit again, or if it is chaotic by the rule of `classify`: in the sample of the last round, and then over 1e5 impacts
     from 32 of the chaotic ones, some of each group. Where one of these ends elsewhere, and where initial conditions are
-    still undecided, all of them are followed for up to 1e5 impacts and sorted by where they go. Slow back ends, which
-    take seconds per motion, end with the last round.
+    still undecided, all of them are followed for up to 1e5 impacts and sorted by where they go; but where more than 9
+    in 10 rest in between, all that is chaotic is intermittent sticking. Slow back ends, which take seconds per motion,
+    end with the last round.
 
     All motions that stick are one attractor, as every release is the same state. Where neighbours part by more than
     1e13 from one rest to the next, rounding would decide what follows: 32 releases, moved by up to 1e-11 V, are

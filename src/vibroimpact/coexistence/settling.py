@@ -6,10 +6,10 @@ is run again, four times as long, then sixteen times. One that has rested, witho
 resolves, goes where moved releases go (`final.fate_of_release`): all motions are alike from there on.
 
 Chaos may be a long transient. It is believed if 32 of the chaotic initial conditions, some of each group, are chaotic
-for 1e5 impacts; if not, every chaotic one is watched for so long, and sorted by where it goes. Those that are still
-undecided are watched too. For a grid, 256 initial conditions spread over the impact surface decide whether chaos lasts,
-so that what one leads to never depends on the others. With r = 1 and c = 0 areas are kept and nothing attracts: only
-that it never hits is decided.
+for 1e5 impacts; if nearly all of them rest, all that is chaotic does; else every chaotic one is watched for so long,
+and sorted by where it goes. Those that are still undecided are watched too. For a grid, 256 initial conditions spread
+over the impact surface decide whether chaos lasts, so that what one leads to never depends on the others. With r = 1
+and c = 0 areas are kept and nothing attracts: only that it never hits is decided.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ from vibroimpact.status import Status
 ROUNDS = 3
 LONGER = 4  # how much each round is longer than the one before
 REPRESENTATIVES = 32  # chaotic initial conditions that are watched for all: as many as fill the lanes
+NEARLY_ALL = 0.9  # of them rest within 1e5 impacts: chance lets the others not, and all are one attractor
 # Gaps that part groups of chaotic motions, beyond chance in a short sample: of V; impacts per period.
 MEAN_GAP, RATE_GAP = 0.02, 0.02
 
@@ -157,17 +158,26 @@ def outlook_from(runner: Runner, osc: ImpactOscillator, cells: Cells, windows: S
     early = settle(runner, osc, cells, windows[:1]).kind == MotionClass.CHAOTIC
     late = settle(runner, osc, cells[early], windows[-1:])
     here = _common(late)
-    if here != MotionClass.CHAOTIC or not last_round(runner, osc, windows):
+    if here == MotionClass.STICKING or not _irregular(late).all() or not last_round(runner, osc, windows):
         return here
-    return outlook_of(runner, late)
+    lasting = outlook_of(runner, late)
+    return lasting if lasting in (here, MotionClass.STICKING) else MotionClass.UNDECIDED
+
+
+def _irregular(settled: Settled) -> NDArray[np.bool_]:
+    open_ended: NDArray[np.bool_] = np.isin(settled.kind, (MotionClass.CHAOTIC, MotionClass.STICKING))
+    unresolved: NDArray[np.bool_] = settled.indices["n_periods"] == 0
+    return open_ended & unresolved
 
 
 def _common(settled: Settled) -> MotionClass:
-    """Return whether all are chaotic, or all are intermittent sticking; else undecided."""
-    for kind in (MotionClass.CHAOTIC, MotionClass.STICKING):
-        if len(settled.kind) and ((settled.kind == kind) & (settled.indices["n_periods"] == 0)).all():
-            return kind
-    return MotionClass.UNDECIDED
+    """Return whether all are chaotic, or nearly all of them rest again and again; else undecided."""
+    resting = settled.kind == MotionClass.STICKING
+    if not len(resting) or not _irregular(settled).all():
+        return MotionClass.UNDECIDED
+    if not resting.any():
+        return MotionClass.CHAOTIC
+    return MotionClass.STICKING if resting.mean() > NEARLY_ALL else MotionClass.UNDECIDED
 
 
 def chaotic_groups(settled: Settled) -> list[Counts]:
