@@ -118,7 +118,9 @@ def faults(present, track, runner):
             there = edge.value if math.isnan(edge.beyond_at) else edge.beyond_at
             around = spread_cells(osc.replace(**{edge.parameter: there}), 64)
             others = {motion.name for motion in runner.measure(around, LATEST)}
-            if track.group[0] != "aperiodic" or edge.beyond not in others:  # several may follow on chaos
+            another = edge.kind == "fold" and edge.beyond == present.measured.name  # an orbit of the same n and p
+            chaos_goes_on = track.group[0] == "aperiodic" and edge.beyond in others  # beside what may follow on it
+            if not (another or chaos_goes_on):
                 yield where + f"just beyond, at {track.beyond}, it is the same"
 
 

@@ -231,7 +231,7 @@ def _with_beyond(found: Sequence[Found], group: tuple[str, int, int], runner: Ru
         for boundary, value in zip(found, values, strict=True)
     ]
     for i, motion in zip(beyond, motions, strict=True):
-        if motion.motion_class not in UNSURE and motion.group != group:
+        if motion.motion_class not in UNSURE and (found[i].half_width == 0.0 or motion.group != group):
             edges[i] = found[i].edge(motion.name, values[i])
     return tuple(edges)
 
