@@ -148,6 +148,8 @@ def settle(
 def outlook_of(runner: Runner, settled: Settled) -> MotionClass:
     """Return what representatives of all that is chaotic come to in 1e5 impacts, or undecided where they differ."""
     groups = chaotic_groups(settled)
+    if not groups:
+        return MotionClass.UNDECIDED  # stopped before any was
     number = sum(map(len, groups))
     chosen = np.concatenate([group[:: math.ceil(number / REPRESENTATIVES)] for group in groups])
     return _common(settle(runner, settled.osc, settled.cells[chosen], [LATE]))
