@@ -9,7 +9,7 @@ from functools import partial
 
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence import Attractor, attractors
-from vibroimpact.coexistence.final import Final, final_motion
+from vibroimpact.coexistence.final import Final, final_motion, thrifty
 from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runner, Start, last_of
 from vibroimpact.dataset import provenance
 from vibroimpact.motion import Motion, MotionClass, recognise
@@ -19,7 +19,6 @@ from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names
 from vibroimpact.parameters import Parameter, invalid
 from vibroimpact.sections import in_seconds, labelled_impacts
 
-THRIFT = 100  # certified steps per impact, but for the motion itself: others are not worth a long wait for rare hits
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
 ALIKE = 5e-3  # `orbit_distance` from the settled motion within which an orbit or attractor is the same
 LONGEST = 16  # impacts in a cycle that is still solved for
@@ -30,9 +29,7 @@ TRIALS = 24  # bisections of a range whose end is no design of a family
 
 def measure(runner: Runner, cells: Cells, window: ImpactWindow) -> list[Measured]:
     """Return the motions of changed designs."""
-    limits = runner.tolerances
-    thrifty = replace(limits, steps_per_impact=min(limits.steps_per_impact, THRIFT))
-    return runner.measure(cells, window, thrifty)
+    return runner.measure(cells, window, thrifty(runner))
 
 
 @dataclass(frozen=True)
