@@ -53,6 +53,7 @@ def assert_same_map(ours, theirs):
             assert ours[name].values == pytest.approx(theirs[name].values, rel=1e-9, abs=1e-9, nan_ok=True)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(SIMULATED, reason="is the child process")
 def test_the_contract_holds_in_the_simulator():
     child = subprocess.run(

@@ -263,6 +263,7 @@ def test_a_resonance_narrower_than_any_step_is_not_stepped_over():
     assert down.value == pytest.approx(math.sqrt(1.001), rel=1e-4)
 
 
+@pytest.mark.long
 def test_every_edge_of_random_designs_holds():
     rng, runner = np.random.default_rng(1307), Runner()
     for osc in random_designs(rng, 12):

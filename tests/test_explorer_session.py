@@ -157,6 +157,7 @@ def test_cells_without_a_value_say_why(explorer):
         assert ((np.array(seen.colors)[seen.number] == words[text]) == (status == code)).all()
 
 
+@pytest.mark.long
 def test_what_has_no_impact_from_rest_is_hatched_where_others_of_16_hit(heard):
     view = View(osc=TUBE, x="omega", x_range=(60.0, 220.0), y="gap", y_range=(1e-4, 1.5e-3), samples=200)
     explorer = Explorer(view, listener=heard.extend)
