@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from itertools import count
 from typing import Any
@@ -140,15 +138,6 @@ def _plain(value: Any) -> Any:
     return value
 
 
-@contextmanager
-def stopping(runner: Runner) -> Iterator[None]:
-    """Stop what a runner still computes on leaving."""
-    try:
-        yield
-    finally:
-        runner.stop.set()
-
-
 def describe(
     osc: Model,
     *,
@@ -227,16 +216,11 @@ def describe(
             found["attractors"] = coexisting_motions(present, runner)
             complete = going()
         if complete:
-            # Side by side, as neither keeps two cores busy by itself.
-            beside = Runner("cpu", tolerances, workers)
-            with ThreadPoolExecutor(1) as pool, stopping(beside):
-                advice = pool.submit(advise, present, found["attractors"], ranges, beside)
-                found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"])
-                complete = len(found["boundaries"]) == 2 * len(ranges)
-                if complete:
-                    found["advice"] = advice.result()
-                    going()
-            runner.measured += beside.measured
+            found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"])
+            complete = len(found["boundaries"]) == 2 * len(ranges)
+        if complete:
+            found["advice"] = advise(present, found["attractors"], ranges, runner)
+            going()
     return Verdict(
         model=osc,
         oscillator=present.oscillator,
