@@ -96,7 +96,9 @@ def harm(folder, wanted, name):
         store = folder / f"{stores}.zarr"
         for turn in range(8):
             child = forked(lambda store=store: sweep(store))
-            time.sleep(whole * (chance.uniform(0.0, 0.35) if turn < 2 else chance.uniform(0.25, 0.9)))
+            # The first while the store is being made, but once the copy of this process runs.
+            early, late = [(0.03, 0.08), (0.03, 0.35)][turn] if turn < 2 else (0.25, 0.9)
+            time.sleep(whole * chance.uniform(early, late))
             os.kill(child, sent)
             codes.append(ended(child))
             unborn += not store.exists()
