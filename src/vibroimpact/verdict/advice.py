@@ -1,7 +1,7 @@
 """Ways to soften the impacts: the smallest change of one parameter with a clear benefit, from every initial condition.
 
 A change is found with a few initial conditions and judged by many: 256 spread over the impact surface, the known orbits
-of one impact there, and the present motions, changed at any instant of their cycles. One from which the mass would then
+of one impact there, and the present motions, changed at 128 instants of each cycle. One from which the mass would then
 hit harder than what is to be softened is enough to reject it, and the next value is tried.
 """
 
@@ -27,7 +27,7 @@ SCOUTS = 6  # spread initial conditions with which a value is found
 INSTANTS = 128  # of each present cycle at which the change is made
 SCAN, TEST = ImpactWindow(500, 1500), ImpactWindow(1000, 2000)
 TRIED = 6  # values beyond the first good one at which advice is tested
-FEW = 8  # the first of so many initial conditions reject most of what is rejected
+FEW = 8  # every so many initial conditions one is asked first: these reject most of what is rejected
 
 
 @dataclass(frozen=True)

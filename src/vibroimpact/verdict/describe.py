@@ -187,8 +187,8 @@ def describe(
     `from_rest` and `from_some` of an edge say from where on others hit. Advice softens the hardest hit of all
     coexisting motions that initial conditions lead to: by at least a fifth, or it ends all impacts, or chaos at no
     harder hits. It is given only if nothing hits harder at the advised value from rest, from 256 spread impacts, on the
-    stable orbits of one impact, and after the change was made at 128 instants of each present cycle. One to three
-    seconds on two cores, 10,000 to 20,000 motions.
+    stable orbits of one impact, and after the change was made at 128 instants of each present cycle. One to
+    three seconds on two cores for most designs, up to five for others, rarely ten; 4,000 to 20,000 motions.
 
     Examples
     --------
