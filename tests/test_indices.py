@@ -7,6 +7,7 @@ import pytest
 from numba import njit
 
 import vibroimpact as vi
+from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.kernels.advance import IMPACT, RELEASE, advance
 from vibroimpact.kernels.cell import Cell, prepare
@@ -133,6 +134,17 @@ def test_the_state_is_stepped_with_the_same_bits_whatever_is_observed(spread):
     for name in VELOCITY_INDICES - {"impacts_per_period"}:
         np.testing.assert_array_equal(plain[name], spread[False][name], err_msg=name)
     np.testing.assert_array_equal(plain["status"], spread[False]["status"])
+
+
+@pytest.mark.parametrize("number", [3, 17, 40, 97])
+def test_a_cell_has_the_bits_it_has_alone_however_many_lanes_are_busy(number):
+    """Some cells close early and some never do, so that those that are left close ranks."""
+    engine, wanted = get_backend("cpu"), Measurement(ImpactWindow(100, 1000), indices=ALL)
+    cells = OSC.cells({"omega": np.random.default_rng(number).uniform(1.0, 4.0, number)})
+    together = engine.indices(cells, wanted)
+    alone = [engine.indices(cells[i : i + 1], wanted) for i in range(number)]
+    for name in together:
+        np.testing.assert_array_equal(together[name], np.concatenate([one[name] for one in alone]), err_msg=name)
 
 
 def test_closing_early_changes_no_index(spread):

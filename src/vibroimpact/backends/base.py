@@ -186,7 +186,12 @@ class Backend(Protocol):
 
 @runtime_checkable
 class SharesCells(Protocol):
-    """A back end of whose cells each thread takes the next one, so that all threads end together."""
+    """A back end of whose cells each thread takes the next one, so that all threads end together.
+
+    With as few cells as `alone` one thread ends as soon as several.
+    """
+
+    alone: int
 
     def share(
         self, cells: Cells, measurement: Measurement

@@ -28,6 +28,7 @@ from vibroimpact.kernels.cell import DYING, FILLED, PINNED, QUIET, RUNNING, SPEN
 from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.lanes import LANES, ROWS, TRACED_ROWS
+from vibroimpact.kernels.machine import BLOCK
 from vibroimpact.kernels.recorder import END, IDLE, MEMORY, Recorder, begin, record, record_lanes, state_of
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
 from vibroimpact.kernels.runner import follow_cell, run_cells
@@ -89,6 +90,7 @@ class CpuBackend(Backend):
     name = sampler = "cpu"
     smallest_tile = 64  # two rounds of lanes
     largest_tile = 4096
+    alone = BLOCK
     known_indices = frozenset(INDICES)
 
     def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
@@ -169,7 +171,7 @@ class _Sweep:
 
     def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
         """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
-        seat, facts = _seat(), self._facts()
+        seat, facts = _seat(len(self.cells)), self._facts()
         ended = np.empty(_BATCH, dtype=np.int64)
         busy = 1
         while busy and not stopped():
@@ -179,7 +181,7 @@ class _Sweep:
 
     def follow(self, run: _Run) -> None:
         """Measure the only cell, and record its run up to there, or to its own end."""
-        seat, facts, seen = _seat(), self._facts(), Recorder(run.memory, *_room_for(run.window))
+        seat, facts, seen = _seat(len(self.cells)), self._facts(), Recorder(run.memory, *_room_for(run.window))
         while self.ends[0] == RUNNING:
             follow_cell(self.cells, self.results, self.ends, seat, *self._how, facts, seen)
             run.keep(seen)
@@ -188,9 +190,12 @@ class _Sweep:
         return np.zeros((LANES, FACTS)) if self.thorough else None
 
 
-def _seat() -> tuple[NDArray[Any], ...]:
-    """Return the arrays of a thread: lanes, the cell in each (-1: none), notes, room for one cycle and for a walk."""
-    owner, notes = np.full(LANES, -1), np.zeros((LANES, NOTES))
+def _seat(cells: int) -> tuple[NDArray[Any], ...]:
+    """Return the arrays of a thread: lanes, the cell in each (-1: none), notes, room for one cycle and for a walk.
+
+    Of few cells a thread takes a block, and leaves as many to another.
+    """
+    owner, notes = np.full(LANES if cells >= 2 * LANES else BLOCK, -1), np.zeros((LANES, NOTES))
     return aligned(ROWS * LANES), owner, notes, np.zeros((LONGEST, 4)), np.zeros((LOOK, TRACE))
 
 

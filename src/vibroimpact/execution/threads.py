@@ -106,8 +106,10 @@ def run_sweep(
         )
         return
     for low in range(0, len(cells), SHARE * workers):
-        work = engine.share(cells[low : low + SHARE * workers], measurement)
-        for done, outcome in run_shared(work, workers, stop):
+        part = cells[low : low + SHARE * workers]
+        work = engine.share(part, measurement)
+        shared = work(stop.is_set) if len(part) <= engine.alone else run_shared(work, workers, stop)
+        for done, outcome in shared:
             yield done + low, outcome
 
 

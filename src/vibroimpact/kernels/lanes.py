@@ -12,7 +12,7 @@ from __future__ import annotations
 from numba import njit
 
 from vibroimpact.kernels.advance import STATE, TRACE, advance, step_at
-from vibroimpact.kernels.machine import each_lane
+from vibroimpact.kernels.machine import BLOCK, each_lane
 from vibroimpact.kernels.observers import (
     Deviation,
     Misses,
@@ -134,28 +134,31 @@ def _traced(lanes, i, transient, total):
     lanes[CELL * LANES + i], lanes[(CELL + 1) * LANES + i], lanes[(CELL + 2) * LANES + i] = event, v, x
 
 
-_every_plain, _every_thorough, _every_traced = (each_lane(step, LANES) for step in (_plain, _thorough, _traced))
+_block_plain, _block_thorough, _block_traced = (each_lane(step) for step in (_plain, _thorough, _traced))
 
 
 @njit(error_model="numpy", nogil=True)
-def step_lanes(lanes, steps, transient, total):
-    """Make `steps` certified steps in every lane."""
+def step_lanes(lanes, number, steps, transient, total):
+    """Make `steps` certified steps in each of so many lanes, and in those that fill their last block."""
     for _ in range(steps):
-        _every_plain(lanes, transient, total)
+        for first in range(0, number, BLOCK):
+            _block_plain(lanes[first:], transient, total)
 
 
 @njit(error_model="numpy", nogil=True)
-def step_thorough_lanes(lanes, steps, transient, total):
-    """Make `steps` certified steps in every lane, all observers at work."""
+def step_thorough_lanes(lanes, number, steps, transient, total):
+    """Make `steps` certified steps in each of so many lanes, all observers at work."""
     for _ in range(steps):
-        _every_thorough(lanes, transient, total)
+        for first in range(0, number, BLOCK):
+            _block_thorough(lanes[first:], transient, total)
 
 
 @njit(error_model="numpy", nogil=True)
 def trace_lanes(lanes, trace):
     """Make as many certified steps in every lane as the trace has rows, and leave each in its row."""
     for k in range(len(trace)):
-        _every_traced(lanes, 0.0, 0.0)
+        for first in range(0, LANES, BLOCK):
+            _block_traced(lanes[first:], 0.0, 0.0)
         row = trace[k]
         for j in range(STATE * LANES):
             row[j] = lanes[j]

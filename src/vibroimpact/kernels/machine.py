@@ -22,6 +22,7 @@ from platformdirs import user_cache_dir
 REGISTERS = 2
 # Lanes a register: eight doubles in 512 bits, where the processor has them; LLVM splits them where it has not.
 WIDTH = 8
+BLOCK = REGISTERS * WIDTH  # lanes that are stepped together
 # Numba fills its settings in at run time, unseen by type checkers.
 config: Any = _config
 
@@ -57,8 +58,8 @@ def next_ticket(typingctx: Any, counter: Any) -> Any:
     return types.int64(counter), codegen
 
 
-def each_lane(step: Any, number: int) -> Any:
-    """Return a function (lanes, transient, total) that calls `step(lanes, i, transient, total)` for each lane i.
+def each_lane(step: Any) -> Any:
+    """Return a function (lanes, transient, total) that calls `step(lanes, i, transient, total)` for a block of lanes i.
 
     A certified step is one long chain of dependent operations: with one register of lanes the processor waits for
     itself; two registers in turns cost a quarter less. LLVM makes such a loop where the loop's metadata request it;
@@ -80,7 +81,7 @@ def each_lane(step: Any, number: int) -> Any:
             following = builder.add(i, index(1))
             i.add_incoming(index(0), before)
             i.add_incoming(following, builder.block)
-            again = builder.cbranch(builder.icmp_unsigned("<", following, index(number)), body, after)
+            again = builder.cbranch(builder.icmp_unsigned("<", following, index(BLOCK)), body, after)
             again.set_metadata("llvm.loop", _request(builder.module))
             builder.position_at_end(after)
             return context.get_dummy_value()

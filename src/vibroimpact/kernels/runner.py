@@ -50,6 +50,17 @@ def begin(lanes, i, note, cell, total, chatter, flight_periods, steps_per_impact
 
 
 @njit(error_model="numpy")
+def move(lanes, owner, notes, facts, i, j):
+    """Move the cell in lane i to lane j, which is free."""
+    for row in range(lane.ROWS):
+        lanes[row * lane.LANES + j] = lanes[row * lane.LANES + i]
+    notes[j] = notes[i]
+    if facts is not None:
+        facts[j] = facts[i]
+    owner[j], owner[i] = owner[i], -1
+
+
+@njit(error_model="numpy")
 def ending_of(lanes, i, note, total):
     """Return why the cell in lane i ends here, or RUNNING."""
     if lane.load_sums(lanes, i).hits >= total:
@@ -102,7 +113,7 @@ def run_cells(
     number = 0
     for _ in range(looks):
         busy = 0
-        for i in range(lane.LANES):
+        for i in range(len(owner)):
             if owner[i] < 0:
                 following = next_ticket(tickets)
                 if following < len(cells):
@@ -111,17 +122,18 @@ def run_cells(
                     owner[i] = following
                     if facts is not None:
                         facts[i, PERIODS], facts[i, IMPACTS] = 0.0, 0.0
-            busy += owner[i] >= 0
-        if busy == 0 or number + lane.LANES > len(finished):
+            if owner[i] >= 0:
+                if busy < i:  # no cells wait any more: those that are left close ranks
+                    move(lanes, owner, notes, facts, i, busy)
+                busy += 1
+        if busy == 0 or number + len(owner) > len(finished):
             return number, busy
         if facts is None:
-            lane.step_lanes(lanes, LOOK, transient, total)
+            lane.step_lanes(lanes, busy, LOOK, transient, total)
         else:
-            lane.step_thorough_lanes(lanes, LOOK, transient, total)
-        for i in range(lane.LANES):
+            lane.step_thorough_lanes(lanes, busy, LOOK, transient, total)
+        for i in range(busy):
             j = owner[i]
-            if j < 0:
-                continue
             notes[i, MADE] += LOOK
             own_facts = None if facts is None else facts[i]
             if may_close(lanes, i, notes[i], total, own_facts):
