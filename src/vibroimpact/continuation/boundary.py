@@ -179,7 +179,7 @@ def _boundary_system(point: BifurcationPoint, plane: Plane) -> tuple[System, Flo
 def _traced(system: System, x: Floats, longest: float, virtual: bool, report: Report) -> Boundary:
     """Return the curve through a point, in both directions."""
     along = np.ones(len(x))
-    x, made = system.newton(x, system.tangent(x, along))
+    x, made, _ = system.newton(x, system.tangent(x, along))
     if not made:
         raise NoBoundary("Newton's method does not lead from `point` to its boundary; take another point")
     walk = partial(_walk, Solution(system, x), system.tangent(x, along), longest, virtual)
@@ -222,7 +222,7 @@ def _last_admissible(inside: Solution, outside: Solution) -> Solution:
     """Return the last point between two at which the boundary is admissible."""
     for _ in range(HALVINGS):
         way = outside.x - inside.x
-        found, made = inside.system.newton(inside.x + 0.5 * way, way)
+        found, made, _ = inside.system.newton(inside.x + 0.5 * way, way)
         if not made:
             break
         special = Solution(inside.system, found)

@@ -135,7 +135,7 @@ def _checked(orbit: Any) -> Orbit:
 
 def _corrected(system: System, x: Floats) -> Floats:
     """Return the orbit corrected at its own parameter, or refuse one that does not solve its equations."""
-    found, made = system.newton(x, np.eye(len(x))[-1])
+    found, made, _ = system.newton(x, np.eye(len(x))[-1])
     if made and np.abs(found - x).max() < 1e-3:
         return found
     if np.abs(system.misses(x)).max() < 1e-9:
@@ -191,5 +191,5 @@ def _halved(a: Point, b: Point) -> Solution | None:
     share = 1.0 / (1.0 + float(np.linalg.norm(after) / np.linalg.norm(before)))
     x = a.x + share * (b.x - a.x)
     turns = 0.5 * (x[:h] + x[h:p] - 0.5 * n)
-    found, made = half.newton(np.concatenate([turns, 0.5 * (x[p : p + h] + x[p + h : 2 * p]), x[2 * p :]]))
+    found, made, _ = half.newton(np.concatenate([turns, 0.5 * (x[p : p + h] + x[p + h : 2 * p]), x[2 * p :]]))
     return Solution(half, found) if made else None

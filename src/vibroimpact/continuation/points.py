@@ -140,10 +140,10 @@ def _located(condition: str, a: Point, b: Point) -> Solution | None:
         special = _solved(condition, a.x + share * (b.x - a.x), a, b)
         if special is not None:
             return special
-        found, made = system.newton(0.5 * (a.x + b.x), b.x - a.x)
+        found, made, jacobian = system.newton(0.5 * (a.x + b.x), b.x - a.x)
         if not made:
             return None
-        inside = Point(system, found, system.tangent(found, a.tangent))
+        inside = Point(system, found, system.tangent(found, a.tangent, jacobian))
         a, b = (inside, b) if (inside.tests[condition] > 0.0) == (low > 0.0) else (a, inside)
     return None
 
@@ -162,7 +162,7 @@ def _solved(condition: str, x: Floats, a: Point, b: Point) -> Solution | None:
             touch = owner.closest.turns + float(x[where] - owner.x[where])
     bounded = replace(a.system, condition=condition, where=where)
     start = np.concatenate([x[: 2 * p], [touch] if condition == TOUCH else [], x[2 * p :]])
-    found, made = bounded.newton(start)
+    found, made, _ = bounded.newton(start)
     if not made:
         return None
     special = Solution(bounded, found)
@@ -229,7 +229,7 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Orbit:
     system, x, direction = _twice(point)
     for _ in range(TRIES):
         start = x + size * direction
-        found, made = system.newton(start, direction)
+        found, made, _ = system.newton(start, direction)
         if made and np.abs(found - start).max() < 0.5 * size:
             return Solution(system, found).orbit
         size *= 0.5

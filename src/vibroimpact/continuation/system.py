@@ -22,7 +22,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,6 +42,14 @@ STRAIGHT = 0.97  # least cosine between the tangents at two points
 EASY = 3  # corrections up to which the next step may be longer
 UNKNOWN: Any = None  # how many points or curves there will be
 MOST_POINTS = 20_000  # of one direction
+
+
+class Corrected(NamedTuple):
+    """What Newton's method reached, in how many corrections (0: it failed), and the Jacobian before the last."""
+
+    x: Floats
+    made: int
+    jacobian: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -219,44 +227,51 @@ class System:
         slow = min(1.0, w / (self.cycle.n_periods * natural))  # free turns in a cycle multiply a change of pace
         force = max(abs(f), k * abs(g), 1e-3 * self.speed * math.sqrt(k * m))
         damping = min(math.sqrt(k * m), m * w / self.cycle.n_periods)
-        numbers = np.array([m * slow, damping, k * slow, force, w * slow, 1.0, force / k])
-        slopes = np.abs(self._slopes(self._inside(self.values(x))))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            sizes = np.where(slopes > 0.0, numbers / slopes, math.inf).min(axis=1)
+        numbers = [m * slow, damping, k * slow, force, w * slow, 1.0, force / k]
         free = [
             (size if math.isfinite(size) else high - low) / (high - low)
-            for size, (low, high) in zip(sizes.tolist(), self.ranges, strict=True)
+            for size, (low, high) in zip(self._steps(x, numbers), self.ranges, strict=True)
         ]
         turns = np.full(self.inner - p, min(1.0, w / natural))
         speeds = np.maximum(np.abs(x[p : 2 * p]), 1e-3)
         return np.concatenate([turns[:p], speeds, turns[p:], free])
 
-    def newton(self, x: Floats, row: Floats | None = None, target: float | None = None) -> tuple[Floats, int]:
-        """Return the solution near x, with row . x = target (its own by default), and corrections made (0: failed)."""
+    def _steps(self, x: Floats, numbers: list[float]) -> list[float]:
+        """Return by how much each free parameter must change to change one of the oscillator's numbers by as much."""
+        if self._own is not None:
+            return [numbers[i] / factor for i, factor in self._own]
+        slopes = np.abs(self._slopes(self._inside(self.values(x))))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            steps: list[float] = np.where(slopes > 0.0, np.array(numbers) / slopes, math.inf).min(axis=1).tolist()
+        return steps
+
+    def newton(self, x: Floats, row: Floats | None = None, target: float | None = None) -> Corrected:
+        """Return the solution near x, with row . x = target (its own by default)."""
         x = x.copy()
         aim: Any = row @ x if row is not None and target is None else target
         for made in range(1, MOST + 1):
             if not self.possible(x):
-                return x, 0
+                break
             try:
-                misses, matrix = self.misses(x), self.jacobian(x)
+                misses, jacobian = self.misses(x), self.jacobian(x)
             except ValueError:  # a family makes no oscillator of values beside these
-                return x, 0
+                break
+            matrix = jacobian
             if row is not None:
-                misses, matrix = np.append(misses, row[None, :] @ x - aim), np.concatenate([matrix, row[None, :]])
+                misses, matrix = np.append(misses, row[None, :] @ x - aim), np.concatenate([jacobian, row[None, :]])
             if not (np.isfinite(misses).all() and np.isfinite(matrix).all()):
-                return x, 0
+                break
             try:
                 correction = np.linalg.solve(matrix, misses)
             except np.linalg.LinAlgError:
-                return x, 0
+                break
             x -= correction
             size = float(np.abs(correction).max())
             if size < CLOSE:
-                return x, made
+                return Corrected(x, made, jacobian)
             if not size < 1e3:
-                return x, 0
-        return x, 0
+                break
+        return Corrected(x, 0)
 
     def weights(self, x: Floats) -> Floats:
         """Return the weight of each unknown in the length of a step; velocities are relative to the largest above 1."""
@@ -264,10 +279,10 @@ class System:
         counts[p : 2 * p] /= max(1.0, float(np.abs(x[p : 2 * p]).max()))
         return counts
 
-    def tangent(self, x: Floats, along: Floats) -> Floats:
+    def tangent(self, x: Floats, along: Floats, jacobian: Floats | None = None) -> Floats:
         """Return the tangent of the curve at x, in the direction of `along`, of weighted length 1."""
         counts = self.weights(x)
-        direction = np.linalg.svd(self.jacobian(x) / counts)[2][-1]
+        direction = np.linalg.svd((self.jacobian(x) if jacobian is None else jacobian) / counts)[2][-1]
         return np.asarray(direction / counts * (1.0 if direction @ (along * counts) >= 0.0 else -1.0))
 
 
@@ -292,11 +307,8 @@ def follow(system: System, x: Floats, way: Floats, longest: float) -> Iterator[S
     start, first, step, away = x, way, longest, False
     while True:
         counts, ahead = system.weights(x), x + step * way
-        found, made = system.newton(ahead, counts * counts * way)
-        try:
-            turned = system.tangent(found, way) if made else way
-        except ValueError:
-            made, turned = 0, way
+        found, made, jacobian = system.newton(ahead, counts * counts * way)
+        turned = system.tangent(found, way, jacobian) if made else way
         straight = (turned * counts) @ (way * counts) / np.linalg.norm(turned * counts)
         if not made or straight < STRAIGHT or np.abs((found - ahead) * counts).max() > step:
             step *= 0.5
@@ -323,10 +335,10 @@ def _to_edge(system: System, inside: Floats, beyond: Floats, outside: list[int],
     reached = {j: ((0.0 if beyond[j] < 0.0 else 1.0) - inside[j]) / (beyond[j] - inside[j]) for j in outside}
     j = min(reached, key=lambda key: reached[key])
     start = inside + reached[j] * (beyond - inside)
-    found, made = system.newton(start, np.eye(len(start))[j], 0.0 if beyond[j] < 0.0 else 1.0)
+    found, made, jacobian = system.newton(start, np.eye(len(start))[j], 0.0 if beyond[j] < 0.0 else 1.0)
     if not made or np.abs(found - start).max() > np.abs(beyond - inside).max() + 1e-12:
         return Step(inside, way, "lost")
-    return Step(found, system.tangent(found, way), "range")
+    return Step(found, system.tangent(found, way, jacobian), "range")
 
 
 def _distance(system: System, start: Floats, x: Floats) -> float:
