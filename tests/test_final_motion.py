@@ -39,6 +39,18 @@ def test_a_slow_motion_is_followed_to_its_cycle():
     assert found.measured.impacts < PAPER.transient  # measured again on the cycle, where nothing is left of the way
 
 
+def test_a_motion_that_settles_late_is_sampled_on_its_cycle():
+    osc = vi.ImpactOscillator(
+        mass=0.07543070504734908, damping=1.1387959613949123, stiffness=991672.4026994141, amplitude=34.68078778448276,
+        omega=9038.370890906606, restitution=0.9664401941826454, gap=3.717165516440625e-06,
+    )  # fmt: skip
+    verdict = vi.describe(osc, parameters=["gap"])
+    (orbit,) = (one for one in vi.find_orbit(osc, n_periods=3, n_impacts=4) if one.stable and one.admissible)
+    assert SEEN.transient + SEEN.keep < final(osc).watched < PAPER.keep
+    np.testing.assert_allclose(np.sort(verdict.motion.velocities), np.sort(orbit.velocities), rtol=1e-9)
+    assert [edge.kind for edge in verdict.boundaries] == ["period_doubling", "fold"]
+
+
 def test_chaos_that_lasts_is_watched_for_1e5_impacts_and_keeps_the_indices_of_a_map():
     osc = vi.ImpactOscillator(omega=2.8)
     found = final(osc)

@@ -64,6 +64,8 @@ def final_motion(runner: Runner, cell: Cells, seen: ImpactWindow) -> Final:
     What is certain within the paper's 5100 impacts is computed once.
     """
     first, samples = runner.record(cell, seen)
+    if first.motion_class.hits and first.n_periods and first.impacts > seen.transient:  # what was seen came before
+        (samples,) = runner.samples(cell, replace(seen, transient=first.impacts))
     final = Final(first, samples, first.impacts)
     if irregular(first) and not rests(first):
         final = _watched(runner, cell, seen)
