@@ -23,6 +23,7 @@ from vibroimpact.parameters import Parameter, phase_number, unknown
 from vibroimpact.progress import Report, reporter
 from vibroimpact.request import check_axes
 
+SAMPLING = Sampling(transient_impacts=100, sample_impacts=500)  # of the first round
 POINTS = 256  # of an attractor, at most, that are returned to be marked in a portrait
 _NAMES = ("displacement", "velocity", "phase")
 _PAIRS = "(displacement, velocity), with `phase` a number, or (phase, velocity)"
@@ -104,18 +105,27 @@ def attractors(
     >>> [(found.name, round(found.share, 2)) for found in attractors(vi.ImpactOscillator(omega=1.45))]
     [('period-1 impact-1', 0.86), ('period-3 impact-4', 0.14)]
     """
-    one = the_oscillator(osc)
-    given = spread_cells(one) if starts is None else state_cells(one, starts)
-    cells = Cells.join([given, *orbit_cells(one)]) if starts is None else given
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
-    windows = rounds(one, sampling.transient_impacts, sampling.sample_impacts)
-    runner = Runner(backend, tolerances, workers)
+    return attractors_by(Runner(backend, tolerances, workers), the_oscillator(osc), starts, sampling, progress)
+
+
+def attractors_by(
+    runner: Runner,
+    osc: ImpactOscillator,
+    starts: Iterable[State] | None = None,
+    sampling: Sampling = SAMPLING,
+    progress: bool | Report = False,
+) -> list[Attractor]:
+    """Return the attractors of an oscillator as `attractors` does, by a runner that may know fates already."""
+    given = spread_cells(osc) if starts is None else state_cells(osc, starts)
+    cells = Cells.join([given, *orbit_cells(osc)]) if starts is None else given
+    windows = rounds(osc, sampling.transient_impacts, sampling.sample_impacts)
 
     def outlook(settled: Settled, window: ImpactWindow) -> MotionClass:
         return outlook_of(runner, settled) if window is windows[-1] else MotionClass.UNDECIDED
 
-    whole = [*windows, *last_round(runner, one, windows)]
-    settled = _settled(runner, one, cells, whole, progress, lambda settled: settled.status, outlook)
+    whole = [*windows, *last_round(runner, osc, windows)]
+    settled = _settled(runner, osc, cells, whole, progress, lambda settled: settled.status, outlook)
     return [basin.attractor for basin in match(runner, settled, windows[-1], len(given))]
 
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from vibroimpact.backends import Cells, ImpactWindow
-from vibroimpact.coexistence import Attractor, attractors
+from vibroimpact.coexistence import Attractor
 from vibroimpact.coexistence.final import Final, final_motion, thrifty
 from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runner, Start, last_of
+from vibroimpact.coexistence.search import attractors_by
 from vibroimpact.dataset import provenance
 from vibroimpact.motion import Motion, MotionClass, recognise
 from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
@@ -150,7 +151,7 @@ class Coexisting:
 
 def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ...]:
     """Return the motions that `attractors` finds, that from rest first, with share 0 if it is none of them."""
-    found = attractors(present.oscillator, tolerances=runner.tolerances, workers=runner.workers)
+    found = attractors_by(runner, present.oscillator)
     motions = [_coexisting(attractor) for attractor in found]
     same = next((i for i, attractor in enumerate(found) if _is_present(attractor, present)), None)
     if same is None:
