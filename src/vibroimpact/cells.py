@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -40,8 +40,10 @@ class Cells:
     @classmethod
     def of(cls, columns: Mapping[str, Any]) -> Cells:
         """Return cells from columns of one length, or single numbers."""
-        values = np.broadcast_arrays(*(np.asarray(column, np.float64) for column in columns.values()))
-        return cls(np.stack([np.ravel(column) for column in values], axis=1), tuple(columns))
+        table = np.empty((max(map(np.size, columns.values())), len(columns)))
+        for j, column in enumerate(columns.values()):
+            table[:, j] = np.ravel(column)
+        return cls(table, tuple(columns))
 
     @classmethod
     def at_rest(cls, numbers: Mapping[str, Any]) -> Cells:
@@ -123,7 +125,7 @@ def spread(numbers: Any) -> tuple[Floats, Floats]:
 
 def cells_at(osc: ImpactOscillator, clearance: Floats, velocity: Floats, turns: Floats) -> Cells:
     """Return one cell of an oscillator per start, at times in driving periods."""
-    return Cells.of(asdict(osc) | _start(clearance, velocity, turns))
+    return Cells.of(osc.values | _start(clearance, velocity, turns))
 
 
 def _start(clearance: Any, velocity: Any, turns: Floats) -> dict[str, Any]:

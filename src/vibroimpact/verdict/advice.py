@@ -27,7 +27,7 @@ SCOUTS = 6  # spread initial conditions with which a value is found
 INSTANTS = 128  # of each present cycle at which the change is made
 SCAN, TEST = ImpactWindow(500, 1500), ImpactWindow(1000, 2000)
 TRIED = 6  # values beyond the first good one at which advice is tested
-FEW = 8  # every so many initial conditions one is asked first: these reject most of what is rejected
+FEW = 8  # one in so many initial conditions is asked first: these reject most of what is rejected
 
 
 @dataclass(frozen=True)
@@ -187,11 +187,17 @@ class Judge:
         return benefits
 
     def settled(self, design: ImpactOscillator) -> list[Measured]:
-        """Return the motions from all initial conditions, from fewer where these show no benefit."""
+        """Return the motions from all initial conditions, or from as few as show that there is no benefit."""
         spread, cycles = spread_cells(design), [cycle.cells(design) for cycle in self.cycles]
         many = Cells.join([design.cells({}), spread, *cycles, *orbit_cells(design)])
-        some = measure(self.runner, many[np.arange(0, len(many), FEW)], TEST)
-        return measure(self.runner, many, TEST) if self.target.benefit(some) else some
+        number = len(many)
+        mixed = np.argsort(np.arange(number) % FEW, kind="stable")
+        motions: list[Measured] = []
+        for some in np.split(mixed, [number // FEW, number // 4, number // 2]):
+            motions += measure(self.runner, many[some], TEST)
+            if not self.target.benefit(motions):
+                break
+        return motions
 
 
 def advise(
@@ -226,11 +232,10 @@ def advise(
 def _locate(searches: Sequence[Search], judge: Judge) -> None:
     """Find along each path the first value with a benefit that its next neighbour has too."""
     paths = {(search.range.name, search.direction): search for search in searches}
-    for (name, direction), search in paths.items():
-        benefits = judge.glance([search.range.at(value) for value in search.path])
-        for one in searches:
-            if (one.range.name, one.direction) == (name, direction):
-                one.begins([benefit in one.wanted for benefit in benefits])
+    benefits = iter(judge.glance([search.range.at(value) for search in paths.values() for value in search.path]))
+    found = {key: [next(benefits) for _ in search.path] for key, search in paths.items()}
+    for search in searches:
+        search.begins([benefit in search.wanted for benefit in found[search.range.name, search.direction]])
 
 
 def _refine(searches: Sequence[Search], judge: Judge) -> None:
