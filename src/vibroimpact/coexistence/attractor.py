@@ -58,6 +58,10 @@ class Attractor:
         Share of the initial conditions that lead here; the total includes undecided ones.
     start : State
         A state on the attractor: at its hardest hit, at its release from the stop, or where it rests.
+    transient_impacts : int
+        The most impacts that one of the initial conditions took until it was certain to lead here.
+    transient_velocity : float
+        The hardest hit in m/s seen of those that had not repeated within 500 impacts, before they did; 0 without any.
 
     Notes
     -----
@@ -84,6 +88,8 @@ class Attractor:
     status: Status = Status.OK
     share: float = float("nan")
     start: State = field(default_factory=lambda: State(0.0))
+    transient_impacts: int = 0
+    transient_velocity: float = 0.0
 
     @property
     def motion(self) -> Motion:
@@ -237,9 +243,19 @@ def match(runner: Runner, settled: Settled, longest: ImpactWindow, counted: int)
             sticks = kind == MotionClass.STICKING
             one = sticking_attractor(runner, settled, at) if sticks else quiet_attractor(settled.osc, settled[at])
             found.append(Basin(one, members))
-    shares = [int((basin.members < counted).sum()) / counted for basin in found]
-    found = [replace(b, attractor=replace(b.attractor, share=share)) for b, share in zip(found, shares, strict=True)]
+    found = [replace(basin, attractor=_reached(basin, settled, counted)) for basin in found]
     return sorted(found, key=lambda b: (-b.attractor.share, b.attractor.name, -b.attractor.max_velocity))
+
+
+def _reached(basin: Basin, settled: Settled, counted: int) -> Attractor:
+    """Return the attractor with the share of initial conditions that lead to it, and how slowly they do."""
+    members = basin.members
+    return replace(
+        basin.attractor,
+        share=int((members < counted).sum()) / counted,
+        transient_impacts=int(settled.indices["impacts"][members].max()),
+        transient_velocity=float(settled.passing[members].max()),
+    )
 
 
 def _cycles(settled: Settled) -> Iterator[list[Counts]]:

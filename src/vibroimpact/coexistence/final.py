@@ -110,13 +110,16 @@ class Fate:
     """What becomes of a mass whose next rest is an accident of rounding.
 
     `cell` is the moved release and `end` the motion that it leads to, `ends` how many releases led to each name, and
-    `watched` the impacts of all turns that ended in another rest.
+    `watched` the impacts of all turns. Until a release leads elsewhere than to a rest, it takes `lasts` impacts on
+    average, of up to `passing` m/s.
     """
 
     cell: Cells
     end: Measured
     ends: dict[str, int]
     watched: int
+    lasts: int
+    passing: float
 
 
 def fate_of_release(runner: Runner, cell: Cells) -> Fate:
@@ -134,7 +137,7 @@ def fate_of_release(runner: Runner, cell: Cells) -> Fate:
 def _fate(runner: Runner, cell: Cells) -> Fate:
     """Follow moved releases until some lead elsewhere than to the next rest, or all were watched for long enough."""
     found: Counter[str] = Counter()
-    impacts, tried = 0, 0
+    impacts, tried, passing = 0, 0, 0.0
     while True:
         cells = Cells.join([released(cell, number) for number in range(tried, 2 * tried + 1)])
         ends = runner.measure(cells, LATE, thrifty(runner))
@@ -142,6 +145,7 @@ def _fate(runner: Runner, cell: Cells) -> Fate:
         impacts += sum(end.impacts for end in ends)
         tried = 2 * tried + 1  # twice as many releases each time
         resting = [irregular(end) and rests(end) for end in ends]
+        passing = max(passing, *(end.hardest for end, rest in zip(ends, resting, strict=True) if rest), 0.0)
         left = [end for end, rest in zip(ends, resting, strict=True) if not rest and end.status != Status.BUDGET]
         if left or impacts >= TURNS * WATCHED or not any(resting) or runner.stop.is_set():
             break
@@ -151,7 +155,8 @@ def _fate(runner: Runner, cell: Cells) -> Fate:
     if not left and rests(end):  # also where the turn from the exact release was given up as too long
         indices = end.indices | {"n_periods": 0.0, "n_impacts": -1.0}
         end = replace(end, kind=MotionClass.STICKING.word, n_periods=0, n_impacts=-1, indices=indices)
-    return Fate(cells[at : at + 1], end, dict(found), impacts // TURNS)
+    watched = impacts // TURNS
+    return Fate(cells[at : at + 1], end, dict(found), watched, watched // max(len(left), 1), passing)
 
 
 def thrifty(runner: Runner) -> Tolerances:

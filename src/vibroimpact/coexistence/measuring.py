@@ -30,6 +30,7 @@ HARDLY_EVER = 64  # periods: chaos in which the mass rests now and then is, stri
 QUIET = (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER, MotionClass.AT_REST)
 IDENTIFYING = (  # indices that name a motion and part attractors
     "mean_velocity",
+    "max_velocity",
     "impacts_per_period",
     "lyapunov",
     "lyapunov_per_impact",

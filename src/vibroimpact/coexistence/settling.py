@@ -42,13 +42,17 @@ MEAN_GAP, RATE_GAP = 0.02, 0.02
 
 @dataclass(frozen=True)
 class Settled:
-    """What each initial condition of an oscillator settles to: the kind, its status, the indices of its last run."""
+    """What each initial condition of an oscillator settles to: the kind, its status, the indices of its last run.
+
+    `passing` is the hardest hit in m/s of any window in which it had no cycle yet.
+    """
 
     osc: ImpactOscillator
     cells: Cells
     kind: NDArray[np.int8]
     status: NDArray[np.int8]
     indices: dict[str, NDArray[Any]]
+    passing: Floats
 
     @classmethod
     def of(cls, osc: ImpactOscillator, cells: Cells) -> Settled:
@@ -57,7 +61,7 @@ class Settled:
         counts = {name: np.zeros(number, np.int64) for name in ("impacts", "steps")}
         indices = {name: np.zeros(number, INDICES[name].dtype) for name in IDENTIFYING}
         status = np.full(number, Status.INTERRUPTED, np.int8)
-        return cls(osc, cells, np.zeros(number, np.int8), status, counts | indices)
+        return cls(osc, cells, np.zeros(number, np.int8), status, counts | indices, np.zeros(number))
 
     def __getitem__(self, at: int) -> Measured:
         indices = {name: float(column[at]) for name, column in self.indices.items()}
@@ -68,6 +72,8 @@ class Settled:
         for name in (*IDENTIFYING, "impacts"):
             self.indices[name][at] = outcome[name]
         self.indices["steps"][at] += outcome["steps"]
+        hit = np.where(outcome["n_periods"] == 0, outcome["max_velocity"], 0.0)
+        self.passing[at] = np.fmax(self.passing[at], hit)
         self.kind[at] = attracting_kinds(self.osc, outcome, kept)
         self.status[at] = _plain(outcome["status"], self.kind[at])
 
@@ -78,7 +84,8 @@ class Settled:
         self.status[at] = _plain(np.array([fate.end.status]), self.kind[at[:1]])[0]
         for name in IDENTIFYING:
             self.indices[name][at] = fate.end.indices[name]
-        self.indices["impacts"][at] = fate.end.impacts
+        self.indices["impacts"][at] = max(fate.lasts, fate.end.impacts)
+        self.passing[at] = np.fmax(fate.passing, self.passing[at])
 
 
 def attracts(osc: ImpactOscillator) -> bool:

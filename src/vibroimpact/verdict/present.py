@@ -128,6 +128,8 @@ class Coexisting:
         Driving periods of its cycle, 0 where it has none.
     start : State
         A state on it.
+    transient_impacts, transient_velocity
+        As of `Attractor`: how many impacts it may take until it is reached, and how hard they are.
     """
 
     name: str
@@ -137,6 +139,8 @@ class Coexisting:
     from_rest: bool
     n_periods: int = 0
     start: State = field(default_factory=lambda: State(0.0))
+    transient_impacts: int = 0
+    transient_velocity: float = 0.0
 
     @property
     def reached(self) -> bool:
@@ -165,7 +169,8 @@ def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ..
 def _coexisting(attractor: Attractor) -> Coexisting:
     hits = MotionClass[attractor.kind.upper()].hits
     velocity, loss = (attractor.max_velocity, attractor.dissipation) if hits else (0.0, 0.0)
-    return Coexisting(attractor.name, attractor.share, velocity, loss, False, attractor.n_periods, attractor.start)
+    what = attractor.name, attractor.share, velocity, loss, False, attractor.n_periods, attractor.start
+    return Coexisting(*what, attractor.transient_impacts, attractor.transient_velocity)
 
 
 def _is_present(attractor: Attractor, present: Present) -> bool:
