@@ -141,7 +141,7 @@ def test_the_head_names_the_motion_that_hits_hardest_and_advice_aims_at_it():
     assert verdict.worst.share == pytest.approx(0.88, abs=0.02)
     assert verdict.worst.max_velocity == pytest.approx(0.1054, rel=1e-3)
     head = str(verdict).partition("boundaries")[0]
-    assert f"{100 * verdict.worst.share:.2g} % of the initial conditions: period-1 impact-1, 0.10543 m/s" in head
+    assert f"{100 * verdict.worst.share:.2g} % of the initial conditions: period-1 impact-1, 0.1054 m/s" in head
     assert {advice.before for advice in verdict.advice} == {verdict.worst.max_velocity}
 
 

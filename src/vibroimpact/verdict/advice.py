@@ -49,7 +49,8 @@ class Advice:
     max_velocity, before : float
         Its hardest hit and that of the hardest present motion, in m/s.
     tried : int
-        Initial conditions from which no hit is harder than `max_velocity`.
+        Initial conditions from which no hit is harder than `max_velocity`; 0 where all hits are proportional to the
+        parameter, and none had to be tried.
     """
 
     parameter: str
@@ -65,7 +66,9 @@ class Advice:
 
 @dataclass(frozen=True)
 class Target:
-    """What is to be softened: the hardest hits of the present motions; whether any, and whether these, never repeat."""
+    """What is to be softened: the hardest hits of the present motions; whether any never repeats; whether these are
+    chaos.
+    """
 
     hardest: float
     irregular: bool
@@ -75,7 +78,8 @@ class Target:
     def of(cls, motions: Sequence[Coexisting]) -> Target:
         """Return the target among motions that coexist."""
         worst = max(motions, key=lambda motion: motion.max_velocity)
-        return cls(worst.max_velocity, not all(motion.repeats for motion in motions), not worst.repeats)
+        chaotic = worst.name == MotionClass.CHAOTIC.word
+        return cls(worst.max_velocity, not all(motion.repeats for motion in motions), chaotic)
 
     def benefit(self, then: Iterable[Measured]) -> str:
         """Return the benefit of a change after which these are the motions, or nothing.
@@ -213,13 +217,13 @@ def advise(
         Search(each, direction, path, wanted)
         for each in ranges
         for direction in (-1, 1)
-        if (path := each.path(direction, PLACES)) and not (target.chaotic and each.only_scales)
+        if (path := each.path(direction, PLACES)) and not each.only_scales
         for wanted in (("softer", "no_chaos", "no_impact"), ("no_impact",))
     ]
     _locate(searches, judge)
     good = [search for search in searches if search.values]
     _refine(good, judge)
-    found = []
+    found = [_scaled(motions, each) for each in ranges if each.only_scales]
     for each in ranges:
         mine = [search for search in good if search.range is each]
         first = _smallest([search for search in mine if len(search.wanted) > 1], judge)
@@ -260,6 +264,16 @@ def _smallest(searches: Sequence[Search], judge: Judge) -> Advice | None:
             what = varied.name, value, varied.change(value), varied.of, benefit, worst.name
             return Advice(*what, worst.hardest, judge.target.hardest, len(motions))
     return None
+
+
+def _scaled(motions: Sequence[Coexisting], varied: Range) -> Advice | None:
+    """Return the change of a force to which all motions are proportional; None without room."""
+    worst = max(motions, key=lambda motion: motion.max_velocity)
+    value = _rounded(SOFTER * varied.value, varied, -1)
+    change, hardest = varied.change(value), value / varied.value * worst.max_velocity
+    if hardest > SOFTER * worst.max_velocity:
+        return None
+    return Advice(varied.name, value, change, varied.of, "softer", worst.name, hardest, worst.max_velocity, 0)
 
 
 def _rounded(value: float, varied: Range, outwards: int) -> float:

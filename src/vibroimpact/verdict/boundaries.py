@@ -32,10 +32,12 @@ STEP = 0.01  # of the range, a period, or the speed: the longest step along a br
 MOST = 800  # orbits times impacts that are solved for along one direction
 GOLDEN, GOLDEN_SHARE = 60, 0.5 * (math.sqrt(5.0) - 1.0)  # steps of a golden section, to 3e-13 of its beginning
 SCANNED = 60  # values along a path at which a condition is evaluated
+CLOSER = 32  # times that the first of them is halved: cycles of many periods may end within 1e-12
 BOUNCY = 0.99  # restitution up to which sticking is followed: chatters grow longer as 1/(1 - r)
 ACROSS = ImpactWindow(1500, 2000)  # close to a boundary motions settle slowly
 BOUNDARIES = {  # in words
     "period_doubling": "period doubling",
+    "period_halving": "period halving",
     "fold": "fold",
     "grazing": "grazing",
     "end_of_sticking": "end of sticking",
@@ -63,8 +65,9 @@ class Edge:
     direction : int
         -1 for smaller values, +1 for larger ones.
     kind : str
-        "period_doubling", "fold", "grazing", "end_of_sticking", "first_contact" and "lift_off" (of a motion without
-        impacts), "pressed_for_ever", "change" (another class of motion, found by bisection), or "none" within the
+        "period_doubling", "period_halving" (the orbit ends where it was born, at a period doubling of another),
+        "fold", "grazing", "end_of_sticking", "first_contact" and "lift_off" (of a motion without impacts),
+        "pressed_for_ever", "change" (another class of motion, found by bisection), or "none" within the
         range.
     value : float
         The parameter there; NaN for "none".
@@ -199,6 +202,8 @@ def nearest_boundaries(
 
 def _with_onsets(present: Present, found: Sequence[Found], runner: Runner, here: bool) -> list[Found]:
     """Return the boundaries of a motion without impacts, and from where on others hit; `here`: some do already."""
+    if present.final.ends:
+        return list(found)  # rounding decides how long impacts last, here and all around
     # Without a force no impacts last, and without damping passing ones have no end.
     driven = [one.end != one.range.value and one.range.at(one.end).amplitude > 0.0 for one in found]
     open_ = [i for i, is_driven in enumerate(driven) if is_driven and present.oscillator.damping > 0.0]
@@ -269,7 +274,8 @@ def _bifurcation(orbit: Orbit, side: Found) -> Found | None:
                 value = special.system.values(special.x)[0]
                 hit = 0 if min(at.velocities) > 0.0 else int(np.argmax(at.velocities))
                 start = Start(0.0, at.velocities[hit], at.phases[hit])
-                return replace(side, kind=special.kind, value=value, start=start)
+                kind = "period_halving" if at.n_periods < orbit.n_periods else special.kind
+                return replace(side, kind=kind, value=value, start=start)
         if len(way.points) * orbit.n_impacts > MOST:
             return None
     return side if way is not None and way.end == "range" else None
@@ -281,7 +287,9 @@ def _end_of_sticking(present: Present, side: Found) -> Found:
     n, varied = present.orbit.n_periods, side.range
     if present.model is present.oscillator and varied.name == "restitution":
         varied = replace(varied, high=min(varied.high, max(BOUNCY, 0.5 * (1.0 + varied.value))))
-    values = [varied.value, *varied.path(side.direction, SCANNED)]
+    path = varied.path(side.direction, SCANNED)
+    near = [varied.between(varied.value, path[0], 0.5**k) for k in range(CLOSER, 0, -1)] if path else []
+    values = [varied.value, *near, *path]
     widest = 0.0
     for _ in range(3):  # the steps, then the first in which it ends in finer ones: cycles may come and go within
         ended = next((i for i, value in enumerate(values) if i and periods_from_release(varied.at(value), n) != n), 0)

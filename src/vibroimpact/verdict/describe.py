@@ -188,7 +188,7 @@ def describe(
     coexisting motions that initial conditions lead to: by at least a fifth, or it ends all impacts, or chaos at no
     harder hits. It is given only if nothing hits harder at the advised value from rest, from 256 spread impacts, on the
     stable orbits of one impact, and after the change was made at 128 instants of each present cycle. One to
-    three seconds on two cores for most designs, up to five for others, rarely ten; 4,000 to 20,000 motions.
+    three seconds on two cores, rarely four, and seven for chaos with long flights; 4,000 to 14,000 motions.
 
     Examples
     --------

@@ -13,9 +13,9 @@ from vibroimpact.coexistence.measuring import PAPER, SPREAD
 from vibroimpact.oscillator import Model
 from vibroimpact.verdict.advice import INSTANTS, Advice
 from vibroimpact.verdict.boundaries import NOISE, ONSETS, Edge
-from vibroimpact.verdict.carried import PLACES
+from vibroimpact.verdict.carried import LONG, PLACES
 from vibroimpact.verdict.onsets import Onset
-from vibroimpact.verdict.present import percent, range_of
+from vibroimpact.verdict.present import Coexisting, percent, range_of
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.describe import Verdict
@@ -25,6 +25,9 @@ KNOWN = 1e-6  # of the motion's size: how well a state is known whose future is 
 ADVICE = 3  # changes listed, at most
 LISTED = 4  # impacts of a cycle listed, at most
 SHOWN = 12  # coexisting motions listed, at most
+HARDER = 1.02  # times the hits of a motion: transients that hit so hard are told of
+FINE = 1e-8  # relative: no machine is set so exactly
+EXACT = 17  # digits that tell any two numbers apart
 MANY_GAPS = 10.0  # a change so many times the gap is given relative to f/k alone
 _TIED = "\u00a0"
 
@@ -57,6 +60,16 @@ def _wrapped(head: str, line: str) -> Iterator[str]:
         yield part.replace(_TIED, " ")
 
 
+def speed(velocity: float) -> str:
+    """Return an impact velocity with its unit."""
+    return f"{velocity:.4g} m/s"
+
+
+def number(value: float, digits: int) -> str:
+    """Return a number of so many digits, without a power of ten below a million."""
+    return f"{float(f'{value:.{digits}g}'):g}"
+
+
 def parameters_line(model: Model) -> str:
     """Return the parameters of a model in a line."""
     return ", ".join(f"{name} {quantity(model, name, value, 6)}" for name, value in model.values.items())
@@ -80,7 +93,7 @@ def _motion(verdict: Verdict) -> Iterator[str]:
     if worst is not None and not worst.from_rest:
         yield (
             f"hits hardest from {percent(worst.share)} of the initial conditions: {worst.name}, "
-            f"{worst.max_velocity:.5g} m/s"
+            f"{speed(worst.max_velocity)}"
         )
     if verdict.kind == "no_impact" and math.isfinite(osc.steady_amplitude):
         yield (
@@ -110,21 +123,21 @@ def _hits(verdict: Verdict) -> Iterator[str]:
     motion, rate = verdict.motion, verdict.indices["impacts_per_period"]
     if not math.isfinite(verdict.max_velocity) or verdict.max_velocity == 0.0:
         return
-    hardest = f"{verdict.max_velocity:.5g} m/s"
+    hardest = speed(verdict.max_velocity)
     if verdict.kind == "sticking":
         at = f" at phase {motion.phases[0]:.3g}" if motion.phases else ""
         some = f"{motion.n_impacts} per cycle" if motion.n_impacts > 0 else "followed by a complete chatter"
-        yield f"hardest {hardest}{at}, {some}"
+        yield f"hardest {hardest}{at}, {some}" if motion.n_periods else f"hardest {hardest} of those sampled"
     elif verdict.kind == "periodic" and motion.velocities:
         often = "once per period" if rate == 1.0 else f"{rate:.4g} times per period"
         pairs = list(zip(motion.velocities, motion.phases, strict=True))
-        hits = ", ".join(f"{speed:.5g} m/s at phase {phase:.3g}" for speed, phase in pairs[:LISTED])
+        hits = ", ".join(f"{speed(velocity)} at phase {phase:.3g}" for velocity, phase in pairs[:LISTED])
         more = f", and {len(pairs) - LISTED} softer or equal" if len(pairs) > LISTED else ""
         yield f"{often}: {hits}{more}"
     else:
         yield (
             f"{rate:.3g} times per period on average, hardest {hardest} of {PAPER.keep} sampled, mean "
-            f"{verdict.indices['mean_velocity']:.3g} m/s; phases spread {verdict.indices['impact_phase_spread']:.2g} "
+            f"{speed(verdict.indices['mean_velocity'])}; phases spread {verdict.indices['impact_phase_spread']:.2g} "
             "(0 one phase, 1 uniform)"
         )
 
@@ -147,18 +160,23 @@ def _stability(verdict: Verdict) -> Iterator[str]:
         exponent = verdict.orbit.lyapunov
     if math.isnan(exponent):
         return
-    if math.isinf(exponent):
+    if math.isinf(exponent) and verdict.releases and not verdict.motion.n_periods:
+        yield "each rest at the stop erases all memory, but neighbours part before the next: none is foreseen"
+    elif math.isinf(exponent):
         yield "a rest at the stop erases all memory: perturbations vanish (exponent -inf)"
     elif verdict.kind == "chaotic":
         ahead = -math.log(KNOWN) / exponent / period
         yield (
-            f"perturbations double every {math.log(2.0) / exponent:.3g} s "
+            f"perturbations double every {number(math.log(2.0) / exponent, 3)} s "
             f"(exponent {exponent:.4g} 1/s): a state known to {KNOWN:g} of its size is predictable for about "
-            f"{ahead:.2g} periods"
+            f"{number(ahead, 2)} periods"
         )
     elif exponent < 0.0 and verdict.kind == "periodic":
         half = -math.log(2.0) / exponent
-        yield (f"perturbations halve every {half:.3g} s, {half / period:.2g} periods (exponent {exponent:.4g} 1/s)")
+        yield (
+            f"perturbations halve every {number(half, 3)} s, {number(half / period, 2)} periods (exponent "
+            f"{exponent:.4g} 1/s)"
+        )
     elif abs(exponent) * period < NOISE:
         yield "perturbations neither decay nor grow"
     else:
@@ -187,23 +205,26 @@ def _about_edges(verdict: Verdict) -> Iterator[str]:
             share = percent(hitting) if hitting else "some"
             yield f"here already {share} of the initial conditions settle to impacts"
         else:
-            yield "up to there neither a start from rest nor the other ones tried settle to impacts"
+            yield (
+                f"up to there, at {PLACES} values per side, neither a start from rest nor the other ones tried go on "
+                f"hitting for {LONG.transient + LONG.keep} impacts: windows between these values may lie nearer"
+            )
     elif any(edge.found for edge in edges):
         yield "these hold for the motion from rest, carried along in small steps"
     if any(edge.spacing for edge in edges):
         yield "steps are those between the values tried: narrower windows of other motions may lie nearer"
-    if any(onset_words(edge) for edge in edges):
-        yield f"both kinds of impacts were looked for at {PLACES} values per side: narrower windows may lie nearer"
+    if any(edge.found and not edge.at_once and abs(edge.change) < FINE for edge in edges):
+        yield f"changes of less than {percent(FINE)} lead to other motions: expect those around it in a machine"
 
 
 def edge_words(model: Model, edge: Edge) -> str:
-    """Return a boundary in words, such as 'up 3.1 % to 2.693 rad/s (period doubling, then period-2 impact-2)'.
+    """Return a boundary in words, such as 'up 3.1 % to 2.693 rad/s (period doubling; period-2 impact-2 at 2.695)'.
 
     Of a motion without impacts others come first, where they differ: from where on some initial condition settles to
     impacts, and a start from rest strikes the stop or settles to impacts.
     """
     way = "down" if edge.direction < 0 else "up"
-    then = f", then {edge.beyond}" if edge.beyond and edge.kind != "change" else ""
+    then = _seen_beyond(model, edge) if edge.beyond and edge.kind != "change" else ""
     if edge.at_once:
         return f"{way} at once ({edge.what}{then})"
     parts = [_place(model, edge, onset, [what]) for onset, what in onset_words(edge)]
@@ -211,8 +232,16 @@ def edge_words(model: Model, edge: Edge) -> str:
     if edge.found:
         parts.append(_place(model, edge, edge, [edge.what + then, "" if edge.exact else edge.accuracy, steps]))
     else:
-        parts.append(f"{'itself ' if parts else ''}none to {edge.searched_to:.4g}{f' ({steps})' if steps else ''}")
+        own = "of the motion itself " if parts else ""
+        parts.append(f"{own}none to {edge.searched_to:.4g}{f' ({steps})' if steps else ''}")
     return f"{way} {', '.join(parts)}"
+
+
+def _seen_beyond(model: Model, edge: Edge) -> str:
+    """Return the motion that was seen beyond an edge, and where."""
+    if math.isnan(edge.beyond_at):
+        return f"; {edge.beyond} beyond"
+    return f"; {edge.beyond} at {report.quantity(edge.beyond_at, model.parameters[edge.parameter].unit, 6)}"
 
 
 def onset_words(edge: Edge) -> list[tuple[Onset, str]]:
@@ -228,7 +257,10 @@ def onset_words(edge: Edge) -> list[tuple[Onset, str]]:
 
 def _place(model: Model, edge: Edge, at: Edge | Onset, about: list[str]) -> str:
     """Return a value on the way along a parameter, and what is known of it."""
-    place = quantity(model, edge.parameter, at.value, 6 if at.half_width == 0.0 else 5)
+    present, digits = range_of(model, edge.parameter, 1.0).value, 6 if at.half_width == 0.0 else 5
+    while digits < EXACT and f"{at.value:.{digits}g}" == f"{present:.{digits}g}" and at.value != present:
+        digits += 1
+    place = quantity(model, edge.parameter, at.value, digits)
     known = "; ".join(part for part in about if part)
     return f"{change_words(model, edge.parameter, at.value)} to {place} ({known})"
 
@@ -246,18 +278,28 @@ def change_words(model: Model, parameter: str, value: float) -> str:
 def _coexisting(verdict: Verdict) -> Iterator[str]:
     undecided = 1.0 - sum(motion.share for motion in verdict.attractors)
     if len(verdict.attractors) == 1 and undecided < 1e-9:
-        yield f"none found: {SPREAD} spread initial conditions settle to this motion"
+        (only,) = verdict.attractors
+        yield f"none found: {SPREAD} spread initial conditions settle to this motion{_slow(only)}"
         return
     for motion in verdict.attractors[:SHOWN]:
-        hit = f", hardest hit {motion.max_velocity:.3g} m/s" if motion.max_velocity > 0.0 else ""
+        hit = f", hardest hit {speed(motion.max_velocity)}" if motion.max_velocity > 0.0 else ""
         here = " (this motion)" if motion.from_rest else ""
         share = f"{100.0 * motion.share:.3g} % of the initial conditions"
         rare = motion.share == 0.0 and not motion.from_rest
-        yield f"{'stable, but reached from none of them' if rare else share}: {motion.name}{here}{hit}"
+        yield f"{'stable, but reached from none of them' if rare else share}: {motion.name}{here}{hit}{_slow(motion)}"
     if len(verdict.attractors) > SHOWN:
         yield f"and {len(verdict.attractors) - SHOWN} more"
     if verdict.attractors and undecided >= 1e-9:
         yield f"{100.0 * undecided:.3g} % of the initial conditions: undecided"
+
+
+def _slow(motion: Coexisting) -> str:
+    """Return how long, and how hard, initial conditions may hit before they settle to a motion, if that is notable."""
+    long = motion.transient_impacts > PAPER.transient + PAPER.keep
+    if not (long and motion.repeats and motion.transient_velocity > HARDER * motion.max_velocity):
+        return ""
+    often = number(motion.transient_impacts, 2)
+    return f", some after up to {often} impacts and hits of up to {speed(motion.transient_velocity)}"
 
 
 def _advice(verdict: Verdict) -> Iterator[str]:
@@ -268,19 +310,24 @@ def _advice(verdict: Verdict) -> Iterator[str]:
     elif not verdict.boundaries:
         yield "no parameter was varied"
     elif not verdict.advice:
-        yield "no change of one parameter within its range softens the impacts from all initial conditions tried"
+        names = list(dict.fromkeys(edge.parameter for edge in verdict.boundaries))
+        varied = "one parameter" if len(names) == len(verdict.model.values) else " or ".join(names) + " alone"
+        yield f"no change of {varied} within its range softens the impacts from all initial conditions tried"
     else:
         smallest = verdict.advice[:ADVICE]
-        for i, advice in enumerate(smallest):
-            yield ("or " if i else "to soften the impacts, ") + advice_words(verdict.model, advice)
-        quiet = next((advice for advice in verdict.advice if advice.benefit == "no_impact"), None)
-        if quiet is not None and quiet not in smallest:
-            yield "to end them, " + advice_words(verdict.model, quiet)
-        fewest = min(advice.tried for advice in verdict.advice)
-        yield (
-            f"each holds from {fewest} initial conditions or more: rest, {SPREAD} spread ones and the present motions, "
-            f"changed at {INSTANTS} instants of each cycle"
-        )
+        ends = [advice for advice in verdict.advice if advice.benefit == "no_impact"]
+        aims = {
+            "to soften the impacts": [advice for advice in smallest if advice not in ends],
+            "to end the impacts": [advice for advice in smallest if advice in ends] or ends[:1],
+        }
+        for aim, ways in aims.items():
+            for i, advice in enumerate(ways):
+                yield ("or " if i else f"{aim}, ") + advice_words(verdict.model, advice)
+        if tried := [advice.tried for advice in verdict.advice if advice.tried]:
+            yield (
+                f"each holds from {min(tried)} initial conditions or more: rest, {SPREAD} spread ones and the present "
+                f"motions, changed at {INSTANTS} instants of each cycle"
+            )
 
 
 def advice_words(model: Model, advice: Advice) -> str:
@@ -293,5 +340,5 @@ def advice_words(model: Model, advice: Advice) -> str:
     softer = 100.0 * (1.0 - advice.max_velocity / advice.before)
     size = f"{abs(softer):.2g} % {'softer' if softer > 0.0 else 'harder'}"
     calmed = ", no longer chaotic" if advice.benefit == "no_chaos" else ""
-    hits = f"hardest hit {advice.max_velocity:.4g} instead of {advice.before:.4g} m/s ({size})"
+    hits = f"hardest hit {advice.max_velocity:.4g} instead of {speed(advice.before)} ({size})"
     return f"{head}{advice.motion}{calmed}, {hits}"
