@@ -263,8 +263,11 @@ def _local(processes: int) -> Iterator[Any]:
                 f"`cluster` is 'local:{processes}', whose processes did not start ({error}); each of them imports the "
                 "script that starts it, so put what the script does below `if __name__ == '__main__':`"
             ) from error
-        with cluster:
+        try:
             yield cluster
+        finally:
+            with suppress(KeyError):  # Dask may hear twice that a killed process is gone
+                cluster.close()
 
 
 def _reach(scheduler: Any) -> Client:
