@@ -298,6 +298,47 @@ def test_an_interrupted_store_keeps_its_tiles_and_the_same_command_goes_on(run, 
     assert "continue with" not in told
 
 
+@pytest.mark.usefixtures("interrupted_early")
+def test_an_interrupted_store_never_replaces_a_complete_one_until_it_is_complete(run, tmp_path, monkeypatch):
+    again = f"{BIG} --tile 4000 --out map.zarr --overwrite"
+    vi.save(vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], sample_impacts=20), tmp_path / "map.zarr")
+    code, _, complaints = run(again)
+    assert code == 130
+    assert "map.zarr is unchanged; map.partial.zarr: " in complaints[-1]
+    assert vi.load(tmp_path / "map.zarr").sizes == {"omega": 1}
+    monkeypatch.undo()
+    monkeypatch.chdir(tmp_path)
+    code, _, complaints = run(again)
+    assert code == 0
+    assert any("map.partial.zarr exists" in line and "continuing" in line for line in complaints)
+    assert vi.load(tmp_path / "map.zarr").sizes == {"omega": 200, "mass": 200}
+    assert names(tmp_path) == ["map.zarr"]
+
+
+@pytest.mark.parametrize("out", ["map.zarr", "map.nc", "map.csv", "map.png"])
+@pytest.mark.parametrize(
+    "fault",
+    ["--cluster tcp://127.0.0.1:9", "--start 9,0,0", "disk", "memory"],
+    ids=["cluster", "start", "disk", "memory"],
+)
+def test_whatever_fails_an_output_that_may_be_overwritten_stays(run, tmp_path, monkeypatch, out, fault):
+    small = f"map --x w=1.5:2.5:9 --y m=1:2:3 --sample-impacts 20 --out {out}"
+    assert run(small)[0] == 0
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    error = OSError(28, "No space left on device") if fault == "disk" else MemoryError()
+
+    def fail(*given):
+        raise error
+
+    if fault in ("disk", "memory"):
+        fault = ""
+        monkeypatch.setattr("vibroimpact.backends.cpu.CpuBackend.share", fail)
+    code, _, complaints = run(f"{small} --sample-impacts 30 --overwrite {fault}")
+    assert code in (1, 2)
+    assert not any("Traceback" in line for line in complaints)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
 def test_another_study_on_a_store_is_refused_with_the_difference_and_nothing_is_touched(run, tmp_path):
     small = "map --x w=1.5:2.5:9 --sample-impacts 20"
     assert run(f"{small} --out map.zarr")[0] == 0

@@ -344,6 +344,10 @@ def test_a_write_that_breaks_off_leaves_what_was_there_and_nothing_else(tmp_path
     assert sorted(p.name for p in tmp_path.rglob("*")) == before
 
 
+def names(folder: Path) -> list[str]:
+    return sorted(entry.name for entry in folder.iterdir())
+
+
 def test_an_old_store_comes_back_if_the_new_one_cannot_be_moved(tmp_path, monkeypatch):
     path = vi.save(sweep(1.0), tmp_path / "map.zarr")
     replace = os.replace
@@ -359,6 +363,53 @@ def test_an_old_store_comes_back_if_the_new_one_cannot_be_moved(tmp_path, monkey
     monkeypatch.undo()
     assert vi.load(path)["std"][0, 0] == 1.0
     assert [p.name for p in tmp_path.iterdir()] == ["map.zarr"]
+
+
+DYING = """
+import os, sys
+import numpy as np, xarray as xr
+import vibroimpact as vi
+from vibroimpact import files
+def die(*where, **how):
+    os._exit(9)
+if sys.argv[2] == "replacing":
+    moved = files._moved
+    files._moved = lambda part, target: moved(part, target) if target.exists() else die()
+else:
+    files._move = die
+vi.save(xr.Dataset({"std": ("omega", [2.0])}, {"omega": [1.0]}), sys.argv[1], overwrite=True)
+"""
+
+
+def die(path: Path, when: str) -> None:
+    """Save to a path in a process that is killed while it writes, or between setting aside and replacing."""
+    assert subprocess.run([sys.executable, "-c", DYING, str(path), when], check=False).returncode == 9
+
+
+def test_what_a_killed_process_had_set_aside_is_offered_and_never_deleted(tmp_path):
+    path = vi.save(sweep(1.0), tmp_path / "map.zarr")
+    die(path, "replacing")
+    (aside,) = (entry for entry in tmp_path.iterdir() if entry.suffix == ".old")
+    with pytest.raises(FileNotFoundError, match=f"lies in .*{aside.name}"):
+        vi.load(path)
+    vi.save(sweep(3.0), path)
+    aside.rename(tmp_path / "former.zarr")
+    assert vi.load(tmp_path / "former.zarr")["std"][0, 0] == 1.0
+    assert names(tmp_path) == ["former.zarr", "map.zarr"]
+
+
+@pytest.mark.parametrize("ending", files.DATA_ENDINGS)
+def test_what_a_killed_process_had_half_written_is_removed_by_the_next_one(tmp_path, ending):
+    path = vi.save(sweep(1.0), tmp_path / f"map{ending}")
+    die(path, "writing")
+    assert len(names(tmp_path)) == 2
+    with files.replacing(path, overwrite=True) as part:  # that of a process which lives is left alone
+        part.parent.joinpath("mine").touch()
+        vi.save(sweep(2.0), path, overwrite=True)
+        assert part.parent.joinpath("mine").exists()
+        assert names(tmp_path) == [part.parent.name, path.name]
+        part.touch()
+    assert names(tmp_path) == [path.name]
 
 
 REPLACING = """

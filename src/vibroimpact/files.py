@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import glob
 import os
 import shutil
 import time
@@ -11,6 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any
+from uuid import uuid4
 
 import numpy as np
 
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 
 DATA_ENDINGS = tuple(WRITERS)
 MOVES = 1000  # attempts to replace an output that other processes keep replacing
+PART, ASIDE = ".part", ".old"  # endings of what is being written, and of what is being replaced
 
 
 def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
@@ -115,7 +118,7 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     if ending not in _OPEN:
         raise invalid("path", str(path), "a .zarr folder or a .nc file", ".csv and .mat are exports only")
     if not source.exists():
-        raise FileNotFoundError(f"`path` {str(path)!r} does not exist; check the spelling")
+        raise FileNotFoundError(f"`path` {str(path)!r} does not exist; {offered(source) or 'check the spelling'}")
     try:
         with xr.open_dataset(source, **_OPEN[ending]) as stored:
             return _restored(stored.load())
@@ -186,22 +189,83 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
     """
     target = Path(path)
     try:
-        scratch = Path(mkdtemp(prefix=f".{target.stem}-", suffix=".part", dir=target.parent))
-        try:
+        with _scratch(target) as scratch:
             part = scratch / target.name
             yield part
             if os.path.lexists(target) and not overwrite:
                 raise _appeared(target)
-            _move(part, target, old=scratch.with_suffix(".old"), overwrite=overwrite)
-            shutil.rmtree(scratch)
-        except BaseException:
-            remove_folder(scratch)
-            raise
+            _move(part, target, overwrite=overwrite)
     except OSError as error:
         if str(error).startswith("`out`"):
             raise
         message = f"`out` {str(path)!r} could not be written ({_first_line(error)}); nothing was changed"
         raise OSError(error.errno, message) from error
+
+
+@contextmanager
+def _scratch(target: Path) -> Iterator[Path]:
+    """Yield a folder beside the target for what is being written; remove it, and those that killed processes left.
+
+    The system takes a lock back from a process that ends, however it ends.
+    """
+    for left in target.parent.glob(f".{glob.escape(target.stem)}-*{PART}"):
+        with _held(left) as unused:
+            if unused:
+                shutil.rmtree(left, ignore_errors=True)
+    for _ in range(MOVES):
+        scratch = Path(mkdtemp(prefix=f".{target.stem}-", suffix=PART, dir=target.parent))
+        with _held(scratch) as mine:
+            if mine is False:  # another process has just taken it for a leftover
+                continue
+            try:
+                yield scratch
+                shutil.rmtree(scratch)
+            except BaseException:
+                remove_folder(scratch)
+                raise
+            return
+    raise OSError(errno.EBUSY, "other processes keep removing what is written there")
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[bool | None]:
+    """Hold a folder, if no other process does and it is there; None where this system locks no folders."""
+    try:
+        import fcntl
+    except ImportError:
+        yield None
+        return
+    held: bool | None = False
+    handle = None
+    try:
+        try:
+            handle = os.open(folder, os.O_RDONLY)
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            held = os.path.samestat(os.fstat(handle), os.stat(folder))
+        except (BlockingIOError, FileNotFoundError):
+            pass
+        except OSError:  # nor do some file systems
+            held = None
+        yield held
+    finally:
+        if handle is not None:
+            os.close(handle)
+
+
+def partial_name(path: Path) -> Path:
+    """Return the name of what is not complete and may not replace what is."""
+    return path.with_name(f"{path.stem}.partial{path.suffix}")
+
+
+def replace_output(part: Path, path: Path) -> None:
+    """Let one output replace another."""
+    _move(part, path, overwrite=True)
+
+
+def offered(path: Path) -> str:
+    """Return where the former output of a name lies that a process did not live to replace; empty without one."""
+    aside = max(path.parent.glob(f".{glob.escape(path.name)}-*{ASIDE}"), key=os.path.getmtime, default=None)
+    return f"what it held lies in {str(aside)!r}, set aside by a process that ended: rename that" if aside else ""
 
 
 def remove_folder(folder: Path) -> None:
@@ -215,7 +279,7 @@ def remove_folder(folder: Path) -> None:
         time.sleep(0.02)
 
 
-def _move(part: Path, target: Path, *, old: Path, overwrite: bool) -> None:
+def _move(part: Path, target: Path, *, overwrite: bool) -> None:
     """Replace `target` by `part`; a folder cannot be replaced in one step, so the old one is set aside first.
 
     Other processes may do the same at the same moment: each tries again when the name is taken, or the old output
@@ -223,14 +287,15 @@ def _move(part: Path, target: Path, *, old: Path, overwrite: bool) -> None:
     """
     aside: list[Path] = []
     try:
-        for turn in range(MOVES):
+        for _ in range(MOVES):
             if _moved(part, target):
                 return
             if not overwrite:
                 raise _appeared(target)
+            old = target.with_name(f".{target.name}-{uuid4().hex[:8]}{ASIDE}")
             with suppress(FileNotFoundError):  # another process has set it aside
-                os.rename(target, old.with_name(f"{old.name}{turn}"))
-                aside.append(old.with_name(f"{old.name}{turn}"))
+                os.rename(target, old)
+                aside.append(old)
         raise OSError(errno.EBUSY, "other processes keep writing there")
     except BaseException:
         if aside and not os.path.lexists(target):

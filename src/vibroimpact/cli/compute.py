@@ -185,18 +185,20 @@ def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed
     from vibroimpact.execution.layout import StoreBusy, settle
     from vibroimpact.execution.threads import GRACE
 
-    out = options["out"]
-    opening = partial(files.announce, out) if resumed else None  # once it is known to be of the same study
+    out, place = options["out"], files.place_for(options)
+    # Once it is known to be of the same study.
+    opening = partial(files.announce, place) if resumed or (place != out and place.exists()) else None
     with (
         Meter("map", patience=GRACE, settle=settle, opening=opening) as meter,
-        files.making_room(options),
+        files.replacing_store(place, out),
         refusing(StoreBusy),
     ):
-        _call("parameter_map", study, progress=meter, store=out, **study.axes, **more)
-    state = files.state_of(out, meter.seconds)
+        _call("parameter_map", study, progress=meter, store=place, **study.axes, **more)
     if meter.stopped:
-        raise Interrupted(f"interrupted; {state}; run the same command again to continue")
-    typer.echo(f"wrote {state}")
+        kept = f"{out} is unchanged; " if place != out else ""
+        state = files.state_of(place, meter.seconds)
+        raise Interrupted(f"interrupted; {kept}{state}; run the same command again to continue")
+    typer.echo(f"wrote {files.state_of(out, meter.seconds)}")
 
 
 def _call(function: str, study: Study, **more: Any) -> xr.Dataset:

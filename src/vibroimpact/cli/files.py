@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 from collections.abc import Iterator, Mapping
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from vibroimpact.cli import REFUSALS, Interrupted, WrongRequest, output, refusing
+from vibroimpact.cli import REFUSALS, Interrupted, output, refusing
 from vibroimpact.cli import options as o
 from vibroimpact.progress import Meter
 
@@ -140,24 +141,31 @@ def announce(out: Path) -> None:
         print(f"{out} exists: {_progress(store)[0]}; {left}", file=sys.stderr, flush=True)
 
 
-@contextmanager
-def making_room(options: Mapping[str, Any]) -> Iterator[None]:
-    """Set aside what may be overwritten; restore it if the request turns out to be wrong."""
+def place_for(options: Mapping[str, Any]) -> Path:
+    """Return where a map is stored tile by tile: beside what it replaces in the end, where it may replace anything."""
+    from vibroimpact.files import partial_name
+
     out: Path = options["out"]
-    if not (options["overwrite"] and out.exists()):
-        yield
-        return
-    aside = out.with_name(f".{out.name}.replaced")
-    shutil.rmtree(aside, ignore_errors=True)
-    out.rename(aside)
+    beside = partial_name(out)
+    return beside if options["overwrite"] and (os.path.lexists(out) or beside.exists()) else out
+
+
+@contextmanager
+def replacing_store(place: Path, out: Path) -> Iterator[None]:
+    """Let a store at `place` replace that at `out` once it is whole; remove it where it fails before its first tile."""
+    from vibroimpact.files import replace_output
+
+    new = place != out and not place.exists()
     try:
         yield
-    except WrongRequest:
-        if not out.exists():
-            aside.rename(out)
+    except BaseException:
+        store = _opened(place) if new else None
+        if store is not None and not store.summary()["tiles_done"]:
+            shutil.rmtree(place, ignore_errors=True)
         raise
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
+    store = _opened(place)
+    if place != out and store is not None and store.is_complete():
+        replace_output(place, out)
 
 
 def state_of(out: Path, seconds: float) -> str:

@@ -40,6 +40,7 @@ def finish(
     dataset: xr.Dataset | None, options: Mapping[str, Any], meter: Meter, over: xr.Dataset | None = None
 ) -> None:
     """Hand on a result, or what an interrupted command had finished, without replacing a complete result."""
+    from vibroimpact.files import partial_name
     from vibroimpact.status import Status
 
     if dataset is not None and not meter.stopped:
@@ -52,7 +53,7 @@ def finish(
     message = f"interrupted; what was finished is kept{marked}"
     if out is not None and out.exists():
         message += f"; {out} is unchanged"
-        out = out.with_name(f"{out.stem}.partial{out.suffix}")
+        out = partial_name(out)
     hand_on(dataset, {**options, "out": out}, meter.seconds, over)
     raise Interrupted(message)
 

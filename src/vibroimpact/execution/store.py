@@ -38,7 +38,7 @@ from vibroimpact.execution.layout import (
     refined,
     scratch_of,
 )
-from vibroimpact.files import load_lazily
+from vibroimpact.files import load_lazily, offered
 from vibroimpact.parameters import invalid
 from vibroimpact.progress import Report, Stop
 from vibroimpact.request import Request, differences, key_of, mark
@@ -52,6 +52,10 @@ class SweepStore:
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path).absolute()  # the same store wherever the process goes
+        if not self.path.exists():
+            raise FileNotFoundError(
+                f"`store` {str(path)!r} does not exist; {offered(self.path) or 'check the spelling'}"
+            )
         try:
             self._root: Any = zarr.open_group(self.path, mode="r", zarr_format=3)
             self._describe(self._root)
