@@ -316,10 +316,13 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_old_file_and_nothing_else(tmp_
     ("arguments", "told"),
     [
         ({"path": "figure.gif"}, r"must end in \.png, \.svg or \.pdf, got 'figure.gif'"),
-        ({"path": "figure.png", "dpi": 0}, "`dpi` must be a number above 0, got 0"),
+        ({"path": "figure.png", "dpi": 0}, "`dpi` must be between 10 and 2400, got 0"),
+        ({"path": "figure.png", "dpi": 1e-320}, "`dpi` must be between 10 and 2400, got 1e-320"),
+        ({"path": "figure.png", "dpi": 2400, "size": (100, 100)}, "`dpi` makes 5.76e[+]10 pixels, which take"),
+        ({"path": "figure.png", "size": 3}, "`size` must be a width and a height, each 0.5 to 100 inches, got 3"),
         (
             {"path": "figure.png", "size": (3, 0)},
-            r"`size` must be a width and a height above 0 in inches, got \(3, 0\)",
+            r"`size` must be a width and a height, each 0.5 to 100 inches, got \(3, 0\)",
         ),
     ],
 )

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
+from vibroimpact.parameters import Parameter, invalid
+
+INCHES, DOTS = (0.5, 100.0), (10.0, 2400.0)  # of a side, and an inch
 EXPONENTS = ("lyapunov", "lyapunov_per_impact")
 
 
@@ -54,3 +58,34 @@ def kinds_of(function: str, axes: int = 0) -> tuple[str, ...]:
     """
     of_map = function == "parameter_map"
     return tuple(name for name, kind in KINDS.items() if function in kind.results and (kind.axes == axes or not of_map))
+
+
+def check_size(size: Any) -> tuple[float, float]:
+    """Return the width and the height of a figure in inches, or refuse them.
+
+    Examples
+    --------
+    >>> check_size((8, 0))
+    Traceback (most recent call last):
+    ValueError: `size` must be a width and a height, each 0.5 to 100 inches, got (8, 0); (8, 5) is usual
+    """
+    allowed = "a width and a height, each {:g} to {:g} inches".format(*INCHES)
+    if not isinstance(size, Sequence) or len(size) != 2:
+        raise invalid("size", size, allowed, "(8, 5) is usual")
+    try:
+        width, height = (Parameter("size", "", low=INCHES[0], high=INCHES[1]).check(side) for side in size)
+    except ValueError:
+        raise invalid("size", size, allowed, "(8, 5) is usual") from None
+    return width, height
+
+
+def check_dpi(dpi: Any) -> float:
+    """Return the dots per inch of a figure, or refuse them.
+
+    Examples
+    --------
+    >>> check_dpi(1e-320)
+    Traceback (most recent call last):
+    ValueError: `dpi` must be between 10 and 2400, got 1e-320; 150 is usual
+    """
+    return Parameter("dpi", "dots per inch", low=DOTS[0], high=DOTS[1], hint="150 is usual").check(dpi)

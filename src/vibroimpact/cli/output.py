@@ -11,7 +11,7 @@ import typer
 
 from vibroimpact.cli import Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import number
-from vibroimpact.figures import EXPONENTS, KINDS, kinds_of
+from vibroimpact.figures import DOTS, EXPONENTS, INCHES, KINDS, check_dpi, check_size, kinds_of
 from vibroimpact.progress import Meter, speed
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 NEEDS = {name: kind.needs for name, kind in KINDS.items()}  # indices that figures are drawn from
 MOTION = "motion"  # in place of an index: the types of motion
-_INCHES, _DOTS = (0.5, 100.0), (10.0, 2400.0)
 
 
 def hand_on(dataset: xr.Dataset, options: Mapping[str, Any], seconds: float, over: xr.Dataset | None = None) -> None:
@@ -202,19 +201,20 @@ def _size(options: Mapping[str, Any]) -> tuple[float, float] | None:
     text = options.get("size")
     if text is None:
         return None
-    sides = [number(part) for part in text.lower().split("x")]
-    fit = [not isinstance(side, str) and _INCHES[0] <= side <= _INCHES[1] for side in sides]
-    if len(sides) != 2 or not all(fit):
-        raise WrongRequest(f"`--size` must be width x height such as 8x5, each 0.5 to 100 inches, got {text!r}")
-    return float(sides[0]), float(sides[1])
+    try:
+        return check_size([number(part) for part in text.lower().split("x")])
+    except ValueError:
+        each = "{:g} to {:g} inches".format(*INCHES)
+        raise WrongRequest(f"`--size` must be width x height such as 8x5, each {each}, got {text!r}") from None
 
 
 def _dpi(options: Mapping[str, Any]) -> float:
     text = options.get("dpi")
-    dpi = 150.0 if text is None else number(text)
-    if isinstance(dpi, str) or not _DOTS[0] <= dpi <= _DOTS[1]:
-        raise WrongRequest(f"`--dpi` must be between 10 and 2400, got {text!r}; 150 is usual")
-    return dpi
+    try:
+        return 150.0 if text is None else check_dpi(number(text))
+    except ValueError:
+        between = "between {:g} and {:g}".format(*DOTS)
+        raise WrongRequest(f"`--dpi` must be {between}, got {text!r}; 150 is usual") from None
 
 
 def level_of(options: Mapping[str, Any]) -> float | None:

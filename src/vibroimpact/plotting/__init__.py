@@ -5,6 +5,7 @@ Legends lie below the axes, where they hide no data: give figures of your own la
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +18,6 @@ from matplotlib.figure import Figure
 from vibroimpact import figures
 from vibroimpact.dataset import unbundle
 from vibroimpact.files import check_output, replacing
-from vibroimpact.parameters import invalid
 from vibroimpact.plotting.continuation import boundaries, branch_diagram
 from vibroimpact.plotting.designs import comparison_figure, oscillator_sketch
 from vibroimpact.plotting.diagrams import bifurcation_diagram, diagram_with_index, index_curve
@@ -25,6 +25,9 @@ from vibroimpact.plotting.maps import boundary_lines, index_contour, index_scatt
 from vibroimpact.plotting.motions import basin_portrait, exponent_map, motion_map
 from vibroimpact.plotting.orbits import impact_map, phase_portrait, stroboscopic_map, time_history
 from vibroimpact.plotting.style import SAMPLE_DIMS
+from vibroimpact.request import check_fits
+
+PIXEL = 8  # bytes, of the canvas and of the file made of it
 
 __all__ = [
     "basin_portrait",
@@ -128,8 +131,8 @@ def save_figure(
     path : path
         The file; its ending, .png, .svg or .pdf, sets the format.
     size : (float, float), optional
-        Width and height in inches; None keeps the figure's own.
-    dpi : float, > 0
+        Width and height in inches, each 0.5 to 100; None keeps the figure's own.
+    dpi : float, 10 to 2400
         Dots per inch, also of pixel parts inside an .svg or .pdf.
     overwrite : bool
         Whether an existing file may be replaced.
@@ -153,10 +156,9 @@ def save_figure(
     ...     save_figure(vi.plotting.oscillator_sketch(), f"{folder}/model.svg").name
     'model.svg'
     """
-    if not dpi > 0:
-        raise invalid("dpi", dpi, "a number above 0", "150 is usual")
-    if size is not None and (len(size) != 2 or not min(size) > 0):
-        raise invalid("size", size, "a width and a height above 0 in inches", "(8, 5) is usual")
+    dots = figures.check_dpi(dpi)
+    if size is not None:
+        size = figures.check_size(size)
     whole = figure if isinstance(figure, Figure) else figure.get_figure(root=True)
     if whole is None:
         raise ValueError(
@@ -164,11 +166,13 @@ def save_figure(
         )
     target = check_output(path, overwrite=overwrite, endings=tuple(_METADATA))
     ending, own_size = target.suffix.lower(), whole.get_size_inches()
+    pixels = math.prod(own_size if size is None else size) * dots**2
+    check_fits("dpi", f"makes {pixels:.3g} pixels, which take", int(PIXEL * pixels), "take a lower one")
     try:
         if size is not None:
             whole.set_size_inches(*size)
         with replacing(target, overwrite=overwrite) as part, mpl.rc_context({"svg.hashsalt": "vibroimpact"}):
-            whole.savefig(part, dpi=dpi, format=ending[1:], metadata=_METADATA[ending])
+            whole.savefig(part, dpi=dots, format=ending[1:], metadata=_METADATA[ending])
     finally:
         whole.set_size_inches(*own_size)
     return target
