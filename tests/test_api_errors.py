@@ -12,7 +12,7 @@ import pytest
 
 import vibroimpact as vi
 from fenced import ROOT
-from vibroimpact import request
+from vibroimpact import parameters
 from vibroimpact.dataset import SYMBOLS
 
 OSC = vi.ImpactOscillator()
@@ -227,7 +227,7 @@ def test_an_axis_may_be_any_list_of_numbers(values):
 @pytest.fixture
 def small(monkeypatch):
     """Let the machine have ten megabytes of memory."""
-    monkeypatch.setattr(request, "installed", lambda: 10_000_000)
+    monkeypatch.setattr(parameters, "installed", lambda: 10_000_000)
     monkeypatch.setattr("vibroimpact.sweeps._empty_map", pytest.fail)
 
 
@@ -247,13 +247,13 @@ def test_a_map_that_memory_cannot_hold_is_refused_before_a_cell_is_made():
 
 def test_nothing_is_refused_where_the_machine_does_not_tell_its_memory(monkeypatch):
     monkeypatch.delattr("os.sysconf")
-    assert request.installed() is None
-    request.check_fits("axes", "take", 10**30, "take fewer")
+    assert parameters.installed() is None
+    parameters.check_fits("axes", "take", 10**30, "take fewer")
 
 
 @pytest.mark.skipif(not hasattr(os, "sysconf"), reason="tells no memory")
 def test_the_memory_of_this_machine_is_some_gigabytes():
-    assert 10**8 < request.installed() < 10**14
+    assert 10**8 < parameters.installed() < 10**14
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import sys
 import pytest
 
 import vibroimpact as vi
-from vibroimpact import formats, request
+from vibroimpact import formats, parameters
 from vibroimpact.progress import Meter
 
 
@@ -148,7 +148,7 @@ def test_a_wrong_request_exits_2_with_one_line_and_touches_nothing(run, tmp_path
     ],
 )
 def test_what_memory_cannot_hold_is_refused_before_computing(run, tmp_path, monkeypatch, command, words):
-    monkeypatch.setattr(request, "installed", lambda: 2_000_000_000)
+    monkeypatch.setattr(parameters, "installed", lambda: 2_000_000_000)
     code, told, complaints = run(command)
     assert (code, told, len(complaints)) == (2, [], 1)
     assert re.search(words, complaints[0]), complaints

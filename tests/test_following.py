@@ -42,9 +42,9 @@ def alone(monkeypatch):
     steps = []
     record = cpu.record
 
-    def counted(seen, trace):
+    def counted(seen, trace, walks):
         before = cpu.state_of(seen.memory)[1].steps
-        record(seen, trace)
+        record(seen, trace, walks)
         steps.append(int(cpu.state_of(seen.memory)[1].steps - before))
 
     monkeypatch.setattr(cpu, "record", counted)

@@ -16,7 +16,7 @@ from matplotlib import pyplot as plt
 
 import store_driver as driver
 import vibroimpact as vi
-from vibroimpact import request
+from vibroimpact import parameters
 from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.execution import cut, threads
 from vibroimpact.execution.store import SweepStore
@@ -234,7 +234,7 @@ def test_a_map_of_sixteen_million_cells_is_begun_in_bounded_memory(tmp_path):
 
 
 def test_only_what_cannot_work_is_refused_of_a_store(tmp_path, monkeypatch):
-    monkeypatch.setattr(request, "installed", lambda: 4_000_000)
+    monkeypatch.setattr(parameters, "installed", lambda: 4_000_000)
     wide = {"omega": np.linspace(1, 2, 20_000), "mass": np.linspace(1, 2, 5_000), "progress": lambda *news: False}
     stored = vi.parameter_map(OSC, store=tmp_path / "run.zarr", sample_impacts=1, **wide)  # 1e8 cells in 4 MB
     assert stored["status"].size == 100_000_000

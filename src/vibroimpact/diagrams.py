@@ -26,9 +26,9 @@ from vibroimpact.execution.threads import run_sweep, run_tiles, tiles, worker_co
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import Model, State, check_model, one_start
-from vibroimpact.parameters import choice, phase_number
+from vibroimpact.parameters import check_fits, choice, phase_number
 from vibroimpact.progress import Report, Stop, reporter
-from vibroimpact.request import Request, check_axes, check_fits
+from vibroimpact.request import Request, check_axes
 from vibroimpact.status import Status
 
 SECTIONS = ("impact", "stroboscopic")

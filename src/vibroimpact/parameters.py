@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 import operator
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
+
+COUNTS = 1_000_000_000  # the largest number of anything
+SMALLEST = 1e-60  # the size of a number other than 0: products of several are numbers, too
 
 
 def invalid(name: str, value: Any, allowed: str, hint: str = "") -> ValueError:
@@ -61,8 +65,8 @@ def phase_number(name: str, value: Any) -> float:
     return number
 
 
-def whole_number(name: str, value: Any, least: int) -> int:
-    """Return the value as an int that is not below `least`."""
+def whole_number(name: str, value: Any, least: int, most: int = COUNTS) -> int:
+    """Return the value as an int that is neither below `least` nor above `most`."""
     allowed = f"a whole number >= {least}"
     try:
         if isinstance(value, bool):
@@ -72,6 +76,8 @@ def whole_number(name: str, value: Any, least: int) -> int:
         raise invalid(name, value, allowed, _unquoted(value)) from None
     if number < least:
         raise invalid(name, value, allowed)
+    if number > most:
+        raise invalid(name, value, f"at most {most:,}")
     return number
 
 
@@ -131,8 +137,46 @@ class Parameter:
         return f"between {self.low:g} and {self.high:g}"
 
     def check(self, value: Any) -> float:
-        """Return the value as a float inside the range."""
+        """Return the value as a float inside the range, 0 or of a size whose square is a number."""
         number = real_number(self.name, value, self.allowed, self.hint)
         if number < self.low or number > self.high or (number == self.low and not self.closed):
             raise invalid(self.name, value, self.allowed, self.hint)
+        if number and not SMALLEST <= abs(number) <= 1.0 / SMALLEST:
+            sizes = f"of a size from {SMALLEST:g} to {1.0 / SMALLEST:g}, or 0"
+            raise invalid(self.name, value, sizes, "choose other units")
         return number
+
+
+# Whether the memory of this machine can hold it
+
+
+def installed() -> int | None:
+    """Return the bytes of memory that this machine has; None where that is unknown."""
+    try:
+        return int(os.sysconf("SC_PHYS_PAGES")) * int(os.sysconf("SC_PAGE_SIZE")) or None
+    except (AttributeError, ValueError, OSError):  # no such call, no such name, no answer
+        return None
+
+
+def check_fits(name: str, what: str, needed: int, remedy: str) -> None:
+    """Refuse what needs more bytes than the machine has."""
+    here = installed()
+    if here is not None and needed > here:
+        raise ValueError(
+            f"`{name}` {what} {in_words(needed)} of memory, but this machine has {in_words(here)}; {remedy}"
+        )
+
+
+def in_words(size: int) -> str:
+    """Return a number of bytes in the unit that suits it.
+
+    Examples
+    --------
+    >>> in_words(75 * 10**15), in_words(9_000_000)
+    ('75 PB', '9 MB')
+    """
+    at, units = 0, ("bytes", "kB", "MB", "GB", "TB", "PB")
+    while at < len(units) - 1 and size >= 1000 ** (at + 1):
+        at += 1
+    value = size / 1000**at
+    return f"{value:.3g} {units[at]}" if value < 1000 else f"{value:.1e} {units[at]}"

@@ -17,8 +17,10 @@ from vibroimpact.cells import Floats, cells_at
 from vibroimpact.dataset import impact_speed, provenance, status_variable, stick_times, variable
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State, one_start, the_oscillator
-from vibroimpact.parameters import invalid, phase_number, positive_number, whole_number
+from vibroimpact.parameters import check_fits, invalid, phase_number, positive_number, whole_number
 
+ROW = 200  # bytes in memory of one that is sampled, while it is labelled
+STEPS = 2.0**40
 Seconds = Callable[[Any, Any], Any]  # of whole driving periods and phases
 
 
@@ -45,10 +47,25 @@ class _Orbit:
 
     def samples(self, window: ImpactWindow | StroboscopicWindow) -> tuple[Samples, Seconds]:
         """Return what a window sees of the orbit, and the function that makes seconds of periods and phases."""
-        seconds = in_seconds(the_oscillator(self.model))
+        osc = the_oscillator(self.model)
+        seconds = in_seconds(osc)
+        self._check_cost(window, osc)
         cells = self.model.cells({}, one_start(self.start))
         (seen,) = self.engine.samples(cells, Measurement(window, self.tolerances or Tolerances()))
         return seen, seconds
+
+    def _check_cost(self, window: ImpactWindow | StroboscopicWindow, osc: ImpactOscillator) -> None:
+        """Refuse samples that memory cannot hold, and fixed steps without end."""
+        rows = f"asks for {window.keep:.3g} rows, which take"
+        if isinstance(window, ImpactWindow):
+            check_fits("sample_impacts", rows, ROW * window.keep, "take fewer")
+            return
+        name = "sample_periods" if window.per_period == 1 else "samples_per_period"
+        check_fits(name, rows, ROW * window.keep, "take fewer")
+        length = (window.skip_periods + window.keep / window.per_period) * osc.period
+        if self.time_step is not None and length > STEPS * self.time_step:
+            hint = f"that is {length / self.time_step:.2g} steps"
+            raise invalid("time_step", self.time_step, "longer, or the motion shorter", hint)
 
     def provenance(self, function: str, **how: Any) -> dict[str, str]:
         """Return the attributes that say how a result was made."""

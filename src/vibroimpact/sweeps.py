@@ -19,9 +19,9 @@ from vibroimpact.execution import check_place, computing, usual_tile
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import Model, State, check_model
-from vibroimpact.parameters import whole_number
+from vibroimpact.parameters import check_fits, whole_number
 from vibroimpact.progress import Report, Stop, reporter
-from vibroimpact.request import Request, check_axes, check_fits, check_points, check_start, map_of
+from vibroimpact.request import Request, check_axes, check_points, check_start, map_of
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:

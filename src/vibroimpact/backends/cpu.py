@@ -35,7 +35,7 @@ from vibroimpact.kernels.runner import follow_cell, run_cells
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 
-_LOOKS = 2000  # at the lanes, some 20 ms, before a thread asks whether to stop
+_LOOKS = 2000  # at a cell or at lanes, 10 to 200 ms, before Python asks whether to stop
 _BATCH = 4096  # cells that end before they are handed on
 FEW = 4  # cells, recorded sooner one after the other than in lanes most of which stand idle
 ROOM = 4096  # rows of a buffer, which is emptied when it is full
@@ -217,14 +217,15 @@ class _Run:
     def keep(self, seen: Recorder) -> None:
         """Empty the buffers."""
         buffers = seen.impacts, seen.looks, seen.sticks
-        self.parts.append([rows[:number].copy() for rows, number in zip(buffers, seen.filled, strict=True)])
+        if seen.filled.any() or not self.parts:
+            self.parts.append([rows[:number].copy() for rows, number in zip(buffers, seen.filled, strict=True)])
         seen.filled[:] = 0
 
     def record(self) -> None:
         """Record the rest of the run."""
         seen, trace = Recorder(self.memory, *_room_for(self.window)), np.empty((LOOK, TRACE))
         while self.memory[END] == RUNNING:
-            record(seen, trace)
+            record(seen, trace, _LOOKS)
             self.keep(seen)
 
     def samples(self) -> Samples:
@@ -279,7 +280,7 @@ def _record_in_lanes(runs: list[_Run]) -> None:
             seated[lane], seen.memory[lane] = run, run.memory
         if not seated:
             return
-        record_lanes(lanes, trace, seen)
+        record_lanes(lanes, trace, seen, _LOOKS)
         halted = (seen.memory[:, END] != RUNNING) | (seen.filled == rooms).any(axis=1)
         for lane, run in [(lane, run) for lane, run in seated.items() if halted[lane]]:
             run.keep(Recorder(*(part[lane] for part in seen)))

@@ -33,11 +33,12 @@ from vibroimpact.backends.base import (
 from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.kernels.march import march
 from vibroimpact.options import Tolerances
-from vibroimpact.parameters import invalid, real_number
+from vibroimpact.parameters import SMALLEST, invalid, real_number
 from vibroimpact.status import Status, window_status
 
 TIME_STEP = 0.0005
 _ROOM = 4096  # steps and impacts between two looks at whether the motion has ended
+_MARCH = 1 << 24  # steps, some 0.1 s, before Python asks whether to stop
 
 
 class Run:
@@ -89,8 +90,8 @@ class Run:
         """Return (y, y') at ascending steps; fewer rows if the scheme blows up."""
         seen = np.empty((len(steps), 2))
         for i, step in enumerate(steps):
-            while self.step < step:
-                self.march_to(step)
+            while self.step < step and math.isfinite(self.y):
+                self.march_to(min(step, self.step + _MARCH))
             if not math.isfinite(self.y):
                 return seen[:i]
             seen[i] = self.y, self.v
@@ -165,6 +166,6 @@ def create(time_step: float = TIME_STEP) -> FixedStepBackend:
     """Return the back end with a time step in s, finite and > 0."""
     allowed, hint = "a finite number > 0", "give the step in s; the paper's is 0.0005"
     step = real_number("time_step", time_step, allowed, hint)
-    if step <= 0.0:
+    if not step >= SMALLEST:
         raise invalid("time_step", time_step, allowed, hint)
     return FixedStepBackend(step)

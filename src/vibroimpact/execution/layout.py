@@ -32,7 +32,8 @@ from vibroimpact.dataset import level_variable, missing, plain_variable, status_
 from vibroimpact.execution import Tiling, cut
 from vibroimpact.files import remove_folder
 from vibroimpact.formats import ORDER, order_of
-from vibroimpact.request import Request, check_fits, key_of
+from vibroimpact.parameters import check_fits
+from vibroimpact.request import Request, key_of
 from vibroimpact.status import Status
 
 PROGRESS, RECORDS, LIST = "progress", "progress/tiles", "progress/cells"

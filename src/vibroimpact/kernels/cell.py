@@ -90,11 +90,16 @@ def _cut_velocity(cell, chatter):
 
 
 @njit(error_model="numpy")
-def budgets(cell, flight_periods, steps_per_impact):
-    """Return the longest flight in steps, and the steps granted an impact, which grow with stiffness."""
+def budgets(cell, flight_periods, steps_per_impact, total):
+    """Return the longest flight in steps, and the steps granted to so many impacts.
+
+    These grow with stiffness, but to no more than MOST: a cell that needs more ends past its budget.
+    """
     rate = _fastest_rate(cell)
     slowest = min(cell.omega, math.sqrt(cell.stiffness / cell.mass))
-    return flight_periods * 2.0 * math.pi * rate / (slowest * REACH), steps_per_impact * (rate / slowest)
+    granted = steps_per_impact * total
+    longest = flight_periods * 2.0 * math.pi * rate / (slowest * REACH)
+    return longest, max(granted, min(granted * (rate / slowest), MOST))
 
 
 @njit(error_model="numpy")
@@ -150,6 +155,7 @@ def phase_of(s, c):
     return phase if phase < 1.0 else 0.0
 
 
+MOST = 2.0**24  # steps, some 3 s of one cell, or 20 s of lanes, to which stiffness may raise what is granted
 RUNNING, FILLED, QUIET, PINNED, DYING, SPENT = range(6)
 
 

@@ -86,10 +86,10 @@ def begin(row, memory, window, first, limits):
     first_n, first_phase = first
     chatter, flight_periods, steps_per_impact = limits
     h, motion, constants = prepare(cell, chatter)
-    longest, granted = budgets(cell, flight_periods, steps_per_impact)
+    many = total if looks == 0.0 else (first_n - cell.periods) + 1.0 + looks / per_period
+    longest, granted = budgets(cell, flight_periods, steps_per_impact, many)
     if looks > 0.0:
         longest = math.inf
-    granted *= total if looks == 0.0 else (first_n - cell.periods) + 1.0 + looks / per_period
     store_motion(memory, 0, motion)
     store_constants(memory, 0, constants)
     store_plan(memory, 0, Plan(h, transient, total, looks, per_period, first_n, first_phase, longest, granted))
@@ -218,17 +218,22 @@ def overhear(recorder, start, trace, rows):
 
 
 @compiled
-def record(recorder, trace):
-    """Step on until the window is filled, the motion ends, or a buffer is full; `trace` is room for a walk."""
+def record(recorder, trace, walks):
+    """Step on until the window is filled, the motion ends, or a buffer is full, for so many walks; `trace` is room for
+    one.
+    """
     memory = recorder.memory
-    while memory[END] == RUNNING and room(recorder) > 0:
+    for _ in range(walks):
+        if memory[END] != RUNNING or room(recorder) <= 0:
+            return
         rows = walk(load_motion(memory, 0), load_constants(memory, 0), trace, len(trace), 0)
         read(recorder, trace, rows, 1, 0)
 
 
 @compiled
-def record_lanes(lanes, trace, recorders):
-    """Step the lanes until a cell ends, or a buffer of one is full; those that have ended are left alone.
+def record_lanes(lanes, trace, recorders, walks):
+    """Step the lanes until a cell ends, or a buffer of one is full, for so many walks; those that have ended are left
+    alone.
 
     Each lane has its own row of the memory and the buffers of `recorders`.
     """
@@ -237,7 +242,9 @@ def record_lanes(lanes, trace, recorders):
         for row in range(CELL):
             lanes[row * LANES + i] = memory[i, row]
     halted = False
-    while not halted:
+    for _ in range(walks):
+        if halted:
+            return
         trace_lanes(lanes, trace)
         for i in range(LANES):
             if memory[i, END] == RUNNING:

@@ -101,7 +101,7 @@ def find_orbit(osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: 
     'no initial guess converged to a period-1 impact-2 orbit'
     """
     check_model(osc)
-    cycle = Cycle(whole_number("n_periods", n_periods, 1), whole_number("n_impacts", n_impacts, -1))
+    cycle = Cycle(whole_number("n_periods", n_periods, 1), whole_number("n_impacts", n_impacts, -1, IMPACTS))
     if cycle.n_impacts == 0:
         raise invalid("n_impacts", n_impacts, "a whole number >= 1, or -1 for a complete chatter")
     begin = _start(osc.at(), near, cycle)
@@ -206,6 +206,7 @@ def _search(model: Model, cycle: Cycle) -> Orbits:
     return Orbits(outcome="other_name" if others else "none", message=message)
 
 
+IMPACTS = 1000  # in a cycle, at most: the equations grow as its square
 GRID = (40, 28)  # initial impacts: phases, velocities
 TRIES = 40  # of them that Newton's method tries besides the local minima of the miss
 SETTLING = 2000  # impacts left out on the way to the attractor

@@ -80,7 +80,7 @@ def from_release(osc: ImpactOscillator, longest: int) -> Stick | None:
     released = False
     while True:
         seen = Recorder(memory, np.empty((_ROOM, 3)), np.empty((1, 2)), np.empty((1, 4)), np.zeros(3, np.int64))
-        record(seen, trace)
+        record(seen, trace, _MOST_STEPS)
         n_impacts, _, n_sticks = seen.filled
         parts.append(seen.impacts[:n_impacts])
         if n_sticks and released and math.isfinite(seen.sticks[0, 2]):

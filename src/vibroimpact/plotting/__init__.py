@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from vibroimpact import figures
 from vibroimpact.dataset import unbundle
 from vibroimpact.files import check_output, replacing
+from vibroimpact.parameters import check_fits
 from vibroimpact.plotting.continuation import boundaries, branch_diagram
 from vibroimpact.plotting.designs import comparison_figure, oscillator_sketch
 from vibroimpact.plotting.diagrams import bifurcation_diagram, diagram_with_index, index_curve
@@ -25,7 +26,6 @@ from vibroimpact.plotting.maps import boundary_lines, index_contour, index_scatt
 from vibroimpact.plotting.motions import basin_portrait, exponent_map, motion_map
 from vibroimpact.plotting.orbits import impact_map, phase_portrait, stroboscopic_map, time_history
 from vibroimpact.plotting.style import SAMPLE_DIMS
-from vibroimpact.request import check_fits
 
 PIXEL = 8  # bytes, of the canvas and of the file made of it
 

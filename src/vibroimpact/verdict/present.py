@@ -25,6 +25,7 @@ ALIKE = 5e-3  # `orbit_distance` from the settled motion within which an orbit o
 LONGEST = 16  # impacts in a cycle that is still solved for
 LIGHT = 0.05  # of critical damping: how much is tried where there is none
 CROWDED = 1.5  # values along a path lie at (j/n)^1.5 of its way: a near boundary matters more than a far one
+FARTHEST = 1000.0  # how many times a parameter may be varied, at most
 TRIALS = 24  # bisections of a range whose end is no design of a family
 
 
@@ -320,4 +321,4 @@ def check_parameters(model: Model, names: Iterable[str] | None) -> tuple[str, ..
 def check_within(within: float) -> float:
     """Return how far parameters are varied, relative to their present values."""
     hint = "3 varies from a quarter to fourfold"
-    return Parameter("within", "range", low=0.0, closed=False, hint=hint).check(within)
+    return Parameter("within", "range", low=0.0, high=FARTHEST, closed=False, hint=hint).check(within)
