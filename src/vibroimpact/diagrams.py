@@ -26,7 +26,7 @@ from vibroimpact.execution.threads import run_sweep, run_tiles, tiles, worker_co
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import Model, State, check_model, one_start
-from vibroimpact.parameters import check_fits, choice, phase_number
+from vibroimpact.parameters import check_fits, choice, phase_number, several
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.request import Request, check_axes
 from vibroimpact.status import Status
@@ -127,10 +127,11 @@ def bifurcation_diagram(
     if section == "stroboscopic":
         window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, phase_number("phase", phase))
     threads = worker_count(workers)
-    chosen = check_indices(indices) if indices else ()
+    named = several("indices", indices, "a list of names of indices")
+    chosen = check_indices(named) if named else ()
     engine = get_backend(backend, time_step=time_step)
     check_known(chosen, engine)
-    measurement = Measurement(window, tolerances or Tolerances(), indices=chosen)
+    measurement = Measurement(window, Tolerances.of(tolerances), indices=chosen)
     request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step)
     cells = request.cells()
     samples = len(cells) * window.keep

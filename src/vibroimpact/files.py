@@ -17,7 +17,7 @@ from uuid import uuid4
 import numpy as np
 
 from vibroimpact.formats import WRITERS, in_order
-from vibroimpact.parameters import invalid
+from vibroimpact.parameters import invalid, truth
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -164,7 +164,7 @@ def check_output(
     Traceback (most recent call last):
     ValueError: `out` must end in .zarr, .nc, .csv or .mat, got 'map.xls'
     """
-    target, shown = _path("out", path), repr(str(path))
+    target, shown, overwrite = _path("out", path), repr(str(path)), truth("overwrite", overwrite)
     if target.suffix.lower() not in endings:
         raise ValueError(f"`out` must end in {', '.join(endings[:-1])} or {endings[-1]}, got {shown}")
     if not target.parent.is_dir():

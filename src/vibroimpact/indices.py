@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from vibroimpact.parameters import invalid, unknown
+from vibroimpact.parameters import invalid, several, unknown
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,11 @@ def shown_spread(spread: float, scale: float) -> float:
 
 def check_indices(names: Iterable[str]) -> tuple[str, ...]:
     """Return the names of indices as a tuple, or raise `ValueError` naming the table."""
-    if not isinstance(names, Iterable) or not names:
+    chosen = several("indices", names, f"names out of {', '.join(INDICES)}")
+    if not chosen:
         raise invalid("indices", names, f"names out of {', '.join(INDICES)}", "write for example ('std',)")
-    chosen = (names,) if isinstance(names, str) else tuple(names)
     for name in chosen:
-        if name not in INDICES:
+        if not isinstance(name, str) or name not in INDICES:
             raise unknown("index", name, INDICES)
     if len(set(chosen)) < len(chosen):
         raise invalid("indices", chosen, "each index once")

@@ -370,7 +370,8 @@ def cycle_length(velocity: Floats, phase: Floats, *, tolerance: float = 1e-6, lo
 
 
 def _check(section: xr.Dataset, tolerance: float, longest: int) -> None:
-    missing = {"time", "phase", "velocity", "release_time", "status"} - set(map(str, section.variables))
+    known = map(str, getattr(section, "variables", ()))
+    missing = {"time", "phase", "velocity", "release_time", "status"}.difference(known)
     if missing or "oscillator" not in section.attrs:
         raise ValueError(
             f"`section` must be an impact section; it holds no {min(missing, default='oscillator')!r}; "

@@ -50,6 +50,13 @@ class Tolerances:
     flight_periods: float = 1000.0
     steps_per_impact: int = 1000
 
+    @classmethod
+    def of(cls, given: Tolerances | None) -> Tolerances:
+        """Return the tolerances given; None stands for the usual ones."""
+        if given is not None and not isinstance(given, cls):
+            raise invalid("tolerances", given, "Tolerances(...) or None")
+        return given or cls()
+
     def __post_init__(self) -> None:
         allowed = "above 0 and up to 0.01"
         chatter = real_number("chatter", self.chatter, allowed)

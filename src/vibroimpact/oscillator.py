@@ -229,8 +229,8 @@ class ImpactOscillator:
 def check_names(parameters: Mapping[str, Parameter], names: Iterable[str]) -> None:
     """Refuse names that are no parameters, with the one that was probably meant, also by its symbol."""
     for name in names:
-        if name not in parameters:
-            meant = next((known for known, parameter in parameters.items() if parameter.symbol == name), None)
+        if not isinstance(name, str) or name not in parameters:
+            meant = next((known for known, parameter in parameters.items() if parameter.symbol == str(name)), None)
             raise unknown("parameter", name, parameters, f"did you mean {meant!r}?" if meant else "")
 
 

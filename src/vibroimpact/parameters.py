@@ -41,11 +41,26 @@ def real_number(name: str, value: Any, allowed: str = "a finite number", hint: s
         if isinstance(value, (str, bytes, bool, complex)):
             raise TypeError
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise invalid(name, value, allowed, _unquoted(value) or hint) from None
     if not math.isfinite(number):
         raise invalid(name, value, allowed, hint)
     return number
+
+
+def truth(name: str, value: Any) -> bool:
+    """Return the value if it is True or False, also NumPy's."""
+    if not isinstance(value, bool) and type(value).__name__ not in ("bool", "bool_"):
+        raise invalid(name, value, "True or False")
+    return bool(value)
+
+
+def several(name: str, values: Any, what: str) -> tuple[Any, ...]:
+    """Return values in a list as a tuple, also a single text."""
+    try:
+        return (values,) if isinstance(values, str) else tuple(values)
+    except TypeError:
+        raise invalid(name, values, what) from None
 
 
 def positive_number(name: str, value: Any) -> float:
@@ -89,7 +104,10 @@ def _unquoted(value: Any) -> str:
 
 
 def _short(value: Any) -> str:
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:  # an int of more digits than Python writes
+        text = "a number of thousands of digits"
     return text if len(text) <= 60 else text[:57] + "..."
 
 

@@ -14,6 +14,8 @@ from time import perf_counter
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from vibroimpact.parameters import truth
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -41,7 +43,7 @@ def reporter(progress: bool | Report, label: str) -> Iterator[Report]:
     """Yield the function that a sweep calls after every tile: the user's own, a bar, or nothing."""
     if callable(progress):
         yield progress
-    elif not progress:
+    elif not truth("progress", progress):
         yield lambda done, total, partial: None
     else:
         with _bar() as bar:

@@ -49,9 +49,9 @@ class _Orbit:
         """Return what a window sees of the orbit, and the function that makes seconds of periods and phases."""
         osc = the_oscillator(self.model)
         seconds = in_seconds(osc)
+        cells, engine = self.model.cells({}, one_start(self.start)), self.engine
         self._check_cost(window, osc)
-        cells = self.model.cells({}, one_start(self.start))
-        (seen,) = self.engine.samples(cells, Measurement(window, self.tolerances or Tolerances()))
+        (seen,) = engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
         return seen, seconds
 
     def _check_cost(self, window: ImpactWindow | StroboscopicWindow, osc: ImpactOscillator) -> None:
@@ -364,7 +364,7 @@ def impact_map(
     """
     design = the_oscillator(osc)
     engine = get_backend(backend, time_step=time_step)
-    measurement = Measurement(ImpactWindow(0, 2), tolerances or Tolerances())
+    measurement = Measurement(ImpactWindow(0, 2), Tolerances.of(tolerances))
 
     def following(phase: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
         phases, velocities = np.broadcast_arrays(np.asarray(phase, float), np.asarray(velocity, float))

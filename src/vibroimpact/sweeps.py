@@ -19,7 +19,7 @@ from vibroimpact.execution import check_place, computing, usual_tile
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import Model, State, check_model
-from vibroimpact.parameters import check_fits, whole_number
+from vibroimpact.parameters import check_fits, truth, whole_number
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.request import Request, check_axes, check_points, check_start, map_of
 from vibroimpact.status import Status
@@ -151,7 +151,8 @@ def parameter_map(
         raise ValueError(f"give either `points` or the axes {', '.join(axes)}, not both")
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
-    measurement = Measurement(window, tolerances or Tolerances(), early_closing, check_indices(indices))
+    closing = truth("early_closing", early_closing)
+    measurement = Measurement(window, Tolerances.of(tolerances), closing, check_indices(indices))
     checked = check_axes(axes, osc.parameters) if points is None else check_points(points, osc)
     request = Request(osc, checked, measurement, check_start(start), backend, time_step, scattered=points is not None)
     if refine is not None:

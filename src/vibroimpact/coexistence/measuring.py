@@ -137,7 +137,7 @@ class Runner:
         self.engine = get_backend(backend)
         if not self.engine.known_indices.issuperset(IDENTIFYING):
             raise invalid("backend", backend, "one that gives n and p of cycles")
-        self.tolerances = tolerances or Tolerances()
+        self.tolerances = Tolerances.of(tolerances)
         self.workers = worker_count(workers)
         self.stop = Event()
         self.measured = 0

@@ -30,7 +30,7 @@ from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking import StickingEnd
 from vibroimpact.oscillator import Model, check_names
-from vibroimpact.parameters import invalid
+from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 
 HALVINGS = 20  # of the step within which the orbits of a boundary become inadmissible
@@ -117,6 +117,7 @@ def continue_boundary(
     ('period_doubling', True)
     """
     plane, longest = check_plane(point, parameters, ranges), check_share("step", step)
+    virtual = truth("virtual", virtual)
     with reporter(progress, "points") as report:
         return boundary_through(point, plane, longest, virtual, report)
 

@@ -24,7 +24,7 @@ from vibroimpact.continuation.system import (
 )
 from vibroimpact.orbits.equations import Cycle, Floats
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.parameters import invalid
+from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 
 ONE_HALF = 1e-6  # halves of a doubled orbit that differ by less are one orbit
@@ -102,7 +102,7 @@ def continue_orbit(
     [('period_doubling', 2.65392352)]
     """
     ends = check_range(_checked(orbit), parameter, range)
-    longest = check_share("step", step)
+    longest, virtual = check_share("step", step), truth("virtual", virtual)
     system, z = system_of(orbit, (parameter,), (ends,))
     x = _corrected(system, system.pack(z))
     with reporter(progress, "orbits") as report:

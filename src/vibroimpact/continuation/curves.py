@@ -24,7 +24,7 @@ from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orb
 from vibroimpact.orbits.orbit import Orbit, from_hardest, make_orbit, solution_of, true_cycle
 from vibroimpact.orbits.sticking import StickingEnd
 from vibroimpact.oscillator import ImpactOscillator, Model, check_model
-from vibroimpact.parameters import choice, invalid, whole_number
+from vibroimpact.parameters import choice, invalid, several, whole_number
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
 
@@ -132,8 +132,9 @@ def boundary_curves(
     check_model(osc)
     plane = names, box = check_box(osc, parameters, ranges)
     count, longest = whole_number("lines", lines, 2), check_share("step", step)
-    lengths = [whole_number("n_periods", n, 1) for n in (USUAL if n_periods is None else n_periods)]
-    wanted = frozenset(choice("kinds", kind, KINDS) for kind in ([kinds] if isinstance(kinds, str) else kinds))
+    given = several("n_periods", USUAL if n_periods is None else n_periods, "a list of whole numbers")
+    lengths = [whole_number("n_periods", n, 1) for n in given]
+    wanted = frozenset(choice("kinds", kind, KINDS) for kind in several("kinds", kinds, "a list of kinds"))
     if not wanted:
         raise invalid("kinds", kinds, f"at least one of {', '.join(KINDS)}")
     work = [

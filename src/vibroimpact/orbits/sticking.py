@@ -160,7 +160,7 @@ def find_sticking_orbit(
     stick = from_release(osc.at(), max(whole_number("longest", longest, 1), wanted or 1))
     if stick is None or wanted not in (None, stick.periods) or not closes(osc.at(), stick):
         return []
-    return [sticking_orbit(osc, stick, (tolerances or Tolerances()).chatter)]
+    return [sticking_orbit(osc, stick, Tolerances.of(tolerances).chatter)]
 
 
 def why_none(osc: ImpactOscillator, n_periods: int) -> str:

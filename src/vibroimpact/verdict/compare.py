@@ -14,7 +14,7 @@ from vibroimpact.dataset import VARIABLES, flags, label, plain_variable, provena
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import Model
-from vibroimpact.parameters import Parameter, invalid
+from vibroimpact.parameters import Parameter, invalid, several
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
 from vibroimpact.verdict.boundaries import BOUNDARIES, ONSETS, Edge
@@ -219,7 +219,7 @@ def compare(
     ['angular', 'driving', 'frequency', '[rad/s]', '*', '1.4', '2']
     """
     first, second = _two_names(names)
-    varied = None if parameters is None else tuple(parameters)
+    varied = None if parameters is None else several("parameters", parameters, "a list of names")
     verdicts = []
     with reporter(progress, "parts") as report:
         for before, osc in enumerate((a, b)):

@@ -17,7 +17,7 @@ from vibroimpact.motion import Motion, MotionClass, recognise
 from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.orbit import Impacts, value_of
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names
-from vibroimpact.parameters import Parameter, invalid
+from vibroimpact.parameters import Parameter, invalid, several
 from vibroimpact.sections import in_seconds, labelled_impacts
 
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
@@ -311,7 +311,7 @@ def check_parameters(model: Model, names: Iterable[str] | None) -> tuple[str, ..
     """Return the names of the parameters to vary, or say which there are."""
     if names is None:
         return tuple(model.values)
-    chosen = (names,) if isinstance(names, str) else tuple(names)
+    chosen = several("parameters", names, "a list of names")
     check_names(model.parameters, chosen)
     if len(set(chosen)) < len(chosen):
         raise invalid("parameters", chosen, "each parameter once", "drop the repeated one")
