@@ -6,7 +6,8 @@ Pages are served on loopback, with nothing loaded from elsewhere.
 from __future__ import annotations
 
 import contextlib
-import functools
+import gc
+import importlib.util
 import ipaddress
 import logging
 import os
@@ -14,29 +15,19 @@ import socket
 import sys
 import webbrowser
 from collections.abc import Iterable
-from importlib.metadata import version
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlencode
 
 from vibroimpact.parameters import invalid
 
 if TYPE_CHECKING:
-    from bokeh.document import Document
-    from bokeh.server.server import Server
+    from bokeh.server.server import BaseServer
 
-    from vibroimpact.explorer.page import ReadyPages
     from vibroimpact.explorer.session import Explorer
     from vibroimpact.explorer.state import View
 
 __all__ = ["Explorer", "View", "explore"]
 
-MOST_PAGES = 64
 PORTS = range(5006, 5026)  # tried in turn unless a port is given
-MOST_BYTES = 1 << 20  # of a message from a page
-KEEP_ALIVE, UNUSED, CHECK = 15_000, 4_000, 2_000  # ms: of a connection; until a closed tab's work stops; between checks
-SCRIPTS = ("plots", "motion", "plane", "rows", "page")
-_ASSETS = Path(__file__).parent / "assets"
 
 
 def __getattr__(name: str) -> Any:
@@ -82,6 +73,8 @@ def explore(
     print(f"Explorer at {address} (stop with Ctrl-C)", flush=True)
     if browser:
         server.io_loop.call_later(0.1, lambda: webbrowser.open(address))
+    gc.collect()
+    gc.freeze()  # Bokeh collects garbage for every tab that leaves: 150 ms, unless what is loaded by now is left out
     try:
         server.run_until_shutdown()
     except KeyboardInterrupt:
@@ -90,19 +83,12 @@ def explore(
 
 def make_server(
     store: str | os.PathLike[str] | None = None, *, port: int | None = None, host: str = "127.0.0.1"
-) -> tuple[Server, str]:
+) -> tuple[BaseServer, str]:
     """Return a server that listens, and its address; `explore` runs it."""
-    try:
-        from bokeh.application import Application
-        from bokeh.application.handlers.function import FunctionHandler
-        from bokeh.server.server import Server
-    except ImportError as error:
-        raise ImportError(
-            "the explorer needs the extra [web]; install it with: pip install 'vibroimpact[web]'"
-        ) from error
+    if importlib.util.find_spec("bokeh") is None:
+        raise ImportError("the explorer needs the extra [web]; install it with: pip install 'vibroimpact[web]'")
     from vibroimpact.explorer.address import PRESETS
-    from vibroimpact.explorer.page import ReadyPages
-    from vibroimpact.explorer.work import Pool
+    from vibroimpact.explorer.server import Tabs, listen
 
     address = check_host(host)
     view, stored = PRESETS[0].view, None
@@ -110,82 +96,23 @@ def make_server(
         from vibroimpact.explorer.files import open_study
 
         view, stored = open_study(store)
-    pool = Pool()
-    open_pages: set[Document] = set()
-    ready = ReadyPages(pool)
-
-    def begin(doc: Document) -> None:
-        _begin(doc, view, stored, ready, open_pages)
-
+    tabs = Tabs(view, stored)
     logging.getLogger("bokeh").setLevel(logging.ERROR)
     logging.getLogger("tornado.access").setLevel(logging.ERROR)
     fault: OSError | None = None
     for number in _ports(port, address):
         try:
             _try(address, number)
-            server = Server(
-                {"/": Application(FunctionHandler(begin))},
-                port=number,
-                address=address,
-                allow_websocket_origin=origins(address, number),
-                keep_alive_milliseconds=KEEP_ALIVE,
-                unused_session_lifetime_milliseconds=UNUSED,
-                check_unused_sessions_milliseconds=CHECK,
-                websocket_max_message_size=MOST_BYTES,
-            )
+            server = listen(tabs, address, number, origins(address, number))
         except OSError as error:
             fault = error
             continue
-        server.start()
         outer = socket.gethostname() if address == "0.0.0.0" else address
         return server, f"http://{'localhost' if is_loopback(address) else outer}:{number}/"
-    pool.close()
+    tabs.close()
     tried = f"port {port}" if port is not None else f"ports {PORTS[0]} to {PORTS[-1]}"
     reason = f" ({fault.strerror})" if fault and fault.strerror else ""
     raise ValueError(f"`port`: cannot listen on {tried}{reason}; choose another with --port")
-
-
-def _begin(doc: Document, view: View, stored: Any, ready: ReadyPages, open_pages: set[Document]) -> None:
-    """Fill the document of a tab that was just opened."""
-    from vibroimpact.explorer.address import from_query
-    from vibroimpact.explorer.state import NAMES, parameter_label
-
-    doc.title = "vibroimpact explorer"
-    if len(open_pages) >= MOST_PAGES:
-        doc.template = _template("full.html")
-        return
-    open_pages.add(doc)
-    doc.on_session_destroyed(lambda context: open_pages.discard(doc))
-    message = ""
-    request: Any = doc.session_context.request if doc.session_context is not None else None
-    if request is not None and request.arguments:
-        try:
-            view = from_query(
-                urlencode([(k, v.decode("utf-8", "replace")) for k, vs in request.arguments.items() for v in vs])
-            )
-        except ValueError as error:
-            message = f"This link cannot be shown: {error}. The default view is shown instead."
-    doc.template = _template("page.html")
-    doc.template_variables.update(
-        page_css=_asset("page.css"),
-        help_html=_asset("help.html"),
-        parameters=[(name, parameter_label(name)) for name in NAMES],
-        bokeh_version=version("bokeh"),
-        **{f"{name}_js": _asset(f"{name}.js") for name in SCRIPTS},
-    )
-    ready.take().open(doc, view, message, stored)
-
-
-@functools.cache
-def _asset(name: str) -> str:
-    return (_ASSETS / name).read_text(encoding="utf-8")
-
-
-@functools.cache
-def _template(name: str) -> Any:
-    from bokeh.core.templates import get_env
-
-    return get_env().from_string(_asset(name))
 
 
 def is_loopback(address: str) -> bool:
@@ -220,7 +147,7 @@ def origins(address: str, port: int) -> list[str]:
 
 
 def _try(address: str, port: int) -> None:
-    """Raise `OSError` if the server cannot listen on a port."""
+    """Raise `OSError` if the server cannot listen on a port; tornado would leave its socket open."""
     with socket.socket() as tried:
         if sys.platform != "win32":
             tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -6,7 +6,6 @@ import base64
 import json
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,6 @@ from vibroimpact.explorer.address import to_query
 from vibroimpact.explorer.controls import Commands, Controls
 from vibroimpact.explorer.files import KINDS, export
 from vibroimpact.explorer.plane import Plane
-from vibroimpact.explorer.point import compute_point
 from vibroimpact.explorer.session import Explorer, Message
 from vibroimpact.explorer.state import View
 from vibroimpact.explorer.views import LineView, PlaneView, PointView, Update
@@ -25,11 +23,12 @@ from vibroimpact.explorer.work import Pool
 if TYPE_CHECKING:
     from bokeh.document import Document
 
+ROOTS = ("preset", "buttons", "controls", "mail", "command")  # the elements root_... of the page
 RESENT = 8  # messages that are sent again, for a browser that had not connected when they came
 
 
 class Page:
-    """All that one open tab shows; made ahead, without a document, so that a tab need not wait for it.
+    """All that one open tab shows; made without a document, in any thread.
 
     Parameters
     ----------
@@ -65,27 +64,28 @@ class Page:
         self.command.tags = [update.source for update in updates]  # no root holds these, and the script reads them
 
     def open(
-        self, doc: Document, view: View, message: str = "", stored: Callable[[View], Plane | None] | None = None
+        self,
+        doc: Document,
+        in_turn: Callable[[Callable[[], None]], None],
+        view: View,
+        message: str = "",
+        stored: Callable[[View], Plane | None] | None = None,
     ) -> None:
-        """Fill the document of a tab with a view and perhaps a message, and begin to compute.
+        """Fill the document of a tab with a view and perhaps a message.
 
-        `stored` is as for `Explorer`.
+        `in_turn` may be called from any thread, and calls a function when the document may be changed, or never if the
+        tab is gone; `stored` is as for `Explorer`.
         """
-        self.doc = doc
+        self._in_turn = in_turn
         self.explorer.view, self.explorer.stored = view, stored
         self.controls.fit(view)
         self._apply([("view", view), *([("message", message)] if message else [])])
-        self.doc.on_session_destroyed(lambda context: self.explorer.close())
-        roots = {
-            "preset": self.controls.preset, "buttons": self.controls.buttons, "controls": self.controls.column,
-            "mail": self.mail, "command": self.command,
-        }  # fmt: skip
+        models = (self.controls.preset, self.controls.buttons, self.controls.column, self.mail, self.command)
         with doc.models.freeze():  # else every root looks through all models again
-            for name, model in roots.items():
+            for name, model in zip(ROOTS, models, strict=True):
                 model.name = name
                 doc.add_root(model)
-        # Not before the session exists: what threads send until then would be lost.
-        doc.add_next_tick_callback(self.explorer.start)
+        doc.config.reconnect_session = False  # a tab that left is forgotten; its address holds all that it showed
 
     def export(self, kind: str) -> None:
         """Make a file of the view and let the browser keep it."""
@@ -108,14 +108,13 @@ class Page:
             first = not self._inbox
             self._inbox += messages
         if first:
-            try:
-                self.doc.add_next_tick_callback(self._read)
-            except RuntimeError:  # the tab was closed meanwhile
-                self.explorer.close()
+            self._in_turn(self._read)
 
     def _read(self) -> None:
         with self._lock:
             messages, self._inbox = self._inbox, []
+        if self.explorer.closed:
+            return
         latest = {what: number for number, (what, _) in enumerate(messages)}
         self._apply([message for number, message in enumerate(messages) if latest[message[0]] == number])
 
@@ -147,31 +146,3 @@ class Page:
     def _show_others(self, others: Any) -> None:
         self.point.show_others(others)
         self.controls.show_others(others)
-
-
-class ReadyPages:
-    """One page ready, and another one made whenever it is taken, so that a tab opens at once.
-
-    Parameters
-    ----------
-    pool : Pool
-        The threads that compute for the pages.
-    """
-
-    def __init__(self, pool: Pool) -> None:
-        self._pool = pool
-        self._maker = ThreadPoolExecutor(1, thread_name_prefix="explorer-page")
-        self._lock = threading.Lock()
-        compute_point(View())  # compiles or loads what the first click needs
-        self._next: Future[Page] = self._maker.submit(Page, pool)
-
-    def take(self) -> Page:
-        """Return a page that no tab has."""
-        with self._lock:
-            page = self._next
-            self._next = self._maker.submit(self._make)
-        return page.result()
-
-    def _make(self) -> Page:
-        threading.Event().wait(0.5)  # the tab that just opened comes first
-        return Page(self._pool)

@@ -83,6 +83,8 @@ class Explorer:
     def start(self) -> None:
         """Compute everything for the first view."""
         with self._lock:
+            if self.closed:
+                return
             self._send(("view", self.view))
             self._renew_point()
             self._renew_plane()

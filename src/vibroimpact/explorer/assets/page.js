@@ -137,5 +137,13 @@
     }
     counts.ready = performance.now();
   };
-  begin();
+  const refused = (error) => {
+    console.error(error);
+    const reason = /^Error reply (.*)/.exec(error.message);  // else the websocket was not opened
+    byId("message").textContent = reason ? reason[1] : "The explorer does not answer. Start it again, then reload this page.";
+    byId("message").classList.add("shown");
+  };
+  const elements = counts.roots.map((name) => byId(`root_${name}`));
+  const socket = `${location.origin.replace("http", "ws")}/ws`;
+  Bokeh.embed.add_document_from_session(socket, counts.token, document.body, elements).then(begin, refused);
 })();
