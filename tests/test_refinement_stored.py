@@ -95,7 +95,7 @@ def test_info_tells_of_damaged_cells_and_of_a_store_just_begun(run, tmp_path):
     partly(tmp_path / "r.zarr")
     chunk = tmp_path / "r.zarr" / "progress" / "cells" / "std" / "c" / "1"
     chunk.write_bytes(chunk.read_bytes()[:-3])
-    assert "1 damaged tiles; they are computed again when you continue" in run("info r.zarr")[1]
+    assert "1 damaged tile; computed again when you continue" in run("info r.zarr")[1]
     driver.refined(tmp_path / "new.zarr", progress=lambda *seen: False)
     told = run("info new.zarr")[1]
     assert told[2].startswith("0 of 169 cells computed")
@@ -115,12 +115,18 @@ def test_info_of_a_finished_refined_map_has_nothing_to_go_on_with(run, tmp_path,
 
 
 @pytest.mark.parametrize("name", ["status", "cell", "n_periods"])
-def test_lists_whose_description_is_damaged_are_told_of(tmp_path, name):
+def test_lists_whose_description_is_damaged_are_told_of_and_described_anew(tmp_path, whole, name):
     store = tmp_path / "r.zarr"
     partly(store)
+    needed = summary(store)["needed"]
     (store / "progress" / "cells" / name / "zarr.json").write_text("{")
     with pytest.raises(OSError, match="which is no stored sweep, or a damaged one"):
-        driver.refined(store)
+        SweepStore(store)
+    seen = []
+    again = driver.refined(store, progress=lambda done, total, partial: seen.append(done))
+    assert seen[0] > 0  # cells known from before
+    assert summary(store)["needed"] >= needed
+    assert all(again[name].values.tobytes() == whole[name].values.tobytes() for name in whole.variables)
 
 
 def test_cells_that_are_not_those_asked_for_are_computed_anew(tmp_path, whole):

@@ -137,9 +137,46 @@ def oscillator_of(dataset: xr.Dataset) -> ImpactOscillator:
     return ImpactOscillator(**json.loads(dataset.attrs["oscillator"]))
 
 
+def check_attributes(dataset: xr.Dataset) -> None:
+    """Raise `ValueError` where an attribute that this package reads is of another kind than it writes."""
+    for name, value in dataset.attrs.items():
+        if name in _ENCODED and not _encodes(value, _ENCODED[name]):
+            raise ValueError(f"its attribute {name!r} is damaged")
+    try:
+        if "oscillator" in dataset.attrs:
+            oscillator_of(dataset)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"its attribute 'oscillator' is damaged: {error}") from None
+    for name, held in dataset.variables.items():
+        words = held.attrs.get("flag_meanings", "")
+        counted = np.size(held.attrs["flag_values"]) if "flag_values" in held.attrs and words else None
+        if any(not isinstance(held.attrs.get(key, ""), str) for key in _LABELS) or (
+            counted is not None and counted != len(words.split())
+        ):
+            raise ValueError(f"the labels of {name!r} are damaged")
+
+
+def _encodes(value: Any, kind: type) -> bool:
+    """Whether an attribute is JSON of this kind, or text."""
+    if not isinstance(value, str) or kind is str:
+        return isinstance(value, kind)
+    try:
+        return isinstance(json.loads(value), kind)
+    except (ValueError, RecursionError):
+        return False
+
+
+_LABELS = ("long_name", "units", "symbol", "flag_meanings")
 _BUNDLES = {"boundary_curves": "curve", "continue_orbit": "branch"}  # the name of each function's results
 _LAID_OUT = ("point", "special")  # dims along which the parts follow one another
 ENDS = ("outcome", "message", "arguments")  # attributes of each part, kept as lists
+# Attributes that are read again: text, or what text in JSON encodes.
+_ENCODED: dict[Any, type] = {
+    **dict.fromkeys(("function", "initial_condition", "filled_in", "message"), str),
+    **dict.fromkeys(("oscillator", "arguments", "model"), dict),
+    **dict.fromkeys(("messages", "variable_order"), list),
+    **{f"{name}_{end}": list for name in _BUNDLES.values() for end in ENDS},
+}
 
 
 def bundle(parts: Sequence[xr.Dataset], function: str, provenance: Mapping[str, str]) -> xr.Dataset:

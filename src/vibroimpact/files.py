@@ -16,8 +16,9 @@ from uuid import uuid4
 
 import numpy as np
 
+from vibroimpact.dataset import check_attributes
 from vibroimpact.formats import WRITERS, in_order
-from vibroimpact.parameters import invalid, truth
+from vibroimpact.parameters import check_fits, invalid, truth
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -101,9 +102,15 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     Raises
     ------
     ValueError
-        The ending is not `.zarr` or `.nc`; `.csv` and `.mat` are exports that do not keep every label.
+        The ending is not `.zarr` or `.nc`; `.csv` and `.mat` are exports that do not keep every label. Or the values
+        take more memory than this machine has.
     OSError
-        The file does not exist, or it cannot be read.
+        The file does not exist or cannot be read, or is none that this package saved.
+
+    Notes
+    -----
+    Files from elsewhere are safe to load: of a store only regular files inside it are read, and only values of the size
+    and the packing that `save` and stores give them.
 
     Examples
     --------
@@ -119,20 +126,19 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
         raise invalid("path", str(path), "a .zarr folder or a .nc file", ".csv and .mat are exports only")
     if not source.exists():
         raise FileNotFoundError(f"`path` {str(path)!r} does not exist; {offered(source) or 'check the spelling'}")
-    try:
-        with xr.open_dataset(source, **_OPEN[ending]) as stored:
-            return _restored(stored.load())
-    except Exception as error:  # each library under xarray has its own errors for a damaged file
-        raise OSError(
-            f"`path` {str(path)!r} cannot be read ({_first_line(error)}); give a result that this package saved"
-        ) from error
+    with _explained(source):
+        size = _size_of(source)
+    check_fits("path", f"is {str(path)!r}, whose values take", size, "xarray.open_zarr(path) reads a store in parts")
+    with _explained(source), xr.open_dataset(_opened(source), **_OPEN[ending]) as stored:
+        return _restored(stored.load())
 
 
 def load_lazily(path: str | os.PathLike[str]) -> xr.Dataset:
     """Open a Zarr store as `load` does, but read values from disk only when they are used."""
     import xarray as xr
 
-    return _restored(xr.open_dataset(Path(path), **_OPEN[".zarr"]))
+    with _explained(Path(path)):
+        return _restored(xr.open_dataset(_opened(Path(path)), **_OPEN[".zarr"]))
 
 
 def _path(name: str, given: Any) -> Path:
@@ -141,7 +147,35 @@ def _path(name: str, given: Any) -> Path:
     return Path(given)
 
 
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """Turn the errors of a file that is damaged, or of another kind, into one: each library below has its own."""
+    try:
+        yield
+    except MemoryError:
+        raise
+    except Exception as error:
+        raise OSError(
+            f"`path` {str(path)!r} cannot be read ({_first_line(error)}); give a result that this package saved"
+        ) from error
+
+
+def _opened(path: Path) -> Any:
+    """Return what xarray opens."""
+    from vibroimpact.guard import GuardedStore
+
+    return GuardedStore(path) if path.suffix.lower() == ".zarr" else path
+
+
+def _size_of(path: Path) -> int:
+    """Return how many bytes the values take in memory; raise where not all is of the kind that this package writes."""
+    from vibroimpact.guard import GuardedStore, netcdf_size
+
+    return GuardedStore(path).size() if path.suffix.lower() == ".zarr" else netcdf_size(path)
+
+
 def _restored(dataset: xr.Dataset) -> xr.Dataset:
+    check_attributes(dataset)
     for variable in dataset.variables.values():
         if "flag_values" in variable.attrs:  # JSON has lists only, NetCDF turns a list of one into a number
             values = np.asarray(variable.attrs["flag_values"], dtype=variable.dtype)
@@ -333,6 +367,6 @@ def _first_line(error: BaseException) -> str:
 
 
 _OPEN: dict[str, dict[str, Any]] = {
-    ".zarr": {"engine": "zarr", "backend_kwargs": {"consolidated": False}},
+    ".zarr": {"engine": "zarr", "backend_kwargs": {"consolidated": False, "zarr_format": 3}},
     ".nc": {"engine": "h5netcdf"},
 }

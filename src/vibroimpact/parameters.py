@@ -103,6 +103,11 @@ def _unquoted(value: Any) -> str:
         return ""
 
 
+def printable(text: str) -> str:
+    """Return a text from elsewhere with its control codes and line ends escaped."""
+    return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text)
+
+
 def _short(value: Any) -> str:
     try:
         text = repr(value)

@@ -8,6 +8,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Annotated, Any
 
+from vibroimpact.parameters import printable
+
 __all__ = ["main"]
 
 FAILED, WRONG_REQUEST, INTERRUPTED = 1, 2, 130
@@ -98,7 +100,7 @@ def _report(message: str, code: int) -> int:
     lines = [line.strip() for line in message.splitlines() if line.strip()]
     head = f"{lines[0]} " if lines and lines[0].endswith(":") else ""
     text = head + " | ".join(lines[1:] if head else lines)
-    print(f"vibroimpact: {text}", file=sys.stderr)
+    print(f"vibroimpact: {printable(text)}", file=sys.stderr)
     return code
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import sys
 from collections.abc import Iterator, Mapping
@@ -14,6 +15,7 @@ import typer
 
 from vibroimpact.cli import REFUSALS, Interrupted, output, refusing
 from vibroimpact.cli import options as o
+from vibroimpact.parameters import printable
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
@@ -43,12 +45,26 @@ def plot(options: Options) -> None:
     with refusing(OSError):
         dataset = load(options["file"])
         over = output.read(options, "over")
-        lines = sentences_of(dataset)
+        with _understood(options["file"]):
+            lines = sentences_of(dataset)
     if options["out"] is None:
-        typer.echo("\n".join(lines))
+        typer.echo("\n".join(map(printable, lines)))
         return
-    output.write(dataset, options, options["out"], over)
+    with _understood(options["file"]):
+        output.write(dataset, options, options["out"], over)
     typer.echo(f"wrote {options['out']}")
+
+
+@contextmanager
+def _understood(path: Path) -> Iterator[None]:
+    """Say of a file that can be read, but lacks what its kind of result has, that it is damaged."""
+    try:
+        yield
+    except (LookupError, TypeError, AttributeError, ArithmeticError, ValueError) as error:
+        if "`" in str(error) or str(error).startswith("unknown "):  # of an argument
+            raise
+        what = f"{type(error).__name__}: {error}"
+        raise OSError(f"{str(path)!r} is damaged, or no result of this package ({what}); make it again") from error
 
 
 @o.with_options(o.Option("file", "STORE", "A map written tile by tile, as a .zarr.", flags=(), required=True))
@@ -59,7 +75,7 @@ def info(options: Options) -> None:
 
       vibroimpact info map.zarr
     """
-    typer.echo("\n".join(sentences_of_store(options["file"])))
+    typer.echo("\n".join(map(printable, sentences_of_store(options["file"]))))
 
 
 @o.with_options(
@@ -187,21 +203,33 @@ def sentences_of_store(path: Path) -> Iterator[str]:
     yield f"{path}: {kind} of {identity.pop('indices')} over {' and '.join(axes)}"
     yield "  " + ", ".join(f"{name} {value}" for name, value in identity.items() if value is not None)
     yield from _progress(store)
-    damaged = store.damaged()
-    if store.is_complete() and not damaged:
+    faults = store.faults()
+    if store.is_complete() and not faults:
         from vibroimpact.report.sweeps import hits_of
 
-        dataset = store.dataset()
-        if "filled_in" in dataset.attrs:
-            yield dataset.attrs["filled_in"]
-        if "start" in dataset.dims:
-            yield from hits_of(dataset)
-    if damaged:
-        yield f"{len(damaged)} damaged tiles; they are computed again when you continue"
-    if damaged or not store.is_complete():
-        words = [word for word in store.command.split(" ") if word != "--overwrite"]
-        typed = words[0] == "vibroimpact"
-        yield f"continue with: {' '.join(words) if typed else 'the same parameter_map(..., store=...) call'}"
+        with refusing(OSError), _understood(path):
+            dataset = store.dataset()
+            if "filled_in" in dataset.attrs:
+                yield dataset.attrs["filled_in"]
+            if "start" in dataset.dims:
+                yield from hits_of(dataset)
+    yield from faults
+    if faults or not store.is_complete():
+        yield f"continue with: {_command_of(store) or 'the same parameter_map(..., store=...) call'}"
+
+
+def _command_of(store: SweepStore) -> str:
+    """Return the command that made a store, quoted for a shell.
+
+    It is empty where a script made the store, or where what the store holds is no such command.
+    """
+    try:
+        words = [word for word in shlex.split(store.command) if word != "--overwrite"]
+    except ValueError:
+        return ""
+    if words[:2] != ["vibroimpact", "map"] or not all(map(str.isprintable, words)):
+        return ""
+    return shlex.join(words)
 
 
 def _opened(path: Path) -> SweepStore | None:

@@ -32,6 +32,7 @@ from vibroimpact.dataset import level_variable, missing, plain_variable, status_
 from vibroimpact.execution import Tiling, cut
 from vibroimpact.files import remove_folder
 from vibroimpact.formats import ORDER, order_of
+from vibroimpact.guard import GuardedStore, clear
 from vibroimpact.parameters import check_fits
 from vibroimpact.request import Request, key_of
 from vibroimpact.status import Status
@@ -67,6 +68,7 @@ def locked(lock: Path, store: Path, patience: float = 0.0) -> Iterator[None]:
 
     held = FileLock(lock, thread_local=False)
     try:
+        clear(lock)
         held.acquire(timeout=patience, poll_interval=0.01)
     except Timeout:
         raise StoreBusy(
@@ -95,12 +97,12 @@ def create(folder: Path, request: Request, cells: int) -> None:
     """Make the store of a request, unless one exists by now; remove what a killed process left half made."""
     if not folder.parent.is_dir():
         raise FileNotFoundError(f"`store` is {str(folder)!r}, whose folder does not exist; make it first")
-    tiling = _tiling(request, cells)
+    tiling = tiling_of(request, cells)
     _check_room(request, tiling)
     try:
         with _claimed(scratch_of(folder), folder) as part:
             if not os.path.lexists(folder):
-                _lay_out(part, request, tiling)
+                lay_out(part, request, request.identity(), tiling)
                 # Refused where another store has appeared: a rename never replaces a folder that holds something.
                 os.rename(part, folder)
     except StoreBusy:
@@ -116,7 +118,7 @@ def create(folder: Path, request: Request, cells: int) -> None:
         raise kind(error.errno, message) from error
 
 
-def _tiling(request: Request, cells: int) -> Tiling:
+def tiling_of(request: Request, cells: int) -> Tiling:
     """Return the tiles of a grid, or of the lists of a refined map."""
     if not refined(request.further):
         return cut(request.shape, cells)
@@ -168,12 +170,11 @@ def _remove_empty(folder: Path) -> None:
         folder.rmdir()
 
 
-def _lay_out(folder: Path, request: Request, tiling: Tiling) -> None:
-    """Write a store in which no tile is done."""
-    identity = request.identity()
+def lay_out(place: Any, request: Request, identity: dict[str, Any], tiling: Tiling) -> None:
+    """Write a store in which no tile is done, into a folder or a store of Zarr's."""
     names = (*request.indices, "status")
     command = join([Path(sys.argv[0]).name, *sys.argv[1:]])
-    root = zarr.open_group(folder, mode="w-", zarr_format=3)
+    root = zarr.open_group(place, mode="w-", zarr_format=3)
     root.attrs.update(
         request.provenance("parameter_map")
         | {"study": json.dumps(identity), "key": key_of(identity), "command": command, "tile": list(tiling.tile)}
@@ -244,7 +245,7 @@ class TileWriter:
 
     def __init__(self, path: Path, tiling: Tiling, arrays: Mapping[str, str], records: Rows) -> None:
         self.path, self.tiling, self.records = path, tiling, records
-        self._root: Any = zarr.open_group(path, mode="r+", zarr_format=3)
+        self._root: Any = zarr.open_group(GuardedStore(path, read_only=False), mode="r+", zarr_format=3)
         self._arrays: dict[str, Any] = {name: self._root[place] for name, place in arrays.items()}
         self._rows: Any = self._root[RECORDS]
         self._thread = ThreadPoolExecutor(1, "store")
@@ -307,8 +308,8 @@ class TileWriter:
         """Remove what runs left behind that were ended in the middle."""
 
         def job() -> None:
-            (self.path / PROGRESS / MARK).unlink(missing_ok=True)
-            for leftover in self.path.rglob("*.partial"):
+            for leftover in (self.path / PROGRESS / MARK, *self.path.rglob("*.partial")):
+                clear(leftover)
                 leftover.unlink(missing_ok=True)
 
         self.whole(job)

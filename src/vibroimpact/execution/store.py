@@ -26,6 +26,7 @@ from vibroimpact.execution.layout import (
     LOCK,
     MICROSECONDS,
     NEEDED,
+    PROGRESS,
     RECORDS,
     ROWS,
     STEPS,
@@ -38,12 +39,15 @@ from vibroimpact.execution.layout import (
     refined,
     scratch_of,
 )
+from vibroimpact.execution.mending import mend
 from vibroimpact.files import load_lazily, offered
-from vibroimpact.parameters import invalid
+from vibroimpact.guard import DESCRIPTION, GuardedStore
+from vibroimpact.parameters import check_fits, invalid
 from vibroimpact.progress import Report, Stop
 from vibroimpact.request import Request, differences, key_of, mark
 from vibroimpact.status import Status
 
+START = "start"  # the axis of several initial conditions, which are numbered
 READ = 64  # tiles read at once, or one row of them: Zarr reads many chunks together in a third of the time
 
 
@@ -57,21 +61,23 @@ class SweepStore:
                 f"`store` {str(path)!r} does not exist; {offered(self.path) or 'check the spelling'}"
             )
         try:
-            self._root: Any = zarr.open_group(self.path, mode="r", zarr_format=3)
+            self._files = GuardedStore(self.path)
+            self._root: Any = zarr.open_group(self._files, mode="r", zarr_format=3)
             self._describe(self._root)
         except Exception as error:
+            known = "; the same sweep writes anew what is damaged" if hasattr(self, "key") else ""
             raise OSError(
-                f"`store` is {str(path)!r}, which is no stored sweep, or a damaged one ({type(error).__name__}); "
-                "give a folder that a sweep with `store` made, or a new name"
+                f"`store` is {str(path)!r}, which is no stored sweep, or a damaged one ({_reason(error)}); give a "
+                f"folder that a sweep with `store` made, or a new name{known}"
             ) from error
 
     def _describe(self, root: Any) -> None:
         """Take from the store what it holds; raise where that does not fit together."""
         attrs = dict(root.attrs)
         self.identity: dict[str, Any] = json.loads(str(attrs["study"]))
-        self.key, self.command = key_of(self.identity), str(attrs["command"])
-        if self.key != attrs["key"]:
+        if key_of(self.identity) != attrs["key"]:
             raise ValueError("its study was altered")
+        self.key, self.command = str(attrs["key"]), str(attrs.get("command", ""))
         self.axes = tuple(str(text).split()[0] for key, text in self.identity.items() if key.startswith("axis "))
         self.shape: tuple[int, ...] = root["status"].shape
         self.refined = refined(self.identity)
@@ -82,8 +88,11 @@ class SweepStore:
         self.tiling = Tiling(self._arrays["status"].shape, tuple(attrs["tile"]))
         if any(array.chunks != self.tiling.tile for array in self._arrays.values()):
             raise ValueError("its tiles differ")
-        if self._rows.shape != (len(self.tiling), COLUMNS):
+        needed = self._rows.attrs.get(NEEDED, 0)
+        self._needed = needed if isinstance(needed, int) else 0
+        if not all(self.shape) or self._rows.shape != (len(self.tiling), COLUMNS):
             raise ValueError("its records differ")
+        check_fits("store", f"has {len(self.tiling):,} tiles, whose records take", 8 * self._rows.size, "it is damaged")
 
     def records(self) -> Rows:
         """Return the record of every tile, one per row; tiles whose records are damaged count as not done."""
@@ -99,14 +108,14 @@ class SweepStore:
     def read(self, number: int) -> Arrays:
         """Return a tile as it lies on disk; raise where a chunk of it is lost or was altered."""
         if not self._has(number):
-            raise FileNotFoundError(f"tile {number}")
+            raise FileNotFoundError(f"`store` is {str(self.path)!r}, which has not the whole tile {number}")
         return {name: np.asarray(array[self.tiling[number]]) for name, array in self._arrays.items()}
 
     def _has(self, number: int) -> bool:
         """Whether every chunk of a tile is there: Zarr would read one that is not as missing values."""
         at = tuple(along.start // side for along, side in zip(self.tiling[number], self.tiling.tile, strict=True))
         key = self._arrays["status"].metadata.encode_chunk_key(at)
-        return all((self.path / place / key).exists() for place in self.arrays.values())
+        return all((self.path / place / key).is_file() for place in self.arrays.values())
 
     def damaged(self, records: Rows | None = None) -> list[int]:
         """Return the tiles of which a chunk is lost or was altered since it was written."""
@@ -125,6 +134,8 @@ class SweepStore:
         low, high = self.tiling[numbers[0]][0].start, self.tiling[numbers[-1]][0].stop
         with suppress(Exception):
             for array in self._arrays.values():
+                cells = (high - low) * math.prod(array.shape[1:])
+                check_fits("store", "has tiles that take", cells * array.dtype.itemsize, "read them one by one")
                 array[low:high]
             return [number for number in numbers if not self._has(number)]
 
@@ -142,21 +153,58 @@ class SweepStore:
 
         def is_damaged(number: int, name: str) -> bool:
             try:
-                return bool(mark(name, np.asarray(self._root[name][:])) != self.identity[f"axis {number}"])
+                return bool(mark(name, self._axis(name)) != self.identity[f"axis {number}"])
             except Exception:
                 return True
 
-        return [name for number, name in enumerate(self.axes, 1) if is_damaged(number, name)]
+        damaged = [name for number, name in enumerate(self.axes, 1) if is_damaged(number, name)]
+        with suppress(Exception):
+            if START not in self._root["status"].metadata.dimension_names:
+                return damaged
+            if np.array_equal(self._axis(START), np.arange(self.shape[-1])):
+                return damaged
+        return [*damaged, START]
+
+    def _axis(self, name: str) -> Any:
+        array = self._root[name]
+        check_fits("store", f"has an axis {name} whose values take", array.nbytes, "it is damaged")
+        return np.asarray(array[:])
+
+    def faults(self) -> list[str]:
+        """Return what is damaged, one line each; running the same sweep again repairs all of it."""
+        found = [f"the description {name!r} is damaged; it is" for name in self._damaged_descriptions()]
+        found += [f"the values along {name} are damaged; they are" for name in self.damaged_axes()]
+        found = [f"{line} written anew when you continue" for line in found]
+        if tiles := len(self.damaged()):
+            found.append(f"{tiles} damaged {'tile' if tiles == 1 else 'tiles'}; computed again when you continue")
+        if self.refined and self.is_complete() and not self._is_drawn():
+            found.append("the picture is damaged; drawn again when you continue")
+        return found
+
+    def _damaged_descriptions(self) -> list[str]:
+        """Return the descriptions, beside those that opening a store reads, which cannot be read."""
+
+        def is_damaged(name: str) -> bool:
+            try:
+                return self._files.content(f"{name}/{DESCRIPTION}") is None
+            except (OSError, ValueError):
+                return True
+
+        return [name for name in (PROGRESS, *([LIST] if self.refined else [])) if is_damaged(name)]
 
     def is_complete(self) -> bool:
         """Whether all has been computed, and the picture of a refined map drawn."""
-        return self._root.attrs.get("complete") == 1 if self.refined else bool(self.records()[:, DONE].all())
+        done = self.records()[:, DONE] > 0
+        if not self.refined:
+            return bool(done.all())
+        last = np.flatnonzero(done)[-1:]  # batches are numbered as they are made: one that has no record has lost it
+        return self._root.attrs.get("complete") == 1 and bool(last.size and done[: last[0]].all())
 
     def is_whole(self) -> bool:
         """Whether all has been computed and nothing is damaged."""
-        if not self.is_complete() or self.damaged_axes():
+        if not self.is_complete() or self.damaged_axes() or self._damaged_descriptions():
             return False
-        return self._is_drawn() if self.refined else not self.damaged()
+        return not self.damaged() and (not self.refined or self._is_drawn())
 
     def _is_drawn(self) -> bool:
         """Whether every chunk of a refined map's picture can be read."""
@@ -182,7 +230,7 @@ class SweepStore:
             "tiles": len(self.tiling),
             "cells_done": int(counts.sum()),
             "cells": math.prod(self.shape),
-            "needed": int(self._rows.attrs.get(NEEDED, 0)) if self.refined else math.prod(self.shape),
+            "needed": self._needed if self.refined else math.prod(self.shape),
             "seconds": float(done[:, MICROSECONDS].sum() * 1e-6),
             "impacts": int(done[:, IMPACTS].sum()),
             "steps": int(done[:, STEPS].sum()),
@@ -224,8 +272,6 @@ class SweepStore:
             try:
                 if request is not None:
                     writer.sweep_up()
-                    for name in self.damaged_axes():
-                        writer.draw({name: request.axes[name]}, {})
                     writer.forget(self.damaged(writer.records))
                 yield writer
             finally:
@@ -243,14 +289,21 @@ def open_or_create(path: str | os.PathLike[str], request: Request, cells: int) -
     folder = Path(os.path.realpath(folder))  # a link to a folder that is not there yet is followed too
     if not folder.exists() or scratch_of(folder).exists():
         create(folder, request, cells)
-    store = SweepStore(folder)
     measurement = request.identity()
+    with suppress(OSError):  # what could not be mended, opening it explains
+        mend(folder, request, measurement)
+    store = SweepStore(folder)
     if store.key != key_of(measurement):
         raise ValueError(
             f"`store` is {str(path)!r}, which holds another study ({differences(store.identity, measurement)}); "
             "choose another name, or ask for what it holds"
         )
     return store
+
+
+def _reason(error: Exception) -> str:
+    text = (str(error).splitlines() or [""])[0]
+    return text if isinstance(error, (OSError, ValueError)) and text else f"{type(error).__name__}: {text}"
 
 
 def run_into_store(

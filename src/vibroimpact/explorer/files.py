@@ -27,6 +27,7 @@ from vibroimpact.explorer.state import FINEST, MOTION, NAMES, SAMPLES, TABLE, Vi
 from vibroimpact.files import load
 from vibroimpact.indices import INDICES
 from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.parameters import check_fits
 from vibroimpact.plotting import labels
 from vibroimpact.plotting.diagrams import HATCHED
 from vibroimpact.plotting.style import BLUE, INK, STYLE, draw_stop
@@ -60,6 +61,16 @@ def open_study(path: str | os.PathLike[str]) -> tuple[View, Stored]:
     All that is shown is read at once, 256 x 256 cells at most: the store may be removed, or continue to grow, while
     pages are open. A frequency in Hz is shown as omega in rad/s.
     """
+    try:
+        return _view_of(path)
+    except ValueError as error:
+        where = os.fspath(path)
+        raise error if where in str(error) else ValueError(f"{error} (in {where!r})") from error
+    except (LookupError, TypeError, AttributeError, ArithmeticError) as error:
+        raise OSError(f"`store` {os.fspath(path)!r} is damaged ({type(error).__name__}: {error})") from error
+
+
+def _view_of(path: str | os.PathLike[str]) -> tuple[View, Stored]:
     sweep = _over_omega(_read(path))
     status = sweep.get("status")
     dims = [str(name) for name in status.dims] if status is not None else []
@@ -170,8 +181,10 @@ def _plane(view: View, sweep: xr.Dataset, name: str) -> tuple[Plane, frozenset[s
         for axis, ends in ((view.x, view.x_range), (view.y, view.y_range))
     ]
     try:
-        near = sweep.isel({view.x: where[0], view.y: where[1]}).load()
-    except RuntimeError as error:  # raised for a damaged tile
+        near = sweep.isel({view.x: where[0], view.y: where[1]})
+        check_fits("store", f"is {name!r}, of which what is shown takes", near.nbytes, "it is damaged")
+        near = near.load()
+    except (RuntimeError, OSError) as error:  # raised for a damaged tile
         raise OSError(f"`store`: a tile of {name!r} cannot be read ({error}); run the sweep again") from error
     plane = Plane.unknown(view)
     growth = {"lyapunov_per_impact"} <= set(near) or {"lyapunov", "impacts_per_period"} <= set(near)
