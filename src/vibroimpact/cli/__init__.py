@@ -1,6 +1,7 @@
 """The command line: one command per public function, one line for every error."""
 
 # Annotations are evaluated here: typer reads those of a function that only `commands` sees.
+import logging
 import os
 import sys
 import threading
@@ -57,6 +58,7 @@ def refusing(*errors: type[OSError]) -> Iterator[None]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code: 0, 1 (failed), 2 (wrong request) or 130 (interrupted)."""
+    logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # a refused chunk leaves tasks of Zarr's loop behind
     code = _run(arguments)
     if code == INTERRUPTED and arguments is None:
         _exit_without_threads(code)
