@@ -553,3 +553,14 @@ def test_boundaries_that_are_cut_short_are_told_of_in_the_status_line(browser, m
         page.keyboard.press("b")
         until(page, "document.getElementById('message').textContent === 'boundaries incomplete: stopped after 0 s'")
         page.close()
+
+
+def test_a_page_for_which_there_is_no_room_says_so(browser, monkeypatch):
+    full = "from vibroimpact.explorer import server; server.MOST_PAGES = 0; "
+    monkeypatch.setattr(sys.modules[__name__], "SERVE", full + SERVE)
+    with serving() as found:
+        page = browser.new_page()
+        page.goto(found)
+        until(page, "document.getElementById('message').textContent.includes('Close one, then reload this page.')")
+        assert page.locator("#message").is_visible()
+        page.close()
