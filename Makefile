@@ -2,13 +2,16 @@
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.set-up
+TELLING := storage stores plotting_maps explorer_controls cli cluster
 
-.PHONY: help demo test check bench docs figures clean
+.PHONY: help demo test check check-oldest check-newest bench docs figures clean
 
 help:
 	@echo "make demo     the paper's whole study as one HTML report in demo/"
 	@echo "make test     the tests, on all cores"
 	@echo "make check    style, types, layers, documentation"
+	@echo "make check-oldest, make check-newest"
+	@echo "              tests with the oldest dependencies allowed, and with the newest there are"
 	@echo "make bench    how fast the engine is on this machine, beside others"
 	@echo "make docs     the documentation, in docs/_build/html/"
 	@echo "make figures  draw again the pictures of README and documentation"
@@ -31,6 +34,17 @@ check: $(STAMP)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/sphinx-build -W --keep-going --quiet -b html docs docs/_build/html
+
+# A fresh environment in build/, resolved anew; what it holds is printed before the tests that meet most dependencies.
+check-oldest: EDGE = python3.11 --resolution lowest-direct
+check-oldest: WARNINGS = -W default
+check-newest: EDGE = $(shell for v in 14 13 12 11; do python3.$$v -V >/dev/null 2>&1 && echo python3.$$v && break; done) \
+  --prerelease disallow --upgrade
+check-oldest check-newest: $(STAMP)
+	$(BIN)/uv venv --quiet --clear --no-python-downloads --python $(firstword $(EDGE)) build/$@
+	$(BIN)/uv pip install --quiet --python build/$@ $(wordlist 2,9,$(EDGE)) --editable '.[test,cluster,web]'
+	$(BIN)/uv pip list --python build/$@
+	NUMBA_CACHE_DIR=$(CURDIR)/build/$@/numba build/$@/bin/python -m pytest -n auto --dist worksteal $(WARNINGS) $(TELLING:%=tests/test_%.py)
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks.run

@@ -85,6 +85,14 @@ def test_a_result_comes_back_with_its_values_labels_and_provenance(tmp_path, end
     assert oscillator_of(back) == oscillator_of(make())
 
 
+@pytest.mark.parametrize("ending", [".zarr", ".nc"])
+@pytest.mark.parametrize("name", ["two words", "Stöße α", "run[1]*?", "a#b%20", "-x"])
+def test_a_result_may_have_any_name(tmp_path, name, ending):
+    vi.save(sweep(), tmp_path / f"{name}{ending}")
+    assert [entry.name for entry in tmp_path.iterdir()] == [f"{name}{ending}"]
+    xr.testing.assert_identical(vi.load(tmp_path / f"{name}{ending}"), sweep())
+
+
 def test_a_zarr_store_is_format_3_and_its_root_holds_result_variables_only(tmp_path):
     path = vi.save(sweep(), tmp_path / "map.zarr")
     assert '"zarr_format": 3' in (path / "zarr.json").read_text()

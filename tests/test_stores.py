@@ -258,7 +258,9 @@ def test_tiles_cover_every_cell_once_and_none_is_larger_than_asked_by_much(shape
 # Where it lies
 
 
-@pytest.mark.parametrize("name", ["two words.zarr", "Stöße α.zarr", "run[1]*?.zarr", "a.b.zarr", "-x.zarr", "UP.ZARR"])
+@pytest.mark.parametrize(
+    "name", ["two words.zarr", "Stöße α.zarr", "run[1]*?.zarr", "a#b%20.zarr", "a.b.zarr", "-x.zarr", "UP.ZARR"]
+)
 def test_a_store_may_have_any_name(tmp_path, name):
     plane(store=tmp_path / name, tile=60, progress=Counting(2))
     second = Counting()

@@ -20,7 +20,9 @@ ORDER = "variable_order"  # an attribute of the file, not of the result
 
 
 def _write_zarr(dataset: xr.Dataset, part: Path) -> None:
-    _with_order(dataset).to_zarr(part, mode="w-", zarr_format=3, consolidated=False)
+    from zarr.storage import LocalStore  # of a bare path Zarr may make a URL, which ends at a `?`
+
+    _with_order(dataset).to_zarr(LocalStore(part), mode="w-", zarr_format=3, consolidated=False)
 
 
 def _write_netcdf(dataset: xr.Dataset, part: Path) -> None:

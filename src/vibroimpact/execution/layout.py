@@ -102,7 +102,7 @@ def create(folder: Path, request: Request, cells: int) -> None:
     try:
         with _claimed(scratch_of(folder), folder) as part:
             if not os.path.lexists(folder):
-                lay_out(part, request, request.identity(), tiling)
+                lay_out(GuardedStore(part, read_only=False), request, request.identity(), tiling)
                 # Refused where another store has appeared: a rename never replaces a folder that holds something.
                 os.rename(part, folder)
     except StoreBusy:
@@ -171,7 +171,7 @@ def _remove_empty(folder: Path) -> None:
 
 
 def lay_out(place: Any, request: Request, identity: dict[str, Any], tiling: Tiling) -> None:
-    """Write a store in which no tile is done, into a folder or a store of Zarr's."""
+    """Write a store in which no tile is done, into a store of Zarr's."""
     names = (*request.indices, "status")
     command = join([Path(sys.argv[0]).name, *sys.argv[1:]])
     root = zarr.open_group(place, mode="w-", zarr_format=3)
