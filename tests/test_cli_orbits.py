@@ -368,7 +368,7 @@ def test_an_interrupted_verdict_tells_what_it_found(run, tmp_path):
         ("continue --x omega=1:3 --diagram --out branch.nc", "`--diagram` needs a figure"),
         ("boundary --x omega=1:3 --y r=0.5:0.9 --over map.zarr", "`--over` needs a figure"),
         ("describe --vary speed", "unknown parameter 'speed'"),
-        ("describe --within 0", "`within` must be .* > 0, got 0"),
+        ("describe --within 0", "`within` must be above 0 and up to 1000, got 0"),
     ],
 )
 def test_what_does_not_go_together_is_refused(run, tmp_path, command, words):

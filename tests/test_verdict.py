@@ -357,8 +357,8 @@ def test_the_work_of_a_verdict_is_bounded(fast, chaotic):
     [
         ({"parameters": ["omga"]}, "did you mean 'omega'"),
         ({"parameters": ["gap", "gap"]}, "drop the repeated one"),
-        ({"within": 0.0}, "`within` must be a finite number > 0, got 0.0"),
-        ({"within": "far"}, "`within` must be a finite number > 0, got 'far'"),
+        ({"within": 0.0}, "`within` must be above 0 and up to 1000, got 0.0"),
+        ({"within": "far"}, "`within` must be above 0 and up to 1000, got 'far'"),
     ],
 )
 def test_a_wrong_request_names_the_argument_and_the_remedy(arguments, words):

@@ -11,7 +11,7 @@ from difflib import get_close_matches
 from typing import Any
 
 COUNTS = 1_000_000_000  # the largest number of anything
-SMALLEST = 1e-60  # the size of a number other than 0: products of several are numbers, too
+SMALLEST = 1e-60  # the size of a number that is not 0, 1e60 the largest: products of several are numbers, too
 
 
 def invalid(name: str, value: Any, allowed: str, hint: str = "") -> ValueError:
@@ -157,16 +157,16 @@ class Parameter:
             return "a finite number" if math.isinf(self.high) else f"at most {self.high:g}"
         if math.isinf(self.high):
             return f"a finite number {'>=' if self.closed else '>'} {self.low:g}"
-        return f"between {self.low:g} and {self.high:g}"
+        words = "between {:g} and {:g}" if self.closed else "above {:g} and up to {:g}"
+        return words.format(self.low, self.high)
 
     def check(self, value: Any) -> float:
         """Return the value as a float inside the range, 0 or of a size whose square is a number."""
         number = real_number(self.name, value, self.allowed, self.hint)
         if number < self.low or number > self.high or (number == self.low and not self.closed):
             raise invalid(self.name, value, self.allowed, self.hint)
-        if number and not SMALLEST <= abs(number) <= 1.0 / SMALLEST:
-            sizes = f"of a size from {SMALLEST:g} to {1.0 / SMALLEST:g}, or 0"
-            raise invalid(self.name, value, sizes, "choose other units")
+        if abs(number) > 1.0 / SMALLEST or (not self.closed and number < SMALLEST):
+            raise invalid(self.name, value, f"of a size from {SMALLEST:g} to {1.0 / SMALLEST:g}", "choose other units")
         return number
 
 
