@@ -384,7 +384,7 @@ if sys.argv[2] == "replacing":
     moved = files._moved
     files._moved = lambda part, target: moved(part, target) if target.exists() else die()
 else:
-    files._move = die
+    files.replace_output = die
 vi.save(xr.Dataset({"std": ("omega", [2.0])}, {"omega": [1.0]}), sys.argv[1], overwrite=True)
 """
 

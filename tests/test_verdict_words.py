@@ -1,6 +1,7 @@
 """Each sentence of a verdict is true, and none contradicts another: transients, scaling, sticking, what lies beyond."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from vibroimpact.cells import cells_at
 from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.orbits.sticking import periods_from_release
 from vibroimpact.verdict import describe
+from vibroimpact.verdict.advice import advise
 from vibroimpact.verdict.boundaries import Found, _end_of_sticking
-from vibroimpact.verdict.present import present_motion, range_of
+from vibroimpact.verdict.present import coexisting_motions, present_motion, range_of
 
 # The mass rests at the stop again and again, and rounding decides when that ends; it does after some 1e4 impacts.
 RESTLESS = vi.ImpactOscillator(
@@ -58,6 +60,17 @@ def test_without_a_gap_all_hits_are_proportional_to_the_force(osc):
     repeats = all(motion.repeats for motion in verdict.attractors)
     hardest = max(motion.max_velocity for motion in there)
     assert hardest == pytest.approx(advice.max_velocity, rel=1e-8 if repeats else 0.05)
+
+
+def test_advice_without_a_gap_is_measured_by_the_hardest_motion_that_is_reached():
+    osc = vi.ImpactOscillator(omega=2.8, gap=0.0)
+    runner = Runner("cpu")
+    present = present_motion(osc, runner)
+    motions = coexisting_motions(present, runner)
+    hardest = max(motion.max_velocity for motion in motions)
+    never = replace(motions[0], from_rest=False, share=0.0, max_velocity=10.0 * hardest)
+    (advice,) = advise(present, [*motions, never], [range_of(osc, "amplitude", 3.0)], runner)
+    assert advice.before == pytest.approx(hardest, rel=1e-12)
 
 
 def test_where_nothing_helps_the_parameters_that_were_tried_are_named():

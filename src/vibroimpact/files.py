@@ -120,6 +120,8 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     """
     import xarray as xr
 
+    from vibroimpact.guard import netcdf_size
+
     source = _path("path", path)
     ending = source.suffix.lower()
     if ending not in _OPEN:
@@ -127,9 +129,10 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     if not source.exists():
         raise FileNotFoundError(f"`path` {str(path)!r} does not exist; {offered(source) or 'check the spelling'}")
     with _explained(source):
-        size = _size_of(source)
+        place = _opened(source)
+        size = netcdf_size(source) if place is source else place.size()
     check_fits("path", f"is {str(path)!r}, whose values take", size, "xarray.open_zarr(path) reads a store in parts")
-    with _explained(source), xr.open_dataset(_opened(source), **_OPEN[ending]) as stored:
+    with _explained(source), xr.open_dataset(place, **_OPEN[ending]) as stored:
         return _restored(stored.load())
 
 
@@ -165,13 +168,6 @@ def _opened(path: Path) -> Any:
     from vibroimpact.guard import GuardedStore
 
     return GuardedStore(path) if path.suffix.lower() == ".zarr" else path
-
-
-def _size_of(path: Path) -> int:
-    """Return how many bytes the values take in memory; raise where not all is of the kind that this package writes."""
-    from vibroimpact.guard import GuardedStore, netcdf_size
-
-    return GuardedStore(path).size() if path.suffix.lower() == ".zarr" else netcdf_size(path)
 
 
 def _restored(dataset: xr.Dataset) -> xr.Dataset:
@@ -228,7 +224,7 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
             yield part
             if os.path.lexists(target) and not overwrite:
                 raise _appeared(target)
-            _move(part, target, overwrite=overwrite)
+            replace_output(part, target, overwrite=overwrite)
     except OSError as error:
         if str(error).startswith("`out`"):
             raise
@@ -269,17 +265,16 @@ def _held(folder: Path) -> Iterator[bool | None]:
     except ImportError:
         yield None
         return
-    held: bool | None = False
-    handle = None
+    handle, held = None, None
     try:
-        try:
-            handle = os.open(folder, os.O_RDONLY)
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            held = os.path.samestat(os.fstat(handle), os.stat(folder))
-        except (BlockingIOError, FileNotFoundError):
-            pass
-        except OSError:  # nor do some file systems
-            held = None
+        handle = os.open(folder, os.O_RDONLY)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        held = os.path.samestat(os.fstat(handle), os.stat(folder))
+    except (BlockingIOError, FileNotFoundError):
+        held = False
+    except OSError:  # some file systems lock none, either
+        held = None
+    try:
         yield held
     finally:
         if handle is not None:
@@ -289,11 +284,6 @@ def _held(folder: Path) -> Iterator[bool | None]:
 def partial_name(path: Path) -> Path:
     """Return the name of what is not complete and may not replace what is."""
     return path.with_name(f"{path.stem}.partial{path.suffix}")
-
-
-def replace_output(part: Path, path: Path) -> None:
-    """Let one output replace another."""
-    _move(part, path, overwrite=True)
 
 
 def offered(path: Path) -> str:
@@ -313,7 +303,7 @@ def remove_folder(folder: Path) -> None:
         time.sleep(0.02)
 
 
-def _move(part: Path, target: Path, *, overwrite: bool) -> None:
+def replace_output(part: Path, target: Path, *, overwrite: bool = True) -> None:
     """Replace `target` by `part`; a folder cannot be replaced in one step, so the old one is set aside first.
 
     Other processes may do the same at the same moment: each tries again when the name is taken, or the old output

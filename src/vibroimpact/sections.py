@@ -20,7 +20,7 @@ from vibroimpact.oscillator import ImpactOscillator, Model, State, one_start, th
 from vibroimpact.parameters import check_fits, invalid, phase_number, positive_number, whole_number
 
 ROW = 200  # bytes in memory of one that is sampled, while it is labelled
-STEPS = 2.0**40
+STEPS = 2.0**40  # of the fixed-step scheme: hours
 Seconds = Callable[[Any, Any], Any]  # of whole driving periods and phases
 
 

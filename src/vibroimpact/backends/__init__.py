@@ -8,7 +8,7 @@ from importlib import import_module
 from vibroimpact.backends.base import Backend, ImpactWindow, Measurement, Samples, StroboscopicWindow
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
-from vibroimpact.parameters import real_number, unknown
+from vibroimpact.parameters import unknown
 
 __all__ = [
     "BACKENDS",
@@ -38,8 +38,6 @@ def get_backend(name: str, *, time_step: float | None = None, elsewhere: bool = 
     """
     if not isinstance(name, str) or name not in BACKENDS:
         raise unknown("`backend`", name, BACKENDS)
-    if time_step is not None:
-        real_number("time_step", time_step, "a finite number > 0")
     if time_step is not None and name != "fixed-step":
         raise ValueError(f"`time_step` goes with back end 'fixed-step' only; leave it out for {name!r}")
     options = {} if time_step is None else {"time_step": time_step}

@@ -223,7 +223,7 @@ def advise(
     _locate(searches, judge)
     good = [search for search in searches if search.values]
     _refine(good, judge)
-    found = [_scaled(motions, each) for each in ranges if each.only_scales]
+    found = [_scaled(reached, each) for each in ranges if each.only_scales]
     for each in ranges:
         mine = [search for search in good if search.range is each]
         first = _smallest([search for search in mine if len(search.wanted) > 1], judge)

@@ -62,7 +62,7 @@ def _wrapped(head: str, line: str) -> Iterator[str]:
 
 def speed(velocity: float) -> str:
     """Return an impact velocity with its unit."""
-    return f"{velocity:.4g} m/s"
+    return report.quantity(velocity, "m/s", 4)
 
 
 def number(value: float, digits: int) -> str:
