@@ -4,7 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.set-up
 TELLING := storage stores plotting_maps explorer_controls cli cluster
 
-.PHONY: help demo test check check-oldest check-newest bench docs figures clean
+.PHONY: help demo test check check-oldest check-newest fuzz bench docs figures clean
 
 help:
 	@echo "make demo     the paper's whole study as one HTML report in demo/"
@@ -12,6 +12,7 @@ help:
 	@echo "make check    style, types, layers, documentation"
 	@echo "make check-oldest, make check-newest"
 	@echo "              tests with the oldest dependencies allowed, and with the newest there are"
+	@echo "make fuzz     20,000 hostile requests, as \`make test\` does 2,000"
 	@echo "make bench    how fast the engine is on this machine, beside others"
 	@echo "make docs     the documentation, in docs/_build/html/"
 	@echo "make figures  draw again the pictures of README and documentation"
@@ -45,6 +46,9 @@ check-oldest check-newest: $(STAMP)
 	$(BIN)/uv pip install --quiet --python build/$@ $(wordlist 2,9,$(EDGE)) --editable '.[test,cluster,web]'
 	$(BIN)/uv pip list --python build/$@
 	NUMBA_CACHE_DIR=$(CURDIR)/build/$@/numba build/$@/bin/python -m pytest -n auto --dist worksteal $(WARNINGS) $(TELLING:%=tests/test_%.py)
+
+fuzz: $(STAMP)
+	FUZZ=20 $(BIN)/python -m pytest -n auto tests/test_fuzz.py tests/test_hostile_files.py
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks.run

@@ -26,6 +26,7 @@ from vibroimpact.guard import unpacked_size
 OSC = vi.ImpactOscillator()
 STUDY = {"omega": np.linspace(0.5, 3.0, 5), "mass": np.linspace(0.5, 2.0, 4), "sample_impacts": 30}
 BYTES = [{"name": "bytes", "configuration": {"endian": "little"}}]
+TIMES = int(os.environ.get("FUZZ", "1"))  # `make fuzz` asks for more
 posix = pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSIX")
 
 
@@ -478,7 +479,7 @@ def blocked(file: Path, chance: random.Random) -> None:
 HARMS = [altered, altered, truncated, deleted, swapped, replaced, blocked]
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(8 * TIMES))
 def test_whatever_happens_to_files_of_a_store_is_repaired_or_refused_in_words(finished, whole, tmp_path, seed):
     chance = random.Random(seed)
     for case in range(15):

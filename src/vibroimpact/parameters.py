@@ -27,11 +27,11 @@ def unknown(what: str, name: Any, choices: Iterable[str], hint: str = "") -> Val
     return ValueError(f"unknown {what} {name!r}; choose from {', '.join(known)}" + (f"; {hint}" if hint else ""))
 
 
-def choice(name: str, value: Any, choices: Iterable[str]) -> str:
+def choice(name: str, value: Any, choices: Iterable[str], hint: str = "") -> str:
     """Return the value if it is one of the choices."""
     known = tuple(choices)
     if not isinstance(value, str) or value not in known:
-        raise unknown(f"`{name}`", value, known)
+        raise unknown(f"`{name}`", value, known, hint)
     return value
 
 

@@ -257,7 +257,7 @@ def _numbers(given: Any) -> Floats:
         found = np.asarray(given)
         listed = found.dtype.kind == "O" and not any(isinstance(value, (str, bytes, bool)) for value in found.flat)
         return np.array(found, dtype=np.float64) if found.dtype.kind in "iuf" or listed or not found.size else none
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return none
 
 

@@ -367,7 +367,12 @@ def impact_map(
     measurement = Measurement(ImpactWindow(0, 2), Tolerances.of(tolerances))
 
     def following(phase: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
-        phases, velocities = np.broadcast_arrays(np.asarray(phase, float), np.asarray(velocity, float))
+        try:
+            phases, velocities = np.broadcast_arrays(np.asarray(phase, float), np.asarray(velocity, float))
+        except (TypeError, ValueError, OverflowError) as error:
+            raise ValueError(f"`phase` and `velocity` must be numbers, or arrays of one shape: {error}") from error
+        if not phases.size:
+            return phases, velocities
         if not ((phases >= 0.0) & (phases < 1.0)).all():
             raise invalid("phase", phase, "at least 0 and less than 1")
         if not ((velocities > 0.0) & np.isfinite(velocities)).all():

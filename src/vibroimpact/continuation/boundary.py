@@ -74,7 +74,7 @@ def continue_boundary(
         The plane: two different parameters of the orbit's model.
     ranges : tuple of two pairs of float
         Lowest and highest value of each; the point lies between.
-    step : float, 0 to 0.5
+    step : float, 1e-6 to 0.5
         Longest step along the curve, where 1 is a whole range, a driving period, or the orbit's speed; along an end of
         sticking at most 0.02.
     virtual : bool

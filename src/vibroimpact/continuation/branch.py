@@ -57,7 +57,7 @@ def continue_orbit(
         What to vary: any parameter of the orbit's model, `frequency` (Hz) and the parameters of a family included.
     range : tuple of two float
         Its lowest and highest value; the orbit's own lies between.
-    step : float, 0 to 0.5
+    step : float, 1e-6 to 0.5
         Longest step along the curve, where 1 is the whole range, a driving period, or the orbit's speed.
     virtual : bool
         Whether to go on beyond a graze, where orbits are inadmissible but may become admissible again; otherwise the

@@ -89,7 +89,7 @@ def boundary_curves(
         Which boundaries.
     lines : int, >= 2
         Lines along each parameter, spread evenly, the plane's edges included.
-    step : float, 0 to 0.5
+    step : float, 1e-6 to 0.5
         As of `continue_boundary`.
     progress : bool or callable
         True shows a bar; a callable gets (lines done, lines in all, curves so far), several times per line, and stops

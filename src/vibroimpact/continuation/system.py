@@ -386,8 +386,8 @@ def check_range(owner: Orbit | Model, name: Any, given: Any) -> tuple[float, flo
 
 def check_share(name: str, share: Any) -> float:
     """Return a length that is a share of the ranges, of a driving period and of the orbit's speed."""
-    allowed = "a number above 0 and up to 0.5"
+    allowed = "a number from 1e-6 to 0.5"
     value = real_number(name, share, allowed)
-    if not 0.0 < value <= 0.5:
+    if not 1e-6 <= value <= 0.5:
         raise invalid(name, share, allowed, "0.01 is usual")
     return value

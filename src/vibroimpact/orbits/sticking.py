@@ -317,6 +317,7 @@ def end_of_sticking(
     """
     check_model(osc)
     inside, outside = check_pair(osc, parameter, "between", between)
+    longest = whole_number("longest", longest, 1)
     if inside == outside:
         raise invalid("between", between, f"two different values of {parameter}")
 

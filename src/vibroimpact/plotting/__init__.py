@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from vibroimpact import figures
 from vibroimpact.dataset import unbundle
 from vibroimpact.files import check_output, replacing
-from vibroimpact.parameters import check_fits
+from vibroimpact.parameters import check_fits, invalid
 from vibroimpact.plotting.continuation import boundaries, branch_diagram
 from vibroimpact.plotting.designs import comparison_figure, oscillator_sketch
 from vibroimpact.plotting.diagrams import bifurcation_diagram, diagram_with_index, index_curve
@@ -93,6 +93,8 @@ def default_kind(dataset: xr.Dataset) -> str:
     >>> default_kind(vi.simulate(vi.ImpactOscillator(), periods=2))
     'time-history'
     """
+    if not isinstance(dataset, xr.Dataset):
+        raise invalid("dataset", dataset, "a result, an xarray.Dataset")
     maker = str(dataset.attrs.get("function"))
     if maker not in _BY_SHAPE and (kinds := figures.kinds_of(maker)):
         return kinds[0]
@@ -159,7 +161,9 @@ def save_figure(
     dots = figures.check_dpi(dpi)
     if size is not None:
         size = figures.check_size(size)
-    whole = figure if isinstance(figure, Figure) else figure.get_figure(root=True)
+    if not isinstance(figure, Axes | Figure):
+        raise invalid("figure", figure, "axes or a figure of matplotlib", "every function of vi.plotting returns one")
+    whole = figure.get_figure(root=True)
     if whole is None:
         raise ValueError(
             "`figure` must be axes that belong to a figure; these were removed from theirs, draw them again"

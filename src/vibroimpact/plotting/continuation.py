@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from itertools import cycle
 from typing import Any, NamedTuple
 
@@ -56,7 +56,7 @@ MORE_PERIODS = (0, (1, 1))
 
 def _parts(argument: str, given: Any, mark: str, what: str, makers: str) -> list[xr.Dataset]:
     """Return the datasets of what was given, alone or in a sequence, if all hold the variable that marks their kind."""
-    alone = isinstance(given, xr.Dataset) or not isinstance(given, Iterable)
+    alone = isinstance(given, xr.Dataset) or not np.iterable(given)
     parts = [getattr(part, "dataset", part) for part in ([given] if alone else given)]
     for part in parts:
         if not isinstance(part, xr.Dataset) or mark not in part or not _along(part):

@@ -13,8 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch, Rectangle
 
+from vibroimpact.figures import check_size
 from vibroimpact.motion import recognise
-from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model
+from vibroimpact.parameters import several
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.orbits import impact_map, phase_portrait, time_history
 from vibroimpact.plotting.style import BLUE, INK, RED, on_axes
@@ -94,8 +96,8 @@ def oscillator_sketch(oscillator: Model | None = None, ax: Axes | None = None) -
     >>> oscillator_sketch(ImpactOscillator(omega=2.8)).axison
     False
     """
-    if not isinstance(oscillator, Model | None):
-        raise labels.refused("oscillator", oscillator, "an ImpactOscillator or a family", "leave it out to write none")
+    if oscillator is not None:
+        check_model(oscillator, "oscillator")
     ax = style.new_axes(ax, (7.2, 3.4))
     ax.set_axis_off()
     ax.set_aspect("equal")
@@ -145,7 +147,7 @@ def comparison_figure(
         The names of the two designs; a dataset has its own.
     periods : float, > 0
         Driving periods shown.
-    size : (float, float)
+    size : (float, float), 0.5 to 100
         Width and height in inches.
 
     Returns
@@ -171,9 +173,9 @@ def comparison_figure(
     """
     import matplotlib.pyplot as plt
 
-    oscillators, names, differing = _designs(designs, names)
+    oscillators, names, differing = _designs(designs, several("names", names, "two names"))
     with mpl.rc_context(style.STYLE):
-        figure, axes = plt.subplots(3, 2, figsize=size, layout="constrained")
+        figure, axes = plt.subplots(3, 2, figsize=check_size(size), layout="constrained")
     for column, (osc, name, texts) in enumerate(zip(oscillators, names, differing, strict=True)):
         section = impact_section(osc, transient_impacts=SETTLED, sample_impacts=SAMPLED)
         motion = simulate(osc, start=_settled(osc), periods=periods)

@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from vibroimpact.indices import ROUNDING, spread_scale
-from vibroimpact.parameters import choice, real_number, unknown
+from vibroimpact.parameters import choice, real_number
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.categories import COUNTS, missing_layers
 from vibroimpact.plotting.style import BLUE, DOTS, INK, Floats, on_axes
@@ -73,8 +73,7 @@ def with_index(sweep: xr.Dataset, index: str) -> tuple[xr.Dataset, xr.DataArray]
     hit where the first does not, or lead to another motion; the attribute of the same name says which.
     """
     held = [str(name) for name in sweep.data_vars if name != "status"]
-    if index not in held:
-        raise unknown("`index`", index, held, "or run the map again with it among `indices`")
+    choice("index", index, held, "or run the map again with it among `indices`")
     if "start" in sweep[index].dims:
         sweep = _of_starts(sweep, index)
     return sweep, sweep[index]

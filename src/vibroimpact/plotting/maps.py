@@ -93,6 +93,8 @@ def _reference_values(
         own = labels.own_value(sweep, axis)
         return {} if own is None or not limits[axis][0] <= own <= limits[axis][1] else {axis: float(own)}
     chosen = {}
+    if not isinstance(reference, Mapping):
+        raise invalid("reference", reference, "values by axis", 'write for example {"mass": 1.5}')
     for name, value in reference.items():
         if name not in limits:
             raise unknown("axis in `reference`", name, limits)
@@ -222,8 +224,8 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
     '3d'
     """
     sweep, field = diagrams.check_sweep("sweep", sweep, index, 2)
-    if ax is not None and ax.name != "3d":
-        raise invalid("ax", ax.name, "three-dimensional axes", "make them with add_subplot(projection='3d')")
+    if getattr(ax, "name", "3d") != "3d":
+        raise invalid("ax", ax, "three-dimensional axes", "make them with add_subplot(projection='3d')")
     solid: Any = style.new_axes(ax, (7.2, 5.6), labels.title(sweep), projection="3d")
     x, y, _ = grid_of(field)
     shades = root_shades(diagrams.resolved(sweep, field))

@@ -19,6 +19,7 @@ from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
 from vibroimpact.motion import motion_name, refined
+from vibroimpact.parameters import invalid
 from vibroimpact.plotting.labels import counted, letters, wrapped
 from vibroimpact.status import Status
 
@@ -105,8 +106,10 @@ def on_axes(draw: Draw) -> Draw:
 
 def new_axes(ax: Axes | None, size: tuple[float, float], title: str = "", projection: str | None = None) -> Axes:
     """Return `ax`, or the axes of a new pyplot figure in the package's style; global settings do not change."""
-    if ax is not None:
+    if isinstance(ax, Axes):
         return ax
+    if ax is not None:
+        raise invalid("ax", ax, "axes of matplotlib", "plt.subplots() makes some")
     import matplotlib.pyplot as plt
 
     with mpl.rc_context(STYLE):

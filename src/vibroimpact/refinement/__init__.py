@@ -13,7 +13,7 @@ import xarray as xr
 
 from vibroimpact.dataset import level_variable, plain_variable
 from vibroimpact.execution import Gathered, Place, check_place, computing, usual_tile
-from vibroimpact.parameters import invalid, real_number, whole_number
+from vibroimpact.parameters import invalid, real_number, several, whole_number
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.refinement.picture import NAMING, Picture, finer, refine_picture
 from vibroimpact.request import Places, Request, map_of
@@ -212,7 +212,7 @@ def to_uniform(plane: xr.Dataset, *, shape: tuple[int, int] | None = None) -> xr
     if not isinstance(plane, xr.Dataset) or "level" not in plane or len(plane["level"].dims) != 2:
         raise ValueError(f"`plane` must be what `refined_map` returned, got a {type(plane).__name__} without levels")
     dims = [str(dim) for dim in plane["level"].dims]
-    sizes = plane["level"].shape if shape is None else tuple(shape)
+    sizes = plane["level"].shape if shape is None else several("shape", shape, "a pair of whole numbers")
     if len(sizes) != 2:
         raise invalid("shape", shape, "a pair of whole numbers")
     targets: dict[str, xr.Variable] = {}

@@ -1,0 +1,195 @@
+"""Whatever is asked for, in whatever words, is answered or refused by name; seeded, ten times as much in `make fuzz`.
+
+No exception but `ValueError` and `TypeError` that name an argument and `OSError` that names a path, no exit code but 0,
+1 and 2 with one line, no call over 20 s, nothing half written, no memory beside what was asked for.
+"""
+
+import json
+import os
+import re
+import resource
+import shlex
+import signal
+import sys
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from io import StringIO
+from itertools import product
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from calls import BRIEF, ODD, WRONG, arguments, calls
+from vibroimpact.cli import main
+
+TIMES = int(os.environ.get("FUZZ", "1"))
+GIGABYTE = 1 << (20 if sys.platform != "darwin" else 30)  # in the unit of `ru_maxrss`
+COMMANDS = [
+    "simulate -p omega=1.4 --periods 2 --samples-per-period 10",
+    "section -p w=1.4 --kind impact --sample-impacts 20 --transient-impacts 5",
+    "section -p w=1.4 --kind stroboscopic --sample-periods 5 --phase 0.2 --start -1,0.5,0",
+    "diagram --x omega=1:1.2:3 --sample-impacts 20 --indices std,lyapunov --direction up",
+    "map --x omega=1:1.2:3 --y mass=1:2:2 --sample-impacts 20 --indices std --workers 1 --out a.nc --overwrite",
+    "map --x omega=1:1.2:3 --sample-impacts 20 --starts 2 --out a.csv --overwrite --backend cpu",
+    "orbit -p omega=1.4 --periods 1 --impacts 1",
+    "continue -p omega=1.4 --x omega=1.39:1.41 --step 0.1",
+    "basins -p omega=1.4 --phase 0:0.5:2 --velocity 0:1:2",
+    "plot a.nc --kind index-curve --out a.svg --overwrite --size 5x4 --dpi 50",
+    "info a.nc",
+]
+SCRAPS = [
+    *("-1", "0", "1e999", "nan", "1e-320", "1e308", "1e12", "0x10", "1:2", "1:2:3", "2:1:3", "5x", "1e9x1e9", "0x0"),
+    *(
+        "omega=",
+        "=1",
+        "omega=1",
+        "omega=1:2:0",
+        "omega=1:2:1e9",
+        "omega=a:b:c",
+        "std",
+        "std,std",
+        "all",
+        "a.nc",
+        "a.zarr",
+    ),
+    *(".", "/", "/dev/null", "a.xyz", "--", "-h", "--x", "--out", "--overwrite", "--every-impact", "-p"),
+]
+STUDY = {
+    "oscillator": {"mass": 1.0, "w": 2.0, "gap": 0.0},
+    "axes": {"omega": {"from": 1.0, "to": 1.1, "points": 2}, "r": [0.5, 0.6]},
+    "start": {"displacement": -1.0, "velocity": 0.0, "time": 0.0},
+    "sampling": {"transient_impacts": 5, "sample_impacts": 20},
+    "run": {"indices": ["std"], "backend": "cpu", "workers": 1, "early_closing": True},
+    "tolerances": {"chatter_velocity": 1e-9},
+}
+
+scraps = st.one_of(
+    st.sampled_from(ODD),
+    st.text(max_size=8),
+    st.floats(),
+    st.integers(-3, 4),
+    st.integers(min_value=2**40),
+    st.lists(st.floats() | st.text(max_size=3) | st.none(), max_size=4),
+    st.dictionaries(st.sampled_from(["omega", "mass", "a", "gap"]), st.floats() | st.text(max_size=3), max_size=2),
+)
+words = st.one_of(
+    st.sampled_from(SCRAPS),
+    st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=6),
+)
+values = st.recursive(
+    st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(max_size=4)
+    | st.sampled_from([10**400, "std", "cpu", "omega"]),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text("abx", min_size=1, max_size=2), inner, max_size=2)
+    ),
+    max_leaves=5,
+)
+
+
+def cases(number):
+    return settings(
+        max_examples=number * TIMES, derandomize=True, database=None, deadline=None,
+        suppress_health_check=list(HealthCheck),
+    )  # fmt: skip
+
+
+@contextmanager
+def watched(*allowed):
+    """Let a call fail in words only; let it take 20 s, leave nothing half written and no gigabyte behind."""
+
+    def late(*_):
+        raise AssertionError("a call of more than 20 s")
+
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    signal.signal(signal.SIGALRM, late)
+    signal.alarm(20)
+    marks: tuple[str, ...] = ()
+    try:
+        yield
+    except (ValueError, TypeError) as error:
+        refusal, marks = str(error), ("`", "unknown ", *(f"'{name}'" for name in allowed))
+    except OSError as error:
+        refusal, marks = str(error), ("`", *map(str, allowed))
+    finally:
+        signal.alarm(0)
+        plt.close("all")
+    assert not marks or any(mark in refusal for mark in marks), refusal
+    assert not [name for name in os.listdir() if name.startswith(".")]
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < GIGABYTE
+
+
+def assert_ends_in_words(line):
+    told, complaint = StringIO(), StringIO()
+    with redirect_stdout(told), redirect_stderr(complaint):
+        code = main(line)
+    assert code in (0, 1, 2), code
+    if code:
+        (why,) = complaint.getvalue().splitlines()
+        assert not re.match(r"vibroimpact: \w+(Error|Exception|Warning):", why), why
+
+
+def toml(value):
+    """Return a value as TOML writes it."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(key)} = {toml(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(toml, value)) + "]"
+    return repr(value) if isinstance(value, float) else json.dumps(value)
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_each_argument_of_each_function_by_itself(part):
+    for name in sorted(calls())[part::4]:
+        function, right = calls()[name]
+        known = arguments(function)
+        for argument, wrong in product(known, WRONG):
+            with watched(argument, wrong):
+                function(**{name: BRIEF[name] for name in BRIEF if name in known} | right | {argument: wrong})
+
+
+@cases(500)
+@given(st.data())
+def test_arguments_of_the_api(data):
+    function, right = calls()[data.draw(st.sampled_from(sorted(calls())))]
+    known = arguments(function)
+    wrong = data.draw(st.dictionaries(st.sampled_from(known), scraps, min_size=1, max_size=2))
+    with watched(*wrong, *wrong.values()):
+        function(**{name: BRIEF[name] for name in BRIEF if name in known} | right | wrong)
+
+
+@cases(300)
+@given(st.data())
+def test_study_files(data):
+    study = {name: dict(table) for name, table in STUDY.items()}
+    for _ in range(data.draw(st.integers(1, 2))):
+        table = data.draw(st.sampled_from(sorted(study)))
+        if data.draw(st.booleans()) and isinstance(study[table], dict):
+            study[table][data.draw(st.sampled_from([*sorted(study[table]), "x"]))] = data.draw(values)
+        else:
+            study[table] = data.draw(values)
+    text = "\n".join(f"{name} = {toml(value)}" for name, value in study.items())
+    cut = data.draw(st.none() | st.integers(0, len(text)))
+    Path("study.toml").write_text(text[:cut], encoding="utf-8")
+    with watched():
+        assert_ends_in_words(["map", "study.toml"])
+
+
+@cases(300)
+@given(st.data())
+def test_command_lines(data):
+    line = shlex.split(data.draw(st.sampled_from(COMMANDS)))
+    for _ in range(data.draw(st.integers(1, 2))):
+        at = data.draw(st.integers(1, len(line)))
+        line[at : at + data.draw(st.integers(0, 1))] = [data.draw(words)]
+    with watched():
+        assert_ends_in_words(line)
