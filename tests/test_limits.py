@@ -1,15 +1,22 @@
 """Calls end, or say beforehand why they would not: counts and numbers have limits that name themselves."""
 
 import os
+import random
 import signal
 import threading
+from importlib import import_module
 
 import numpy as np
 import pytest
 
 import vibroimpact as vi
+from designs import random_oscillator
+from vibroimpact.backends import ImpactWindow, cpu
+from vibroimpact.coexistence import measuring
 
 OSC = vi.ImpactOscillator()
+LONG = {"transient_impacts": 10**9, "sample_impacts": 1}
+PHASE = np.linspace(0.0, 0.9, 1000)
 
 
 @pytest.mark.parametrize(
@@ -31,6 +38,14 @@ OSC = vi.ImpactOscillator()
         ),
         (lambda: vi.simulate(OSC, backend="fixed-step", time_step=1e-30), "`time_step` must be longer, or the motion"),
         (lambda: vi.State(0.0, 0.0, 1e300), None),
+        (lambda: vi.parameter_map(OSC, omega=np.linspace(1, 2, 10_000), sample_impacts=10**9), "some 1e.13 steps, 47"),
+        (lambda: vi.parameter_map(OSC, omega=[1.0], backend="fixed-step", time_step=1e-30), "`axes` make 1 cells of"),
+        (lambda: vi.impact_section(OSC, backend="fixed-step", time_step=1e-30), "`time_step` must be longer, or"),
+        (
+            lambda: vi.bifurcation_diagram(OSC, omega=np.linspace(1, 2, 5000), **LONG),
+            "5,000 values of 1,000,000,001 imp",
+        ),
+        (lambda: vi.basins(OSC, phase=PHASE, velocity=[1.0, 2.0], **LONG), "1,000,000,001 impacts or more each, which"),
     ],
 )
 def test_what_would_not_end_or_fit_is_refused_before_it_begins(call, told):
@@ -66,3 +81,50 @@ def test_what_ordinary_machines_need_is_granted():
     """A motion driven a hundred times faster than it swings, 131 steps a flight."""
     fast = vi.parameter_map(vi.ImpactOscillator(), omega=[100.0], start=vi.State(-1.0), sample_impacts=1000)
     assert np.isfinite(fast["std"].values).all()
+
+
+def test_where_none_of_some_stiff_motions_ends_the_others_are_not_tried(monkeypatch):
+    monkeypatch.setattr(cpu, "MOST", 1000)  # stiffness is what needs more than that
+    osc, runner = vi.ImpactOscillator(omega=2.8), measuring.Runner(tolerances=vi.Tolerances(steps_per_impact=1))
+    status, steps = np.zeros(256, int), np.zeros(256, int)
+    for which, outcome in runner.run(measuring.spread_cells(osc), ImpactWindow(100, 500)):
+        status[which], steps[which] = outcome["status"], outcome["steps"]
+    assert (status == vi.Status.BUDGET).all()
+    assert np.count_nonzero(steps) == measuring.ASKED
+    assert runner.steps == steps.sum()
+
+
+def test_a_verdict_that_would_take_too_many_steps_ends_early_and_says_why(monkeypatch):
+    for name in ("describe", "text"):
+        monkeypatch.setattr(import_module(f"vibroimpact.verdict.{name}"), "DEAREST", 1_000_000)
+    verdict = vi.describe(vi.ImpactOscillator(omega=2.8), parameters=["gap"])
+    assert not verdict.complete
+    assert verdict.motion.name == "chaotic"
+    assert "the motions of this design take too many, as its" in " ".join(str(verdict).split())
+
+
+def test_a_range_ends_where_the_numbers_of_a_design_do():
+    verdict = vi.describe(vi.ImpactOscillator(amplitude=1e60, gap=1.0), parameters=["gap"])
+    assert [edge.searched_to for edge in verdict.boundaries] == pytest.approx([-1e60, 1e60], rel=1e-3)
+
+
+@pytest.mark.parametrize("power", [-190, 40, 190])
+def test_a_verdict_scales_with_the_force_as_the_motion_does(power):
+    """A power of two changes no rounding: the same words and changes, from the same work."""
+    osc, scale = random_oscillator(random.Random(power)), 2.0**power
+    plain, scaled = (
+        vi.describe(one, parameters=["omega"]) for one in (osc, osc.replace(amplitude=scale, gap=osc.gap * scale))
+    )
+    assert (plain.motion.name, plain.cells, plain.steps) == (scaled.motion.name, scaled.cells, scaled.steps)
+    edges = [[(edge.kind, edge.value, edge.change, edge.beyond) for edge in one.boundaries] for one in (plain, scaled)]
+    assert repr(edges[0]) == repr(edges[1])
+    for parts in ("attractors", "advice"):
+        pairs = zip(getattr(plain, parts), getattr(scaled, parts), strict=True)
+        assert all(a.max_velocity * scale == b.max_velocity for a, b in pairs)
+    assert [(one.name, one.share) for one in plain.attractors] == [(one.name, one.share) for one in scaled.attractors]
+    assert [one.value for one in plain.advice] == [one.value for one in scaled.advice]
+
+
+def test_orbits_of_paces_too_far_apart_are_not_sought_on_a_grid():
+    found = vi.find_orbit(vi.ImpactOscillator(mass=1e-16), n_periods=1, n_impacts=2)
+    assert (list(found), found.outcome) == ([], "none")

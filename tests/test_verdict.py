@@ -321,6 +321,7 @@ def test_a_motion_that_outlasts_its_budget_is_told_as_such():
     verdict = describe(vi.ImpactOscillator(omega=2.8), parameters=["omega"], tolerances=hasty)
     assert verdict.kind == "budget"
     assert "raise `flight_periods` or `steps_per_impact`" in " ".join(str(verdict).split())
+    assert "none, as the motion from rest was not followed to its end" in str(verdict)
 
 
 def test_units_a_million_times_off_change_no_words():

@@ -26,9 +26,9 @@ from vibroimpact.execution.threads import run_sweep, run_tiles, tiles, worker_co
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import Model, State, check_model, one_start
-from vibroimpact.parameters import check_fits, choice, phase_number, several
+from vibroimpact.parameters import check_fits, check_steps, choice, phase_number, several
 from vibroimpact.progress import Report, Stop, reporter
-from vibroimpact.request import Request, check_axes
+from vibroimpact.request import COSTLY, Request, check_axes
 from vibroimpact.status import Status
 
 SECTIONS = ("impact", "stroboscopic")
@@ -137,6 +137,9 @@ def bifurcation_diagram(
     samples = len(cells) * window.keep
     hint = f"take fewer points, or smaller `sample_{_along(section)}s`"
     check_fits("axes", f"hold {len(cells):,} values, {samples:,} samples, which take", 16 * samples, hint)
+    left_out = window.transient if isinstance(window, ImpactWindow) else window.skip_periods
+    asked = f"hold {len(cells):,} values of {left_out + window.keep:,} {_along(section)}s each, which take"
+    check_steps("axes", asked, len(cells) * (left_out + window.keep), COSTLY)
     dataset = _empty_diagram(request, section, window.keep)
     further = {"section": section, "direction": direction, "window": window, "sample_impacts": impacts.keep}
     if chosen and engine.sampler != engine.name:

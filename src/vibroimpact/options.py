@@ -43,7 +43,7 @@ class Tolerances:
         A flight longer than this many times the longer of the driving and the natural period
         ends the cell with status `budget`.
     steps_per_impact : int, >= 1
-        Certified steps granted an impact, on average over a cell, at w = w_n; scaled up with stiffness, to 2^24 in all.
+        Certified steps granted an impact, on average over a cell, at w = w_n; scaled up with stiffness, to 2^22 in all.
     """
 
     chatter: float = 1e-9

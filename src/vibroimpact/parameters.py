@@ -170,6 +170,21 @@ class Parameter:
         return number
 
 
+# What it costs: steps, memory
+
+STEPS = 1 << 40  # of one call, at most
+PACE = 17e-9  # seconds of a core that a certified step takes
+
+
+def check_steps(name: str, what: str, steps: float, remedy: str, most: int = STEPS) -> None:
+    """Refuse what would take more steps than one waits for; about one an impact, as cycles are not computed twice."""
+    if steps > most:
+        raise ValueError(
+            f"`{name}` {what} some {steps:.2g} steps, {steps * PACE / 3600.0:,.0f} hours of a core, but "
+            f"{most:.2g} are the most of one call; {remedy}"
+        )
+
+
 # Whether the memory of this machine can hold it
 
 

@@ -20,10 +20,11 @@ from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.cells import FASTEST, Cells, Floats
 from vibroimpact.dataset import label, package_version, plain_variable, provenance, status_variable, variable
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names, one_start
-from vibroimpact.parameters import Parameter, invalid, whole_number
+from vibroimpact.parameters import STEPS, Parameter, check_steps, invalid, whole_number
 
 Places = NDArray[np.int64]
 CELL, INDEX = 250, 8  # bytes per cell of a map while it is computed, and per index beyond the first
+COSTLY = "take fewer points or impacts"
 BLOCK = 1 << 18  # cells made at once where all are to be seen: some 25 MB
 
 
@@ -122,9 +123,21 @@ class Request:
 
     def check_starts(self) -> None:
         """Refuse an initial condition beyond the stop at a corner of the grid, before anything is computed."""
+        self._corners()
+
+    def check_cost(self, most: int = STEPS) -> None:
+        """Refuse what would take more steps than this, at one an impact, or those of a fixed length in a period."""
+        window, each = self.measurement.impacts, 1.0
+        if self.time_step is not None:
+            each = max(2.0 * math.pi / float(self._corners()["omega"].max()) / self.time_step, 1.0)
+        impacts = window.transient + window.keep
+        what = f"make {len(self):,} cells of {impacts:,} impacts each, which take"
+        check_steps("axes", what, len(self) * impacts * each, COSTLY, most)
+
+    def _corners(self) -> Cells:
         ends = [(0, size - 1) for size in self.shape]
         corners = [np.ravel_multi_index(corner, self.shape) for corner in product(*ends)]
-        self.cells(slice(None) if self.scattered else np.unique(corners))
+        return self.cells(slice(None) if self.scattered else np.unique(corners))
 
     def identity(self) -> dict[str, Any]:
         """Return what two requests must share for one to go on where the other stopped."""

@@ -17,10 +17,9 @@ from vibroimpact.cells import Floats, cells_at
 from vibroimpact.dataset import impact_speed, provenance, status_variable, stick_times, variable
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State, one_start, the_oscillator
-from vibroimpact.parameters import check_fits, invalid, phase_number, positive_number, whole_number
+from vibroimpact.parameters import STEPS, check_fits, invalid, phase_number, positive_number, whole_number
 
 ROW = 200  # bytes in memory of one that is sampled, while it is labelled
-STEPS = 2.0**40  # of the fixed-step scheme: hours
 Seconds = Callable[[Any, Any], Any]  # of whole driving periods and phases
 
 
@@ -58,11 +57,12 @@ class _Orbit:
         """Refuse samples that memory cannot hold, and fixed steps without end."""
         rows = f"asks for {window.keep:.3g} rows, which take"
         if isinstance(window, ImpactWindow):
-            check_fits("sample_impacts", rows, ROW * window.keep, "take fewer")
-            return
-        name = "sample_periods" if window.per_period == 1 else "samples_per_period"
+            name, periods = "sample_impacts", float(window.transient + window.keep)  # one an impact, about
+        else:
+            name = "sample_periods" if window.per_period == 1 else "samples_per_period"
+            periods = window.skip_periods + window.keep / window.per_period
         check_fits(name, rows, ROW * window.keep, "take fewer")
-        length = (window.skip_periods + window.keep / window.per_period) * osc.period
+        length = periods * osc.period
         if self.time_step is not None and length > STEPS * self.time_step:
             hint = f"that is {length / self.time_step:.2g} steps"
             raise invalid("time_step", self.time_step, "longer, or the motion shorter", hint)

@@ -19,7 +19,7 @@ from vibroimpact.execution import check_place, computing, usual_tile
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import Model, State, check_model
-from vibroimpact.parameters import check_fits, truth, whole_number
+from vibroimpact.parameters import STEPS, check_fits, truth, whole_number
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.request import Request, check_axes, check_points, check_start, map_of
 from vibroimpact.status import Status
@@ -117,7 +117,8 @@ def parameter_map(
     ValueError
         No axis, an axis that is empty, unsorted, misnamed or out of range, an unknown index or back end, a start
         beyond the stop anywhere on the grid, another study in the store, `workers` together with `cluster`; a grid
-        that this machine's memory cannot hold (250 bytes a cell, 8 more for each further index) without `store`.
+        that this machine's memory cannot hold (250 bytes a cell, 8 more for each further index) without `store`; more
+        than 2^40 impacts in all, 2^50 with `store` or `cluster`.
     OSError
         The store cannot be read or written, or another process writes to it; no scheduler answers.
 
@@ -155,6 +156,7 @@ def parameter_map(
     measurement = Measurement(window, Tolerances.of(tolerances), closing, check_indices(indices))
     checked = check_axes(axes, osc.parameters) if points is None else check_points(points, osc)
     request = Request(osc, checked, measurement, check_start(start), backend, time_step, scattered=points is not None)
+    request.check_cost(STEPS if store is None and cluster is None else STEPS << 10)
     if refine is not None:
         from vibroimpact.refinement import refine_map
 

@@ -24,9 +24,10 @@ from vibroimpact.backends.base import (
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
 from vibroimpact.kernels.advance import LOOK, TRACE
-from vibroimpact.kernels.cell import DYING, FILLED, PINNED, QUIET, RUNNING, SPENT, Cell
+from vibroimpact.kernels.cell import DYING, FILLED, MOST, PINNED, QUIET, RUNNING, SPENT, Cell
 from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.cycle import FACTS
+from vibroimpact.kernels.flight import REACH
 from vibroimpact.kernels.lanes import LANES, ROWS, TRACED_ROWS
 from vibroimpact.kernels.machine import BLOCK
 from vibroimpact.kernels.recorder import END, IDLE, MEMORY, Recorder, begin, record, record_lanes, state_of
@@ -35,7 +36,7 @@ from vibroimpact.kernels.runner import follow_cell, run_cells
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 
-_LOOKS = 2000  # at a cell or at lanes, 10 to 200 ms, before Python asks whether to stop
+_LOOKS = 500  # at a cell or at lanes, 3 to 300 ms, before Python asks whether to stop
 _BATCH = 4096  # cells that end before they are handed on
 FEW = 4  # cells, recorded sooner one after the other than in lanes most of which stand idle
 ROOM = 4096  # rows of a buffer, which is emptied when it is full
@@ -48,6 +49,23 @@ Seen = tuple[Floats, Floats, Floats]  # rows of impacts, looks and sticks
 def limits(tolerances: Tolerances) -> Limits:
     """Return the tolerances in the order in which the kernels take them."""
     return tolerances.chatter, tolerances.flight_periods, float(tolerances.steps_per_impact)
+
+
+def expected_steps(cells: Cells, window: ImpactWindow) -> Floats:
+    """Return the certified steps of so many flights of a period of the slower pace, at the length of the faster one."""
+    mass, stiffness, omega = (cells[name] for name in ("mass", "stiffness", "omega"))
+    natural, half = np.sqrt(stiffness / mass), 0.5 * cells["damping"] / mass
+    decay = half + np.sqrt(np.maximum(half * half - stiffness / mass, 0.0))
+    faster, slower = np.maximum(np.maximum(omega, natural), decay), np.minimum(omega, natural)
+    steps: Floats = (window.transient + window.keep) * 2.0 * math.pi / REACH * faster / slower
+    return steps
+
+
+def outlast(cells: Cells, measurement: Measurement) -> bool:
+    """Return whether all cells seem to need more steps than stiffness may grant them."""
+    window = measurement.impacts
+    granted = measurement.tolerances.steps_per_impact * (window.transient + window.keep)
+    return bool(expected_steps(cells, window).min() >= max(MOST, granted))
 
 
 def rows_of(cells: Cells) -> Floats:

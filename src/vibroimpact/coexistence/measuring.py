@@ -12,6 +12,7 @@ import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, Measurement, StroboscopicWindow, get_backend
 from vibroimpact.backends.base import Counts, Outcome, Samples
+from vibroimpact.backends.cpu import expected_steps, outlast
 from vibroimpact.cells import cells_at, spread
 from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
@@ -27,6 +28,8 @@ SPREAD = 256  # initial conditions where none are given
 KNOWN_PERIODS = 16  # of orbits with one impact that are tried besides
 PAPER = ImpactWindow(100, 5000)
 HARDLY_EVER = 64  # periods: chaos in which the mass rests now and then is, strictly, a long sticking cycle
+ASKED, PARTS = 16, 8  # cells, a block of lanes, and parts of a limit, after which one asks how it goes
+COUNTED = ("impacts", "steps")
 QUIET = (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER, MotionClass.AT_REST)
 IDENTIFYING = (  # indices that name a motion and part attractors
     "mean_velocity",
@@ -127,10 +130,15 @@ class Measured(Motion):
         return 0.0 if self.motion_class in QUIET else self.indices["dissipation"]
 
 
+class SpentError(Exception):
+    """A runner has made as many certified steps as it may."""
+
+
 class Runner:
     """How motions are computed: back end, tolerances and threads, and the event that stops them.
 
-    `measured` counts the motions that were measured; `fates` holds what becomes of a released mass, by design.
+    `measured` counts the motions that were measured, `steps` those of all; past `most` no more motions are begun.
+    `fates` holds what becomes of a released mass, by design.
     """
 
     def __init__(self, backend: str = "cpu", tolerances: Tolerances | None = None, workers: int | None = None) -> None:
@@ -140,15 +148,41 @@ class Runner:
         self.tolerances = Tolerances.of(tolerances)
         self.workers = worker_count(workers)
         self.stop = Event()
-        self.measured = 0
+        self.measured = self.steps = 0
+        self.most = math.inf
         self.fates: dict[bytes, Any] = {}
 
     def run(
         self, cells: Cells, window: ImpactWindow, tolerances: Tolerances | None = None
     ) -> Iterator[tuple[Counts | slice, Outcome]]:
         """Yield which cells have ended, and the indices that identify their motions."""
-        wanted = Measurement(window, tolerances or self.tolerances, indices=IDENTIFYING)
-        return run_sweep(self.engine, cells, wanted, self.workers, self.stop)
+        return self.sweep(cells, Measurement(window, tolerances or self.tolerances, indices=IDENTIFYING))
+
+    def sweep(self, cells: Cells, wanted: Measurement) -> Iterator[tuple[Counts | slice, Outcome]]:
+        """Yield which cells have ended, and what was wanted of them, and count their steps.
+
+        Where no flight of any of them seems short enough for its budget, some are asked first, spread over all: if none
+        of these comes to an end, neither do the others.
+        """
+        number, dearest = len(cells), float(expected_steps(cells, wanted.impacts).max(initial=1.0))
+        doubtful = number > ASKED and outlast(cells, wanted)
+        size = max(int(min(self.most / PARTS / dearest, number)), 2 * ASKED)
+        order = np.argsort(np.arange(number) % (number // ASKED), kind="stable") if doubtful else np.arange(number)
+        lost: Outcome = {}
+        cuts = [ASKED, *range(ASKED + size, number, size)] if doubtful else range(size, number, size)
+        for part in np.split(order, cuts):
+            if self.steps >= self.most:
+                raise SpentError
+            if lost:
+                yield part, {name: np.repeat(column, len(part)) for name, column in lost.items()}
+                continue
+            ended, own = 0, cells if len(part) == number else cells[part]
+            for which, outcome in run_sweep(self.engine, own, wanted, self.workers, self.stop):
+                self.steps += int(outcome["steps"].sum())
+                ended += int(np.count_nonzero(outcome["status"] != Status.BUDGET))
+                yield part[which], outcome
+            if doubtful and not ended and not self.stop.is_set():
+                lost = {name: column[:1] for name, column in outcome.items()} | dict.fromkeys(COUNTED, np.zeros(1, int))
 
     def measure(
         self, cells: Cells, window: ImpactWindow = PAPER, tolerances: Tolerances | None = None
@@ -158,7 +192,7 @@ class Runner:
         table = {name: np.full(len(cells), np.nan) for name in (*INDICES, "status")}
         table["impacts"] = np.zeros(len(cells))
         wanted = Measurement(window, tolerances or self.tolerances, indices=tuple(INDICES))
-        for which, found in run_sweep(self.engine, cells, wanted, self.workers, self.stop):
+        for which, found in self.sweep(cells, wanted):
             for name, column in table.items():
                 column[which] = found[name]
         return _measured(table, window)
@@ -171,11 +205,16 @@ class Runner:
         limits = tolerances or self.tolerances
         wanted = Measurement(window, limits, indices=tuple(INDICES))
         outcome, samples = self.engine.follow(cell, wanted, Measurement(seen, limits))
+        self.steps += int(outcome["steps"].sum())
         return _measured(outcome, window)[0], samples
 
     def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow) -> list[Samples]:
         """Return what the window sees of each cell."""
-        return self.engine.samples(cells, Measurement(window, self.tolerances))
+        if self.steps >= self.most:
+            raise SpentError
+        found = self.engine.samples(cells, Measurement(window, self.tolerances))
+        self.steps += sum(seen.steps for seen in found)
+        return found
 
     def follow(self, cells: Cells, impacts: int = 300) -> list[Start | None]:
         """Return where each motion is after so many impacts, or None where it could not be followed."""

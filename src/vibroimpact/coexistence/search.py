@@ -19,9 +19,9 @@ from vibroimpact.dataset import flags, impact_speed, provenance, status_variable
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State, the_oscillator
-from vibroimpact.parameters import Parameter, phase_number, unknown
+from vibroimpact.parameters import Parameter, check_steps, phase_number, unknown
 from vibroimpact.progress import Report, reporter
-from vibroimpact.request import check_axes
+from vibroimpact.request import COSTLY, check_axes
 
 SAMPLING = Sampling(transient_impacts=100, sample_impacts=500)  # of the first round
 POINTS = 256  # of an attractor, at most, that are returned to be marked in a portrait
@@ -125,6 +125,7 @@ def attractors_by(
         return outlook_of(runner, settled) if window is windows[-1] else MotionClass.UNDECIDED
 
     whole = [*windows, *last_round(runner, osc, windows)]
+    _check_cost("starts", cells, windows[0])
     settled = _settled(runner, osc, cells, whole, progress, lambda settled: settled.status, outlook)
     return [basin.attractor for basin in match(runner, settled, windows[-1], len(given))]
 
@@ -213,6 +214,7 @@ def basins(
 
     survey = cache(lambda: outlook_from(runner, one, spread_cells(one), windows))
     whole = [*windows, *last_round(runner, one, windows)]
+    _check_cost("axes", cells, windows[0])
     settled = _settled(runner, one, cells, whole, progress, so_far, lambda settled, window: survey())
     found = match(runner, settled, windows[-1], len(cells))
     numbers = np.full(len(cells), -1)
@@ -227,6 +229,13 @@ def basins(
     }
     result = labelled.assign(over_grid | _table(found) | _points(runner, one, found, dims, phase))
     return result.assign_attrs(steps_computed=int(settled.indices["steps"].sum()))
+
+
+def _check_cost(name: str, cells: Cells, first: ImpactWindow) -> None:
+    """Refuse initial conditions that would take too many steps in the first round alone."""
+    impacts = first.transient + first.keep
+    what = f"give {len(cells):,} initial conditions of {impacts:,} impacts or more each, which take"
+    check_steps(name, what, len(cells) * impacts, COSTLY)
 
 
 def _settled(

@@ -28,6 +28,7 @@ SHARE = 1 << 15  # cells that threads share at once, per thread: some 8 MB and a
 PARTS = 1024  # parts that threads share at once
 LOOK = 0.1  # seconds between two looks at whether to stop
 GRACE = 10.0  # seconds for which a sweep that is stopped waits for running tiles; later ones are given up
+HASTE = 0.5  # seconds for which one that is left by an exception does so, Ctrl-C among them
 THREADS = "vibroimpact"  # how names of threads that compute begin
 
 
@@ -164,7 +165,7 @@ def run_tiles(
     """Yield each tile with its result, as they finish; no tile is begun once `stop` is set.
 
     What a tile returns cannot depend on the others, so neither can the sweep depend on `workers`. Tiles that still run
-    GRACE seconds after `stop` was set, or after the sweep was left, are left to end by themselves, unheard.
+    GRACE seconds after `stop` was set, or HASTE after the sweep was left, are left to end by themselves, unheard.
     """
     waiting: Iterator[slice] = iter(parts)
     pool = ThreadPoolExecutor(workers, thread_name_prefix=THREADS)
@@ -184,7 +185,7 @@ def run_tiles(
                 yield running.pop(future), future.result()
     except BaseException:
         stop.set()
-        wait([future for future in running if not future.cancel()], GRACE)
+        wait([future for future in running if not future.cancel()], HASTE)
         raise
     finally:
         pool.shutdown(wait=False, cancel_futures=True)

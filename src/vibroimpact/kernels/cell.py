@@ -155,7 +155,7 @@ def phase_of(s, c):
     return phase if phase < 1.0 else 0.0
 
 
-MOST = 2.0**24  # steps, some 3 s of one cell, or 20 s of lanes, to which stiffness may raise what is granted
+MOST = 2.0**22  # steps, some 1 s of one cell, or 5 s of lanes, to which stiffness may raise what is granted
 RUNNING, FILLED, QUIET, PINNED, DYING, SPENT = range(6)
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
+from vibroimpact.backends.cpu import outlast
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
 from vibroimpact.orbits.orbit import Orbit, from_hardest, impacts_of, make_orbit, same_orbit, solution_of, true_cycle
@@ -255,6 +256,8 @@ def attractor_chain(osc: ImpactOscillator, cycle: Cycle) -> Floats | None:
 def candidates(osc: ImpactOscillator, cycle: Cycle) -> list[Floats]:
     """Return initial guesses: the attractor's cycle, then those of a grid on the impact surface that close best."""
     attractor = attractor_chain(osc, cycle)
+    if attractor is None and outlast(osc.cells({}), Measurement(ImpactWindow(0, cycle.n_impacts + 1))):
+        return []  # nor would impacts of the grid be followed so far
     hardest = 0.0 if attractor is None else float(attractor[cycle.n_impacts + 1 :].max())
     fastest = max(2.0 * osc.velocity_scale, 1.5 * hardest)
     phases, velocities = np.meshgrid(np.arange(GRID[0]) / GRID[0], fastest * (np.arange(GRID[1]) + 0.5) / GRID[1])

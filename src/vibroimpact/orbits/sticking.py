@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -47,6 +48,7 @@ LONGEST = 1000  # driving periods in which a released mass must come to rest
 CREST = 0.25  # phase of the largest force: a mass put at the stop here, at rest, leaves at the very release
 _ROOM = 4096  # impacts recorded at a time
 _MOST_STEPS = 5e7  # certified steps in all: some seconds
+_WALKS = 2000  # some 20 ms, before Python asks whether to stop
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,7 @@ class Stick:
     fraction: float
 
 
+@lru_cache(maxsize=1)
 def from_release(osc: ImpactOscillator, longest: int) -> Stick | None:
     """Follow the mass from its release to where it next rests at the stop, or None if that takes too many periods."""
     # Once per period the force presses the mass against the stop and releases it if k |g| < f.
@@ -80,7 +83,8 @@ def from_release(osc: ImpactOscillator, longest: int) -> Stick | None:
     released = False
     while True:
         seen = Recorder(memory, np.empty((_ROOM, 3)), np.empty((1, 2)), np.empty((1, 4)), np.zeros(3, np.int64))
-        record(seen, trace, _MOST_STEPS)
+        while memory[END] == RUNNING and seen.filled[0] < _ROOM and not seen.filled[2]:
+            record(seen, trace, _WALKS)
         n_impacts, _, n_sticks = seen.filled
         parts.append(seen.impacts[:n_impacts])
         if n_sticks and released and math.isfinite(seen.sticks[0, 2]):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import count
 from typing import Any
 
-from vibroimpact.coexistence.measuring import Runner
+from vibroimpact.coexistence.measuring import Runner, SpentError
 from vibroimpact.motion import Motion
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits import Orbit
@@ -17,7 +17,10 @@ from vibroimpact.progress import Report, reporter
 from vibroimpact.verdict.advice import Advice, advise
 from vibroimpact.verdict.boundaries import Edge, nearest_boundaries
 from vibroimpact.verdict.present import (
+    DEAREST,
     Coexisting,
+    Present,
+    Range,
     check_parameters,
     check_within,
     coexisting_motions,
@@ -64,9 +67,9 @@ class Verdict:
         For each parameter the smallest change that softens the impacts, and the smallest that ends them; the smallest
         of all first.
     complete : bool
-        False where `progress` asked to stop before the end.
-    cells : int
-        Motions computed for it.
+        False where `progress` asked to stop before the end, or more than 2^29 certified steps would have been taken.
+    cells, steps : int
+        Motions computed for it, and their certified steps.
     """
 
     model: Model
@@ -84,6 +87,7 @@ class Verdict:
     advice: tuple[Advice, ...] = ()
     complete: bool = True
     cells: int = 0
+    steps: int = 0
 
     @property
     def power(self) -> float:
@@ -212,15 +216,11 @@ def describe(
 
         present = present_motion(osc, runner)
         found: dict[str, Any] = {}
-        if complete := going():
-            found["attractors"] = coexisting_motions(present, runner)
-            complete = going()
-        if complete:
-            found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"])
-            complete = len(found["boundaries"]) == 2 * len(ranges)
-        if complete:
-            found["advice"] = advise(present, found["attractors"], ranges, runner)
-            going()
+        runner.most = runner.steps + DEAREST
+        try:
+            complete = _describe(present, ranges, runner, going, found)
+        except SpentError:
+            complete = False
     return Verdict(
         model=osc,
         oscillator=present.oscillator,
@@ -234,5 +234,23 @@ def describe(
         releases=present.final.ends,
         complete=complete,
         cells=runner.measured,
+        steps=runner.steps,
         **found,
     )
+
+
+def _describe(
+    present: Present, ranges: Sequence[Range], runner: Runner, going: Callable[[], bool], found: dict[str, Any]
+) -> bool:
+    """Find what is around a motion, part by part, while it is `going`; return whether all was found."""
+    if not going():
+        return False
+    found["attractors"] = coexisting_motions(present, runner)
+    if not going():
+        return False
+    found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"])
+    if len(found["boundaries"]) < 2 * len(ranges):
+        return False
+    found["advice"] = advise(present, found["attractors"], ranges, runner)
+    going()
+    return True

@@ -17,7 +17,6 @@ import numpy as np
 
 from vibroimpact.backends import Cells, Measurement
 from vibroimpact.coexistence.measuring import Measured, Runner, Start, cells_of, spread_cells
-from vibroimpact.execution.threads import run_sweep
 from vibroimpact.orbits.equations import impact_1_orbits
 from vibroimpact.oscillator import Model
 from vibroimpact.status import Status
@@ -221,7 +220,7 @@ def _hitting(parts: Sequence[Cells], runner: Runner, lasting: bool) -> list[np.n
     runner.measured += len(cells)
     hit = np.zeros(len(cells), bool)
     wanted = Measurement(BRIEF, runner.tolerances)
-    for which, outcome in run_sweep(runner.engine, cells, wanted, runner.workers, runner.stop):
+    for which, outcome in runner.sweep(cells, wanted):
         hit[which] = outcome["status"] <= (Status.SHORT_WINDOW if lasting else 99)
         hit[which] &= outcome["status"] != Status.NO_IMPACT
     return np.split(hit, np.cumsum([len(part) for part in parts])[:-1])

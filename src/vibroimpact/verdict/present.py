@@ -20,6 +20,7 @@ from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names
 from vibroimpact.parameters import Parameter, invalid, several
 from vibroimpact.sections import in_seconds, labelled_impacts
 
+DEAREST = 1 << 29  # certified steps around a motion: five times those of the dearest of usual designs
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
 ALIKE = 5e-3  # `orbit_distance` from the settled motion within which an orbit or attractor is the same
 LONGEST = 16  # impacts in a cycle that is still solved for
@@ -261,8 +262,8 @@ def range_of(model: Model, name: str, within: float) -> Range:
     """
     value, parameter = value_of(model, name), model.parameters[name]
     if isinstance(model, ImpactOscillator) and (name == "gap" or value <= 0.0):
-        return _gap(model, value, within) if name == "gap" else _from_zero(model, name, within)
-    if value > 0.0:
+        chosen = _gap(model, value, within) if name == "gap" else _from_zero(model, name, within)
+    elif value > 0.0:
         chosen = Range(model, name, value, value / (1.0 + within), min(value * (1.0 + within), parameter.high), value)
     else:
         size = abs(value) or 1.0

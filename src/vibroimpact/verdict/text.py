@@ -15,7 +15,7 @@ from vibroimpact.verdict.advice import INSTANTS, Advice
 from vibroimpact.verdict.boundaries import NOISE, ONSETS, Edge
 from vibroimpact.verdict.carried import LONG, PLACES
 from vibroimpact.verdict.onsets import Onset
-from vibroimpact.verdict.present import Coexisting, percent, range_of
+from vibroimpact.verdict.present import DEAREST, Coexisting, percent, range_of
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.describe import Verdict
@@ -50,7 +50,17 @@ def lines(verdict: Verdict) -> Iterator[str]:
             head = (title if i == 0 else "").ljust(MARGIN)
             yield from _wrapped(head, line)
     if not verdict.complete:
-        yield "stopped".ljust(MARGIN) + "before the end; run it again to complete it"
+        yield from _wrapped("stopped".ljust(MARGIN), _stopped(verdict))
+
+
+def _stopped(verdict: Verdict) -> str:
+    """Return why a verdict is not complete: what it may cost has a limit, far above what usual designs take."""
+    if verdict.steps < DEAREST:
+        return "before the end; run it again to complete it"
+    return (
+        f"before the end, after {verdict.steps:.2g} certified steps: the motions of this design take too many, as its "
+        "paces lie too far apart; name fewer `parameters`, or look at single motions with `simulate`"
+    )
 
 
 def _wrapped(head: str, line: str) -> Iterator[str]:
@@ -305,7 +315,9 @@ def _slow(motion: Coexisting) -> str:
 def _advice(verdict: Verdict) -> Iterator[str]:
     if not verdict.complete:
         return
-    if verdict.worst is None:
+    if verdict.worst is None and verdict.kind == "budget":
+        yield "none, as the motion from rest was not followed to its end"
+    elif verdict.worst is None:
         yield f"no impacts from rest or from any of {SPREAD} spread initial conditions"
     elif not verdict.boundaries:
         yield "no parameter was varied"
