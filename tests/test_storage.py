@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -383,6 +384,8 @@ def die(*where, **how):
 if sys.argv[2] == "replacing":
     moved = files._moved
     files._moved = lambda part, target: moved(part, target) if target.exists() else die()
+elif sys.argv[2] == "removing":
+    files.shutil.rmtree = die
 else:
     files.replace_output = die
 vi.save(xr.Dataset({"std": ("omega", [2.0])}, {"omega": [1.0]}), sys.argv[1], overwrite=True)
@@ -404,6 +407,17 @@ def test_what_a_killed_process_had_set_aside_is_offered_and_never_deleted(tmp_pa
     aside.rename(tmp_path / "former.zarr")
     assert vi.load(tmp_path / "former.zarr")["std"][0, 0] == 1.0
     assert names(tmp_path) == ["former.zarr", "map.zarr"]
+
+
+def test_what_a_killed_process_had_replaced_and_half_removed_is_never_offered_and_removed_by_the_next_one(tmp_path):
+    path = vi.save(sweep(1.0), tmp_path / "map.zarr")
+    die(path, "removing")
+    assert vi.load(path)["std"].values == 2.0
+    shutil.move(path, tmp_path / "moved.zarr")
+    with pytest.raises(FileNotFoundError, match="check the spelling"):
+        vi.load(path)
+    vi.save(sweep(3.0), path)
+    assert names(tmp_path) == ["map.zarr", "moved.zarr"]
 
 
 @pytest.mark.parametrize("ending", files.DATA_ENDINGS)

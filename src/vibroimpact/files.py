@@ -234,14 +234,8 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
 
 @contextmanager
 def _scratch(target: Path) -> Iterator[Path]:
-    """Yield a folder beside the target for what is being written; remove it, and those that killed processes left.
-
-    The system takes a lock back from a process that ends, however it ends.
-    """
-    for left in target.parent.glob(f".{glob.escape(target.stem)}-*{PART}"):
-        with _held(left) as unused:
-            if unused:
-                shutil.rmtree(left, ignore_errors=True)
+    """Yield a folder beside the target for what is being written; remove it, and those that killed processes left."""
+    sweep_up(target)
     for _ in range(MOVES):
         scratch = Path(mkdtemp(prefix=f".{target.stem}-", suffix=PART, dir=target.parent))
         with _held(scratch) as mine:
@@ -255,6 +249,17 @@ def _scratch(target: Path) -> Iterator[Path]:
                 raise
             return
     raise OSError(errno.EBUSY, "other processes keep removing what is written there")
+
+
+def sweep_up(target: Path) -> None:
+    """Remove what killed processes left half written or half removed beside an output.
+
+    The system takes a lock back from a process that ends, however it ends.
+    """
+    for left in target.parent.glob(f".{glob.escape(target.stem)}-*{PART}"):
+        with _held(left) as unused:
+            if unused:
+                shutil.rmtree(left, ignore_errors=True)
 
 
 @contextmanager
@@ -327,8 +332,11 @@ def replace_output(part: Path, target: Path, *, overwrite: bool = True) -> None:
                 os.rename(aside.pop(), target)
         raise
     finally:
-        for folder in aside:
-            shutil.rmtree(folder, ignore_errors=True)
+        for folder in aside:  # under a name that says that it is not whole, should this process be killed now
+            left = target.with_name(f".{target.stem}-{uuid4().hex[:8]}{PART}")
+            with suppress(OSError):
+                os.rename(folder, left)
+            shutil.rmtree(left, ignore_errors=True)
 
 
 def _moved(part: Path, target: Path) -> bool:

@@ -169,8 +169,9 @@ def place_for(options: Mapping[str, Any]) -> Path:
 @contextmanager
 def replacing_store(place: Path, out: Path) -> Iterator[None]:
     """Let a store at `place` replace that at `out` once it is whole; remove it where it fails before its first tile."""
-    from vibroimpact.files import replace_output
+    from vibroimpact.files import replace_output, sweep_up
 
+    sweep_up(out)
     new = place != out and not place.exists()
     try:
         yield
