@@ -3,6 +3,7 @@
 import functools
 import os
 import random
+import shutil
 import signal
 import socket
 import subprocess
@@ -227,6 +228,36 @@ def pieces(client, number, stop=None):
     measurement = Measurement(ImpactWindow(100, 5000))
     request = Request(vi.ImpactOscillator(), {"omega": np.linspace(1.0, 2.0, number)}, measurement)
     return cluster.Cluster(client).compute(request, [slice(n, n + 1) for n in range(number)], stop or threading.Event())
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSIX")
+def test_a_worker_writes_a_tile_in_the_place_of_a_link_and_never_through_one(tmp_path):
+    sweep(store=tmp_path / "run.zarr")
+    store = SweepStore(tmp_path / "run.zarr")
+    precious = tmp_path / "precious"
+    precious.write_text("?")
+    request = Request(vi.ImpactOscillator(), AXES, Measurement(ImpactWindow(20, 60), indices=NAMES))
+    chunk, mark = store.path / "std/c/1/1", store.path / "progress" / layout.MARK
+    before = chunk.read_bytes()
+    for planted in (chunk, mark):
+        planted.unlink(missing_ok=True)
+        planted.symlink_to(precious)
+    with cluster._marked(store.path) as word:
+        shared = cluster._Shared(request, vi.__version__, str(store.path), word)
+        record = cluster._work(store.tiling[1 + store.tiling.counts[1]], shared)
+    assert record.shape == (layout.COLUMNS,)  # it wrote
+    assert not chunk.is_symlink()
+    assert chunk.read_bytes() == before
+    shutil.move(store.path / "std/c", tmp_path / "elsewhere")
+    (store.path / "std/c").symlink_to(tmp_path / "elsewhere")
+    os.truncate(tmp_path / "elsewhere/1/1", 0)
+    with cluster._marked(store.path) as word:
+        shared = cluster._Shared(request, vi.__version__, str(store.path), word)
+        assert "std" in cluster._work(store.tiling[1 + store.tiling.counts[1]], shared)  # the client is to see to it
+    assert (tmp_path / "elsewhere/1/1").read_bytes() == b""
+    os.mkfifo(mark)
+    assert not cluster.sees(str(store.path), word)
+    assert precious.read_text() == "?"
 
 
 def _nap_at_first(part, shared):

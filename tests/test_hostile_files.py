@@ -6,7 +6,9 @@ import json
 import os
 import random
 import shutil
+import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import h5py
@@ -21,7 +23,7 @@ from vibroimpact.cli import Ended, main
 from vibroimpact.cli.files import sentences_of_store
 from vibroimpact.execution.store import SweepStore
 from vibroimpact.explorer.files import open_study
-from vibroimpact.guard import unpacked_size
+from vibroimpact.guard import GuardedStore, unpacked_size
 
 OSC = vi.ImpactOscillator()
 STUDY = {"omega": np.linspace(0.5, 3.0, 5), "mass": np.linspace(0.5, 2.0, 4), "sample_impacts": 30}
@@ -301,6 +303,18 @@ def test_a_pipe_or_a_link_in_place_of_a_file_or_of_its_variables_is_refused(tmp_
         for opening in (vi.load, open_study):
             with pytest.raises(OSError, match=rf"{name}.* cannot be read"):
                 opening(tmp_path / name)
+
+
+def test_many_chunks_are_written_at_once_where_no_folder_is_yet(tmp_path):
+    files, interval = GuardedStore(tmp_path, read_only=False), sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(16) as pool:
+            for turn in range(100):
+                list(pool.map(lambda number, turn=turn: files._make_way(f"{turn}/c/0/{number}"), range(16)))
+    finally:
+        sys.setswitchinterval(interval)
+    assert (tmp_path / "99/c/0").is_dir()
 
 
 # Attributes, and what is printed

@@ -14,6 +14,7 @@ import zarr
 import store_driver as driver
 import vibroimpact as vi
 from vibroimpact.execution.store import SweepStore
+from vibroimpact.guard import GuardedStore
 
 NAMES = ("std", "lyapunov_per_impact", "n_periods", "n_impacts", "status", "level")
 
@@ -49,6 +50,35 @@ def test_a_refined_map_killed_at_random_moments_is_in_the_end_the_uninterrupted_
         for variable in NAMES:
             assert found[variable].values.tobytes() == whole[variable].values.tobytes(), (name, variable)
         assert not list((tmp_path / f"{name}.zarr").rglob("*.partial"))
+
+
+def test_a_refined_map_is_not_complete_until_all_of_its_attributes_are_written(tmp_path, whole, monkeypatch):
+    store, written = tmp_path / "r.zarr", []
+    write = GuardedStore.set
+
+    async def watched(files, key, value):
+        await write(files, key, value)
+        if key == "zarr.json":
+            written.append({"complete", "filled_in"} & set(json.loads(value.to_bytes())["attributes"]))
+
+    monkeypatch.setattr(GuardedStore, "set", watched)
+    driver.refined(store, workers=1)
+    assert written[-1] == {"complete", "filled_in"}
+    assert all(not found for found in written[:-1])
+
+
+@pytest.mark.parametrize("array", ["std", "level", "progress/cells/std", "progress/cells/cell"])
+def test_a_chunk_in_the_place_of_another_one_is_found_and_mended(tmp_path, whole, monkeypatch, array):
+    monkeypatch.setattr("vibroimpact.execution.layout.PICTURE", 200)
+    store = tmp_path / "r.zarr"
+    driver.refined(store)
+    one, other = sorted(file for file in (store / array / "c").rglob("*") if file.is_file())[:2]
+    one.write_bytes(other.read_bytes())
+    assert len(SweepStore(store).faults()) == 1
+    again = driver.refined(store)
+    for name in NAMES:
+        assert again[name].values.tobytes() == whole[name].values.tobytes(), name
+    assert SweepStore(store).faults() == []
 
 
 def summary(store):

@@ -15,9 +15,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+import zarr
 
 import store_driver as driver
 import vibroimpact as vi
+from fenced import ROOT
 from vibroimpact.execution.layout import StoreBusy
 from vibroimpact.execution.store import SweepStore
 
@@ -114,6 +116,14 @@ def test_after_ctrl_c_nothing_more_is_written_and_finished_tiles_are_kept(tmp_pa
     assert 1 <= told["done"] < driver.TILES
     assert resumed(store) == driver.TILES - told["done"]
     assert_whole(store, whole)
+
+
+@posix
+def test_a_thousand_kills_in_small_lose_nothing_and_leave_nothing():
+    words = ["10", "7", "map.zarr, overwriting", "map.nc, overwriting"]  # the rest: `python -m benchmarks.kills`
+    done = subprocess.run([sys.executable, "-m", "benchmarks.kills", *words], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert sum(int(row.split("|")[2]) for row in done.stdout.splitlines()[2:4]) == 10
 
 
 # Two on one store
@@ -256,6 +266,11 @@ def flip(file: Path, place: int = -1) -> None:
     file.write_bytes(content)
 
 
+def swapped(file: Path, other: Path) -> None:
+    """Put another chunk of the same array in the place of one."""
+    file.write_bytes(other.read_bytes())
+
+
 HARMS = {
     "truncated": lambda file, other: file.write_bytes(file.read_bytes()[:-5]),
     "emptied": lambda file, other: file.write_bytes(b""),
@@ -282,6 +297,37 @@ def test_a_damaged_tile_is_found_and_computed_again(store, whole, harm, file):
     records = found.records()
     assert len(found.damaged(records)) + int((records[:, 0] == 0).sum()) == 1
     assert not found.is_whole()
+    assert resumed(store) == 1
+    assert_whole(store, whole)
+
+
+@pytest.mark.parametrize("name", ["std", "n_periods", "status"])
+def test_a_chunk_in_the_place_of_another_one_of_its_array_is_found_and_computed_again(store, whole, name):
+    swapped(store / name / "c/2/1", store / name / "c/4/3")
+    assert SweepStore(store).faults() == ["1 damaged tile; computed again when you continue"]
+    with pytest.raises(
+        OSError, match=r"run.zarr' cannot be read \(tile 9 holds other numbers than were written; the same"
+    ):
+        vi.load(store)
+    assert resumed(store) == 1
+    assert_whole(store, whole)
+
+
+def test_a_whole_tile_in_the_place_of_another_one_is_found_and_computed_again(store, whole):
+    for name in ("std", "n_periods", "status"):
+        swapped(store / name / "c/2/1", store / name / "c/4/3")
+    assert SweepStore(store).damaged() == [9]
+    assert resumed(store) == 1
+    assert_whole(store, whole)
+
+
+def test_a_store_of_an_earlier_version_whose_records_hold_no_digest_is_read_and_gone_on_with(store, whole):
+    records = zarr.open_array(store / "progress/tiles", mode="r+")
+    rows = records[:]
+    rows[:, 0] = 1
+    rows[3] = 0
+    records[:] = rows
+    vi.load(store)
     assert resumed(store) == 1
     assert_whole(store, whole)
 
@@ -324,8 +370,18 @@ def test_a_plain_reader_is_refused_an_altered_tile_instead_of_given_wrong_number
         float(dataset["std"][0, 0])
         with pytest.raises(RuntimeError, match="decompression"):
             dataset["std"].load()
-    with pytest.raises(OSError, match="cannot be read"):
+    with pytest.raises(OSError, match=r"run.zarr' cannot be read .'.*std/c/2/1' was altered; running the same sweep"):
         vi.load(store)
+
+
+def test_values_read_where_they_are_looked_at_are_refused_with_the_name_of_the_file_and_what_mends_it(store, whole):
+    lazily = SweepStore(store).dataset()
+    flip(store / "std/c/2/1")
+    assert lazily["status"][12, 6].values == whole["status"][12, 6].values
+    with pytest.raises(
+        OSError, match=r"run.zarr/std/c/2/1' was altered; running the same sweep again computes it anew"
+    ):
+        lazily["std"].load()
 
 
 @pytest.mark.parametrize("harm", HARMS)

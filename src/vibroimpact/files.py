@@ -22,6 +22,7 @@ from vibroimpact.parameters import check_fits, invalid, truth
 
 if TYPE_CHECKING:
     import xarray as xr
+    from numpy.typing import NDArray
 
 DATA_ENDINGS = tuple(WRITERS)
 MOVES = 1000  # attempts to replace an output that other processes keep replacing
@@ -133,7 +134,22 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
         size = netcdf_size(source) if place is source else place.size()
     check_fits("path", f"is {str(path)!r}, whose values take", size, "xarray.open_zarr(path) reads a store in parts")
     with _explained(source), xr.open_dataset(place, **_OPEN[ending]) as stored:
-        return _restored(stored.load())
+        done = None if place is source else place.done()
+        loaded = _restored(stored.load())
+        if done is not None and "level" not in loaded:  # a refined map keeps its tiles elsewhere
+            _check_tiles(loaded, done)
+        return loaded
+
+
+def _check_tiles(sweep: xr.Dataset, done: NDArray[np.int64]) -> None:
+    """Raise where a tile of a stored map does not hold what was written there."""
+    from vibroimpact.guard import boxes, is_as_written
+
+    results = {str(name): values.values for name, values in sweep.data_vars.items()}
+    places = boxes(sweep["status"].shape, tuple(sweep.attrs["tile"]))
+    for number, (place, record) in enumerate(zip(places, done.tolist(), strict=True)):
+        if not is_as_written(record, {name: values[place] for name, values in results.items()}):
+            raise OSError(f"tile {number} holds other numbers than were written; the same sweep computes it again")
 
 
 def load_lazily(path: str | os.PathLike[str]) -> xr.Dataset:

@@ -12,12 +12,17 @@ import os
 import re
 import shutil
 import stat
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from itertools import product
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
+from zlib import crc32
 
 import numpy as np
 from numcodecs import Zstd
+from numpy.typing import NDArray
 from zarr.core.buffer import default_buffer_prototype
 from zarr.storage import LocalStore
 
@@ -31,7 +36,10 @@ DESCRIPTION = "zarr.json"
 MOST_TEXT = 1 << 24  # bytes of a description, and of a chunk of words
 WORD = 64  # bytes that a word takes in memory
 CODECS = {"bytes", "vlen-utf8"}  # how `save` and stores turn numbers and words into bytes, which zstd may pack
+RECORDS = "progress/tiles"  # the array that holds a record per tile of a stored sweep, of which the first number says
+DIGEST = 2  # that the tile is done and, from here on, the digest of its numbers; earlier versions wrote 1
 MAGIC = b"\x28\xb5\x2f\xfd"  # of a frame of zstd
+_making = Lock()  # held while a folder is made where something else may lie
 
 
 class Declared(NamedTuple):
@@ -113,6 +121,15 @@ class GuardedStore(LocalStore):
         arrays = [self.declared(name) for name in os.listdir(self.root)]
         return sum(array.size for array in arrays if array)
 
+    def done(self) -> NDArray[np.int64] | None:
+        """Return of every tile of a stored sweep whether it is done, and its digest; None of what has no records."""
+        import zarr
+
+        with suppress(Exception):
+            records: Any = zarr.open_array(self, path=RECORDS, mode="r") if self.declared(RECORDS) else None
+            return None if records is None else np.asarray(records[:, 0], np.int64)
+        return None
+
     def _bytes(self, key: str, most: int) -> bytes | None:
         try:
             real = os.path.realpath(self.root / key, strict=True)
@@ -152,10 +169,12 @@ class GuardedStore(LocalStore):
         found = unpacked_size(content) if array.packed else len(content)
         if found is None or (found > size if array.item is None else found != size):
             raise self._refused(key, f"does not decode to the {in_words(size)} of its array")
-        if array.item is None:  # words, which begin with their number
+        try:
             plain = bytes(Zstd().decode(content)) if array.packed else content
-            if int.from_bytes(plain[:4], "little") != math.prod(array.chunk):
-                raise self._refused(key, "does not hold as many words as its array declares")
+        except RuntimeError:
+            raise self._refused(key, "was altered; running the same sweep again computes it anew") from None
+        if array.item is None and int.from_bytes(plain[:4], "little") != math.prod(array.chunk):  # words' number
+            raise self._refused(key, "does not hold as many words as its array declares")
 
     def _refused(self, key: str, why: str) -> OSError:
         return OSError(f"{str(self.root / key)!r} {why}")
@@ -189,8 +208,10 @@ class GuardedStore(LocalStore):
             if place.is_symlink():
                 raise self._refused(str(place.relative_to(self.root)), "is a link; put the folder in its place")
             if not place.is_dir():
-                place.unlink(missing_ok=True)
-                place.mkdir(parents=True, exist_ok=True)
+                with _making:  # Zarr writes chunks in several threads
+                    if not place.is_dir():
+                        place.unlink(missing_ok=True)
+                    place.mkdir(parents=True, exist_ok=True)
         clear(self.root / key)
 
 
@@ -277,3 +298,23 @@ def netcdf_size(path: Path) -> int:
                 raise OSError(f"variable {name!r} of {str(path)!r} is compressed; save it without compression")
             size += math.prod(variable.shape or ()) * (variable.dtype.itemsize if variable.dtype.kind != "O" else WORD)
     return size
+
+
+def digest_of(values: Mapping[str, Any]) -> int:
+    """Return 32 bits that follow from a tile's numbers: a chunk that was put in the place of another alters them."""
+    digest = 0
+    for name in sorted(values):
+        digest = crc32(np.ascontiguousarray(values[name]).data, digest)
+    return digest
+
+
+def is_as_written(done: int, values: Mapping[str, Any]) -> bool:
+    """Whether the numbers of a tile are those of which its record says that they were written."""
+    return done < DIGEST or done - DIGEST == digest_of(values)
+
+
+def boxes(shape: tuple[int, ...], tile: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:
+    """Yield where the tiles of a grid lie, the last axis fastest; those at the far edges are smaller."""
+    starts = (range(0, cells, side) for cells, side in zip(shape, tile, strict=True))
+    for corner in product(*starts):
+        yield tuple(slice(at, min(at + side, cells)) for at, side, cells in zip(corner, tile, shape, strict=True))

@@ -125,8 +125,8 @@ def _work(part: Part, shared: _Shared) -> Outcome | Rows:
         from vibroimpact.execution.layout import put, record_of
 
         with suppress(OSError):  # it sees the store and may not write: the client may, or explains what is wrong
-            put(_arrays(shared.store, shared.mark, (*shared.request.indices, "status")), part, outcome)
-            return record_of(outcome)
+            arrays = _arrays(shared.store, shared.mark, (*shared.request.indices, "status"))
+            return record_of(outcome, put(arrays, part, outcome))
     return outcome
 
 
@@ -141,8 +141,11 @@ def _marked(store: Path | None) -> Iterator[str]:
     if store is None:
         yield mark
         return
+    from vibroimpact.guard import clear
+
     file = _mark_of(store)
     with suppress(OSError):  # then no worker finds it, and the client writes
+        clear(file)
         file.write_text(mark)
     try:
         yield mark
@@ -159,8 +162,9 @@ def _mark_of(store: Path) -> Path:
 
 def sees(store: str, mark: str) -> bool:
     """Whether this machine sees the store that bears the mark."""
+    file = _mark_of(Path(store))
     try:
-        return _mark_of(Path(store)).read_text() == mark
+        return file.is_file() and file.stat().st_size == len(mark) and file.read_text() == mark
     except (OSError, UnicodeDecodeError):
         return False
 

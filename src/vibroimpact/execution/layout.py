@@ -32,24 +32,25 @@ from vibroimpact.dataset import level_variable, missing, plain_variable, status_
 from vibroimpact.execution import Tiling, cut
 from vibroimpact.files import remove_folder
 from vibroimpact.formats import ORDER, order_of
-from vibroimpact.guard import GuardedStore, clear
+from vibroimpact.guard import DIGEST, RECORDS, GuardedStore, clear, digest_of
 from vibroimpact.parameters import check_fits
 from vibroimpact.request import Request, key_of
 from vibroimpact.status import Status
 
-PROGRESS, RECORDS, LIST = "progress", "progress/tiles", "progress/cells"
+PROGRESS, LIST = "progress", "progress/cells"
 CELL = "cell"  # in the lists: where on the fine grid each cell lies, by its flat index; -1 beyond the end of a batch
 LOCK = "lock"
 MARK = "cluster"  # the file in `progress` by which workers of a cluster recognise the store
 PACKING = ZstdCodec(checksum=True)
 PICTURE = 1 << 18  # cells in a chunk of a refined map's picture
 SPARE = 4096  # batches of a refined map, at most: each leaves a tile of the lists half empty
-# The record of a tile: whether it is done, what it cost, and how many of its cells have each status.
+# The record of a tile: whether it is done and its digest, what it cost, and how many of its cells have each status.
 DONE, MICROSECONDS, IMPACTS, STEPS, FIRST_STATUS = range(5)
 COLUMNS = FIRST_STATUS + len(Status)
 ROWS = 64  # records in a chunk
 SETTLING = 5.0  # seconds for which a process about to end waits for the tile that it is writing
-NEEDED = "cells_needed"  # the attribute of the records that says how many cells a refined map is known to need
+# Attributes of the records of a refined map: how many cells it is known to need, and the digest of its picture.
+NEEDED, DRAWN = "cells_needed", "picture"
 
 Arrays = Mapping[str, NDArray[Any]]
 Rows = NDArray[np.int64]
@@ -175,11 +176,11 @@ def lay_out(place: Any, request: Request, identity: dict[str, Any], tiling: Tili
     names = (*request.indices, "status")
     command = join([Path(sys.argv[0]).name, *sys.argv[1:]])
     root = zarr.open_group(place, mode="w-", zarr_format=3)
-    root.attrs.update(
+    root.update_attributes(
         request.provenance("parameter_map")
         | {"study": json.dumps(identity), "key": key_of(identity), "command": command, "tile": list(tiling.tile)}
+        | {ORDER: order_of((*names, *request.coordinates()))}
     )
-    root.attrs[ORDER] = order_of((*names, *request.coordinates()))
     for name, axis in request.coordinates().items():
         fill = np.nan if axis.dtype.kind == "f" else 0
         _array(root, name, axis, axis.shape, axis.shape, fill)[:] = axis.values
@@ -255,8 +256,7 @@ class TileWriter:
 
         def job() -> Rows:
             if isinstance(result, Mapping):
-                put(self._arrays, self.tiling[number], result)
-                record = record_of(result)
+                record = record_of(result, put(self._arrays, self.tiling[number], result))
             else:
                 record = result.copy()
             record[MICROSECONDS] = round(1e6 * seconds)
@@ -290,19 +290,21 @@ class TileWriter:
         return record
 
     def draw(self, arrays: Arrays, attrs: Mapping[str, Any]) -> None:
-        """Write whole arrays at the root, and attributes once they are written."""
+        """Write whole arrays at the root, and attributes, all in one step, once they are written."""
 
         def job() -> None:
-            for name, values in arrays.items():
+            drawn = {name: np.asarray(values, self._root[name].dtype) for name, values in arrays.items()}
+            for name, values in drawn.items():
                 _keeping(self._root[name])[...] = values
-            self._root.attrs.update(attrs)
+            self._rows.update_attributes({DRAWN: digest_of(drawn)})
+            self._root.update_attributes(dict(attrs))
 
         self.whole(job)
 
     def need(self, cells: int) -> None:
         """Note how many cells a refined map is known to need."""
         if cells > self._rows.attrs.get(NEEDED, 0):
-            self.whole(lambda: self._rows.attrs.update({NEEDED: cells}))
+            self.whole(lambda: self._rows.update_attributes({NEEDED: cells}))
 
     def sweep_up(self) -> None:
         """Remove what runs left behind that were ended in the middle."""
@@ -330,19 +332,23 @@ class TileWriter:
         self._thread.shutdown()
 
 
-def put(arrays: Mapping[str, Any], part: tuple[slice, ...], result: Arrays) -> None:
-    """Write the results of a tile's cells, in the order of the grid; a tile of a list may be filled in part."""
+def put(arrays: Mapping[str, Any], part: tuple[slice, ...], result: Arrays) -> int:
+    """Write the results of a tile's cells, in the order of the grid; return their digest.
+
+    A tile of a list may be filled in part.
+    """
     box = tuple(along.stop - along.start for along in part)
-    for name, array in arrays.items():
-        values = np.full(box, array.fill_value, array.dtype)
+    written = {name: np.full(box, array.fill_value, array.dtype) for name, array in arrays.items()}
+    for name, values in written.items():
         values.ravel()[: result[name].size] = result[name].ravel()
-        _keeping(array)[part] = values
+        _keeping(arrays[name])[part] = values
+    return digest_of(written)
 
 
-def record_of(result: Arrays) -> Rows:
+def record_of(result: Arrays, digest: int) -> Rows:
     """Return the record of a tile whose results these are, but for the time that it took."""
     counts = np.bincount(result["status"].ravel(), minlength=len(Status))
-    return np.array([1, 0, result["impacts"].sum(), result["steps"].sum(), *counts], np.int64)
+    return np.array([DIGEST + digest, 0, result["impacts"].sum(), result["steps"].sum(), *counts], np.int64)
 
 
 def _keeping(array: Any) -> Any:

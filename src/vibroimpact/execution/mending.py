@@ -12,8 +12,8 @@ from zarr.core.sync import sync
 from zarr.storage import MemoryStore
 
 from vibroimpact.execution import Tiling
-from vibroimpact.execution.layout import LIST, NEEDED, RECORDS, lay_out, refined, tiling_of
-from vibroimpact.guard import DESCRIPTION, GuardedStore
+from vibroimpact.execution.layout import DRAWN, LIST, NEEDED, lay_out, refined, tiling_of
+from vibroimpact.guard import DESCRIPTION, RECORDS, GuardedStore
 from vibroimpact.request import Request, key_of
 
 
@@ -75,7 +75,7 @@ def _with_what_was_noted(key: str, wanted: bytes, attrs: dict[str, Any], refinin
     if key == DESCRIPTION and refining:
         kept |= {name: value for name, value in attrs.items() if name not in described["attributes"]}
     if key == f"{RECORDS}/{DESCRIPTION}":
-        kept = {NEEDED: attrs[NEEDED]} if type(attrs.get(NEEDED)) is int else {}
+        kept = {name: attrs[name] for name in (NEEDED, DRAWN) if type(attrs.get(name)) is int}
     elif key != DESCRIPTION:
         kept = {}
     described["attributes"] |= kept

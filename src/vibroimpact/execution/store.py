@@ -20,6 +20,7 @@ from vibroimpact.execution.layout import (
     CELL,
     COLUMNS,
     DONE,
+    DRAWN,
     FIRST_STATUS,
     IMPACTS,
     LIST,
@@ -27,7 +28,6 @@ from vibroimpact.execution.layout import (
     MICROSECONDS,
     NEEDED,
     PROGRESS,
-    RECORDS,
     ROWS,
     STEPS,
     Arrays,
@@ -41,7 +41,7 @@ from vibroimpact.execution.layout import (
 )
 from vibroimpact.execution.mending import mend
 from vibroimpact.files import load_lazily, offered
-from vibroimpact.guard import DESCRIPTION, GuardedStore
+from vibroimpact.guard import DESCRIPTION, RECORDS, GuardedStore, digest_of, is_as_written
 from vibroimpact.parameters import check_fits, invalid
 from vibroimpact.progress import Report, Stop
 from vibroimpact.request import Request, differences, key_of, mark
@@ -126,25 +126,31 @@ class SweepStore:
         return [
             number
             for first in np.unique(done // block).tolist()
-            for number in self._damaged_among(done[done // block == first].tolist())
+            for number in self._damaged_among(done[done // block == first].tolist(), rows)
         ]
 
-    def _damaged_among(self, numbers: list[int]) -> list[int]:
+    def _damaged_among(self, numbers: list[int], records: Rows) -> list[int]:
         """Return which of these tiles are damaged; all are read at once, and one by one where that fails."""
         low, high = self.tiling[numbers[0]][0].start, self.tiling[numbers[-1]][0].stop
         with suppress(Exception):
-            for array in self._arrays.values():
-                cells = (high - low) * math.prod(array.shape[1:])
-                check_fits("store", "has tiles that take", cells * array.dtype.itemsize, "read them one by one")
-                array[low:high]
-            return [number for number in numbers if not self._has(number)]
+            cells = (high - low) * math.prod(self.tiling.shape[1:])
+            size = cells * sum(array.dtype.itemsize for array in self._arrays.values())
+            check_fits("store", "has tiles that take", size, "read them one by one")
+            block = {name: array[low:high] for name, array in self._arrays.items()}
+
+            def is_whole(number: int) -> bool:
+                first, *others = self.tiling[number]
+                here = (slice(first.start - low, first.stop - low), *others)
+                tile = {name: values[here] for name, values in block.items()}
+                return self._has(number) and is_as_written(records[number, DONE], tile)
+
+            return [number for number in numbers if not is_whole(number)]
 
         def is_damaged(number: int) -> bool:
             try:
-                self.read(number)
+                return not is_as_written(records[number, DONE], self.read(number))
             except Exception:
                 return True
-            return False
 
         return list(filter(is_damaged, numbers))
 
@@ -207,15 +213,17 @@ class SweepStore:
         return not self.damaged() and (not self.refined or self._is_drawn())
 
     def _is_drawn(self) -> bool:
-        """Whether every chunk of a refined map's picture can be read."""
+        """Whether a refined map's picture can be read, and is the one that was drawn."""
         try:
-            for _, array in self._root.arrays():
-                if array.nchunks_initialized < array.nchunks:
-                    return False
-                array[:]
+            arrays = dict(self._root.arrays())
+            if any(array.nchunks_initialized < array.nchunks for array in arrays.values()):
+                return False
+            digest = digest_of(
+                {name: array for name, array in arrays.items() if name == "level" or name in self.arrays}
+            )
+            return bool(self._rows.attrs.get(DRAWN, digest) == digest)
         except Exception:
             return False
-        return True
 
     def summary(self) -> dict[str, Any]:
         """Return how far the sweep is: tiles and cells done, seconds that went by, impacts, and cells of each status.
