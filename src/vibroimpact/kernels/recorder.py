@@ -180,8 +180,10 @@ def read(recorder, trace, rows, width, i):
         if steps >= due:
             due += LOOK
             ended = ending(motion, k, age, plan.longest, steps, plan.granted)
-            if plan.looks == 0.0 or ended == SPENT:
+            if plan.looks == 0.0:
                 end = ended
+            elif steps > plan.granted:  # looks go on past other endings, but not for ever
+                end = SPENT
             elif _faded(motion, k):
                 while looked < plan.looks:
                     looks[n_looks, 0], looks[n_looks, 1] = 0.0, 0.0

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
+from vibroimpact.backends.cpu import expected_steps
 from vibroimpact.cells import cells_at
+from vibroimpact.kernels.cell import MOST
 from vibroimpact.orbits.equations import TURN, Cycle, Flight, Floats, fastest_of, flight_of, parameters_of
 from vibroimpact.oscillator import ImpactOscillator
 
@@ -92,6 +94,13 @@ def objection(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
         return f"impact {i + 1} would have velocity {speeds[i]:.3g} m/s, away from the stop"
     if speeds.min() <= ROUNDING * fastest:
         return _beyond(osc, cycle, z)
+    turns = [end - begin for begin, end in (cycle.span(z, i) for i in range(p))]
+    a_turn = float(expected_steps(osc.cells({}), ImpactWindow(0, 1))[0]) * min(osc.natural_frequency / osc.omega, 1.0)
+    if max(turns) * a_turn > MOST:
+        i = int(np.argmax(turns))
+        return (
+            f"the flight after impact {i + 1} takes some {turns[i] * a_turn:.1g} certified steps: it was not followed"
+        )
     for i, seen in enumerate(contacts(osc, z[:p], speeds, 1)):
         begin, end = cycle.span(z, i)
         wrong = _first_difference(seen, end - begin, float(speeds[(i + 1) % p]), fastest)
