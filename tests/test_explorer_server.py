@@ -76,6 +76,8 @@ class Served:
         request = HTTPRequest(f"ws://{place}/ws?{query}", headers={"Origin": f"http://{place}"})
         tab = await websocket_connect(request, subprotocols=["bokeh", token], max_message_size=1 << 28)
         heard = await _message(tab)
+        if heard is None:  # not let in
+            return tab, heard
         assert heard["msgtype"] == "ACK"
         for part in speak:
             await tab.write_message(part)
@@ -236,18 +238,43 @@ def test_one_page_too_many_is_answered_and_makes_none(served, monkeypatch):
     assert len(served.made) == 1
 
 
-def test_a_token_opens_one_tab_and_nothing_is_done_before_the_page_is_asked_for(served):
+@pytest.mark.parametrize("first", [PULL, ()], ids=["speaks", "is silent"])
+def test_a_token_opens_one_tab_and_a_second_one_hears_nothing_of_it(served, first):
     async def visit():
         token = await asyncio.to_thread(served.token)
-        tab, _ = await served.join(token)
-        for again in (token, await asyncio.to_thread(served.token)):
-            other, answer = await served.join(again, speak=PULL if again == token else PATCH)
+        tab, _ = await served.join(token, speak=first)
+        others = await asyncio.gather(*(served.join(token) for _ in range(20)))  # while the first page changes
+        for other, answer in others:
             assert answer is None
             assert other.close_code == 1008
+        (session,) = served.server.get_sessions()
+        assert session.connection_count == 1
+        await _leave(tab)
+
+    asyncio.run(visit())
+    assert len(served.made) == bool(first)
+
+
+def test_of_many_tabs_that_join_at_once_with_one_token_one_is_let_in(served):
+    async def visit():
+        token = await asyncio.to_thread(served.token)
+        tabs = await asyncio.gather(*(served.join(token) for _ in range(20)))
+        ((tab, answer),) = [one for one in tabs if one[1]]
+        assert answer["msgtype"] == "PULL-DOC-REPLY"
         await _leave(tab)
 
     asyncio.run(visit())
     assert len(served.made) == 1
+
+
+def test_nothing_is_done_before_the_page_is_asked_for(served):
+    async def visit():
+        tab, answer = await served.join(speak=PATCH)
+        assert answer is None
+        assert tab.close_code == 1008
+
+    asyncio.run(visit())
+    assert not served.made
 
 
 def test_the_server_answers_others_while_a_page_is_made_and_forgets_who_left_meanwhile(served, monkeypatch):

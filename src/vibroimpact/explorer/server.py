@@ -19,7 +19,7 @@ from bokeh.protocol.exceptions import ProtocolError
 from bokeh.server.server import BaseServer
 from bokeh.server.tornado import BokehTornado
 from bokeh.server.views.ws import WSHandler
-from bokeh.util.token import generate_jwt_token, generate_session_id
+from bokeh.util.token import generate_jwt_token, generate_session_id, get_session_id
 from tornado.httpserver import HTTPServer
 from tornado.ioloop import IOLoop
 from tornado.netutil import bind_sockets
@@ -112,13 +112,19 @@ class Socket(WSHandler):  # type: ignore[misc]
         self._tabs = tabs
         self._page: Page | None = None
 
+    async def _async_open(self, token: str) -> None:
+        """Join a session of one's own: whoever joins one is sent all that changes in it."""
+        if get_session_id(token) in {session.id for session in self.application_context.sessions}:
+            self.close(1008, "reload this page")
+        else:
+            await super()._async_open(token)
+
     async def _handle(self, message: Message[Any]) -> Any:
         """Answer a message; the first one has to ask for the page."""
         if self._page is not None:
             return await super()._handle(message)
         session = self.connection.session
-        other = session.connection_count > 1 or session.document.roots  # a page has one tab
-        if message.msgtype != "PULL-DOC-REQ" or other:
+        if message.msgtype != "PULL-DOC-REQ":
             self.close(1008, "reload this page")
             return None
         self._page = page = await self._tabs.enter(self)
