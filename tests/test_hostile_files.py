@@ -6,7 +6,10 @@ import json
 import os
 import random
 import shutil
+import subprocess
 import sys
+import tracemalloc
+import zlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -229,6 +232,124 @@ def test_a_description_that_this_package_does_not_write_is_refused_and_repaired(
     assert_repaired(store, sweep, whole["map.zarr"])
 
 
+# NetCDF files that others packed, or that came to harm
+
+
+def filtered(path: Path, *filters: int, chunk: bytes | None = None, mask: int = 0) -> Path:
+    """Return a file of one chunk of 8 kB behind filters of HDF5, whose packed bytes may be replaced."""
+    made = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    made.set_chunk((1000,))
+    for one in filters:
+        made.set_filter(one, 0, {h5py.h5z.FILTER_DEFLATE: (6,), h5py.h5z.FILTER_SHUFFLE: (8,)}.get(one, ()))
+    with h5py.File(path, "w") as file:
+        space, kind = h5py.h5s.create_simple((1000,)), h5py.h5t.IEEE_F64LE
+        variable = h5py.Dataset(h5py.h5d.create(file.id, b"std", kind, space, made))
+        variable[:] = np.arange(1000.0)
+        if chunk is not None:
+            variable.id.write_direct_chunk((0,), chunk, filter_mask=mask)
+    return path
+
+
+ZIP, SHUFFLE = h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE
+
+
+@pytest.mark.parametrize("options", [{}, {"shuffle": False}, {"chunksizes": (2, 3), "complevel": 9}], ids=str)
+def test_a_netcdf_file_that_was_packed_afterwards_is_read(tmp_path, copied, options):
+    plain = vi.load(copied("saved.nc"))
+    encoding = {name: {"zlib": True, **options} for name in ("std", "status")}
+    plain.to_netcdf(tmp_path / "packed.nc", engine="h5netcdf", encoding=encoding)
+    with h5py.File(tmp_path / "packed.nc") as file:
+        assert file["std"].compression == "gzip"
+    packed = vi.load(tmp_path / "packed.nc")
+    assert all(packed[name].values.tobytes() == plain[name].values.tobytes() for name in plain.variables)
+
+
+@pytest.mark.parametrize(
+    ("filters", "content", "mask", "why"),
+    [
+        ((ZIP,), zlib.compress(bytes(1 << 26), 9), 0, "does not unpack to the 8 kB it declares"),
+        ((ZIP,), zlib.compress(bytes(7999)), 0, "does not unpack to the 8 kB it declares"),
+        ((ZIP,), zlib.compress(bytes(8000))[:-9], 0, "does not unpack to the 8 kB it declares"),
+        ((ZIP,), bytes(8000), 1, "does not unpack to the 8 kB it declares"),
+        ((ZIP,), b"no zlib", 0, "cannot be read"),
+        ((ZIP, ZIP), zlib.compress(zlib.compress(bytes(8000))), 0, "packed by other means.* nccopy"),
+        ((ZIP, SHUFFLE), None, 0, "packed by other means.* nccopy"),
+        ((SHUFFLE, h5py.h5z.FILTER_FLETCHER32), None, 0, "packed by other means.* nccopy"),
+    ],
+    ids=["bomb", "short", "cut", "skipped", "foreign", "twice", "shuffled after", "checksum"],
+)  # fmt: skip
+def test_a_packed_variable_that_unpacks_to_another_size_or_in_another_way_is_refused(
+    tmp_path, filters, content, mask, why
+):
+    path = filtered(tmp_path / "packed.nc", *filters, chunk=content, mask=mask)
+    tracemalloc.start()
+    for opening in (vi.load, open_study):
+        with pytest.raises(OSError, match=rf"packed.nc' cannot be read .*{why if why != 'cannot be read' else ''}"):
+            opening(path)
+    assert tracemalloc.get_traced_memory()[1] < 50 * 2**20
+    tracemalloc.stop()
+
+
+OPEN = """
+import gc, sys
+import vibroimpact as vi
+from vibroimpact.cli import main
+for path in sys.argv[1:]:
+    try:
+        vi.load(path)
+    except (OSError, ValueError) as error:
+        assert path in str(error) and len(str(error).splitlines()) == 1
+        assert main(["plot", path, "--out", path + ".png"]) == 2
+    gc.collect()
+"""
+
+
+def test_damaged_netcdf_files_are_loaded_or_refused_in_one_line_and_nothing_hangs_or_is_ignored(finished, tmp_path):
+    content, chance, paths = finished["saved.nc"].read_bytes(), random.Random(1), []
+    words = [at for at in range(len(content)) if content.startswith(b"GCOL", at)]
+    for case in range(64):
+        harmed = bytearray(content)
+        at, length = chance.randrange(len(content)), chance.choice([1, 8, 64, 512])
+        if case % 8 < 2:
+            del harmed[at:]
+        elif case % 8 < 5:
+            harmed[at : at + length] = bytes(len(harmed[at : at + length]))
+        elif case % 8 < 7:
+            harmed[at : at + length] = chance.randbytes(len(harmed[at : at + length]))
+        else:  # what holds the words: HDF5 checks no sums there
+            at = chance.choice(words) + chance.randrange(2000)
+            harmed[at : at + length] = chance.choice([bytes(length), b"\xff" * length, chance.randbytes(length)])
+        paths.append(tmp_path / f"{case}.nc")
+        paths[-1].write_bytes(harmed)
+    done = subprocess.run([sys.executable, "-c", OPEN, *paths], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    lines = done.stderr.splitlines()
+    assert all(line.startswith("vibroimpact: `path` ") and "cannot be read" in line for line in lines), done.stderr
+    assert 30 < len(lines) == len(set(lines)) <= 64
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of memory as on Linux")
+def test_where_memory_does_not_suffice_to_save_a_netcdf_file_nothing_is_left_and_the_process_goes_on(tmp_path):
+    script = f"""
+import gc, resource
+import numpy as np, xarray as xr
+import vibroimpact as vi
+vast = xr.Dataset({{f"s{{k}}": ("omega", np.zeros(10**7)) for k in range(3)}})
+vi.save(vast.isel(omega=slice(9)), {str(tmp_path / "small.nc")!r})
+with open("/proc/self/statm") as file:
+    now = int(file.read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (now + 130 * 10**6,) * 2)
+try:
+    vi.save(vast, {str(tmp_path / "vast.nc")!r})
+except (OSError, MemoryError) as error:
+    print("refused")
+gc.collect()
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "refused\n", "")
+    assert [path.name for path in tmp_path.iterdir()] == ["small.nc"]
+
+
 # No regular files
 
 
@@ -297,9 +418,7 @@ def test_a_pipe_or_a_link_in_place_of_a_file_or_of_its_variables_is_refused(tmp_
         file["std"] = h5py.ExternalLink("saved.nc", "std")
     with h5py.File(tmp_path / "raw.nc", "w") as file:
         file.create_dataset("std", (10,), "f8", external=[("/dev/zero", 0, 80)])
-    with h5py.File(tmp_path / "packed.nc", "w") as file:
-        file.create_dataset("std", (10,), "f8", chunks=(10,), compression="gzip")
-    for name in ("pipe.nc", "pipe.zarr", "link.nc", "raw.nc", "packed.nc"):
+    for name in ("pipe.nc", "pipe.zarr", "link.nc", "raw.nc"):
         for opening in (vi.load, open_study):
             with pytest.raises(OSError, match=rf"{name}.* cannot be read"):
                 opening(tmp_path / name)

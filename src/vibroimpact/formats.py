@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,11 +28,13 @@ def _write_netcdf(dataset: xr.Dataset, part: Path) -> None:
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 
-    # By way of memory: HDF5 crashes the process some time after a full disk.
-    image = BytesIO()
-    with h5netcdf.File(image, "w") as file:
+    # By way of HDF5's own memory: it crashes the process some time after a full disk, or an error of a Python file.
+    with h5netcdf.File(part, "w", driver="core", backing_store=False) as file:
         _with_order(dataset).dump_to_store(H5NetCDFStore(file))
-    part.write_bytes(image.getbuffer())
+        file.flush()
+        image = file._h5file
+        image.flush()
+        part.write_bytes(image.id.get_file_image())
 
 
 def _with_order(dataset: xr.Dataset) -> xr.Dataset:

@@ -8,17 +8,19 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import mmap
 import os
 import re
 import shutil
 import stat
+import struct
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
-from zlib import crc32
 
 import numpy as np
 from numcodecs import Zstd
@@ -29,6 +31,7 @@ from zarr.storage import LocalStore
 from vibroimpact.parameters import check_fits, in_words
 
 if TYPE_CHECKING:
+    import h5py
     from zarr.abc.store import ByteRequest
     from zarr.core.buffer import Buffer, BufferPrototype
 
@@ -39,6 +42,7 @@ CODECS = {"bytes", "vlen-utf8"}  # how `save` and stores turn numbers and words 
 RECORDS = "progress/tiles"  # the array that holds a record per tile of a stored sweep, of which the first number says
 DIGEST = 2  # that the tile is done and, from here on, the digest of its numbers; earlier versions wrote 1
 MAGIC = b"\x28\xb5\x2f\xfd"  # of a frame of zstd
+HEAP = b"GCOL\1\0\0\0"  # begins what holds the words of an HDF5 file
 _making = Lock()  # held while a folder is made where something else may lie
 
 
@@ -277,7 +281,7 @@ def unpacked_size(content: bytes) -> int | None:
 def netcdf_size(path: Path) -> int:
     """Return how many bytes the variables of a NetCDF file take in memory.
 
-    `OSError`: it is no regular file, or one of them lies elsewhere or is packed, which `save` writes none.
+    `OSError`: it is no regular file, or a damaged one, or a variable lies elsewhere or unpacks to another size.
     """
     import h5py
 
@@ -285,18 +289,25 @@ def netcdf_size(path: Path) -> int:
         raise OSError(f"{str(path)!r} is no regular file")
     size = 0
     with h5py.File(path, "r") as file:
+        _check_heaps(path)
         for name in file:
             if not isinstance(file.get(name, getlink=True), h5py.HardLink):
-                raise OSError(f"variable {name!r} of {str(path)!r} is a link")
+                raise OSError(f"variable {name!r} is a link")
             variable = file[name]
             if not isinstance(variable, h5py.Dataset):
                 continue
             made = variable.id.get_create_plist()
             if made.get_layout() == h5py.h5d.VIRTUAL or made.get_external_count():
-                raise OSError(f"variable {name!r} of {str(path)!r} lies in another file")
-            if made.get_nfilters():
-                raise OSError(f"variable {name!r} of {str(path)!r} is compressed; save it without compression")
-            size += math.prod(variable.shape or ()) * (variable.dtype.itemsize if variable.dtype.kind != "O" else WORD)
+                raise OSError(f"variable {name!r} lies in another file")
+            declared = Declared(
+                variable.shape or (),
+                variable.chunks or (0,),
+                None if variable.dtype.kind == "O" else variable.dtype.itemsize,
+                made.get_nfilters() > 0,
+            )
+            size += declared.size
+            if declared.packed:
+                _check_packed(variable)
     return size
 
 
@@ -304,7 +315,7 @@ def digest_of(values: Mapping[str, Any]) -> int:
     """Return 32 bits that follow from a tile's numbers: a chunk that was put in the place of another alters them."""
     digest = 0
     for name in sorted(values):
-        digest = crc32(np.ascontiguousarray(values[name]).data, digest)
+        digest = zlib.crc32(np.ascontiguousarray(values[name]).data, digest)
     return digest
 
 
@@ -318,3 +329,43 @@ def boxes(shape: tuple[int, ...], tile: tuple[int, ...]) -> Iterator[tuple[slice
     starts = (range(0, cells, side) for cells, side in zip(shape, tile, strict=True))
     for corner in product(*starts):
         yield tuple(slice(at, min(at + side, cells)) for at, side, cells in zip(corner, tile, shape, strict=True))
+
+
+def _check_heaps(path: Path) -> None:
+    """Raise where HDF5 would follow a list without end: what holds the words of a file has no checksum there."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        begin = -1
+        while (begin := content.find(HEAP, begin + 1)) >= 0:
+            at, end = begin + 16, begin + int.from_bytes(content[begin + 8 : begin + 16], "little")
+            while at + 16 <= end:
+                number, length = struct.unpack("<H6xQ", content[at : at + 16].ljust(16, b"\0"))
+                at += 16 + -(-length // 8) * 8 if number else length
+                if not (number or length) or at > min(end, len(content)):
+                    raise OSError("its words are damaged")
+
+
+def _check_packed(variable: h5py.Dataset) -> None:
+    """Raise where zlib did not pack a chunk, its bytes perhaps shuffled before, or it unpacks to another size."""
+    import h5py
+
+    made = variable.id.get_create_plist()
+    filters = [made.get_filter(at)[0] for at in range(made.get_nfilters())]
+    if filters[-1] != h5py.h5z.FILTER_DEFLATE or filters[:-1] not in ([], [h5py.h5z.FILTER_SHUFFLE]):
+        raise OSError(f"variable {variable.name!r} is packed by other means than zlib; repack it with nccopy -d 1")
+    size = math.prod(variable.chunks) * variable.id.get_type().get_size()
+    check_fits("path", f"has chunks of variable {variable.name!r} that take", size, "it is damaged")
+    chunks: list[Any] = []
+    variable.id.chunk_iter(chunks.append)
+    for chunk in chunks:
+        whole = chunk.filter_mask == 0 and chunk.size <= size + size // 100 + 1024
+        if not whole or _inflated(variable.id.read_direct_chunk(chunk.chunk_offset)[1], size) != size:
+            raise OSError(f"a chunk of variable {variable.name!r} does not unpack to the {in_words(size)} it declares")
+
+
+def _inflated(content: bytes, most: int) -> int:
+    """Return how many bytes zlib makes of a chunk; a part at a time, and not far beyond `most`."""
+    unpacking, found = zlib.decompressobj(), 0
+    while content and found <= most:
+        found += len(unpacking.decompress(content, 1 << 20))
+        content = unpacking.unconsumed_tail
+    return found
