@@ -64,14 +64,23 @@ def test_a_motion_of_two_paces_far_apart_ends_past_its_budget(numbers):
     assert int(section["status"]) == vi.Status.BUDGET
 
 
-def test_ctrl_c_is_heard_in_a_flight_of_many_steps():
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda stiff: vi.simulate(stiff, periods=1e6, samples_per_period=1),
+        lambda stiff: vi.find_orbit(stiff.replace(restitution=0.999999), n_periods=7, n_impacts=-1),
+        lambda stiff: vi.attractors(stiff),
+        lambda stiff: vi.parameter_map(stiff, restitution=[0.1, 0.5]),
+    ],
+)
+def test_ctrl_c_is_heard_in_a_flight_of_many_steps(call):
     stiff = vi.ImpactOscillator(mass=1e-20)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         interrupt = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
         interrupt.start()
         with pytest.raises(KeyboardInterrupt):
-            vi.simulate(stiff, periods=1e6, samples_per_period=1)
+            call(stiff)
     finally:
         interrupt.cancel()
         signal.signal(signal.SIGINT, before)
