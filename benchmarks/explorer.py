@@ -1,17 +1,25 @@
-"""How fast the explorer answers: a page load, clicks, sliders, twenty pages, and a soak, in headless Chromium."""
+"""How fast the explorer answers: a page load, clicks, sliders, twenty pages, and a soak, in headless Chromium.
+
+With `--strangers` only: its memory, and how soon the next page comes, beside connections that never speak and after
+pages that were dropped; no browser is needed.
+"""
 
 from __future__ import annotations
 
 import argparse
+import asyncio
 import json
 import random
 import re
 import shutil
+import socket
 import subprocess
 import sys
 import time
 from contextlib import contextmanager
 from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import urlopen
 
 import numpy as np
 
@@ -140,14 +148,63 @@ def soak(page: Any, pid: int, seconds: float) -> float:
     return memory(pid) - first
 
 
-def main() -> None:
-    from playwright.sync_api import sync_playwright
+async def visit(address: str) -> float:
+    """Open a page as its script does, drop it as soon as it has its content, and return after how many ms that came."""
+    from tornado.httpclient import HTTPRequest
+    from tornado.websocket import websocket_connect
 
+    begun, place = time.perf_counter(), urlsplit(address).netloc
+    page = await asyncio.to_thread(lambda: urlopen(address, timeout=60).read().decode())
+    token = re.search(r'"token":"([^"]+)"', page).group(1)  # type: ignore[union-attr]
+    request = HTTPRequest(f"ws://{place}/ws", headers={"Origin": f"http://{place}"})
+    tab = await websocket_connect(request, subprotocols=["bokeh", token], max_message_size=1 << 28)
+    for said in ((), (json.dumps({"msgid": "1", "msgtype": "PULL-DOC-REQ"}), "{}", "{}")):
+        for part in said:
+            await tab.write_message(part)
+        for _ in range(3):  # parts of the message that it has joined, then of the page
+            assert await tab.read_message() is not None
+    taken = 1e3 * (time.perf_counter() - begun)
+    tab.close()
+    return taken
+
+
+async def strangers(address: str, pid: int, rounds: int) -> None:
+    """Print memory and the time of the next page beside 300 silent connections, then after 200 dropped pages each."""
+    first = await visit(address)
+    await asyncio.sleep(30.0)
+    before = memory(pid)
+    place = urlsplit(address)
+    silent = [socket.create_connection((place.hostname, place.port)) for _ in range(300)]
+    print(
+        f"first page {first:.0f} ms, {before:.0f} MB; beside 300 silent connections {await visit(address):.0f} ms",
+        flush=True,
+    )
+    for one in silent:
+        one.close()
+    for number in range(rounds):
+        times = [await visit(address) for _ in range(200)]
+        soon = await visit(address)
+        await asyncio.sleep(30.0)
+        grown = memory(pid) - before
+        print(
+            f"{200 * (number + 1)} pages dropped: next one {soon:.0f} ms (median {np.median(times):.0f}, longest "
+            f"{max(times):.0f}), {grown:+.1f} MB", flush=True
+        )  # fmt: skip
+
+
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--clicks", type=int, default=60)
     parser.add_argument("--pages", type=int, default=20)
     parser.add_argument("--soak", type=float, default=60.0, help="seconds")
+    parser.add_argument("--strangers", type=int, metavar="ROUNDS", help="of 200 dropped pages each, and nothing else")
     arguments = parser.parse_args()
+    if arguments.strangers is not None:
+        with serving() as (address, pid):
+            asyncio.run(strangers(address, pid, arguments.strangers))
+        return
+    from playwright.sync_api import sync_playwright
+
     measured: dict[str, float] = {}
     with serving() as (address, pid), sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)

@@ -66,15 +66,19 @@ class Served:
     def token(self):
         return re.search(r'"token":"([^"]+)"', self.get()[1]).group(1)
 
-    async def join(self, token=None, speak=PULL, query=QUERY):
-        """Return a websocket that has joined, and the names of the messages that answer what it says."""
+    async def enter(self, token=None, query=QUERY):
+        """Return a websocket that has not heard yet whether it has joined."""
         from tornado.httpclient import HTTPRequest
         from tornado.websocket import websocket_connect
 
         place = f"localhost:{self.port}"
         token = token or await asyncio.to_thread(self.token)
         request = HTTPRequest(f"ws://{place}/ws?{query}", headers={"Origin": f"http://{place}"})
-        tab = await websocket_connect(request, subprotocols=["bokeh", token], max_message_size=1 << 28)
+        return await websocket_connect(request, subprotocols=["bokeh", token], max_message_size=1 << 28)
+
+    async def join(self, token=None, speak=PULL, query=QUERY):
+        """Return a websocket that has joined, and the message that answers what it says."""
+        tab = await self.enter(token, query)
         heard = await _message(tab)
         if heard is None:  # not let in
             return tab, heard
@@ -162,7 +166,7 @@ def test_work_begins_when_a_tab_speaks_and_ends_when_it_is_closed_without_a_word
         await _leave(tab)
         await _leave(silent)
         await _until(lambda: served.begun[0].closed)
-        assert served.begun[0].wait(10)
+        assert served.begun[0].wait(120)  # the first time it compiles
         await _until(lambda: not served.server.get_sessions())
 
     with caplog.at_level(logging.WARNING):
@@ -267,14 +271,24 @@ def test_of_many_tabs_that_join_at_once_with_one_token_one_is_let_in(served):
     assert len(served.made) == 1
 
 
-def test_nothing_is_done_before_the_page_is_asked_for(served):
+def test_nothing_is_done_before_the_page_is_asked_for(served, monkeypatch, caplog):
+    from vibroimpact.explorer.server import Socket
+
     async def visit():
         tab, answer = await served.join(speak=PATCH)
         assert answer is None
         assert tab.close_code == 1008
+        monkeypatch.setattr(Socket, "open", lambda self: None)  # one that speaks before it has joined
+        again = await served.enter()
+        for part in PULL:
+            await again.write_message(part)
+        assert await _message(again) is None
+        assert again.close_code == 1008
 
-    asyncio.run(visit())
+    with caplog.at_level(logging.WARNING):
+        asyncio.run(visit())
     assert not served.made
+    assert not [record for record in caplog.records if record.exc_info]
 
 
 def test_the_server_answers_others_while_a_page_is_made_and_forgets_who_left_meanwhile(served, monkeypatch):

@@ -119,6 +119,13 @@ class Socket(WSHandler):  # type: ignore[misc]
         else:
             await super()._async_open(token)
 
+    async def on_message(self, fragment: str | bytes) -> None:
+        """Take a part of a message, of who has joined."""
+        if self.connection is None:
+            self.close(1008, "reload this page")
+        else:
+            await super().on_message(fragment)
+
     async def _handle(self, message: Message[Any]) -> Any:
         """Answer a message; the first one has to ask for the page."""
         if self._page is not None:
