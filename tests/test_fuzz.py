@@ -178,8 +178,8 @@ def test_study_files(data):
         else:
             study[table] = data.draw(values)
     text = "\n".join(f"{name} = {toml(value)}" for name, value in study.items())
-    cut = data.draw(st.none() | st.integers(0, len(text)))
-    Path("study.toml").write_text(text[:cut], encoding="utf-8")
+    cut, deep = data.draw(st.integers(0, 2 * len(text))), data.draw(st.sampled_from(["", "", "[", "{a="]))
+    Path("study.toml").write_text(text[:cut] + 3000 * deep, encoding="utf-8")
     with watched():
         assert_ends_in_words(["map", "study.toml"])
 

@@ -144,6 +144,8 @@ def _load(path: Path) -> dict[str, Any]:
         raise OSError(error.errno, message) from error
     except ValueError as error:
         raise ValueError(f"`study` {str(path)!r} is invalid TOML: {error}") from error
+    except RecursionError:
+        raise ValueError(f"`study` {str(path)!r} is invalid TOML: its values are nested too deeply") from None
 
 
 def make_study(
