@@ -21,7 +21,7 @@ ODD = [
     *([[]] * 3, [None], ["std", "std"], [float("nan"), 1.0], [2.0, 1.0], [1.0, 2.0], (1.0, 2.0), (1, 2, 3), {1: 2}),
     *({"omega": [1.0]}, {"omega": "x"}, {"a": {"b": []}}, set(), frozenset({"std"}), range(3), iter(()), b"\xff"),
     *(np.float32(1.5), np.array(2.0), np.array(["a"]), np.array([]), np.array([1.0, np.nan]), np.datetime64("now")),
-    *(datetime.timedelta(days=1), OSC, vi.State(-1.0), vi.Tolerances(), vi.ImpactOscillator, ..., 10**12),
+    *(datetime.timedelta(days=1), OSC, vi.State(-1.0), vi.Tolerances(), ..., 10**12),
 ]
 
 
