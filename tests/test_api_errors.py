@@ -280,7 +280,7 @@ def test_wrong_settings_of_a_map_are_refused(settings, message):
         ({"section": "poincare"}, "unknown `section` 'poincare'; choose from impact, stroboscopic"),
         ({"direction": "left"}, "unknown `direction` 'left'; choose from fresh, up, down"),
         ({"phase": 1.0, "section": "stroboscopic"}, "`phase` must be .* less than 1, got 1.0"),
-        ({"mass": [1.0, 2.0]}, "one axis is needed, got omega, mass"),
+        ({"mass": [1.0, 2.0]}, "one axis is needed, such as `omega`, got `omega`, `mass`"),
         ({"sample_periods": 0}, "`sample_periods` must be .*, got 0"),
     ],
 )

@@ -120,7 +120,8 @@ def bifurcation_diagram(
     choice("direction", direction, DIRECTIONS)
     axes = check_axes(axis, osc.parameters)
     if len(axes) != 1:
-        raise ValueError(f"one axis is needed, got {', '.join(axes) or 'none'}; use parameter_map for more")
+        got = ", ".join(f"`{name}`" for name in axes) or "no axis"
+        raise ValueError(f"one axis is needed, such as `omega`, got {got}; use parameter_map for more")
     sampling = Sampling(transient_impacts, sample_impacts, transient_periods, sample_periods)
     impacts = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     window: ImpactWindow | StroboscopicWindow = impacts

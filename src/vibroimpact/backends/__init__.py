@@ -52,4 +52,4 @@ def check_known(indices: Iterable[str], backend: Backend) -> None:
     for name in indices:
         if name not in backend.known_indices:
             known = ", ".join(known for known in INDICES if known in backend.known_indices)
-            raise ValueError(f"back end {backend.name!r} does not give the index {name!r}, only {known}")
+            raise ValueError(f"`backend` {backend.name!r} does not give the index {name!r}, only {known}")

@@ -319,7 +319,7 @@ def check_grid(osc: ImpactOscillator, axes: Mapping[str, Any]) -> tuple[dict[str
         phase = phase_number("phase", given.pop("phase"))
     if set(given) not in ({"displacement", "velocity"}, {"phase", "velocity"}):
         got = ", ".join(f"`{name}`" for name in axes) or "no axis"
-        raise ValueError(f"the axes must be {_PAIRS}, got {got}")
+        raise ValueError(f"the axes must be {_PAIRS}, got {got}; name both, such as `phase` and `velocity`")
     velocity = Parameter("velocity", "velocity")
     if "phase" in given:
         velocity = Parameter("velocity", "velocity", low=0.0, hint="an impact has velocity > 0, a mass at rest 0")
