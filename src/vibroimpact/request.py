@@ -20,7 +20,7 @@ from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.cells import FASTEST, Cells, Floats
 from vibroimpact.dataset import label, package_version, plain_variable, provenance, status_variable, variable
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names, one_start
-from vibroimpact.parameters import STEPS, Parameter, check_steps, invalid, whole_number
+from vibroimpact.parameters import STEPS, Parameter, check_steps, invalid, positive_number, whole_number
 
 Places = NDArray[np.int64]
 CELL, INDEX = 250, 8  # bytes per cell of a map while it is computed, and per index beyond the first
@@ -129,7 +129,10 @@ class Request:
         """Refuse what would take more steps than this, at one an impact, or those of a fixed length in a period."""
         window, each = self.measurement.impacts, 1.0
         if self.time_step is not None:
-            each = max(2.0 * math.pi / float(self._corners()["omega"].max()) / self.time_step, 1.0)
+            each = max(
+                2.0 * math.pi / float(self._corners()["omega"].max()) / positive_number("time_step", self.time_step),
+                1.0,
+            )
         impacts = window.transient + window.keep
         what = f"make {len(self):,} cells of {impacts:,} impacts each, which take"
         check_steps("axes", what, len(self) * impacts * each, COSTLY, most)
