@@ -15,7 +15,7 @@ from matplotlib.patches import FancyBboxPatch, Rectangle
 
 from vibroimpact.figures import check_size
 from vibroimpact.motion import recognise
-from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model
+from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.parameters import several
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.orbits import impact_map, phase_portrait, time_history
@@ -96,8 +96,8 @@ def oscillator_sketch(oscillator: Model | None = None, ax: Axes | None = None) -
     >>> oscillator_sketch(ImpactOscillator(omega=2.8)).axison
     False
     """
-    if oscillator is not None:
-        check_model(oscillator, "oscillator")
+    if isinstance(oscillator, type) or not isinstance(oscillator, Model | None):
+        raise labels.refused("oscillator", oscillator, "an ImpactOscillator or a family", "leave it out to write none")
     ax = style.new_axes(ax, (7.2, 3.4))
     ax.set_axis_off()
     ax.set_aspect("equal")
