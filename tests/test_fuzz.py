@@ -158,7 +158,7 @@ def test_each_argument_of_each_function_by_itself(part):
                 function(**{name: BRIEF[name] for name in BRIEF if name in known} | right | {argument: wrong})
 
 
-@cases(500)
+@cases(200)
 @given(st.data())
 def test_arguments_of_the_api(data):
     function, right = calls()[data.draw(st.sampled_from(sorted(calls())))]
@@ -168,7 +168,7 @@ def test_arguments_of_the_api(data):
         function(**{name: BRIEF[name] for name in BRIEF if name in known} | right | wrong)
 
 
-@cases(300)
+@cases(150)
 @given(st.data())
 def test_study_files(data):
     study = {name: dict(table) for name, table in STUDY.items()}
@@ -185,7 +185,7 @@ def test_study_files(data):
         assert_ends_in_words(["map", "study.toml"])
 
 
-@cases(300)
+@cases(150)
 @given(st.data())
 def test_command_lines(data):
     line = shlex.split(data.draw(st.sampled_from(COMMANDS)))

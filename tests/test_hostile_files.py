@@ -612,7 +612,7 @@ def blocked(file: Path, chance: random.Random) -> None:
 HARMS = [altered, altered, truncated, deleted, swapped, replaced, blocked]
 
 
-@pytest.mark.parametrize("seed", range(8 * TIMES))
+@pytest.mark.parametrize("seed", range(max(8, 4 * TIMES)))
 def test_whatever_happens_to_files_of_a_store_is_repaired_or_refused_in_words(finished, whole, tmp_path, seed):
     chance = random.Random(seed)
     for case in range(15):
