@@ -145,3 +145,12 @@ def test_an_orbit_whose_flight_is_too_long_to_be_followed_says_so():
     (orbit,) = vi.find_orbit(vi.ImpactOscillator(omega=2.5e-11, stiffness=1e-4))[:1]
     assert not orbit.admissible
     assert "certified steps: it was not followed" in orbit.message
+
+
+def test_whatever_the_budget_a_verdict_is_given():
+    random = np.random.default_rng(4)
+    for _ in range(12):
+        osc = random_oscillator(random)
+        for hasty in (vi.Tolerances(steps_per_impact=1), vi.Tolerances(steps_per_impact=3, flight_periods=1.0)):
+            assert vi.attractors(osc, tolerances=hasty)
+            assert str(vi.compare(osc, osc.replace(gap=osc.gap + 0.1), parameters=[], tolerances=hasty))

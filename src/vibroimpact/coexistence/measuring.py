@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from threading import Event
 from typing import Any, NamedTuple
 
@@ -212,7 +212,13 @@ class Runner:
         """Return what the window sees of each cell."""
         if self.steps >= self.most:
             raise SpentError
-        found = self.engine.samples(cells, Measurement(window, self.tolerances))
+        usual = Tolerances()
+        patient = replace(  # what ended within its budget is looked at for longer than that
+            self.tolerances,
+            flight_periods=max(self.tolerances.flight_periods, usual.flight_periods),
+            steps_per_impact=max(self.tolerances.steps_per_impact, usual.steps_per_impact),
+        )
+        found = self.engine.samples(cells, Measurement(window, patient))
         self.steps += sum(seen.steps for seen in found)
         return found
 
