@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, overload
@@ -57,6 +58,15 @@ class Cells:
 
     def __len__(self) -> int:
         return len(self.table)
+
+    @property
+    def fastest_rate(self) -> Floats:
+        """The driving rate, the natural one, or the fast decay of overdamped motion: steps are as short as it asks."""
+        stiff, half = self["stiffness"] / self["mass"], 0.5 * self["damping"] / self["mass"]
+        over = half * half - stiff
+        decay = np.where(over > 0.0, half + np.sqrt(np.maximum(over, 0.0)), 0.0)
+        fastest: Floats = np.maximum(np.maximum(self["omega"], np.sqrt(stiff)), decay)
+        return fastest
 
     @overload
     def __getitem__(self, part: str) -> Floats: ...
@@ -121,6 +131,34 @@ def spread(numbers: Any) -> tuple[Floats, Floats]:
     counted = np.asarray(numbers, np.float64)
     phase, part = (np.mod(0.5 + counted * stride, 1.0) for stride in _STRIDES)
     return phase, FASTEST * part
+
+
+@dataclass(frozen=True)
+class Tiling:
+    """A grid of cells cut into equal boxes, those at the far edges smaller."""
+
+    shape: tuple[int, ...]  # cells along each axis of the grid
+    tile: tuple[int, ...]  # and of a tile
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Tiles along each axis."""
+        return tuple(-(-cells // side) for cells, side in zip(self.shape, self.tile, strict=True))
+
+    def __len__(self) -> int:
+        return math.prod(self.counts)
+
+    def __getitem__(self, number: int) -> tuple[slice, ...]:
+        """Return where tile `number` lies, the last axis fastest."""
+        places = []
+        for count, side, cells in zip(self.counts[::-1], self.tile[::-1], self.shape[::-1], strict=True):
+            number, at = divmod(number, count)
+            places.append(slice(at * side, min((at + 1) * side, cells)))
+        return tuple(places[::-1])
+
+    def cells(self, number: int) -> int:
+        """Return how many cells a tile holds."""
+        return math.prod(part.stop - part.start for part in self[number])
 
 
 def cells_at(osc: ImpactOscillator, clearance: Floats, velocity: Floats, turns: Floats) -> Cells:

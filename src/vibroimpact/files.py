@@ -16,6 +16,7 @@ from uuid import uuid4
 
 import numpy as np
 
+from vibroimpact.cells import Tiling
 from vibroimpact.dataset import check_attributes
 from vibroimpact.formats import WRITERS, in_order
 from vibroimpact.parameters import check_fits, invalid, truth
@@ -143,12 +144,12 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
 
 def _check_tiles(sweep: xr.Dataset, done: NDArray[np.int64]) -> None:
     """Raise where a tile of a stored map does not hold what was written there."""
-    from vibroimpact.guard import boxes, is_as_written
+    from vibroimpact.guard import is_as_written
 
     results = {str(name): values.values for name, values in sweep.data_vars.items()}
-    places = boxes(sweep["status"].shape, tuple(sweep.attrs["tile"]))
-    for number, (place, record) in enumerate(zip(places, done.tolist(), strict=True)):
-        if not is_as_written(record, {name: values[place] for name, values in results.items()}):
+    tiling = Tiling(sweep["status"].shape, tuple(sweep.attrs["tile"]))
+    for number, record in zip(range(len(tiling)), done.tolist(), strict=True):
+        if not is_as_written(record, {name: values[tiling[number]] for name, values in results.items()}):
             raise OSError(f"tile {number} holds other numbers than were written; the same sweep computes it again")
 
 

@@ -15,9 +15,8 @@ import shutil
 import stat
 import struct
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from itertools import product
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -322,13 +321,6 @@ def digest_of(values: Mapping[str, Any]) -> int:
 def is_as_written(done: int, values: Mapping[str, Any]) -> bool:
     """Whether the numbers of a tile are those of which its record says that they were written."""
     return done < DIGEST or done - DIGEST == digest_of(values)
-
-
-def boxes(shape: tuple[int, ...], tile: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:
-    """Yield where the tiles of a grid lie, the last axis fastest; those at the far edges are smaller."""
-    starts = (range(0, cells, side) for cells, side in zip(shape, tile, strict=True))
-    for corner in product(*starts):
-        yield tuple(slice(at, min(at + side, cells)) for at, side, cells in zip(corner, tile, shape, strict=True))
 
 
 def _check_heaps(path: Path) -> None:

@@ -312,9 +312,7 @@ def resolved(osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Float
     """
     from vibroimpact.kernels.flight import REACH  # slower to import
 
-    overdamped = max(0.25 * (osc.damping / osc.mass) ** 2 - osc.natural_frequency**2, 0.0)
-    decay = 0.5 * osc.damping / osc.mass + math.sqrt(overdamped) if overdamped else 0.0
-    step = REACH / max(osc.omega, osc.natural_frequency, decay)
+    step = REACH / float(osc.cells({}).fastest_rate[0])
     begin = 1.0, 0.7
     (y, rate), whole = begin, sum(begin)
     for a, b, d, e in _across(osc, time, phase, velocity):

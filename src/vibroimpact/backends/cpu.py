@@ -53,11 +53,8 @@ def limits(tolerances: Tolerances) -> Limits:
 
 def expected_steps(cells: Cells, window: ImpactWindow) -> Floats:
     """Return the certified steps of so many flights of a period of the slower pace, at the length of the faster one."""
-    mass, stiffness, omega = (cells[name] for name in ("mass", "stiffness", "omega"))
-    natural, half = np.sqrt(stiffness / mass), 0.5 * cells["damping"] / mass
-    decay = half + np.sqrt(np.maximum(half * half - stiffness / mass, 0.0))
-    faster, slower = np.maximum(np.maximum(omega, natural), decay), np.minimum(omega, natural)
-    steps: Floats = (window.transient + window.keep) * 2.0 * math.pi / REACH * faster / slower
+    slower = np.minimum(cells["omega"], np.sqrt(cells["stiffness"] / cells["mass"]))
+    steps: Floats = (window.transient + window.keep) * 2.0 * math.pi / REACH * cells.fastest_rate / slower
     return steps
 
 

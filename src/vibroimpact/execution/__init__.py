@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from threading import Event
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from vibroimpact.backends import check_known, get_backend
 from vibroimpact.backends.base import Outcome
+from vibroimpact.cells import Tiling
 from vibroimpact.parameters import whole_number
 from vibroimpact.request import Places, Request
 
@@ -30,34 +30,6 @@ LISTED, FEW_LISTED = 1 << 14, 64  # the same, of the cells of a refined map
 Part = slice | Places | tuple[slice, ...]
 # What comes of parts, as it comes: the number of a part, which of its cells have ended, and their results.
 Pieces = Generator[tuple[int, slice | Places, Any], None, None]
-
-
-@dataclass(frozen=True)
-class Tiling:
-    """A grid of cells cut into equal boxes, those at the far edges smaller."""
-
-    shape: tuple[int, ...]  # cells along each axis of the grid
-    tile: tuple[int, ...]  # and of a tile
-
-    @property
-    def counts(self) -> tuple[int, ...]:
-        """Tiles along each axis."""
-        return tuple(-(-cells // side) for cells, side in zip(self.shape, self.tile, strict=True))
-
-    def __len__(self) -> int:
-        return math.prod(self.counts)
-
-    def __getitem__(self, number: int) -> tuple[slice, ...]:
-        """Return where tile `number` lies, the last axis fastest."""
-        places = []
-        for count, side, cells in zip(self.counts[::-1], self.tile[::-1], self.shape[::-1], strict=True):
-            number, at = divmod(number, count)
-            places.append(slice(at * side, min((at + 1) * side, cells)))
-        return tuple(places[::-1])
-
-    def cells(self, number: int) -> int:
-        """Return how many cells a tile holds."""
-        return math.prod(part.stop - part.start for part in self[number])
 
 
 def usual_tile(request: Request, *, listed: bool = False) -> int:

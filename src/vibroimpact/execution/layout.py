@@ -28,8 +28,9 @@ import zarr
 from numpy.typing import NDArray
 from zarr.codecs import ZstdCodec
 
+from vibroimpact.cells import Tiling
 from vibroimpact.dataset import level_variable, missing, plain_variable, status_variable, variable
-from vibroimpact.execution import Tiling, cut
+from vibroimpact.execution import cut
 from vibroimpact.files import remove_folder
 from vibroimpact.formats import ORDER, order_of
 from vibroimpact.guard import DIGEST, RECORDS, GuardedStore, clear, digest_of

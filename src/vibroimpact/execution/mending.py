@@ -11,7 +11,7 @@ from zarr.core.buffer import Buffer, default_buffer_prototype
 from zarr.core.sync import sync
 from zarr.storage import MemoryStore
 
-from vibroimpact.execution import Tiling
+from vibroimpact.cells import Tiling
 from vibroimpact.execution.layout import DRAWN, LIST, NEEDED, lay_out, refined, tiling_of
 from vibroimpact.guard import DESCRIPTION, RECORDS, GuardedStore
 from vibroimpact.request import Request, key_of

@@ -15,7 +15,8 @@ import numpy as np
 import xarray as xr
 import zarr
 
-from vibroimpact.execution import Gathered, Place, Tiling
+from vibroimpact.cells import Tiling
+from vibroimpact.execution import Gathered, Place
 from vibroimpact.execution.layout import (
     CELL,
     COLUMNS,

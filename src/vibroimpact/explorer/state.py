@@ -193,10 +193,7 @@ def stiffness(osc: ImpactOscillator) -> float:
     >>> stiffness(ImpactOscillator(omega=0.25)), stiffness(ImpactOscillator(omega=1.0, damping=4.0)) > 3.7
     (4.0, True)
     """
-    natural, half = osc.natural_frequency, 0.5 * osc.damping / osc.mass
-    over = half * half - natural * natural
-    decay = half + math.sqrt(over) if over > 0.0 else 0.0
-    return max(osc.omega, natural, decay) / min(osc.omega, natural)
+    return float(osc.cells({}).fastest_rate[0]) / min(osc.omega, osc.natural_frequency)
 
 
 def granted(stiff: float, count: int) -> Tolerances:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
-from vibroimpact.backends.cpu import expected_steps
 from vibroimpact.cells import cells_at
 from vibroimpact.kernels.cell import MOST
+from vibroimpact.kernels.flight import REACH
 from vibroimpact.orbits.equations import TURN, Cycle, Flight, Floats, fastest_of, flight_of, parameters_of
 from vibroimpact.oscillator import ImpactOscillator
 
@@ -95,7 +95,7 @@ def objection(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
     if speeds.min() <= ROUNDING * fastest:
         return _beyond(osc, cycle, z)
     turns = [end - begin for begin, end in (cycle.span(z, i) for i in range(p))]
-    a_turn = float(expected_steps(osc.cells({}), ImpactWindow(0, 1))[0]) * min(osc.natural_frequency / osc.omega, 1.0)
+    a_turn = TURN / REACH * float(osc.cells({}).fastest_rate[0]) / osc.omega
     if max(turns) * a_turn > MOST:
         i = int(np.argmax(turns))
         return (
