@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from designs import random_designs
+from designs import RESTS, random_designs
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow
 from vibroimpact.cells import cells_at
 from vibroimpact.coexistence.measuring import Runner
@@ -188,19 +188,9 @@ def test_chaos_is_said_to_last_as_long_as_it_was_watched():
     assert f"watched over {verdict.watched} impacts" in str(verdict)
 
 
-@pytest.mark.parametrize(
-    ("mass", "damping", "omega", "restitution", "gap", "velocity"),
-    [
-        (0.2649, 0.00462, 4.9764, 0.91, -0.7844, 5.425),
-        (1.531, 0.0265, 2.4113, 0.899, -0.8022, 1.381),
-        (2.069, 0.0193, 1.7413, 0.908, -0.771, 2.1125),
-    ],
-)
-def test_a_rest_that_rounding_decides_is_named_by_where_most_releases_lead(
-    mass, damping, omega, restitution, gap, velocity
-):
-    osc = vi.ImpactOscillator(mass=mass, damping=damping, omega=omega, restitution=restitution, gap=gap)
-    verdict = describe(osc, parameters=[])
+@pytest.mark.parametrize("velocity", RESTS)
+def test_a_rest_that_rounding_decides_is_named_by_where_most_releases_lead(velocity):
+    verdict = describe(RESTS[velocity], parameters=[])
     assert verdict.motion.name == "period-1 impact-1"
     assert verdict.max_velocity == pytest.approx(velocity, rel=1e-3)
     assert verdict.releases["period-1 impact-1"] > 16

@@ -46,7 +46,7 @@ def test_a_motion_that_settles_late_is_sampled_on_its_cycle():
     )  # fmt: skip
     verdict = vi.describe(osc, parameters=["gap"])
     (orbit,) = (one for one in vi.find_orbit(osc, n_periods=3, n_impacts=4) if one.stable and one.admissible)
-    assert SEEN.transient + SEEN.keep < final(osc).watched < PAPER.keep
+    assert SEEN.transient + SEEN.keep < final(osc).watched < WATCHED
     np.testing.assert_allclose(np.sort(verdict.motion.velocities), np.sort(orbit.velocities), rtol=1e-9)
     assert [edge.kind for edge in verdict.boundaries] == ["period_doubling", "fold"]
 

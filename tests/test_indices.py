@@ -39,7 +39,7 @@ def growths(cell, transient, impacts):
     a0, a1, b0, b1 = 1.0, 0.0, 0.0, 1.0
     stretch, area, passed, number = 0.0, 0.0, 0.0, 0
     while number < transient + impacts:
-        motion, event, v, x = advance(motion, k)
+        motion, event, v, x, _, _ = advance(motion, k)
         if event == RELEASE:
             return math.nan, math.nan, math.nan
         m0, m1, m2, m3 = flow(k.C, k.K, x)
@@ -332,9 +332,10 @@ def test_a_diagram_tells_the_indices_of_the_motion_it_shows(direction):
         indices=["n_periods", "n_impacts", "lyapunov", "max_velocity"],
     )
     assert diagram["lyapunov"].dims == ("omega",)
-    cycle = diagram["n_periods"] > 0  # whose largest velocity is told without the way to it
+    # Of a cycle the largest velocity is told without the way to it; the sample's end holds short ones whole.
+    told, cycle = diagram["n_periods"] > 0, (diagram["n_periods"] > 0) & (diagram["n_periods"] < 20)
     settled, sample = diagram["velocity"][:, -100:].max("impact"), diagram["velocity"].max("impact")
-    np.testing.assert_allclose(diagram["max_velocity"].where(~cycle), sample.where(~cycle), rtol=1e-9)
+    np.testing.assert_allclose(diagram["max_velocity"].where(~told), sample.where(~told), rtol=1e-9)
     np.testing.assert_allclose(diagram["max_velocity"].where(cycle), settled.where(cycle), rtol=1e-6)
     one = (diagram["n_impacts"] == 1).values
     spread = (diagram["velocity"].max("impact") - diagram["velocity"].min("impact")).values

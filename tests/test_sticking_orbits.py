@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from designs import RESTS
 from vibroimpact.coexistence.measuring import AT_REST, Runner, cells_of
 from vibroimpact.continuation import continue_boundary
 from vibroimpact.continuation.sticking import sticking_curve
@@ -150,14 +151,7 @@ def test_no_sticking_orbit_where_the_mass_never_rests_or_is_never_let_go(numbers
     assert find_sticking_orbit(vi.ImpactOscillator(**numbers)) == []
 
 
-@pytest.mark.parametrize(
-    "osc",
-    [
-        vi.ImpactOscillator(mass=0.2649, damping=0.00462, omega=4.9764, restitution=0.91, gap=-0.7844),
-        vi.ImpactOscillator(mass=1.531, damping=0.0265, omega=2.4113, restitution=0.899, gap=-0.8022),
-        vi.ImpactOscillator(mass=2.069, damping=0.0193, omega=1.7413, restitution=0.908, gap=-0.771),
-    ],
-)
+@pytest.mark.parametrize("osc", RESTS.values())
 def test_a_rest_that_rounding_repeats_is_no_orbit(osc):
     stick = from_release(osc, 1000)
     assert stick is not None

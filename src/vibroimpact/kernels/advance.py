@@ -1,4 +1,4 @@
-"""The one verb: a state goes in, one certified step is made, a state and an event come out.
+"""The one verb: a state goes in, leaps and one certified step are made, a state and an event come out.
 
 Lanes and the walk are its only callers. A walk takes one cell alone and leaves a trace of every step; closing, cycles
 and the recorder read what either leaves.
@@ -9,8 +9,9 @@ from __future__ import annotations
 from numba import njit
 
 from vibroimpact.kernels.contact import certified_step
-from vibroimpact.kernels.flight import acceleration, evaluate, rotate, series
+from vibroimpact.kernels.flight import BARELY, acceleration, evaluate, rotate, series
 from vibroimpact.kernels.law import pressed, rebound
+from vibroimpact.kernels.leaps import leap
 from vibroimpact.kernels.machine import fma, select
 from vibroimpact.kernels.state import Motion
 
@@ -20,8 +21,9 @@ CHATTER = 2.0  # the tail of a complete chatter was closed: the mass now rests a
 RELEASE = 3.0  # the force let the resting mass go
 STUCK = 4.0  # at rest, and never let go
 
-CLOSE = 4e-6  # steps from contact at which a third-order expansion is exact to rounding
-BEND = 1e-4  # largest share of the curvature in that expansion
+# Near a contact the gap is monotone, and a polynomial of degree 8 exact to rounding (see `_touch_down`).
+CLOSE = 0.02  # steps, to first order
+BEND = 0.03  # of the gap's rate, by its second derivative; two thirds of it by the higher ones
 
 # A row of a trace: the motion after a step, the event, the speed of a contact, the steps passed.
 STATE, TRACE = 5, 8
@@ -40,24 +42,63 @@ def _passes_zero(s, c, s1, c1):
 def _touch_down(u, p, s, c, k):
     """Return whether the contact is next to here, how far away, with which rate p, and its (s, c).
 
-    Within CLOSE of a transversal contact u + p d + p2 d^2/2 = 0 is solved by its series.
+    With d0 = -u/p the conditions keep the rate within a fifth of p over 2 d0: by |p2| 2 d0 <= 4 BEND |p|, and, since
+    |b_j| <= 3^(j-3) (|b_3| + |b_4|/3 + A) as in `contact`, by some (1.7 |b_3| + 1.4 A) 2 d0^2 for all higher terms.
+    So the gap falls all the way to its first root, which lies within 1.3 d0, and nothing is touched before. What degree
+    8 leaves out of the rate is at most 3^6 (1.3 CLOSE)^8/8! < 4e-15 of b_3 and A, some 5e-18 where C is small. Two
+    Newton steps suffice from the reverted series; the inverse of the rate is refined from 1/p by Newton steps of its
+    own, which are cheaper than divisions.
     """
+    e0 = -k.A * s
+    e1 = -k.A * k.th * c
     p2 = acceleration(u, p, s, k)
-    p3 = fma(-k.C, p2, fma(-k.K, p, -k.A * k.th * c))
+    p3 = fma(-k.C, p2, fma(-k.K, p, e1))
+    p4 = fma(-k.C, p3, fma(-k.K, p2, -k.Q * e0))
+    p5 = fma(-k.C, p4, fma(-k.K, p3, -k.Q * e1))
+    p6 = fma(-k.C, p5, fma(-k.K, p4, k.Q * k.Q * e0))
+    p7 = fma(-k.C, p6, fma(-k.K, p5, k.Q * k.Q * e1))
+    p8 = fma(-k.C, p7, fma(-k.K, p6, -k.Q * k.Q * k.Q * e0))
     inverse = 1.0 / p
     d0 = -u * inverse
     bend = 0.5 * p2 * (d0 * inverse)
-    close = (p < 0.0) & (d0 < CLOSE) & (abs(bend) < BEND)
-    d = d0 * fma(bend, fma(2.0, bend, -1.0), 1.0)
-    p = fma(d, fma(0.5 * d, p3, p2), p)
+    higher = fma(1.7, abs(p3), 1.4 * k.A) * (d0 * d0)
+    close = (p < 0.0) & (d0 < CLOSE) & (abs(bend) < BEND) & (higher < -2.0 / 3.0 * BEND * p)
+    a2, a3, a4, a5, a6, a7 = p2 * (1 / 2), p3 * (1 / 6), p4 * (1 / 24), p5 * (1 / 120), p6 * (1 / 720), p7 * (1 / 5040)
+    a8 = p8 * (1 / 40320)
+    cubic = p3 * (d0 * d0) * (inverse * (1 / 6))
+    d = d0 * (fma(bend, fma(2.0, bend, -1.0), 1.0) - cubic)
+    gap, rate = _near(u, p, a2, a3, a4, a5, a6, a7, a8, d)
+    inverse = inverse * fma(-rate, inverse, 2.0)
+    inverse = inverse * fma(-rate, inverse, 2.0)
+    inverse = inverse * fma(-rate, inverse, 2.0)
+    d = fma(-gap, inverse, d)
+    gap, rate = _near(u, p, a2, a3, a4, a5, a6, a7, a8, d)
+    more = -gap * inverse * fma(-rate, inverse, 2.0)
+    rate = fma(more, fma(d, fma(d, 0.5 * p4, p3), p2), rate)
+    d = d + more
     angle = k.th * d
-    half = -0.5 * angle * angle
-    return close, d, p, fma(half, s, fma(angle, c, s)), fma(half, c, fma(-angle, s, c))
+    z = angle * angle
+    sine = angle * fma(z, fma(z, fma(z, -1 / 5040, 1 / 120), -1 / 6), 1.0)
+    cosine = fma(z, fma(z, fma(z, -1 / 720, 1 / 24), -1 / 2), 1.0)
+    return close, d, rate, fma(s, cosine, c * sine), fma(c, cosine, -s * sine)
 
 
 @njit(inline="always", error_model="numpy")
-def advance(motion, k):
-    """Return the motion one certified step on, the event, the speed v of a contact, and the steps passed.
+def _near(u, p, a2, a3, a4, a5, a6, a7, a8, d):
+    """Return the gap and its rate a little later, by degree 8."""
+    y, r = fma(a8, d, a7), a8
+    y, r = fma(y, d, a6), fma(r, d, y)
+    y, r = fma(y, d, a5), fma(r, d, y)
+    y, r = fma(y, d, a4), fma(r, d, y)
+    y, r = fma(y, d, a3), fma(r, d, y)
+    y, r = fma(y, d, a2), fma(r, d, y)
+    y, r = fma(y, d, p), fma(r, d, y)
+    return fma(y, d, u), fma(r, d, y)
+
+
+@njit(inline="always", error_model="numpy")
+def _step(motion, k):
+    """Return the motion one certified step on, the event, the speed v of a contact, and how much of a step passed.
 
     At most one contact lies in a step, at its end; the motion returned is the one after it.
     """
@@ -83,11 +124,21 @@ def advance(motion, k):
     u2 = select(held | contact, 0.0, u1)
     p2 = select(held, 0.0, select(contact, back, p1))
     # A step in flight turns by less than half a turn, a hold by up to a whole one.
-    wrapped = ((s < 0.0) & (s2 >= 0.0)) | (held & _passes_zero(s, c, s2, c2))
+    wrapped = ((s < -BARELY) & (s2 >= -BARELY)) | (held & _passes_zero(s, c, s2, c2))
     n2 = n + select(wrapped, 1.0, 0.0)
     struck = select(tail_closed, CHATTER, select(v < k.cut, FLIGHT, IMPACT))
     event = select(forever, STUCK, select(held, RELEASE, select(contact, struck, FLIGHT)))
     return Motion(u2, p2, s2, c2, n2), event, v, x + select(contact, d, 0.0)
+
+
+@njit(inline="always", error_model="numpy")
+def advance(motion, k):
+    """Return the motion after leaps and a certified step, the event, the speed v of a contact, and the steps passed;
+    and the motion between leaps and step, with the steps that the leaps passed.
+    """
+    ready, flown = leap(motion, k)
+    motion, event, v, x = _step(ready, k)
+    return motion, event, v, flown + x, ready, flown
 
 
 @njit(error_model="numpy")
@@ -99,7 +150,7 @@ def walk(motion, k, trace, most, impacts):
     """
     rows = min(len(trace), most)
     for row in range(rows):
-        motion, event, v, x = advance(motion, k)
+        motion, event, v, x, _, _ = advance(motion, k)
         trace[row, 0], trace[row, 1], trace[row, 2], trace[row, 3], trace[row, 4] = motion
         trace[row, 5], trace[row, 6], trace[row, 7] = event, v, x
         impacts -= event == IMPACT

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 from numba import njit
 
-from vibroimpact.kernels.flight import REACH
+from vibroimpact.kernels.flight import BARELY, REACH
 from vibroimpact.kernels.law import chatter_factor
+from vibroimpact.kernels.leaps import LONG, SHORT, leap_over
 from vibroimpact.kernels.state import Constants, Motion
 
 
@@ -59,9 +60,10 @@ def prepare(cell, chatter):
     inside = -A < G < A
     sr = G / A if inside else 0.0
     cr = -math.sqrt((1.0 - sr) * (1.0 + sr))
+    C, K = cell.damping * h / cell.mass, cell.stiffness * per_mass
     constants = Constants(
-        C=cell.damping * h / cell.mass,
-        K=cell.stiffness * per_mass,
+        C=C,
+        K=K,
         A=A,
         G=G,
         th=th,
@@ -71,6 +73,8 @@ def prepare(cell, chatter):
         tail=chatter_factor(cell.restitution),
         sr=sr,
         cr=cr,
+        short=leap_over(C, K, A, G, th, SHORT),
+        long=leap_over(C, K, A, G, th, LONG),
     )
     s, c = pair_of(cell.phase)
     return h, Motion(cell.clearance, -h * cell.velocity, s, c, cell.periods), constants
@@ -150,9 +154,10 @@ def pair_of(phase):
 @njit(error_model="numpy")
 def phase_of(s, c):
     """Return the driving phase in [0, 1) from its sine and cosine."""
+    if c > 0.0 and -BARELY <= s < 0.0:
+        return 0.0
     phase = math.atan2(s, c) / (2.0 * math.pi)
-    phase = phase + 1.0 if phase < 0.0 else phase
-    return phase if phase < 1.0 else 0.0
+    return phase + 1.0 if phase < 0.0 else phase
 
 
 MOST = 2.0**22  # steps, some 1 s of one cell, or 5 s of lanes, to which stiffness may raise what is granted

@@ -173,8 +173,8 @@ def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle, facts,
     if facts is not None and not sticking:
         describe(start, k, number, periods, tangent, cycle, ALIKE * scale + 4.0 * way, facts, trace)
     known = 0.0
-    if finish and count < total:
-        known = max(total - count - number, 0.0)
+    if finish and count + number < total:
+        known = total - count - number
         sticks = _finish_sums(lanes, i, cycle, number, periods, transient, total)
         if sticking and sticks:
             lane.store_rests(lanes, i, Rests(1.0, rested.age, 0.0))

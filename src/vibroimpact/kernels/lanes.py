@@ -12,6 +12,7 @@ from __future__ import annotations
 from numba import njit
 
 from vibroimpact.kernels.advance import STATE, TRACE, advance, step_at
+from vibroimpact.kernels.leaps import leap
 from vibroimpact.kernels.machine import BLOCK, each_lane
 from vibroimpact.kernels.observers import (
     Deviation,
@@ -52,11 +53,11 @@ TRACED_ROWS = CELL + TRACE - STATE
 
 @njit(inline="always", error_model="numpy")
 def _move(lanes, i):
-    """Make one certified step in lane i; return the motion before, the constants, and what `advance` gives."""
-    before, k = load_motion(lanes, i), load_constants(lanes, i)
-    motion, event, v, x = advance(before, k)
+    """Take lane i on; return its constants, and what `advance` gives."""
+    k = load_constants(lanes, i)
+    motion, event, v, x, ready, flown = advance(load_motion(lanes, i), k)
     store_motion(lanes, i, motion)
-    return before, k, motion, event, v, x
+    return k, motion, event, v, x, ready, flown
 
 
 @njit(inline="always", error_model="numpy")
@@ -81,11 +82,11 @@ def observe(lanes, i, motion, event, v, x, transient, total):
 
 
 @njit(inline="always", error_model="numpy")
-def observe_thoroughly(lanes, i, before, k, motion, event, v, x, transient, total):
-    """Observe all that can be observed of the step of lane i that led from `before` to a motion."""
+def observe_thoroughly(lanes, i, k, motion, event, v, x, ready, flown, transient, total):
+    """Observe all that can be observed of the step of lane i that led from `ready`, after leaps, to a motion."""
     # Near-misses come first, while the step's coefficients are at hand: 2 % of a step.
     count, _, kept, first, last = _counted(lanes, i, event, transient, total)
-    store_misses(lanes, i, misses(load_misses(lanes, i), before, motion, k, event, x, count, transient, total))
+    store_misses(lanes, i, misses(load_misses(lanes, i), ready, motion, k, event, x - flown, count, transient, total))
     store_deviation(lanes, i, deviation(load_deviation(lanes, i), motion, k, event, v, x, first, last))
     store_phases(lanes, i, phases(load_phases(lanes, i), motion, kept))
     observe(lanes, i, motion, event, v, x, transient, total)
@@ -100,22 +101,23 @@ def observe_walked(lanes, i, k, trace, row, transient, total, facts):
     if facts is None:
         observe(lanes, i, motion, event, v, x, transient, total)
     else:
-        observe_thoroughly(lanes, i, before, k, motion, event, v, x, transient, total)
+        ready, flown = leap(before, k)
+        observe_thoroughly(lanes, i, k, motion, event, v, x, ready, flown, transient, total)
     return event
 
 
 @njit(inline="always", error_model="numpy")
 def step_lane(lanes, i, transient, total):
     """Make one certified step in lane i and observe it."""
-    _, _, motion, event, v, x = _move(lanes, i)
+    _, motion, event, v, x, _, _ = _move(lanes, i)
     observe(lanes, i, motion, event, v, x, transient, total)
 
 
 @njit(inline="always", error_model="numpy")
 def step_thorough_lane(lanes, i, transient, total):
     """Make one certified step in lane i and observe all that can be observed."""
-    before, k, motion, event, v, x = _move(lanes, i)
-    observe_thoroughly(lanes, i, before, k, motion, event, v, x, transient, total)
+    k, motion, event, v, x, ready, flown = _move(lanes, i)
+    observe_thoroughly(lanes, i, k, motion, event, v, x, ready, flown, transient, total)
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -130,7 +132,7 @@ def _thorough(lanes, i, transient, total):
 
 @njit(error_model="numpy", forceinline=True)
 def _traced(lanes, i, transient, total):
-    _, _, _, event, v, x = _move(lanes, i)
+    _, _, event, v, x, _, _ = _move(lanes, i)
     lanes[CELL * LANES + i], lanes[(CELL + 1) * LANES + i], lanes[(CELL + 2) * LANES + i] = event, v, x
 
 

@@ -9,7 +9,7 @@ from numba import njit
 
 from vibroimpact.kernels.advance import CHATTER, IMPACT, LOOK, RELEASE, STUCK, step_at, walk
 from vibroimpact.kernels.cell import FILLED, PINNED, RUNNING, SPENT, budgets, cell_of, ending, phase_of, prepare
-from vibroimpact.kernels.flight import evaluate, series
+from vibroimpact.kernels.flight import evaluate, series, whole_step
 from vibroimpact.kernels.lanes import CELL, LANES, trace_lanes
 from vibroimpact.kernels.law import pressed, tail_duration
 from vibroimpact.kernels.machine import compiled
@@ -111,14 +111,16 @@ def _look(before, after, k, plan, looked, event, x, looks, row):
     rests = event in (RELEASE, STUCK)
     if event == RELEASE:
         x = ((after.n - before.n) + (phase_of(after.s, after.c) - here)) * TURN / k.th
+    passed, n = 0.0, before.n
     at_release = before.u == 0.0 and before.p == 0.0 and pressed(before.s, before.c, k)[1]
-    a = series(before, k, at_release)
     while looked < plan.looks:
         since = (plan.first_phase - here) + looked / plan.per_period
-        ahead = ((plan.first_n - before.n) + since) * TURN / k.th
+        ahead = ((plan.first_n - n) + since) * TURN / k.th
         if not (ahead < x or event == STUCK):
             break
-        y, dy = (0.0, 0.0) if rests else evaluate(a, max(ahead, 0.0))
+        while ahead - passed > 1.0 and not rests:
+            before, at_release, passed = whole_step(before, k), False, passed + 1.0
+        y, dy = (0.0, 0.0) if rests else evaluate(series(before, k, at_release), max(ahead - passed, 0.0))
         looks[row, 0], looks[row, 1] = y, 0.0 - dy / plan.h
         row += 1
         looked += 1.0

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import re
+from typing import Any, NamedTuple, get_type_hints
 
 from numba import njit
 
@@ -17,12 +18,32 @@ class Motion(NamedTuple):
     n: float
 
 
+class Leap(NamedTuple):
+    """The flow over a fixed length, u1 = uu u + up p + us s + uc c + ug and so p1, the turn of (s, c), and the factor
+    `bend` of q/M in the certificate.
+    """
+
+    uu: float
+    up: float
+    pu: float
+    pp: float
+    us: float
+    uc: float
+    ug: float
+    ps: float
+    pc: float
+    pg: float
+    sine: float
+    cosine: float
+    bend: float
+
+
 class Constants(NamedTuple):
     """What a cell is stepped with, in units of a step.
 
     C, K, A, G, th, Q stand in the equation of motion (`vibroimpact.kernels`); r is the restitution, cut the speed
-    below which impacts are not recorded, tail the factor 2 r/(1 - r) of a chatter's duration, and (sr, cr) the pair
-    (sin wt, cos wt) of the release.
+    below which impacts are not recorded, tail the factor 2 r/(1 - r) of a chatter's duration, (sr, cr) the pair
+    (sin wt, cos wt) of the release, and `short` and `long` are the leaps.
     """
 
     C: float
@@ -36,6 +57,8 @@ class Constants(NamedTuple):
     tail: float
     sr: float
     cr: float
+    short: Leap
+    long: Leap
 
 
 def kept(first: int, stride: int, *kinds: Any) -> tuple[Any, ...]:
@@ -48,10 +71,24 @@ def kept(first: int, stride: int, *kinds: Any) -> tuple[Any, ...]:
     pairs = []
     inlined = njit(inline="always", error_model="numpy")
     for kind in kinds:
-        last = first + len(kind._fields)
-        places = ", ".join(f"array[{k * stride} + i]" for k in range(first, last))
-        functions: dict[str, Any] = {"kind": kind}
-        exec(f"def load(array, i): return kind({places})\ndef store(array, i, value): {places} = value", functions)
+        functions: dict[str, Any] = {}
+        written, last = _places(kind, first, stride, functions)
+        exec(f"def load(array, i): return {written}", functions)
+        taken = re.sub(r"\w+\(", "(", written)
+        exec(f"def store(array, i, value): {taken} = value", functions)
         pairs.append((inlined(functions["load"]), inlined(functions["store"])))
         first = last
     return *pairs, first
+
+
+def _places(kind: Any, first: int, stride: int, kinds: dict[str, Any]) -> tuple[str, int]:
+    """Return the expression that makes a named tuple, nested ones too, from a flat array, and the entry after it."""
+    kinds[kind.__name__] = kind
+    parts = []
+    for part in get_type_hints(kind).values():
+        if issubclass(part, tuple):
+            written, first = _places(part, first, stride, kinds)
+        else:
+            written, first = f"array[{first * stride} + i]", first + 1
+        parts.append(written)
+    return f"{kind.__name__}({', '.join(parts)})", first

@@ -1,0 +1,135 @@
+"""Leaps and touch-downs: nothing is touched on the way, and both are exact; against matrix exponentials."""
+
+import mpmath
+import numpy as np
+import pytest
+from numba import njit
+from scipy.linalg import expm
+
+from vibroimpact.kernels.advance import CLOSE, _touch_down
+from vibroimpact.kernels.cell import Cell, prepare
+from vibroimpact.kernels.flight import flow
+from vibroimpact.kernels.leaps import LONG, SHORT, leap, stays_clear
+from vibroimpact.kernels.state import Motion
+
+POINTS = 200
+REGIMES = {"light": (1e-4, 0.1), "heavy": (0.3, 1.5), "overdamped": (1.5, 50.0)}  # damping ratios
+
+
+@njit
+def leapt(motion, k):
+    return leap(motion, k)
+
+
+@njit
+def clear(u0, u1, q):
+    return stays_clear(u0, u1, q)
+
+
+@njit
+def touched(u, p, s, c, k):
+    return _touch_down(u, p, s, c, k)
+
+
+def random_constants(rng, regime):
+    """Return the constants of a random cell, driven far below to far above its natural frequency."""
+    low, high = np.log10(REGIMES[regime])
+    mass, stiffness = 10.0 ** rng.uniform(-2, 2), 10.0 ** rng.uniform(-2, 2)
+    damping = 2.0 * 10.0 ** rng.uniform(low, high) * np.sqrt(stiffness * mass)
+    omega = 10.0 ** rng.uniform(-1.5, 1.5) * np.sqrt(stiffness / mass)
+    gap = rng.choice([0.0, rng.normal(), 1.0, -1.0]) / stiffness
+    return prepare(Cell(mass, damping, stiffness, 1.0, omega, 0.8, gap, 0.0, 0.0, 0.0, 0.0), 1e-9)[2]
+
+
+def equation(k):
+    """Return the matrix of (u, p, A sin wt, A cos wt, G)' in steps, none of whose entries is larger than 2."""
+    rows = [[0, 1, 0, 0, 0], [-k.K, -k.C, -1, 0, 1], [0, 0, 0, k.th, 0], [0, 0, -k.th, 0, 0], [0] * 5]
+    return np.array(rows)
+
+
+def course(motion, k, x):
+    """Return (u, p, A s, A c, G) at points over x steps from a motion, the last one not by way of the others."""
+    step, states = expm(equation(k) * x / POINTS), [np.array([*motion[:2], k.A * motion[2], k.A * motion[3], k.G])]
+    for _ in range(POINTS):
+        states.append(step @ states[-1])
+    return np.array([*states[:-1], expm(equation(k) * x) @ states[0]])
+
+
+def random_motion(rng, k):
+    angle, size = rng.uniform(0.0, 2.0 * np.pi), 10.0 ** rng.uniform(-4, 1) * (k.A + abs(k.G))
+    gap = rng.choice([0.0, 1.0]) * size * rng.random()
+    return Motion(gap, size * rng.normal() if gap else size * rng.random(), np.sin(angle), np.cos(angle), 0.0)
+
+
+@pytest.mark.parametrize("regime", REGIMES)
+def test_nothing_is_touched_on_the_way_and_the_end_is_exact(regime):
+    rng, made = np.random.default_rng(7), 0
+    for _ in range(600):
+        k = random_constants(rng, regime)
+        motion = random_motion(rng, k)
+        after, flown = leapt(motion, k)
+        if flown == 0.0:
+            assert after == motion
+            continue
+        made += 1
+        states = course(motion, k, flown)
+        assert (states[1:, 0] > 0.0).all()
+        size = np.abs(states[:, :2]).max() + k.A + abs(k.G)
+        np.testing.assert_allclose(after[:2], states[-1, :2], rtol=0.0, atol=2e-14 * size)
+        begun = np.arctan2(motion.s, motion.c)
+        ended = begun + flown * k.th
+        assert (after.s, after.c) == pytest.approx((np.sin(ended), np.cos(ended)), abs=4e-15)
+        assert after.n == np.floor(ended / (2.0 * np.pi)) - np.floor(begun / (2.0 * np.pi))
+    assert made > 150
+
+
+@pytest.mark.parametrize("regime", REGIMES)
+@pytest.mark.parametrize("length", [SHORT, LONG])
+def test_no_arc_that_passes_the_stop_is_certified_however_little(regime, length):
+    # From a least gap of -depth the arc is followed back and on: the certificate sees its ends alone.
+    rng, near = np.random.default_rng(11), 0
+    for _ in range(400):
+        k = random_constants(rng, regime)
+        angle, before = rng.uniform(0.0, 2.0 * np.pi), length * rng.random()
+        s, c = np.sin(angle), np.cos(angle)
+        if k.G - k.A * s <= 0.0:
+            continue  # no least gap where the force presses
+        least = 10.0 ** rng.uniform(-12, -6) * k.A * rng.choice([-1.0, 1.0])
+        lowest = np.array([least, 0.0, s, c])
+        start, end = (course(lowest, k, x)[-1] for x in (-before, length - before))
+        sine = np.sin(angle + k.th * np.linspace(-before, length - before, POINTS))
+        sides = [course(lowest, k, x)[:, 0].min() for x in (-before, length - before)]
+        q = getattr(k, "long" if length == LONG else "short").bend * max(k.G - k.A * sine.min(), 0.0)
+        if start[0] > 0.0 and end[0] > 0.0:
+            near += 1
+            assert not (clear(start[0], end[0], q) and min(sides) <= 0.0)
+    assert near > 50
+
+
+@pytest.mark.parametrize("regime", REGIMES)
+def test_a_touch_down_is_the_first_contact_to_rounding(regime):
+    rng, made = np.random.default_rng(5), 0
+    for _ in range(600):
+        k = random_constants(rng, regime)
+        motion = random_motion(rng, k)._replace(p=-(10.0 ** rng.uniform(-3, 1)) * (k.A + abs(k.G)))
+        motion = motion._replace(u=-motion.p * CLOSE * rng.random())
+        close, d, rate, s, c = touched(*motion[:4], k)
+        if not close:
+            continue
+        made += 1
+        states = course(motion, k, d)
+        assert (states[:-1, 0] > 0.0).all()
+        assert abs(states[-1, 0]) < 1e-15 * (abs(motion.p) + k.A)
+        assert rate == pytest.approx(states[-1, 1], rel=1e-14, abs=4e-15 * (k.A + np.abs(states[:, 1]).max()))
+        assert (k.A * s, k.A * c) == pytest.approx(tuple(states[-1, 2:4]), abs=1e-15 * k.A)
+    assert made > 100
+
+
+@pytest.mark.parametrize("regime", REGIMES)
+@pytest.mark.parametrize("x", [1e-6, 0.3, 1.0, 4.4, 9.0])
+def test_neighbours_are_carried_over_leaps_exactly(regime, x):
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        k = random_constants(rng, regime)
+        exact = np.array(mpmath.expm(mpmath.matrix(equation(k)[:2, :2]) * x).tolist(), float).ravel()
+        np.testing.assert_allclose(flow(k.C, k.K, x), exact, rtol=0.0, atol=2e-14 * np.abs(exact).max())
