@@ -30,7 +30,7 @@ STATE, TRACE = 5, 8
 LOOK = 32  # steps between two looks at whether a cell has ended, counted from its own start; rows of a trace
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _passes_zero(s, c, s1, c1):
     """Return whether turning forward from (s, c) to (s1, c1), by less than a whole turn, passes phase 0."""
     below, below1 = s < 0.0, s1 < 0.0
@@ -38,7 +38,7 @@ def _passes_zero(s, c, s1, c1):
     return (below & (below1 == False)) | ((below == below1) & back)  # noqa: E712
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _touch_down(u, p, s, c, k):
     """Return whether the contact is next to here, how far away, with which rate p, and its (s, c).
 
@@ -83,7 +83,7 @@ def _touch_down(u, p, s, c, k):
     return close, d, rate, fma(s, cosine, c * sine), fma(c, cosine, -s * sine)
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _near(u, p, a2, a3, a4, a5, a6, a7, a8, d):
     """Return the gap and its rate a little later, by degree 8."""
     y, r = fma(a8, d, a7), a8
@@ -96,7 +96,7 @@ def _near(u, p, a2, a3, a4, a5, a6, a7, a8, d):
     return fma(y, d, u), fma(r, d, y)
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _step(motion, k):
     """Return the motion one certified step on, the event, the speed v of a contact, and how much of a step passed.
 
@@ -131,7 +131,7 @@ def _step(motion, k):
     return Motion(u2, p2, s2, c2, n2), event, v, x + select(contact, d, 0.0)
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def advance(motion, k):
     """Return the motion after leaps and a certified step, the event, the speed v of a contact, and the steps passed;
     and the motion between leaps and step, with the steps that the leaps passed.
@@ -159,7 +159,7 @@ def walk(motion, k, trace, most, impacts):
     return rows
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def step_at(trace, row, width, i):
     """Return what `advance` gave for the step in a row of a trace, of lane i of `width`."""
     u, p, s = trace[row, i], trace[row, width + i], trace[row, 2 * width + i]

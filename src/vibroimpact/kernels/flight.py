@@ -30,7 +30,7 @@ NONE = 1e300  # stands for "no near-miss"
 PIECES = 8  # of a step that is searched to rounding: 0.125 radians of the fastest rate each
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _four_more(b0, b1, e0, e1, C, K, Q):
     b2 = fma(-C, b1, fma(-K, b0, e0))
     b3 = fma(-C, b2, fma(-K, b1, e1))
@@ -41,20 +41,20 @@ def _four_more(b0, b1, e0, e1, C, K, Q):
     return b2, b3, b4, b5, -Q * e2, -Q * e3
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def acceleration(u, p, s, k):
     """Return u'' in flight."""
     return fma(-k.C, p, fma(-k.K, u, fma(-k.A, s, k.G)))
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def series(motion, k, at_release):
     """Return the coefficients a_0 ... a_18 of u(x); `at_release` the acceleration is zero by assignment."""
     u, p, s, c, _ = motion
     return coefficients(u, p, s, c, k.C, k.K, k.A, k.G, k.th, at_release)
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def coefficients(u, p, s, c, C, K, A, G, th, at_release):
     """Return what `series` returns, from single numbers."""
     Q = th * th
@@ -76,7 +76,7 @@ def coefficients(u, p, s, c, C, K, A, G, th, at_release):
     )  # fmt: skip
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _horner4(y, d, x, a3, a2, a1, a0):
     d = fma(d, x, y)
     y = fma(y, x, a3)
@@ -89,7 +89,7 @@ def _horner4(y, d, x, a3, a2, a1, a0):
     return y, d
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def evaluate(a, x):
     """Return u and du/dx at x from the coefficients of u, even and odd ones apart: two short chains, not a long one."""
     z = x * x
@@ -102,7 +102,7 @@ def evaluate(a, x):
     return fma(x, odd, even), fma(2.0, fma(x, even_rate, z * odd_rate), odd)
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def evaluate_roughly(a, x):
     """Return u and du/dx at x to 1/11! < 3e-8 of the motion's size, for two thirds of the price."""
     y, d = fma(a[10], x, a[9]), a[10]
@@ -112,7 +112,7 @@ def evaluate_roughly(a, x):
     return y, d
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def sine_cosine(angle):
     """Return sin and cos of an angle up to REACH radians, by their power series."""
     z = angle * angle
@@ -134,7 +134,7 @@ def sine_cosine(angle):
     return fma(angle * z, p, angle), fma(z, q, 1.0)
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def rotate(s, c, angle):
     """Turn (sin wt, cos wt) by an angle of at most REACH radians, and pull it back to unit length."""
     sd, cd = sine_cosine(angle)
@@ -173,7 +173,7 @@ def product(a, b):
     )
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def undamped_flow(du, dp, C, K, x):
     """Carry a deviation over x <= 12 steps of free flight, its decay exp(-C x/2) left out.
 
@@ -203,7 +203,7 @@ def undamped_flow(du, dp, C, K, x):
     return fma(cosine + mean, du, sine * dp), fma(cosine - mean, dp, -K * sine * du)
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def least_gap(a, x, p1, q1, lands):
     """Return the least gap within a flight of x steps from its coefficients, or NONE if there is none.
 

@@ -51,7 +51,7 @@ LANES = 32
 TRACED_ROWS = CELL + TRACE - STATE
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _move(lanes, i):
     """Take lane i on; return its constants, and what `advance` gives."""
     k = load_constants(lanes, i)
@@ -60,7 +60,7 @@ def _move(lanes, i):
     return k, motion, event, v, x, ready, flown
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _counted(lanes, i, event, transient, total):
     """Return the recorded impacts of lane i after an event, and whether it adds one, which is kept, first or last.
 
@@ -70,7 +70,7 @@ def _counted(lanes, i, event, transient, total):
     return count, hit, hit & (count > transient), hit & (count == transient + 1.0), hit & (count == total)
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def observe(lanes, i, motion, event, v, x, transient, total):
     """Observe the step of lane i that led to a motion."""
     count, hit, kept, first, last = _counted(lanes, i, event, transient, total)
@@ -81,7 +81,7 @@ def observe(lanes, i, motion, event, v, x, transient, total):
     store_recurrence(lanes, i, recurrence(load_recurrence(lanes, i), v, count, hit))
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def observe_thoroughly(lanes, i, k, motion, event, v, x, ready, flown, transient, total):
     """Observe all that can be observed of the step of lane i that led from `ready`, after leaps, to a motion."""
     # Near-misses come first, while the step's coefficients are at hand: 2 % of a step.
@@ -92,7 +92,7 @@ def observe_thoroughly(lanes, i, k, motion, event, v, x, ready, flown, transient
     observe(lanes, i, motion, event, v, x, transient, total)
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def observe_walked(lanes, i, k, trace, row, transient, total, facts):
     """Take lane i over the step in a row of a trace, observed, thoroughly unless `facts` is None; return the event."""
     before = load_motion(lanes, i)
@@ -106,14 +106,14 @@ def observe_walked(lanes, i, k, trace, row, transient, total, facts):
     return event
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def step_lane(lanes, i, transient, total):
     """Make one certified step in lane i and observe it."""
     _, motion, event, v, x, _, _ = _move(lanes, i)
     observe(lanes, i, motion, event, v, x, transient, total)
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def step_thorough_lane(lanes, i, transient, total):
     """Make one certified step in lane i and observe all that can be observed."""
     k, motion, event, v, x, ready, flown = _move(lanes, i)

@@ -52,14 +52,14 @@ def _flown(u, p, s, c, C, K, A, G, th, X):
     return u, p
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def stays_clear(u0, u1, q):
     """Return whether the gap, u0 and u1 at the ends, stays open between them; q bounds what bends it (see above)."""
     short = q - u0 - u1
     return (u1 > 0.0) & (4.0 * u0 * u1 > short * abs(short))
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _leap(motion, flown, k, over, X):
     u, p, s, c, n = motion
     u1 = fma(over.uu, u, fma(over.up, p, fma(over.us, s, fma(over.uc, c, over.ug))))
@@ -76,7 +76,7 @@ def _leap(motion, flown, k, over, X):
     ), flown + select(leaps, X, 0.0)
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def leap(motion, k):
     """Return the motion as near to the next contact as leaps carry it, and the steps passed."""
     motion, flown = _leap(motion, 0.0, k, k.short, SHORT)

@@ -96,14 +96,14 @@ class Misses(NamedTuple):
     releases: float
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def count_impact(count, event, total):
     """Return the recorded impacts so far, up to `total`, and whether this event added one."""
     hit = (event == IMPACT) & (count < total)
     return count + select(hit, 1.0, 0.0), hit
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def sums(old, count, v, first, kept):
     """Accumulate velocities shifted by the first one, which keeps their variance free of cancellation."""
     shift = select(first, v, old.shift)
@@ -134,13 +134,13 @@ def velocity_indices(found, span, ratio, h, keep):
     )
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def stamp(old, motion, take):
     """Record the time of a motion where `take` holds."""
     return Stamp(select(take, motion.n, old.n), select(take, motion.s, old.s), select(take, motion.c, old.c))
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def rests(old, event, x, count, transient, total):
     """Note sticks between the first and the last kept impact, and how long the last impact is past."""
     stays = (event == CHATTER) | (event == RELEASE)
@@ -151,7 +151,7 @@ def rests(old, event, x, count, transient, total):
     )
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def recurrence(old, v, count, hit):
     """Watch for impacts that recur: compare the speed of each with that of a reference impact.
 
@@ -170,7 +170,7 @@ def recurrence(old, v, count, hit):
     )
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def deviation(old, motion, k, event, v, x, first, last):
     """Carry a tangent vector over a step; a hold erases what came before."""
     held = (event == RELEASE) | (event == STUCK)
@@ -193,13 +193,13 @@ def deviation(old, motion, k, event, v, x, first, last):
     )
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def phases(old, motion, kept):
     """Add up the phases of kept impacts, as points on the unit circle."""
     return Phases(old.s + select(kept, motion.s, 0.0), old.c + select(kept, motion.c, 0.0))
 
 
-@njit(inline="always", error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def misses(old, before, after, k, event, x, count, transient, total):
     """Look for a near-miss in the step, and count releases."""
     held = (event == RELEASE) | (event == STUCK)

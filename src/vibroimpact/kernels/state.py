@@ -69,7 +69,7 @@ def kept(first: int, stride: int, *kinds: Any) -> tuple[Any, ...]:
     between all of them.
     """
     pairs = []
-    inlined = njit(inline="always", error_model="numpy")
+    inlined = njit(error_model="numpy", forceinline=True)
     for kind in kinds:
         functions: dict[str, Any] = {}
         written, last = _places(kind, first, stride, functions)
