@@ -1,6 +1,7 @@
 """Sweeps on a Dask cluster: one machine's bits, whoever computes them, dies, joins, dawdles or cannot see the store."""
 
 import functools
+import gc
 import os
 import random
 import shutil
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -24,7 +26,17 @@ from vibroimpact.request import Request
 distributed = pytest.importorskip("distributed", reason="needs the extra [cluster]")
 
 # On a busy machine, killed workers take their time to be there again.
-pytestmark = pytest.mark.filterwarnings("ignore:`cluster` has no worker")
+pytestmark = pytest.mark.filterwarnings("ignore:`cluster` has no worker", "ignore:unclosed:ResourceWarning")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def sockets_of_the_dead():
+    """Collect what Dask has not closed of those that were killed, before it is held against another test."""
+    yield
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)
+        gc.collect()
+
 
 AXES = {"omega": np.linspace(0.1, 5.0, 24), "mass": np.linspace(0.2, 3.0, 10)}
 NAMES = ("std", "lyapunov", "n_periods")
