@@ -173,7 +173,7 @@ class Parameter:
 # What it costs: steps, memory
 
 STEPS = 1 << 40  # of one call, at most
-PACE = 17e-9  # seconds of a core that a certified step takes
+PACE = 20e-9  # seconds of a core that a certified step takes
 
 
 def check_steps(name: str, what: str, steps: float, remedy: str, most: int = STEPS) -> None:

@@ -161,10 +161,11 @@ def phase_of(s, c):
 
 
 MOST = 2.0**22  # steps, some 1 s of one cell, or 5 s of lanes, to which stiffness may raise what is granted
+QUIET_FOR = 32.0  # steps without an impact, before it is asked whether any can follow
 RUNNING, FILLED, QUIET, PINNED, DYING, SPENT = range(6)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def ending(motion, k, age, longest, steps, granted):
     """Return why a cell that has not filled its window ends here, or RUNNING.
 
@@ -175,7 +176,7 @@ def ending(motion, k, age, longest, steps, granted):
     resting = u == 0.0 and p == 0.0
     if resting and k.G <= -k.A:
         return PINNED
-    if not resting and never_again(motion, k):
+    if age > QUIET_FOR and not resting and never_again(motion, k):
         return QUIET
     # Without force energy only falls: no impact to come is faster than the speed it would leave at the stop.
     if k.A == 0.0 and k.G >= 0.0 and not resting and p * p + u * (k.K * u - 2.0 * k.G) < k.cut * k.cut:

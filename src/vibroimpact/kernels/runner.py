@@ -60,7 +60,7 @@ def move(lanes, owner, notes, facts, i, j):
     owner[j], owner[i] = owner[i], -1
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def ending_of(lanes, i, note, total):
     """Return why the cell in lane i ends here, or RUNNING."""
     if lane.load_sums(lanes, i).hits >= total:
@@ -71,7 +71,7 @@ def ending_of(lanes, i, note, total):
     )
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def may_close(lanes, i, note, total, facts):
     """Return whether lane i may have closed a cycle, and whether walking that cycle alone would pay.
 

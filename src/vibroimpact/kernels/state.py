@@ -19,8 +19,8 @@ class Motion(NamedTuple):
 
 
 class Leap(NamedTuple):
-    """The flow over a fixed length, u1 = uu u + up p + us s + uc c + ug and so p1, the turn of (s, c), and the factor
-    `bend` of q/M in the certificate.
+    """The flow over a fixed length, u1 = uu u + up p + us s + uc c + ug and so p1, the turn of (s, c), and what gives
+    q/2 = load - push sin wt in the certificate.
     """
 
     uu: float
@@ -35,7 +35,8 @@ class Leap(NamedTuple):
     pg: float
     sine: float
     cosine: float
-    bend: float
+    push: float
+    load: float
 
 
 class Constants(NamedTuple):
