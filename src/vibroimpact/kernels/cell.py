@@ -165,7 +165,7 @@ QUIET_FOR = 32.0  # steps without an impact, before it is asked whether any can 
 RUNNING, FILLED, QUIET, PINNED, DYING, SPENT = range(6)
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(error_model="numpy")
 def ending(motion, k, age, longest, steps, granted):
     """Return why a cell that has not filled its window ends here, or RUNNING.
 

@@ -8,7 +8,7 @@ from numba import njit
 
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import LOOK, walk
-from vibroimpact.kernels.cell import FILLED, RUNNING, budgets, cell_of, ending, prepare
+from vibroimpact.kernels.cell import FILLED, QUIET_FOR, RUNNING, budgets, cell_of, ending, prepare
 from vibroimpact.kernels.closing import try_to_close
 from vibroimpact.kernels.cycle import IMPACTS, PERIODS
 from vibroimpact.kernels.flight import NONE
@@ -61,6 +61,16 @@ def move(lanes, owner, notes, facts, i, j):
 
 
 @njit(error_model="numpy", forceinline=True)
+def _calls(lanes, i, total, longest, granted, made, ratio):
+    """Return whether the cell in lane i may end here or close a cycle: a look at few of its numbers."""
+    motion, k, seen = lane.load_motion(lanes, i), lane.load_constants(lanes, i), lane.load_rests(lanes, i)
+    at_end = (lane.load_sums(lanes, i).hits >= total) | (made > granted)
+    still = (motion.p == 0.0) | (k.A == 0.0) | (seen.age > min(QUIET_FOR, longest))
+    recurs = (ratio == 0.0) & ((seen.releases >= 2.0) | (lane.load_recurrence(lanes, i).candidate > 0.0))
+    return at_end | still | recurs
+
+
+@njit(error_model="numpy")
 def ending_of(lanes, i, note, total):
     """Return why the cell in lane i ends here, or RUNNING."""
     if lane.load_sums(lanes, i).hits >= total:
@@ -71,7 +81,7 @@ def ending_of(lanes, i, note, total):
     )
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(error_model="numpy")
 def may_close(lanes, i, note, total, facts):
     """Return whether lane i may have closed a cycle, and whether walking that cycle alone would pay.
 
@@ -133,8 +143,10 @@ def run_cells(
         else:
             lane.step_thorough_lanes(lanes, busy, LOOK, transient, total)
         for i in range(busy):
-            j = owner[i]
             notes[i, MADE] += LOOK
+            if not _calls(lanes, i, total, notes[i, FLIGHT], notes[i, GRANTED], notes[i, MADE], notes[i, RATIO]):
+                continue
+            j = owner[i]
             own_facts = None if facts is None else facts[i]
             if may_close(lanes, i, notes[i], total, own_facts):
                 close(lanes, i, notes[i], transient, total, early_closing, cycle, own_facts, trace, None)
