@@ -82,7 +82,7 @@ def test_nothing_is_touched_on_the_way_and_the_end_is_exact(regime):
         states = course(motion, k, flown)
         assert (states[1:, 0] > 0.0).all()
         size = np.abs(states[:, :2]).max() + k.A + abs(k.G)
-        np.testing.assert_allclose(after[:2], arrival(motion, k, flown), rtol=0.0, atol=1e-15 * size)
+        np.testing.assert_allclose(after[:2], arrival(motion, k, flown), rtol=0.0, atol=2e-15 * size)
         begun = np.arctan2(motion.s, motion.c)
         ended = begun + flown * k.th
         assert (after.s, after.c) == pytest.approx((np.sin(ended), np.cos(ended)), abs=4e-15)

@@ -9,7 +9,7 @@ from numba import njit
 
 from vibroimpact.kernels.flight import BARELY, REACH
 from vibroimpact.kernels.law import chatter_factor
-from vibroimpact.kernels.leaps import LONG, SHORT, leap_over
+from vibroimpact.kernels.leaps import leaps_of
 from vibroimpact.kernels.state import Constants, Motion
 
 
@@ -61,6 +61,7 @@ def prepare(cell, chatter):
     sr = G / A if inside else 0.0
     cr = -math.sqrt((1.0 - sr) * (1.0 + sr))
     C, K = cell.damping * h / cell.mass, cell.stiffness * per_mass
+    short, long = leaps_of(C, K, A, G, th)
     constants = Constants(
         C=C,
         K=K,
@@ -73,8 +74,8 @@ def prepare(cell, chatter):
         tail=chatter_factor(cell.restitution),
         sr=sr,
         cr=cr,
-        short=leap_over(C, K, A, G, th, SHORT),
-        long=leap_over(C, K, A, G, th, LONG),
+        short=short,
+        long=long,
     )
     s, c = pair_of(cell.phase)
     return h, Motion(cell.clearance, -h * cell.velocity, s, c, cell.periods), constants
