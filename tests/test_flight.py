@@ -7,7 +7,7 @@ from numba import njit
 
 from vibroimpact.kernels.cell import Cell, pair_of, phase_of, prepare
 from vibroimpact.kernels.flight import REACH, evaluate, rotate, series, sine_cosine
-from vibroimpact.kernels.leaps import LONG, SHORT, leap_over
+from vibroimpact.kernels.leaps import leaps_of
 from vibroimpact.kernels.state import Constants, Motion
 
 STOP = 2.0  # out of reach: only the flight matters
@@ -21,8 +21,7 @@ def fly(k, motion, x):
 
 
 def constants(C, K, A, G, th):
-    leaps = [leap_over(C, K, A, G, th, x) for x in (SHORT, LONG)]
-    return Constants(C, K, A, G, th, th * th, 0.8, 0.0, 0.0, 0.0, 0.0, *leaps)
+    return Constants(C, K, A, G, th, th * th, 0.8, 0.0, 0.0, 0.0, 0.0, *leaps_of(C, K, A, G, th))
 
 
 @njit

@@ -1,7 +1,8 @@
 """Finish a cell in closed form once all its remaining impacts are known.
 
 A cycle is closed only if it is certain. A sticking one is exact: a release erases all memory, so the motion
-repeats bit for bit from release to release. Another is taken once its Jacobian M is stable and the way still to go
+repeats bit for bit from release to release, and what lanes sum up between two releases is that of every turn. Another
+cycle is walked alone, and taken once its Jacobian M is stable and the way still to go
 to the periodic orbit, (I - M)^-1 d with d the return difference of the cycle, can change no index by more than
 1e-10 of V.
 """
@@ -18,8 +19,10 @@ from vibroimpact.kernels.cell import phase_of
 from vibroimpact.kernels.cycle import ALIKE, describe
 from vibroimpact.kernels.flight import flow, product
 from vibroimpact.kernels.law import saltation
-from vibroimpact.kernels.observers import Phases, Recurrence, Rests, Stamp, Sums, repeated
+from vibroimpact.kernels.observers import Phases, Recurrence, Stamp, Sums, repeated
 from vibroimpact.kernels.recorder import overhear
+from vibroimpact.kernels.results import KNOWN, MADE, RATIO, RELEASES, SCALE, TURN, WALK
+from vibroimpact.kernels.state import Motion
 
 LONGEST = 4096  # impacts of the longest cycle that is closed
 SURE = 1e-10  # of V: the most that the remaining way may change an index
@@ -27,59 +30,96 @@ NOT_SMALL = 1e-3  # of the cycle's weakest impact: nearer to a graze nothing is 
 
 
 @njit(error_model="numpy")
-def _to_start_of_cycle(lanes, i, transient, total, sticking, limit, facts, trace, recorder):
-    """Take the lane on, observed and recorded, to the next release or recorded impact.
+def _skip_turns(lanes, i, note, transient, total, finish):
+    """Skip turns from release to release once two releases of lane i frame one: all are alike, bit for bit.
+
+    With `finish` those that end before the kept impacts begin are skipped, and later all but the last whole one: it
+    tells the largest speed, and the lane ends as it would have.
+    """
+    found, now, phases = lane.load_sums(lanes, i), lane.load_turn(lanes, i), lane.load_phases(lanes, i)
+    framed, kept = note[TURN] >= 0.0, note[TURN] >= transient
+    hits, sum1, sum2, periods = (
+        now.hits - note[TURN], now.sum1 - note[TURN + 1], now.sum2 - note[TURN + 2], now.n - note[TURN + 3]
+    )  # fmt: skip
+    sine, cosine = phases.turn_s - note[TURN + 4], phases.turn_c - note[TURN + 5]
+    note[RELEASES] = lane.load_rests(lanes, i).releases
+    note[TURN], note[TURN + 1], note[TURN + 2], note[TURN + 3] = now
+    note[TURN + 4], note[TURN + 5] = phases.turn_s, phases.turn_c
+    if not framed or hits == 0.0:
+        return
+    note[RATIO] = hits / periods
+    if kept or not finish:
+        note[RELEASES] = math.inf  # all is known
+    if not finish:
+        return
+    times = math.floor((total - found.hits) / hits) - 1.0 if kept else math.floor((transient - found.hits) / hits)
+    if times < 1.0:
+        return
+    motion = lane.load_motion(lanes, i)
+    lane.store_motion(lanes, i, Motion(motion.u, motion.p, motion.s, motion.c, motion.n + times * periods))
+    note[KNOWN] += times * hits
+    count, largest = found.hits + times * hits, found.largest
+    if kept:
+        sum1, sum2, largest = found.sum1 + times * sum1, found.sum2 + times * sum2, 0.0
+        sine, cosine = phases.s + times * sine, phases.c + times * cosine
+        lane.store_phases(lanes, i, Phases(sine, cosine, phases.turn_s, phases.turn_c))
+    else:
+        sum1, sum2 = found.sum1, found.sum2
+        note[TURN] = -1.0
+    lane.store_sums(lanes, i, Sums(count, found.shift, sum1, sum2, largest))
+
+
+@njit(error_model="numpy")
+def _to_next_impact(lanes, i, transient, total, facts, trace, recorder):
+    """Take the lane on, observed and recorded, to the next recorded impact.
 
     Return the steps made, negative if it never came.
     """
     k = lane.load_constants(lanes, i)
     made = 0
-    while made < limit:
+    while made < WALK:
         start = lane.load_motion(lanes, i)
-        rows = walk(start, k, trace, limit - made, 0 if sticking else 1)
+        rows = walk(start, k, trace, WALK - made, 1)
         if recorder is not None:
             overhear(recorder, start, trace, rows)
         for row in range(rows):
             event = lane.observe_walked(lanes, i, k, trace, row, transient, total, facts)
             made += 1
-            if lane.load_sums(lanes, i).hits >= total and (facts is None or sticking):
+            if lane.load_sums(lanes, i).hits >= total and facts is None:
                 return -made
-            if event == (RELEASE if sticking else IMPACT):
+            if event == IMPACT:
                 return made
-    return -limit
+    return -WALK
 
 
 @njit(error_model="numpy")
-def _follow_cycle(start, k, impacts, cycle, limit, trace):
-    """Follow one cycle from its start: up to the next release, or through `impacts` of them.
+def _follow_cycle(start, k, impacts, cycle, trace):
+    """Follow a cycle of so many impacts once.
 
-    Fill `cycle` with (n, s, c, v) of each recorded impact; return their number, the steps made, the tangent, its
-    largest growth of a velocity, and the motion at the end. A number of -1 says that no cycle ended within reach.
+    Fill `cycle` with (n, s, c, v) of each recorded impact; return whether it came to its end without a stick, the steps
+    made, the tangent, its largest growth of a velocity, and the motion at the end.
     """
     motion = start
     tangent = (1.0, 0.0, 0.0, 1.0)
     growth = 1.0
     number = made = 0
-    while made < limit:
-        rows = walk(motion, k, trace, limit - made, impacts - number if impacts > 0 else 0)
+    while made < WALK and impacts <= len(cycle):
+        rows = walk(motion, k, trace, WALK - made, impacts - number)
         for row in range(rows):
             motion, event, v, x = step_at(trace, row, 1, 0)
             made += 1
-            if impacts > 0:
-                if event in (RELEASE, CHATTER):
-                    return -1, made, tangent, growth, motion
-                tangent = product(flow(k.C, k.K, x), tangent)
-                if motion.u == 0.0:
-                    tangent = product(saltation(v, motion.s, k), tangent)
-                growth = max(growth, abs(tangent[2]) + abs(tangent[3]))
+            if event in (RELEASE, CHATTER):
+                return False, made, tangent, growth, motion
+            tangent = product(flow(k.C, k.K, x), tangent)
+            if motion.u == 0.0:
+                tangent = product(saltation(v, motion.s, k), tangent)
+            growth = max(growth, abs(tangent[2]) + abs(tangent[3]))
             if event == IMPACT:
-                if number == len(cycle):
-                    return -1, made, tangent, growth, motion
                 cycle[number, 0], cycle[number, 1], cycle[number, 2], cycle[number, 3] = motion.n, motion.s, motion.c, v
                 number += 1
-            if event == RELEASE or (impacts > 0 and number == impacts):
-                return number, made, tangent, growth, motion
-    return -1, limit, tangent, growth, motion
+            if number == impacts:
+                return True, made, tangent, growth, motion
+    return False, made, tangent, growth, motion
 
 
 @njit(error_model="numpy")
@@ -111,7 +151,8 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
     """Add the impacts up to `total`, cycle upon cycle, to the lane's observers; the largest is then the cycle's own."""
     found, largest = lane.load_sums(lanes, i), 0.0
     count, shift = found.hits, found.shift
-    sine, cosine = lane.load_phases(lanes, i)
+    phases = lane.load_phases(lanes, i)
+    sine, cosine = phases.s, phases.c
     if count <= transient:
         shift = cycle[int(transient - count) % number, 3]
         lane.store_first(lanes, i, _stamp_at(cycle, number, periods, transient - count))
@@ -127,55 +168,46 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
             cosine += times * cycle[j, 2]
     lane.store_last(lanes, i, _stamp_at(cycle, number, periods, total - count - 1.0))
     lane.store_sums(lanes, i, Sums(found.hits, found.shift, found.sum1, found.sum2, largest))
-    lane.store_phases(lanes, i, Phases(sine, cosine))
-    # A stick lies at every end of a sticking cycle: is there one between the first and the last kept impact?
-    first = max(transient, count)
-    return math.floor((first - count) / number) < math.floor((total - 1.0 - count) / number)
+    lane.store_phases(lanes, i, Phases(sine, cosine, phases.turn_s, phases.turn_c))
 
 
 @njit(error_model="numpy")
-def try_to_close(lanes, i, transient, total, scale, limit, finish, cycle, facts, trace, recorder):
-    """Close lane i if its cycle is certain.
+def close(lanes, i, note, transient, total, finish, cycle, facts, trace, recorder):
+    """Close lane i, and note it, if it repeats: turns that stick are skipped, another cycle is walked once.
 
-    Return the impacts and periods of the cycle (0 and 0 if it is not), the steps made, and the impacts that need not
-    be computed. `scale` is V in lengths of a step. With `finish` the observers are brought to what `total` impacts
-    would give. Thorough lanes have the cycle's `facts` noted; of others that is None. `recorder` is that of the lane,
-    or None.
+    With `finish` the observers are brought to what `total` impacts would give. Thorough lanes have the `facts` of a
+    walked cycle noted; of others that is None. `recorder` is that of the lane, or None.
     """
+    if lane.load_rests(lanes, i).releases > note[RELEASES]:
+        _skip_turns(lanes, i, note, transient, total, finish)
+        return
     impacts = int(lane.load_recurrence(lanes, i).candidate)
-    sticking = lane.load_rests(lanes, i).releases >= 2.0
-    made = _to_start_of_cycle(lanes, i, transient, total, sticking, limit, facts, trace, recorder)
+    made = _to_next_impact(lanes, i, transient, total, facts, trace, recorder)
+    note[MADE] += abs(made)
     if made < 0:
-        return 0, 0.0, -made, 0.0
+        return
     start, k = lane.load_motion(lanes, i), lane.load_constants(lanes, i)
-    number, walked, tangent, growth, end = _follow_cycle(start, k, 0 if sticking else impacts, cycle, limit, trace)
-    made += walked
-    # Not before the reference has moved on, or two more releases have passed, is it tried again.
-    watched, rested = lane.load_recurrence(lanes, i), lane.load_rests(lanes, i)
+    ended, walked, tangent, growth, end = _follow_cycle(start, k, impacts, cycle, trace)
+    note[MADE] += walked
+    # Not before the reference has moved on is it tried again.
+    watched = lane.load_recurrence(lanes, i)
     lane.store_recurrence(lanes, i, Recurrence(-math.inf, watched.number, watched.following, watched.near, 0.0))
-    lane.store_rests(lanes, i, Rests(rested.stuck, rested.age, 0.0))
-    if number < 1:
-        return 0, 0.0, made, 0.0
-    count = lane.load_sums(lanes, i).hits
-    periods = end.n - start.n
-    way = 0.0
-    if not sticking:
-        turned = phase_of(end.s, end.c) - phase_of(start.s, start.c)
-        periods += 1.0 if turned < -0.5 else (-1.0 if turned > 0.5 else 0.0)
-        weakest = math.inf
-        for j in range(number):
-            weakest = min(weakest, cycle[j, 3])
-        way = _way_to_go(start, end, k, tangent, growth)
-        # A cycle that is to be described must be near whatever its weight in the sums.
-        left = min(1.0, (total - count) / (total - transient)) if facts is None else 1.0
-        if not (way * left < SURE * scale and way < NOT_SMALL * weakest):
-            return 0, 0.0, made, 0.0
-    if facts is not None and not sticking:
-        describe(start, k, number, periods, tangent, cycle, ALIKE * scale + 4.0 * way, facts, trace)
-    known = 0.0
-    if finish and count + number < total:
-        known = total - count - number
-        sticks = _finish_sums(lanes, i, cycle, number, periods, transient, total)
-        if sticking and sticks:
-            lane.store_rests(lanes, i, Rests(1.0, rested.age, 0.0))
-    return number, periods, made, known
+    if not ended:
+        return
+    count, scale = lane.load_sums(lanes, i).hits, note[SCALE]
+    turned = phase_of(end.s, end.c) - phase_of(start.s, start.c)
+    periods = end.n - start.n + (1.0 if turned < -0.5 else (-1.0 if turned > 0.5 else 0.0))
+    weakest = math.inf
+    for j in range(impacts):
+        weakest = min(weakest, cycle[j, 3])
+    way = _way_to_go(start, end, k, tangent, growth)
+    # A cycle that is to be described must be near whatever its weight in the sums.
+    left = min(1.0, (total - count) / (total - transient)) if facts is None else 1.0
+    if not (way * left < SURE * scale and way < NOT_SMALL * weakest):
+        return
+    if facts is not None:
+        describe(start, k, impacts, periods, tangent, cycle, ALIKE * scale + 4.0 * way, facts, trace)
+    note[RATIO] = impacts / periods
+    if finish and count + impacts < total:
+        note[KNOWN] = total - count - impacts
+        _finish_sums(lanes, i, cycle, impacts, periods, transient, total)

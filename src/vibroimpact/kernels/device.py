@@ -13,6 +13,7 @@ from numba import cuda, float64, njit
 from vibroimpact.kernels import runner
 from vibroimpact.kernels.advance import LOOK, TRACE
 from vibroimpact.kernels.cell import RUNNING, cell_of
+from vibroimpact.kernels.closing import close as close_lane
 from vibroimpact.kernels.cycle import IMPACTS, PERIODS
 from vibroimpact.kernels.lanes import LANES, step_lane, step_thorough_lane
 from vibroimpact.kernels.machine import cache_folder, config
@@ -117,7 +118,7 @@ def close(waiting, lanes, notes, facts, states, cycles, transient, total, early_
         j = waiting[t]
         group, i, note = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j])
         trace = cuda.local.array((CHUNK, TRACE), float64)
-        runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), None, trace, None)
+        close_lane(group, i, note, transient, total, early_closing, _plain(cycles[t]), None, trace, None)
         states[j] = ending_of(group, i, note, total)
 
 
@@ -129,7 +130,7 @@ def close_thoroughly(waiting, lanes, notes, facts, states, cycles, transient, to
         j = waiting[t]
         group, i, note, own_facts = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), _plain(facts[j])
         trace = cuda.local.array((CHUNK, TRACE), float64)
-        runner.close(group, i, note, transient, total, early_closing, _plain(cycles[t]), own_facts, trace, None)
+        close_lane(group, i, note, transient, total, early_closing, _plain(cycles[t]), own_facts, trace, None)
         states[j] = ending_of(group, i, note, total)
 
 

@@ -22,6 +22,7 @@ from vibroimpact.kernels.observers import (
     Rests,
     Stamp,
     Sums,
+    Turn,
     count_impact,
     deviation,
     misses,
@@ -30,6 +31,7 @@ from vibroimpact.kernels.observers import (
     rests,
     stamp,
     sums,
+    turn,
 )
 from vibroimpact.kernels.state import Constants, Motion, kept
 
@@ -41,12 +43,13 @@ LANES = 32
     (load_first, store_first),
     (load_last, store_last),
     (load_rests, store_rests),
+    (load_turn, store_turn),
     (load_recurrence, store_recurrence),
     (load_deviation, store_deviation),
     (load_phases, store_phases),
     (load_misses, store_misses),
     ROWS,
-) = kept(CELL, LANES, Sums, Stamp, Stamp, Rests, Recurrence, Deviation, Phases, Misses)
+) = kept(CELL, LANES, Sums, Stamp, Stamp, Rests, Turn, Recurrence, Deviation, Phases, Misses)
 # What traced lanes keep beside the cell: the event, the speed of a contact, the steps passed.
 TRACED_ROWS = CELL + TRACE - STATE
 
@@ -74,7 +77,9 @@ def _counted(lanes, i, event, transient, total):
 def observe(lanes, i, motion, event, v, x, transient, total):
     """Observe the step of lane i that led to a motion."""
     count, hit, kept, first, last = _counted(lanes, i, event, transient, total)
-    store_sums(lanes, i, sums(load_sums(lanes, i), count, v, first, kept))
+    found = sums(load_sums(lanes, i), count, v, first, kept)
+    store_sums(lanes, i, found)
+    store_turn(lanes, i, turn(load_turn(lanes, i), motion, event, found))
     store_first(lanes, i, stamp(load_first(lanes, i), motion, first))
     store_last(lanes, i, stamp(load_last(lanes, i), motion, last))
     store_rests(lanes, i, rests(load_rests(lanes, i), event, x, count, transient, total))
@@ -88,7 +93,7 @@ def observe_thoroughly(lanes, i, k, motion, event, v, x, ready, flown, transient
     count, _, kept, first, last = _counted(lanes, i, event, transient, total)
     store_misses(lanes, i, misses(load_misses(lanes, i), ready, motion, k, event, x - flown, count, transient, total))
     store_deviation(lanes, i, deviation(load_deviation(lanes, i), motion, k, event, v, x, first, last))
-    store_phases(lanes, i, phases(load_phases(lanes, i), motion, kept))
+    store_phases(lanes, i, phases(load_phases(lanes, i), motion, event, kept))
     observe(lanes, i, motion, event, v, x, transient, total)
 
 

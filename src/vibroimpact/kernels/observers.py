@@ -49,11 +49,20 @@ class Stamp(NamedTuple):
 
 
 class Rests(NamedTuple):
-    """Whether the mass came to rest among the kept impacts; steps since the last impact; releases since a look."""
+    """Whether the mass came to rest among the kept impacts; steps since the last impact; releases."""
 
     stuck: float
     age: float
     releases: float
+
+
+class Turn(NamedTuple):
+    """Recorded impacts, sums and whole periods at the latest release."""
+
+    hits: float
+    sum1: float
+    sum2: float
+    n: float
 
 
 class Recurrence(NamedTuple):
@@ -83,10 +92,12 @@ class Deviation(NamedTuple):
 
 
 class Phases(NamedTuple):
-    """Sums of (sin wt, cos wt) of the kept impacts."""
+    """Sums of (sin wt, cos wt) of the kept impacts, now and at the latest release."""
 
     s: float
     c: float
+    turn_s: float
+    turn_c: float
 
 
 class Misses(NamedTuple):
@@ -152,6 +163,18 @@ def rests(old, event, x, count, transient, total):
 
 
 @njit(error_model="numpy", forceinline=True)
+def turn(old, motion, event, found):
+    """Note what has been summed up to a release."""
+    released = event == RELEASE
+    return Turn(
+        select(released, found.hits, old.hits),
+        select(released, found.sum1, old.sum1),
+        select(released, found.sum2, old.sum2),
+        select(released, motion.n, old.n),
+    )
+
+
+@njit(error_model="numpy", forceinline=True)
 def recurrence(old, v, count, hit):
     """Watch for impacts that recur: compare the speed of each with that of a reference impact.
 
@@ -194,9 +217,11 @@ def deviation(old, motion, k, event, v, x, first, last):
 
 
 @njit(error_model="numpy", forceinline=True)
-def phases(old, motion, kept):
+def phases(old, motion, event, kept):
     """Add up the phases of kept impacts, as points on the unit circle."""
-    return Phases(old.s + select(kept, motion.s, 0.0), old.c + select(kept, motion.c, 0.0))
+    s, c = old.s + select(kept, motion.s, 0.0), old.c + select(kept, motion.c, 0.0)
+    released = event == RELEASE
+    return Phases(s, c, select(released, s, old.turn_s), select(released, c, old.turn_c))
 
 
 @njit(error_model="numpy", forceinline=True)

@@ -22,10 +22,11 @@ from vibroimpact.kernels.cycle import (
 )
 from vibroimpact.kernels.flight import NONE
 from vibroimpact.kernels.law import energy_loss
-from vibroimpact.kernels.observers import FOLD, VelocityIndices, velocity_indices
+from vibroimpact.kernels.observers import FOLD, Turn, VelocityIndices, velocity_indices
 
-H, SCALE, FLIGHT, GRANTED, MADE, RATIO, KNOWN = range(7)  # what is noted of a cell beside its lane
-NOTES = 7
+# What is noted of a cell beside its lane; from TURN on, what its lane told of a release.
+H, SCALE, FLIGHT, GRANTED, MADE, RATIO, KNOWN, RELEASES, TURN = range(9)
+NOTES = TURN + len(Turn._fields) + 2
 WALK = 50_000  # steps after which a cycle is given up
 PERHAPS = 2000  # steps in which a mass that has stuck once may stick again
 
@@ -94,7 +95,7 @@ def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
     n_periods, n_impacts = facts[PERIODS], facts[IMPACTS]
     if facts[PERIODS] > 0.0 and facts[PARTING] >= UNRESOLVED:  # it rests again, but rounding decides when
         n_periods, n_impacts = 0.0, -1.0
-    sine, cosine = lane.load_phases(lanes, i)
+    phases = lane.load_phases(lanes, i)
     lost = energy_loss(cell.mass, cell.restitution) / (note[H] * note[H])
     if facts[PERIODS] > 0.0:
         exponent = facts[LOG_RADIUS] / (facts[PERIODS] * period)
@@ -123,7 +124,7 @@ def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
         n_impacts=n_impacts,
         dissipation=dissipation,
         stick_fraction=resting,
-        impact_phase_spread=max(1.0 - math.hypot(sine, cosine) / keep, 0.0),
+        impact_phase_spread=max(1.0 - math.hypot(phases.s, phases.c) / keep, 0.0),
         grazing_margin=margin if margin < NONE else math.inf,
     )
     _put(result, _THOROUGH, indices)

@@ -9,7 +9,7 @@ from numba import njit
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import LOOK, walk
 from vibroimpact.kernels.cell import FILLED, QUIET_FOR, RUNNING, budgets, cell_of, ending, prepare
-from vibroimpact.kernels.closing import try_to_close
+from vibroimpact.kernels.closing import close
 from vibroimpact.kernels.cycle import IMPACTS, PERIODS
 from vibroimpact.kernels.flight import NONE
 from vibroimpact.kernels.machine import compiled, next_ticket
@@ -21,15 +21,15 @@ from vibroimpact.kernels.results import (
     KNOWN,
     MADE,
     RATIO,
+    RELEASES,
     SCALE,
-    WALK,
+    TURN,
     H,
     harvest,
     harvest_thoroughly,
 )
 
 NEAR = 2e-11  # of V: how close an impact must come back to be looked at
-PAYS = 16.0  # sticking cycles left, below which the lanes are faster than a walk of one or two of them
 
 
 @njit(error_model="numpy")
@@ -46,7 +46,7 @@ def begin(lanes, i, note, cell, total, chatter, flight_periods, steps_per_impact
     lane.store_misses(lanes, i, Misses(NONE, 0.0))
     longest, granted = budgets(cell, flight_periods, steps_per_impact, total)
     note[H], note[SCALE], note[FLIGHT], note[GRANTED] = h, scale, longest, granted
-    note[MADE], note[RATIO], note[KNOWN] = 0.0, 0.0, 0.0
+    note[MADE], note[RATIO], note[KNOWN], note[RELEASES], note[TURN] = 0.0, 0.0, 0.0, 0.0, -1.0
 
 
 @njit(error_model="numpy")
@@ -61,13 +61,13 @@ def move(lanes, owner, notes, facts, i, j):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _calls(lanes, i, total, longest, granted, made, ratio):
+def _calls(lanes, i, total, note):
     """Return whether the cell in lane i may end here or close a cycle: a look at few of its numbers."""
     motion, k, seen = lane.load_motion(lanes, i), lane.load_constants(lanes, i), lane.load_rests(lanes, i)
-    at_end = (lane.load_sums(lanes, i).hits >= total) | (made > granted)
-    still = (motion.p == 0.0) | (k.A == 0.0) | (seen.age > min(QUIET_FOR, longest))
-    recurs = (ratio == 0.0) & ((seen.releases >= 2.0) | (lane.load_recurrence(lanes, i).candidate > 0.0))
-    return at_end | still | recurs
+    at_end = (lane.load_sums(lanes, i).hits >= total) | (note[MADE] > note[GRANTED])
+    still = (motion.p == 0.0) | (k.A == 0.0) | (seen.age > min(QUIET_FOR, note[FLIGHT]))
+    recurs = (note[RATIO] == 0.0) & (lane.load_recurrence(lanes, i).candidate > 0.0)
+    return at_end | still | recurs | (seen.releases > note[RELEASES])
 
 
 @njit(error_model="numpy")
@@ -83,28 +83,15 @@ def ending_of(lanes, i, note, total):
 
 @njit(error_model="numpy")
 def may_close(lanes, i, note, total, facts):
-    """Return whether lane i may have closed a cycle, and whether walking that cycle alone would pay.
+    """Return whether lane i has been released anew, or may have closed another cycle.
 
     Thorough lanes need every cycle that does not stick: `facts` is None in others.
     """
-    if note[RATIO] > 0.0:
-        return False
     count, releases = lane.load_sums(lanes, i).hits, lane.load_rests(lanes, i).releases
-    if lane.load_recurrence(lanes, i).candidate > 0.0:
-        return count < total or facts is not None
-    return releases >= 2.0 and total - count > PAYS * count / releases
-
-
-@njit(error_model="numpy")
-def close(lanes, i, note, transient, total, early_closing, cycle, facts, trace, recorder):
-    """Close the cycle of lane i if it is certain, and note it."""
-    number, periods, made, known = try_to_close(
-        lanes, i, transient, total, note[SCALE], WALK, early_closing, cycle, facts, trace, recorder
-    )
-    note[MADE] += made
-    if number > 0:
-        note[RATIO] = number / periods
-        note[KNOWN] = known
+    if releases > note[RELEASES]:
+        return True
+    recurs = note[RATIO] == 0.0 and releases < 2.0 and lane.load_recurrence(lanes, i).candidate > 0.0
+    return recurs and (count < total or facts is not None)
 
 
 @compiled
@@ -144,7 +131,7 @@ def run_cells(
             lane.step_thorough_lanes(lanes, busy, LOOK, transient, total)
         for i in range(busy):
             notes[i, MADE] += LOOK
-            if not _calls(lanes, i, total, notes[i, FLIGHT], notes[i, GRANTED], notes[i, MADE], notes[i, RATIO]):
+            if not _calls(lanes, i, total, notes[i]):
                 continue
             j = owner[i]
             own_facts = None if facts is None else facts[i]
