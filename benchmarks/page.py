@@ -14,6 +14,8 @@ STARTUP_TITLES = {
     "import_engine": "the same with the engine, `vi.parameter_map`",
     "help": "`vibroimpact --help`",
     "first_map_warm_cache": "a first small map, kernels in the cache",
+    "diagram": "a bifurcation diagram of 1000 frequencies, kernels in the cache",
+    "describe": "`vibroimpact describe -p omega=2.6`, kernels in the cache",
     "first_map_empty_cache": "a first small map, empty cache",
     "kernel_compile": "so much of it compiling kernels",
 }

@@ -14,6 +14,11 @@ FIRST_MAP = (
     "import numpy as np, vibroimpact as vi; "
     "vi.parameter_map(vi.ImpactOscillator(), omega=np.linspace(2, 3, 16), sample_impacts=200)"
 )
+DIAGRAM = (
+    "import numpy as np, vibroimpact as vi; "
+    "vi.bifurcation_diagram(vi.ImpactOscillator(), omega=np.linspace(0.05, 5, 1000))"
+)
+DESCRIBE = ("-m", "vibroimpact", "describe", "-p", "omega=2.6")
 
 
 def measure(effort: Effort) -> dict[str, float | None]:
@@ -34,6 +39,8 @@ def measure(effort: Effort) -> dict[str, float | None]:
         "import_engine": seconds("-c", ENGINE),
         "help": seconds("-m", "vibroimpact", "--help"),
         "first_map_warm_cache": warm,
+        "diagram": seconds("-c", DIAGRAM),
+        "describe": seconds(*DESCRIBE),
         "first_map_empty_cache": cold,
         "kernel_compile": None if cold is None else cold - warm,
     }

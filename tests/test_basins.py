@@ -218,7 +218,7 @@ def test_chaos_that_rests_within_1e5_impacts_is_one_attractor_that_sticks():
     """Chaos that rarely sticks: the release comes back after thousands of periods, later than most starts are run."""
     osc = vi.ImpactOscillator(mass=0.605, damping=0.0, stiffness=0.1645, omega=2.116, restitution=0.9, gap=0.5)
     (sticking,) = attractors(osc)
-    waiting = vi.impact_section(osc, start=at(osc, 0.25, 0.0), transient_impacts=0, sample_impacts=6000)
+    waiting = vi.impact_section(osc, start=at(osc, 0.25, 0.0), transient_impacts=0, sample_impacts=20_000)
     assert recognise(waiting) == Motion("sticking", 0, -1)  # on its way rounding grows to the size of the motion
     assert (sticking.name, sticking.share, sticking.velocities) == ("intermittent sticking", 1.0, ())
     assert 0.0 < sticking.std < sticking.mean_velocity < sticking.max_velocity

@@ -38,7 +38,7 @@ PHASE = np.linspace(0.0, 0.9, 1000)
         ),
         (lambda: vi.simulate(OSC, backend="fixed-step", time_step=1e-30), "`time_step` must be longer, or the motion"),
         (lambda: vi.State(0.0, 0.0, 1e300), None),
-        (lambda: vi.parameter_map(OSC, omega=np.linspace(1, 2, 10_000), sample_impacts=10**9), "some 1e.13 steps, 47"),
+        (lambda: vi.parameter_map(OSC, omega=np.linspace(1, 2, 10_000), sample_impacts=10**9), "some 1e.13 steps, 56"),
         (lambda: vi.parameter_map(OSC, omega=[1.0], backend="fixed-step", time_step=1e-30), "`axes` make 1 cells of"),
         (lambda: vi.impact_section(OSC, backend="fixed-step", time_step=1e-30), "`time_step` must be longer, or"),
         (
