@@ -12,8 +12,8 @@ from vibroimpact.kernels.law import chatter_factor
 from vibroimpact.kernels.leaps import leaps_of
 from vibroimpact.kernels.state import Constants, Motion
 
-# Of the motion's size: a clearance as small is none. Where the force begins at zero it would take 5e4 certified steps to
-# cross from rest, and a smaller one ten times as many for every million times.
+# Of the motion's size: a clearance as small is none. Where the force begins at zero it would take 5e4 certified steps
+# to cross from rest, and a smaller one ten times as many for every million times.
 NOTHING = 1e-30
 
 
