@@ -79,6 +79,7 @@ TARGETS = (
     Target("an impact, one core, no closing, w over 0.05 to 5", "ns", 27, _cost(ONE, "spread"), 20),
     Target("the same, w = 2.8", "ns", 28, _cost(ONE, "chaotic")),
     Target("the same, w = 2", "ns", 18, _cost(ONE, "period-1")),
+    Target("certified steps an impact, w over 0.05 to 5", "", 2.0, lambda result: result["steps_an_impact"]),
     Target("an impact of one orbit alone, w = 2.8", "ns", 400, _cost("ours, one orbit", "chaotic")),
     Target("the five maps, two cores, closing", "s", 3.0, _five_maps),
     Target("one map, (w, m), two cores, no closing", "s", 4.5, _mass_map),
