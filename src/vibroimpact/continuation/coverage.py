@@ -15,8 +15,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from scipy.ndimage import label
-from scipy.optimize import brentq
 
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.classes import NEEDED, classify
@@ -137,6 +135,8 @@ class Coverage:
                     self.lasting.add(number)
 
     def __post_init__(self) -> None:
+        from scipy.ndimage import label  # a sixth of a second, which verdicts need not wait
+
         least, many = LEAST * len(self.names), Counter(self.names.values()).most_common()
         followed = [name for name, number in many if number > least and _can_end(name)]
         cells = {cell for cell, name in self.names.items() if name in followed}
@@ -232,6 +232,7 @@ def _end_of_orbit(orbit: Orbit, parameter: str, values: tuple[float, float]) -> 
 
 def _touch(model: Model, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
     """Return where the steady motion without a stop first touches it, and whether it is still clear at the end."""
+    from scipy.optimize import brentq  # as long
 
     def room(value: float) -> float:
         osc = model.at(**{parameter: value})
