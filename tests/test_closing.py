@@ -5,7 +5,7 @@ import pytest
 from numba import njit
 
 import vibroimpact as vi
-from vibroimpact.indices import VELOCITY_INDICES
+from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.kernels.cell import Cell, prepare
 from vibroimpact.kernels.flight import flow, product
 from vibroimpact.kernels.law import saltation
@@ -84,6 +84,32 @@ def test_a_window_of_a_sticking_cycle_is_exact_to_rounding():
     for name in NAMES:
         assert closed[name].values == pytest.approx(stepped[name].values, rel=1e-13)
     assert closed.attrs["steps_computed"] < 0.2 * stepped.attrs["steps_computed"]
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 6, 8, 9, 10])
+def test_turns_from_release_to_release_are_skipped_without_a_trace(seed):
+    # Random designs, of which these stick, and windows that begin and end anywhere; all observers.
+    rng = np.random.default_rng(seed)
+    osc = vi.ImpactOscillator(
+        damping=rng.uniform(0.0, 0.3), restitution=rng.uniform(0.0, 0.7), gap=rng.uniform(-0.4, 0.3)
+    )
+    window = {"transient_impacts": int(rng.integers(0, 300)), "sample_impacts": int(rng.integers(100, 900))}
+    axis = {"omega": np.sort(rng.uniform(0.05, 0.9, 24))}
+    closed, stepped = (
+        vi.parameter_map(osc, indices=tuple(INDICES), early_closing=early, **axis, **window) for early in (True, False)
+    )
+    sticks = stepped["status"].values == vi.Status.STICKING
+    assert sticks.any()
+    assert np.array_equal(closed["status"].values[sticks], stepped["status"].values[sticks])
+    for name in INDICES:
+        scale = np.abs(np.nan_to_num(stepped[name].values[sticks], posinf=0.0, neginf=0.0)).max(initial=1e-3)
+        same = stepped[name].values[sticks]
+        if name == "max_velocity":  # of a closed cell that of its turn, without the way to it
+            assert (closed[name].values[sticks] <= same * (1.0 + 1e-13)).all()
+        else:
+            tolerance = max(1e-12 * scale, 1e-13)  # speeds are of size 1
+            np.testing.assert_allclose(closed[name].values[sticks], same, rtol=1e-12, atol=tolerance)
+    assert closed.attrs["impacts_computed"] <= stepped.attrs["impacts_computed"]
 
 
 def test_a_motion_that_keeps_its_energy_is_never_closed():
