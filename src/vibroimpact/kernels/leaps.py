@@ -22,7 +22,7 @@ from numba import njit
 
 from vibroimpact.kernels.flight import BARELY, coefficients, evaluate
 from vibroimpact.kernels.machine import fma, select
-from vibroimpact.kernels.state import Leap, Motion
+from vibroimpact.kernels.state import Flow, Leap, Motion
 
 # In steps, radians of the fastest rate: both below pi. Of some 400 sequences of 3 to 6 leaps of 0.4 to 2.8 none takes
 # clearly less time an impact, at w = 2, 2.8 and over 0.05 to 5, than the one in `leap`. Both are doubled from half a
@@ -39,7 +39,7 @@ def leaps_of(C, K, A, G, th):
     us, ps = _flown(0.0, 0.0, 1.0, 0.0, C, K, A, 0.0, th, part)
     uc, pc = _flown(0.0, 0.0, 0.0, 1.0, C, K, A, 0.0, th, part)
     ug, pg = _flown(0.0, 0.0, 0.0, 0.0, C, K, 0.0, G, th, part)
-    half = Leap(uu, up, pu, pp, us, uc, ug, ps, pc, pg, math.sin(th * part), math.cos(th * part), 0.0, 0.0)
+    half = Flow(uu, up, pu, pp, us, uc, ug, ps, pc, pg, math.sin(th * part), math.cos(th * part))
     short = _doubled(half)
     return _bounded(short, C, A, G, SHORT), _bounded(_doubled(short), C, A, G, LONG)
 
@@ -52,7 +52,7 @@ def _flown(u, p, s, c, C, K, A, G, th, x):
 @njit(error_model="numpy")
 def _doubled(a):
     """Return the flow over twice the length."""
-    return Leap(
+    return Flow(
         uu=fma(a.uu, a.uu, a.up * a.pu),
         up=fma(a.uu, a.up, a.up * a.pp),
         pu=fma(a.pu, a.uu, a.pp * a.pu),
@@ -65,19 +65,15 @@ def _doubled(a):
         pg=fma(a.pu, a.ug, a.pp * a.pg) + a.pg,
         sine=2.0 * a.sine * a.cosine,
         cosine=(a.cosine - a.sine) * (a.cosine + a.sine),
-        push=0.0,
-        load=0.0,
     )
 
 
 @njit(error_model="numpy")
-def _bounded(a, C, A, G, X):
+def _bounded(flow, C, A, G, X):
     """Return a flow over X <= pi with the bound of its certificate."""
     stretched = math.expm1(C * X) / C if C > 0.0 else X
     bend = 0.25 * stretched**2
-    return Leap(
-        a.uu, a.up, a.pu, a.pp, a.us, a.uc, a.ug, a.ps, a.pc, a.pg, a.sine, a.cosine, push=bend * A, load=bend * G
-    )
+    return Leap(flow, push=bend * A, load=bend * G)
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -89,10 +85,11 @@ def stays_clear(u0, u1, half):
 
 @njit(error_model="numpy", forceinline=True)
 def _leap(u, p, s, c, flown, over, X):
-    u1 = fma(over.uu, u, over.up * p) + fma(over.us, s, fma(over.uc, c, over.ug))
-    p1 = fma(over.pu, u, fma(over.pp, p, fma(over.ps, s, fma(over.pc, c, over.pg))))
-    s1 = fma(s, over.cosine, c * over.sine)
-    c1 = fma(c, over.cosine, -s * over.sine)
+    by = over.flow
+    u1 = fma(by.uu, u, by.up * p) + fma(by.us, s, fma(by.uc, c, by.ug))
+    p1 = fma(by.pu, u, fma(by.pp, p, fma(by.ps, s, fma(by.pc, c, by.pg))))
+    s1 = fma(s, by.cosine, c * by.sine)
+    c1 = fma(c, by.cosine, -s * by.sine)
     # The least sine on the way: -1 where the cosine rises through zero, else at an end.
     least = select((c < 0.0) & (c1 > 0.0), -1.0, min(s, s1))
     leaps = stays_clear(u, u1, fma(-over.push, least, over.load)) & ((p >= 0.0) | (p1 <= 0.0))

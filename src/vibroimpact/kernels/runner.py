@@ -61,13 +61,11 @@ def move(lanes, owner, notes, facts, i, j):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _calls(lanes, i, total, note):
-    """Return whether the cell in lane i may end here or close a cycle: a look at few of its numbers."""
-    motion, k, seen = lane.load_motion(lanes, i), lane.load_constants(lanes, i), lane.load_rests(lanes, i)
-    at_end = (lane.load_sums(lanes, i).hits >= total) | (note[MADE] > note[GRANTED])
-    still = (motion.p == 0.0) | (k.A == 0.0) | (seen.age > min(QUIET_FOR, note[FLIGHT]))
-    recurs = (note[RATIO] == 0.0) & (lane.load_recurrence(lanes, i).candidate > 0.0)
-    return at_end | still | recurs | (seen.releases > note[RELEASES])
+def may_end(lanes, i, note, total):
+    """Return whether lane i may end here: a look at few of its numbers, before all that `ending_of` asks."""
+    motion, k, age = lane.load_motion(lanes, i), lane.load_constants(lanes, i), lane.load_rests(lanes, i).age
+    spent = (lane.load_sums(lanes, i).hits >= total) | (note[MADE] > note[GRANTED])
+    return spent | (motion.p == 0.0) | (k.A == 0.0) | (age > min(QUIET_FOR, note[FLIGHT]))
 
 
 @njit(error_model="numpy")
@@ -81,17 +79,15 @@ def ending_of(lanes, i, note, total):
     )
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def may_close(lanes, i, note, total, facts):
     """Return whether lane i has been released anew, or may have closed another cycle.
 
     Thorough lanes need every cycle that does not stick: `facts` is None in others.
     """
     count, releases = lane.load_sums(lanes, i).hits, lane.load_rests(lanes, i).releases
-    if releases > note[RELEASES]:
-        return True
-    recurs = note[RATIO] == 0.0 and releases < 2.0 and lane.load_recurrence(lanes, i).candidate > 0.0
-    return recurs and (count < total or facts is not None)
+    recurs = (note[RATIO] == 0.0) & (releases < 2.0) & (lane.load_recurrence(lanes, i).candidate > 0.0)
+    return (releases > note[RELEASES]) | (recurs & ((count < total) | (facts is not None)))
 
 
 @compiled
@@ -131,11 +127,12 @@ def run_cells(
             lane.step_thorough_lanes(lanes, busy, LOOK, transient, total)
         for i in range(busy):
             notes[i, MADE] += LOOK
-            if not _calls(lanes, i, total, notes[i]):
+            closes = may_close(lanes, i, notes[i], total, facts)
+            if not (closes | may_end(lanes, i, notes[i], total)):
                 continue
             j = owner[i]
-            own_facts = None if facts is None else facts[i]
-            if may_close(lanes, i, notes[i], total, own_facts):
+            if closes:
+                own_facts = None if facts is None else facts[i]
                 close(lanes, i, notes[i], transient, total, early_closing, cycle, own_facts, trace, None)
             ends[j] = ending_of(lanes, i, notes[i], total)
             if ends[j] != RUNNING:

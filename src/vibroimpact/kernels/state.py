@@ -18,10 +18,8 @@ class Motion(NamedTuple):
     n: float
 
 
-class Leap(NamedTuple):
-    """The flow over a fixed length, u1 = uu u + up p + us s + uc c + ug and so p1, the turn of (s, c), and what gives
-    q/2 = load - push sin wt in the certificate.
-    """
+class Flow(NamedTuple):
+    """The flow over a fixed length, u1 = uu u + up p + us s + uc c + ug and so p1, and the turn of (s, c)."""
 
     uu: float
     up: float
@@ -35,6 +33,12 @@ class Leap(NamedTuple):
     pg: float
     sine: float
     cosine: float
+
+
+class Leap(NamedTuple):
+    """A flow, and what gives q/2 = load - push sin wt in its certificate."""
+
+    flow: Flow
     push: float
     load: float
 
