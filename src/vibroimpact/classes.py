@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
-from vibroimpact.dataset import flags, oscillator_of, variable
+from vibroimpact.dataset import dataset_of, flags, oscillator_of, variable
 from vibroimpact.motion import MotionClass, decide, stored
 from vibroimpact.parameters import invalid
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 NEEDED = ("lyapunov_per_impact", "n_periods", "n_impacts", "status")
 
@@ -84,7 +86,7 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
         "n_impacts": variable("n_impacts", dims, n_impacts.astype(np.int32)),
         "status": status.variable,
     }
-    return xr.Dataset(content, coords=status.coords, attrs=sweep.attrs | {"function": "classify"})
+    return dataset_of(content, coords=status.coords, attrs=sweep.attrs | {"function": "classify"})
 
 
 def motion_variable(dims: Any, codes: NDArray[Any]) -> xr.Variable:
@@ -119,6 +121,8 @@ def _period(sweep: xr.Dataset) -> Any:
 
 
 def _check(sweep: Any) -> None:
+    import xarray as xr
+
     if not isinstance(sweep, xr.Dataset):
         raise invalid("sweep", sweep, "a Dataset", "give what `parameter_map` returned")
     held = set(map(str, sweep.data_vars))

@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from vibroimpact.cells import FASTEST
@@ -18,6 +17,9 @@ from vibroimpact.indices import INDICES
 from vibroimpact.oscillator import ImpactOscillator, Model
 from vibroimpact.parameters import Parameter
 from vibroimpact.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # name: (long name, unit, symbol)
 VARIABLES: dict[str, tuple[str, str, str]] = {
@@ -49,8 +51,17 @@ def variable(name: str, dims: str | Sequence[str], data: Any, **attrs: Any) -> x
 
 def plain_variable(dims: str | Sequence[str], data: Any, attrs: dict[str, Any]) -> xr.Variable:
     """Return an array of numbers with its attributes."""
+    import xarray as xr  # a third of a second, which verdicts need not wait
+
     # Without `fastpath`, xarray asks whether the array is one of Dask's, and imports Dask for that.
     return xr.Variable(dims, np.asarray(data), attrs, fastpath=True)
+
+
+def dataset_of(variables: Mapping[str, Any] | None = None, coords: Any = None, attrs: Any = None) -> xr.Dataset:
+    """Return labelled variables as one dataset."""
+    import xarray as xr
+
+    return xr.Dataset(variables, coords, attrs)
 
 
 def missing(index: str, shape: int | tuple[int, ...]) -> NDArray[Any]:
@@ -204,19 +215,19 @@ def bundle(parts: Sequence[xr.Dataset], function: str, provenance: Mapping[str, 
             rows |= _in_a_row(padded, dim, name)
     ends = {key: json.dumps([str(part.attrs.get(key, "")) for part in parts]) for key in ENDS}
     attrs = {**provenance, "function": function} | {f"{name}_{key}": text for key, text in ends.items()}
-    return xr.Dataset(rows | _of_each(parts, f"{name}_id"), attrs=attrs).set_coords(list(parts[0].coords))
+    return dataset_of(rows | _of_each(parts, f"{name}_id"), attrs=attrs).set_coords(list(parts[0].coords))
 
 
 def _in_a_row(parts: Sequence[xr.Dataset], dim: str, name: str) -> dict[str, Any]:
     """Return the variables along `dim`, the parts one after another, and the number of each entry's part."""
     keys = [str(key) for key, variable in parts[0].variables.items() if dim in variable.dims]
-    join: Any = xr.Variable.concat
+    join: Any = type(parts[0][keys[0]].variable).concat
     rows = {key: join([part[key].variable for part in parts], dim) for key in keys}
     owner = np.repeat(np.arange(len(parts)), [part.sizes[dim] for part in parts]).astype(np.int32)
-    rows[_owner(dim, name)] = xr.Variable(dim, owner, {"long_name": f"number of the {name}", "units": "1"})
+    rows[_owner(dim, name)] = plain_variable(dim, owner, {"long_name": f"number of the {name}", "units": "1"})
     if dim == "point":
         kept = np.isfinite(rows["velocity"].transpose("point", "impact").values).sum(axis=1)
-        rows["count"] = xr.Variable("point", kept, {"long_name": "number of impacts", "units": "1", "symbol": "N"})
+        rows["count"] = plain_variable("point", kept, {"long_name": "number of impacts", "units": "1", "symbol": "N"})
     return rows
 
 
@@ -224,13 +235,13 @@ def _of_each(parts: Sequence[xr.Dataset], dim: str) -> dict[str, Any]:
     """Return the variables of whole parts, over the parts."""
     names = {"n_periods": "driving periods in a cycle", "n_impacts": "impacts in a cycle", dim: "number"}
     columns = {
-        str(key): xr.Variable(dim, np.array([part[key].item() for part in parts], variable.dtype), variable.attrs)
+        str(key): plain_variable(dim, np.array([part[key].item() for part in parts], variable.dtype), variable.attrs)
         for key, variable in parts[0].data_vars.items()
         if not variable.dims
     }
     for key, long_name in names.items():
         numbers = range(len(parts)) if key == dim else [part.attrs[key] for part in parts]
-        columns[key] = xr.Variable(dim, np.array(numbers, np.int32), {"long_name": long_name, "units": "1"})
+        columns[key] = plain_variable(dim, np.array(numbers, np.int32), {"long_name": long_name, "units": "1"})
     return columns
 
 

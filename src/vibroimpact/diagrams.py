@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from threading import Event
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibroimpact.backends import (
@@ -21,7 +20,7 @@ from vibroimpact.backends import (
     get_backend,
 )
 from vibroimpact.cells import Cells
-from vibroimpact.dataset import impact_speed, missing, status_variable, variable
+from vibroimpact.dataset import dataset_of, impact_speed, missing, status_variable, variable
 from vibroimpact.execution.threads import run_sweep, run_tiles, tiles, worker_count
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
@@ -30,6 +29,9 @@ from vibroimpact.parameters import check_fits, check_steps, choice, phase_number
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.request import COSTLY, Request, check_axes
 from vibroimpact.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SECTIONS = ("impact", "stroboscopic")
 DIRECTIONS = ("fresh", "up", "down")
@@ -212,7 +214,7 @@ def _empty_diagram(request: Request, section: str, keep: int) -> xr.Dataset:
         points = {"velocity": impact_speed(dims, first), "phase": variable("phase", dims, second)}
     else:
         points = {"displacement": variable("displacement", dims, first), "velocity": variable("velocity", dims, second)}
-    return xr.Dataset(
+    return dataset_of(
         {
             **points,
             "count": variable("count", name, np.zeros(number, np.int64)),

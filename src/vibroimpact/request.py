@@ -10,17 +10,27 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.cells import FASTEST, Cells, Floats
-from vibroimpact.dataset import label, package_version, plain_variable, provenance, status_variable, variable
+from vibroimpact.dataset import (
+    dataset_of,
+    label,
+    package_version,
+    plain_variable,
+    provenance,
+    status_variable,
+    variable,
+)
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names, one_start
 from vibroimpact.parameters import STEPS, Parameter, check_steps, invalid, positive_number, whole_number
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Places = NDArray[np.int64]
 CELL, INDEX = 250, 8  # bytes per cell of a map while it is computed, and per index beyond the first
@@ -205,7 +215,7 @@ def map_of(request: Request, arrays: Mapping[str, NDArray[Any]]) -> xr.Dataset:
     found = {name: variable(name, request.dims, arrays[name]) for name in request.indices}
     found["status"] = status_variable(request.dims, arrays["status"])
     counts = {"impacts_computed": 0, "steps_computed": 0}
-    return xr.Dataset(found, request.coordinates(), attrs=counts | request.provenance("parameter_map"))
+    return dataset_of(found, request.coordinates(), attrs=counts | request.provenance("parameter_map"))
 
 
 def check_axes(axes: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dict[str, Floats]:

@@ -6,18 +6,20 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from vibroimpact.backends import Backend, ImpactWindow, Measurement, Samples, StroboscopicWindow, get_backend
 from vibroimpact.cells import Floats, cells_at
-from vibroimpact.dataset import impact_speed, provenance, status_variable, stick_times, variable
+from vibroimpact.dataset import dataset_of, impact_speed, provenance, status_variable, stick_times, variable
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State, one_start, the_oscillator
 from vibroimpact.parameters import STEPS, check_fits, invalid, phase_number, positive_number, whole_number
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 ROW = 200  # bytes in memory of one that is sampled, while it is labelled
 Seconds = Callable[[Any, Any], Any]  # of whole driving periods and phases
@@ -141,7 +143,7 @@ def simulate(
     seen, seconds = orbit.samples(window)
     found = _trajectory(seen, seconds) | {"status": status_variable((), seen.status)}
     coords = {"time": found.pop("time")}
-    return xr.Dataset(found, coords, orbit.provenance("simulate", periods=length, samples_per_period=density))
+    return dataset_of(found, coords, orbit.provenance("simulate", periods=length, samples_per_period=density))
 
 
 def measure_orbit(
@@ -245,7 +247,7 @@ def impact_section(
 
 def labelled_impacts(seen: Samples, seconds: Seconds, attrs: dict[str, str]) -> xr.Dataset:
     """Return the impacts that a window saw, labelled as `impact_section` returns them."""
-    return xr.Dataset(
+    return dataset_of(
         {
             "time": variable("time", "impact", seconds(seen.impact_periods, seen.impact_phase)),
             "phase": variable("phase", "impact", seen.impact_phase),
@@ -309,7 +311,7 @@ def stroboscopic_section(
     sampling = Sampling(transient_periods=transient_periods, sample_periods=sample_periods)
     window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, phase_number("phase", phase))
     seen, seconds = orbit.samples(window)
-    return xr.Dataset(
+    return dataset_of(
         {
             "time": variable("time", "period", seconds(seen.look_periods, seen.look_phase)),
             "displacement": variable("displacement", "period", seen.look_displacement),

@@ -10,7 +10,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibroimpact.backends import ImpactWindow, Measurement
@@ -25,6 +24,7 @@ from vibroimpact.request import Request, check_axes, check_points, check_start, 
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
+    import xarray as xr
     from distributed import Client
 
 FINE_CELL = 30  # bytes a cell of a refined map takes

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
@@ -15,13 +14,16 @@ from vibroimpact.cells import Floats, cells_at
 from vibroimpact.coexistence.attractor import Attractor, Basin, distinct_names, match
 from vibroimpact.coexistence.measuring import Runner, orbit_cells, spread_cells, state_cells
 from vibroimpact.coexistence.settling import Settled, last_round, outlook_from, outlook_of, rounds, settle
-from vibroimpact.dataset import flags, impact_speed, provenance, status_variable, variable
+from vibroimpact.dataset import dataset_of, flags, impact_speed, plain_variable, provenance, status_variable, variable
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State, the_oscillator
 from vibroimpact.parameters import Parameter, check_steps, phase_number, unknown
 from vibroimpact.progress import Report, reporter
 from vibroimpact.request import COSTLY, check_axes
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SAMPLING = Sampling(transient_impacts=100, sample_impacts=500)  # of the first round
 POINTS = 256  # of an attractor, at most, that are returned to be marked in a portrait
@@ -205,7 +207,7 @@ def basins(
     coords = {name: variable(name, name, values) for name, values in grid.items()}
     if "phase" in grid:
         coords["velocity"] = impact_speed("velocity", grid["velocity"])
-    labelled = xr.Dataset(coords=coords, attrs=provenance("basins", osc, arguments))
+    labelled = dataset_of(coords=coords, attrs=provenance("basins", osc, arguments))
     dims, shape = tuple(grid), tuple(len(values) for values in grid.values())
     cells = grid_cells(one, grid, phase)
 
@@ -265,8 +267,10 @@ def _table(found: Sequence[Basin]) -> dict[str, xr.Variable]:
     rows = [basin.attractor for basin in found]
     share = {"long_name": "share of the initial conditions", "units": "1", "symbol": "share"}
     return {
-        "attractor_id": xr.Variable("attractor_id", np.arange(len(rows), dtype=np.int16), {"long_name": "attractor"}),
-        "share": xr.Variable("attractor_id", np.array([row.share for row in rows], float), share),
+        "attractor_id": plain_variable(
+            "attractor_id", np.arange(len(rows), dtype=np.int16), {"long_name": "attractor"}
+        ),
+        "share": plain_variable("attractor_id", np.array([row.share for row in rows], float), share),
         **{
             name: variable(
                 name,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -14,6 +14,7 @@ from vibroimpact.continuation.results import Branch, course
 from vibroimpact.continuation.system import (
     DOUBLING,
     MOST_POINTS,
+    Step,
     System,
     Way,
     both_ways,
@@ -143,13 +144,15 @@ def _corrected(system: System, x: Floats) -> Floats:
     raise ValueError("`orbit` does not return to itself; give a periodic orbit that find_orbit returned")
 
 
-def walk(system: System, x: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
-    """Yield, point by point, a branch as far as it has been followed, down (-1) or up (1) the parameter."""
+def walk(system: System, x: Floats, longest: float, virtual: bool, direction: float, strides: int = 1) -> Iterator[Way]:
+    """Yield, point by point, a branch as far as it has been followed, down (-1) or up (1) the parameter.
+
+    Where no test along it falls by half, steps are up to `strides` times as long.
+    """
     along = direction * system.tangent(x, np.eye(len(x))[-1])
     here = Point(system, x, along)
     way = Way([here])
-    for step in follow(system, x, along, longest):
-        there = Point(system, step.x, step.tangent)
+    for step, there in _dense(system, here, follow(system, x, along, strides * longest), longest):
         if step.end == "lost" or not system.in_order(step.x):
             way.end = "lost" if step.end == "lost" else "impacts_merge"
             break
@@ -176,6 +179,28 @@ def walk(system: System, x: Floats, longest: float, virtual: bool, direction: fl
             break
         yield way
     yield way
+
+
+def _dense(system: System, here: Point, steps: Iterable[Step], longest: float) -> Iterator[tuple[Step, Point]]:
+    """Yield the steps of a curve and their points, with points between where a longer step nears a bifurcation."""
+    for step in steps:
+        there = Point(system, step.x, step.tangent)
+        for part in [] if step.end == "lost" else _inside(here, there, longest):
+            yield Step(part.x, part.tangent), part
+        yield step, there
+        here = there
+
+
+def _inside(a: Point, b: Point, longest: float) -> list[Point]:
+    """Return points between two that are further apart than `longest`, if a test falls by half between them."""
+    weights = a.system.weights(a.x)
+    if np.linalg.norm((b.x - a.x) * weights) <= 1.01 * longest or not b.nears(a):
+        return []
+    found, made, jacobian = a.system.newton(0.5 * (a.x + b.x), b.x - a.x)
+    if not made:
+        return []
+    middle = Point(a.system, found, a.system.tangent(found, a.tangent, jacobian))
+    return [*_inside(a, middle, longest), middle, *_inside(middle, b, longest)]
 
 
 def _halved(a: Point, b: Point) -> Solution | None:

@@ -11,10 +11,9 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import product
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.classes import NEEDED, classify
@@ -30,6 +29,9 @@ from vibroimpact.orbits.sticking import StickingEnd, end_of_sticking
 from vibroimpact.oscillator import Model
 from vibroimpact.progress import Report
 from vibroimpact.sweeps import parameter_map
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 CELLS = 48  # along each parameter
 LEAST = 0.01  # of the cells: a motion that covers more is followed

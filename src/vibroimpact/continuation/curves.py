@@ -8,9 +8,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import groupby, product
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_through, check_box, check_plane
 from vibroimpact.continuation.branch import walk
@@ -27,6 +27,9 @@ from vibroimpact.oscillator import ImpactOscillator, Model, check_model
 from vibroimpact.parameters import choice, invalid, several, whole_number
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Bools = np.ndarray[tuple[int], np.dtype[np.bool_]]
 

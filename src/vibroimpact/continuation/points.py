@@ -111,6 +111,10 @@ class Point(Solution):
             TOUCH: self.margin,
         }
 
+    def nears(self, other: Point) -> bool:
+        """Whether a test is less than half of what it was at another point."""
+        return any(self.tests[key] * math.copysign(1.0, was) < 0.5 * abs(was) for key, was in other.tests.items())
+
     @property
     def clear(self) -> bool:
         """Whether no flight penetrates the stop and no impact has a velocity away from it."""

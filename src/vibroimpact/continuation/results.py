@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from vibroimpact.continuation.system import MOST_POINTS
-from vibroimpact.dataset import flags, impact_speed, label, plain_variable, provenance, variable
+from vibroimpact.dataset import dataset_of, flags, impact_speed, label, plain_variable, provenance, variable
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.oscillator import Model
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 ENDS = {
     "range": "at the end of the range",
@@ -178,7 +180,7 @@ def _along(
     name = {"n_periods": first.n_periods, "n_impacts": first.n_impacts}
     ends = {"outcome": " ".join(curve.outcome), "message": curve.message}
     attrs = provenance(call, first.model, given | name | curve.arguments) | name | ends
-    return xr.Dataset(content, {key: axis(first.model, key, "point", values[key]) for key in values}, attrs)
+    return dataset_of(content, {key: axis(first.model, key, "point", values[key]) for key in values}, attrs)
 
 
 def course(what: str, orbits: Sequence[Orbit], names: Sequence[str], ends: tuple[str, str]) -> str:

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import groupby, pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from vibroimpact.continuation.branch import continue_orbit
 from vibroimpact.continuation.points import switch_branch
@@ -19,6 +19,9 @@ from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.orbit import Orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.search import find_orbit
 from vibroimpact.progress import Report
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SAME = 1e-6  # `orbit_distance` between orbits that are one
 NEEDED = ("velocity", "count", "status", "n_periods", "n_impacts", "lyapunov_per_impact")

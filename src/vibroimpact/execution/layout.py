@@ -20,10 +20,9 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from shlex import join
 from threading import Lock
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-import xarray as xr
 import zarr
 from numpy.typing import NDArray
 from zarr.codecs import ZstdCodec
@@ -37,6 +36,9 @@ from vibroimpact.guard import DIGEST, RECORDS, GuardedStore, clear, digest_of
 from vibroimpact.parameters import check_fits
 from vibroimpact.request import Request, key_of
 from vibroimpact.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 PROGRESS, LIST = "progress", "progress/cells"
 CELL = "cell"  # in the lists: where on the fine grid each cell lies, by its flat index; -1 beyond the end of a batch

@@ -9,13 +9,13 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 import zarr
 
 from vibroimpact.cells import Tiling
+from vibroimpact.dataset import dataset_of
 from vibroimpact.execution import Gathered, Place
 from vibroimpact.execution.layout import (
     CELL,
@@ -47,6 +47,9 @@ from vibroimpact.parameters import check_fits, invalid
 from vibroimpact.progress import Report, Stop
 from vibroimpact.request import Request, differences, key_of, mark
 from vibroimpact.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 START = "start"  # the axis of several initial conditions, which are numbered
 READ = 64  # tiles read at once, or one row of them: Zarr reads many chunks together in a third of the time
@@ -371,7 +374,7 @@ class _Tally:
         done = records[records[:, DONE] > 0]
         self.total, self.cells = math.prod(store.shape), int(done[:, FIRST_STATUS:].sum())
         skipped = {"cells_skipped": self.cells, "tiles_skipped": len(done)}
-        self.dataset = xr.Dataset(attrs={"impacts_computed": 0, "steps_computed": 0, **skipped})
+        self.dataset = dataset_of(attrs={"impacts_computed": 0, "steps_computed": 0, **skipped})
 
     def add(self, record: Rows) -> None:
         """Count a tile."""

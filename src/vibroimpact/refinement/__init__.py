@@ -9,7 +9,6 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from vibroimpact.dataset import level_variable, plain_variable
 from vibroimpact.execution import Gathered, Place, check_place, computing, usual_tile
@@ -19,6 +18,7 @@ from vibroimpact.refinement.picture import NAMING, Picture, finer, refine_pictur
 from vibroimpact.request import Places, Request, map_of
 
 if TYPE_CHECKING:
+    import xarray as xr
     from distributed import Client
 
     from vibroimpact.execution.layout import TileWriter
@@ -209,6 +209,8 @@ def to_uniform(plane: xr.Dataset, *, shape: tuple[int, int] | None = None) -> xr
     >>> dict(to_uniform(plane, shape=(11, 6)).sizes)
     {'omega': 11, 'mass': 6}
     """
+    import xarray as xr
+
     if not isinstance(plane, xr.Dataset) or "level" not in plane or len(plane["level"].dims) != 2:
         raise ValueError(f"`plane` must be what `refined_map` returned, got a {type(plane).__name__} without levels")
     dims = [str(dim) for dim in plane["level"].dims]

@@ -6,9 +6,9 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from itertools import groupby
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from vibroimpact.classes import NEEDED, classify
@@ -17,6 +17,9 @@ from vibroimpact.indices import INDICES, ROUNDING, spread_scale
 from vibroimpact.motion import MotionClass, cycle_length, decide, motion_name, recurrence, refined
 from vibroimpact.report.quantities import axis_range, begun, counted, quantity, spaced, span
 from vibroimpact.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 MOTIONS = 8  # listed of a map, at most
 INTERVALS = 12  # listed of a diagram, at most

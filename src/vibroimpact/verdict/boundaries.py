@@ -28,7 +28,8 @@ from vibroimpact.verdict.onsets import Onset, Side, from_rest, from_some
 from vibroimpact.verdict.present import CROWDED, Coexisting, Present, Range, measure
 
 NOISE = 1e-12  # relative: what is smaller is rounding
-STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch
+STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch near a bifurcation
+STRIDES = 4  # times as long are steps elsewhere
 MOST = 800  # orbits times impacts that are solved for along one direction
 GOLDEN, GOLDEN_SHARE = 60, 0.5 * (math.sqrt(5.0) - 1.0)  # steps of a golden section, to 3e-13 of its beginning
 SCANNED = 60  # values along a path at which a condition is evaluated
@@ -267,7 +268,7 @@ def _bifurcation(orbit: Orbit, side: Found) -> Found | None:
     """Follow the orbit until it folds, doubles or grazes."""
     system, z = system_of(orbit, (side.range.name,), ((side.range.low, side.range.high),))
     way = None
-    for way in walk(system, system.pack(z), STEP, False, side.direction):
+    for way in walk(system, system.pack(z), STEP, False, side.direction, STRIDES):
         for special in way.special:
             at = special.orbit
             if at.admissible:

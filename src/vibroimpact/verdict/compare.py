@@ -5,12 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
-from vibroimpact.dataset import VARIABLES, flags, label, plain_variable, provenance, status_variable, variable
+from vibroimpact.dataset import (
+    VARIABLES,
+    dataset_of,
+    flags,
+    label,
+    plain_variable,
+    provenance,
+    status_variable,
+    variable,
+)
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import Model
@@ -21,6 +29,9 @@ from vibroimpact.verdict.boundaries import BOUNDARIES, ONSETS, Edge
 from vibroimpact.verdict.describe import Verdict, describe
 from vibroimpact.verdict.present import percent, range_of
 from vibroimpact.verdict.text import advice_words, onset_words
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,15 +103,15 @@ class Comparison:
             values = np.array([verdict.indices[name] for verdict in self.verdicts])
             content[name] = variable(name, "design", values.astype(index.dtype))
         power, motion = zip(*((verdict.power, verdict.motion.name) for verdict in self.verdicts), strict=True)
-        content["power"] = xr.Variable("design", list(power), {"long_name": "mean power lost", "units": "W"})
-        content["motion"] = xr.Variable("design", _texts(motion), {"long_name": "name of the motion"})
+        content["power"] = plain_variable("design", list(power), {"long_name": "mean power lost", "units": "W"})
+        content["motion"] = plain_variable("design", _texts(motion), {"long_name": "name of the motion"})
         content["status"] = status_variable("design", [Status[v.status.upper()] for v in self.verdicts])
         first, second = (verdict.boundaries for verdict in self.verdicts)
         varied = [edge.parameter for edge in first[::2]]
         if len(first) == len(second):
             content |= _boundary_variables(self.verdicts)
         arguments = {"names": self.names, "oscillators": [asdict(verdict.oscillator) for verdict in self.verdicts]}
-        return xr.Dataset(
+        return dataset_of(
             content,
             coords={"design": _texts(self.names), "parameter": _texts(varied), "direction": np.array([-1, 1], np.int8)},
             attrs=provenance("compare", self.verdicts[0].model, arguments),
@@ -118,11 +129,11 @@ def _boundary_variables(verdicts: tuple[Verdict, Verdict]) -> dict[str, xr.Varia
 
     def numbers(name: str, long_name: str) -> xr.Variable:
         values = np.array([getattr(edge, name) for edge in edges], dtype=np.float64)
-        return xr.Variable(dims, values.reshape(shape), {"long_name": long_name})
+        return plain_variable(dims, values.reshape(shape), {"long_name": long_name})
 
     def onsets(name: str, words: str) -> xr.Variable:
         values = np.array([getattr(getattr(edge, name), "value", math.nan) for edge in edges])
-        return xr.Variable(dims, values.reshape(shape), {"long_name": f"{words}, in the parameter's unit"})
+        return plain_variable(dims, values.reshape(shape), {"long_name": f"{words}, in the parameter's unit"})
 
     kinds = np.array([list(BOUNDARIES).index(edge.kind) for edge in edges], np.int8)
     return {
