@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from vibroimpact.parameters import invalid
+
 if TYPE_CHECKING:
     from vibroimpact.oscillator import ImpactOscillator, State
 
@@ -171,7 +173,14 @@ def _start(clearance: Any, velocity: Any, turns: Floats) -> dict[str, Any]:
     return {"clearance": clearance, "velocity": velocity, "periods": whole, "phase": turns - whole}
 
 
+def check_single(name: str, start: State) -> None:
+    """Refuse an initial condition of several coordinates for one mass."""
+    if isinstance(start.displacement, tuple):
+        raise invalid(name, start, "a State of one mass", "give its displacement and velocity as numbers, not as lists")
+
+
 def _check_start(start: State, gap: Floats, turns: Floats) -> None:
+    check_single("start", start)
     nearest = float(np.min(gap, initial=np.inf))
     if start.displacement > nearest:
         raise ValueError(

@@ -284,14 +284,14 @@ def the_oscillator(model: Any) -> ImpactOscillator:
 
 @dataclass(frozen=True)
 class State:
-    """Where the mass is, how fast it moves towards the stop, and when.
+    """Where the mass is, how fast it moves towards the stop, and when; of a system, its coordinates and their rates.
 
     Parameters
     ----------
-    displacement : float
-        y in m; at most the gap.
-    velocity : float
-        y' in m/s; at the stop, > 0 is an impact at this very time.
+    displacement : float or sequence of float
+        y in m; at most the gap. Of an `ImpactSystem` all coordinates, kept as a tuple.
+    velocity : float or sequence of float
+        y' in m/s; at the stop, > 0 is an impact at this very time. As many as coordinates, all 0 unless given.
     time : float
         t in s; the force is f sin(w t).
 
@@ -299,15 +299,34 @@ class State:
     --------
     >>> State(-1.0)
     State(displacement=-1.0, velocity=0.0, time=0.0)
+    >>> State([0.1, 0.0])
+    State(displacement=(0.1, 0.0), velocity=(0.0, 0.0), time=0.0)
     """
 
-    displacement: float
-    velocity: float = 0.0
+    displacement: Any  # a float, or a tuple of them
+    velocity: Any = 0.0
     time: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("displacement", "velocity", "time"):
-            object.__setattr__(self, name, real_number(name, getattr(self, name)))
+        found = {name: _numbers(name, getattr(self, name)) for name in ("displacement", "velocity")}
+        places, speeds = (len(value) if isinstance(value, tuple) else 0 for value in found.values())
+        if places and found["velocity"] == 0.0:
+            found["velocity"] = (0.0,) * places
+        elif places != speeds:
+            got = " and ".join(str(count or "a single number") for count in (places, speeds))
+            raise ValueError(f"`displacement` and `velocity` must have as many numbers, got {got}")
+        for name, value in found.items():
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "time", real_number("time", self.time))
+
+
+def _numbers(name: str, given: Any) -> float | tuple[float, ...]:
+    """Return a number, or those of a one-dimensional list or array as a tuple."""
+    if isinstance(given, (list, tuple)) or getattr(given, "ndim", 0) == 1:
+        if not len(given):
+            raise invalid(name, given, "a number, or numbers for all coordinates")
+        return tuple(real_number(f"{name}[{at}]", value) for at, value in enumerate(given))
+    return real_number(name, given)
 
 
 def one_start(start: Any) -> State | None:

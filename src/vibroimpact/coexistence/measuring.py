@@ -13,7 +13,7 @@ import numpy as np
 from vibroimpact.backends import Cells, ImpactWindow, Measurement, StroboscopicWindow, get_backend
 from vibroimpact.backends.base import Counts, Outcome, Samples
 from vibroimpact.backends.cpu import expected_steps, outlast
-from vibroimpact.cells import cells_at, spread
+from vibroimpact.cells import cells_at, check_single, spread
 from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import Motion, MotionClass, decide
@@ -98,6 +98,7 @@ def state_cells(osc: ImpactOscillator, starts: Iterable[State]) -> Cells:
     for state in states:
         if not isinstance(state, State):
             raise invalid("starts", state, allowed, "write State(displacement, velocity=0.0, time=0.0)")
+        check_single("starts", state)
         if state.displacement > osc.gap:
             raise invalid("starts", state, allowed, f"displacements are at most the gap, {osc.gap:g} m here")
     y, v, t = (np.array([getattr(state, name) for state in states]) for name in ("displacement", "velocity", "time"))
