@@ -19,13 +19,17 @@ if TYPE_CHECKING:
     from vibroimpact.oscillator import ImpactOscillator, State
     from vibroimpact.refinement import to_uniform
     from vibroimpact.sections import impact_map, impact_section, simulate, stroboscopic_section
+    from vibroimpact.stops import Force, Stop
     from vibroimpact.sweeps import parameter_map, refined_map
+    from vibroimpact.system import ImpactSystem
     from vibroimpact.verdict.compare import compare
     from vibroimpact.verdict.describe import describe
 
 # Names are handed on when first used, so that importing vibroimpact costs nothing.
 _NAMES = {
     "oscillator": "ImpactOscillator State",
+    "system": "ImpactSystem",
+    "stops": "Force Stop",
     "options": "Tolerances",
     "families": "family",
     "sections": "impact_map simulate impact_section stroboscopic_section",
@@ -45,10 +49,13 @@ _NAMES = {
 _HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = [
+    "Force",
     "ImpactOscillator",
+    "ImpactSystem",
     "Orbit",
     "State",
     "Status",
+    "Stop",
     "Tolerances",
     "attractors",
     "basins",

@@ -1,0 +1,183 @@
+"""The matrices of a linear system: how they are checked, its modes, and the nearest point before its stops."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact.cells import Floats
+from vibroimpact.parameters import SMALLEST, invalid
+
+COORDINATES = 12  # at most
+ROUNDING = 16.0 * np.finfo(np.float64).eps  # per coordinate: what eigenvalues and products of matrices are off by
+
+
+def numbers(name: str, value: Any, dims: int, kind: type = np.float64) -> NDArray[Any]:
+    """Return finite numbers as a read-only array of `dims` dimensions, also a single one.
+
+    Raises
+    ------
+    ValueError
+        It holds text or truth values, has other dimensions, or an entry, which is named, is not finite or above 1e60.
+    """
+    what = ("a number", "a list of numbers", "an array of rows of numbers")[dims]
+    try:
+        given = np.asarray(value)
+        mixed = given.dtype.kind == "O" and not any(isinstance(entry, (str, bytes, bool)) for entry in given.flat)
+        if not (given.dtype.kind in "iuf" or mixed or (given.dtype.kind == "c" and kind is np.complex128)):
+            raise TypeError
+        found: NDArray[Any] = np.array(given, dtype=kind, ndmin=dims)
+    except (TypeError, ValueError, OverflowError):
+        raise invalid(name, value, what, "all of its rows of one length, without text") from None
+    if given.ndim not in (0, dims) or not found.size:
+        raise ValueError(f"`{name}` must be {what}, got an array of shape {given.shape}")
+    size = np.maximum(np.abs(found.real), np.abs(found.imag))
+    if not (size <= 1.0 / SMALLEST).all():
+        at = tuple(np.argwhere(~(size <= 1.0 / SMALLEST))[0].tolist())
+        entry = f"{name}[{', '.join(map(str, at))}]" if at else name
+        raise invalid(entry, found[at].item(), f"a finite number of a size up to {1.0 / SMALLEST:g}")
+    found.setflags(write=False)
+    return found
+
+
+def matrices(mass: Any, damping: Any, stiffness: Any) -> dict[str, Floats]:
+    """Return the three matrices by name, checked."""
+    found = {"mass": _square("mass", mass)}
+    n = len(found["mass"])
+    if n > COORDINATES:
+        raise ValueError(f"`mass` must be at most {COORDINATES} x {COORDINATES}, got an array of shape {(n, n)}")
+    for name, given in {"damping": damping, "stiffness": stiffness}.items():
+        matrix = _square(name, given)
+        if n > 1 and np.ndim(given) == 0 and not matrix.any():
+            matrix = np.zeros((n, n))
+        if len(matrix) != n:
+            raise ValueError(f"`{name}` must be {n} x {n}, as `mass` is, got an array of shape {np.shape(given)}")
+        found[name] = matrix
+    for name in ("mass", "stiffness"):
+        found[name] = _checked_symmetric(name, found[name])
+    _check_mass(found["mass"])
+    for name, matrix in {
+        "stiffness": found["stiffness"],
+        "damping": 0.5 * (found["damping"] + found["damping"].T),
+    }.items():
+        _check_semidefinite(name, matrix, found["mass"])
+    return found
+
+
+def _square(name: str, given: Any) -> Floats:
+    matrix: Floats = numbers(name, given, 2)
+    if matrix.shape[0] != matrix.shape[1]:
+        raise ValueError(f"`{name}` must be a square array, got one of shape {matrix.shape}")
+    return matrix
+
+
+def _checked_symmetric(name: str, matrix: Floats) -> Floats:
+    size = np.sqrt(np.abs(np.outer(np.diag(matrix), np.diag(matrix)))) + np.abs(matrix)
+    wrong = np.abs(matrix - matrix.T) > 1e-12 * size
+    if wrong.any():
+        i, j = np.argwhere(wrong)[0].tolist()
+        raise ValueError(
+            f"`{name}` must be symmetric, but `{name}[{i}, {j}]` is {matrix[i, j]:.17g} and `{name}[{j}, {i}]` is "
+            f"{matrix[j, i]:.17g}"
+        )
+    found: Floats = 0.5 * (matrix + matrix.T)
+    return found
+
+
+def _check_mass(mass: Floats) -> None:
+    for i, entry in enumerate(np.diag(mass).tolist()):
+        if not entry >= SMALLEST:
+            raise ValueError(f"`mass` must be positive definite, but `mass[{i}, {i}]` is {entry:g}")
+    scale = np.sqrt(np.diag(mass))
+    values, vectors = np.linalg.eigh(mass / np.outer(scale, scale))
+    if values[0] <= len(mass) * ROUNDING:
+        raise ValueError(f"`mass` must be positive definite, but {_worst('mass', mass, vectors[:, 0] / scale)}")
+
+
+def _check_semidefinite(name: str, matrix: Floats, mass: Floats) -> None:
+    for i, entry in enumerate(np.diag(matrix).tolist()):
+        if entry < 0.0:
+            raise ValueError(f"`{name}` must be positive semidefinite, but `{name}[{i}, {i}]` is {entry:g}")
+    shapes, _, squares = modes(mass, matrix)
+    if squares[0] < 0.0:
+        part = "the symmetric part of " if name == "damping" else ""
+        worst = _worst(name, matrix, shapes[:, 0])
+        raise ValueError(f"{part}`{name}` must be positive semidefinite, but {worst}")
+
+
+def _worst(name: str, matrix: Floats, along: Floats) -> str:
+    v = along / along[np.argmax(np.abs(along))]
+    return f"v . {name} v is {v @ matrix @ v:.6g} for v = ({', '.join(f'{entry:.4g}' for entry in v)})"
+
+
+def blocks(*matrices: Floats) -> list[list[int]]:
+    """Return the coordinates in groups that no entry of the matrices couples to each other."""
+    linked = np.eye(len(matrices[0]), dtype=bool)
+    for matrix in matrices:
+        linked |= (matrix != 0.0) | (matrix.T != 0.0)
+    for _ in linked:
+        linked = linked @ linked
+    return [np.flatnonzero(row).tolist() for at, row in enumerate(linked) if not row[:at].any()]
+
+
+def modes(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the eigenvectors of (K, M), modal masses and squares of the natural angular frequencies, ascending.
+
+    Groups of coordinates that nothing couples are solved on their own, so that frequencies of one do not round those
+    of another. Negative squares beyond rounding are returned; those of the size of rounding are 0.
+    """
+    n = len(mass)
+    shapes, masses, squares = np.zeros((n, n)), np.empty(n), np.empty(n)
+    for group in blocks(mass, stiffness):
+        inside = np.ix_(group, group)
+        shapes[inside], squares[group] = _modes_of_one(mass[inside], stiffness[inside])
+        masses[group] = np.einsum("ji,jk,ki->i", shapes[inside], mass[inside], shapes[inside])
+    order = np.argsort(squares, kind="stable")
+    return shapes[:, order], masses[order], squares[order]
+
+
+def _modes_of_one(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
+    n = len(mass)
+    if n == 1:
+        return np.ones((1, 1)), stiffness[0] / mass[0]
+    units = [int(np.frexp(np.abs(matrix).max())[1]) for matrix in (mass, stiffness)]  # powers of two keep the bits
+    lower = np.linalg.cholesky(np.ldexp(mass, -units[0]))
+    half = np.linalg.solve(lower, np.ldexp(stiffness, -units[1]))
+    values, vectors = np.linalg.eigh(_symmetric(np.linalg.solve(lower, half.T)))
+    values[np.abs(values) <= n * ROUNDING * np.abs(values).max()] = 0.0
+    shapes = np.linalg.solve(lower.T, vectors)
+    size = np.abs(shapes)
+    largest = np.argmax(size >= (1.0 - 1e-9) * size.max(axis=0), axis=0)  # the first of those that are equal
+    return shapes / shapes[largest, np.arange(n)], np.ldexp(values, units[1] - units[0])
+
+
+def _symmetric(matrix: Floats) -> Floats:
+    found: Floats = 0.5 * (matrix + matrix.T)
+    return found
+
+
+def nearest(mass: Floats, directions: Floats, bounds: Floats) -> Floats | None:
+    """Return the q nearest to 0 in the mass metric with `directions` q <= `bounds`; None where there is none.
+
+    Of the sets of bounds that may hold it, linearly dependent ones are not needed.
+    """
+    n, rest = len(mass), np.zeros(len(mass))
+    if (bounds >= 0.0).all():
+        return rest
+    moved = np.linalg.solve(mass, directions.T)
+    gram = directions @ moved
+    size = np.sqrt(np.diag(gram))
+    for count in range(1, min(n, len(bounds)) + 1):
+        for held in map(list, combinations(range(len(bounds)), count)):
+            inside = gram[np.ix_(held, held)]
+            if np.linalg.eigvalsh(inside / np.outer(size[held], size[held]))[0] < 1e-12:
+                continue
+            q: Floats = np.linalg.solve(inside.T, moved[:, held].T).T @ bounds[held]
+            slack = n * ROUNDING * (np.abs(directions) @ np.abs(q) + np.abs(bounds))
+            pushed = np.linalg.solve(inside, bounds[held])
+            if (pushed <= 0.0).all() and (directions @ q <= bounds + slack).all():
+                return q
+    return None

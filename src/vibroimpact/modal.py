@@ -1,0 +1,177 @@
+"""The modes of a linear system, in which an engine flies it, and the scale of its velocities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vibroimpact.cells import Floats
+from vibroimpact.matrices import ROUNDING, modes
+
+TURNED = 1e-6  # at most, in rad: eigenvectors by rounding
+FREE = 0.01  # of the driving frequency: slower modes are masses without a spring where speeds are estimated
+
+
+@dataclass(frozen=True, eq=False)
+class ModalForm:
+    r"""A system in the coordinates of its undamped modes, q = `shapes` eta.
+
+    .. math:: \ddot\eta + D \dot\eta + \Omega^2 \eta = f_0 + \sum_h \mathrm{Im}\left(f_h e^{i h \omega t}\right), \qquad
+              u = g + \sum_h \mathrm{Im}\left(d_h e^{i h \omega t}\right) - \alpha \eta
+
+    An impulse P on stop j changes eta' by -P `jumps[j]`, and the clearances' rates by P `directions` @ `jumps[j]`.
+
+    Parameters
+    ----------
+    shapes : (n, n) array
+        Eigenvectors of (K, M) as columns, the largest entry of each being 1; the identity where M and K are diagonal.
+    inverse : (n, n) array
+        Its inverse: eta = `inverse` q.
+    masses : (n,) array
+        Modal masses.
+    squares : (n,) array
+        Omega^2, squares of the natural angular frequencies, ascending; exactly 0 for rigid-body modes.
+    damping : (n, n) array
+        D, the modal damping over the modal masses (of its row).
+    decoupled : bool
+        Whether D is diagonal to rounding; its other entries are then exactly 0.
+    directions, jumps : (s, n) array
+        alpha = a `shapes`, and alpha over the modal masses.
+    constant : (n,) array
+        f_0, over the modal masses as all forces here.
+    orders : (H,) integer array
+        The orders h of all harmonics of force and stops, ascending.
+    forces : (H, n) complex array
+        f_h.
+    gaps, restitution : (s,) array
+        g and r.
+    motions : (s, H) complex array
+        d_h.
+    omega : float
+        Angular driving frequency.
+
+    Notes
+    -----
+    Arrays are read-only. One coordinate, and each that no other is coupled to by M or K, has the numbers of plain
+    division: k/m, c/m, p/m, a/m. Scaling of mass, force, length or time by powers of two scales all numbers exactly.
+    """
+
+    shapes: Floats
+    inverse: Floats
+    masses: Floats
+    squares: Floats
+    damping: Floats
+    decoupled: bool
+    directions: Floats
+    jumps: Floats
+    constant: Floats
+    orders: Any
+    forces: Any
+    gaps: Floats
+    restitution: Floats
+    motions: Any
+    omega: float
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+    @property
+    def mobility(self) -> Floats:
+        """G = a M^-1 a^T, (s, s): what unit impulses on the stops change the rates of the clearances by."""
+        found: Floats = self.directions @ self.jumps.T
+        return found
+
+
+def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, stops: Any) -> ModalForm:
+    """Return the modal form of matrices that are checked, with their force and stops."""
+    n = len(mass)
+    shapes, masses, squares = modes(mass, stiffness)
+    coupling = shapes.T @ damping @ shapes / masses[:, None]
+    decoupled = _is_diagonal(coupling, damping, shapes, masses, squares)
+    if decoupled:
+        coupling = np.diag(np.diag(coupling))
+    directions = np.array([stop.direction for stop in stops]).reshape(-1, n) @ shapes
+    orders = sorted({*force.harmonics, *(order for stop in stops for order in stop.motion)})
+    none = np.zeros(n)
+    forces = np.array([force.harmonics.get(order, none) for order in orders], np.complex128).reshape(-1, n)
+    return ModalForm(
+        shapes=shapes,
+        inverse=shapes.T @ mass / masses[:, None],
+        masses=masses,
+        squares=squares,
+        damping=coupling,
+        decoupled=decoupled,
+        directions=directions,
+        jumps=directions / masses,
+        constant=(none if force.constant is None else force.constant) @ shapes / masses,
+        orders=np.array(orders, np.int64),
+        forces=forces @ shapes / masses,
+        gaps=np.array([stop.gap for stop in stops]),
+        restitution=np.array([stop.restitution for stop in stops]),
+        motions=np.array([[stop.motion.get(order, 0.0) for order in orders] for stop in stops], np.complex128).reshape(
+            len(stops), len(orders)
+        ),
+        omega=force.omega,
+    )
+
+
+def _is_diagonal(coupling: Floats, damping: Floats, shapes: Floats, masses: Floats, squares: Floats) -> bool:
+    """Return whether rounding explains all of the modal damping that is off the diagonal.
+
+    It is rounding of the products, and that of the eigenvectors: two of one group of coordinates, whose squares are
+    apart by some part of the group's largest, are turned into each other by rounding over that part.
+    """
+    n, size = len(masses), np.abs(shapes)
+    products = size.T @ np.abs(damping) @ size / masses[:, None]
+    grouped = size.T @ size > 0.0
+    largest = np.where(grouped, squares, 0.0).max(axis=1)[:, None]
+    apart = np.abs(squares[:, None] - squares)
+    resolved = grouped & (apart > n * ROUNDING * largest)
+    turned = np.divide(n * ROUNDING * largest, apart, where=resolved, out=np.zeros((n, n)))
+    rates = np.diag(coupling)
+    balance = np.sqrt(masses / masses[:, None])  # of rows over their own masses
+    by_turning = np.minimum(turned, TURNED) * np.abs(rates[:, None] - rates) * balance
+    off = ~np.eye(n, dtype=bool)
+    return bool((np.abs(coupling) <= n * ROUNDING * products + by_turning)[off].all())
+
+
+def velocity_scale(form: ModalForm) -> float:
+    """Return the scale V > 0 of the rates of the clearances; `ImpactSystem.velocity_scale` has the formula."""
+    if not len(form.gaps):
+        return 1.0
+    elastic = form.squares >= (FREE * form.omega) ** 2
+    seen, struck = _seen(form), np.diag(form.mobility)
+    pushes = [np.where(elastic, 0.0, form.constant) / form.omega]
+    for order, force in zip(form.orders, form.forces, strict=True):
+        pushes.append(force / np.sqrt(np.where(elastic, form.squares, (order * form.omega) ** 2)))
+    pushed = sum(np.linalg.norm(seen.T @ (np.sqrt(form.masses) * push)) for push in pushes) * np.sqrt(struck)
+    moved = np.abs(form.motions) @ (form.orders * form.omega)
+    shares = form.directions * form.jumps
+    sprung = np.where(elastic, 0.0, shares).sum(axis=1) <= len(elastic) * ROUNDING * struck
+    squares = np.where(elastic, form.squares, np.inf)
+    clearance = form.gaps - (form.directions * form.constant / squares).sum(axis=1)
+    rate = np.sqrt(np.divide(struck, (shares / squares).sum(axis=1), where=sprung, out=np.zeros(len(struck))))
+    speeds = np.maximum(np.maximum(pushed, moved), rate * np.abs(clearance))
+    return float(speeds.max()) or form.omega * float(np.abs(form.gaps).max()) or 1.0
+
+
+def _seen(form: ModalForm) -> Floats:
+    """Return orthonormal directions, in mass-normalised modes, of what can move a stop's clearance or be moved by it.
+
+    They span the least space that holds the stops' directions and is closed under Omega^2 and D^T.
+    """
+    roots = np.sqrt(form.masses)
+    damping = (roots[:, None] * form.damping / roots).T
+    maps = [matrix / (np.abs(matrix).max() or 1.0) for matrix in (np.diag(form.squares), damping)]
+    new = (form.directions / roots).T
+    new, found = new / np.linalg.norm(new, axis=0), np.zeros((len(roots), 0))
+    while new.size:
+        left, sizes, _ = np.linalg.svd(new - found @ (found.T @ new), full_matrices=False)
+        new = left[:, sizes > 1e-10]
+        found = np.hstack([found, new])
+        new = np.hstack([matrix @ new for matrix in maps])
+    return np.eye(len(roots)) if found.shape[1] >= len(roots) else found

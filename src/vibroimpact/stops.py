@@ -1,0 +1,266 @@
+"""What acts on a system: a periodic force and rigid stops, and how their numbers are checked."""
+
+from __future__ import annotations
+
+import keyword
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact.matrices import numbers
+from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.parameters import SMALLEST, invalid, unknown, whole_number
+
+USUAL = ImpactOscillator.parameters  # of which a system has some, with the same ranges and remedies
+
+
+class ByValue:
+    """Equal, hashed, shown and pickled by the arguments that make it."""
+
+    def arguments(self) -> dict[str, Any]:
+        """Return the arguments of the constructor by name."""
+        raise NotImplementedError
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and _plain(self.arguments()) == _plain(other.arguments())
+
+    def __hash__(self) -> int:
+        return hash((type(self).__name__, _plain(self.arguments())))
+
+    def __repr__(self) -> str:
+        given = {name: value for name, value in self.arguments().items() if value is not None}
+        shown = (f"{name}={_shown(value)}" for name, value in given.items() if not isinstance(value, Mapping) or value)
+        return f"{type(self).__name__}({', '.join(shown)})"
+
+    def __reduce__(self) -> Any:
+        return _made, (type(self), self.arguments())
+
+
+def _made(kind: Any, arguments: dict[str, Any]) -> Any:
+    return kind(**arguments)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value without arrays and mappings, for comparisons."""
+    if isinstance(value, np.ndarray):
+        return value.shape, tuple(value.ravel().tolist())
+    if isinstance(value, Mapping):
+        return frozenset((key, _plain(entry)) for key, entry in value.items())
+    return tuple(map(_plain, value)) if isinstance(value, (tuple, list)) else value
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"[{', '.join(map(_shown, value.tolist()))}]"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{key!r}: {_shown(entry)}' for key, entry in value.items())}}}"
+    return repr(value.real if isinstance(value, complex) and not value.imag else value)
+
+
+def vector(name: str, value: Any, kind: type = np.float64) -> Any:
+    """Return a vector over the coordinates, read-only, or one over named points as a mapping."""
+    if not isinstance(value, Mapping):
+        return numbers(name, value, 1, kind)
+    if not value:
+        raise invalid(name, value, "a list of numbers, or numbers by the names of points")
+    return MappingProxyType({key: numbers(f"{name}[{key!r}]", entry, 0, kind).item() for key, entry in value.items()})
+
+
+def check_length(name: str, value: Any, n: int) -> None:
+    """Refuse a vector that is not one over n coordinates."""
+    if isinstance(value, Mapping):
+        raise ValueError(
+            f"`{name}` names points ({', '.join(map(str, value))}), which only ImpactSystem.from_modes knows; "
+            f"give {n} number{'s'[: n > 1]}, one per coordinate"
+        )
+    if len(value) != n:
+        raise ValueError(
+            f"`{name}` must have {n} number{'s'[: n > 1]}, one per coordinate of the mass matrix, got {len(value)}"
+        )
+
+
+def _by_order(name: str, given: Any) -> dict[int, Any]:
+    """Return what is given by the orders of harmonics, in their order."""
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise invalid(name, given, "a mapping from the order of a harmonic to its amplitude", "write {1: ...}")
+    return dict(sorted((whole_number(f"{name} key", order, 1), value) for order, value in given.items()))
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class Force(ByValue):
+    r"""The load on a system: a constant and any number of harmonics of one frequency.
+
+    .. math:: p(t) = p_0 + \sum_h \mathrm{Im}\left(p_h e^{i h \omega t}\right)
+
+    Parameters
+    ----------
+    omega : float, > 0
+        Angular frequency in rad/s. It is also that of moving stops, and it sets the period T = 2 pi/omega whether
+        or not the first harmonic is there: an unforced system takes ``Force(omega=1.0)``.
+    frequency : float, > 0
+        Frequency in Hz, in place of `omega`.
+    harmonics : mapping of int to sequence of n complex
+        p_h in N by the order h >= 1: a real number is a sine, an imaginary one a cosine.
+    constant : sequence of n float, optional
+        p_0 in N; zero unless given.
+
+    Raises
+    ------
+    ValueError
+        Neither or both of `omega` and `frequency` are given, a number is out of its range, an order is no whole
+        number from 1 on.
+
+    Notes
+    -----
+    For one coordinate, numbers stand for sequences. In `ImpactSystem.from_modes`, mappings from names of points to
+    forces at them stand for sequences.
+
+    Examples
+    --------
+    >>> Force(omega=112.0, harmonics={1: [5.0, 0.0], 3: [0.2j, 0.0]}).harmonics[3]
+    array([0.+0.2j, 0.+0.j ])
+    >>> Force(frequency=50.0, constant=-9.81)
+    Force(omega=314.1592653589793, constant=[-9.81])
+    """
+
+    omega: float
+    harmonics: Mapping[int, Any]
+    constant: Any
+
+    def __init__(
+        self,
+        *,
+        omega: float | None = None,
+        frequency: float | None = None,
+        harmonics: Mapping[int, Any] | None = None,
+        constant: Any = None,
+    ) -> None:
+        if (omega is None) == (frequency is None):
+            raise ValueError(
+                f"give either `omega` (rad/s) or `frequency` (Hz), got {omega!r} and {frequency!r}; "
+                "an unforced system takes one, too: it sets the period"
+            )
+        if frequency is not None:
+            omega = 2.0 * math.pi * USUAL["frequency"].check(frequency)
+        found = {
+            order: vector(f"harmonics[{order}]", value, np.complex128)
+            for order, value in _by_order("harmonics", harmonics).items()
+        }
+        object.__setattr__(self, "omega", USUAL["omega"].check(omega))
+        object.__setattr__(self, "harmonics", MappingProxyType(found))
+        object.__setattr__(self, "constant", None if constant is None else vector("constant", constant))
+
+    def arguments(self) -> dict[str, Any]:
+        """Return the arguments of the constructor by name."""
+        return {"omega": self.omega, "harmonics": dict(self.harmonics), "constant": self.constant}
+
+    @property
+    def frequency(self) -> float:
+        """Frequency in Hz."""
+        return self.omega / (2.0 * math.pi)
+
+    @property
+    def vectors(self) -> dict[str, Any]:
+        """The vectors over coordinates or points, by their names."""
+        found = {f"harmonics[{order}]": value for order, value in self.harmonics.items()}
+        return found | ({} if self.constant is None else {"constant": self.constant})
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class Stop(ByValue):
+    r"""A rigid stop, fixed or moving, in the way of a linear form of the coordinates.
+
+    .. math:: u = g + \sum_h \mathrm{Im}\left(d_h e^{i h \omega t}\right) - a \cdot q \ge 0, \qquad
+              \dot u \to -r \dot u \quad (u = 0,\ \dot u < 0)
+
+    Parameters
+    ----------
+    direction : sequence of n float
+        a, not zero: a . q = gap is contact. ``[0, 1]`` stops the second coordinate from above, ``[0, -1]`` from
+        below, ``[1, -1]`` the first from overtaking the second.
+    gap : float
+        g in m; negative means preloaded.
+    restitution : float, 0 to 1
+        r, rate of the clearance after an impact over that before it.
+    name : str, optional
+        A word that parameters begin with, as in ``bar_gap``; ``stop_1``, ``stop_2``, ... unless given.
+    motion : mapping of int to complex, optional
+        d_h in m by the order h >= 1 of the force's frequency: a real number is a sine, an imaginary one a cosine.
+        A positive one moves the stop away along a.
+
+    Raises
+    ------
+    ValueError
+        The direction is zero, the name is no word, or a number is out of its range.
+
+    Notes
+    -----
+    With one coordinate the direction may be a number. In `ImpactSystem.from_modes` it may be a mapping from names of
+    points to factors of their displacements.
+
+    Examples
+    --------
+    >>> Stop(direction=[0, -1], gap=2e-4, restitution=0.7, name="baffle")
+    Stop(direction=[0.0, -1.0], gap=0.0002, restitution=0.7, name='baffle')
+    """
+
+    direction: Any
+    gap: float
+    restitution: float
+    name: str | None
+    motion: Mapping[int, complex]
+
+    def __init__(
+        self,
+        *,
+        direction: Any,
+        gap: float,
+        restitution: float = 0.8,
+        name: str | None = None,
+        motion: Mapping[int, complex] | None = None,
+    ) -> None:
+        if name is not None and not (isinstance(name, str) and name.isidentifier() and not keyword.iskeyword(name)):
+            raise invalid("name", name, "a word of letters, digits and underscores", "write for example name='bar'")
+        form = vector("direction", direction)
+        entries = list(form.values()) if isinstance(form, Mapping) else form
+        if not np.max(np.abs(entries)) >= SMALLEST:
+            of = f" of stop {name!r}" if name else ""
+            raise ValueError(f"`direction`{of} must not be zero, got {_shown(form)}; a . q = gap is contact")
+        moves = {
+            order: complex(numbers(f"motion[{order}]", value, 0, np.complex128).item())
+            for order, value in _by_order("motion", motion).items()
+        }
+        object.__setattr__(self, "direction", form)
+        object.__setattr__(self, "gap", USUAL["gap"].check(gap))
+        object.__setattr__(self, "restitution", USUAL["restitution"].check(restitution))
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "motion", MappingProxyType(moves))
+
+    def arguments(self) -> dict[str, Any]:
+        """Return the arguments of the constructor by name."""
+        named = {"direction": self.direction, "gap": self.gap, "restitution": self.restitution}
+        return {**named, "name": self.name, "motion": dict(self.motion)}
+
+    def replace(self, **changes: Any) -> Stop:
+        """Return a copy with some arguments changed."""
+        return Stop(**{**self.arguments(), **changes})
+
+
+def over_modes(name: str, value: Any, points: Sequence[str], shapes: NDArray[np.float64]) -> NDArray[Any]:
+    """Return the vector over modes that one over points is, by the rows of their mode shapes."""
+    if isinstance(value, Mapping):
+        for point in value:
+            if point not in points:
+                raise unknown("point", point, points)
+        value = np.array([value.get(point, 0.0) for point in points])
+    if len(value) != len(points):
+        raise ValueError(f"`{name}` must have {len(points)} numbers, one per point, got {len(value)}")
+    found: NDArray[Any] = value @ shapes
+    return found

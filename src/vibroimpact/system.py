@@ -1,0 +1,391 @@
+"""Systems of several coordinates, any periodic force and several rigid stops."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from vibroimpact.cells import Floats
+from vibroimpact.matrices import ROUNDING, matrices, nearest, numbers
+from vibroimpact.modal import ModalForm, modal_form, velocity_scale
+from vibroimpact.oscillator import State, check_names
+from vibroimpact.parameters import Parameter, invalid, several
+from vibroimpact.stops import USUAL, ByValue, Force, Stop, check_length, over_modes
+
+STOPS = 5  # at most: an impact is solved among all their sets
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class ImpactSystem(ByValue):
+    r"""A linear system of n coordinates under a periodic force, in front of rigid stops.
+
+    .. math:: M \ddot q + C \dot q + K q = p_0 + \sum_h \mathrm{Im}\left(p_h e^{i h \omega t}\right), \qquad
+              u_j = g_j + \sum_h \mathrm{Im}\left(d_{jh} e^{i h \omega t}\right) - a_j \cdot q \ge 0
+
+    At an impact on stop j the rate of its clearance turns from -v to r_j v, and q' changes along M^-1 a_j.
+
+    Parameters
+    ----------
+    mass : (n, n) array_like
+        M in kg, symmetric and positive definite; a number for one coordinate, as the other matrices. n is at most 12.
+    damping : (n, n) array_like
+        C in N s/m, zero unless given; its symmetric part is positive semidefinite, the skew one (gyroscopic) is free.
+    stiffness : (n, n) array_like
+        K in N/m, symmetric and positive semidefinite: it may be singular, and 0 makes free masses.
+    force : Force
+        The load, with the frequency that sets the period.
+    stops : sequence of Stop
+        At most five; a stop without a name is called by its place, ``stop_1`` first.
+
+    Raises
+    ------
+    ValueError
+        A matrix has another shape, is not symmetric or not definite as it must be; a vector has another length; two
+        stops have one name; the stops leave no room. The message names the matrix and its entry.
+
+    Notes
+    -----
+    Symmetry is asked for to 1e-12 of the entries; what is left of rounding is averaged away. Systems are equal if
+    all their numbers are. Their parameters (`parameters`, `values`, `replace`) are `omega` or `frequency`, and
+    `<stop>_gap` and `<stop>_restitution` of every stop; `vibroimpact.family` is the way to others.
+
+    Examples
+    --------
+    Two masses on springs; the second one between two stops:
+
+    >>> system = ImpactSystem(
+    ...     mass=[[2.0, 0.0], [0.0, 1.0]],
+    ...     damping=[[0.3, -0.1], [-0.1, 0.1]],
+    ...     stiffness=[[300.0, -100.0], [-100.0, 100.0]],
+    ...     force=Force(omega=8.0, harmonics={1: [5.0, 0.0]}),
+    ...     stops=[Stop(direction=[0, 1], gap=0.05, name="bar"), Stop(direction=[0, -1], gap=0.02, name="baffle")],
+    ... )
+    >>> system
+    ImpactSystem(2 coordinates, omega=8.0, bar_gap=0.05, bar_restitution=0.8, baffle_gap=0.02, baffle_restitution=0.8)
+    >>> system.replace(baffle_gap=0.03).values["baffle_gap"]
+    0.03
+    >>> system.natural_frequencies.round(3).tolist()
+    [7.071, 14.142]
+    """
+
+    mass: Floats
+    damping: Floats
+    stiffness: Floats
+    force: Force
+    stops: tuple[Stop, ...]
+
+    def __init__(
+        self, *, mass: Any, stiffness: Any, damping: Any = 0.0, force: Force, stops: Iterable[Stop] = ()
+    ) -> None:
+        if not isinstance(force, Force):
+            raise invalid("force", force, "a Force", "write Force(omega=1.0) for none: it sets the period")
+        for name, matrix in matrices(mass, damping, stiffness).items():
+            matrix.setflags(write=False)
+            object.__setattr__(self, name, matrix)
+        for name, value in force.vectors.items():
+            check_length(name, value, len(self.mass))
+        object.__setattr__(self, "force", force)
+        object.__setattr__(self, "stops", _named(stops, len(self.mass)))
+        self._check_room()
+
+    @classmethod
+    def from_modes(
+        cls,
+        frequencies: Any,
+        damping_ratios: Any,
+        shapes: Any,
+        *,
+        force: Force,
+        stops: Iterable[Stop] = (),
+        points: Sequence[str] | None = None,
+    ) -> ImpactSystem:
+        r"""Return the system of measured or computed modes, with its coordinates the modal ones.
+
+        .. math:: \ddot\eta_i + 2 \zeta_i \omega_i \dot\eta_i + \omega_i^2 \eta_i = \phi_i \cdot p, \qquad
+                  q_{point} = \sum_i \phi_{point,i} \eta_i
+
+        Parameters
+        ----------
+        frequencies : sequence of n float
+            Natural frequencies in Hz; 0 is a rigid-body mode.
+        damping_ratios : sequence of n float, or float
+            Damping over critical damping, 0.01 for 1 %; a number is that of all modes.
+        shapes : (points, n) array_like
+            Mass-normalised mode shapes, in 1/sqrt(kg): a row per point, a column per mode.
+        force : Force
+            Forces in N at the points: sequences over all points, or mappings such as ``{"tip": 5.0}``.
+        stops : sequence of Stop
+            Directions over the points in the same way; ``{"tip": 1.0, "frame": -1.0}`` keeps the tip from the frame.
+        points : sequence of str, optional
+            Names of the points; ``point_1``, ``point_2``, ... unless given.
+
+        Returns
+        -------
+        ImpactSystem
+            With M = I, in m sqrt(kg); `shapes` @ displacement are the displacements of the points.
+
+        Raises
+        ------
+        ValueError
+            The table's lengths differ, a number is out of its range, a point is unknown.
+
+        Notes
+        -----
+        With rigid stops results do not converge as modes are added: the struck mass 1/(a . M^-1 a) falls with each.
+        A row of `shapes` may hold participation factors, -sum(m phi), of a base: its force is the acceleration.
+
+        Examples
+        --------
+        A beam's first two modes as a modal test gives them, shaken at mid-span, in front of a stop at its tip:
+
+        >>> beam = ImpactSystem.from_modes(
+        ...     frequencies=[12.0, 75.2],
+        ...     damping_ratios=[0.01, 0.008],
+        ...     points=["mid", "tip"],
+        ...     shapes=[[0.68, -1.43], [2.0, 2.0]],
+        ...     force=Force(frequency=11.0, harmonics={1: {"mid": 3.0}}),
+        ...     stops=[Stop(direction={"tip": 1.0}, gap=1e-3, restitution=0.6, name="snubber")],
+        ... )
+        >>> beam.stops[0].direction, beam.force.harmonics[1].real
+        (array([2., 2.]), array([ 2.04, -4.29]))
+        """
+        hertz = numbers("frequencies", frequencies, 1)
+        ratios = numbers("damping_ratios", damping_ratios, 1)
+        ratios = ratios if np.ndim(damping_ratios) else np.full(len(hertz), ratios[0])
+        table = numbers("shapes", shapes, 2)
+        if not len(hertz) == len(ratios) == table.shape[1]:
+            raise ValueError(
+                "`frequencies`, `damping_ratios` and the columns of `shapes` must be as many, one per mode, "
+                f"got {len(hertz)}, {len(ratios)} and {table.shape[1]}"
+            )
+        for name, values in {"frequencies": hertz, "damping_ratios": ratios}.items():
+            if values.min() < 0.0:
+                raise invalid(name, values.tolist(), "numbers >= 0")
+        rates = 2.0 * math.pi * hertz
+        places = _points(points, len(table))
+        vectors = {name: over_modes(name, value, places, table) for name, value in force.vectors.items()}
+        harmonics = {order: vectors[f"harmonics[{order}]"] for order in force.harmonics}
+        return cls(
+            mass=np.eye(len(rates)),
+            damping=np.diag(2.0 * ratios * rates),
+            stiffness=np.diag(rates**2),
+            force=Force(omega=force.omega, harmonics=harmonics, constant=vectors.get("constant")),
+            stops=[
+                stop.replace(direction=over_modes(f"stops[{at}].direction", stop.direction, places, table))
+                for at, stop in enumerate(_stops(stops))
+            ],
+        )
+
+    def arguments(self) -> dict[str, Any]:
+        """Return the arguments of the constructor by name."""
+        linear = {"mass": self.mass, "damping": self.damping, "stiffness": self.stiffness}
+        return {**linear, "force": self.force, "stops": self.stops}
+
+    def __repr__(self) -> str:
+        n = len(self.mass)
+        values = (f"{name}={value!r}" for name, value in self.values.items())
+        return f"ImpactSystem({n} coordinate{'s'[: n > 1]}, {', '.join(values)})"
+
+    def __str__(self) -> str:
+        n = len(self.mass)
+        words = f"ImpactSystem of {n} coordinate{'s'[: n > 1]}"
+        return words + (f" with {', '.join(self.stop_names)}" if self.stops else "")
+
+    @property
+    def stop_names(self) -> tuple[str, ...]:
+        """Names of the stops."""
+        return tuple(str(stop.name) for stop in self.stops)
+
+    @cached_property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """The parameters that an axis may vary, by name."""
+        table = {name: USUAL[name] for name in ("omega", "frequency")}
+        for stop in self.stop_names:
+            for kind in ("gap", "restitution"):
+                usual, name = USUAL[kind], f"{stop}_{kind}"
+                words = f"{usual.long_name} of {stop}"
+                table[name] = replace(usual, name=name, long_name=words, symbol=f"{usual.symbol}_{stop}")
+        return MappingProxyType(table)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Their values, of the frequency in rad/s."""
+        kinds = ("gap", "restitution")
+        of_stops = {f"{stop.name}_{kind}": getattr(stop, kind) for stop in self.stops for kind in kinds}
+        return {"omega": self.omega, **of_stops}
+
+    def replace(self, **changes: float) -> ImpactSystem:
+        """Return a copy with some parameters changed; `frequency` (Hz) may stand for `omega`."""
+        check_names(self.parameters, changes)
+        if "omega" in changes and "frequency" in changes:
+            raise ValueError("give either `omega` or `frequency`, not both")
+        given = {name: self.parameters[name].check(value) for name, value in changes.items()}
+        if "frequency" in given:
+            given["omega"] = 2.0 * math.pi * given["frequency"]
+        values = self.values | given
+        force = Force(**{**self.force.arguments(), "omega": values["omega"]})
+        stops = [
+            stop.replace(gap=values[f"{stop.name}_gap"], restitution=values[f"{stop.name}_restitution"])
+            for stop in self.stops
+        ]
+        return ImpactSystem(**{**self.arguments(), "force": force, "stops": stops})
+
+    def at(self, **values: float) -> ImpactSystem:
+        """Return the system with some parameters changed: what a model is at one point of its axes."""
+        return self.replace(**values) if values else self
+
+    @property
+    def omega(self) -> float:
+        """Angular driving frequency in rad/s."""
+        return self.force.omega
+
+    @property
+    def frequency(self) -> float:
+        """Driving frequency in Hz."""
+        return self.force.frequency
+
+    @property
+    def period(self) -> float:
+        """Driving period T = 2 pi / w in s, also where the first harmonic is missing."""
+        return 2.0 * math.pi / self.omega
+
+    @property
+    def natural_frequencies(self) -> Floats:
+        """Undamped natural angular frequencies without stops in rad/s, ascending; 0 for rigid-body modes."""
+        return np.sqrt(self.modal().squares)
+
+    def modal(self) -> ModalForm:
+        """Return the system in the coordinates of its modes."""
+        return self._modal
+
+    @cached_property
+    def _modal(self) -> ModalForm:
+        return modal_form(self.mass, self.damping, self.stiffness, self.force, self.stops)
+
+    @cached_property
+    def velocity_scale(self) -> float:
+        r"""Scale V > 0 of every relative tolerance, in the unit of the rate of a clearance (m/s).
+
+        The largest over the stops j of
+
+        - a_j . M^-1 a_j under a root, times the sum over the harmonics of the norm of p_h / Omega in the mass metric,
+          with the free parts of p_0 as one more, of modes that the stops see at all;
+        - the speed of a moving stop, sum of h w \|d_jh\|;
+        - the clearance in static equilibrium times sqrt(a_j . M^-1 a_j / a_j . K^-1 a_j), if the stop sees no free
+          mode.
+
+        Modes slower than 0.01 w count as free, and w (h w in a harmonic) stands for their Omega. Where all three are
+        zero (no load, nothing moves) it is w times the largest gap; without even a gap motions are alike at every
+        speed, and 1 stands for V. It is that of `ImpactOscillator`, max(f, k |g|)/sqrt(k m), for one mass, and does
+        not change with the coordinates.
+        """
+        return velocity_scale(self.modal())
+
+    def clearances(self, displacement: Any, time: float = 0.0) -> Floats:
+        """Return the clearances u of all stops in m; negative beyond a stop."""
+        found: Floats = self._bounds(time) - self._directions @ np.asarray(displacement, np.float64)
+        return found
+
+    def initial(self, start: State | None = None) -> tuple[Floats, Floats, float]:
+        """Return coordinates, velocities and time of an initial condition that is checked.
+
+        None is at rest at time 0, at q = 0 or, where that is beyond a stop, at the nearest q before all stops, in the
+        norm sqrt(q . M q).
+
+        Raises
+        ------
+        ValueError
+            It has other than n coordinates, or lies beyond stops by more than rounding; they are named.
+        """
+        n = len(self.mass)
+        if start is None:
+            q = nearest(self.mass, self._directions, self._bounds(0.0))
+            if q is None:
+                raise ValueError("the stops leave no room at time 0; give a start at another time")
+            return q, np.zeros(n), 0.0
+        if not isinstance(start, State):
+            raise invalid("start", start, "None or a State", "write State(displacement=[...], velocity=[...])")
+        q, speed = (np.array(part, np.float64, ndmin=1) for part in (start.displacement, start.velocity))
+        if len(q) != n:
+            raise ValueError(f"`start` must have {n} coordinate{'s'[: n > 1]}, as the mass matrix has, got {len(q)}")
+        beyond = -self.clearances(q, start.time)
+        size = np.abs(self._directions) @ np.abs(q) + self._reach * (1.0 + abs(start.time) * self.omega)
+        over = [
+            f"{name!r} by {depth:.3g} m"
+            for name, depth, most in zip(self.stop_names, beyond, n * ROUNDING * size, strict=True)
+            if depth > most
+        ]
+        if over:
+            raise ValueError(f"`start` lies beyond {' and '.join(over)} at time {start.time:g}; start before the stops")
+        return q, speed, start.time
+
+    @cached_property
+    def _directions(self) -> Floats:
+        return np.array([stop.direction for stop in self.stops]).reshape(-1, len(self.mass))
+
+    @cached_property
+    def _reach(self) -> Floats:
+        """How far from zero each stop comes, at most."""
+        return np.array([abs(stop.gap) + sum(map(abs, stop.motion.values())) for stop in self.stops])
+
+    def _bounds(self, time: float) -> Floats:
+        """Return a . q in contact, for every stop at some time."""
+        turn = 1j * self.omega * time
+        moved = [sum((by * np.exp(h * turn)).imag for h, by in stop.motion.items()) for stop in self.stops]
+        found: Floats = np.array([stop.gap for stop in self.stops]) + np.array(moved, np.float64)
+        return found
+
+    def _check_room(self) -> None:
+        """Refuse stops whose clearances cannot all be positive or zero at any time."""
+        for (i, one), (j, other) in combinations(enumerate(self.stops), 2):
+            ratio = np.abs(one.direction).max() / np.abs(other.direction).max()
+            if (np.abs(one.direction + ratio * other.direction) > 1e-12 * np.abs(one.direction)).any():
+                continue
+            orders = {*one.motion, *other.motion}
+            parting = sum(abs(one.motion.get(h, 0.0) + ratio * other.motion.get(h, 0.0)) for h in orders)
+            room = one.gap + ratio * other.gap + parting
+            if room < -ROUNDING * (self._reach[i] + ratio * self._reach[j]):
+                raise ValueError(
+                    f"stops {one.name!r} and {other.name!r} overlap by {-room:.6g} m: they face each other, and no "
+                    "position is before both; their gaps must have a sum >= 0"
+                )
+        most_open = np.array([stop.gap + sum(map(abs, stop.motion.values())) for stop in self.stops])
+        if nearest(self.mass, self._directions, most_open) is None:
+            raise ValueError(f"stops {', '.join(self.stop_names)} overlap: no position is before all of them")
+
+
+def _stops(stops: Any) -> tuple[Stop, ...]:
+    found = several("stops", stops, "a list of Stops")
+    for at, stop in enumerate(found):
+        if not isinstance(stop, Stop):
+            raise invalid(f"stops[{at}]", stop, "a Stop", "write Stop(direction=[...], gap=...)")
+    if len(found) > STOPS:
+        raise ValueError(f"`stops` must be at most {STOPS}, got {len(found)}")
+    return found
+
+
+def _named(stops: Any, n: int) -> tuple[Stop, ...]:
+    """Return stops whose directions fit, those without a name called by their place."""
+    found = tuple(stop if stop.name else stop.replace(name=f"stop_{at}") for at, stop in enumerate(_stops(stops), 1))
+    names = [stop.name for stop in found]
+    taken = {"omega", "frequency", *(f"{name}_{kind}" for name in names for kind in ("gap", "restitution"))}
+    for at, stop in enumerate(found):
+        check_length(f"stops[{at}].direction", stop.direction, n)
+        if names.count(stop.name) > 1 or stop.name in taken:
+            owner = "another stop" if stop.name not in taken else "a parameter"
+            raise ValueError(f"`stops[{at}].name` {stop.name!r} is that of {owner}; give each stop a name of its own")
+    return found
+
+
+def _points(points: Any, count: int) -> tuple[str, ...]:
+    names = tuple(f"point_{at}" for at in range(1, count + 1)) if points is None else several("points", points, "names")
+    if len(names) != count or len(set(names)) != count:
+        raise ValueError(f"`points` must be {count} different names, one per row of `shapes`, got {list(names)}")
+    return names

@@ -1,0 +1,640 @@
+"""A system of several coordinates: what it refuses, its parameters, its modes, and the scale of its velocities."""
+
+import copy
+import itertools
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+
+M = [[2.0, 0.5], [0.5, 1.0]]
+C = [[0.3, -0.1], [-0.1, 0.2]]
+K = [[300.0, -100.0], [-100.0, 100.0]]
+
+
+def two_masses(**changes):
+    """Return two coupled masses, the second one between two stops, one of which moves."""
+    given = {
+        "mass": M,
+        "damping": C,
+        "stiffness": K,
+        "force": vi.Force(omega=8.0, harmonics={1: [5.0, 0.0], 3: [0.0, 0.5 + 0.25j]}, constant=[0.0, -2.0]),
+        "stops": [
+            vi.Stop(direction=[0, 1], gap=0.05, restitution=0.7, name="bar", motion={1: 0.01}),
+            vi.Stop(direction=[0.5, -1], gap=0.02, name="baffle"),
+        ],
+    }
+    return vi.ImpactSystem(**given | changes)
+
+
+def one_mass(osc, **changes):
+    """Return the system of one coordinate that an oscillator is."""
+    given = {
+        "mass": osc.mass,
+        "damping": osc.damping,
+        "stiffness": osc.stiffness,
+        "force": vi.Force(omega=osc.omega, harmonics={1: osc.amplitude}),
+        "stops": [vi.Stop(direction=1, gap=osc.gap, restitution=osc.restitution)],
+    }
+    return vi.ImpactSystem(**given | changes)
+
+
+def a_random_system(rng, n, s=2, damping=None):
+    """Return a system with general matrices; its damping is gyroscopic, too."""
+    mass, stiffness, spread = (rng.standard_normal((n, n)) for _ in range(3))
+    skew = rng.standard_normal((n, n))
+    stops = [
+        vi.Stop(
+            direction=rng.standard_normal(n), gap=rng.uniform(0.1, 1.0), motion={2: complex(*rng.standard_normal(2))}
+        )
+        for _ in range(s)
+    ]
+    return vi.ImpactSystem(
+        mass=mass @ mass.T + np.eye(n),
+        damping=0.1 * spread @ spread.T + skew - skew.T if damping is None else damping,
+        stiffness=stiffness @ stiffness.T,
+        force=vi.Force(
+            omega=rng.uniform(0.5, 2.0),
+            harmonics={1: rng.standard_normal(n) + 1j * rng.standard_normal(n), 3: rng.standard_normal(n)},
+            constant=rng.standard_normal(n),
+        ),
+        stops=stops,
+    )
+
+
+def changed(system, mass=1.0, force=1.0, length=1.0, time=1.0, basis=None):
+    """Return the system in other units and coordinates, q = `basis` q'."""
+    given, basis = system.arguments(), np.eye(len(system.mass)) if basis is None else basis
+    load = mass * length / time**2 * force
+    stiff = load / length
+
+    def of(matrix, unit):
+        return unit * (basis.T @ matrix @ basis)
+
+    harmonics = {h: load * (basis.T @ p) for h, p in system.force.harmonics.items()}
+    constant = None if system.force.constant is None else load * (basis.T @ system.force.constant)
+    return vi.ImpactSystem(
+        mass=of(given["mass"], stiff * time**2),
+        damping=of(given["damping"], stiff * time),
+        stiffness=of(given["stiffness"], stiff),
+        force=vi.Force(omega=system.omega / time, harmonics=harmonics, constant=constant),
+        stops=[
+            stop.replace(
+                direction=stop.direction @ basis,
+                gap=length * stop.gap,
+                motion={h: length * by for h, by in stop.motion.items()},
+            )
+            for stop in system.stops
+        ],
+    )
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"mass": [[1, 2, 3], [4, 5, 6]]}, r"`mass` must be a square array, got one of shape \(2, 3\)"),
+        ({"mass": [[1, 0], [0]]}, r"`mass` must be an array of rows of numbers"),
+        ({"mass": [[1, "0"], [0, 1]]}, r"`mass` must be an array of rows of numbers"),
+        ({"mass": [[1, 1j], [0, 1]]}, r"`mass` must be an array of rows of numbers"),
+        ({"mass": np.ones((1, 2, 2))}, r"got an array of shape \(1, 2, 2\)"),
+        ({"mass": np.eye(13)}, r"`mass` must be at most 12 x 12, got an array of shape \(13, 13\)"),
+        ({"mass": [[1, np.nan], [0, 1]]}, r"`mass\[0, 1\]` must be a finite number of a size up to 1e\+60, got nan"),
+        ({"stiffness": [[1e61, 0], [0, 1]]}, r"`stiffness\[0, 0\]` must be a finite number of a size up to 1e\+60"),
+        ({"mass": [[2, 1], [0, 1]]}, r"`mass` must be symmetric, but `mass\[0, 1\]` is 1 and `mass\[1, 0\]` is 0"),
+        ({"stiffness": [[1, 1], [1.1, 9]]}, r"`stiffness` must be symmetric, but `stiffness\[0, 1\]` is 1 and"),
+        ({"mass": [[1, 0], [0, 0]]}, r"`mass` must be positive definite, but `mass\[1, 1\]` is 0"),
+        ({"mass": [[1, 0], [0, 1e-61]]}, r"`mass` must be positive definite, but `mass\[1, 1\]` is 1e-61"),
+        ({"mass": [[1, 1], [1, 1]]}, r"`mass` must be positive definite, but v . mass v is 0 for v = \(1, -1\)"),
+        ({"mass": [[1, 2], [2, 1]]}, r"`mass` must be positive definite, but v . mass v is -2 for v = \(1, -1\)"),
+        (
+            {"stiffness": [[1, 0], [0, -1e-9]]},
+            r"`stiffness` .* positive semidefinite, but `stiffness\[1, 1\]` is -1e-09",
+        ),
+        ({"mass": np.eye(2), "stiffness": [[1, 2], [2, 1]]}, r"v . stiffness v is -2 for v = \(1, -1\)"),
+        ({"damping": [[0, 1], [1, 0]]}, r"symmetric part of `damping` must be positive semidefinite"),
+        ({"damping": 0.1}, r"`damping` must be 2 x 2, as `mass` is, got an array of shape \(\)"),
+        ({"stiffness": np.eye(3)}, r"`stiffness` must be 2 x 2, as `mass` is, got an array of shape \(3, 3\)"),
+        ({"force": vi.Force(omega=1.0, harmonics={2: 1.0})}, r"`harmonics\[2\]` must have 2 numbers, .*, got 1"),
+        ({"force": vi.Force(omega=1.0, constant=[1, 2, 3])}, r"`constant` must have 2 numbers, .*, got 3"),
+        ({"force": vi.Force(omega=1.0, constant={"tip": 1})}, r"names points \(tip\), which only .*from_modes knows"),
+        ({"force": {"omega": 1.0}}, r"`force` must be a Force"),
+        ({"stops": vi.Stop(direction=[0, 1], gap=0.1)}, r"`stops` must be a list of Stops"),
+        ({"stops": [0.1]}, r"`stops\[0\]` must be a Stop, got 0.1"),
+        ({"stops": [vi.Stop(direction=1, gap=0.1)]}, r"`stops\[0\].direction` must have 2 numbers, .*, got 1"),
+        ({"stops": [vi.Stop(direction=[1, at], gap=1) for at in range(6)]}, r"`stops` must be at most 5, got 6"),
+        ({"stops": [vi.Stop(direction=[1, at], gap=1, name="a") for at in (0, 1)]}, r"'a' is that of another stop"),
+        ({"stops": [vi.Stop(direction=[1, 0], gap=1, name="omega")]}, r"'omega' is that of a parameter"),
+        (
+            {"stops": [vi.Stop(direction=[1, at], gap=1, name=name) for at, name in enumerate(["a", "a_gap"])]},
+            r"`stops\[1\].name` 'a_gap' is that of a parameter",
+        ),
+        (
+            {"stops": [vi.Stop(direction=[1, 1], gap=0.1), vi.Stop(direction=[-2, -2], gap=-0.3)]},
+            r"stops 'stop_1' and 'stop_2' overlap by 0.05 m",
+        ),
+        (
+            {"stops": [vi.Stop(direction=way, gap=-1) for way in ([1, 0], [0, 1], [-1, -1])]},
+            r"stops stop_1, stop_2, stop_3 overlap: no position is before all of them",
+        ),
+    ],
+)
+def test_a_system_names_the_matrix_and_the_entry_that_it_refuses(changes, message):
+    with pytest.raises(ValueError, match=message) as error:
+        two_masses(**changes)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({}, r"give either `omega` \(rad/s\) or `frequency` \(Hz\)"),
+        ({"omega": 1.0, "frequency": 1.0}, r"give either `omega` \(rad/s\) or `frequency` \(Hz\)"),
+        ({"omega": 0.0}, r"`omega` must be a finite number > 0, got 0.0"),
+        ({"frequency": -1.0}, r"`frequency` must be a finite number > 0, got -1.0"),
+        ({"omega": 1.0, "harmonics": {0: [1.0]}}, r"`harmonics key` must be a whole number >= 1, got 0"),
+        ({"omega": 1.0, "harmonics": {1.5: [1.0]}}, r"`harmonics key` must be a whole number >= 1, got 1.5"),
+        ({"omega": 1.0, "harmonics": [1.0]}, r"`harmonics` must be a mapping from the order of a harmonic"),
+        (
+            {"omega": 1.0, "harmonics": {1: [1.0, complex(0, math.inf)]}},
+            r"`harmonics\[1\]\[1\]` must be a finite number",
+        ),
+        ({"omega": 1.0, "constant": [1j]}, r"`constant` must be a list of numbers"),
+        ({"omega": 1.0, "constant": {}}, r"`constant` must be a list of numbers, or numbers by the names of points"),
+    ],
+)
+def test_a_force_names_what_it_refuses(given, message):
+    with pytest.raises(ValueError, match=message):
+        vi.Force(**given)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"direction": [0.0, 0.0]}, r"`direction` must not be zero, got \[0.0, 0.0\]"),
+        ({"direction": [0.0, 1e-61], "name": "bar"}, r"`direction` of stop 'bar' must not be zero"),
+        ({"direction": {"tip": 0.0}}, r"`direction` must not be zero, got \{'tip': 0.0\}"),
+        ({"gap": math.nan}, r"`gap` must be a finite number, got nan"),
+        ({"restitution": 1.2}, r"`restitution` must be between 0 and 1, got 1.2"),
+        ({"name": "two words"}, r"`name` must be a word of letters, digits and underscores, got 'two words'"),
+        ({"name": ""}, r"`name` must be a word"),
+        ({"motion": {-1: 1.0}}, r"`motion key` must be a whole number >= 1, got -1"),
+        ({"motion": {1: [1.0, 2.0]}}, r"`motion\[1\]` must be a number, got an array of shape \(2,\)"),
+    ],
+)
+def test_a_stop_names_what_it_refuses(given, message):
+    with pytest.raises(ValueError, match=message):
+        vi.Stop(**{"direction": [0, 1], "gap": 0.1, **given})
+
+
+def test_opposite_stops_that_move_together_overlap_where_their_slot_is_negative():
+    slot = [vi.Stop(direction=way, gap=-0.1, motion={1: way * 5.0}) for way in (1.0, -1.0)]
+    with pytest.raises(ValueError, match="overlap by 0.2 m"):
+        vi.ImpactSystem(mass=1.0, stiffness=1.0, force=vi.Force(omega=1.0), stops=slot)
+    apart = [stop.replace(motion={1: 5.0}) for stop in slot]
+    vi.ImpactSystem(mass=1.0, stiffness=1.0, force=vi.Force(omega=1.0), stops=apart)  # room for a part of the period
+
+
+def test_a_slot_without_width_is_room_enough():
+    system = two_masses(stops=[vi.Stop(direction=[1, 2], gap=0.3), vi.Stop(direction=[-0.5, -1], gap=-0.15)])
+    np.testing.assert_allclose(system.clearances(system.initial()[0]), 0.0, atol=1e-16)
+
+
+def test_symmetry_is_asked_for_up_to_rounding():
+    system = two_masses(mass=[[2.0, 0.1 * 3], [0.3, 1.0]])
+    assert system.mass[0, 1] == system.mass[1, 0]
+
+
+# Values
+
+
+def test_a_system_is_a_value():
+    one, other = two_masses(), two_masses()
+    assert one == other and hash(one) == hash(other) and one != other.replace(bar_gap=0.06)  # noqa: PT018
+    assert one != two_masses(damping=0.0)
+    assert one.force == other.force and one.stops == other.stops  # noqa: PT018
+    assert pickle.loads(pickle.dumps(one)) == one == copy.deepcopy(one)
+    with pytest.raises(AttributeError):
+        one.mass = 2.0
+    with pytest.raises(ValueError, match="read-only"):
+        one.mass[0, 0] = 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        one.modal().squares[0] = 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        one.force.harmonics[1][0] = 1.0
+
+
+def test_arrays_given_are_copied():
+    mass, p = np.array(M), np.array([5.0, 0.0])
+    system = two_masses(mass=mass, force=vi.Force(omega=8.0, harmonics={1: p}))
+    mass[0, 0], p[0] = 7.0, 7.0
+    assert system.mass[0, 0] == 2.0
+    assert system.force.harmonics[1][0] == 5.0
+
+
+def test_repr_is_short_and_str_has_no_values():
+    system = two_masses()
+    assert len(repr(system)) < 120
+    assert str(system) == str(system.replace(omega=3.0)) == "ImpactSystem of 2 coordinates with bar, baffle"
+    assert repr(system.stops[0]) == (
+        "Stop(direction=[0.0, 1.0], gap=0.05, restitution=0.7, name='bar', motion={1: 0.01})"
+    )
+    assert eval(repr(system.force), {"Force": vi.Force}) == system.force
+
+
+def test_parameters_are_those_of_force_and_stops():
+    system = two_masses()
+    assert list(system.parameters) == [
+        "omega", "frequency", "bar_gap", "bar_restitution", "baffle_gap", "baffle_restitution",
+    ]  # fmt: skip
+    assert system.values == {
+        "omega": 8.0, "bar_gap": 0.05, "bar_restitution": 0.7, "baffle_gap": 0.02, "baffle_restitution": 0.8,
+    }  # fmt: skip
+    assert len({parameter.symbol for parameter in system.parameters.values()}) == len(system.parameters)
+    assert all(name == parameter.name for name, parameter in system.parameters.items())
+    assert system.period == 2.0 * math.pi / 8.0
+    assert system.at() is system
+    there = system.at(frequency=2.0, bar_gap=0.1, baffle_restitution=0.0)
+    assert there.omega == there.force.omega == there.values["omega"] == 2.0 * math.pi * 2.0
+    assert there.stops[0].gap == 0.1
+    assert there.stops[1].restitution == 0.0
+    assert there.replace(**system.values) == system
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"bar": 1.0}, "unknown parameter 'bar'; choose from omega, frequency, bar_gap, .*did you mean 'bar_gap'"),
+        ({"mass": 1.0}, "unknown parameter 'mass'"),
+        ({"bar_restitution": 2.0}, "`bar_restitution` must be between 0 and 1, got 2.0"),
+        ({"omega": None}, "`omega` must be a finite number > 0, got None"),
+        ({"omega": 1.0, "frequency": 1.0}, "give either `omega` or `frequency`, not both"),
+    ],
+)
+def test_replace_refuses_what_is_no_parameter_or_out_of_range(changes, message):
+    with pytest.raises(ValueError, match=message):
+        two_masses().replace(**changes)
+
+
+# Initial conditions
+
+
+def test_states_of_several_coordinates_keep_them_as_tuples():
+    state = vi.State(np.array([1, 2]), [0.5, 0.0], 3)
+    assert state == vi.State((1.0, 2.0), (0.5, 0.0), 3.0)
+    assert (state.displacement, state.velocity, state.time) == ((1.0, 2.0), (0.5, 0.0), 3.0)
+    assert hash(state) == hash(vi.State([1, 2], [0.5, 0], 3))
+    assert vi.State([1, 2]).velocity == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (([],), "`displacement` must be a number, or numbers for all coordinates"),
+        (([1.0, "2"],), r"`displacement\[1\]` must be a finite number, got '2'"),
+        (([1.0, math.nan],), r"`displacement\[1\]` must be a finite number, got nan"),
+        (([1.0, 2.0], [1.0]), "as many numbers, got 2 and 1"),
+        (([1.0, 2.0], 1.0), "as many numbers, got 2 and a single number"),
+        ((1.0, [1.0]), "as many numbers, got a single number and 1"),
+    ],
+)
+def test_states_refuse_numbers_that_do_not_fit(given, message):
+    with pytest.raises(ValueError, match=message):
+        vi.State(*given)
+
+
+def test_one_mass_refuses_a_state_of_several_coordinates():
+    several = vi.State([0.0, 0.0])
+    for call in (
+        lambda: vi.simulate(vi.ImpactOscillator(), periods=1, start=several),
+        lambda: vi.parameter_map(vi.ImpactOscillator(), gap=[0.0], start=[several, several]),
+        lambda: vi.basins(vi.ImpactOscillator(), starts=[several]) and None,
+    ):
+        with pytest.raises((ValueError, TypeError)):
+            call()
+    with pytest.raises(ValueError, match="a State of one mass.*not as lists"):
+        vi.simulate(vi.ImpactOscillator(), periods=1, start=several)
+
+
+def test_rest_is_at_zero_or_at_the_nearest_place_before_all_stops():
+    for part, expected in zip(two_masses().initial(), (np.zeros(2), np.zeros(2), 0.0), strict=True):
+        np.testing.assert_array_equal(part, expected)
+    for gap in (0.3, -0.3):  # as an oscillator rests at min(0, gap)
+        assert one_mass(vi.ImpactOscillator(mass=3.0, gap=gap)).initial()[0].tolist() == [min(0.0, gap)]
+    stops = [vi.Stop(direction=[0.0, 1.0], gap=-0.2), vi.Stop(direction=[1.0, 0.3], gap=-0.1)]
+    system = two_masses(stops=stops)
+    q, velocity, time = system.initial()
+    assert time == 0.0 and not velocity.any()  # noqa: PT018
+    assert system.clearances(q).min() > -1e-15
+    rng = np.random.default_rng(1)
+    others = rng.uniform(-1.0, 1.0, (20000, 2))
+    others = others[(others @ np.array([stop.direction for stop in stops]).T <= [-0.2, -0.1]).all(axis=1)]
+    assert q @ system.mass @ q <= np.einsum("ij,jk,ik->i", others, system.mass, others).min()
+
+
+def test_rest_is_the_same_in_any_coordinates():
+    rng = np.random.default_rng(2)
+    for n, s in itertools.product((2, 3, 5), (1, 2, 3)):
+        system = a_random_system(rng, n, s)
+        system = system.replace(**{f"{name}_gap": -1.0 for name in system.stop_names}) if s <= n else system
+        basis = rng.standard_normal((n, n)) + 2.0 * np.eye(n)
+        there = changed(system, basis=basis)
+        np.testing.assert_allclose(basis @ there.initial()[0], system.initial()[0], rtol=1e-8, atol=1e-10)
+
+
+def test_rest_before_a_moving_stop_is_where_it_is_at_time_0():
+    stop = vi.Stop(direction=1, gap=0.1, motion={1: -0.5j})
+    system = vi.ImpactSystem(mass=2.0, stiffness=0.0, force=vi.Force(omega=2.0), stops=[stop])
+    np.testing.assert_allclose(system.initial()[0], [-0.4], rtol=1e-15)
+    np.testing.assert_allclose(system.clearances([0.0], math.pi / 2.0), [0.6], rtol=1e-15)
+
+
+def test_an_initial_state_is_checked_against_all_stops():
+    system = two_masses()
+    q, velocity, time = system.initial(vi.State([0.01, 0.05], [1.0, 2.0], 2.0 * system.period))
+    assert (q.tolist(), velocity.tolist(), time) == ([0.01, 0.05], [1.0, 2.0], 2.0 * system.period)  # in contact
+    with pytest.raises(ValueError, match="`start` lies beyond 'bar' by 0.01 m at time 0; start before the stops"):
+        system.initial(vi.State([0.0, 0.06]))
+    corner = two_masses(stops=[vi.Stop(direction=way, gap=0.1) for way in ([1, 0], [0, 1])])
+    with pytest.raises(ValueError, match="beyond 'stop_1' by 0.1 m and 'stop_2' by 0.2 m"):
+        corner.initial(vi.State([0.2, 0.3]))
+    with pytest.raises(ValueError, match="`start` must have 2 coordinates, as the mass matrix has, got 3"):
+        system.initial(vi.State([0.0, 0.0, 0.0]))
+    with pytest.raises(ValueError, match="`start` must be None or a State, got 0.5"):
+        system.initial(0.5)
+    assert one_mass(vi.ImpactOscillator(gap=1.0)).initial(vi.State(0.5, 1.0))[0].tolist() == [0.5]
+
+
+def test_contact_to_rounding_is_no_penetration():
+    rng = np.random.default_rng(3)
+    for _ in range(200):
+        system = a_random_system(rng, 4, 3)
+        q = np.linalg.lstsq(system._directions, system._bounds(0.7), rcond=None)[0]  # all three in contact
+        system.initial(vi.State(q, np.zeros(4), 0.7))
+
+
+# The modal form
+
+
+def test_one_mass_has_the_numbers_of_plain_division():
+    form = vi.ImpactSystem(
+        mass=3.0,
+        damping=0.7,
+        stiffness=5.0,
+        force=vi.Force(omega=2.0, harmonics={1: 1.1, 2: 0.3j}, constant=-9.81),
+        stops=[vi.Stop(direction=0.9, gap=0.1, motion={3: 0.2})],
+    ).modal()
+    assert form.squares.tolist() == [5.0 / 3.0]
+    assert form.damping.tolist() == [[0.7 / 3.0]]
+    assert form.constant.tolist() == [-9.81 / 3.0]
+    assert form.orders.tolist() == [1, 2, 3]
+    assert form.forces.tolist() == [[1.1 / 3.0], [0.3j / 3.0], [0.0]]
+    assert (form.directions.tolist(), form.jumps.tolist()) == ([[0.9]], [[0.9 / 3.0]])
+    assert form.motions.tolist() == [[0.0, 0.0, 0.2]]
+    assert form.decoupled
+
+
+@pytest.mark.parametrize("unit", ["mass", "force", "length", "time"])
+@pytest.mark.parametrize("n", [1, 2, 3, 6])
+def test_powers_of_two_scale_the_modal_form_exactly(unit, n):
+    system = a_random_system(np.random.default_rng(n), n)
+    form, there = system.modal(), changed(system, **{unit: 8.0}).modal()
+    factor = {"mass": (1, 1, 1), "force": (1, 1, 1), "length": (8, 1, 8), "time": (1, 1 / 8, 1 / 64)}[unit]
+    length, rate, load = factor
+    np.testing.assert_array_equal(there.shapes, form.shapes)
+    np.testing.assert_array_equal(there.squares, rate**2 * form.squares)
+    np.testing.assert_array_equal(there.damping, rate * form.damping)
+    np.testing.assert_array_equal(there.forces, load * form.forces)
+    np.testing.assert_array_equal(there.constant, load * form.constant)
+    np.testing.assert_array_equal(there.motions, length * form.motions)
+    np.testing.assert_array_equal(there.mobility / there.mobility[0, 0], form.mobility / form.mobility[0, 0])
+
+
+def test_modes_satisfy_the_equations_of_motion():
+    rng = np.random.default_rng(4)
+    for n in range(1, 13):
+        system = a_random_system(rng, n)
+        form, stiff = system.modal(), np.abs(system.stiffness).max()
+        np.testing.assert_allclose(form.shapes @ form.inverse, np.eye(n), atol=1e-12)
+        modal = form.shapes @ np.diag(form.squares) @ form.inverse
+        np.testing.assert_allclose(system.mass @ modal, system.stiffness, atol=1e-13 * n * stiff)
+        damping = form.shapes @ form.damping @ form.inverse
+        np.testing.assert_allclose(system.mass @ damping, system.damping, atol=1e-11)
+        np.testing.assert_allclose(system.mass @ form.shapes @ form.constant, system.force.constant, atol=1e-12)
+        for at, order in enumerate(form.orders):
+            p = system.force.harmonics.get(order, np.zeros(n))
+            np.testing.assert_allclose(system.mass @ form.shapes @ form.forces[at], p, atol=1e-12)
+        a = np.array([stop.direction for stop in system.stops])
+        np.testing.assert_allclose(form.directions @ form.inverse, a, atol=1e-12)
+        np.testing.assert_allclose(form.mobility, a @ np.linalg.solve(system.mass, a.T), rtol=1e-11, atol=1e-12)
+        assert (np.diff(form.squares) >= 0.0).all()
+        assert np.abs(form.shapes).max(axis=0).tolist() == [1.0] * n or n > 1
+
+
+@pytest.mark.parametrize("n", [2, 3, 5, 8, 12])
+def test_rigid_body_modes_have_exactly_no_stiffness(n):
+    rng = np.random.default_rng(n)
+    springs = np.diff(np.eye(n), axis=0) * rng.uniform(0.1, 100.0, (n - 1, 1))
+    mass = np.diag(rng.uniform(0.01, 10.0, n))
+    free = {"mass": mass, "damping": 0.01 * springs.T @ springs, "stiffness": springs.T @ springs}
+    system = two_masses(**free, force=vi.Force(omega=1.0), stops=[])
+    squares = system.modal().squares
+    assert squares[0] == 0.0 < squares[1]
+    np.testing.assert_allclose(system.modal().shapes[:, 0], 1.0, rtol=1e-9)  # all masses together
+    assert system.modal().decoupled
+
+
+def test_matrices_assembled_with_rounding_are_no_negative_springs():
+    rng = np.random.default_rng(5)
+    for n in (2, 4, 7, 12):
+        for _ in range(50):
+            half = rng.standard_normal((n - 1, n)) * 10.0 ** rng.uniform(-3, 3, (n - 1, 1))
+            system = two_masses(
+                mass=np.eye(n), stiffness=half.T @ half, damping=half.T @ half, force=vi.Force(omega=1.0), stops=[]
+            )
+            assert system.modal().squares[0] == 0.0
+
+
+def test_coordinates_that_nothing_couples_do_not_round_each_other():
+    system = two_masses(stiffness=[[1e30, 0.0], [0.0, 1e-3]], mass=[[2.0, 0.0], [0.0, 3.0]])
+    assert system.modal().squares.tolist() == [1e-3 / 3.0, 5e29]
+    alone = two_masses()
+    joined = vi.ImpactSystem(
+        mass=np.pad(M, (0, 1)) + np.diag([0, 0, 7.0]),
+        damping=np.pad(C, (0, 1)),
+        stiffness=np.pad(K, (0, 1)) + np.diag([0, 0, 1e22]),
+        force=vi.Force(omega=8.0),
+        stops=[],
+    )
+    np.testing.assert_array_equal(joined.modal().squares[:2], alone.modal().squares)
+    np.testing.assert_array_equal(joined.modal().damping[:2, :2], alone.modal().damping)
+
+
+def test_proportional_damping_decouples_and_no_other_does():
+    rng = np.random.default_rng(6)
+    for n in (2, 3, 6, 12):
+        for _ in range(20):
+            half, other = rng.standard_normal((2, n, n))
+            mass, stiffness = half @ half.T + np.eye(n), other @ other.T
+            for share in (0.01 * stiffness, 0.1 * mass, 0.02 * mass + 0.003 * stiffness):
+                system = a_random_system(rng, n, damping=0.0)
+                system = vi.ImpactSystem(mass=mass, stiffness=stiffness, damping=share, force=system.force)
+                form = system.modal()
+                assert form.decoupled
+                assert not (form.damping - np.diag(np.diag(form.damping))).any()
+            assert not a_random_system(rng, n).modal().decoupled
+    gyroscopic = two_masses(mass=np.eye(2), stiffness=np.diag([1.0, 2.0]), damping=[[0.0, -3.0], [3.0, 0.0]])
+    assert gyroscopic.modal().damping.tolist() == [[0.0, -3.0], [3.0, 0.0]]
+    assert not gyroscopic.modal().decoupled
+
+
+# The scale of velocities
+
+
+def test_one_mass_has_the_scale_of_its_oscillator():
+    rng = np.random.default_rng(7)
+    for _ in range(100):
+        m, k, f, w = 10.0 ** rng.uniform(-1, 1, 4)
+        osc = vi.ImpactOscillator(mass=m, stiffness=k, amplitude=f, omega=w, gap=rng.normal())
+        assert one_mass(osc).velocity_scale == pytest.approx(osc.velocity_scale, rel=1e-14)
+
+
+def test_the_scale_is_a_speed_and_does_not_change_with_coordinates():
+    rng = np.random.default_rng(8)
+    for n, s in itertools.product((1, 2, 4, 8), (1, 2, 3)):
+        system = a_random_system(rng, n, s)
+        scale = system.velocity_scale
+        assert changed(system, length=3.0).velocity_scale == pytest.approx(3.0 * scale, rel=1e-12)
+        assert changed(system, time=3.0).velocity_scale == pytest.approx(scale / 3.0, rel=1e-12)
+        assert changed(system, mass=3.0).velocity_scale == pytest.approx(scale, rel=1e-12)
+        basis = rng.standard_normal((n, n)) + 2.0 * np.eye(n)
+        assert changed(system, basis=basis).velocity_scale == pytest.approx(scale, rel=1e-9)
+        turned = vi.ImpactSystem(**{**system.arguments(), "stops": system.stops[::-1]})
+        assert turned.velocity_scale == pytest.approx(scale, rel=1e-13)
+
+
+def test_a_mode_that_no_stop_sees_leaves_the_scale_alone():
+    rng = np.random.default_rng(9)
+    for n in (1, 2, 4):
+        system = a_random_system(rng, n, 2)
+        joined = vi.ImpactSystem(
+            mass=np.pad(system.mass, (0, 1)) + np.diag([0.0] * n + [2.0]),
+            damping=np.pad(system.damping, (0, 1)),
+            stiffness=np.pad(system.stiffness, (0, 1)) + np.diag([0.0] * n + [0.3]),
+            force=vi.Force(
+                omega=system.omega,
+                harmonics={h: np.append(p, 1e6) for h, p in system.force.harmonics.items()},
+                constant=np.append(system.force.constant, 1e6),
+            ),
+            stops=[stop.replace(direction=np.append(stop.direction, 0.0)) for stop in system.stops],
+        )
+        assert joined.velocity_scale == pytest.approx(system.velocity_scale, rel=1e-10)
+        turned = changed(joined, basis=np.linalg.qr(rng.standard_normal((n + 1, n + 1)))[0])
+        assert turned.velocity_scale == pytest.approx(system.velocity_scale, rel=1e-6)
+
+
+def free_mass(stops, constant=None, harmonics=None, omega=3.0):
+    force = vi.Force(omega=omega, constant=constant, harmonics=harmonics)
+    return vi.ImpactSystem(mass=2.0, stiffness=0.0, force=force, stops=stops)
+
+
+def test_free_and_unforced_masses_have_a_scale():
+    floor = vi.Stop(direction=-1, gap=0.0)
+    assert free_mass([floor], constant=-2.0 * 9.81).velocity_scale == pytest.approx(9.81 / 3.0)  # falls for 1/w
+    assert free_mass([floor], harmonics={2: 1.0}).velocity_scale == pytest.approx(0.5 / 6.0)
+    assert free_mass([floor.replace(motion={1: 0.1j, 2: 0.05})]).velocity_scale == pytest.approx(0.3 + 0.3)
+    assert free_mass([floor.replace(gap=0.2)]).velocity_scale == pytest.approx(0.6)  # unforced, in a slot
+    assert free_mass([floor]).velocity_scale == 1.0  # alike at every speed
+    assert free_mass([]).velocity_scale == 1.0
+    hung = vi.ImpactSystem(
+        mass=2.0, stiffness=8.0, force=vi.Force(omega=3.0, constant=-4.0), stops=[vi.Stop(direction=-1, gap=0.7)]
+    )
+    assert hung.velocity_scale == pytest.approx(2.0 * 0.2)  # it rests at -0.5: 0.2 are left, at 2 rad/s
+
+
+def test_a_load_that_springs_carry_only_shifts_the_rest_position():
+    rng = np.random.default_rng(10)
+    system = a_random_system(rng, 3, 2)
+    shift = rng.standard_normal(3)
+    load = system.force.constant + system.stiffness @ shift
+    force = vi.Force(**{**system.force.arguments(), "constant": load})
+    stops = [stop.replace(gap=stop.gap + stop.direction @ shift) for stop in system.stops]
+    there = vi.ImpactSystem(**{**system.arguments(), "force": force, "stops": stops})
+    assert there.velocity_scale == pytest.approx(system.velocity_scale, rel=1e-10)
+
+
+# A table of modes
+
+
+def test_a_system_of_modes_is_that_of_its_matrices():
+    rng = np.random.default_rng(11)
+    n = 4
+    half, other = rng.standard_normal((2, n, n))
+    mass, stiffness = half @ half.T + np.eye(n), other @ other.T
+    force = vi.Force(frequency=0.3, harmonics={1: [0.0, 2.0, 0.0, 0.0]}, constant=[0.0, 0.0, 0.0, -1.0])
+    stops = [vi.Stop(direction=[1.0, 0.0, -1.0, 0.0], gap=0.1), vi.Stop(direction=[0, 0, 0, 2.0], gap=0.2)]
+    damping = 0.05 * mass + 0.01 * stiffness
+    physical = vi.ImpactSystem(mass=mass, damping=damping, stiffness=stiffness, force=force, stops=stops)
+    form = physical.modal()
+    rates = np.sqrt(form.squares)
+    table = {
+        "frequencies": rates / (2.0 * math.pi),
+        "damping_ratios": np.diag(form.damping) / (2.0 * rates),
+        "shapes": form.shapes / np.sqrt(form.masses),
+    }
+    by_rows = vi.ImpactSystem.from_modes(**table, force=force, stops=stops)
+    by_name = vi.ImpactSystem.from_modes(
+        **table,
+        points=["foot", "knee", "hip", "tip"],
+        force=vi.Force(frequency=0.3, harmonics={1: {"knee": 2.0}}, constant={"tip": -1.0}),
+        stops=[vi.Stop(direction={"hip": -1.0, "foot": 1.0}, gap=0.1), vi.Stop(direction={"tip": 2.0}, gap=0.2)],
+    )
+    assert by_rows == by_name
+    modal = by_rows.modal()
+    assert modal.decoupled
+    np.testing.assert_allclose(modal.squares, form.squares, rtol=1e-14)
+    np.testing.assert_allclose(modal.damping, form.damping, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(modal.mobility, form.mobility, rtol=1e-11)
+    np.testing.assert_allclose(modal.directions @ modal.constant, form.directions @ form.constant, rtol=1e-11)
+    np.testing.assert_allclose(modal.directions @ modal.forces[0], form.directions @ form.forces[0], rtol=1e-11)
+    assert by_rows.velocity_scale == pytest.approx(physical.velocity_scale, rel=1e-10)
+
+
+def test_a_mode_at_0_hz_is_a_free_mass():
+    system = vi.ImpactSystem.from_modes(
+        [0.0, 10.0], 0.01, [[1.0, 1.0]], force=vi.Force(omega=1.0), stops=[vi.Stop(direction=1, gap=0.1)]
+    )
+    assert system.modal().squares.tolist() == [0.0, (20.0 * math.pi) ** 2]
+    assert system.stops[0].direction.tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"frequencies": [1.0]}, r"as many, one per mode, got 1, 2 and 2"),
+        ({"damping_ratios": [0.1] * 3}, r"as many, one per mode, got 2, 3 and 2"),
+        ({"frequencies": [1.0, -2.0]}, r"`frequencies` must be numbers >= 0, got \[1.0, -2.0\]"),
+        ({"damping_ratios": -0.1}, r"`damping_ratios` must be numbers >= 0"),
+        ({"points": ["tip"]}, r"`points` must be 2 different names, one per row of `shapes`, got \['tip'\]"),
+        ({"points": ["tip", "tip"]}, r"`points` must be 2 different names"),
+        ({"shapes": [1.0, 2.0]}, r"`shapes` must be an array of rows of numbers, got an array of shape \(2,\)"),
+        ({"force": vi.Force(omega=1.0, constant={"tup": 1.0})}, r"unknown point 'tup'; .*; did you mean 'tip'\?"),
+        ({"force": vi.Force(omega=1.0, constant=[1.0])}, r"`constant` must have 2 numbers, one per point, got 1"),
+        ({"stops": [vi.Stop(direction={"tap": 1.0}, gap=1.0)]}, r"unknown point 'tap'"),
+    ],
+)
+def test_a_table_of_modes_names_what_it_refuses(changes, message):
+    given = {
+        "frequencies": [1.0, 2.0],
+        "damping_ratios": [0.1, 0.1],
+        "shapes": [[1.0, 0.5], [2.0, -1.0]],
+        "points": ["mid", "tip"],
+        "force": vi.Force(omega=1.0),
+    }
+    with pytest.raises(ValueError, match=message):
+        vi.ImpactSystem.from_modes(**given | changes)
