@@ -266,6 +266,20 @@ def test_parameters_are_those_of_force_and_stops():
     assert there.replace(**system.values) == system
 
 
+def test_a_changed_system_has_the_modes_of_one_made_anew():
+    system = two_masses()
+    system.modal()
+    changed_one = system.replace(omega=5.0, bar_gap=0.3, baffle_restitution=0.1)
+    anew = vi.ImpactSystem(**changed_one.arguments())
+    assert changed_one == anew
+    for name, value in vars(anew.modal()).items():
+        np.testing.assert_array_equal(getattr(changed_one.modal(), name), value)
+    with pytest.raises(ValueError, match="overlap"):
+        one_mass(vi.ImpactOscillator(), stops=[vi.Stop(direction=1, gap=1.0), vi.Stop(direction=-1, gap=1.0)]).replace(
+            stop_1_gap=-1.5
+        )
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -335,6 +349,13 @@ def test_rest_is_at_zero_or_at_the_nearest_place_before_all_stops():
     others = rng.uniform(-1.0, 1.0, (20000, 2))
     others = others[(others @ np.array([stop.direction for stop in stops]).T <= [-0.2, -0.1]).all(axis=1)]
     assert q @ system.mass @ q <= np.einsum("ij,jk,ik->i", others, system.mass, others).min()
+
+
+def test_rest_is_in_the_corner_of_stops_that_are_almost_parallel():
+    for tilt in (1e-3, 1e-5, 3e-7):
+        stops = [vi.Stop(direction=[1.0, 0.0], gap=-1.0), vi.Stop(direction=[1.0, tilt], gap=-1.0 - 0.5 * tilt**2)]
+        system = two_masses(mass=np.eye(2), stops=stops)
+        np.testing.assert_allclose(system.initial()[0], [-1.0, -0.5 * tilt], rtol=1e-2)
 
 
 def test_rest_is_the_same_in_any_coordinates():
@@ -491,6 +512,46 @@ def test_proportional_damping_decouples_and_no_other_does():
     gyroscopic = two_masses(mass=np.eye(2), stiffness=np.diag([1.0, 2.0]), damping=[[0.0, -3.0], [3.0, 0.0]])
     assert gyroscopic.modal().damping.tolist() == [[0.0, -3.0], [3.0, 0.0]]
     assert not gyroscopic.modal().decoupled
+
+
+def test_modes_of_one_frequency_are_those_that_damping_parts():
+    springs = np.array([[2.0, -1.0, -1.0], [-1.0, 2.0, -1.0], [-1.0, -1.0, 2.0]])  # a ring: two modes of one frequency
+    damping = np.outer([1.0, -2.0, 1.0], [1.0, -2.0, 1.0])
+    ring = two_masses(mass=np.eye(3), stiffness=springs, damping=damping, force=vi.Force(omega=1.0), stops=[])
+    form = ring.modal()
+    assert form.decoupled
+    np.testing.assert_allclose(form.squares, [0.0, 3.0, 3.0], rtol=1e-14)
+    np.testing.assert_allclose(np.diag(form.damping), [0.0, 0.0, 6.0], atol=1e-14)
+    drag = [[1.0, -1.0], [-1.0, 1.0]]  # two free masses with a damper between them
+    pair = two_masses(mass=np.diag([1.0, 3.0]), stiffness=0.0, damping=drag, force=vi.Force(omega=1.0), stops=[])
+    form = pair.modal()
+    assert form.decoupled
+    np.testing.assert_allclose(np.diag(form.damping), [0.0, 4.0 / 3.0], atol=1e-15)
+    np.testing.assert_allclose(form.shapes.T @ pair.mass @ form.shapes, np.diag(form.masses), atol=1e-15)
+    np.testing.assert_allclose(form.shapes @ form.inverse, np.eye(2), atol=1e-15)
+
+
+def test_small_couplings_of_damping_are_kept():
+    for small in (1e-3, 1e-9, 1e-12):
+        damping = [[1.0, small], [small, 2.0]]
+        for stiffness in (np.diag([1.0, 2.0]), [[1.0, 0.5], [0.5, 3.0]]):
+            given = {"mass": np.eye(2), "stiffness": stiffness, "damping": damping}
+            form = two_masses(**given).modal()
+            assert not form.decoupled
+            np.testing.assert_allclose(form.shapes @ form.damping @ form.inverse, damping, atol=1e-15)
+
+
+def test_a_chain_of_stiff_and_soft_springs_with_proportional_damping_decouples():
+    rng = np.random.default_rng(13)
+    for n in (2, 5, 12):
+        for _ in range(20):
+            springs = np.diff(np.eye(n), axis=0) * 10.0 ** rng.uniform(-1, 2, (n - 1, 1))
+            stiffness = springs.T @ springs
+            mass = np.diag(10.0 ** rng.uniform(-2, 1, n))
+            force = vi.Force(omega=1.0)
+            assert two_masses(
+                mass=mass, stiffness=stiffness, damping=0.01 * stiffness, force=force, stops=[]
+            ).modal().decoupled  # fmt: skip
 
 
 # The scale of velocities

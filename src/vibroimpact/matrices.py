@@ -101,7 +101,7 @@ def _check_semidefinite(name: str, matrix: Floats, mass: Floats) -> None:
     for i, entry in enumerate(np.diag(matrix).tolist()):
         if entry < 0.0:
             raise ValueError(f"`{name}` must be positive semidefinite, but `{name}[{i}, {i}]` is {entry:g}")
-    shapes, _, squares = modes(mass, matrix)
+    shapes, squares = modes(mass, matrix)
     if squares[0] < 0.0:
         part = "the symmetric part of " if name == "damping" else ""
         worst = _worst(name, matrix, shapes[:, 0])
@@ -123,20 +123,19 @@ def blocks(*matrices: Floats) -> list[list[int]]:
     return [np.flatnonzero(row).tolist() for at, row in enumerate(linked) if not row[:at].any()]
 
 
-def modes(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the eigenvectors of (K, M), modal masses and squares of the natural angular frequencies, ascending.
+def modes(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
+    """Return the eigenvectors of (K, M) and the squares of the natural angular frequencies, ascending.
 
     Groups of coordinates that nothing couples are solved on their own, so that frequencies of one do not round those
     of another. Negative squares beyond rounding are returned; those of the size of rounding are 0.
     """
     n = len(mass)
-    shapes, masses, squares = np.zeros((n, n)), np.empty(n), np.empty(n)
+    shapes, squares = np.zeros((n, n)), np.empty(n)
     for group in blocks(mass, stiffness):
         inside = np.ix_(group, group)
         shapes[inside], squares[group] = _modes_of_one(mass[inside], stiffness[inside])
-        masses[group] = np.einsum("ji,jk,ki->i", shapes[inside], mass[inside], shapes[inside])
     order = np.argsort(squares, kind="stable")
-    return shapes[:, order], masses[order], squares[order]
+    return shapes[:, order], squares[order]
 
 
 def _modes_of_one(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
@@ -148,10 +147,15 @@ def _modes_of_one(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
     half = np.linalg.solve(lower, np.ldexp(stiffness, -units[1]))
     values, vectors = np.linalg.eigh(_symmetric(np.linalg.solve(lower, half.T)))
     values[np.abs(values) <= n * ROUNDING * np.abs(values).max()] = 0.0
-    shapes = np.linalg.solve(lower.T, vectors)
+    return scaled(np.linalg.solve(lower.T, vectors)), np.ldexp(values, units[1] - units[0])
+
+
+def scaled(shapes: Floats) -> Floats:
+    """Return columns of which the largest entry, the first of those that are equal, is 1."""
     size = np.abs(shapes)
-    largest = np.argmax(size >= (1.0 - 1e-9) * size.max(axis=0), axis=0)  # the first of those that are equal
-    return shapes / shapes[largest, np.arange(n)], np.ldexp(values, units[1] - units[0])
+    largest = np.argmax(size >= (1.0 - 1e-9) * size.max(axis=0), axis=0)
+    found: Floats = shapes / shapes[largest, np.arange(shapes.shape[1])]
+    return found
 
 
 def _symmetric(matrix: Floats) -> Floats:
@@ -173,10 +177,11 @@ def nearest(mass: Floats, directions: Floats, bounds: Floats) -> Floats | None:
     for count in range(1, min(n, len(bounds)) + 1):
         for held in map(list, combinations(range(len(bounds)), count)):
             inside = gram[np.ix_(held, held)]
-            if np.linalg.eigvalsh(inside / np.outer(size[held], size[held]))[0] < 1e-12:
+            if np.linalg.eigvalsh(inside / np.outer(size[held], size[held]))[0] < n * ROUNDING:
                 continue
             q: Floats = np.linalg.solve(inside.T, moved[:, held].T).T @ bounds[held]
             slack = n * ROUNDING * (np.abs(directions) @ np.abs(q) + np.abs(bounds))
+            slack[held] = np.inf
             pushed = np.linalg.solve(inside, bounds[held])
             if (pushed <= 0.0).all() and (directions @ q <= bounds + slack).all():
                 return q

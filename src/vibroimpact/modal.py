@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.matrices import ROUNDING, modes
+from vibroimpact.matrices import ROUNDING, modes, scaled
 
 TURNED = 1e-6  # at most, in rad: eigenvectors by rounding
 FREE = 0.01  # of the driving frequency: slower modes are masses without a spring where speeds are estimated
@@ -26,7 +27,8 @@ class ModalForm:
     Parameters
     ----------
     shapes : (n, n) array
-        Eigenvectors of (K, M) as columns, the largest entry of each being 1; the identity where M and K are diagonal.
+        Eigenvectors of (K, M) as columns, the largest entry of each being 1; the identity where M and K are diagonal,
+        but for the order. Modes of one frequency are combined so that damping parts them, if any combination can.
     inverse : (n, n) array
         Its inverse: eta = `inverse` q.
     masses : (n,) array
@@ -79,6 +81,11 @@ class ModalForm:
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
 
+    def replace(self, force: Any, stops: Any) -> ModalForm:
+        """Return the form with the frequency of another force, and the gaps and restitutions of other stops."""
+        gaps, restitution = (np.array([getattr(stop, name) for stop in stops]) for name in ("gap", "restitution"))
+        return replace(self, omega=force.omega, gaps=gaps, restitution=restitution)
+
     @property
     def mobility(self) -> Floats:
         """G = a M^-1 a^T, (s, s): what unit impulses on the stops change the rates of the clearances by."""
@@ -89,7 +96,9 @@ class ModalForm:
 def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, stops: Any) -> ModalForm:
     """Return the modal form of matrices that are checked, with their force and stops."""
     n = len(mass)
-    shapes, masses, squares = modes(mass, stiffness)
+    shapes, squares = modes(mass, stiffness)
+    shapes = _parted(shapes, squares, mass, damping)
+    masses = np.einsum("ji,jk,ki->i", shapes, mass, shapes)
     coupling = shapes.T @ damping @ shapes / masses[:, None]
     decoupled = _is_diagonal(coupling, damping, shapes, masses, squares)
     if decoupled:
@@ -117,6 +126,21 @@ def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, sto
         ),
         omega=force.omega,
     )
+
+
+def _parted(shapes: Floats, squares: Floats, mass: Floats, damping: Floats) -> Floats:
+    """Return the modes, those of one frequency combined so that damping does not couple them, if it is symmetric."""
+    shapes, n = shapes.copy(), len(squares)
+    starts = [0, *(np.flatnonzero(np.diff(squares) > n * ROUNDING * squares[1:]) + 1), n]
+    for low, high in pairwise(starts):
+        alike = shapes[:, low:high]
+        coupling, masses = alike.T @ damping @ alike, alike.T @ mass @ alike
+        rounding = n * ROUNDING * (np.abs(alike).T @ np.abs(damping) @ np.abs(alike))
+        coupled = (np.abs(coupling - np.diag(np.diag(coupling))) > rounding).any()
+        if coupled and (np.abs(coupling - coupling.T) <= rounding).all():
+            turned, _ = modes(np.diag(np.diag(masses)), 0.5 * (coupling + coupling.T))
+            shapes[:, low:high] = scaled(alike @ turned)
+    return shapes
 
 
 def _is_diagonal(coupling: Floats, damping: Floats, shapes: Floats, masses: Floats, squares: Floats) -> bool:

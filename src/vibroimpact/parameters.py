@@ -110,7 +110,7 @@ def printable(text: str) -> str:
 
 def _short(value: Any) -> str:
     try:
-        text = repr(value)
+        text = " ".join(line.strip() for line in repr(value).splitlines())
     except ValueError:  # an int of more digits than Python writes
         text = "a number of thousands of digits"
     return text if len(text) <= 60 else text[:57] + "..."

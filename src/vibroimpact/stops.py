@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vibroimpact.matrices import numbers
 from vibroimpact.oscillator import ImpactOscillator
-from vibroimpact.parameters import SMALLEST, invalid, unknown, whole_number
+from vibroimpact.parameters import SMALLEST, invalid, several, unknown, whole_number
 
 USUAL = ImpactOscillator.parameters  # of which a system has some, with the same ranges and remedies
 
@@ -251,6 +251,17 @@ class Stop(ByValue):
     def replace(self, **changes: Any) -> Stop:
         """Return a copy with some arguments changed."""
         return Stop(**{**self.arguments(), **changes})
+
+
+def names_of_points(points: Any, count: int) -> tuple[str, ...]:
+    """Return the names of the rows of a table of modes; None calls them by their places."""
+    if points is None:
+        return tuple(f"point_{at}" for at in range(1, count + 1))
+    allowed = f"{count} different names, one per row of `shapes`"
+    names = several("points", points, allowed)
+    if len(names) != count or not all(isinstance(name, str) for name in names) or len(set(names)) != count:
+        raise invalid("points", points, allowed)
+    return names
 
 
 def over_modes(name: str, value: Any, points: Sequence[str], shapes: NDArray[np.float64]) -> NDArray[Any]:

@@ -17,7 +17,7 @@ from vibroimpact.matrices import ROUNDING, matrices, nearest, numbers
 from vibroimpact.modal import ModalForm, modal_form, velocity_scale
 from vibroimpact.oscillator import State, check_names
 from vibroimpact.parameters import Parameter, invalid, several
-from vibroimpact.stops import USUAL, ByValue, Force, Stop, check_length, over_modes
+from vibroimpact.stops import USUAL, ByValue, Force, Stop, check_length, names_of_points, over_modes
 
 STOPS = 5  # at most: an impact is solved among all their sets
 
@@ -84,8 +84,7 @@ class ImpactSystem(ByValue):
     def __init__(
         self, *, mass: Any, stiffness: Any, damping: Any = 0.0, force: Force, stops: Iterable[Stop] = ()
     ) -> None:
-        if not isinstance(force, Force):
-            raise invalid("force", force, "a Force", "write Force(omega=1.0) for none: it sets the period")
+        _check_force(force)
         for name, matrix in matrices(mass, damping, stiffness).items():
             matrix.setflags(write=False)
             object.__setattr__(self, name, matrix)
@@ -169,7 +168,8 @@ class ImpactSystem(ByValue):
             if values.min() < 0.0:
                 raise invalid(name, values.tolist(), "numbers >= 0")
         rates = 2.0 * math.pi * hertz
-        places = _points(points, len(table))
+        _check_force(force)
+        places = names_of_points(points, len(table))
         vectors = {name: over_modes(name, value, places, table) for name, value in force.vectors.items()}
         harmonics = {order: vectors[f"harmonics[{order}]"] for order in force.harmonics}
         return cls(
@@ -235,7 +235,12 @@ class ImpactSystem(ByValue):
             stop.replace(gap=values[f"{stop.name}_gap"], restitution=values[f"{stop.name}_restitution"])
             for stop in self.stops
         ]
-        return ImpactSystem(**{**self.arguments(), "force": force, "stops": stops})
+        made = object.__new__(ImpactSystem)  # of matrices that are checked
+        vars(made).update(self.arguments() | {"force": force, "stops": tuple(stops)})
+        made._check_room()
+        if "_modal" in vars(self):
+            vars(made)["_modal"] = self._modal.replace(force, stops)
+        return made
 
     def at(self, **values: float) -> ImpactSystem:
         """Return the system with some parameters changed: what a model is at one point of its axes."""
@@ -361,6 +366,11 @@ class ImpactSystem(ByValue):
             raise ValueError(f"stops {', '.join(self.stop_names)} overlap: no position is before all of them")
 
 
+def _check_force(force: Any) -> None:
+    if not isinstance(force, Force):
+        raise invalid("force", force, "a Force", "write Force(omega=1.0) for none: it sets the period")
+
+
 def _stops(stops: Any) -> tuple[Stop, ...]:
     found = several("stops", stops, "a list of Stops")
     for at, stop in enumerate(found):
@@ -382,10 +392,3 @@ def _named(stops: Any, n: int) -> tuple[Stop, ...]:
             owner = "another stop" if stop.name not in taken else "a parameter"
             raise ValueError(f"`stops[{at}].name` {stop.name!r} is that of {owner}; give each stop a name of its own")
     return found
-
-
-def _points(points: Any, count: int) -> tuple[str, ...]:
-    names = tuple(f"point_{at}" for at in range(1, count + 1)) if points is None else several("points", points, "names")
-    if len(names) != count or len(set(names)) != count:
-        raise ValueError(f"`points` must be {count} different names, one per row of `shapes`, got {list(names)}")
-    return names
