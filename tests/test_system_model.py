@@ -1,4 +1,4 @@
-"""A system of several coordinates: what it refuses, its parameters, its modes, and the scale of its velocities."""
+"""A system of several coordinates: what it refuses, its parameters, initial states, and tables of modes."""
 
 import copy
 import itertools
@@ -9,88 +9,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-
-M = [[2.0, 0.5], [0.5, 1.0]]
-C = [[0.3, -0.1], [-0.1, 0.2]]
-K = [[300.0, -100.0], [-100.0, 100.0]]
-
-
-def two_masses(**changes):
-    """Return two coupled masses, the second one between two stops, one of which moves."""
-    given = {
-        "mass": M,
-        "damping": C,
-        "stiffness": K,
-        "force": vi.Force(omega=8.0, harmonics={1: [5.0, 0.0], 3: [0.0, 0.5 + 0.25j]}, constant=[0.0, -2.0]),
-        "stops": [
-            vi.Stop(direction=[0, 1], gap=0.05, restitution=0.7, name="bar", motion={1: 0.01}),
-            vi.Stop(direction=[0.5, -1], gap=0.02, name="baffle"),
-        ],
-    }
-    return vi.ImpactSystem(**given | changes)
-
-
-def one_mass(osc, **changes):
-    """Return the system of one coordinate that an oscillator is."""
-    given = {
-        "mass": osc.mass,
-        "damping": osc.damping,
-        "stiffness": osc.stiffness,
-        "force": vi.Force(omega=osc.omega, harmonics={1: osc.amplitude}),
-        "stops": [vi.Stop(direction=1, gap=osc.gap, restitution=osc.restitution)],
-    }
-    return vi.ImpactSystem(**given | changes)
-
-
-def a_random_system(rng, n, s=2, damping=None):
-    """Return a system with general matrices; its damping is gyroscopic, too."""
-    mass, stiffness, spread = (rng.standard_normal((n, n)) for _ in range(3))
-    skew = rng.standard_normal((n, n))
-    stops = [
-        vi.Stop(
-            direction=rng.standard_normal(n), gap=rng.uniform(0.1, 1.0), motion={2: complex(*rng.standard_normal(2))}
-        )
-        for _ in range(s)
-    ]
-    return vi.ImpactSystem(
-        mass=mass @ mass.T + np.eye(n),
-        damping=0.1 * spread @ spread.T + skew - skew.T if damping is None else damping,
-        stiffness=stiffness @ stiffness.T,
-        force=vi.Force(
-            omega=rng.uniform(0.5, 2.0),
-            harmonics={1: rng.standard_normal(n) + 1j * rng.standard_normal(n), 3: rng.standard_normal(n)},
-            constant=rng.standard_normal(n),
-        ),
-        stops=stops,
-    )
-
-
-def changed(system, mass=1.0, force=1.0, length=1.0, time=1.0, basis=None):
-    """Return the system in other units and coordinates, q = `basis` q'."""
-    given, basis = system.arguments(), np.eye(len(system.mass)) if basis is None else basis
-    load = mass * length / time**2 * force
-    stiff = load / length
-
-    def of(matrix, unit):
-        return unit * (basis.T @ matrix @ basis)
-
-    harmonics = {h: load * (basis.T @ p) for h, p in system.force.harmonics.items()}
-    constant = None if system.force.constant is None else load * (basis.T @ system.force.constant)
-    return vi.ImpactSystem(
-        mass=of(given["mass"], stiff * time**2),
-        damping=of(given["damping"], stiff * time),
-        stiffness=of(given["stiffness"], stiff),
-        force=vi.Force(omega=system.omega / time, harmonics=harmonics, constant=constant),
-        stops=[
-            stop.replace(
-                direction=stop.direction @ basis,
-                gap=length * stop.gap,
-                motion={h: length * by for h, by in stop.motion.items()},
-            )
-            for stop in system.stops
-        ],
-    )
-
+from systems import M, a_random_system, changed, one_mass, two_masses
 
 # What is refused
 
@@ -322,17 +241,19 @@ def test_states_refuse_numbers_that_do_not_fit(given, message):
         vi.State(*given)
 
 
-def test_one_mass_refuses_a_state_of_several_coordinates():
-    several = vi.State([0.0, 0.0])
-    for call in (
-        lambda: vi.simulate(vi.ImpactOscillator(), periods=1, start=several),
-        lambda: vi.parameter_map(vi.ImpactOscillator(), gap=[0.0], start=[several, several]),
-        lambda: vi.basins(vi.ImpactOscillator(), starts=[several]) and None,
-    ):
-        with pytest.raises((ValueError, TypeError)):
-            call()
-    with pytest.raises(ValueError, match="a State of one mass.*not as lists"):
-        vi.simulate(vi.ImpactOscillator(), periods=1, start=several)
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda osc, several: vi.simulate(osc, periods=1, start=several),
+        lambda osc, several: vi.parameter_map(osc, gap=[0.0], start=[several, several]),
+        lambda osc, several: vi.attractors(osc, starts=[several]),
+        lambda osc, several: vi.find_orbit(osc, near=several),
+        lambda osc, several: vi.impact_map(osc) and vi.impact_section(osc, start=several),
+    ],
+)
+def test_one_mass_refuses_a_state_of_several_coordinates(call):
+    with pytest.raises(ValueError, match=r"`(start|starts|near)` must be .*got State\(displacement=\(0.0, 0.0\)"):
+        call(vi.ImpactOscillator(), vi.State([0.0, 0.0]))
 
 
 def test_rest_is_at_zero_or_at_the_nearest_place_before_all_stops():
@@ -397,236 +318,6 @@ def test_contact_to_rounding_is_no_penetration():
         system = a_random_system(rng, 4, 3)
         q = np.linalg.lstsq(system._directions, system._bounds(0.7), rcond=None)[0]  # all three in contact
         system.initial(vi.State(q, np.zeros(4), 0.7))
-
-
-# The modal form
-
-
-def test_one_mass_has_the_numbers_of_plain_division():
-    form = vi.ImpactSystem(
-        mass=3.0,
-        damping=0.7,
-        stiffness=5.0,
-        force=vi.Force(omega=2.0, harmonics={1: 1.1, 2: 0.3j}, constant=-9.81),
-        stops=[vi.Stop(direction=0.9, gap=0.1, motion={3: 0.2})],
-    ).modal()
-    assert form.squares.tolist() == [5.0 / 3.0]
-    assert form.damping.tolist() == [[0.7 / 3.0]]
-    assert form.constant.tolist() == [-9.81 / 3.0]
-    assert form.orders.tolist() == [1, 2, 3]
-    assert form.forces.tolist() == [[1.1 / 3.0], [0.3j / 3.0], [0.0]]
-    assert (form.directions.tolist(), form.jumps.tolist()) == ([[0.9]], [[0.9 / 3.0]])
-    assert form.motions.tolist() == [[0.0, 0.0, 0.2]]
-    assert form.decoupled
-
-
-@pytest.mark.parametrize("unit", ["mass", "force", "length", "time"])
-@pytest.mark.parametrize("n", [1, 2, 3, 6])
-def test_powers_of_two_scale_the_modal_form_exactly(unit, n):
-    system = a_random_system(np.random.default_rng(n), n)
-    form, there = system.modal(), changed(system, **{unit: 8.0}).modal()
-    factor = {"mass": (1, 1, 1), "force": (1, 1, 1), "length": (8, 1, 8), "time": (1, 1 / 8, 1 / 64)}[unit]
-    length, rate, load = factor
-    np.testing.assert_array_equal(there.shapes, form.shapes)
-    np.testing.assert_array_equal(there.squares, rate**2 * form.squares)
-    np.testing.assert_array_equal(there.damping, rate * form.damping)
-    np.testing.assert_array_equal(there.forces, load * form.forces)
-    np.testing.assert_array_equal(there.constant, load * form.constant)
-    np.testing.assert_array_equal(there.motions, length * form.motions)
-    np.testing.assert_array_equal(there.mobility / there.mobility[0, 0], form.mobility / form.mobility[0, 0])
-
-
-def test_modes_satisfy_the_equations_of_motion():
-    rng = np.random.default_rng(4)
-    for n in range(1, 13):
-        system = a_random_system(rng, n)
-        form, stiff = system.modal(), np.abs(system.stiffness).max()
-        np.testing.assert_allclose(form.shapes @ form.inverse, np.eye(n), atol=1e-12)
-        modal = form.shapes @ np.diag(form.squares) @ form.inverse
-        np.testing.assert_allclose(system.mass @ modal, system.stiffness, atol=1e-13 * n * stiff)
-        damping = form.shapes @ form.damping @ form.inverse
-        np.testing.assert_allclose(system.mass @ damping, system.damping, atol=1e-11)
-        np.testing.assert_allclose(system.mass @ form.shapes @ form.constant, system.force.constant, atol=1e-12)
-        for at, order in enumerate(form.orders):
-            p = system.force.harmonics.get(order, np.zeros(n))
-            np.testing.assert_allclose(system.mass @ form.shapes @ form.forces[at], p, atol=1e-12)
-        a = np.array([stop.direction for stop in system.stops])
-        np.testing.assert_allclose(form.directions @ form.inverse, a, atol=1e-12)
-        np.testing.assert_allclose(form.mobility, a @ np.linalg.solve(system.mass, a.T), rtol=1e-11, atol=1e-12)
-        assert (np.diff(form.squares) >= 0.0).all()
-        assert np.abs(form.shapes).max(axis=0).tolist() == [1.0] * n or n > 1
-
-
-@pytest.mark.parametrize("n", [2, 3, 5, 8, 12])
-def test_rigid_body_modes_have_exactly_no_stiffness(n):
-    rng = np.random.default_rng(n)
-    springs = np.diff(np.eye(n), axis=0) * rng.uniform(0.1, 100.0, (n - 1, 1))
-    mass = np.diag(rng.uniform(0.01, 10.0, n))
-    free = {"mass": mass, "damping": 0.01 * springs.T @ springs, "stiffness": springs.T @ springs}
-    system = two_masses(**free, force=vi.Force(omega=1.0), stops=[])
-    squares = system.modal().squares
-    assert squares[0] == 0.0 < squares[1]
-    np.testing.assert_allclose(system.modal().shapes[:, 0], 1.0, rtol=1e-9)  # all masses together
-    assert system.modal().decoupled
-
-
-def test_matrices_assembled_with_rounding_are_no_negative_springs():
-    rng = np.random.default_rng(5)
-    for n in (2, 4, 7, 12):
-        for _ in range(50):
-            half = rng.standard_normal((n - 1, n)) * 10.0 ** rng.uniform(-3, 3, (n - 1, 1))
-            system = two_masses(
-                mass=np.eye(n), stiffness=half.T @ half, damping=half.T @ half, force=vi.Force(omega=1.0), stops=[]
-            )
-            assert system.modal().squares[0] == 0.0
-
-
-def test_coordinates_that_nothing_couples_do_not_round_each_other():
-    system = two_masses(stiffness=[[1e30, 0.0], [0.0, 1e-3]], mass=[[2.0, 0.0], [0.0, 3.0]])
-    assert system.modal().squares.tolist() == [1e-3 / 3.0, 5e29]
-    alone = two_masses()
-    joined = vi.ImpactSystem(
-        mass=np.pad(M, (0, 1)) + np.diag([0, 0, 7.0]),
-        damping=np.pad(C, (0, 1)),
-        stiffness=np.pad(K, (0, 1)) + np.diag([0, 0, 1e22]),
-        force=vi.Force(omega=8.0),
-        stops=[],
-    )
-    np.testing.assert_array_equal(joined.modal().squares[:2], alone.modal().squares)
-    np.testing.assert_array_equal(joined.modal().damping[:2, :2], alone.modal().damping)
-
-
-def test_proportional_damping_decouples_and_no_other_does():
-    rng = np.random.default_rng(6)
-    for n in (2, 3, 6, 12):
-        for _ in range(20):
-            half, other = rng.standard_normal((2, n, n))
-            mass, stiffness = half @ half.T + np.eye(n), other @ other.T
-            for share in (0.01 * stiffness, 0.1 * mass, 0.02 * mass + 0.003 * stiffness):
-                system = a_random_system(rng, n, damping=0.0)
-                system = vi.ImpactSystem(mass=mass, stiffness=stiffness, damping=share, force=system.force)
-                form = system.modal()
-                assert form.decoupled
-                assert not (form.damping - np.diag(np.diag(form.damping))).any()
-            assert not a_random_system(rng, n).modal().decoupled
-    gyroscopic = two_masses(mass=np.eye(2), stiffness=np.diag([1.0, 2.0]), damping=[[0.0, -3.0], [3.0, 0.0]])
-    assert gyroscopic.modal().damping.tolist() == [[0.0, -3.0], [3.0, 0.0]]
-    assert not gyroscopic.modal().decoupled
-
-
-def test_modes_of_one_frequency_are_those_that_damping_parts():
-    springs = np.array([[2.0, -1.0, -1.0], [-1.0, 2.0, -1.0], [-1.0, -1.0, 2.0]])  # a ring: two modes of one frequency
-    damping = np.outer([1.0, -2.0, 1.0], [1.0, -2.0, 1.0])
-    ring = two_masses(mass=np.eye(3), stiffness=springs, damping=damping, force=vi.Force(omega=1.0), stops=[])
-    form = ring.modal()
-    assert form.decoupled
-    np.testing.assert_allclose(form.squares, [0.0, 3.0, 3.0], rtol=1e-14)
-    np.testing.assert_allclose(np.diag(form.damping), [0.0, 0.0, 6.0], atol=1e-14)
-    drag = [[1.0, -1.0], [-1.0, 1.0]]  # two free masses with a damper between them
-    pair = two_masses(mass=np.diag([1.0, 3.0]), stiffness=0.0, damping=drag, force=vi.Force(omega=1.0), stops=[])
-    form = pair.modal()
-    assert form.decoupled
-    np.testing.assert_allclose(np.diag(form.damping), [0.0, 4.0 / 3.0], atol=1e-15)
-    np.testing.assert_allclose(form.shapes.T @ pair.mass @ form.shapes, np.diag(form.masses), atol=1e-15)
-    np.testing.assert_allclose(form.shapes @ form.inverse, np.eye(2), atol=1e-15)
-
-
-def test_small_couplings_of_damping_are_kept():
-    for small in (1e-3, 1e-9, 1e-12):
-        damping = [[1.0, small], [small, 2.0]]
-        for stiffness in (np.diag([1.0, 2.0]), [[1.0, 0.5], [0.5, 3.0]]):
-            given = {"mass": np.eye(2), "stiffness": stiffness, "damping": damping}
-            form = two_masses(**given).modal()
-            assert not form.decoupled
-            np.testing.assert_allclose(form.shapes @ form.damping @ form.inverse, damping, atol=1e-15)
-
-
-def test_a_chain_of_stiff_and_soft_springs_with_proportional_damping_decouples():
-    rng = np.random.default_rng(13)
-    for n in (2, 5, 12):
-        for _ in range(20):
-            springs = np.diff(np.eye(n), axis=0) * 10.0 ** rng.uniform(-1, 2, (n - 1, 1))
-            stiffness = springs.T @ springs
-            mass = np.diag(10.0 ** rng.uniform(-2, 1, n))
-            force = vi.Force(omega=1.0)
-            assert two_masses(
-                mass=mass, stiffness=stiffness, damping=0.01 * stiffness, force=force, stops=[]
-            ).modal().decoupled  # fmt: skip
-
-
-# The scale of velocities
-
-
-def test_one_mass_has_the_scale_of_its_oscillator():
-    rng = np.random.default_rng(7)
-    for _ in range(100):
-        m, k, f, w = 10.0 ** rng.uniform(-1, 1, 4)
-        osc = vi.ImpactOscillator(mass=m, stiffness=k, amplitude=f, omega=w, gap=rng.normal())
-        assert one_mass(osc).velocity_scale == pytest.approx(osc.velocity_scale, rel=1e-14)
-
-
-def test_the_scale_is_a_speed_and_does_not_change_with_coordinates():
-    rng = np.random.default_rng(8)
-    for n, s in itertools.product((1, 2, 4, 8), (1, 2, 3)):
-        system = a_random_system(rng, n, s)
-        scale = system.velocity_scale
-        assert changed(system, length=3.0).velocity_scale == pytest.approx(3.0 * scale, rel=1e-12)
-        assert changed(system, time=3.0).velocity_scale == pytest.approx(scale / 3.0, rel=1e-12)
-        assert changed(system, mass=3.0).velocity_scale == pytest.approx(scale, rel=1e-12)
-        basis = rng.standard_normal((n, n)) + 2.0 * np.eye(n)
-        assert changed(system, basis=basis).velocity_scale == pytest.approx(scale, rel=1e-9)
-        turned = vi.ImpactSystem(**{**system.arguments(), "stops": system.stops[::-1]})
-        assert turned.velocity_scale == pytest.approx(scale, rel=1e-13)
-
-
-def test_a_mode_that_no_stop_sees_leaves_the_scale_alone():
-    rng = np.random.default_rng(9)
-    for n in (1, 2, 4):
-        system = a_random_system(rng, n, 2)
-        joined = vi.ImpactSystem(
-            mass=np.pad(system.mass, (0, 1)) + np.diag([0.0] * n + [2.0]),
-            damping=np.pad(system.damping, (0, 1)),
-            stiffness=np.pad(system.stiffness, (0, 1)) + np.diag([0.0] * n + [0.3]),
-            force=vi.Force(
-                omega=system.omega,
-                harmonics={h: np.append(p, 1e6) for h, p in system.force.harmonics.items()},
-                constant=np.append(system.force.constant, 1e6),
-            ),
-            stops=[stop.replace(direction=np.append(stop.direction, 0.0)) for stop in system.stops],
-        )
-        assert joined.velocity_scale == pytest.approx(system.velocity_scale, rel=1e-10)
-        turned = changed(joined, basis=np.linalg.qr(rng.standard_normal((n + 1, n + 1)))[0])
-        assert turned.velocity_scale == pytest.approx(system.velocity_scale, rel=1e-6)
-
-
-def free_mass(stops, constant=None, harmonics=None, omega=3.0):
-    force = vi.Force(omega=omega, constant=constant, harmonics=harmonics)
-    return vi.ImpactSystem(mass=2.0, stiffness=0.0, force=force, stops=stops)
-
-
-def test_free_and_unforced_masses_have_a_scale():
-    floor = vi.Stop(direction=-1, gap=0.0)
-    assert free_mass([floor], constant=-2.0 * 9.81).velocity_scale == pytest.approx(9.81 / 3.0)  # falls for 1/w
-    assert free_mass([floor], harmonics={2: 1.0}).velocity_scale == pytest.approx(0.5 / 6.0)
-    assert free_mass([floor.replace(motion={1: 0.1j, 2: 0.05})]).velocity_scale == pytest.approx(0.3 + 0.3)
-    assert free_mass([floor.replace(gap=0.2)]).velocity_scale == pytest.approx(0.6)  # unforced, in a slot
-    assert free_mass([floor]).velocity_scale == 1.0  # alike at every speed
-    assert free_mass([]).velocity_scale == 1.0
-    hung = vi.ImpactSystem(
-        mass=2.0, stiffness=8.0, force=vi.Force(omega=3.0, constant=-4.0), stops=[vi.Stop(direction=-1, gap=0.7)]
-    )
-    assert hung.velocity_scale == pytest.approx(2.0 * 0.2)  # it rests at -0.5: 0.2 are left, at 2 rad/s
-
-
-def test_a_load_that_springs_carry_only_shifts_the_rest_position():
-    rng = np.random.default_rng(10)
-    system = a_random_system(rng, 3, 2)
-    shift = rng.standard_normal(3)
-    load = system.force.constant + system.stiffness @ shift
-    force = vi.Force(**{**system.force.arguments(), "constant": load})
-    stops = [stop.replace(gap=stop.gap + stop.direction @ shift) for stop in system.stops]
-    there = vi.ImpactSystem(**{**system.arguments(), "force": force, "stops": stops})
-    assert there.velocity_scale == pytest.approx(system.velocity_scale, rel=1e-10)
 
 
 # A table of modes

@@ -137,6 +137,7 @@ class ImpactSystem(ByValue):
 
         Notes
         -----
+        Shapes that are normalised in another way are divided by the square roots of their modal masses first.
         With rigid stops results do not converge as modes are added: the struck mass 1/(a . M^-1 a) falls with each.
         A row of `shapes` may hold participation factors, -sum(m phi), of a base: its force is the acceleration.
 
@@ -287,9 +288,9 @@ class ImpactSystem(ByValue):
           mode.
 
         Modes slower than 0.01 w count as free, and w (h w in a harmonic) stands for their Omega. Where all three are
-        zero (no load, nothing moves) it is w times the largest gap; without even a gap motions are alike at every
-        speed, and 1 stands for V. It is that of `ImpactOscillator`, max(f, k |g|)/sqrt(k m), for one mass, and does
-        not change with the coordinates.
+        zero (no load, nothing moves) it is w times the largest gap; without a stop or even a gap motions are alike
+        at every speed, and 1 stands for V. It does not change with the coordinates, and for one mass it is that of
+        `ImpactOscillator`, max(f, k |g|)/sqrt(k m).
         """
         return velocity_scale(self.modal())
 

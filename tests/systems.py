@@ -1,0 +1,86 @@
+"""Systems for tests, and the same in other units and coordinates."""
+
+import numpy as np
+
+import vibroimpact as vi
+
+M = [[2.0, 0.5], [0.5, 1.0]]
+C = [[0.3, -0.1], [-0.1, 0.2]]
+K = [[300.0, -100.0], [-100.0, 100.0]]
+
+
+def two_masses(**changes):
+    """Return two coupled masses, the second one between two stops, one of which moves."""
+    given = {
+        "mass": M,
+        "damping": C,
+        "stiffness": K,
+        "force": vi.Force(omega=8.0, harmonics={1: [5.0, 0.0], 3: [0.0, 0.5 + 0.25j]}, constant=[0.0, -2.0]),
+        "stops": [
+            vi.Stop(direction=[0, 1], gap=0.05, restitution=0.7, name="bar", motion={1: 0.01}),
+            vi.Stop(direction=[0.5, -1], gap=0.02, name="baffle"),
+        ],
+    }
+    return vi.ImpactSystem(**given | changes)
+
+
+def one_mass(osc, **changes):
+    """Return the system of one coordinate that an oscillator is."""
+    given = {
+        "mass": osc.mass,
+        "damping": osc.damping,
+        "stiffness": osc.stiffness,
+        "force": vi.Force(omega=osc.omega, harmonics={1: osc.amplitude}),
+        "stops": [vi.Stop(direction=1, gap=osc.gap, restitution=osc.restitution)],
+    }
+    return vi.ImpactSystem(**given | changes)
+
+
+def a_random_system(rng, n, s=2, damping=None):
+    """Return a system with general matrices; its damping is gyroscopic, too."""
+    mass, stiffness, spread = (rng.standard_normal((n, n)) for _ in range(3))
+    skew = rng.standard_normal((n, n))
+    stops = [
+        vi.Stop(
+            direction=rng.standard_normal(n), gap=rng.uniform(0.1, 1.0), motion={2: complex(*rng.standard_normal(2))}
+        )
+        for _ in range(s)
+    ]
+    return vi.ImpactSystem(
+        mass=mass @ mass.T + np.eye(n),
+        damping=0.1 * spread @ spread.T + skew - skew.T if damping is None else damping,
+        stiffness=stiffness @ stiffness.T,
+        force=vi.Force(
+            omega=rng.uniform(0.5, 2.0),
+            harmonics={1: rng.standard_normal(n) + 1j * rng.standard_normal(n), 3: rng.standard_normal(n)},
+            constant=rng.standard_normal(n),
+        ),
+        stops=stops,
+    )
+
+
+def changed(system, mass=1.0, force=1.0, length=1.0, time=1.0, basis=None):
+    """Return the system in other units and coordinates, q = `basis` q'."""
+    given, basis = system.arguments(), np.eye(len(system.mass)) if basis is None else basis
+    load = mass * length / time**2 * force
+    stiff = load / length
+
+    def of(matrix, unit):
+        return unit * (basis.T @ matrix @ basis)
+
+    harmonics = {h: load * (basis.T @ p) for h, p in system.force.harmonics.items()}
+    constant = None if system.force.constant is None else load * (basis.T @ system.force.constant)
+    return vi.ImpactSystem(
+        mass=of(given["mass"], stiff * time**2),
+        damping=of(given["damping"], stiff * time),
+        stiffness=of(given["stiffness"], stiff),
+        force=vi.Force(omega=system.omega / time, harmonics=harmonics, constant=constant),
+        stops=[
+            stop.replace(
+                direction=stop.direction @ basis,
+                gap=length * stop.gap,
+                motion={h: length * by for h, by in stop.motion.items()},
+            )
+            for stop in system.stops
+        ],
+    )

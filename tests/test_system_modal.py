@@ -1,0 +1,299 @@
+"""The modes of a system, and the scale of its velocities."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import vibroimpact as vi
+from systems import C, K, M, a_random_system, changed, one_mass, two_masses
+
+# The modal form
+
+
+def test_one_mass_has_the_numbers_of_plain_division():
+    form = vi.ImpactSystem(
+        mass=3.0,
+        damping=0.7,
+        stiffness=5.0,
+        force=vi.Force(omega=2.0, harmonics={1: 1.1, 2: 0.3j}, constant=-9.81),
+        stops=[vi.Stop(direction=0.9, gap=0.1, motion={3: 0.2})],
+    ).modal()
+    assert form.squares.tolist() == [5.0 / 3.0]
+    assert form.damping.tolist() == [[0.7 / 3.0]]
+    assert form.constant.tolist() == [-9.81 / 3.0]
+    assert form.orders.tolist() == [1, 2, 3]
+    assert form.forces.tolist() == [[1.1 / 3.0], [0.3j / 3.0], [0.0]]
+    assert (form.directions.tolist(), form.jumps.tolist()) == ([[0.9]], [[0.9 / 3.0]])
+    assert form.motions.tolist() == [[0.0, 0.0, 0.2]]
+    assert form.decoupled
+
+
+@pytest.mark.parametrize("unit", ["mass", "force", "length", "time"])
+@pytest.mark.parametrize("n", [1, 2, 3, 6])
+def test_powers_of_two_scale_the_modal_form_exactly(unit, n):
+    system = a_random_system(np.random.default_rng(n), n)
+    form, there = system.modal(), changed(system, **{unit: 8.0}).modal()
+    factor = {"mass": (1, 1, 1), "force": (1, 1, 1), "length": (8, 1, 8), "time": (1, 1 / 8, 1 / 64)}[unit]
+    length, rate, load = factor
+    np.testing.assert_array_equal(there.shapes, form.shapes)
+    np.testing.assert_array_equal(there.squares, rate**2 * form.squares)
+    np.testing.assert_array_equal(there.damping, rate * form.damping)
+    np.testing.assert_array_equal(there.forces, load * form.forces)
+    np.testing.assert_array_equal(there.constant, load * form.constant)
+    np.testing.assert_array_equal(there.motions, length * form.motions)
+    np.testing.assert_array_equal(there.mobility / there.mobility[0, 0], form.mobility / form.mobility[0, 0])
+
+
+def test_modes_satisfy_the_equations_of_motion():
+    rng = np.random.default_rng(4)
+    for n in range(1, 13):
+        system = a_random_system(rng, n)
+        form, stiff = system.modal(), np.abs(system.stiffness).max()
+        np.testing.assert_allclose(form.shapes @ form.inverse, np.eye(n), atol=1e-12)
+        modal = form.shapes @ np.diag(form.squares) @ form.inverse
+        np.testing.assert_allclose(system.mass @ modal, system.stiffness, atol=1e-13 * n * stiff)
+        damping = form.shapes @ form.damping @ form.inverse
+        np.testing.assert_allclose(system.mass @ damping, system.damping, atol=1e-11)
+        np.testing.assert_allclose(system.mass @ form.shapes @ form.constant, system.force.constant, atol=1e-12)
+        for at, order in enumerate(form.orders):
+            p = system.force.harmonics.get(order, np.zeros(n))
+            np.testing.assert_allclose(system.mass @ form.shapes @ form.forces[at], p, atol=1e-12)
+        a = np.array([stop.direction for stop in system.stops])
+        np.testing.assert_allclose(form.directions @ form.inverse, a, atol=1e-12)
+        np.testing.assert_allclose(form.mobility, a @ np.linalg.solve(system.mass, a.T), rtol=1e-11, atol=1e-12)
+        assert (np.diff(form.squares) >= 0.0).all()
+        assert np.abs(form.shapes).max(axis=0).tolist() == [1.0] * n or n > 1
+
+
+@pytest.mark.parametrize("n", [2, 3, 5, 8, 12])
+def test_rigid_body_modes_have_exactly_no_stiffness(n):
+    rng = np.random.default_rng(n)
+    springs = np.diff(np.eye(n), axis=0) * rng.uniform(0.1, 100.0, (n - 1, 1))
+    mass = np.diag(rng.uniform(0.01, 10.0, n))
+    free = {"mass": mass, "damping": 0.01 * springs.T @ springs, "stiffness": springs.T @ springs}
+    system = two_masses(**free, force=vi.Force(omega=1.0), stops=[])
+    squares = system.modal().squares
+    assert squares[0] == 0.0 < squares[1]
+    np.testing.assert_allclose(system.modal().shapes[:, 0], 1.0, rtol=1e-9)  # all masses together
+    assert system.modal().decoupled
+
+
+def test_matrices_assembled_with_rounding_are_no_negative_springs():
+    rng = np.random.default_rng(5)
+    for n in (2, 4, 7, 12):
+        for _ in range(50):
+            half = rng.standard_normal((n - 1, n)) * 10.0 ** rng.uniform(-3, 3, (n - 1, 1))
+            system = two_masses(
+                mass=np.eye(n), stiffness=half.T @ half, damping=half.T @ half, force=vi.Force(omega=1.0), stops=[]
+            )
+            assert system.modal().squares[0] == 0.0
+
+
+def test_coordinates_that_nothing_couples_do_not_round_each_other():
+    system = two_masses(stiffness=[[1e30, 0.0], [0.0, 1e-3]], mass=[[2.0, 0.0], [0.0, 3.0]])
+    assert system.modal().squares.tolist() == [1e-3 / 3.0, 5e29]
+    alone = two_masses()
+    joined = vi.ImpactSystem(
+        mass=np.pad(M, (0, 1)) + np.diag([0, 0, 7.0]),
+        damping=np.pad(C, (0, 1)),
+        stiffness=np.pad(K, (0, 1)) + np.diag([0, 0, 1e22]),
+        force=vi.Force(omega=8.0),
+        stops=[],
+    )
+    np.testing.assert_array_equal(joined.modal().squares[:2], alone.modal().squares)
+    np.testing.assert_array_equal(joined.modal().damping[:2, :2], alone.modal().damping)
+
+
+def test_proportional_damping_decouples_and_no_other_does():
+    rng = np.random.default_rng(6)
+    for n in (2, 3, 6, 12):
+        for _ in range(20):
+            half, other = rng.standard_normal((2, n, n))
+            mass, stiffness = half @ half.T + np.eye(n), other @ other.T
+            for share in (0.01 * stiffness, 0.1 * mass, 0.02 * mass + 0.003 * stiffness):
+                system = a_random_system(rng, n, damping=0.0)
+                system = vi.ImpactSystem(mass=mass, stiffness=stiffness, damping=share, force=system.force)
+                form = system.modal()
+                assert form.decoupled
+                assert not (form.damping - np.diag(np.diag(form.damping))).any()
+            assert not a_random_system(rng, n).modal().decoupled
+    gyroscopic = two_masses(mass=np.eye(2), stiffness=np.diag([1.0, 2.0]), damping=[[0.0, -3.0], [3.0, 0.0]])
+    assert gyroscopic.modal().damping.tolist() == [[0.0, -3.0], [3.0, 0.0]]
+    assert not gyroscopic.modal().decoupled
+
+
+def test_modes_of_one_frequency_are_those_that_damping_parts():
+    springs = np.array([[2.0, -1.0, -1.0], [-1.0, 2.0, -1.0], [-1.0, -1.0, 2.0]])  # a ring: two modes of one frequency
+    damping = np.outer([1.0, -2.0, 1.0], [1.0, -2.0, 1.0])
+    ring = two_masses(mass=np.eye(3), stiffness=springs, damping=damping, force=vi.Force(omega=1.0), stops=[])
+    form = ring.modal()
+    assert form.decoupled
+    np.testing.assert_allclose(form.squares, [0.0, 3.0, 3.0], rtol=1e-14)
+    np.testing.assert_allclose(np.diag(form.damping), [0.0, 0.0, 6.0], atol=1e-14)
+    drag = [[1.0, -1.0], [-1.0, 1.0]]  # two free masses with a damper between them
+    pair = two_masses(mass=np.diag([1.0, 3.0]), stiffness=0.0, damping=drag, force=vi.Force(omega=1.0), stops=[])
+    form = pair.modal()
+    assert form.decoupled
+    np.testing.assert_allclose(np.diag(form.damping), [0.0, 4.0 / 3.0], atol=1e-15)
+    np.testing.assert_allclose(form.shapes.T @ pair.mass @ form.shapes, np.diag(form.masses), atol=1e-15)
+    np.testing.assert_allclose(form.shapes @ form.inverse, np.eye(2), atol=1e-15)
+
+
+def test_small_couplings_of_damping_are_kept():
+    for small in (1e-3, 1e-9, 1e-12):
+        damping = [[1.0, small], [small, 2.0]]
+        for stiffness in (np.diag([1.0, 2.0]), [[1.0, 0.5], [0.5, 3.0]]):
+            given = {"mass": np.eye(2), "stiffness": stiffness, "damping": damping}
+            form = two_masses(**given).modal()
+            assert not form.decoupled
+            np.testing.assert_allclose(form.shapes @ form.damping @ form.inverse, damping, atol=1e-15)
+
+
+def test_a_chain_of_stiff_and_soft_springs_with_proportional_damping_decouples():
+    rng = np.random.default_rng(13)
+    for n in (2, 5, 12):
+        for _ in range(20):
+            springs = np.diff(np.eye(n), axis=0) * 10.0 ** rng.uniform(-1, 2, (n - 1, 1))
+            stiffness = springs.T @ springs
+            mass = np.diag(10.0 ** rng.uniform(-2, 1, n))
+            force = vi.Force(omega=1.0)
+            assert two_masses(
+                mass=mass, stiffness=stiffness, damping=0.01 * stiffness, force=force, stops=[]
+            ).modal().decoupled  # fmt: skip
+
+
+def one_impact(form, half=False):
+    """Return velocity and phase of the orbits with one impact per period, or per half of it on either of two stops."""
+    n, r = len(form.masses), form.restitution[0]
+    (at,) = np.flatnonzero(form.orders == 1)
+    system = np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(form.squares), -form.damping]])
+    flight = expm(system * 2.0 * math.pi / form.omega / (1 + half))
+    kick = np.append(np.zeros(n), (1.0 + r) * form.jumps[0] / form.mobility[0, 0])
+    z = np.linalg.solve(-flight - np.eye(2 * n) if half else flight - np.eye(2 * n), kick)
+    alpha, beta = -form.directions[0] @ z[:n], -r - form.directions[0] @ z[n:]
+    impedance = np.diag(form.squares) - form.omega**2 * np.eye(n) + 1j * form.omega * form.damping
+    steady = form.directions[0] @ np.linalg.solve(impedance, form.forces[at])
+    gap = form.gaps[0]
+    found = np.roots([alpha**2 + (beta / form.omega) ** 2, 2.0 * alpha * gap, gap**2 - abs(steady) ** 2])
+    angles = np.angle(beta * found / form.omega + 1j * (gap + alpha * found)) - np.angle(steady)
+    return [(v, angle / (2.0 * math.pi) % 1.0) for v, angle in zip(found, angles, strict=True) if v > 0.0]
+
+
+CHAIN = [[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]]
+FIFTY_DIGITS = {  # computed in mpmath from the same equation; first stop, symmetric motions between two
+    "two-sided oscillator": (
+        {"mass": 1.0, "damping": 0.05, "stiffness": 1.0, "force": vi.Force(omega=2.0, harmonics={1: 1.0})},
+        [vi.Stop(direction=1, gap=0.5, restitution=0.6), vi.Stop(direction=-1, gap=0.5, restitution=0.6)],
+        (1.01091975000998629752895, 0.30697182627669859292),
+    ),
+    "three masses": (
+        {
+            "mass": np.eye(3), "damping": 0.02 * np.array(CHAIN), "stiffness": CHAIN,
+            "force": vi.Force(omega=0.9, harmonics={1: [1.0, 0.0, 0.0]}),
+        },
+        [vi.Stop(direction=[0, 0, 1], gap=0.5, restitution=0.7)],
+        (0.6314772880991517553058458, 0.61512189651226436508),
+    ),
+    "impact damper": (
+        {
+            "mass": np.diag([1.0, 0.1]), "damping": np.diag([0.02, 0.0]), "stiffness": np.diag([1.0, 0.0]),
+            "force": vi.Force(omega=1.0, harmonics={1: [1.0, 0.0]}),
+        },
+        [vi.Stop(direction=[-1, 1], gap=10.0), vi.Stop(direction=[1, -1], gap=10.0)],
+        (9.407221992561745893002965, 0.74256436841325221938),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FIFTY_DIGITS)
+def test_the_modal_form_has_the_orbits_of_the_system(name):
+    given, stops, expected = FIFTY_DIGITS[name]
+    system = vi.ImpactSystem(**given, stops=stops)
+    found = one_impact(system.modal(), half=len(stops) == 2)
+    nearest = min(found, key=lambda orbit: abs(orbit[0] - expected[0]))
+    np.testing.assert_allclose(nearest, expected, rtol=1e-12)
+    rng = np.random.default_rng(14)
+    n = len(system.mass)
+    there = changed(system, basis=rng.standard_normal((n, n)) + 2.0 * np.eye(n), length=3.0, time=0.7)
+    (nearest,) = [
+        orbit for orbit in one_impact(there.modal(), half=len(stops) == 2) if abs(orbit[1] - expected[1]) < 1e-6
+    ]
+    np.testing.assert_allclose(nearest, (expected[0] * 3.0 / 0.7, expected[1]), rtol=1e-11)
+
+
+# The scale of velocities
+
+
+def test_one_mass_has_the_scale_of_its_oscillator():
+    rng = np.random.default_rng(7)
+    for _ in range(100):
+        m, k, f, w = 10.0 ** rng.uniform(-1, 1, 4)
+        osc = vi.ImpactOscillator(mass=m, stiffness=k, amplitude=f, omega=w, gap=rng.normal())
+        assert one_mass(osc).velocity_scale == pytest.approx(osc.velocity_scale, rel=1e-14)
+
+
+def test_the_scale_is_a_speed_and_does_not_change_with_coordinates():
+    rng = np.random.default_rng(8)
+    for n, s in itertools.product((1, 2, 4, 8), (1, 2, 3)):
+        system = a_random_system(rng, n, s)
+        scale = system.velocity_scale
+        assert changed(system, length=3.0).velocity_scale == pytest.approx(3.0 * scale, rel=1e-12)
+        assert changed(system, time=3.0).velocity_scale == pytest.approx(scale / 3.0, rel=1e-12)
+        assert changed(system, mass=3.0).velocity_scale == pytest.approx(scale, rel=1e-12)
+        basis = rng.standard_normal((n, n)) + 2.0 * np.eye(n)
+        assert changed(system, basis=basis).velocity_scale == pytest.approx(scale, rel=1e-9)
+        turned = vi.ImpactSystem(**{**system.arguments(), "stops": system.stops[::-1]})
+        assert turned.velocity_scale == pytest.approx(scale, rel=1e-13)
+
+
+def test_a_mode_that_no_stop_sees_leaves_the_scale_alone():
+    rng = np.random.default_rng(9)
+    for n in (1, 2, 4):
+        system = a_random_system(rng, n, 2)
+        joined = vi.ImpactSystem(
+            mass=np.pad(system.mass, (0, 1)) + np.diag([0.0] * n + [2.0]),
+            damping=np.pad(system.damping, (0, 1)),
+            stiffness=np.pad(system.stiffness, (0, 1)) + np.diag([0.0] * n + [0.3]),
+            force=vi.Force(
+                omega=system.omega,
+                harmonics={h: np.append(p, 1e6) for h, p in system.force.harmonics.items()},
+                constant=np.append(system.force.constant, 1e6),
+            ),
+            stops=[stop.replace(direction=np.append(stop.direction, 0.0)) for stop in system.stops],
+        )
+        assert joined.velocity_scale == pytest.approx(system.velocity_scale, rel=1e-10)
+        turned = changed(joined, basis=np.linalg.qr(rng.standard_normal((n + 1, n + 1)))[0])
+        assert turned.velocity_scale == pytest.approx(system.velocity_scale, rel=1e-6)
+
+
+def free_mass(stops, constant=None, harmonics=None, omega=3.0):
+    force = vi.Force(omega=omega, constant=constant, harmonics=harmonics)
+    return vi.ImpactSystem(mass=2.0, stiffness=0.0, force=force, stops=stops)
+
+
+def test_free_and_unforced_masses_have_a_scale():
+    floor = vi.Stop(direction=-1, gap=0.0)
+    assert free_mass([floor], constant=-2.0 * 9.81).velocity_scale == pytest.approx(9.81 / 3.0)  # falls for 1/w
+    assert free_mass([floor], harmonics={2: 1.0}).velocity_scale == pytest.approx(0.5 / 6.0)
+    assert free_mass([floor.replace(motion={1: 0.1j, 2: 0.05})]).velocity_scale == pytest.approx(0.3 + 0.3)
+    assert free_mass([floor.replace(gap=0.2)]).velocity_scale == pytest.approx(0.6)  # unforced, in a slot
+    assert free_mass([floor]).velocity_scale == 1.0  # alike at every speed
+    assert free_mass([]).velocity_scale == 1.0
+    hung = vi.ImpactSystem(
+        mass=2.0, stiffness=8.0, force=vi.Force(omega=3.0, constant=-4.0), stops=[vi.Stop(direction=-1, gap=0.7)]
+    )
+    assert hung.velocity_scale == pytest.approx(2.0 * 0.2)  # it rests at -0.5: 0.2 are left, at 2 rad/s
+
+
+def test_a_load_that_springs_carry_only_shifts_the_rest_position():
+    rng = np.random.default_rng(10)
+    system = a_random_system(rng, 3, 2)
+    shift = rng.standard_normal(3)
+    load = system.force.constant + system.stiffness @ shift
+    force = vi.Force(**{**system.force.arguments(), "constant": load})
+    stops = [stop.replace(gap=stop.gap + stop.direction @ shift) for stop in system.stops]
+    there = vi.ImpactSystem(**{**system.arguments(), "force": force, "stops": stops})
+    assert there.velocity_scale == pytest.approx(system.velocity_scale, rel=1e-10)
