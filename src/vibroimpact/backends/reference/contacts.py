@@ -1,0 +1,91 @@
+"""Impacts on several stops, and which of the stops that are touched stay closed, by trying every subset."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
+
+from vibroimpact.backends.reference.phases import BALANCE, DEPTH, Equations, Floats
+
+
+def subsets(stops: list[int]) -> Iterator[tuple[int, ...]]:
+    """Yield every subset, smaller ones first."""
+    for size in range(len(stops) + 1):
+        yield from combinations(stops, size)
+
+
+def impact_law(coupling: Floats, restitution: Floats, rates: Floats) -> tuple[Floats, Floats]:
+    """Return the rates of clearances after an impact, and the impulses in N s.
+
+    Moreau's law: 0 <= P complementary to w+ + R w- >= 0, with w+ = w- + G P.
+
+    Parameters
+    ----------
+    coupling : array, shape (s, s)
+        G = a M^-1 a^T of the stops in contact.
+    restitution, rates : array, shape (s,)
+        R and w-, the rates just before the impact, none of them above zero.
+
+    Returns
+    -------
+    tuple of array
+        The rates w+ and the impulses P. Energy does not grow by them.
+
+    Examples
+    --------
+    >>> impact_law(np.eye(2), np.array([0.5, 0.5]), np.array([-2.0, 0.0]))
+    (array([1., 0.]), array([3., 0.]))
+    """
+    rates = np.asarray(rates, float)
+    own = np.sqrt(np.diag(coupling))
+    alike, speeds = coupling / np.outer(own, own), rates / own  # rates and impulses are now roots of energies
+    rounding = BALANCE * float(np.abs(speeds).max(initial=0.0))
+    best: tuple[float, Floats, Floats] | None = None
+    for active in subsets(list(range(len(rates)))):
+        index = list(active)
+        square = alike[np.ix_(index, index)]
+        if index and np.linalg.cond(square) > 1.0 / BALANCE:
+            continue
+        impulses = np.zeros(len(rates))
+        impulses[index] = np.linalg.solve(square, -((1.0 + restitution) * speeds)[index])
+        after = speeds + alike @ impulses
+        after[np.abs(after) <= rounding] = 0.0
+        after[index] = -restitution[index] * speeds[index]
+        slack = after + restitution * speeds
+        slack[index] = 0.0
+        wrong = -min(float(slack.min(initial=0.0)), float(impulses.min(initial=0.0)))
+        if best is None or wrong < best[0]:
+            best = wrong, own * after, impulses / own
+        if wrong <= rounding:
+            break
+    assert best is not None  # the empty set is never singular
+    return best[1] + 0.0, best[2]
+
+
+def held_closed(eq: Equations, x: Floats, touched: list[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return the stops that push, and all that stay closed, of those touched with a rate of zero.
+
+    Complementarity of forces and accelerations, 0 <= lambda and u'' >= 0; where both vanish their derivatives decide,
+    as they do for the motion a moment later. A stop whose clearance stays zero without a force stays closed, too.
+    """
+    best: tuple[int, tuple[int, ...], tuple[int, ...]] | None = None
+    for pushing in subsets(touched):
+        phase = eq.phase(pushing)
+        if phase.singular:
+            continue
+        signs = []
+        idle = []
+        for j in touched:
+            order, value = phase.leading(phase.force[j] if j in pushing else phase.bending[j], x)
+            signs.append(value)
+            if j not in pushing and order == DEPTH:
+                idle.append(j)
+        wrong = sum(value < 0.0 for value in signs)
+        if best is None or wrong < best[0]:
+            best = wrong, pushing, tuple(sorted((*pushing, *idle)))
+        if not wrong:
+            break
+    assert best is not None
+    return best[1], best[2]

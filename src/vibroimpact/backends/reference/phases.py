@@ -1,0 +1,297 @@
+"""Motion of a linear system between two events, while a given set of its stops is held closed.
+
+A phase is one linear system with constant coefficients, X' = A X, in
+
+    X = (q, q', u, u', l, l sin hwt, l cos hwt, ...),
+
+with a length l that makes the entries alike. The clearances u are carried beside the coordinates, because g - a.q would
+lose its leading digits near contact. Held stops have u = u' = 0, and their forces are rows of X as well:
+
+    M q'' + C q' + K q = p - sum_j a_j lambda_j,    u_j'' = d_j'' - a_j . q'' = 0    for each held stop j.
+
+Its matrix exponential needs no steady state: k = 0 and resonance are like all else. It is summed as a series, because
+what is small must be right relative to its own size in a chatter, and a Pade approximant is right relative to its norm.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from vibroimpact.backends.reference.flight import sine_cosine
+
+Floats = NDArray[np.float64]
+Which = NDArray[np.intp]
+
+STRIDE = 0.1  # radians of the fastest rate between two points of a block
+BLOCK = 64  # intervals of a block
+TERMS = 30  # of a series over a stride
+DEPTH = 6  # derivatives that are looked at where a force or an acceleration vanishes
+BALANCE = 1e-13  # of the sum of its terms: a value this small is rounding
+ROUNDING = 4.0 * np.finfo(float).eps  # relative: the least that `brentq` takes
+NEARLY = 1e-9  # relative error of an extremum, whose value errs by the square
+
+
+@dataclass(frozen=True)
+class RigidStop:
+    """A rigid stop: its clearance is u = gap + Im(sum_h motion_h exp(i h w t)) - direction . q >= 0.
+
+    Parameters
+    ----------
+    direction : array, shape (n,)
+        The linear form a of the coordinates.
+    gap : float
+        Clearance at q = 0, in m.
+    restitution : float
+        Ratio r of the speeds after and before an impact, 0 to 1.
+    motion : dict of int to complex
+        Harmonics of the stop's own motion, in m.
+    """
+
+    direction: Floats
+    gap: float
+    restitution: float
+    motion: dict[int, complex] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LinearSystem:
+    """M q'' + C q' + K q = p0 + Im(sum_h p_h exp(i h w t)), with rigid stops.
+
+    Parameters
+    ----------
+    mass, damping, stiffness : array, shape (n, n)
+        M is positive definite; C and K may be singular.
+    omega : float
+        Angular frequency w in rad/s, > 0.
+    constant : array, shape (n,)
+        Constant force in N.
+    harmonics : dict of int to complex array, shape (n,)
+        Harmonics of the force in N.
+    stops : tuple of RigidStop
+        Any number.
+    """
+
+    mass: Floats
+    damping: Floats
+    stiffness: Floats
+    omega: float
+    constant: Floats
+    harmonics: dict[int, NDArray[np.complex128]]
+    stops: tuple[RigidStop, ...]
+
+
+class Equations:
+    """The matrices of a system, and the phases that its stops make."""
+
+    def __init__(self, system: LinearSystem) -> None:
+        self.mass, self.omega = np.array(system.mass, float), float(system.omega)
+        self.period = 2.0 * math.pi / self.omega
+        self.n, self.s = len(self.mass), len(system.stops)
+        self.directions = np.array([stop.direction for stop in system.stops], float).reshape(self.s, self.n)
+        self.restitution = np.array([stop.restitution for stop in system.stops], float)
+        self.orders = sorted({*system.harmonics, *(h for stop in system.stops for h in stop.motion)})
+        still = np.zeros(self.n)
+        waves = [np.asarray(system.harmonics.get(h, still), complex) for h in self.orders]
+        moves = np.array([[stop.motion.get(h, 0.0) for h in self.orders] for stop in system.stops], complex)
+        moves = moves.reshape(self.s, len(self.orders))
+        force = np.column_stack([system.constant, *(p.real for p in waves), *(p.imag for p in waves)])
+        gaps = np.array([stop.gap for stop in system.stops], float)
+        self.places = np.column_stack([gaps, moves.real, moves.imag])  # of the stops, over 1, sin hwt, cos hwt
+        self.rates = np.array([h * self.omega for h in self.orders])
+        self.kappa = np.linalg.solve(self.mass, self.directions.T)  # M^-1 a, a column per stop
+        self.coupling = self.directions @ self.kappa  # G: the rates that unit impulses give
+
+        flow = np.linalg.solve(self.mass, np.column_stack([-np.asarray(system.stiffness), -np.asarray(system.damping)]))
+        push = np.linalg.solve(self.mass, force)
+        state = np.block([[np.zeros((self.n, self.n)), np.eye(self.n)], [flow]])
+        self.fastest = max(float(np.abs(np.linalg.eigvals(state)).max()), self.omega, *self.rates)
+        sizes = [np.abs(push).max() / self.fastest**2, np.abs(moves).max(initial=0.0)]
+        self.length = float(max(sizes)) or 1.0
+        blank = np.zeros((self.n, 2 * self.s))
+        self.acceleration = np.column_stack([flow, blank, push / self.length])  # q'' = row . X, nothing held
+        bends = -np.column_stack([np.zeros(self.s), moves.real * self.rates**2, moves.imag * self.rates**2])
+        none = np.zeros((self.s, 2 * self.n + 2 * self.s))
+        self.bending = np.column_stack([none, bends / self.length]) - self.directions @ self.acceleration
+        self.phases: dict[tuple[int, ...], Phase] = {}
+
+    def basis(self, phase: float) -> Floats:
+        """Return 1, sin hwt, cos hwt at a phase in [0, 1)."""
+        pairs = np.array([sine_cosine((h * phase) % 1.0) for h in self.orders]).reshape(-1, 2)
+        return np.concatenate([[1.0], pairs[:, 0], pairs[:, 1]])
+
+    def stop_rates(self, basis: Floats) -> Floats:
+        """Return the velocities of the stops."""
+        h = len(self.orders)
+        sines, cosines = self.places[:, 1 : 1 + h], self.places[:, 1 + h :]
+        moving: Floats = (sines * self.rates) @ basis[1 + h :] - (cosines * self.rates) @ basis[1 : 1 + h]
+        return moving
+
+    def phase(self, held: tuple[int, ...]) -> Phase:
+        """Return the phase in which these stops are held closed, made once."""
+        if held not in self.phases:
+            self.phases[held] = Phase(self, held)
+        return self.phases[held]
+
+
+class Phase:
+    """Motion with a set of stops held closed; `rows` of the clearances of the others and of the forces of these."""
+
+    def __init__(self, eq: Equations, held: tuple[int, ...]) -> None:
+        n, s, size = eq.n, eq.s, eq.acceleration.shape[1]
+        self.held, index = held, list(held)
+        square = eq.coupling[np.ix_(index, index)]
+        self.singular = bool(index) and np.linalg.cond(square) > 1.0 / BALANCE
+        self.force = np.zeros((s, size))  # lambda, a row per stop
+        if index and not self.singular:
+            self.force[index] = np.linalg.solve(square, -eq.bending[index])
+        self.bending = eq.bending + eq.coupling @ self.force
+        self.bending[index] = 0.0
+        matrix = np.zeros((size, size))
+        matrix[:n, n : 2 * n] = np.eye(n)
+        matrix[n : 2 * n] = eq.acceleration - eq.kappa @ self.force
+        u, v, b = 2 * n, 2 * n + s, 2 * n + 2 * s
+        matrix[u:v, v:b] = np.eye(s)
+        matrix[v:b] = self.bending
+        h = len(eq.orders)
+        matrix[b + 1 : b + 1 + h, b + 1 + h :] = np.diag(eq.rates)
+        matrix[b + 1 + h :, b + 1 : b + 1 + h] = -np.diag(eq.rates)
+        self.matrix = matrix
+        self.fastest = max(eq.fastest, float(np.abs(np.linalg.eigvals(matrix[:u, :u])).max()))
+        self.stride = STRIDE / self.fastest
+        self.tick = ROUNDING * eq.period  # by which an event may be early or late
+        self.powers = np.arange(TERMS)
+        clearances = np.eye(size)[u:v]
+        values = np.array([self.force[j] if j in held else clearances[j] for j in range(s)]).reshape(s, size)
+        self.rows = np.stack([values, values @ matrix, values @ matrix @ matrix], axis=1)  # (stops, 3, size)
+
+    def moved(self, x: Floats, time: float) -> Floats:
+        """Return X at a time >= 0 after x."""
+        if time > self.stride:
+            return exponential(self.matrix, time, time / self.stride) @ x
+        moved: Floats = time**self.powers @ self.series(x)
+        return moved
+
+    def series(self, x: Floats) -> Floats:
+        """Return the coefficients of the powers of time in X, shape (TERMS, size)."""
+        found = [x]
+        for k in range(1, TERMS):
+            found.append(self.matrix @ found[-1] / k)
+        return np.array(found)
+
+    @cached_property
+    def block(self) -> Floats:
+        """Propagators over 1 ... BLOCK strides, by doubling."""
+        table = exponential(self.matrix, self.stride)[None]
+        while len(table) < BLOCK:
+            table = np.concatenate([table, table @ table[-1]])
+        return table
+
+    @cached_property
+    def grown(self) -> Floats:
+        """Bound of |exp(A tau)|, entry by entry, for tau up to a stride."""
+        return exponential(np.abs(self.matrix), self.stride)
+
+    def leading(self, row: Floats, x: Floats) -> tuple[int, float]:
+        """Return the order of the first derivative of row . X that is not rounding, and its value.
+
+        It is (DEPTH, 0) if there is none: the value then stays zero.
+        """
+        size = np.abs(row)
+        for order in range(DEPTH):
+            value, row = float(row @ x), row @ self.matrix
+            if abs(value) > BALANCE * float(size @ np.abs(x)) + self.tick * abs(float(row @ x)):
+                return order, value
+            size = size @ np.abs(self.matrix)
+        return DEPTH, 0.0
+
+    def surely_positive(self, row: Floats, x: Floats, order: int, value: float) -> float:
+        """Return a time, a stride at most, up to which row . X surely stays positive after it was zero.
+
+        With b > 0 its first derivative that is not zero, of order n, it is at least b t^n/n! - B t^(n+1)/(n+1)!, which
+        is half its first term at t = (n + 1) b/(2 B).
+        """
+        bound = float(np.abs(row @ np.linalg.matrix_power(self.matrix, order + 1)) @ (self.grown @ np.abs(x)))
+        lasts = (order + 1) * max(value, 0.0) / (2.0 * bound) if bound > 0.0 else math.inf
+        return float(min(self.stride, lasts))
+
+    def next_event(self, x: Floats, watched: dict[int, float], longest: float) -> tuple[float, Floats, list[int]]:
+        """Return time, X and the stops whose clearance or force falls through zero first; none within a block.
+
+        `watched` holds the stops to look at, each with a time up to which it is surely positive.
+        """
+        states = np.concatenate([x[None], self.block @ x])
+        count = min(BLOCK, math.ceil(longest / self.stride))
+        index = list(watched)
+        value, rate, bend = np.einsum("tk,mok->omt", states, self.rows[index]) if index else np.zeros((3, 0, BLOCK + 1))
+        fastest = np.maximum(np.abs(rate[:, :-1]), np.abs(rate[:, 1:]))
+        sharpest = np.maximum(np.abs(bend[:, :-1]), np.abs(bend[:, 1:]))
+        near = np.minimum(value[:, :-1], value[:, 1:]) <= self.stride * (fastest + self.stride * sharpest)
+        for i in np.flatnonzero(near[:, :count].any(axis=0)):
+            at = {}
+            for m in np.flatnonzero(near[:, i]):
+                begin = watched[index[m]] if i == 0 else 0.0
+                found = self._first_zero(self.rows[index[m]], states[i], begin)
+                if found is not None:
+                    at[index[m]] = found
+            if at:
+                first = min(at.values())
+                if i * self.stride + first > longest:
+                    break
+                return i * self.stride + first, self.moved(states[i], first), [j for j in at if at[j] == first]
+        span = min(longest, BLOCK * self.stride)
+        return span, states[-1] if count == BLOCK else self.moved(x, span), []
+
+    def _first_zero(self, rows: Floats, x: Floats, begin: float) -> float | None:
+        """Return when a value falls through zero within a stride: its extrema are bracketed first, then its root."""
+        coefficients = rows @ self.series(x).T
+
+        def derivative(order: int) -> Callable[[float], float]:
+            return lambda time: float(coefficients[order] @ time**self.powers)
+
+        value = derivative(0)
+        knots = _with_roots(derivative(1), _with_roots(derivative(2), [begin, self.stride]))
+        for low, high in pairwise(knots):
+            if value(high) <= 0.0:
+                if value(low) <= 0.0:
+                    return low
+                while 0.0 < low < high / 2.0 and value(2.0 * low) > 0.0:
+                    low *= 2.0
+                high = min(high, 2.0 * low) if low > 0.0 and value(min(high, 2.0 * low)) <= 0.0 else high
+                return float(brentq(value, low, high, xtol=1e-300, rtol=ROUNDING, maxiter=2000))
+        return None
+
+
+def exponential(matrix: Floats, time: float, strides: float = 1.0) -> Floats:
+    """Return exp(A time), each entry right relative to the sum of its terms; `time` is so many strides.
+
+    The series over a stride is summed until a term changes nothing, then squared.
+    """
+    squares = max(0, math.ceil(math.log2(strides)))
+    term = total = np.eye(len(matrix))
+    k = 0
+    while (np.abs(term) > 0.1 * np.finfo(float).eps * np.abs(total)).any():
+        k += 1
+        term = term @ matrix * (time / 2.0**squares / k)
+        total = total + term
+    for _ in range(squares):
+        total = total @ total
+    return total
+
+
+def _with_roots(function: Callable[[float], float], knots: list[float]) -> list[float]:
+    """Return the knots and, between any two at which the function has different signs, its root."""
+    found = knots[:1]
+    for low, high in pairwise(knots):
+        before, after = function(low), function(high)
+        if before * after < 0.0 or (before != 0.0 != after and (before < 0.0) != (after < 0.0)):
+            found.append(float(brentq(function, low, high, xtol=1e-300, rtol=NEARLY, maxiter=2000)))
+        found.append(high)
+    return found
