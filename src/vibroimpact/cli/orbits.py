@@ -60,7 +60,7 @@ def _type(options: Options) -> dict[str, Any]:
     return {name: options.number(name, 1) for name in ("n_periods", "n_impacts")}
 
 
-def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits:
+def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Orbit]:
     """Return the orbits of the given type, or of the options' type."""
     import vibroimpact
 
@@ -69,7 +69,7 @@ def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits:
         return vibroimpact.find_orbit(study.model, **orbit_type or _type(options), near=near)
 
 
-def orbits_dataset(found: Orbits, model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
+def orbits_dataset(found: Orbits[Orbit], model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
     """Return orbits over `orbit` and `impact`, rows padded with NaN; `count` is the number of impacts."""
     import numpy as np
     import xarray as xr
@@ -102,7 +102,7 @@ def orbits_dataset(found: Orbits, model: Model, arguments: Mapping[str, Any]) ->
     return xr.Dataset(content, attrs=provenance("find_orbit", model, arguments) | outcome)
 
 
-def orbits_json(found: Orbits, model: Model) -> dict[str, Any]:
+def orbits_json(found: Orbits[Orbit], model: Model) -> dict[str, Any]:
     """Return orbits as plain dictionaries, lists, numbers and text: NaN as None, multipliers as pairs."""
     return {
         "oscillator": asdict(model.at()),
@@ -119,7 +119,7 @@ def _plain(orbit: Orbit) -> dict[str, Any]:
     return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in content.items()}
 
 
-def _sentence(found: Orbits) -> str:
+def _sentence(found: Orbits[Orbit]) -> str:
     if found.outcome == "inadmissible":
         return f"no admissible {found[0].name} orbit: the equations have {len(found)}"
     return found.message or f"{len(found)} {found[0].name} orbit{'s' * (len(found) > 1)}"
@@ -164,7 +164,7 @@ def follow(options: Options) -> None:
 
 
 def _branches(
-    found: Orbits, parameter: str, span: Range, meter: Meter, doublings: int = 0, step: float = 0.01
+    found: Orbits[Orbit], parameter: str, span: Range, meter: Meter, doublings: int = 0, step: float = 0.01
 ) -> list[Branch]:
     """Return the branches of the orbits found, then of those that are born at their period doublings."""
     from vibroimpact.continuation import follow_all

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -24,7 +24,10 @@ from vibroimpact.parameters import invalid, real_number, whole_number
 Near = Orbit | State | tuple[float, float] | None
 
 
-class Orbits(list[Orbit]):
+Kind = TypeVar("Kind")
+
+
+class Orbits(list[Kind], Generic[Kind]):
     """The orbits of one (n, p) type, stable ones first, with the outcome of the search.
 
     Attributes
@@ -37,13 +40,15 @@ class Orbits(list[Orbit]):
         The outcome in a sentence.
     """
 
-    def __init__(self, orbits: Iterable[Orbit] = (), *, outcome: str = "found", message: str = "") -> None:
+    def __init__(self, orbits: Iterable[Kind] = (), *, outcome: str = "found", message: str = "") -> None:
         super().__init__(orbits)
         self.outcome = outcome
         self.message = message
 
 
-def find_orbit(osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: int = 1, near: Near = None) -> Orbits:
+def find_orbit(
+    osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: int = 1, near: Near = None
+) -> Orbits[Orbit]:
     r"""Find the period-n impact-p orbits of an oscillator, stable or not.
 
     Impact times and velocities solve, flight by flight,
@@ -142,7 +147,7 @@ def _start(osc: ImpactOscillator, near: Any, cycle: Cycle) -> Orbit | tuple[floa
     return phase, speed
 
 
-def _sorted(model: Model, cycle: Cycle, solutions: Iterable[Floats]) -> Orbits:
+def _sorted(model: Model, cycle: Cycle, solutions: Iterable[Floats]) -> Orbits[Orbit]:
     orbits = sorted(
         (make_orbit(model, cycle, z) for z in solutions),
         key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)),
@@ -153,7 +158,7 @@ def _sorted(model: Model, cycle: Cycle, solutions: Iterable[Floats]) -> Orbits:
     return Orbits(orbits, outcome="inadmissible", message=orbits[0].message)
 
 
-def _from(model: Model, cycle: Cycle, begin: Orbit | tuple[float, float]) -> Orbits:
+def _from(model: Model, cycle: Cycle, begin: Orbit | tuple[float, float]) -> Orbits[Orbit]:
     """Return the orbit that Newton's method reaches from an orbit, or from the motion that follows an impact."""
     osc = model.at()
     if isinstance(begin, Orbit):
@@ -177,7 +182,7 @@ def _from(model: Model, cycle: Cycle, begin: Orbit | tuple[float, float]) -> Orb
     return _sorted(model, cycle, [from_hardest(cycle, found.z)])
 
 
-def _search(model: Model, cycle: Cycle) -> Orbits:
+def _search(model: Model, cycle: Cycle) -> Orbits[Orbit]:
     """Return the admissible orbits found from the attractor reached from rest and from a grid of impacts."""
     osc = model.at()
     solutions: list[Floats] = []
@@ -194,7 +199,7 @@ def _search(model: Model, cycle: Cycle) -> Orbits:
             solutions.append(z)
         elif own not in others:
             others.append(own)
-    orbits = _sorted(model, cycle, solutions) if solutions else Orbits()
+    orbits = _sorted(model, cycle, solutions) if solutions else Orbits[Orbit]()
     real = [orbit for orbit in orbits if orbit.admissible]
     virtual = len(orbits) - len(real)
     if real:
