@@ -1,0 +1,177 @@
+r"""All orbits with one impact in a cycle, or one in each half of a symmetric one, in closed form.
+
+At the driving angle of the impact, the state x just before it and its velocity v have to satisfy 2n + 2 linear
+equations: the cycle closes (s = 1, or s = -1 for a half cycle), v is the velocity, and the clearance is zero,
+
+    (s - Phi) x + (1 + r) Phi [0; beta] v = Psi z,    v - beta . y' = -b',    beta . y = b.
+
+Their matrix L (2n + 2 rows, 2n + 1 columns) does not depend on the angle, and their right side C z is a trigonometric
+polynomial. They are compatible where l . C z = 0 with l the left null vector of L: one equation for the angle. All its
+roots are found, and then x and v follow. This holds for any number of harmonics, for moving stops, for free masses and
+for undamped modes in resonance, since neither a steady state nor (1 - Phi)^-1 is used; for one harmonic it is the
+quadratic of S. W. Shaw and P. J. Holmes, J. Sound Vib. 90 (1983) 129-155.
+
+Where L has a null vector of its own, a free motion of the cycle's length, which the stop does not feel, can be added
+to every solution: orbits are not isolated, or the force drives that motion and there are none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from vibroimpact.cells import Floats
+from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.systems.cycle import Cycle
+from vibroimpact.orbits.systems.flow import Flow
+
+Curve = Callable[[float], float]
+
+EPS = float(np.finfo(np.float64).eps)
+VANISHED = 1e-13  # relative: rounding
+POLISHES = 60
+
+
+def one_impact(cycle: Cycle) -> tuple[list[Floats], str]:
+    """Return the unknowns of all orbits with the one impact of a cycle, by their phases, and why there are none."""
+    flow, (stop,) = cycle.flow, cycle.stops
+    matrix, sides = _equations(cycle, stop)
+    left, sizes, right = np.linalg.svd(matrix)
+    steepest = 1.0 + cycle.length * float(np.linalg.norm(flow.matrix, 2))
+    rank = int((sizes > 16.0 * EPS * steepest * sizes[0]).sum())
+    nulls = left[:, rank:].T @ sides
+    negligible = VANISHED * float(np.linalg.norm(sides))
+    if rank < matrix.shape[1]:
+        return [], _not_isolated(cycle, right[rank], bool(np.abs(nulls).max() > negligible))
+    solution = right.T @ ((left[:, :rank].T / sizes[:, None]) @ sides)
+    if np.abs(nulls).max() <= negligible:
+        return [], _at_any_phase(cycle, flow, float(np.abs(solution[-1]).max()) > VANISHED * np.abs(solution).max())
+    found = []
+    for angle in roots(flow.orders, nulls[0]):
+        x, v = np.split(solution @ flow.drive(angle), [2 * flow.n])
+        if v[0] > VANISHED * float(np.linalg.norm(x)):
+            found.append(np.append(angle, x))
+    return found, "" if found else _nowhere(cycle, flow)
+
+
+def _equations(cycle: Cycle, stop: int) -> tuple[Floats, Floats]:
+    """Return L and C."""
+    flow, n = cycle.flow, cycle.flow.n
+    grown, driven = flow.over(cycle.length)
+    bound, beta = flow.bounds[stop], flow.beta[stop]
+    near = np.linalg.norm(beta / flow.units)
+    matrix = np.zeros((2 * n + 2, 2 * n + 1))
+    matrix[: 2 * n, : 2 * n] = -grown - (2.0 * np.eye(2 * n) if cycle.images else 0.0)
+    matrix[n : 2 * n, -1] = (1.0 + flow.restitution[stop]) * beta
+    matrix[: 2 * n, -1] += grown[:, n:] @ matrix[n : 2 * n, -1]
+    matrix[-2, n:] = *-beta, 1.0
+    matrix[-1, :n] = beta / flow.units / near
+    return matrix, np.vstack([driven, -bound @ flow.turning, bound / near])
+
+
+def roots(orders: Floats, coefficients: Floats) -> list[float]:
+    """Return all angles in [0, 2 pi) at which a trigonometric polynomial is zero, double ones once.
+
+    `coefficients` are the constant, then those of sin h t, then those of cos h t over the `orders` h. Between the
+    angles of all complex zeros of its derivative the polynomial is monotone and changes sign at most once.
+
+    Examples
+    --------
+    >>> [round(angle / np.pi, 12) for angle in roots(np.array([1.0, 2.0]), np.array([0.0, 0.0, 1.0, 0.0, 0.0]))]
+    [0.0, 0.5, 1.0, 1.5]
+    """
+    constant, sines, cosines = coefficients[0], *coefficients[1:].reshape(2, -1)
+    size = float(np.abs(coefficients).sum())
+
+    def value(angle: float) -> float:
+        return float(constant + sines @ np.sin(orders * angle) + cosines @ np.cos(orders * angle))
+
+    def slope(angle: float) -> float:
+        return float((orders * sines) @ np.cos(orders * angle) - (orders * cosines) @ np.sin(orders * angle))
+
+    angles = [0.0]
+    for level, factors in ((constant, sines + 1j * cosines), (0.0, orders * (-cosines + 1j * sines))):
+        angles += _angles_of_zeros(orders, level, factors)
+    ends = np.unique(angles)
+    heights = np.array([value(angle) for angle in ends])
+    touching = np.abs(heights) <= 8.0 * EPS * size
+    found = list(ends[touching])
+    for i, low in enumerate(ends):
+        high = ends[i + 1] if i + 1 < len(ends) else ends[0] + TURN
+        begin, end = heights[i], heights[(i + 1) % len(ends)]
+        if not (touching[i] or touching[(i + 1) % len(ends)]) and (begin < 0.0) != (end < 0.0):
+            found.append(_between(value, slope, float(low), float(high), begin < 0.0) % TURN)
+
+    def same(low: float, high: float) -> bool:  # of a double zero, with nothing but rounding between them
+        return high - low < 0.1 / float(orders.max(initial=1.0)) and abs(value(0.5 * (low + high))) <= 8.0 * EPS * size
+
+    kept: list[float] = []
+    for angle in sorted(map(float, found)):
+        if not kept or not (same(kept[-1], angle) or same(angle, kept[0] + TURN)):
+            kept.append(angle)
+    return kept
+
+
+def _angles_of_zeros(orders: Floats, level: float, factors: Floats) -> list[float]:
+    """Return the angles in [0, 2 pi) of all zeros z of level + sum of (factor z^h - its conjugate z^-h)/(2i)."""
+    top = int(orders.max(initial=0.0))
+    series = np.zeros(2 * top + 1, complex)
+    series[top] = level
+    for order, factor in zip(orders.astype(int), factors, strict=True):
+        series[top + order], series[top - order] = factor / 2j, -np.conj(factor) / 2j
+    while len(series) > 1 and abs(series[-1]) <= EPS * np.abs(series).max():
+        series = series[1:-1]
+    if len(series) < 2:
+        return []
+    return [float(angle) for angle in np.angle(np.roots(series[::-1])) % TURN if angle < TURN]
+
+
+def _between(value: Curve, slope: Curve, low: float, high: float, rising: bool) -> float:
+    """Return the zero between two angles: Newton's method kept inside the bracket."""
+    angle = 0.5 * (low + high)
+    for _ in range(POLISHES):
+        height, steep = value(angle), slope(angle)
+        low, high = (angle, high) if (height < 0.0) == rising else (low, angle)
+        better = angle - height / steep if steep else low
+        if not low <= better <= high:
+            better = 0.5 * (low + high)
+        if abs(better - angle) <= EPS * max(abs(better), 1.0):
+            return better
+        angle = better
+    return angle
+
+
+def _what(cycle: Cycle) -> str:
+    periods = f"{cycle.n_periods} driving period{'s' if cycle.n_periods > 1 else ''}"
+    return f"half of {periods}" if cycle.images else periods
+
+
+def _not_isolated(cycle: Cycle, null: Floats, driven: bool) -> str:
+    """Return what the free motion is that can be added, and whether the force drives it."""
+    flow, x = cycle.flow, null[:-1]
+    if abs(null[-1]) > 1e-8:
+        if driven:
+            return "undamped, without loss and in resonance: impact velocities grow without bound"
+        return "without loss: impacts of any velocity repeat, so orbits are not isolated"
+    drifting = float(np.linalg.norm(flow.matrix @ x)) <= 1e-8 * float(np.linalg.norm(x))
+    if drifting:
+        free = "a free mass or rigid-body motion, which the stop does not feel,"
+        return f"{free} {'is driven away by the load' if driven else 'can be anywhere: orbits are not isolated'}"
+    free = f"an undamped motion returns to itself after {_what(cycle)}, and the stop does not feel it"
+    return f"{free}: {'the force drives it without bound' if driven else 'orbits are not isolated'}"
+
+
+def _at_any_phase(cycle: Cycle, flow: Flow, hits: bool) -> str:
+    if hits:
+        return "nothing sets the phase: the motion repeats from any time on, so orbits are not isolated"
+    return (
+        f"the force does no work over {_what(cycle)}, which {'are' if cycle.n_periods > 1 else 'is'} a whole number of "
+        "periods of an undamped motion, and cannot make up for the loss at impact"
+    )
+
+
+def _nowhere(cycle: Cycle, flow: Flow) -> str:
+    if not (flow.load[:, 1:].any() or flow.bounds[:, 1:].any()):
+        return "unforced: impacts and damping dissipate energy, and nothing supplies it"
+    return f"no velocity > 0 returns to itself after {_what(cycle)}"

@@ -1,0 +1,218 @@
+"""Find the periodic orbits of a system: those of one impact in closed form, others by Newton's method from a guess."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from vibroimpact.cells import Floats
+from vibroimpact.motion import cycle_name
+from vibroimpact.orbits import equations
+from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.orbit import SAME, true_cycle
+from vibroimpact.orbits.search import CLOSE, IMPACTS, MOST, SINGULAR, Orbits, Solved
+from vibroimpact.orbits.systems.closed_form import one_impact
+from vibroimpact.orbits.systems.cycle import Cycle
+from vibroimpact.orbits.systems.flow import Flow
+from vibroimpact.orbits.systems.orbit import SystemOrbit, make_orbit, solution_of
+from vibroimpact.orbits.systems.symmetry import mirror
+from vibroimpact.parameters import choice, invalid, real_number, several, truth, whole_number
+from vibroimpact.system import ImpactSystem
+
+Near = SystemOrbit | Sequence[float] | None
+
+
+def find(
+    system: ImpactSystem,
+    *,
+    n_periods: int = 1,
+    stops: str | Sequence[str] | None = None,
+    symmetric: bool = False,
+    near: Near = None,
+) -> Orbits[SystemOrbit]:
+    r"""Find the periodic orbits of a system that strike given stops in turn, stable or not.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+        Whose orbits.
+    n_periods : int, >= 1
+        Driving periods in a cycle, n.
+    stops : str or sequence of str, optional
+        Names of the stops that are struck in a cycle, in the order of time. None takes those of `near`, or each stop
+        for itself, once per cycle.
+    symmetric : bool
+        Take motions that are mirrored, q -> -q, after half a cycle (n odd); `stops` are those of half a cycle.
+    near : SystemOrbit or sequence of float, optional
+        Initial guess, needed for several impacts: an orbit of this or another system, or the times of the impacts in
+        s. Not used for one impact on fixed `stops`, where all solutions are known in closed form.
+
+    Returns
+    -------
+    Orbits
+        A list of `SystemOrbit`, stable ones first, from the first of `stops` on; inadmissible ones, which penetrate a
+        stop, included. With the `outcome` and `message` of `vibroimpact.find_orbit`; of several stops, each for
+        itself, the messages of those without an orbit are joined.
+
+    Raises
+    ------
+    ValueError
+        A stop is unknown, `n_periods` is below 1, or even for symmetric motions, or a guess is missing or has other
+        than one time per impact.
+
+    Notes
+    -----
+    With one impact all orbits are found, for any number of coordinates and harmonics, moving stops and singular
+    stiffness; orbits that are not isolated are reported in `message`, not listed. Velocities and phases are accurate to
+    about 1e-14 times the condition of the equations, but to some 1e-16 times the number of periods of the fastest mode
+    where that is larger. Multipliers are those of the product of flows and saltation matrices [1]_. A system is
+    symmetric if the load has odd harmonics only and each stop has its mirror image. About 2 ms per orbit.
+
+    References
+    ----------
+    .. [1] P. C. Müller, "Calculation of Lyapunov exponents for dynamic systems with discontinuities", Chaos, Solitons
+       & Fractals 5 (1995) 1671-1681.
+
+    Examples
+    --------
+    >>> from vibroimpact import Force, Stop
+    >>> stops = [Stop(direction=d, gap=0.5, restitution=0.6, name=name) for d, name in ((1, "above"), (-1, "below"))]
+    >>> system = ImpactSystem(
+    ...     mass=1.0, damping=0.05, stiffness=1.0, force=Force(omega=2.0, harmonics={1: 1.0}), stops=stops
+    ... )
+    >>> (orbit,) = (orbit for orbit in find(system, stops="above", symmetric=True) if orbit.stable)
+    >>> orbit.stops, orbit.admissible, round(orbit.velocities[0], 12), round(orbit.phases[0], 12)
+    (('above', 'below'), True, 1.01091975001, 0.306971826277)
+    """
+    if not isinstance(system, ImpactSystem):
+        raise invalid("system", system, "an ImpactSystem")
+    n_periods, names = whole_number("n_periods", n_periods, 1), system.stop_names
+    images, why = mirror(system)
+    if truth("symmetric", symmetric):
+        if n_periods % 2 == 0:
+            raise invalid("n_periods", n_periods, "odd for symmetric motions", "the force repeats itself in the mirror")
+        if why:
+            return Orbits(outcome="none", message=why)
+    if stops is None and isinstance(near, SystemOrbit):
+        stops = near.stops[: len(near.stops) // 2] if symmetric else near.stops
+    elif stops is None:
+        sequences: list[tuple[int, ...]] = [(at,) for at in range(len(names))]
+    if stops is not None:
+        given = several("stops", stops, "a stop's name or a list of them")
+        sequences = [tuple(names.index(choice("stops", name, names)) for name in given)]
+    if any(not 1 <= len(sequence) <= IMPACTS for sequence in sequences) or not sequences:
+        raise invalid("stops", stops, f"1 to {IMPACTS} stops to strike")
+    flow = Flow(system)
+    cycles = [Cycle(flow, n_periods, sequence, images if symmetric else ()) for sequence in sequences]
+    if len(sequences[0]) == 1:
+        return _in_closed_form(system, cycles)
+    guess = _guess(cycles[0], near)
+    return _from(system, cycles[0], guess, images)
+
+
+def _in_closed_form(system: ImpactSystem, cycles: Iterable[Cycle]) -> Orbits[SystemOrbit]:
+    orbits, reasons = [], []
+    for cycle in cycles:
+        unknowns, why = one_impact(cycle)
+        orbits += [make_orbit(system, cycle, unknown) for unknown in unknowns]
+        if why:
+            reasons.append(f"{system.stop_names[cycle.stops[0]]}: {why}")
+    return _sorted(orbits) if orbits else Orbits(outcome="none", message="; ".join(reasons))
+
+
+def _sorted(orbits: Iterable[SystemOrbit]) -> Orbits[SystemOrbit]:
+    found = sorted(orbits, key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)))
+    good = sum(orbit.admissible for orbit in found)
+    if good:
+        return Orbits(found, message=f"{good} {found[0].name} orbit{'s' if good > 1 else ''}")
+    return Orbits(found, outcome="inadmissible", message=found[0].message)
+
+
+def _guess(cycle: Cycle, near: Near) -> Floats:
+    """Return the unknown that Newton's method starts from."""
+    p, flow = len(cycle.stops), cycle.flow
+    if isinstance(near, SystemOrbit):
+        angles, x = solution_of(near, flow) if len(near.system.mass) == flow.n else (TURN * np.array(near.turns), None)
+        angles = angles[: len(angles) // 2] if cycle.images and near.symmetric else angles
+    elif near is None:
+        raise invalid("near", near, "an orbit or the times of the impacts", "orbits of several impacts need a guess")
+    else:
+        times = [real_number(f"near[{i}]", time) for i, time in enumerate(several("near", near, "an orbit or times"))]
+        angles, x = flow.omega * np.array(times), None
+    if len(angles) != p:
+        raise invalid("near", near, f"one time for each of the {p} stops struck")
+    if not (np.diff(np.append(angles, angles[0] + cycle.length)) > 0.0).all():
+        raise invalid("near", near, f"times in order, within {cycle.length / flow.omega:.6g} s")
+    return from_angles(cycle, angles) if x is None else np.append(angles, x)
+
+
+def from_angles(cycle: Cycle, angles: Floats) -> Floats:
+    """Return the unknown with the state that comes nearest to an orbit with impacts at these angles.
+
+    At fixed angles the misses are linear in the state.
+    """
+    unknown = np.append(angles, np.zeros(2 * cycle.flow.n))
+    misses, matrix = cycle.linearised(unknown)
+    unknown[len(angles) :] = -np.linalg.lstsq(matrix[:, len(angles) :], misses, rcond=None)[0]
+    return unknown
+
+
+def solve(cycle: Cycle, start: Floats) -> Solved:
+    """Return the solution that damped Newton's method reaches: steps are halved while they raise the misses."""
+    p, unknown = len(cycle.stops), np.array(start, dtype=float)
+    size = float(np.abs(unknown[p:]).max()) or 1.0
+    columns = np.append(np.ones(p), np.full(len(unknown) - p, size))
+    misses, matrix = cycle.linearised(unknown)
+    for _ in range(MOST):
+        scaled = matrix * columns / size
+        if not np.isfinite(scaled).all():
+            break
+        correction = np.linalg.lstsq(scaled, misses / size, rcond=None)[0]
+        largest, part = float(np.abs(correction).max()), 1.0
+        while part > 1e-3:
+            trial = unknown - part * columns * correction
+            left, slope = cycle.linearised(trial)
+            in_order = bool((np.diff(cycle.angles(trial)) > 0.0).all())
+            if largest < CLOSE or (in_order and np.abs(left).max() < np.abs(misses).max()):
+                break
+            part *= 0.5
+        else:
+            break
+        unknown, misses, matrix = trial, left, slope
+        if largest < CLOSE:
+            return Solved(unknown, in_order, bool(np.linalg.cond(scaled) > SINGULAR))
+    return Solved(unknown, False, bool(not np.isfinite(matrix).all() or np.linalg.cond(matrix * columns / size) > 1e6))
+
+
+def _from(system: ImpactSystem, cycle: Cycle, start: Floats, images: tuple[int, ...]) -> Orbits[SystemOrbit]:
+    """Return the orbit that Newton's method reaches."""
+    found = solve(cycle, start)
+    name = cycle_name(cycle.n_periods, len(cycle.stops) * (2 if cycle.images else 1))
+    if found.singular:
+        message = "converged to a fold or a graze, where the equations are singular; begin beside it"
+        return Orbits(outcome="singular", message=message)
+    if not found.converged:
+        return Orbits(outcome="not_converged", message=f"not converged to a {name} orbit; begin nearer to one")
+    orbit = make_orbit(system, *halved(cycle, found.z, images))
+    whole = equations.Cycle(orbit.n_periods, orbit.n_impacts)
+    own = true_cycle(whole, np.array([*orbit.turns, *orbit.velocities]))
+    if own != whole and orbit.stops == orbit.stops[: own.n_impacts] * (orbit.n_impacts // own.n_impacts):
+        message = f"converged to a {own.name} orbit instead of a {name} one"
+        return Orbits(outcome="other_name", message=message)
+    return _sorted([orbit])
+
+
+def halved(cycle: Cycle, unknown: Floats, images: tuple[int, ...]) -> tuple[Cycle, Floats]:
+    """Return half of a cycle and its unknown, if the mirror makes the second half of the first, else both unchanged."""
+    p = len(cycle.stops)
+    half = Cycle(cycle.flow, cycle.n_periods, cycle.stops[: p // 2], images)
+    if cycle.images or not images or p % 2 or cycle.n_periods % 2 == 0:
+        return cycle, unknown
+    if cycle.stops[p // 2 :] != tuple(images[stop] for stop in half.stops):
+        return cycle, unknown
+    x, mirrored, angles = unknown[p:], cycle.states(unknown)[p // 2], unknown[:p]
+    apart = np.abs(angles[p // 2 :] - angles[: p // 2] - half.length).max()
+    if apart > SAME or np.abs(x + mirrored).max() > SAME * np.abs(x).max():
+        return cycle, unknown
+    return half, np.append(angles[: p // 2], x)

@@ -1,0 +1,57 @@
+"""Whether a system moves in the same way when it is mirrored, q -> -q, half a driving period later."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vibroimpact.stops import Stop
+from vibroimpact.system import ImpactSystem
+
+SAME = 1e-12  # relative: numbers nearer than this are equal
+
+
+def mirror(system: ImpactSystem) -> tuple[tuple[int, ...], str]:
+    """Return the stop that each one becomes in the mirror, and why the system is not symmetric, if it is not.
+
+    The load must have odd harmonics only and no constant. Stops must face each other in pairs with equal gaps and
+    restitutions, whose motions are those half a period apart.
+
+    Examples
+    --------
+    >>> from vibroimpact.system import ImpactSystem
+    >>> from vibroimpact.stops import Force
+    >>> stops = [Stop(direction=1, gap=0.5), Stop(direction=-1, gap=0.5)]
+    >>> mirror(ImpactSystem(mass=1.0, stiffness=1.0, force=Force(omega=2.0, harmonics={1: 1.0}), stops=stops))
+    ((1, 0), '')
+    >>> mirror(ImpactSystem(mass=1.0, stiffness=1.0, force=Force(omega=2.0, constant=1.0), stops=stops))
+    ((), 'not symmetric: the load has a constant part')
+    """
+    force, stops = system.force, system.stops
+    if force.constant is not None and np.any(force.constant):
+        return (), "not symmetric: the load has a constant part"
+    for order, load in force.harmonics.items():
+        if order % 2 == 0 and np.any(load):
+            return (), f"not symmetric: the load has the even harmonic {order}"
+    images = []
+    for stop in stops:
+        facing = [at for at, other in enumerate(stops) if _is_image(stop, other) and at not in images]
+        if not facing:
+            return (), f"not symmetric: no stop is the mirror image of {stop.name!r}"
+        images.append(facing[0])
+    return tuple(images), ""
+
+
+def _is_image(stop: Stop, other: Stop) -> bool:
+    """Return whether a stop is another one, in the mirror and half a period later; directions may differ in length."""
+    ratio = np.abs(stop.direction).max() / np.abs(other.direction).max()
+    near = SAME * np.abs(stop.direction).max()
+    reach = abs(stop.gap) + sum(map(abs, stop.motion.values()))
+    motions = [
+        stop.motion.get(order, 0.0) * (-1) ** order - ratio * other.motion.get(order, 0.0)
+        for order in {*stop.motion, *other.motion}
+    ]
+    return bool(
+        stop.restitution == other.restitution
+        and (np.abs(stop.direction + ratio * other.direction) <= near).all()
+        and max(map(abs, [stop.gap - ratio * other.gap, *motions])) <= SAME * reach
+    )

@@ -1,0 +1,432 @@
+"""Periodic orbits of systems: closed forms, values of 24 digits, independent flights, and roots by brute force."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+import vibroimpact as vi
+from systems import a_random_system, one_mass
+from test_orbits import random_oscillator
+from vibroimpact.orbits import orbit_distance
+from vibroimpact.orbits.orbit import solution_of
+from vibroimpact.orbits.systems import find
+from vibroimpact.orbits.systems.closed_form import roots
+
+CHAIN = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+
+
+def facing(direction, gap, restitution):
+    """Return two stops that are mirror images of each other."""
+    return [
+        vi.Stop(direction=sign * np.array(direction), gap=gap, restitution=restitution, name=name)
+        for sign, name in ((1, "above"), (-1, "below"))
+    ]
+
+
+def two_sided(**changes):
+    given = {
+        "mass": 1.0,
+        "damping": 0.05,
+        "stiffness": 1.0,
+        "force": vi.Force(omega=2.0, harmonics={1: 1.0}),
+        "stops": facing([1.0], 0.5, 0.6),
+    }
+    return vi.ImpactSystem(**given | changes)
+
+
+def three_masses(**changes):
+    given = {
+        "mass": np.eye(3),
+        "damping": 0.02 * CHAIN,
+        "stiffness": CHAIN,
+        "force": vi.Force(omega=0.9, harmonics={1: [1.0, 0.0, 0.0]}),
+        "stops": [vi.Stop(direction=[0, 0, 1], gap=0.5, restitution=0.7, name="bar")],
+    }
+    return vi.ImpactSystem(**given | changes)
+
+
+def impact_damper(**changes):
+    given = {
+        "mass": np.diag([1.0, 0.1]),
+        "damping": np.diag([0.02, 0.0]),
+        "stiffness": np.diag([1.0, 0.0]),
+        "force": vi.Force(omega=1.0, harmonics={1: [1.0, 0.0]}),
+        "stops": facing([-1.0, 1.0], 10.0, 0.8),
+    }
+    return vi.ImpactSystem(**given | changes)
+
+
+def bouncing_ball(gamma, restitution=0.5, omega=3.0, gravity=9.81):
+    return vi.ImpactSystem(
+        mass=0.3,
+        stiffness=0.0,
+        force=vi.Force(omega=omega, constant=-0.3 * gravity),
+        stops=[
+            vi.Stop(
+                direction=-1, gap=0.0, restitution=restitution, name="table", motion={1: -gamma * gravity / omega**2}
+            )
+        ],
+    )
+
+
+class Plain:
+    """A system in its own coordinates, flown by SciPy's exponential: nothing is shared with the package's equations."""
+
+    def __init__(self, system):
+        self.system, n = system, len(system.mass)
+        inverse = np.linalg.inv(system.mass)
+        self.free = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ system.stiffness, -inverse @ system.damping]])
+        orders = sorted(system.force.harmonics)
+        constant = np.zeros(n) if system.force.constant is None else system.force.constant
+        loads, turns = [constant], [np.zeros((1, 1))]
+        for h in orders:
+            loads += [system.force.harmonics[h].real, system.force.harmonics[h].imag]
+            turns.append(h * system.omega * np.array([[0.0, 1.0], [-1.0, 0.0]]))
+        size = 1 + 2 * len(orders)
+        self.whole = np.zeros((2 * n + size, 2 * n + size))
+        self.whole[: 2 * n, : 2 * n] = self.free
+        self.whole[n : 2 * n, 2 * n :] = inverse @ np.array(loads).T
+        at = 2 * n
+        for turn in turns:
+            self.whole[at : at + len(turn), at : at + len(turn)] = turn
+            at += len(turn)
+        self.orders, self.n, self.inverse = orders, n, inverse
+
+    def fly(self, x, begin, end):
+        drive = [1.0]
+        for h in self.orders:
+            drive += [math.sin(h * self.system.omega * begin), math.cos(h * self.system.omega * begin)]
+        return (expm(self.whole * (end - begin)) @ np.append(x, drive))[: 2 * self.n]
+
+    def wall(self, stop, time, order=0):
+        """Return the contact value of a . q, or its rate."""
+        factors = {h: by * (1j * h * self.system.omega) ** order for h, by in stop.motion.items()}
+        moved = sum((by * np.exp(1j * h * self.system.omega * time)).imag for h, by in factors.items())
+        return moved + (stop.gap if order == 0 else 0.0)
+
+    def clearance(self, stop, x, time):
+        return self.wall(stop, time) - stop.direction @ x[: self.n]
+
+    def speed(self, stop, x, time):
+        return stop.direction @ x[self.n :] - self.wall(stop, time, 1)
+
+    def hit(self, stop, x, time):
+        kappa = self.inverse @ stop.direction
+        kappa /= stop.direction @ kappa
+        return x - np.append(np.zeros(self.n), (1.0 + stop.restitution) * self.speed(stop, x, time) * kappa)
+
+    def replayed(self, orbit):
+        """Return the largest miss of an orbit's contacts and velocities, and of its return, over their sizes."""
+        stops = {stop.name: stop for stop in self.system.stops}
+        times = [turn * self.system.period for turn in orbit.turns]
+        x = start = np.append(orbit.start.displacement, orbit.start.velocity)
+        size, misses = np.abs(start).max(), []
+        for i, name in enumerate(orbit.stops):
+            misses.append(self.clearance(stops[name], x, times[i]) / size)
+            misses.append((self.speed(stops[name], x, times[i]) - orbit.velocities[i]) / orbit.velocities[i])
+            end = times[i + 1] if i + 1 < len(times) else times[0] + orbit.period
+            x = self.fly(self.hit(stops[name], x, times[i]), times[i], end)
+        return max(np.abs(misses).max(), np.abs(x - start).max() / size)
+
+
+# Values of 24 digits
+
+
+@pytest.mark.parametrize(
+    ("system", "symmetric", "velocity", "phase", "radius"),
+    [
+        (two_sided(), True, 1.01091975000998629752895, 0.30697182627669859292, 0.576894695880845),
+        (three_masses(), False, 0.6314772880991517553058458, 0.61512189651226436508, 0.916997423593104),
+        (impact_damper(), True, 9.407221992561745893002965, 0.74256436841325221938, 0.951484071086934),
+    ],
+)
+def test_stable_orbits_agree_with_24_digits(system, symmetric, velocity, phase, radius):
+    (orbit,) = (orbit for orbit in find(system, stops=system.stops[0].name, symmetric=symmetric) if orbit.stable)
+    assert orbit.velocities[0] == pytest.approx(velocity, rel=1e-14)
+    assert orbit.phases[0] == pytest.approx(phase, abs=1e-14)
+    assert abs((orbit.half_multipliers or orbit.multipliers)[0]) == pytest.approx(radius, rel=1e-13)
+    assert orbit.admissible
+    assert orbit.symmetric == symmetric
+
+
+# The bouncing ball
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize("r", [0.0, 0.5, 0.9])
+def test_the_bouncing_ball_has_its_fold_trace_and_period_doubling(n, r):
+    fold = n * math.pi * (1.0 - r) / (1.0 + r)
+    below = find(bouncing_ball(fold * (1.0 - 1e-9), r), n_periods=n)
+    assert (list(below), below.outcome) == ([], "none")
+    assert len(find(bouncing_ball(fold * (1.0 + 1e-9), r), n_periods=n)) == 2
+    for gamma in (1.01 * fold, 1.5 * fold, 10.0 * fold):
+        for orbit in find(bouncing_ball(gamma, r), n_periods=n):
+            sine = math.sin(2.0 * math.pi * orbit.phases[0])
+            assert math.cos(2.0 * math.pi * orbit.phases[0]) == pytest.approx(fold / gamma, abs=1e-13)
+            trace = 1.0 + r * r - (1.0 + r) ** 2 * gamma * sine
+            assert sum(orbit.multipliers).real == pytest.approx(trace, rel=1e-12)
+            flight = n * 2.0 * math.pi / 3.0 * 9.81 / 2.0  # the speed relative to the table's, of both ends the same
+            assert orbit.velocities[0] == pytest.approx(2.0 * flight / (1.0 + r), rel=1e-13)
+            assert np.prod(orbit.multipliers).real == pytest.approx(r * r, abs=1e-12)
+    doubling = math.sqrt(fold**2 + (2.0 * (1.0 + r * r) / (1.0 + r) ** 2) ** 2)
+    if r > 0.0:
+        multipliers = [m for orbit in find(bouncing_ball(doubling, r), n_periods=n) for m in orbit.multipliers]
+        assert min(abs(m + 1.0) for m in multipliers) < 1e-12
+
+
+def test_the_ball_of_the_table_folds_and_doubles_where_it_should():
+    assert len(find(bouncing_ball(1.047197551198))) == 2
+    assert len(find(bouncing_ball(1.047197551196))) == 0
+    assert find(bouncing_ball(1.5268))[0].stable
+    assert not any(orbit.stable for orbit in find(bouncing_ball(1.5269)))
+
+
+# One mass
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_one_coordinate_and_one_stop_have_the_orbits_of_the_oscillator(n):
+    rng, seen = np.random.default_rng(n), 0
+    for _ in range(60):
+        osc = random_oscillator(rng)
+        known, found = vi.find_orbit(osc, n_periods=n), find(one_mass(osc), n_periods=n)
+        assert len(known) == len(found)
+        for expected, orbit in zip(known, found, strict=True):
+            assert orbit.velocities == pytest.approx(expected.velocities, rel=1e-11)
+            assert orbit_distance(orbit, expected) < 1e-11
+            assert np.array(orbit.multipliers) == pytest.approx(np.array(expected.multipliers), rel=1e-8, abs=1e-12)
+            assert orbit.stable == expected.stable
+            assert orbit.admissible == expected.admissible, (expected.message, orbit.message)
+        seen += len(found)
+    assert seen > 40
+
+
+@pytest.mark.parametrize(("omega", "n", "p"), [(0.95, 1, 2), (2.8, 2, 2), (3.0, 2, 2), (1.2, 2, 3), (0.6, 1, 3)])
+def test_newton_finds_the_orbits_of_several_impacts_of_the_oscillator(omega, n, p):
+    osc = vi.ImpactOscillator(omega=omega)
+    expected = vi.find_orbit(osc, n_periods=n, n_impacts=p)[0]
+    turns = solution_of(expected)[1][:p]
+    times = (turns + 0.01 * np.cos(np.arange(p))) * osc.period
+    (orbit,) = find(one_mass(osc), n_periods=n, stops=["stop_1"] * p, near=times)
+    assert orbit_distance(orbit, expected) < 1e-12
+    assert np.array(orbit.multipliers) == pytest.approx(np.array(expected.multipliers), rel=1e-9)
+    assert (orbit.name, orbit.stable, orbit.admissible) == (expected.name, expected.stable, expected.admissible)
+
+
+def test_two_impacts_a_period_agree_with_50_digits(values):
+    known = values["period_1_impact_2"]["w=0.95"]
+    first, second = float(known["phase_frac_a"]), float(known["phase_frac_b"])
+    osc = vi.ImpactOscillator(omega=0.95)
+    near = osc.period * np.array([first, second + (second < first)])
+    (orbit,) = find(one_mass(osc), stops=["stop_1", "stop_1"], near=near + 0.02)
+    assert orbit.velocities == pytest.approx((float(known["v_a"]), float(known["v_b"])), rel=1e-13)
+    assert sum(orbit.multipliers).real == pytest.approx(float(known["trace"]), rel=1e-12)
+
+
+def test_undamped_resonance_leaves_the_limit_velocity():
+    """pi n f/((1 + r) sqrt(k m)) holds where no steady state exists, and nearly where damping is as weak as that."""
+    for damping in (0.0, 1e-14, 1e-12):
+        osc = vi.ImpactOscillator(
+            damping=damping, omega=1.5, stiffness=2.25 * 1.3, mass=1.3, amplitude=0.7, restitution=0.6
+        )
+        for n in (1, 2):
+            (orbit,) = find(one_mass(osc), n_periods=n)
+            limit = math.pi * n * osc.amplitude / (1.6 * math.sqrt(osc.stiffness * osc.mass))
+            assert orbit.velocities[0] == pytest.approx(limit, rel=1e-11 if damping else 1e-13)
+
+
+# All orbits of one impact
+
+
+def by_brute_force(system, stop, n_periods, mirrored=False, points=4000):
+    """Return phases and velocities > 0 from steady state and flow over the cycle, roots by a scan of the phase."""
+    plain, n, w = Plain(system), len(system.mass), system.omega
+    half = 0.5 if mirrored else 1.0
+    flow, one = expm(plain.free * system.period * n_periods * half), np.eye(2 * n)
+    kappa = plain.inverse @ stop.direction
+    kick = np.append(np.zeros(n), (1.0 + stop.restitution) * kappa / (stop.direction @ kappa))
+    deviation = np.linalg.solve((-one if mirrored else one) - flow, -flow @ kick)
+    reach, speed = stop.direction @ deviation[:n], 1.0 - stop.direction @ deviation[n:]
+    steady = {
+        h: stop.direction
+        @ np.linalg.solve(system.stiffness + 1j * h * w * system.damping - (h * w) ** 2 * system.mass, p)
+        for h, p in system.force.harmonics.items()
+    }
+    constant = np.zeros(n) if system.force.constant is None else system.force.constant
+    level = stop.direction @ np.linalg.solve(system.stiffness, constant)
+
+    def of(phase):
+        turn = 2j * np.pi * phase
+        moved = sum((c * np.exp(h * turn)).imag for h, c in steady.items())
+        rate = sum((1j * h * w * c * np.exp(h * turn)).imag for h, c in steady.items())
+        time = phase * system.period
+        return plain.wall(stop, time) - level - moved, rate - plain.wall(stop, time, 1)
+
+    def miss(phase):
+        clearance, rate = of(phase)
+        return clearance * speed - rate * reach
+
+    phases = np.arange(points + 1) / points
+    values, found = [miss(phase) for phase in phases], []
+    for i in np.flatnonzero(np.diff(np.sign(values))):
+        phase = brentq(miss, phases[i], phases[i + 1], xtol=1e-16)
+        velocity = of(phase)[1] / speed
+        if velocity > 0.0:
+            found.append((phase, velocity))
+    return sorted(found)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5, 12])
+def test_all_orbits_of_one_impact_are_found(n):
+    """Gyroscopic damping, constant load, two harmonics of the force, moving stops, against a scan of the phase."""
+    rng, seen = np.random.default_rng(10 + n), 0
+    for _ in range(10):
+        system, length = a_random_system(rng, n), int(rng.integers(1, 4))
+        for stop in system.stops:
+            known = by_brute_force(system, stop, length)
+            found = find(system, n_periods=length, stops=stop.name)
+            assert len(found) == len(known)
+            for orbit, (phase, velocity) in zip(sorted(found, key=lambda o: o.phases), known, strict=True):
+                assert orbit.phases[0] == pytest.approx(phase, abs=1e-10)
+                assert orbit.velocities[0] == pytest.approx(velocity, rel=1e-9)
+                assert Plain(system).replayed(orbit) < 1e-11
+            seen += len(found)
+    assert seen >= 10
+
+
+def a_symmetric_system(rng, n):
+    system = a_random_system(rng, n, s=1)
+    (stop,), force = system.stops, system.force
+    motion = {1: 0.1 + 0.2j, 2: 0.05}
+    stops = [
+        stop.replace(motion=motion, name="above"),
+        stop.replace(
+            direction=-2.0 * stop.direction, gap=2.0 * stop.gap, motion={1: -0.2 - 0.4j, 2: 0.1}, name="below"
+        ),
+    ]
+    load = vi.Force(omega=force.omega, harmonics=dict(force.harmonics))
+    return vi.ImpactSystem(**system.arguments() | {"force": load, "stops": stops})
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_all_symmetric_orbits_are_found(n):
+    rng, seen = np.random.default_rng(20 + n), 0
+    for _ in range(6):
+        system, length = a_symmetric_system(rng, n), int(rng.choice([1, 3]))
+        known = by_brute_force(system, system.stops[0], length, mirrored=True)
+        found = find(system, n_periods=length, stops="above", symmetric=True)
+        assert len(found) == len(known)
+        for orbit, (phase, velocity) in zip(sorted(found, key=lambda o: o.phases), known, strict=True):
+            assert orbit.stops == ("above", "below")
+            assert orbit.turns[1] - orbit.turns[0] == pytest.approx(length / 2.0, rel=1e-14)
+            assert orbit.phases[0] == pytest.approx(phase, abs=1e-10)
+            assert orbit.velocities == pytest.approx((velocity, 2.0 * velocity), rel=1e-9)  # a direction twice as long
+            assert orbit.impulses[0] == pytest.approx(2.0 * orbit.impulses[1], rel=1e-12)
+            assert Plain(system).replayed(orbit) < 1e-11
+        seen += len(found)
+    assert seen >= 6
+
+
+def test_a_slot_that_moves_is_a_force_in_its_own_frame():
+    """A free mass in a shaken slot has the orbits of one in a slot at rest under the force m b w^2."""
+    shaken = two_sided(
+        stiffness=0.0,
+        damping=0.0,
+        force=vi.Force(omega=2.0),
+        stops=[stop.replace(motion={1: 0.3 * stop.direction[0]}) for stop in facing([1.0], 0.5, 0.6)],
+    )
+    still = two_sided(stiffness=0.0, damping=0.0, force=vi.Force(omega=2.0, harmonics={1: 0.3 * 4.0}))
+    for n in (1, 3, 5):
+        found, known = (find(system, n_periods=n, stops="above", symmetric=True) for system in (shaken, still))
+        assert len(found) == len(known) > 0
+        for orbit, other in zip(found, known, strict=True):
+            assert orbit_distance(orbit, other) < 1e-13
+            assert orbit.multipliers == pytest.approx(other.multipliers, rel=1e-10)
+            assert (orbit.admissible, orbit.stable) == (other.admissible, other.stable)
+
+
+def test_roots_of_trigonometric_polynomials_are_all_found():
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        orders = np.sort(rng.choice(np.arange(1, 10), int(rng.integers(1, 6)), replace=False)).astype(float)
+        c = rng.standard_normal(1 + 2 * len(orders))
+        angles = np.linspace(0.0, 2.0 * np.pi, 20001)
+        waves = np.outer(angles, orders)
+        values = c[0] + np.sin(waves) @ c[1 : 1 + len(orders)] + np.cos(waves) @ c[1 + len(orders) :]
+        places = np.flatnonzero(np.diff(np.sign(values)))
+        assert roots(orders, c) == pytest.approx(angles[places], abs=1e-3)
+    double = roots(np.array([1.0, 2.0]), np.array([0.25 + 0.5, 0.0, 0.0, -1.0, 0.5]))  # (cos t - 1/2)^2
+    assert double == pytest.approx([np.pi / 3.0, 5.0 * np.pi / 3.0], abs=1e-7)
+    assert roots(np.array([2.0]), np.array([1.0, 0.0, -1.0])) == pytest.approx([0.0, np.pi])
+    assert roots(np.array([1.0]), np.array([1.0 + 1e-9, 0.0, 1.0])) == []
+
+
+# Stability
+
+
+def sections_of_systems():
+    rng = np.random.default_rng(7)
+    for n in (1, 2, 3, 6):
+        for system in (a_random_system(rng, n), a_symmetric_system(rng, n)):
+            yield system, find(system, n_periods=int(rng.integers(1, 3)))
+
+
+def test_the_determinant_is_that_of_restitution_and_damping():
+    seen = 0
+    for system, found in sections_of_systems():
+        trace = np.trace(np.linalg.solve(system.mass, system.damping))
+        for orbit in found:
+            r = system.stops[system.stop_names.index(orbit.stops[0])].restitution
+            expected = r**2 * math.exp(-trace * orbit.period)
+            assert np.prod(orbit.multipliers).real == pytest.approx(expected, rel=1e-10, abs=1e-13)
+            assert np.prod(orbit.multipliers).imag == pytest.approx(0.0, abs=1e-13)
+            assert len(orbit.multipliers) == 2 * len(system.mass)
+            seen += 1
+    assert seen >= 15
+
+
+def differences(system, orbit, step=1e-6):
+    """Return the Jacobian of the motion over a cycle, from before its first impact, by differences of plain flights."""
+    plain, stops = Plain(system), {stop.name: stop for stop in system.stops}
+    times = [turn * system.period for turn in orbit.turns]
+    flights = np.diff([*times, times[0] + orbit.period])
+    early = 0.02 * flights.min()
+    begin = times[0] - early
+    start = plain.fly(np.append(orbit.start.displacement, orbit.start.velocity), times[0], begin)
+
+    def after(x):
+        now = begin
+        for name, time in zip(orbit.stops, times, strict=True):
+
+            def gap(at, x=x, now=now, stop=stops[name]):
+                return plain.clearance(stop, plain.fly(x, now, at), at)
+
+            hit = brentq(gap, time - 0.5 * early, time + 0.5 * early, xtol=1e-15)
+            x, now = plain.hit(stops[name], plain.fly(x, now, hit), hit), hit
+        return plain.fly(x, now, begin + orbit.period)
+
+    size = step * np.abs(start).max()
+    return np.array([(after(start + dx) - after(start - dx)) / (2 * size) for dx in size * np.eye(len(start))]).T
+
+
+def test_multipliers_are_those_of_differences_between_neighbouring_motions():
+    seen = 0
+    for system, found in sections_of_systems():
+        if len(system.mass) > 3:
+            continue
+        for orbit in [*found, *find(two_sided(), symmetric=True)][:4]:
+            jacobian = differences(orbit.system, orbit)
+            size = np.abs(np.poly(jacobian)).max()
+            assert np.poly(np.array(orbit.multipliers)) == pytest.approx(np.poly(jacobian), abs=1e-6 * size)
+            seen += 1
+    assert seen >= 15
+
+
+def test_a_symmetric_orbit_has_squares_of_the_multipliers_of_its_half():
+    (orbit,) = find(impact_damper(), stops="above", symmetric=True)
+    jacobian = differences(orbit.system, orbit)
+    assert np.poly(np.array(orbit.multipliers)) == pytest.approx(np.poly(jacobian), abs=1e-6)
+    assert np.array(orbit.half_multipliers) ** 2 == pytest.approx(np.array(orbit.multipliers), rel=1e-14)
