@@ -547,6 +547,21 @@ def test_parallel_stops_share_a_contact():
     assert [event.time for event in first.impacts[: len(times)]] == pytest.approx(times, rel=1e-12)
 
 
+def test_a_mass_that_is_pressed_into_a_corner_comes_to_rest_there_and_keeps_what_lies_along_it():
+    # It knocks between the two stops faster and faster, at last several times within rounding of one instant.
+    mass = np.array([[2.0, 0.5, 0.3], [0.5, 1.0, -0.2], [0.3, -0.2, 1.5]])
+    first, second = np.array([1.0, 0.2, 0.1]), np.array([-0.9, 0.4, 0.3])
+    along = np.cross(first, second)
+    stops = [stop(first, 0.3, 0.5), stop(second, 0.2, 0.5)]
+    design = system(mass, np.zeros((3, 3)), np.zeros((3, 3)), 1.0, stops, constant=4.0 * first + 5.0 * second)
+    begin = np.array([1.0, -0.5, 2.0])
+    seen = follow(design, np.zeros(3), begin, impacts=1000, most_periods=1)
+    assert seen.closed == (0, 1)
+    assert sorted(event.stop for event in seen.events if event.kind == "stick") == [0, 1]
+    assert along @ mass @ seen.end.velocity == pytest.approx(along @ mass @ begin, rel=1e-12)
+    assert np.abs([first @ seen.end.velocity, second @ seen.end.velocity]).max() < 1e-13
+
+
 def test_a_start_beyond_a_stop_is_refused():
     with pytest.raises(ValueError, match="beyond a stop"):
         follow(TWO_SIDED, [0.6], [0.0])
