@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from vibroimpact import plotting
+    from vibroimpact import models, plotting
     from vibroimpact.classes import classify
     from vibroimpact.coexistence import attractors, basins
     from vibroimpact.continuation import boundary_curves, continue_boundary, continue_orbit, switch_branch
@@ -72,6 +72,7 @@ __all__ = [
     "impact_map",
     "impact_section",
     "load",
+    "models",
     "parameter_map",
     "plotting",
     "recognise",
@@ -87,8 +88,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
         return getattr(import_module(f"vibroimpact.{_HOMES[name]}"), name)
-    if name == "plotting":
-        return import_module("vibroimpact.plotting")
+    if name in ("models", "plotting"):
+        return import_module(f"vibroimpact.{name}")
     if name == "__version__":
         from importlib.metadata import version
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, overload
 
@@ -108,7 +109,8 @@ def family(function: Callable[..., Any] | None = None, /, *, units: Mapping[str,
     Returns
     -------
     Family
-        A model: its parameters are those of the function, whose defaults are their values.
+        A model: its parameters are those of the function, whose defaults are their values. A function with a table
+        `parameters`, as those of `vibroimpact.models` have, gives their units and ranges.
 
     Raises
     ------
@@ -142,11 +144,13 @@ def _family(function: Callable[..., Any], units: Mapping[str, str]) -> Family:
     if not callable(function):
         raise invalid("function", function, "a function of named numbers that returns a model")
     parameters, values = {}, {}
+    known: Mapping[str, Parameter] = getattr(function, "parameters", {})  # of ready-made models
     for name, argument in inspect.signature(function).parameters.items():
         named = argument.kind in (argument.POSITIONAL_OR_KEYWORD, argument.KEYWORD_ONLY)
         if not named or argument.default is argument.empty:
             raise ValueError(f"`{name}` of {function.__name__} needs a number for a default, like {name}=1.0")
-        parameters[name] = Parameter(name, name.replace("_", " "), units.get(name, "1"), name)
+        usual = known.get(name) or Parameter(name, name.replace("_", " "), symbol=name)
+        parameters[name] = replace(usual, unit=units.get(name, usual.unit))
         values[name] = parameters[name].check(argument.default)
     check_names(parameters, units)
     made = Family(function, parameters, values)

@@ -1,0 +1,109 @@
+"""The numbers that ready-made models take: one table of names, units and ranges for all of them."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, ParamSpec, TypeVar
+
+from vibroimpact.matrices import COORDINATES
+from vibroimpact.oscillator import ImpactOscillator, check_names
+from vibroimpact.parameters import Parameter, invalid, whole_number
+
+_Arguments = ParamSpec("_Arguments")
+_Made = TypeVar("_Made")
+
+
+def _positive(name: str, long_name: str, unit: str, hint: str = "") -> Parameter:
+    return Parameter(name, long_name, unit, name, 0.0, closed=False, hint=hint)
+
+
+def _not_negative(name: str, long_name: str, unit: str, hint: str = "") -> Parameter:
+    return Parameter(name, long_name, unit, name, 0.0, hint=hint)
+
+
+def _place(name: str, of: str) -> Parameter:
+    hint = "give the distance from the left end over the length"
+    return Parameter(name, f"place of the {of}", "1", name, 0.0, 1.0, hint=hint)
+
+
+_OF_OSCILLATORS = ("mass", "stiffness", "damping_ratio", "frequency", "restitution", "gap")
+_OSCILLATORS = [replace(ImpactOscillator.parameters[name], replaces=None) for name in _OF_OSCILLATORS]
+_MACHINES = [
+    _not_negative("force", "driving force amplitude", "N", "for the opposite sign start half a period later instead"),
+    Parameter("left_gap", "gap to the left stop", "m", "left_gap"),
+    Parameter("right_gap", "gap to the right stop", "m", "right_gap"),
+    _not_negative("amplitude", "amplitude of the driving motion", "m"),
+    _not_negative("base_acceleration", "amplitude of the base acceleration", "m/s^2"),
+    _not_negative("unbalance", "unbalance", "kg m", "it is the rotating mass times its eccentricity"),
+    _positive("rpm", "rotational speed", "1/min"),
+    _positive("gravity", "acceleration of gravity", "m/s^2"),
+    Parameter("inclination", "inclination of the slot", "deg", "inclination", -90.0, 90.0),
+    _positive("clearance", "total clearance", "m", "it is the free travel from one side to the other"),
+    _positive("second_clearance", "total clearance of the second slot", "m"),
+]
+_GEARS = [
+    _positive("inertia", "moment of inertia", "kg m^2"),
+    _positive("base_radius", "base radius", "m"),
+    _positive("backlash", "backlash along the line of action", "m"),
+    _positive("order", "engine order", "1", "it is the number of excitations per revolution, 2 for four cylinders"),
+    _not_negative("angular_acceleration", "amplitude of the angular acceleration", "rad/s^2"),
+    _not_negative("drag_torque", "mean drag torque", "N m"),
+    _not_negative("rotational_damping", "rotational damping", "N m s/rad"),
+]
+_DAMPERS = [
+    _positive("natural_frequency", "natural frequency of the structure", "Hz"),
+    _positive("particle_mass", "mass of all particles", "kg"),
+    _positive("second_particle_mass", "mass of the second particle", "kg"),
+    Parameter("particles", "number of particles", "1", "particles", 1.0, 4.0),
+    _positive("mass_ratio", "mass of the absorber over that of the structure", "1"),
+    _positive("tuning", "natural frequency of the absorber over that of the structure", "1"),
+    _not_negative("absorber_damping_ratio", "damping ratio of the absorber", "1"),
+    _positive("stroke", "stroke of the absorber to either side", "m"),
+]
+_BEAMS = [
+    _positive("length", "length", "m"),
+    _positive("width", "width", "m"),
+    _positive("thickness", "thickness in the direction of motion", "m"),
+    _positive("youngs_modulus", "Young's modulus", "Pa", "steel has 2.1e11 Pa"),
+    _positive("density", "density", "kg/m^3", "steel has 7800 kg/m^3"),
+    _place("force_at", "force"),
+    _place("stop_at", "stop"),
+    Parameter("modes", "number of modes", "1", "modes", 1.0, float(COORDINATES)),
+]
+_TUBES = [
+    _positive("outer_diameter", "outer diameter", "m"),
+    _positive("wall_thickness", "wall thickness", "m"),
+    _not_negative("inner_fluid_density", "density of the fluid inside", "kg/m^3", "water has 1000 kg/m^3"),
+    _not_negative("outer_fluid_density", "density of the fluid outside", "kg/m^3", "water has 1000 kg/m^3"),
+    _not_negative("added_mass_coefficient", "added mass over displaced mass", "1", "it is 1 far from other tubes"),
+    _not_negative("force_per_length", "amplitude of the force per length", "N/m"),
+    Parameter("steady_force_per_length", "steady force per length", "N/m", "steady_force_per_length"),
+    _place("first_support_at", "first support"),
+    _place("second_support_at", "second support"),
+    _positive("diametral_clearance", "diametral clearance in the supports", "m"),
+]
+TABLE = {entry.name: entry for entry in [*_OSCILLATORS, *_MACHINES, *_GEARS, *_DAMPERS, *_BEAMS, *_TUBES]}
+
+
+def checked(function: Callable[_Arguments, _Made]) -> Callable[_Arguments, _Made]:
+    """Return the function of named numbers with each checked by its name; `parameters` holds their table."""
+    parameters = {name: TABLE[name] for name in inspect.signature(function).parameters}
+
+    @functools.wraps(function)
+    def model(*none: _Arguments.args, **given: _Arguments.kwargs) -> _Made:
+        check_names(parameters, given)
+        numbers: dict[str, Any] = {name: parameters[name].check(value) for name, value in given.items()}
+        return function(*none, **numbers)
+
+    vars(model)["parameters"] = parameters
+    return model
+
+
+def count(name: str, value: float) -> int:
+    """Return a checked number as a count, also 4.0, which families pass for 4."""
+    if value != int(value):
+        raise invalid(name, value, "a whole number")
+    return whole_number(name, int(value), 1)

@@ -1,0 +1,161 @@
+"""The bending modes of uniform beams, exact to rounding, also the high ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from vibroimpact.cells import Floats
+from vibroimpact.parameters import choice, invalid
+
+_EPS = float(np.finfo(np.float64).eps)
+
+
+@dataclass(frozen=True, eq=False)
+class BeamModes:
+    r"""The first modes of a uniform Euler-Bernoulli beam of some ends.
+
+    .. math:: \phi(x) = A \cos \beta x + B \sin \beta x + C e^{-\beta x} + D e^{-\beta (L - x)}, \qquad
+              \frac{1}{L} \int_0^L \phi_i \phi_j \, dx = \delta_{ij}
+
+    Its natural angular frequencies are (beta L)^2 sqrt(E I / (m' L^4)) with m' the mass per length; over the root of
+    the beam's mass, phi is mass-normalised.
+
+    Parameters
+    ----------
+    wave_numbers : (n,) array
+        beta L, ascending.
+    cosine, sine, decaying, growing : (n,) array
+        A, B, C, D: no term exceeds some units, so nothing cancels in high modes as it does among cosh and sinh.
+    """
+
+    wave_numbers: Floats
+    cosine: Floats
+    sine: Floats
+    decaying: Floats
+    growing: Floats
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            value.setflags(write=False)
+
+    def at(self, place: float) -> Floats:
+        """Return phi of all modes at a place x/L; exactly 0 at held ends and at nodes."""
+        b = self.wave_numbers
+        z = b * place
+        waves = self.cosine * np.cos(z) + self.sine * np.sin(z)
+        return self._clean(waves + self.decaying * np.exp(-z) + self.growing * np.exp(z - b))
+
+    @property
+    def means(self) -> Floats:
+        """Means of phi over the length: how much of each mode a uniform load drives; exactly 0 for odd shapes."""
+        b = self.wave_numbers
+        far = self.cosine * np.sin(b) - self.sine * np.cos(b) - self.decaying * np.exp(-b) + self.growing
+        near = -self.sine - self.decaying + self.growing * np.exp(-b)
+        return self._clean(far - near) / b
+
+    def _clean(self, values: Floats) -> Floats:
+        found: Floats = np.where(np.abs(values) <= 8.0 * _EPS * self.wave_numbers, 0.0, values)
+        return found
+
+
+@lru_cache(maxsize=64)
+def beam_modes(ends: str, count: int) -> BeamModes:
+    r"""Return the first modes of a beam.
+
+    Parameters
+    ----------
+    ends : str
+        ``"clamped-free"``, ``"clamped-clamped"``, ``"clamped-pinned"`` or ``"pinned-pinned"``, the end at x = 0 first.
+    count : int
+        How many modes.
+
+    Returns
+    -------
+    BeamModes
+        With wave numbers to 1e-15 of their size, and shapes to some units of rounding of beta L.
+
+    Notes
+    -----
+    The characteristic equations, cos b cosh b = -1, cos b cosh b = 1, tan b = tanh b and sin b = 0 for b = beta L, are
+    solved in bounded forms, such as cos b + 1/cosh b = 0, between b0 - 1/2 and b0 + 1/2, with b0 their roots for
+    large b. With s = (sinh b - sin b)/(cosh b + cos b) of a cantilever, and alike for the others, C = (1 + s)/2 and
+    D = (1 - s) e^b/2 are written so that the e^b cancels before it is computed.
+
+    References
+    ----------
+    R. D. Blevins, Formulas for Natural Frequency and Mode Shape, 1979, table 8-1.
+
+    Examples
+    --------
+    >>> beam_modes("clamped-free", 3).wave_numbers.round(10).tolist()
+    [1.8751040687, 4.694091133, 7.8547574382]
+    """
+    choice("ends", ends, _ENDS)
+    asymptote, equation, coefficients = _ENDS[ends]
+    b = np.array([_root(equation, (n + asymptote) * math.pi) for n in range(1, count + 1)])
+    return BeamModes(b, *coefficients(b))
+
+
+def _root(equation: Callable[[float], float] | None, near: float) -> float:
+    from scipy.optimize import brentq
+
+    if equation is None:
+        return near
+    return float(brentq(equation, near - 0.5, near + 0.5, xtol=1e-15, rtol=4.0 * _EPS))
+
+
+def _clamped_free(b: Floats) -> tuple[Floats, ...]:
+    decay, sine, cosine = np.exp(-b), np.sin(b), np.cos(b)
+    growing = (decay + cosine + sine) / (1.0 + decay**2 + 2.0 * cosine * decay)
+    return _clamped(b, growing)
+
+
+def _clamped_clamped(b: Floats) -> tuple[Floats, ...]:
+    decay, sine, cosine = np.exp(-b), np.sin(b), np.cos(b)
+    growing = (cosine - sine - decay) / (1.0 - decay**2 - 2.0 * sine * decay)
+    return _clamped(b, growing)
+
+
+def _clamped_pinned(b: Floats) -> tuple[Floats, ...]:
+    decay = np.exp(-b)
+    return _clamped(b, -decay / (1.0 - decay**2))
+
+
+def _clamped(b: Floats, growing: Floats) -> tuple[Floats, ...]:
+    """Return the coefficients of cosh z - cos z - s (sinh z - sin z), whose mean square is 1, from D."""
+    rest = growing * np.exp(-b)  # (1 - s)/2
+    return -np.ones(len(b)), 1.0 - 2.0 * rest, 1.0 - rest, growing
+
+
+def _pinned_pinned(b: Floats) -> tuple[Floats, ...]:
+    none = np.zeros(len(b))
+    return none, np.full(len(b), math.sqrt(2.0)), none, none
+
+
+# b0/pi - n, the characteristic equation (none where b0 is exact), and the coefficients
+_ENDS: dict[str, tuple[float, Callable[[float], float] | None, Callable[[Floats], tuple[Floats, ...]]]] = {
+    "clamped-free": (-0.5, lambda b: math.cos(b) + 1.0 / math.cosh(b), _clamped_free),
+    "clamped-clamped": (0.5, lambda b: math.cos(b) - 1.0 / math.cosh(b), _clamped_clamped),
+    "clamped-pinned": (0.25, lambda b: math.sin(b) - math.tanh(b) * math.cos(b), _clamped_pinned),
+    "pinned-pinned": (0.0, None, _pinned_pinned),
+}
+
+
+def hertz(shapes: BeamModes, rigidity: float, mass_per_length: float, length: float) -> Floats:
+    """Return the natural frequencies in Hz of a beam of rigidity E I in N m^2 and a mass per length in kg/m."""
+    rate = math.sqrt(rigidity / mass_per_length) / length**2
+    found: Floats = shapes.wave_numbers**2 * (rate / (2.0 * math.pi))
+    return found
+
+
+def moving_row(name: str, place: float, shapes: BeamModes) -> Floats:
+    """Return phi of all modes at the place x/L of a stop, which must move."""
+    found = shapes.at(place)
+    if not found.any():
+        raise invalid(name, place, "a place that moves", "keep stops away from held ends and from nodes of all modes")
+    return found

@@ -1,0 +1,364 @@
+"""Beams with a stop: Euler-Bernoulli, in their first modes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vibroimpact.models.arguments import checked, count
+from vibroimpact.models.beam_modes import beam_modes, hertz, moving_row
+from vibroimpact.stops import Force, Stop
+from vibroimpact.system import ImpactSystem
+
+
+@checked
+def cantilever_with_stop(
+    *,
+    length: float = 0.3,
+    width: float = 0.02,
+    thickness: float = 1e-3,
+    youngs_modulus: float = 2.1e11,
+    density: float = 7800.0,
+    damping_ratio: float = 0.01,
+    force: float = 0.0,
+    force_at: float = 1.0,
+    base_acceleration: float = 5.0,
+    frequency: float = 12.0,
+    stop_at: float = 1.0,
+    gap: float = 2e-3,
+    restitution: float = 0.6,
+    modes: float = 3,
+) -> ImpactSystem:
+    r"""Return a cantilever in front of a stop: a reed, a leaf of a valve, a cable tray, a strip on a shaker.
+
+    Sketch: a strip clamped at its left end, free at its right; beside it a stop, which is fixed to the clamp. A force
+    acts on it, or the base shakes it, or both.
+
+    .. math:: E I w'''' + m' \ddot w + \mathrm{damping} = F \delta(x - x_F) \sin \omega t + m' a_0 \sin \omega t, \qquad
+              w(x_s) \le g, \qquad w = \sum_i \phi_i(x) \eta_i
+
+    Parameters
+    ----------
+    length, width, thickness : float, > 0
+        Of the strip in m; it bends along its thickness.
+    youngs_modulus : float, > 0
+        E in Pa.
+    density : float, > 0
+        In kg/m^3.
+    damping_ratio : float, >= 0
+        Of every mode.
+    force : float, >= 0
+        F in N, in phase with the base.
+    force_at, stop_at : float, 0 to 1
+        x_F and x_s over the length, from the clamp.
+    base_acceleration : float, >= 0
+        a_0 in m/s^2: the base moves as a_0/w^2 sin wt, and w is relative to it.
+    frequency : float, > 0
+        Driving frequency in Hz.
+    gap : float
+        g in m; negative means preloaded.
+    restitution : float, 0 to 1
+        Of the stop.
+    modes : int, 1 to 12
+        How many are kept.
+
+    Returns
+    -------
+    ImpactSystem
+        Its coordinates are modal, in m sqrt(kg) with M = I; stop `stop`.
+
+    Raises
+    ------
+    ValueError
+        A number is out of its range, or the stop is at the clamp.
+
+    Notes
+    -----
+    With restitution results depend on `modes`, also in the limit: the struck mass 1/(a . M^-1 a) falls with every mode
+    that moves at the stop, and at the tip of n modes it is the beam's mass over 4 n. Left out: shear and rotary
+    inertia (thickness far below the length of a half wave), large deflections, weight.
+
+    References
+    ----------
+    S. W. Shaw, Forced vibrations of a beam with one-sided amplitude constraint: theory and experiment, Journal of Sound
+    and Vibration 99, 1985.
+    F. C. Moon and S. W. Shaw, Chaotic vibrations of a beam with non-linear boundary conditions, International Journal
+    of Non-Linear Mechanics 18, 1983.
+    R. D. Blevins, Formulas for Natural Frequency and Mode Shape, 1979, table 8-1.
+
+    Examples
+    --------
+    >>> beam = cantilever_with_stop()
+    >>> (beam.natural_frequencies / (2 * np.pi)).round(3).tolist()
+    [9.313, 58.365, 163.424]
+    >>> mass = 7800.0 * 0.3 * 0.02 * 1e-3
+    >>> float(round(mass * beam.modal().mobility[0, 0], 9))  # over the struck mass
+    12.0
+    """
+    return _beam("clamped-free", **locals())
+
+
+@checked
+def clamped_beam_with_stop(
+    *,
+    length: float = 0.5,
+    width: float = 0.025,
+    thickness: float = 3e-3,
+    youngs_modulus: float = 2.1e11,
+    density: float = 7800.0,
+    damping_ratio: float = 0.01,
+    force: float = 0.0,
+    force_at: float = 0.5,
+    base_acceleration: float = 20.0,
+    frequency: float = 70.0,
+    stop_at: float = 0.5,
+    gap: float = 0.5e-3,
+    restitution: float = 0.6,
+    modes: float = 3,
+) -> ImpactSystem:
+    r"""Return a beam clamped at both ends in front of a stop: a panel's stiffener, a welded pipe span near a wall.
+
+    Sketch: a strip between two clamps, and beside it a stop; clamps and stop are one base.
+
+    .. math:: E I w'''' + m' \ddot w + \mathrm{damping} = F \delta(x - x_F) \sin \omega t + m' a_0 \sin \omega t, \qquad
+              w(x_s) \le g
+
+    Parameters
+    ----------
+    length, width, thickness : float, > 0
+        Of the strip in m; it bends along its thickness.
+    youngs_modulus : float, > 0
+        E in Pa.
+    density : float, > 0
+        In kg/m^3.
+    damping_ratio : float, >= 0
+        Of every mode.
+    force : float, >= 0
+        F in N, in phase with the base.
+    force_at, stop_at : float, 0 to 1
+        x_F and x_s over the length; the stop is away from the ends.
+    base_acceleration : float, >= 0
+        a_0 in m/s^2: the base moves as a_0/w^2 sin wt, and w is relative to it.
+    frequency : float, > 0
+        Driving frequency in Hz.
+    gap : float
+        g in m; negative means preloaded.
+    restitution : float, 0 to 1
+        Of the stop.
+    modes : int, 1 to 12
+        How many are kept.
+
+    Returns
+    -------
+    ImpactSystem
+        Its coordinates are modal, in m sqrt(kg) with M = I; stop `stop`.
+
+    Raises
+    ------
+    ValueError
+        A number is out of its range, or the stop is at an end.
+
+    Notes
+    -----
+    With restitution results depend on `modes`, also in the limit: see `cantilever_with_stop`. A stop in the middle and
+    a load that is symmetric leave the even modes at rest. Left out: what stretching stiffens, from deflections of the
+    size of the thickness on; shear and rotary inertia.
+
+    References
+    ----------
+    R. D. Blevins, Formulas for Natural Frequency and Mode Shape, 1979, table 8-1.
+
+    Examples
+    --------
+    >>> beam = clamped_beam_with_stop()
+    >>> (beam.natural_frequencies / (2 * np.pi)).round(2).tolist()
+    [64.0, 176.43, 345.87]
+    >>> beam.stops[0].direction.round(6).tolist()
+    [2.936483, 0.0, -2.599692]
+    """
+    return _beam("clamped-clamped", **locals())
+
+
+@checked
+def clamped_pinned_beam_with_stop(
+    *,
+    length: float = 0.5,
+    width: float = 0.025,
+    thickness: float = 3e-3,
+    youngs_modulus: float = 2.1e11,
+    density: float = 7800.0,
+    damping_ratio: float = 0.01,
+    force: float = 0.0,
+    force_at: float = 0.6,
+    base_acceleration: float = 20.0,
+    frequency: float = 50.0,
+    stop_at: float = 0.6,
+    gap: float = 0.5e-3,
+    restitution: float = 0.6,
+    modes: float = 3,
+) -> ImpactSystem:
+    r"""Return a beam clamped at its left end and pinned at its right, in front of a stop: a propped pipe or shaft.
+
+    Sketch: a strip from a clamp to a hinge, and beside it a stop; clamp, hinge and stop are one base.
+
+    .. math:: E I w'''' + m' \ddot w + \mathrm{damping} = F \delta(x - x_F) \sin \omega t + m' a_0 \sin \omega t, \qquad
+              w(x_s) \le g
+
+    Parameters
+    ----------
+    length, width, thickness : float, > 0
+        Of the strip in m; it bends along its thickness.
+    youngs_modulus : float, > 0
+        E in Pa.
+    density : float, > 0
+        In kg/m^3.
+    damping_ratio : float, >= 0
+        Of every mode.
+    force : float, >= 0
+        F in N, in phase with the base.
+    force_at, stop_at : float, 0 to 1
+        x_F and x_s over the length, from the clamp; the stop is away from the ends.
+    base_acceleration : float, >= 0
+        a_0 in m/s^2: the base moves as a_0/w^2 sin wt, and w is relative to it.
+    frequency : float, > 0
+        Driving frequency in Hz.
+    gap : float
+        g in m; negative means preloaded.
+    restitution : float, 0 to 1
+        Of the stop.
+    modes : int, 1 to 12
+        How many are kept.
+
+    Returns
+    -------
+    ImpactSystem
+        Its coordinates are modal, in m sqrt(kg) with M = I; stop `stop`.
+
+    Raises
+    ------
+    ValueError
+        A number is out of its range, or the stop is at an end.
+
+    Notes
+    -----
+    With restitution results depend on `modes`, also in the limit: see `cantilever_with_stop`. Left out: what stretching
+    stiffens, shear and rotary inertia, play in the hinge.
+
+    References
+    ----------
+    R. D. Blevins, Formulas for Natural Frequency and Mode Shape, 1979, table 8-1.
+
+    Examples
+    --------
+    >>> (clamped_pinned_beam_with_stop().natural_frequencies / (2 * np.pi)).round(2).tolist()
+    [44.11, 142.93, 298.22]
+    """
+    return _beam("clamped-pinned", **locals())
+
+
+@checked
+def pinned_beam_with_stop(
+    *,
+    length: float = 1.0,
+    width: float = 0.025,
+    thickness: float = 5e-3,
+    youngs_modulus: float = 2.1e11,
+    density: float = 7800.0,
+    damping_ratio: float = 0.01,
+    force: float = 4.0,
+    force_at: float = 0.4,
+    base_acceleration: float = 0.0,
+    frequency: float = 13.0,
+    stop_at: float = 0.5,
+    gap: float = 1e-3,
+    restitution: float = 0.6,
+    modes: float = 3,
+) -> ImpactSystem:
+    r"""Return a beam pinned at both ends in front of a stop: a simply supported girder, shaft or pipe that knocks.
+
+    Sketch: a strip between two hinges, and beside it a stop; hinges and stop are one base.
+
+    .. math:: E I w'''' + m' \ddot w + \mathrm{damping} = F \delta(x - x_F) \sin \omega t + m' a_0 \sin \omega t, \qquad
+              w(x_s) \le g
+
+    Parameters
+    ----------
+    length, width, thickness : float, > 0
+        Of the strip in m; it bends along its thickness.
+    youngs_modulus : float, > 0
+        E in Pa.
+    density : float, > 0
+        In kg/m^3.
+    damping_ratio : float, >= 0
+        Of every mode.
+    force : float, >= 0
+        F in N, in phase with the base.
+    force_at, stop_at : float, 0 to 1
+        x_F and x_s over the length; the stop is away from the ends.
+    base_acceleration : float, >= 0
+        a_0 in m/s^2: the base moves as a_0/w^2 sin wt, and w is relative to it.
+    frequency : float, > 0
+        Driving frequency in Hz.
+    gap : float
+        g in m; negative means preloaded.
+    restitution : float, 0 to 1
+        Of the stop.
+    modes : int, 1 to 12
+        How many are kept.
+
+    Returns
+    -------
+    ImpactSystem
+        Its coordinates are modal, in m sqrt(kg) with M = I; stop `stop`.
+
+    Raises
+    ------
+    ValueError
+        A number is out of its range, or the stop is at an end.
+
+    Notes
+    -----
+    With restitution results depend on `modes`, also in the limit: see `cantilever_with_stop`. Frequencies are as
+    1 : 4 : 9, so that internal resonances are exact. Left out: what stretching stiffens, shear and rotary inertia.
+
+    References
+    ----------
+    R. D. Blevins, Formulas for Natural Frequency and Mode Shape, 1979, table 8-1.
+
+    Examples
+    --------
+    >>> (pinned_beam_with_stop().natural_frequencies / (2 * np.pi)).round(2).tolist()
+    [11.76, 47.06, 105.88]
+    """
+    return _beam("pinned-pinned", **locals())
+
+
+def _beam(
+    ends: str,
+    *,
+    length: float,
+    width: float,
+    thickness: float,
+    youngs_modulus: float,
+    density: float,
+    damping_ratio: float,
+    force: float,
+    force_at: float,
+    base_acceleration: float,
+    frequency: float,
+    stop_at: float,
+    gap: float,
+    restitution: float,
+    modes: float,
+) -> ImpactSystem:
+    shapes = beam_modes(ends, count("modes", modes))
+    per_length = density * width * thickness
+    mass = per_length * length
+    table = np.array([moving_row("stop_at", stop_at, shapes), shapes.at(force_at), mass * shapes.means])
+    return ImpactSystem.from_modes(
+        frequencies=hertz(shapes, youngs_modulus * width * thickness**3 / 12.0, per_length, length),
+        damping_ratios=damping_ratio,
+        shapes=table / np.sqrt(mass),
+        points=["stop", "force", "base"],
+        force=Force(frequency=frequency, harmonics={1: {"force": force, "base": base_acceleration}}),
+        stops=[Stop(direction={"stop": 1.0}, gap=gap, restitution=restitution, name="stop")],
+    )

@@ -1,0 +1,253 @@
+"""One mass without a spring among moving stops: a bouncing ball, an impact pair, an idle gear."""
+
+from __future__ import annotations
+
+import math
+
+from vibroimpact.models.arguments import checked
+from vibroimpact.stops import Force, Stop
+from vibroimpact.system import ImpactSystem
+
+
+@checked
+def bouncing_ball(
+    *,
+    mass: float = 4e-3,
+    amplitude: float = 0.12e-3,
+    frequency: float = 50.0,
+    gravity: float = 9.81,
+    restitution: float = 0.5,
+) -> ImpactSystem:
+    r"""Return a ball on a vibrating table: a part on a vibratory conveyor, a screw in a feeder.
+
+    Sketch: a table that moves up and down, and above it a ball under its weight.
+
+    .. math:: m \ddot z = -m g, \qquad z \ge A \sin \omega t
+
+    Parameters
+    ----------
+    mass : float, > 0
+        m in kg; only impulses depend on it.
+    amplitude : float, >= 0
+        A of the table in m.
+    frequency : float, > 0
+        Of the table, in Hz.
+    gravity : float, > 0
+        g in m/s^2.
+    restitution : float, 0 to 1
+        r of the table.
+
+    Returns
+    -------
+    ImpactSystem
+        The coordinate is the height z; stop `table`.
+
+    Raises
+    ------
+    ValueError
+        A number is out of its range.
+
+    Notes
+    -----
+    All that matters is r and Gamma = A w^2/g. The ball lifts off from rest if Gamma > 1. One bounce in N periods is
+    possible from Gamma = N pi (1 - r)/(1 + r) on, and stable up to
+    Gamma^2 = (N pi (1 - r)/(1 + r))^2 + (2 (1 + r^2)/(1 + r)^2)^2. Left out: drag of the air, spin, the table's
+    deflection.
+
+    References
+    ----------
+    P. J. Holmes, The dynamics of repeated impacts with a sinusoidally vibrating table, Journal of Sound and Vibration
+    84, 1982.
+    J. M. Luck and A. Mehta, Bouncing ball with a finite restitution: chattering, locking, and chaos, Physical Review E
+    48, 1993.
+
+    Examples
+    --------
+    >>> ball = bouncing_ball()
+    >>> round(abs(ball.stops[0].motion[1]) * ball.omega**2 / 9.81, 3)  # Gamma: above 1.047 and below 1.527
+    1.207
+    """
+    return ImpactSystem(
+        mass=mass,
+        stiffness=0.0,
+        force=Force(frequency=frequency, constant=-mass * gravity),
+        stops=[Stop(direction=-1.0, gap=0.0, restitution=restitution, name="table", motion={1: -amplitude})],
+    )
+
+
+@checked
+def impact_pair(
+    *,
+    mass: float = 0.1,
+    clearance: float = 1.5e-3,
+    amplitude: float = 1e-3,
+    frequency: float = 30.0,
+    inclination: float = 0.0,
+    gravity: float = 9.81,
+    restitution: float = 0.6,
+) -> ImpactSystem:
+    r"""Return a free mass in the slot of a shaken frame: a joint with play, a shaken part in its box, a harvester.
+
+    Sketch: a frame that moves to and fro along a slot, and in the slot a mass with `clearance` to travel.
+
+    .. math:: m \ddot x = -m g \sin \theta, \qquad |x - A \sin \omega t| \le d/2
+
+    Parameters
+    ----------
+    mass : float, > 0
+        m in kg; only impulses depend on it.
+    clearance : float, > 0
+        d in m, from one end of the slot to the other.
+    amplitude : float, >= 0
+        A of the frame in m.
+    frequency : float, > 0
+        Of the frame, in Hz.
+    inclination : float, -90 to 90
+        theta in degrees, of the slot to the horizontal; the right end is up where it is positive.
+    gravity : float, > 0
+        g in m/s^2; of no account in a horizontal slot.
+    restitution : float, 0 to 1
+        Of both ends.
+
+    Returns
+    -------
+    ImpactSystem
+        The coordinate is the absolute x; stops `left` and `right`, which move with the frame.
+
+    Raises
+    ------
+    ValueError
+        A number is out of its range.
+
+    Notes
+    -----
+    A horizontal slot has no rest position: from rest the mass waits for an end to reach it, and none does in the middle
+    of a slot with d > 2 A. Left out: friction in the slot, and that the mass acts back on the frame, as it does in
+    `impact_damper`.
+
+    References
+    ----------
+    A. E. Kobrinskii, Dynamics of Mechanisms with Elastic Connections and Impact Systems, 1969.
+    C. N. Bapat, N. Popplewell and K. McLachlan, Stable periodic motions of an impact-pair, Journal of Sound and
+    Vibration 87, 1983.
+    M. A. Heiman, P. J. Sherman and A. K. Bajaj, On the dynamics and stability of an inclined impact pair, Journal of
+    Sound and Vibration 114, 1987.
+
+    Examples
+    --------
+    >>> pair = impact_pair(inclination=90.0)
+    >>> pair.force.constant.round(3).tolist(), pair.natural_frequencies.tolist()
+    ([-0.981], [0.0])
+    >>> pair.clearances([0.5e-3], time=0.25 * pair.period).round(6).tolist()
+    [0.00025, 0.00125]
+    """
+    return ImpactSystem(
+        mass=mass,
+        stiffness=0.0,
+        force=Force(frequency=frequency, constant=-mass * gravity * math.sin(math.radians(inclination))),
+        stops=_between("left", "right", 1.0, clearance, amplitude, restitution),
+    )
+
+
+@checked
+def idle_gear(
+    *,
+    inertia: float = 1e-3,
+    base_radius: float = 0.04,
+    backlash: float = 0.1e-3,
+    rpm: float = 850.0,
+    order: float = 2.0,
+    angular_acceleration: float = 600.0,
+    drag_torque: float = 0.2,
+    rotational_damping: float = 1e-3,
+    restitution: float = 0.7,
+) -> ImpactSystem:
+    r"""Return an idle gear that rattles in its backlash: the unloaded wheels of a car's gearbox in neutral.
+
+    Sketch: a driving gear whose speed fluctuates with the engine; in mesh with it an idle gear, which drag holds back.
+    Angles count from the mean rotation.
+
+    .. math:: J \ddot\theta + c \dot\theta = -T, \qquad
+              |r_b (\theta - \Theta \sin \omega t)| \le j/2, \qquad
+              \Theta = \alpha/\omega^2, \quad \omega = 2 \pi h\,\mathrm{rpm}/60
+
+    Parameters
+    ----------
+    inertia : float, > 0
+        J of the idle gear in kg m^2.
+    base_radius : float, > 0
+        r_b of the idle gear in m.
+    backlash : float, > 0
+        j in m along the line of action.
+    rpm : float, > 0
+        Speed of the engine in revolutions per minute.
+    order : float, > 0
+        h, excitations per revolution: 2 for a four-stroke engine of four cylinders, 1.5 for three.
+    angular_acceleration : float, >= 0
+        alpha in rad/s^2, amplitude of that order at the driving gear, times the ratio of the driving gear's teeth to
+        the idle gear's.
+    drag_torque : float, >= 0
+        T in N m, mean drag of oil and bearings.
+    rotational_damping : float, >= 0
+        c in N m s/rad, what drag grows by with speed.
+    restitution : float, 0 to 1
+        Of both flanks.
+
+    Returns
+    -------
+    ImpactSystem
+        The coordinate is theta in rad. The stops `drive` and `coast` are the flanks, which the driving gear moves;
+        their clearances are in m and their impulses in N s along the line of action.
+
+    Raises
+    ------
+    ValueError
+        A number is out of its range.
+
+    Notes
+    -----
+    The flanks separate if J alpha > T. Left out: the stiffness of teeth and shafts, backlash that changes with
+    eccentricity, further orders of the engine.
+
+    References
+    ----------
+    R. Singh, H. Xie and R. J. Comparin, Analysis of automotive neutral gear rattle, Journal of Sound and Vibration 131,
+    1989.
+    F. Pfeiffer and A. Kunert, Rattling models from deterministic to stochastic processes, Nonlinear Dynamics 1, 1990.
+
+    Examples
+    --------
+    >>> gear = idle_gear()
+    >>> round(gear.frequency, 3), gear.clearances([0.0]).tolist()
+    (28.333, [5e-05, 5e-05])
+    >>> struck = 1.0 / gear.modal().mobility[0, 0]  # the mass at the flank, J/r_b^2
+    >>> float(round(struck, 3))
+    0.625
+    """
+    omega = 2.0 * math.pi * order * rpm / 60.0
+    return ImpactSystem(
+        mass=inertia,
+        damping=rotational_damping,
+        stiffness=0.0,
+        force=Force(omega=omega, constant=-drag_torque),
+        stops=_between(
+            "drive", "coast", base_radius, backlash, base_radius * angular_acceleration / omega**2, restitution
+        ),
+    )
+
+
+def _between(
+    below: str, above: str, factor: float, clearance: float, amplitude: float, restitution: float
+) -> list[Stop]:
+    """Return two stops that move together along factor * q, with a clearance in all."""
+    ends = {below: -1.0, above: 1.0}
+    return [
+        Stop(
+            direction=sign * factor,
+            gap=0.5 * clearance,
+            restitution=restitution,
+            name=name,
+            motion={1: sign * amplitude},
+        )
+        for name, sign in ends.items()
+    ]
