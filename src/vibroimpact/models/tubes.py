@@ -93,7 +93,10 @@ def tube_in_supports(
     References
     ----------
     R. D. Blevins, Flow-Induced Vibration, 2nd edition, 1990.
-    M. P. Paidoussis, Fluid-Structure Interactions, volume 1, 1998.
+    R. J. Rogers and R. J. Pick, Factors associated with support plate forces due to heat-exchanger tube vibratory
+    contact, Nuclear Engineering and Design 44, 1977.
+    M. J. Pettigrew and C. E. Taylor, Vibration analysis of shell-and-tube heat exchangers: an overview, part 1, Journal
+    of Fluids and Structures 18, 2003.
 
     Examples
     --------
