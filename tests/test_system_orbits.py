@@ -8,12 +8,16 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import vibroimpact as vi
-from systems import a_random_system, one_mass
+from systems import a_random_system, changed, one_mass
 from test_orbits import random_oscillator
-from vibroimpact.orbits import orbit_distance
+from vibroimpact.backends.reference.systems import LinearSystem, RigidStop, follow
+from vibroimpact.orbits import orbit_distance, same_orbit
 from vibroimpact.orbits.orbit import solution_of
 from vibroimpact.orbits.systems import find
 from vibroimpact.orbits.systems.closed_form import roots
+from vibroimpact.orbits.systems.cycle import Cycle
+from vibroimpact.orbits.systems.flow import Flow
+from vibroimpact.orbits.systems.symmetry import mirror
 
 CHAIN = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
 
@@ -270,7 +274,7 @@ def by_brute_force(system, stop, n_periods, mirrored=False, points=4000):
         return clearance * speed - rate * reach
 
     phases = np.arange(points + 1) / points
-    values, found = [miss(phase) for phase in phases], []
+    values, found = miss(phases), []
     for i in np.flatnonzero(np.diff(np.sign(values))):
         phase = brentq(miss, phases[i], phases[i + 1], xtol=1e-16)
         velocity = of(phase)[1] / speed
@@ -430,3 +434,295 @@ def test_a_symmetric_orbit_has_squares_of_the_multipliers_of_its_half():
     jacobian = differences(orbit.system, orbit)
     assert np.poly(np.array(orbit.multipliers)) == pytest.approx(np.poly(jacobian), abs=1e-6)
     assert np.array(orbit.half_multipliers) ** 2 == pytest.approx(np.array(orbit.multipliers), rel=1e-14)
+
+
+# Several impacts
+
+
+def witnessed(system, start, impacts):
+    """Return the impacts that the plain witness sees from a start."""
+    force, none = system.force, np.zeros(len(system.mass))
+    stops = [RigidStop(stop.direction, stop.gap, stop.restitution, dict(stop.motion)) for stop in system.stops]
+    loads = none if force.constant is None else force.constant, dict(force.harmonics)
+    plain = LinearSystem(system.mass, system.damping, system.stiffness, system.omega, *loads, tuple(stops))
+    return follow(plain, start.displacement, start.velocity, start.time, impacts=impacts).impacts
+
+
+@pytest.mark.parametrize(
+    ("system", "omega", "start", "n", "names"),
+    [
+        (three_masses(), 0.5, vi.State([0.0, 0.0, 0.0]), 1, ("bar", "bar")),
+        (three_masses(), 1.1, vi.State([0.0, 0.0, 0.0]), 2, ("bar", "bar")),
+        (two_sided(), 0.8, vi.State([0.1], [0.3]), 1, ("above", "below", "below", "above")),
+        (two_sided(), 1.3, vi.State([0.1], [0.3]), 1, ("above", "below")),
+    ],
+)
+def test_newton_makes_the_orbit_of_an_attractor_from_the_times_of_its_impacts(system, omega, start, n, names):
+    system = system.replace(omega=omega)
+    seen = witnessed(system, start, 250)[-len(names) :]
+    first = int(seen[0].time / system.period) * system.period
+    (orbit,) = find(system, n_periods=n, stops=names, near=[round(hit.time - first, 2) for hit in seen])
+    assert orbit.velocities == pytest.approx([hit.velocity for hit in seen], rel=1e-5)
+    assert orbit.impulses == pytest.approx([hit.impulse for hit in seen], rel=1e-5)
+    assert (orbit.stable, orbit.admissible, orbit.n_impacts) == (True, True, len(names))
+    assert orbit.symmetric == (omega == 0.8)
+    assert Plain(system).replayed(orbit) < 1e-12
+    again = witnessed(system, orbit.start, 2 * len(names))
+    assert [hit.velocity for hit in again] == pytest.approx(2 * orbit.velocities, rel=1e-10)
+    jacobian = differences(system, orbit)
+    assert np.poly(np.array(orbit.multipliers)) == pytest.approx(np.poly(jacobian), abs=1e-6 * np.abs(jacobian).max())
+    moved = system.replace(omega=1.01 * omega)
+    (next_one,) = find(moved, n_periods=n, near=orbit)
+    assert Plain(moved).replayed(next_one) < 1e-12
+    assert next_one.velocities == pytest.approx(orbit.velocities, rel=0.2)
+
+
+def test_an_orbit_without_symmetry_has_a_twin_and_the_symmetric_one_between_them_is_unstable():
+    system = two_sided().replace(omega=1.3)
+    (orbit,) = find(system, stops=["above", "below"], near=[0.3 * system.period, 0.95 * system.period])
+    times = (np.array(orbit.turns) + 0.5) * system.period
+    (twin,) = find(system, stops=["below", "above"], near=times + 0.01)
+    assert twin.velocities == pytest.approx(orbit.velocities, rel=1e-12)
+    assert twin.multipliers == pytest.approx(orbit.multipliers, rel=1e-9)
+    assert not orbit.symmetric
+    assert orbit.stable
+    between = [other for other in find(system, stops="above", symmetric=True) if other.admissible]
+    assert [other.half_multipliers[0].real < -1.0 for other in between] == [True]
+
+
+def test_newton_knows_a_symmetric_orbit_when_it_meets_one():
+    (known,) = (orbit for orbit in find(two_sided(), stops="above", symmetric=True) if orbit.stable)
+    times = np.array(known.turns) * two_sided().period
+    (orbit,) = find(two_sided(), stops=["above", "below"], near=times + np.array([0.02, -0.03]))
+    assert orbit.symmetric
+    assert orbit.velocities == pytest.approx(known.velocities, rel=1e-13)
+    assert orbit.multipliers == pytest.approx(known.multipliers, rel=1e-12)
+
+
+def test_newton_for_half_a_symmetric_cycle():
+    system = two_sided().replace(omega=0.8)
+    whole = find(system, stops=["above", "below", "below", "above"], near=[3.07, 5.28, 7.0, 9.21])
+    half = find(system, stops=["above", "below"], symmetric=True, near=[3.07, 5.28])
+    assert whole[0].stops == ("above", "below", "below", "above") == half[0].stops
+    assert same_orbit(whole[0], half[0], tolerance=1e-12)
+    assert whole[0].half_multipliers == pytest.approx(half[0].half_multipliers, rel=1e-12)
+    again = find(system, symmetric=True, near=whole[0])
+    assert again[0].turns == pytest.approx(whole[0].turns, rel=1e-13)
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_the_derivatives_of_the_equations_are_those_of_differences(n):
+    rng = np.random.default_rng(n)
+    system = a_symmetric_system(rng, n)
+    for stops, images in (((0, 1, 1, 0), ()), ((0, 1), (1, 0)), ((1,), ())):
+        cycle = Cycle(Flow(system), 1, stops, images)
+        angles = np.sort(rng.uniform(0.0, cycle.length, len(stops)))
+        unknown = np.append(angles, rng.standard_normal(2 * n))
+        _, matrix = cycle.linearised(unknown)
+        for j, step in enumerate(1e-6 * np.eye(len(unknown))):
+            change = cycle.linearised(unknown + step)[0] - cycle.linearised(unknown - step)[0]
+            assert change / 2e-6 == pytest.approx(matrix[:, j], abs=1e-7 * np.abs(matrix).max())
+
+
+def test_every_orbit_that_newton_reaches_from_anywhere_is_one():
+    rng, outcomes = np.random.default_rng(8), []
+    for _ in range(35):
+        system, p = a_random_system(rng, int(rng.integers(1, 4))), int(rng.integers(2, 4))
+        stops = rng.choice(system.stop_names, p).tolist()
+        found = find(system, n_periods=2, stops=stops, near=2.0 * system.period * (np.arange(p) + 0.1) / p)
+        outcomes.append(found.outcome)
+        assert found.message
+        for orbit in found:
+            assert Plain(system).replayed(orbit) < 1e-9
+            assert orbit.stops == tuple(stops)
+            assert orbit.admissible or orbit.message
+    assert outcomes.count("found") + outcomes.count("inadmissible") >= 10
+
+
+def test_a_shorter_orbit_is_recognised():
+    (known,) = (orbit for orbit in find(three_masses()) if orbit.stable)
+    period = three_masses().period
+    found = find(
+        three_masses(), n_periods=2, stops=["bar", "bar"], near=[(known.turns[0] + k) * period for k in (0, 1)]
+    )
+    assert (found.outcome, found.message) == (
+        "other_name",
+        "converged to a period-1 impact-1 orbit instead of a period-2 impact-2 one",
+    )
+
+
+# Admissibility
+
+
+def test_orbits_are_admissible_where_the_witness_moves_along_them():
+    rng, seen = np.random.default_rng(9), []
+    for _ in range(20):
+        system = a_random_system(rng, int(rng.integers(1, 4)))
+        wide = [stop.replace(gap=stop.gap + 2.0 * rng.uniform()) for stop in system.stops]
+        system = vi.ImpactSystem(**system.arguments() | {"stops": wide})
+        for orbit in find(system):
+            try:
+                impacts = witnessed(system, orbit.start, 2)
+            except ValueError:  # the start lies beyond the other stop
+                assert "penetrate" in orbit.message
+                continue
+            same = [hit.velocity for hit in impacts] == pytest.approx([*orbit.velocities] * 2, rel=1e-7)
+            assert orbit.admissible == same, orbit.message
+            seen.append(same)
+    assert 4 < sum(seen) < len(seen) - 4
+
+
+def test_a_fast_mode_that_dips_between_slow_samples_is_seen():
+    """The stop sees a mode of 400 times the frequency that decays as the flight begins: it hits again at once."""
+
+    def beam(share):
+        return vi.ImpactSystem(
+            mass=np.eye(2),
+            damping=np.diag([0.05, 2.0]),
+            stiffness=np.diag([1.0, 800.0**2]),
+            force=vi.Force(omega=2.0, harmonics={1: [1.0, 0.0]}),
+            stops=[vi.Stop(direction=[1.0, share], gap=0.0, restitution=0.8)],
+        )
+
+    (alone,), (joined,) = find(beam(1e-9)), find(beam(1.0))
+    assert alone.admissible
+    assert not joined.admissible
+    assert "after impact 1 it would penetrate 'stop_1'" in joined.message
+
+
+def test_stops_that_are_struck_together_are_no_single_impact():
+    both = [vi.Stop(direction=1, gap=0.1, restitution=0.6), vi.Stop(direction=2, gap=0.2, restitution=0.6)]
+    found = find(two_sided(stops=both), stops="stop_1")
+    assert found.outcome == "inadmissible"
+    assert "would strike 'stop_2' at the same time" in found.message
+
+
+# Where orbits are not isolated, or none exists
+
+
+def free_pair(constant=None, harmonic=0.0):
+    """Return a mass in front of a stop, and a free one that nothing stops."""
+    return vi.ImpactSystem(
+        mass=np.eye(2),
+        damping=np.diag([0.1, 0.0]),
+        stiffness=np.diag([1.0, 0.0]),
+        force=vi.Force(omega=2.0, harmonics={1: [1.0, harmonic]}, constant=constant),
+        stops=[vi.Stop(direction=[1, 0], gap=0.0, restitution=0.8)],
+    )
+
+
+@pytest.mark.parametrize(
+    ("system", "n", "why"),
+    [
+        (one_mass(vi.ImpactOscillator(amplitude=0.0, gap=-1.0)), 1, "unforced"),
+        (one_mass(vi.ImpactOscillator(damping=0.0, omega=0.5)), 1, "whole number of periods of an undamped motion"),
+        (one_mass(vi.ImpactOscillator(damping=0.0, omega=2.0)), 2, "over 2 driving periods, which are a whole number"),
+        (one_mass(vi.ImpactOscillator(damping=0.0, restitution=1.0, omega=2.0, amplitude=0.0)), 1, "without loss"),
+        (one_mass(vi.ImpactOscillator(damping=0.0, restitution=1.0)), 1, "grow without bound"),
+        (one_mass(vi.ImpactOscillator(gap=5.0)), 1, "no velocity > 0 returns to itself after 1 driving period"),
+        (free_pair(), 1, "free mass or rigid-body motion, which the stop does not feel, can be anywhere"),
+        (free_pair(constant=[0.0, 1.0]), 1, "driven away by the load"),
+        (two_sided(force=vi.Force(omega=2.0)), 1, "unforced"),
+    ],
+)
+def test_where_there_is_no_isolated_orbit_the_reason_is_given(system, n, why):
+    found = find(system, n_periods=n)
+    assert (list(found), found.outcome) == ([], "none")
+    assert why in found.message
+
+
+def test_an_undamped_mode_that_the_stop_does_not_see_is_named():
+    def beside(stiffness):
+        return vi.ImpactSystem(
+            mass=np.eye(2),
+            damping=np.diag([0.1, 0.0]),
+            stiffness=np.diag([1.0, stiffness]),
+            force=vi.Force(omega=2.0, harmonics={1: [1.0, 1.0]}),
+            stops=[vi.Stop(direction=[1, 0], gap=0.0, restitution=0.8)],
+        )
+
+    assert "the force drives it without bound" in find(beside(4.0)).message
+    assert "orbits are not isolated" in find(beside(16.0)).message
+    assert len(find(beside(4.0 + 1e-6))) == 1
+    assert len(find(beside(16.0), n_periods=1)) == 0
+    assert len(find(beside(1.0), n_periods=1)) == 1
+
+
+# Symmetry
+
+
+def test_what_makes_a_system_symmetric():
+    upper, lower = facing([1.0], 0.5, 0.6)
+    for stops, symmetric in (
+        ([upper, lower], True),
+        ([lower, upper], True),
+        ([upper, vi.Stop(direction=-3, gap=1.5, restitution=0.6)], True),
+        ([upper, vi.Stop(direction=-3, gap=1.4, restitution=0.6)], False),
+        ([upper, vi.Stop(direction=-1, gap=0.5, restitution=0.61)], False),
+        ([upper.replace(motion={1: 0.1j}), lower.replace(motion={1: -0.1j})], True),
+        ([upper.replace(motion={2: 0.1j}), lower.replace(motion={2: 0.1j})], True),
+        ([upper.replace(motion={1: 0.1j}), lower.replace(motion={1: 0.1j})], False),
+        ([upper.replace(motion={2: 0.1j}), lower], False),
+        ([upper], False),
+        ([], True),
+    ):
+        images, why = mirror(two_sided(stops=stops))
+        assert (why == "") == symmetric
+        assert len(images) == (len(stops) if symmetric else 0)
+    assert "even harmonic 4" in mirror(two_sided(force=vi.Force(omega=2.0, harmonics={4: 1.0})))[1]
+    assert "constant" in mirror(two_sided(force=vi.Force(omega=2.0, constant=1.0)))[1]
+    found = find(two_sided(stops=[upper]), symmetric=True)
+    assert (found.outcome, found.message) == ("none", "not symmetric: no stop is the mirror image of 'above'")
+
+
+# Identities
+
+
+@pytest.mark.parametrize("n", [2, 4])
+def test_units_and_coordinates_change_nothing(n):
+    rng = np.random.default_rng(n)
+    system = a_random_system(rng, n)
+    basis = np.eye(n) + 0.3 * rng.standard_normal((n, n))
+    there = changed(system, mass=3.0, force=0.7, length=100.0, time=1e-3, basis=basis)
+    assert len(find(system)) == len(find(there)) > 0
+    for orbit, other in zip(find(system), find(there), strict=True):
+        assert other.velocities[0] == pytest.approx(1e5 * orbit.velocities[0], rel=1e-11)
+        assert other.phases == pytest.approx(orbit.phases, abs=1e-12)
+        assert np.poly(other.multipliers) == pytest.approx(np.poly(orbit.multipliers), rel=1e-8, abs=1e-9)
+        assert basis @ other.start.displacement == pytest.approx(100.0 * np.array(orbit.start.displacement), rel=1e-9)
+        assert orbit.admissible == other.admissible
+
+
+def test_a_mode_that_nothing_couples_adds_its_own_multipliers():
+    system = three_masses()
+    joined = vi.ImpactSystem(
+        mass=np.diag([2.0, 1.0, 1.0, 1.0]),
+        damping=np.pad(0.02 * CHAIN, (1, 0)) + np.diag([0.3, 0.0, 0.0, 0.0]),
+        stiffness=np.pad(CHAIN, (1, 0)) + np.diag([50.0, 0.0, 0.0, 0.0]),
+        force=vi.Force(omega=0.9, harmonics={1: [7.0, 1.0, 0.0, 0.0]}),
+        stops=[vi.Stop(direction=[0, 0, 0, 1], gap=0.5, restitution=0.7)],
+    )
+    rate = -0.075 + 1j * math.sqrt(25.0 - 0.075**2)
+    for orbit, other in zip(find(system), find(joined), strict=True):
+        assert other.velocities == pytest.approx(orbit.velocities, rel=1e-13)
+        own = np.exp(np.array([rate, rate.conjugate()]) * orbit.period)
+        expected = np.poly([*orbit.multipliers, *own])
+        assert np.poly(np.array(other.multipliers)) == pytest.approx(expected, abs=1e-11)
+
+
+def test_what_cannot_be_asked_for_is_refused():
+    for given, words in (
+        ({"stops": "middle"}, "unknown `stops` 'middle'; choose from above, below"),
+        ({"stops": ["above", "below"]}, "orbits of several impacts need a guess"),
+        ({"stops": ["above", "below"], "near": [0.1]}, "one time for each of the 2 stops"),
+        ({"stops": ["above", "below"], "near": [0.1, 4.0]}, "times in order, within 3.14159 s"),
+        ({"n_periods": 2, "symmetric": True}, "odd for symmetric motions"),
+        ({"n_periods": 0}, "a whole number >= 1"),
+        ({"stops": []}, "stops to strike"),
+    ):
+        with pytest.raises(ValueError, match=words.replace("(", "\\(")):
+            find(two_sided(), **given)
+    with pytest.raises(ValueError, match="an ImpactSystem"):
+        find(vi.ImpactOscillator())
+    with pytest.raises(ValueError, match="stops to strike"):
+        find(two_sided(stops=[]))

@@ -24,7 +24,6 @@ import numpy as np
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.systems.cycle import Cycle
-from vibroimpact.orbits.systems.flow import Flow
 
 Curve = Callable[[float], float]
 
@@ -40,19 +39,20 @@ def one_impact(cycle: Cycle) -> tuple[list[Floats], str]:
     left, sizes, right = np.linalg.svd(matrix)
     steepest = 1.0 + cycle.length * float(np.linalg.norm(flow.matrix, 2))
     rank = int((sizes > 16.0 * EPS * steepest * sizes[0]).sum())
-    nulls = left[:, rank:].T @ sides
-    negligible = VANISHED * float(np.linalg.norm(sides))
+    size = cycle.length * float(np.linalg.norm(flow.load)) + float(np.linalg.norm(flow.bounds[stop]))
+    nulls, negligible = left[:, rank:].T @ sides, VANISHED * size
     if rank < matrix.shape[1]:
-        return [], _not_isolated(cycle, right[rank], bool(np.abs(nulls).max() > negligible))
+        driven = np.linalg.svd(nulls, compute_uv=False)[1] > negligible  # more than one condition on the phase
+        return [], _not_isolated(cycle, right[rank], bool(driven))
     solution = right.T @ ((left[:, :rank].T / sizes[:, None]) @ sides)
     if np.abs(nulls).max() <= negligible:
-        return [], _at_any_phase(cycle, flow, float(np.abs(solution[-1]).max()) > VANISHED * np.abs(solution).max())
+        return [], _at_any_phase(cycle, bool(np.abs(solution[-1]).max() > negligible))
     found = []
     for angle in roots(flow.orders, nulls[0]):
         x, v = np.split(solution @ flow.drive(angle), [2 * flow.n])
         if v[0] > VANISHED * float(np.linalg.norm(x)):
             found.append(np.append(angle, x))
-    return found, "" if found else _nowhere(cycle, flow)
+    return found, "" if found else _nowhere(cycle)
 
 
 def _equations(cycle: Cycle, stop: int) -> tuple[Floats, Floats]:
@@ -162,7 +162,7 @@ def _not_isolated(cycle: Cycle, null: Floats, driven: bool) -> str:
     return f"{free}: {'the force drives it without bound' if driven else 'orbits are not isolated'}"
 
 
-def _at_any_phase(cycle: Cycle, flow: Flow, hits: bool) -> str:
+def _at_any_phase(cycle: Cycle, hits: bool) -> str:
     if hits:
         return "nothing sets the phase: the motion repeats from any time on, so orbits are not isolated"
     return (
@@ -171,7 +171,8 @@ def _at_any_phase(cycle: Cycle, flow: Flow, hits: bool) -> str:
     )
 
 
-def _nowhere(cycle: Cycle, flow: Flow) -> str:
+def _nowhere(cycle: Cycle) -> str:
+    flow = cycle.flow
     if not (flow.load[:, 1:].any() or flow.bounds[:, 1:].any()):
         return "unforced: impacts and damping dissipate energy, and nothing supplies it"
     return f"no velocity > 0 returns to itself after {_what(cycle)}"

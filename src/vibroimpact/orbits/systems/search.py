@@ -41,7 +41,7 @@ def find(
         Driving periods in a cycle, n.
     stops : str or sequence of str, optional
         Names of the stops that are struck in a cycle, in the order of time. None takes those of `near`, or each stop
-        for itself, once per cycle.
+        for itself, once per cycle; of symmetric motions one of each pair.
     symmetric : bool
         Take motions that are mirrored, q -> -q, after half a cycle (n odd); `stops` are those of half a cycle.
     near : SystemOrbit or sequence of float, optional
@@ -97,7 +97,7 @@ def find(
     if stops is None and isinstance(near, SystemOrbit):
         stops = near.stops[: len(near.stops) // 2] if symmetric else near.stops
     elif stops is None:
-        sequences: list[tuple[int, ...]] = [(at,) for at in range(len(names))]
+        sequences: list[tuple[int, ...]] = [(at,) for at in range(len(names)) if not symmetric or at < images[at]]
     if stops is not None:
         given = several("stops", stops, "a stop's name or a list of them")
         sequences = [tuple(names.index(choice("stops", name, names)) for name in given)]
