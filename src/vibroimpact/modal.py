@@ -165,8 +165,22 @@ def _is_diagonal(coupling: Floats, damping: Floats, shapes: Floats, masses: Floa
 
 def velocity_scale(form: ModalForm) -> float:
     """Return the scale V > 0 of the rates of the clearances; `ImpactSystem.velocity_scale` has the formula."""
-    if not len(form.gaps):
-        return 1.0
+    driven, rate, offset, omega = (np.array(part)[None] for part in speed_parts(form))
+    return float(velocity_scales(driven, rate, offset, omega, form.gaps[None])[0])
+
+
+def velocity_scales(driven: Floats, rate: Floats, offset: Floats, omega: Floats, gaps: Floats) -> Floats:
+    """Return the scales of several systems from the parts of their speeds and their gaps, one row each."""
+    speeds = np.maximum(driven, rate * np.abs(gaps - offset)).max(axis=1, initial=0.0)
+    still = omega * np.abs(gaps).max(axis=1, initial=0.0)
+    found: Floats = np.where(speeds > 0.0, speeds, np.where(still > 0.0, still, 1.0))
+    return found
+
+
+def speed_parts(form: ModalForm) -> tuple[Floats, Floats, Floats, float]:
+    """Return what V depends on beside the gaps: for each stop the speed that force and motion make, the rate at which
+    a clearance becomes a speed and what is off it in equilibrium; and the frequency.
+    """
     elastic = form.squares >= (FREE * form.omega) ** 2
     seen, struck = _seen(form), np.diag(form.mobility)
     pushes = [np.where(elastic, 0.0, form.constant) / form.omega]
@@ -177,10 +191,9 @@ def velocity_scale(form: ModalForm) -> float:
     shares = form.directions * form.jumps
     sprung = np.where(elastic, 0.0, shares).sum(axis=1) <= len(elastic) * ROUNDING * struck
     squares = np.where(elastic, form.squares, np.inf)
-    clearance = form.gaps - (form.directions * form.constant / squares).sum(axis=1)
+    offset = (form.directions * form.constant / squares).sum(axis=1)
     rate = np.sqrt(np.divide(struck, (shares / squares).sum(axis=1), where=sprung, out=np.zeros(len(struck))))
-    speeds = np.maximum(np.maximum(pushed, moved), rate * np.abs(clearance))
-    return float(speeds.max()) or form.omega * float(np.abs(form.gaps).max()) or 1.0
+    return np.maximum(pushed, moved), rate, offset, form.omega
 
 
 def _seen(form: ModalForm) -> Floats:
@@ -189,6 +202,8 @@ def _seen(form: ModalForm) -> Floats:
     They span the least space that holds the stops' directions and is closed under Omega^2 and D^T.
     """
     roots = np.sqrt(form.masses)
+    if not len(form.gaps):
+        return np.zeros((len(roots), 0))
     damping = (roots[:, None] * form.damping / roots).T
     maps = [matrix / (np.abs(matrix).max() or 1.0) for matrix in (np.diag(form.squares), damping)]
     new = (form.directions / roots).T

@@ -108,7 +108,7 @@ def _request(module: ir.Module) -> Any:
 @cache
 def cache_folder() -> str:
     """Return the folder of compiled kernels; `NUMBA_CACHE_DIR` moves it."""
-    sources = sorted(Path(__file__).parent.glob("*.py"))
+    sources = sorted(Path(__file__).parent.rglob("*.py"))
     key = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
     root = os.environ.get("NUMBA_CACHE_DIR") or user_cache_dir("vibroimpact", appauthor=False)
     return str(Path(root) / f"kernels-{key}")

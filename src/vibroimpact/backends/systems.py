@@ -1,0 +1,259 @@
+"""The engine of systems: one cell with all that is seen of it, and many cells in lanes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact.backends.base import Counts, Floats, ImpactWindow, Measurement, Outcome
+from vibroimpact.indices import INDICES
+from vibroimpact.kernels.cell import DYING, FILLED, MOST, PINNED, QUIET, RUNNING, SPENT
+from vibroimpact.kernels.systems import lanes, march, walk
+from vibroimpact.kernels.systems.complementarity import Room
+from vibroimpact.kernels.systems.layout import Layout, layout_of
+from vibroimpact.kernels.systems.series import REACH
+from vibroimpact.kernels.vectors import LANES
+from vibroimpact.options import Tolerances
+from vibroimpact.status import Status, window_status
+from vibroimpact.system_cells import SystemCells
+
+_LOOKS = 200  # at lanes, before Python asks whether to stop
+_STEPS = 1 << 14  # of one cell, as well
+_ROOM = 4096  # rows of a buffer, which is emptied when it is full
+KNOWN = frozenset({"std", "mean_velocity", "max_velocity", "impacts_per_period", "dissipation", "impact_phase_spread"})
+_ENDED = {
+    QUIET: Status.STOPPED_IMPACTING,
+    PINNED: Status.STUCK_FOREVER,
+    DYING: Status.DECAYING,
+    SPENT: Status.BUDGET,
+}
+
+
+@dataclass(frozen=True)
+class SystemSamples:
+    """One system's motion as a window saw it; times in whole `periods` plus `phase`.
+
+    `impact_*`: recorded impacts, `stop` by its number, speed in m/s, impulse in N s, and whether other stops were
+    struck at the same instant; `look_*`: coordinates and velocities, one row a look; `rest_*`: which stop closed, when,
+    and when it was let go (NaN if it was not).
+    """
+
+    impact_periods: Floats
+    impact_phase: Floats
+    impact_stop: Counts
+    impact_velocity: Floats
+    impact_impulse: Floats
+    impact_simultaneous: NDArray[np.bool_]
+    look_periods: Floats
+    look_phase: Floats
+    look_displacement: Floats
+    look_velocity: Floats
+    rest_stop: Counts
+    rest_begin: Floats
+    rest_end: Floats
+    status: int
+    steps: int
+
+
+# By which power of a step's length a number is multiplied where time is counted in steps.
+_POWERS = {"rate": 1, "square": 2, "damping": 1, "load": 2, "force": 2, "omega": 1, "scale": 1, "give": -2}
+_RENAMED = {"omega": "theta", "scale": "cut"}
+
+
+def _steps(cells: SystemCells) -> Floats:
+    """Return the length of a step of every cell in s."""
+    return REACH / cells.fastest_rate
+
+
+def _layout(cells: SystemCells) -> Layout:
+    return layout_of(*vars(cells.shape).values())
+
+
+def _in_steps(cells: SystemCells, chatter: float) -> Floats:
+    """Return the engine's rows of every cell, time counted in steps, with the cut at that part of V."""
+    layout, step = _layout(cells), _steps(cells)[:, None]
+    table = np.zeros((len(cells), layout.constants))
+    for name, size in cells.shape.sizes.items():
+        first = getattr(layout, _RENAMED.get(name, name), None)
+        if first is not None:
+            table[:, first : first + size] = cells.block(name) * step ** _POWERS.get(name, 0)
+    table[:, layout.cut] *= chatter
+    return table
+
+
+def _budgets(cells: SystemCells, tolerances: Tolerances, total: float) -> Floats:
+    """Return the step, the longest flight in steps and the steps granted of every cell."""
+    squares, step = cells.block("square"), _steps(cells)
+    slow = np.sqrt(np.where(squares > 0.0, squares, np.inf).min(axis=1))
+    slowest = np.minimum(cells["omega"], slow)
+    longest = tolerances.flight_periods * 2.0 * math.pi / (slowest * step)
+    granted = tolerances.steps_per_impact * total
+    most = np.maximum(granted, np.minimum(granted * cells.fastest_rate / slowest, MOST))
+    return np.column_stack([step, longest, most])
+
+
+def _room(layout: Layout) -> Room:
+    s = max(layout.stops, 1)
+    return Room(np.zeros((s, s)), np.zeros((s, s + 1)), *(np.zeros(s) for _ in range(7)))
+
+
+def _aligned(size: int) -> Floats:
+    room = np.zeros(size + 7)
+    first = -room.ctypes.data % 64 // 8
+    return room[first : first + size]
+
+
+def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]:
+    """Return what the window sees of each cell."""
+    return [_sampled(cells[i : i + 1], measurement) for i in range(len(cells))]
+
+
+def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
+    k, window = _layout(cell), measurement.window
+    start_periods, start_phase = cell.block("time")[0].tolist()
+    if isinstance(window, ImpactWindow):
+        total, wanted = march.Window(float(window.transient), float(window.transient + window.keep)), 0
+        times = np.zeros((2, 0))
+        schedule = walk.Schedule(0.0, 0.0, 0.0, 1.0)
+    else:
+        total, wanted = march.Window(0.0, math.inf), window.keep
+        times = np.array(window.schedule(start_periods, start_phase))
+        schedule = walk.Schedule(float(wanted), times[0, 0], times[1, 0], float(window.per_period))
+    rows, notes, room = np.zeros(k.rows), np.zeros((1, march.NOTES)), _room(k)
+    limit = total.total if wanted == 0 else float(wanted)
+    notes[0, : march.MADE] = _budgets(cell, measurement.tolerances, limit)
+    seen = walk.Seen(np.zeros((_ROOM, 6)), np.zeros((wanted, 2 * k.modes)), np.zeros((_ROOM, 5)), np.zeros(3, np.int64))
+    walk.seat(rows, k, _in_steps(cell, measurement.tolerances.chatter)[0], room, seen)
+    impacts, rests, end = [], [], RUNNING
+    while end == RUNNING:
+        end = walk.follow(rows, k, room, notes, seen, total, schedule, _STEPS)
+        impacts.append(seen.impacts[: seen.filled[0]].copy())
+        seen.filled[0] = 0
+        if seen.filled[2] + k.stops > _ROOM:  # those still closed stay
+            done = seen.rests[: seen.filled[2]]
+            open_ones = done[np.isnan(done[:, 3])]
+            rests.append(done[~np.isnan(done[:, 3])].copy())
+            seen.rests[: len(open_ones)] = open_ones
+            seen.filled[2] = len(open_ones)
+    rests.append(seen.rests[: seen.filled[2]])
+    return _labelled(cell, window, np.concatenate(impacts), times, seen, np.concatenate(rests), end, notes[0])
+
+
+def _labelled(
+    cell: SystemCells,
+    window: Any,
+    impacts: Floats,
+    times: Floats,
+    seen: walk.Seen,
+    rests: Floats,
+    end: int,
+    note: Floats,
+) -> SystemSamples:
+    n, h, shapes = cell.shape.modes, float(_steps(cell)[0]), cell.shapes[0]
+    looks = seen.looks[: seen.filled[1]]
+    if isinstance(window, ImpactWindow):
+        turns = impacts[:, 0] + impacts[:, 1]
+        inside = rests[np.isnan(rests[:, 3]) | (rests[:, 3] + rests[:, 4] >= (turns[0] if len(turns) else 0.0))]
+        rests = inside[inside[:, 1] + inside[:, 2] <= (turns[-1] if len(turns) else math.inf)]
+        span = float(turns[-1] - turns[0]) if len(turns) else 0.0
+        ended = _status(end, len(impacts) > 0)
+        status = window_status(
+            sampled=len(impacts), wanted=window.keep, stuck=len(rests) > 0, periods=span, ended=ended
+        )
+    else:
+        released = rests[:, 3] + rests[:, 4]
+        first = times[0, 0] + times[1, 0]
+        stuck = bool((np.isnan(released) | (released > first)).any())
+        status = (
+            _status(end, bool(note[march.HITS]))
+            if len(looks) < window.keep
+            else Status.STICKING
+            if stuck
+            else Status.OK
+        )
+    return SystemSamples(
+        impact_periods=impacts[:, 0],
+        impact_phase=impacts[:, 1],
+        impact_stop=impacts[:, 2].astype(np.int64),
+        impact_velocity=impacts[:, 3] / h,
+        impact_impulse=impacts[:, 4] / h,
+        impact_simultaneous=impacts[:, 5] > 0.0,
+        look_periods=times[0, : len(looks)],
+        look_phase=times[1, : len(looks)],
+        look_displacement=looks[:, :n] @ shapes.T,
+        look_velocity=looks[:, n:] @ shapes.T / h,
+        rest_stop=rests[:, 0].astype(np.int64),
+        rest_begin=rests[:, 1:3],
+        rest_end=rests[:, 3:5],
+        status=int(status),
+        steps=int(note[march.MADE]),
+    )
+
+
+def _status(end: int, hits: bool) -> Status:
+    if end in (QUIET, DYING) and not hits:
+        return Status.NO_IMPACT
+    return _ENDED.get(end, Status.OK)
+
+
+class SystemSweep:
+    """Cells that threads share, and what has become of them."""
+
+    def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
+        window = measurement.impacts
+        self.layout, self.window = _layout(cells), window
+        self.total = march.Window(float(window.transient), float(window.transient + window.keep))
+        self.table = _in_steps(cells, measurement.tolerances.chatter)
+        self.budgets = _budgets(cells, measurement.tolerances, self.total.total)
+        self.results, self.ends = np.zeros((len(cells), march.NOTES)), np.zeros(len(cells), np.int8)
+        self._tickets = np.zeros(1, np.int64)
+
+    def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
+        """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
+        k = self.layout
+        memory, owner, notes = _aligned(k.rows * LANES), np.full(LANES, -1), np.zeros((LANES, march.NOTES))
+        ended, rows, room, busy = np.empty(4096, np.int64), np.zeros(k.rows), _room(k), 1
+        while busy and not stopped():
+            number, busy = lanes.run_lanes(
+                self.table, self.budgets, self.results, self.ends, self._tickets, memory, owner, notes, ended, rows, k,
+                room, self.total, _LOOKS,
+            )  # fmt: skip
+            if number:
+                yield ended[:number].copy()
+
+    def outcome(self, done: Counts | slice) -> Outcome:
+        """Return what a back end promises of cells that have ended."""
+        notes, ends = self.results[done].T, self.ends[done]
+        full, h, kept = ends == FILLED, notes[march.H], float(self.window.keep)
+        mean = notes[march.SUM] / kept
+        span = notes[march.ENDED] - notes[march.BEGAN]
+        spread = np.sqrt(np.maximum(notes[march.SQUARES] / kept - mean**2, 0.0))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = {
+                "std": spread / h,
+                "mean_velocity": (notes[march.FIRST] + mean) / h,
+                "max_velocity": notes[march.LARGEST] / h,
+                "impacts_per_period": (kept - 1.0) / span,
+                "dissipation": notes[march.ENERGY] / h**2 / span,
+                "impact_phase_spread": np.maximum(1.0 - np.hypot(notes[march.COSINE], notes[march.SINE]) / kept, 0.0),
+            }
+        columns = {name: np.where(full, values, INDICES[name].fill) for name, values in found.items()}
+        statuses = [
+            window_status(
+                sampled=self.window.keep if filled else 0, wanted=self.window.keep, stuck=stuck > 0.0,
+                periods=periods, ended=_status(int(end), hits > 0.0),
+            )
+            for filled, stuck, periods, end, hits in zip(
+                full, notes[march.STICKS], span, ends, notes[march.HITS], strict=True
+            )
+        ]  # fmt: skip
+        return columns | {
+            "status": np.array(statuses, np.int8),
+            "impacts": notes[march.HITS].astype(np.int64),
+            "steps": notes[march.MADE].astype(np.int64),
+        }

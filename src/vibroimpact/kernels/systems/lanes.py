@@ -1,0 +1,119 @@
+"""Many systems in lockstep lanes; a lane that ends takes the next cell.
+
+The usual impact is made where the lane stands. All else (several stops at once, contact that is held, weak impacts,
+ends) is done on the cell alone: it is lifted out of its lane and put back.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from vibroimpact.kernels.cell import QUIET_FOR, RUNNING
+from vibroimpact.kernels.machine import compiled, next_ticket
+from vibroimpact.kernels.systems.law import begin, bounce
+from vibroimpact.kernels.systems.march import (
+    GRANTED,
+    HITS,
+    LOOK,
+    MADE,
+    STICKS,
+    add,
+    add_all,
+    ending,
+    happen,
+)
+from vibroimpact.kernels.systems.step import CONTACT, NOTHING, step
+from vibroimpact.kernels.vectors import LANES, group
+
+
+@njit(error_model="numpy")
+def _lift(lanes, lane, rows):
+    for row in range(len(rows)):
+        rows[row] = lanes[row * LANES + lane]
+
+
+@njit(error_model="numpy")
+def _lower(lanes, lane, rows, number):
+    for row in range(number):
+        lanes[row * LANES + lane] = rows[row]
+
+
+@njit(error_model="numpy")
+def _seat(table, budgets, tickets, lanes, lane, notes, rows, k, room):
+    """Put the next cell into a lane; return its number, or -2 if there is none."""
+    cell = next_ticket(tickets)
+    if cell >= len(table):
+        return -2
+    notes[lane] = 0.0
+    notes[lane, :MADE] = budgets[cell]
+    rows[:] = 0.0
+    rows[: k.constants] = table[cell]
+    begin(rows, k, room)
+    _lower(lanes, lane, rows, k.rows)
+    return cell
+
+
+@njit(error_model="numpy")
+def _unusual(lanes, lane, notes, rows, k, room, window):
+    """Make what ended a lane's step, on the cell alone."""
+    _lift(lanes, lane, rows)
+    struck, closing, _ = happen(rows, k, room)
+    if struck:
+        add_all(rows, k, room, notes, lane, struck, window)
+    notes[lane, STICKS] += closing > 0 and notes[lane, HITS] > window.transient
+    _lower(lanes, lane, rows, k.constants)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _after_step(lanes, lane, notes, rows, k, room, window):
+    """Make what ended a lane's step."""
+    if lanes[k.hit * LANES + lane] == CONTACT:
+        v, impulse = bounce(lanes, k, lane, 0)
+        if v > 0.0:
+            z = int(lanes[k.which * LANES + lane])
+            lost = 0.5 * (1.0 - lanes[(k.restitution + z) * LANES + lane]) * v * impulse
+            at = k.turn * LANES + lane
+            add(notes, lane, v, lost, lanes[at], lanes[at + LANES], lanes[at + 2 * LANES], window)
+            return
+    _unusual(lanes, lane, notes, rows, k, room, window)
+
+
+@njit(error_model="numpy")
+def _ended(lanes, lane, notes, rows, k, window):
+    """Return why the cell in a lane ends here, or RUNNING."""
+    age, made = lanes[k.age * LANES + lane], lanes[k.made * LANES + lane]
+    if notes[lane, HITS] < window.total and made <= notes[lane, GRANTED] and age <= QUIET_FOR:
+        return RUNNING
+    notes[lane, MADE] = made
+    _lift(lanes, lane, rows)
+    return ending(rows, k, notes, lane, window.total)
+
+
+@compiled
+def run_lanes(table, budgets, results, ends, tickets, lanes, owner, notes, ended, rows, k, room, window, looks):
+    """Step lanes until so many looks are made or cells ended; return how many ended, and how many lanes are busy."""
+    number, busy = 0, 0
+    for lane in range(LANES):
+        if owner[lane] == -1:
+            owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, k, room)
+    for _ in range(looks):
+        for _ in range(LOOK):
+            for first in range(0, LANES, group(0)):
+                step(lanes, k, first, 0)
+                for lane in range(first, first + group(0)):
+                    if lanes[k.hit * LANES + lane] != NOTHING and owner[lane] >= 0:
+                        _after_step(lanes, lane, notes, rows, k, room, window)
+        busy = 0
+        for lane in range(LANES):
+            if owner[lane] < 0:
+                continue
+            end = _ended(lanes, lane, notes, rows, k, window)
+            if end != RUNNING:
+                results[owner[lane]], ends[owner[lane]] = notes[lane], end
+                ended[number] = owner[lane]
+                number += 1
+                owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, k, room)
+            busy += owner[lane] >= 0
+        if busy == 0 or number + LANES > len(ended):
+            break
+    return number, busy

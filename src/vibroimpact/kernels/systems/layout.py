@@ -1,0 +1,77 @@
+"""Where the numbers of a cell stand: rows of a table, of a system's modes, stops and harmonics."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from vibroimpact.kernels.systems.series import SIZE
+
+
+class Layout(NamedTuple):
+    """Rows of each number of a cell; modes, stops and harmonics 1 to H come first.
+
+    `eta`, `rate` (eta' in steps), `turn` (sin wt, cos wt, whole periods) are the state; `kind` says how each stop is
+    left or held; `age` and `made` count the steps flown since an event and made in all; `held` is the inverse of alpha
+    M^-1 alpha^T over the closed stops, and `closed` how many there are. The others up to `constants` are constant, and
+    from `pairs` on it is room to work.
+    """
+
+    modes: int
+    stops: int
+    harmonics: int
+    coupled: bool
+    moving: bool
+    eta: int
+    rate: int
+    turn: int
+    kind: int
+    age: int
+    made: int
+    closed: int
+    held: int
+    square: int
+    damping: int
+    load: int
+    force: int
+    alpha: int
+    jump: int
+    weight: int
+    gap: int
+    motion: int
+    restitution: int
+    theta: int
+    cut: int
+    steady: int
+    margin: int
+    give: int
+    constants: int
+    pairs: int
+    flight: int
+    pull: int
+    stop: int
+    hold: int
+    near: int
+    passed: int
+    which: int
+    hit: int
+    rows: int
+
+
+def layout_of(modes: int, stops: int, harmonics: int, coupled: bool, moving: bool) -> Layout:
+    """Return the rows of systems of that many modes, stops and harmonics.
+
+    `coupled`: damping is not proportional in some of them; `moving`: so is a stop.
+    """
+    n, s, m = modes, stops, harmonics
+    sizes = {
+        "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "made": 1, "closed": 1, "held": s * s,
+        "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
+        "gap": s, "motion": 2 * m * s, "restitution": s, "theta": 1, "cut": 1, "steady": n + 2 * m * n, "margin": s,
+        "give": s, "constants": 0, "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE, "stop": s * SIZE,
+        "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1, "rows": 0,
+    }  # fmt: skip
+    places, row = {}, 0
+    for name, size in sizes.items():
+        places[name] = row
+        row += size
+    return Layout(n, s, m, coupled, moving, **places)

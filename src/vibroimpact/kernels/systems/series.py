@@ -1,0 +1,79 @@
+"""Power series of a step: tuples of the derivatives 0 to DEGREE at its beginning, with every operation written out.
+
+A tuple lives in registers, for eight lanes at once; a loop over its places would send it through memory. So these
+functions are made of their text, place by place.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from numba import njit
+
+from vibroimpact.kernels.vectors import fma, get, put, select
+
+# A step is at most REACH radians of the fastest rate; what the series leaves out is some REACH^21/21! = 5e-18 of the
+# motion's size.
+DEGREE, REACH = 20, 1.3
+SIZE = DEGREE + 1
+_SHARES = [1.0 / math.factorial(place) for place in range(SIZE)]
+
+
+def _written(name: str, arguments: str, lines: list[str], result: str) -> Any:
+    """Return an inlined function of the given text."""
+    known: dict[str, Any] = {"fma": fma, "select": select, "get": get, "put": put}
+    exec(f"def {name}({arguments}):\n" + "".join(f"    {line}\n" for line in [*lines, f"return {result}"]), known)
+    return njit(error_model="numpy", forceinline=True)(known[name])
+
+
+def _each(text: str, first: int = 0) -> str:
+    return "(" + "".join(text.format(o=o, share=repr(_SHARES[o])) + ", " for o in range(first, SIZE)) + ")"
+
+
+def _lines(text: str, places: Any) -> list[str]:
+    return [
+        line.strip()
+        for o in places
+        for line in text.format(o=o, b=o - 1, a=o - 2, part=repr(1.0 / max(o, 1))).split(";")
+    ]
+
+
+_DOWN = range(DEGREE - 1, 0, -1)
+
+# b0, b1 and the derivatives of b'' = f - K b - C b'
+oscillation = _written(
+    "oscillation",
+    "b0, b1, K, C, f",
+    _lines("b{o} = fma(-C, b{b}, fma(-K, b{a}, f[{a}]))", range(2, SIZE)),
+    _each("b{o}"),
+)
+# of a sine, from its value and its rate; q = -theta^2
+wave = _written("wave", "b0, b1, q", _lines("b{o} = q * b{a}", range(2, SIZE)), _each("b{o}"))
+plus = _written("plus", "a, b", [], _each("a[{o}] + b[{o}]"))
+plus_times = _written("plus_times", "a, t, b", [], _each("fma(t, b[{o}], a[{o}])"))
+coefficients = _written("coefficients", "b", [], _each("b[{o}] * {share}"))
+either = _written("either", "truth, a, b", [], _each("select(truth, a[{o}], b[{o}])"))
+load = _written("load", "rows, first, lane, wide", [], _each("get(rows, first + {o}, lane, wide)"))
+store = _written(
+    "store", "rows, first, lane, wide, b", _lines("put(rows, first + {o}, lane, wide, b[{o}])", range(SIZE)), "None"
+)
+# value and rate at x: sum of b_j x^j/j! and of b_{j+1} x^j/j!
+evaluate = _written(
+    "evaluate",
+    "b, x",
+    [
+        f"y = p = b[{DEGREE}]",
+        f"y = fma(y, {1.0 / DEGREE!r} * x, b[{DEGREE - 1}])",
+        *_lines("t = {part} * x; p = fma(p, t, b[{o}]); y = fma(y, t, b[{b}])", _DOWN),
+    ],
+    "y, p",
+)
+# sum of the negative coefficients from the eighth on: a lower bound of their part of the series over 0 <= x <= 1
+tail = _written(
+    "tail", "a", ["t = 0.0 * a[8]", *_lines("t = t + select(a[{o}] < 0.0, a[{o}], 0.0)", range(8, SIZE))], "t"
+)
+# a bound of |u''| over 0 <= x <= 1
+bend = _written(
+    "bend", "b", ["t = abs(b[2])", *(f"t = fma(abs(b[{o}]), {_SHARES[o - 2]!r}, t)" for o in range(3, SIZE))], "t"
+)

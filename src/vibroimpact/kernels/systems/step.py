@@ -1,0 +1,290 @@
+"""The certified step of a system: fly as far as no stop can have been touched and no closed one let go, or to it.
+
+Watched of each stop is a polynomial, its clearance or the force that holds it closed. Divided by the zero that it
+begins with (x after an impact, x^2 where it leaves from rest, x^3 at a release), it has the lower bound of
+`kernels.contact`: quadratic part exactly, cubic by its tangent, the negative of the others at the end of the step. The
+smallest root of that bound over all stops is a step that cannot pass the first zero of any of them.
+
+Where the zero of the nearest one is so near that its rate cannot change by half on the way (|u''| <= B over the whole
+step, B d <= |p|/20 for the distance d = -u/p), the polynomial falls to it within 2 d, and Newton's method from d meets
+it: |e'| <= B e^2/|p| turns 0.025 d into 3e-5 d, 5e-11 d and less than rounding.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from vibroimpact.kernels.flight import BARELY
+from vibroimpact.kernels.systems.series import (
+    DEGREE,
+    SIZE,
+    bend,
+    coefficients,
+    either,
+    evaluate,
+    load,
+    oscillation,
+    plus,
+    plus_times,
+    store,
+    tail,
+    wave,
+)
+from vibroimpact.kernels.vectors import LANES, fma, get, group, put, select
+
+# How a stop is left: its clearance begins with no zero, a single one (just struck), a double one (from rest) or a
+# triple one (let go); or it is closed, held by a force above zero or by one that begins there.
+OPEN, STRUCK, RESTING, RELEASED, CLOSED, BALANCED = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
+NOTHING, CONTACT, STALLED = 0.0, 1.0, 2.0  # what ended a step; the last: it is at a stop without approaching it
+
+NEAR = 0.05  # of the rate: by how much it may change on the way to a contact that is solved for
+
+
+@njit(error_model="numpy", forceinline=True)
+def sine_cosine(angle):
+    """Return sin and cos of an angle up to 1.3 radians, by their power series."""
+    z = angle * angle
+    p = fma(z, -1 / 121645100408832000, 1 / 355687428096000)
+    p = fma(z, p, -1 / 1307674368000)
+    p = fma(z, p, 1 / 6227020800)
+    p = fma(z, p, -1 / 39916800)
+    p = fma(z, p, 1 / 362880)
+    p = fma(z, p, -1 / 5040)
+    p = fma(z, p, 1 / 120)
+    p = fma(z, p, -1 / 6)
+    q = fma(z, 1 / 2432902008176640000, -1 / 6402373705728000)
+    q = fma(z, q, 1 / 20922789888000)
+    q = fma(z, q, -1 / 87178291200)
+    q = fma(z, q, 1 / 479001600)
+    q = fma(z, q, -1 / 3628800)
+    q = fma(z, q, 1 / 40320)
+    q = fma(z, q, -1 / 720)
+    q = fma(z, q, 1 / 24)
+    q = fma(z, q, -1 / 2)
+    return fma(angle * z, p, angle), fma(z, q, 1.0)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _negative(a):
+    return select(a < 0.0, a, 0.0)
+
+
+@njit(error_model="numpy", forceinline=True)
+def certified(b, kind):
+    """Return an x in [0, 1] such that the polynomial is above zero on (0, x), from its derivatives at 0."""
+    a = coefficients(b)
+    let_go = kind == RELEASED
+    at_rest = let_go | (kind == RESTING)
+    # Rounding may leave a clearance below zero that grows: that stop has just been left.
+    leaving = at_rest | (kind == STRUCK) | (kind == BALANCED) | ((kind == OPEN) & (a[0] <= 0.0) & (a[1] > 0.0))
+    q0 = select(let_go, a[3], select(at_rest, a[2], select(leaving, a[1], a[0])))
+    q0 = select(q0 > 0.0, q0, 0.0)
+    q1 = select(let_go, a[4], select(at_rest, a[3], select(leaving, a[2], a[1])))
+    q2 = select(let_go, a[5], select(at_rest, a[4], select(leaving, a[3], a[2])))
+    q3 = select(let_go, a[6], select(at_rest, a[5], select(leaving, a[4], a[3])))
+    q4 = select(let_go, a[7], select(at_rest, a[6], select(leaving, a[5], a[4])))
+    half = fma(0.5, fma(0.5, fma(0.5, fma(0.5, q4, q3), q2), q1), q0)
+    X = select(half < 0.0, 0.5, 1.0)
+    t7 = fma(tail(a), X, _negative(a[7]))
+    t6 = fma(t7, X, _negative(a[6]))
+    t5 = fma(t6, X, _negative(a[5]))
+    t4 = fma(t5, X, _negative(a[4]))
+    cubic = fma(select(let_go, t7, select(at_rest, t6, select(leaving, t5, t4))), X, q3)
+    slope = cubic * X * X
+    tangent = (cubic > 0.0) & (2.0 * slope < -q1)
+    linear = select(tangent, q1 - slope, q1)
+    square = fma(select(tangent, 2.0 * cubic, _negative(cubic)), X, q2)
+    discriminant = fma(linear, linear, -4.0 * q0 * square)
+    denominator = math.sqrt(select(discriminant > 0.0, discriminant, 0.0)) - linear
+    x = select((discriminant >= 0.0) & (denominator > 0.0), 2.0 * q0 / denominator, 1.0)
+    return select(x < X, x, X)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _harmonic(rows, first, m, k, lane, wide):
+    """Return the series of Im(a e^{i m theta x}) from the rows that hold a and those of (sin, cos) of m wt."""
+    sine, cosine = get(rows, k.pairs + 2 * m, lane, wide), get(rows, k.pairs + 2 * m + 1, lane, wide)
+    re, im = get(rows, first, lane, wide), get(rows, first + 1, lane, wide)
+    theta = (m + 1.0) * get(rows, k.theta, lane, wide)
+    return wave(fma(re, sine, im * cosine), theta * fma(re, cosine, -im * sine), -theta * theta)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _driven(rows, start, first, k, lane, wide):
+    """Return a series with the value `start` at all orders 0, and every harmonic from row `first` on."""
+    zero = 0.0 * start
+    b = wave(start, zero, zero)
+    for m in range(k.harmonics):
+        b = plus(b, _harmonic(rows, first + 2 * m, m, k, lane, wide))
+    return b
+
+
+@njit(error_model="numpy", forceinline=True)
+def turns(rows, k, lane, wide):
+    """Leave (sin, cos) of every multiple of wt."""
+    sine, cosine = get(rows, k.turn, lane, wide), get(rows, k.turn + 1, lane, wide)
+    a, b = sine, cosine
+    for m in range(k.harmonics):
+        put(rows, k.pairs + 2 * m, lane, wide, a)
+        put(rows, k.pairs + 2 * m + 1, lane, wide, b)
+        a, b = fma(a, cosine, b * sine), fma(b, cosine, -a * sine)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _forced(rows, j, k, lane, wide):
+    """Return the series of the force on mode j."""
+    return _driven(rows, get(rows, k.load + j, lane, wide), k.force + 2 * k.harmonics * j, k, lane, wide)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _fly_apart(rows, k, lane, wide):
+    """Leave the series of each mode, free of the others."""
+    for j in range(k.modes):
+        own = get(rows, k.square + j, lane, wide), get(rows, k.damping + j * (k.modes + 1), lane, wide)
+        b0, b1 = get(rows, k.eta + j, lane, wide), get(rows, k.rate + j, lane, wide)
+        store(rows, k.flight + j * SIZE, lane, wide, oscillation(b0, b1, *own, _forced(rows, j, k, lane, wide)))
+
+
+@njit(error_model="numpy")
+def fly_together(rows, k, lane, wide, last):
+    """Leave the derivatives of all modes up to `last`, coupled by damping and by closed stops, and the holding forces.
+
+    In flight under proportional damping these are the bits of `_fly_apart`: what couples adds zeros.
+    """
+    n, s = k.modes, k.stops
+    for j in range(n):
+        put(rows, k.flight + j * SIZE, lane, wide, get(rows, k.eta + j, lane, wide))
+        put(rows, k.flight + j * SIZE + 1, lane, wide, get(rows, k.rate + j, lane, wide))
+        store(rows, k.pull + j * SIZE, lane, wide, _forced(rows, j, k, lane, wide))
+    for z in range(s):
+        start = get(rows, k.gap + z, lane, wide)
+        store(rows, k.stop + z * SIZE, lane, wide, _driven(rows, start, k.motion + 2 * k.harmonics * z, k, lane, wide))
+    for o in range(last - 1):
+        for j in range(n):
+            square = get(rows, k.square + j, lane, wide)
+            b = get(rows, k.pull + j * SIZE + o, lane, wide)
+            b = fma(-square, get(rows, k.flight + j * SIZE + o, lane, wide), b)
+            for i in range(n):
+                damping = get(rows, k.damping + j * n + i, lane, wide)
+                b = fma(-damping, get(rows, k.flight + i * SIZE + o + 1, lane, wide), b)
+            put(rows, k.flight + j * SIZE + o + 2, lane, wide, b)
+        for z in range(s):
+            put(rows, k.near + z, lane, wide, clearance(rows, z, o + 2, k, lane, wide))
+        for z in range(s):
+            force = 0.0 * get(rows, k.near + z, lane, wide)
+            for y in range(s):
+                force = fma(-get(rows, k.held + z * s + y, lane, wide), get(rows, k.near + y, lane, wide), force)
+            put(rows, k.hold + z * SIZE + o, lane, wide, force)
+            for j in range(n):
+                at = k.flight + j * SIZE + o + 2
+                b = fma(-get(rows, k.jump + z * n + j, lane, wide), force, get(rows, at, lane, wide))
+                put(rows, at, lane, wide, b)
+
+
+@njit(error_model="numpy", forceinline=True)
+def clearance(rows, z, o, k, lane, wide):
+    """Return the derivative of a clearance of that order, once those of the modes and of the stop are known."""
+    b = get(rows, k.stop + z * SIZE + o, lane, wide)
+    for j in range(k.modes):
+        b = fma(-get(rows, k.alpha + z * k.modes + j, lane, wide), get(rows, k.flight + j * SIZE + o, lane, wide), b)
+    return b
+
+
+@njit(error_model="numpy", forceinline=True)
+def _watched(rows, z, held, k, lane, wide):
+    """Return the series of a stop's clearance, or where it is closed of the force that holds it."""
+    start = get(rows, k.gap + z, lane, wide)
+    if k.moving:
+        b = _driven(rows, start, k.motion + 2 * k.harmonics * z, k, lane, wide)
+    else:
+        b = wave(start, 0.0 * start, 0.0 * start)
+    for j in range(k.modes):
+        alpha = get(rows, k.alpha + z * k.modes + j, lane, wide)
+        b = plus_times(b, -alpha, load(rows, k.flight + j * SIZE, lane, wide))
+    if held:
+        b = either(get(rows, k.kind + z, lane, wide) >= CLOSED, load(rows, k.hold + z * SIZE, lane, wide), b)
+    return b
+
+
+@njit(error_model="numpy", forceinline=True)
+def _certify(rows, held, k, lane, wide):
+    """Return the certified step, the stop that limits it, and leave what is watched of that."""
+    one = 0.0 * get(rows, k.theta, lane, wide) + 1.0
+    x, which = one, 0.0 * one
+    for z in range(k.stops):
+        b = _watched(rows, z, held, k, lane, wide)
+        own = certified(b, get(rows, k.kind + z, lane, wide))
+        nearer = own < x
+        x, which = select(nearer, own, x), select(nearer, float(z) * one, which)
+        store(rows, k.near, lane, wide, either(nearer, b, load(rows, k.near, lane, wide)) if z else b)
+    return x, which
+
+
+@njit(error_model="numpy", forceinline=True)
+def _approach(b, x):
+    """Return whether a zero is next to x, and where the step then ends: at it."""
+    y, p = evaluate(b, x)
+    d = select(y > 0.0, y, 0.0) / -p
+    close = (p < 0.0) & (bend(b) * d < -NEAR * p) & (x + 2.0 * d <= 1.0)
+    t = x + select(close, d, 0.0)
+    for _ in range(2):
+        y, p = evaluate(b, t)
+        t = t - select(close, y / p, 0.0)
+    return close, t
+
+
+@njit(error_model="numpy", forceinline=True)
+def _move(rows, x, k, lane, wide):
+    """Carry the state over x."""
+    for j in range(k.modes):
+        y, p = evaluate(load(rows, k.flight + j * SIZE, lane, wide), x)
+        put(rows, k.eta + j, lane, wide, y)
+        put(rows, k.rate + j, lane, wide, p)
+    s, c = get(rows, k.turn, lane, wide), get(rows, k.turn + 1, lane, wide)
+    sine, cosine = sine_cosine(get(rows, k.theta, lane, wide) * x)
+    s1, c1 = fma(s, cosine, c * sine), fma(c, cosine, -s * sine)
+    pull = fma(-0.5, fma(s1, s1, c1 * c1), 1.5)  # back to unit length: one Newton step of 1/sqrt
+    s1 = s1 * pull
+    put(rows, k.turn, lane, wide, s1)
+    put(rows, k.turn + 1, lane, wide, c1 * pull)
+    begun = select((s < -BARELY) & (s1 >= -BARELY), 1.0, 0.0)
+    put(rows, k.turn + 2, lane, wide, get(rows, k.turn + 2, lane, wide) + begun)
+    for z in range(k.stops):
+        kind = get(rows, k.kind + z, lane, wide)
+        put(rows, k.kind + z, lane, wide, select(kind >= CLOSED, CLOSED, OPEN) + 0.0 * kind)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _any_closed(rows, k, lane, wide):
+    closed = False
+    for i in range(lane, lane + group(wide)):
+        closed |= get_one(rows, k.closed, i, wide) > 0.0
+    return closed
+
+
+@njit(error_model="numpy", forceinline=True)
+def get_one(rows, row, lane, wide):
+    """Return a number of one lane."""
+    return get(rows, row, lane, None) if wide is None else rows[row * LANES + lane]
+
+
+@njit(error_model="numpy")
+def step(rows, k, lane, wide):
+    """Make a certified step; leave the state after it, how far it went, which stop ended it and how."""
+    turns(rows, k, lane, wide)
+    held = _any_closed(rows, k, lane, wide)
+    if held or k.coupled:
+        fly_together(rows, k, lane, wide, DEGREE)
+    else:
+        _fly_apart(rows, k, lane, wide)
+    x, which = _certify(rows, held, k, lane, wide)
+    close, end = _approach(load(rows, k.near, lane, wide), x)
+    _move(rows, end, k, lane, wide)
+    stalled = select(end <= 0.0, STALLED, NOTHING)
+    put(rows, k.which, lane, wide, which)
+    put(rows, k.hit, lane, wide, select(close, CONTACT, stalled))
+    put(rows, k.passed, lane, wide, end)
+    put(rows, k.age, lane, wide, get(rows, k.age, lane, wide) + end)
+    put(rows, k.made, lane, wide, get(rows, k.made, lane, wide) + 1.0)

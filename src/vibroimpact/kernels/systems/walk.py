@@ -1,0 +1,140 @@
+"""One system through time, with all that is seen of it: impacts, states at given times, contacts that are held."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from numba import njit
+
+from vibroimpact.kernels.cell import FILLED, RUNNING, SPENT
+from vibroimpact.kernels.machine import compiled
+from vibroimpact.kernels.systems.law import begin, bounce
+from vibroimpact.kernels.systems.march import HITS, LOOK, MADE, TURN, add_all, ending, happen, moment
+from vibroimpact.kernels.systems.series import SIZE, evaluate, load
+from vibroimpact.kernels.systems.step import CLOSED, CONTACT, NOTHING, step
+
+
+class Seen(NamedTuple):
+    """Rows of what is seen, and how many of each are filled.
+
+    Impacts: periods, phase, stop, speed, impulse, whether others were struck at once. Looks: eta, then its rate. Rests:
+    stop, periods and phase of its beginning, and of its end (NaN until then). Time is counted in steps in rates.
+    """
+
+    impacts: Any
+    looks: Any
+    rests: Any
+    filled: Any
+
+
+class Schedule(NamedTuple):
+    """When a motion is looked at: how often, the first time in whole periods and phase, and how often a period."""
+
+    number: float
+    periods: float
+    phase: float
+    per_period: float
+
+
+@njit(error_model="numpy")
+def _look(rows, k, seen, periods, phase, schedule):
+    """Leave the states at the looks that lie within the step just made, which began at that time."""
+    end = rows[k.passed]
+    while seen.filled[1] < len(seen.looks):
+        number = float(seen.filled[1])
+        whole = math.floor(number / schedule.per_period)
+        ahead = (schedule.periods - periods + whole) + (schedule.phase - phase)
+        x = (ahead + (number - whole * schedule.per_period) / schedule.per_period) * TURN / rows[k.theta]
+        if x >= end:
+            return
+        for j in range(k.modes):
+            y, p = evaluate(load(rows, k.flight + j * SIZE, 0, None), max(x, 0.0))
+            seen.looks[seen.filled[1], j], seen.looks[seen.filled[1], k.modes + j] = y, p
+        seen.filled[1] += 1
+
+
+@njit(error_model="numpy")
+def _note_rests(rows, k, seen, room, closing):
+    """Begin a row for each stop that closed, and end those of stops that are open."""
+    periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
+    for at in range(seen.filled[2]):
+        row = seen.rests[at]
+        if math.isnan(row[3]) and rows[k.kind + int(row[0])] < CLOSED:
+            row[3], row[4] = periods, phase
+    for z in range(k.stops):
+        if closing >> z & 1:
+            row = seen.rests[seen.filled[2]]
+            later = phase + room.tail[z] * rows[k.theta] / TURN
+            row[0], row[1], row[2], row[3], row[4] = z, periods + math.floor(later), later % 1.0, math.nan, math.nan
+            seen.filled[2] += 1
+
+
+@njit(error_model="numpy")
+def _record(rows, k, room, seen, struck, before, recorded, window):
+    """Leave a row for each stop that was struck hard enough."""
+    periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
+    for z in range(k.stops):
+        if struck >> z & 1 and room.speed[z] >= rows[k.cut]:
+            before += 1.0
+            if window.transient < before <= window.total:
+                row = seen.impacts[seen.filled[0]]
+                row[0], row[1], row[2] = periods, phase, z
+                row[3], row[4], row[5] = room.speed[z], room.impulse[z], recorded > 1
+                seen.filled[0] += 1
+
+
+@njit(error_model="numpy")
+def _after_step(rows, k, room, notes, seen, window):
+    """Make what ended a step, and record it."""
+    struck, closing = int(0.0), int(0.0)
+    v, impulse = 0.0, 0.0
+    if rows[k.hit] == CONTACT:
+        v, impulse = bounce(rows, k, 0, None)
+    if v > 0.0:
+        z = int(rows[k.which])
+        struck = 1 << z
+        room.speed[z], room.impulse[z] = v, impulse
+        for y in range(k.stops):
+            if y != z:
+                room.impulse[y] = 0.0
+        room.gram[z, z] = (1.0 + rows[k.restitution + z]) * v / impulse
+    else:
+        struck, closing, _ = happen(rows, k, room)
+    notes[0, MADE] = rows[k.made]
+    if struck:
+        before = notes[0, HITS]
+        recorded = add_all(rows, k, room, notes, 0, struck, window)
+        if recorded:
+            _record(rows, k, room, seen, struck, before, recorded, window)
+    if not v > 0.0:
+        _note_rests(rows, k, seen, room, closing)
+
+
+@compiled
+def seat(rows, k, row, room, seen):
+    """Put a cell, a row of its constants, where one is followed alone."""
+    rows[:] = 0.0
+    rows[: k.constants] = row
+    room.tail[:] = 0.0
+    _note_rests(rows, k, seen, room, begin(rows, k, room))
+
+
+@compiled
+def follow(rows, k, room, notes, seen, window, schedule, most):
+    """Follow a cell until its window is full, a buffer is, it ends, or so many steps are made; return why."""
+    for number in range(most):
+        periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
+        step(rows, k, 0, None)
+        _look(rows, k, seen, periods, phase, schedule)
+        if rows[k.hit] != NOTHING:
+            _after_step(rows, k, room, notes, seen, window)
+        if notes[0, HITS] >= window.total or (schedule.number > 0.0 and seen.filled[1] >= schedule.number):
+            return FILLED
+        if seen.filled[0] + k.stops > len(seen.impacts) or seen.filled[2] + k.stops > len(seen.rests):
+            return RUNNING
+        if number % LOOK == 0:
+            end = ending(rows, k, notes, 0, window.total)
+            if end != RUNNING and (schedule.number == 0.0 or end == SPENT):
+                return end
+    return RUNNING

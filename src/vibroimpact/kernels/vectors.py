@@ -1,0 +1,196 @@
+"""Eight lanes as one value: kernels written for numbers step them too, whatever the shape of what they step.
+
+LLVM makes vectors of a loop over lanes only where it can prove that no row of lanes overlaps another; where rows lie at
+places known at run time alone, as for any number of modes and stops, the vectors are written out. `fma` and `select`
+take numbers and vectors alike; a lane of a vector has the bits of the number.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
+
+from vibroimpact.kernels.machine import WIDTH
+
+LANES = 2 * WIDTH  # of a block that is stepped together
+_NUMBERS = ir.VectorType(ir.DoubleType(), WIDTH)
+_TRUTHS = ir.VectorType(ir.IntType(1), WIDTH)
+
+
+class Vector(types.Type):
+    """The type of eight numbers, or of eight truths."""
+
+    def __init__(self, truths: bool) -> None:
+        self.truths = truths
+        super().__init__("truths" if truths else "numbers")
+
+
+NUMBERS, TRUTHS = Vector(False), Vector(True)
+_SINGLE = types.Float, types.Integer
+
+
+@register_model(Vector)
+class _Model(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _TRUTHS if kind.truths else _NUMBERS)
+
+
+def _spread(context: Any, builder: Any, value: Any, kind: Any) -> Any:
+    """Return a vector; of one number, as often as it has lanes."""
+    if isinstance(kind, Vector):
+        return value
+    value = context.cast(builder, value, kind, types.float64)
+    empty, index = ir.Constant(_NUMBERS, ir.Undefined), ir.IntType(32)
+    first = builder.insert_element(empty, value, index(0))
+    return builder.shuffle_vector(first, empty, ir.Constant(ir.VectorType(index, WIDTH), [0] * WIDTH))
+
+
+def _call(builder: Any, name: str, *values: Any) -> Any:
+    kind = ir.FunctionType(_NUMBERS, [_NUMBERS] * len(values))
+    return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{WIDTH}f64"), values)
+
+
+def _define(operation: Any, result: Vector, emit: Callable[..., Any], places: int = 2) -> None:
+    """Let an operation of Python take vectors of numbers, beside which a single number stands for all lanes."""
+
+    @type_callable(operation)
+    def _typed(context: Any) -> Any:
+        def known(*kinds: Any) -> Any:
+            fits = all(kind is NUMBERS or isinstance(kind, _SINGLE) for kind in kinds)
+            return result if fits and NUMBERS in kinds and len(kinds) == places else None
+
+        return (lambda a: known(a)) if places == 1 else lambda a, b: known(a, b)
+
+    def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return emit(builder, *map(lambda v, k: _spread(context, builder, v, k), values, signature.args))
+
+    singles = (Vector,) if places == 1 else (Vector, *_SINGLE)
+    for first in singles:
+        for second in singles if places == 2 else (Vector,):
+            if Vector in (first, second):
+                lower_builtin(operation, *((first, second) if places == 2 else (Vector,)))(lower)
+
+
+for _operation, _name in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+):
+    _define(_operation, NUMBERS, lambda builder, a, b, name=_name: getattr(builder, name)(a, b))
+for _operation, _name in (
+    (operator.lt, "<"),
+    (operator.le, "<="),
+    (operator.gt, ">"),
+    (operator.ge, ">="),
+    (operator.eq, "=="),
+):
+    _define(_operation, TRUTHS, lambda builder, a, b, name=_name: builder.fcmp_ordered(name, a, b))
+_define(operator.neg, NUMBERS, lambda builder, a: builder.fneg(a), 1)
+_define(abs, NUMBERS, lambda builder, a: _call(builder, "fabs", a), 1)
+_define(math.sqrt, NUMBERS, lambda builder, a: _call(builder, "sqrt", a), 1)
+
+
+def _logical(operation: Any, name: str) -> None:
+    @type_callable(operation)
+    def _typed(context: Any) -> Any:
+        return lambda a, b: TRUTHS if a is TRUTHS and b is TRUTHS else None
+
+    @lower_builtin(operation, Vector, Vector)
+    def _lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return getattr(builder, name)(*values)
+
+
+_logical(operator.and_, "and_")
+_logical(operator.or_, "or_")
+
+
+@intrinsic
+def fma(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
+    """Return a b + c with one rounding."""
+    kinds = a, b, c
+    wide = NUMBERS in kinds
+
+    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        if wide:
+            return _call(builder, "fma", *map(lambda v, k: _spread(context, builder, v, k), values, signature.args))
+        return builder.fma(*map(lambda v, k: context.cast(builder, v, k, types.float64), values, signature.args))
+
+    return (NUMBERS if wide else types.float64)(*kinds), codegen
+
+
+@intrinsic
+def select(typingctx: Any, condition: Any, yes: Any, no: Any) -> Any:
+    """Return `yes` where the condition holds, else `no`; both are evaluated, neither may matter untaken."""
+    wide = condition is TRUTHS
+
+    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        ends = zip(values[1:], signature.args[1:], strict=True)
+        if wide:
+            return builder.select(values[0], *(_spread(context, builder, v, k) for v, k in ends))
+        return builder.select(values[0], *(context.cast(builder, v, k, types.float64) for v, k in ends))
+
+    return (NUMBERS if wide else types.float64)(condition, yes, no), codegen
+
+
+# A flat array holds rows of lanes, LANES to a row; with None in the place of `wide` it holds one lane.
+
+
+def _address(context: Any, builder: Any, signature: Any, values: Any) -> tuple[Any, bool]:
+    array = context.make_array(signature.args[0])(context, builder, values[0])
+    wide = signature.args[3] is not types.none
+    at = builder.mul(values[1], values[1].type(LANES)) if wide else values[1]
+    place = builder.gep(array.data, [builder.add(at, values[2])])
+    return (builder.bitcast(place, _NUMBERS.as_pointer()) if wide else place), wide
+
+
+@intrinsic
+def get(typingctx: Any, array: Any, row: Any, lane: Any, wide: Any) -> Any:
+    """Return a row's numbers of eight lanes from `lane` on, or the one number."""
+
+    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        place, _ = _address(context, builder, signature, values)
+        found = builder.load(place)
+        found.align = 8
+        return found
+
+    return (types.float64 if wide is types.none else NUMBERS)(array, types.intp, types.intp, wide), codegen
+
+
+@intrinsic
+def put(typingctx: Any, array: Any, row: Any, lane: Any, wide: Any, value: Any) -> Any:
+    """Store a row's numbers of eight lanes from `lane` on, or the one number."""
+
+    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        place, many = _address(context, builder, signature, values)
+        kind = signature.args[4]
+        value = (
+            _spread(context, builder, values[4], kind)
+            if many
+            else context.cast(builder, values[4], kind, types.float64)
+        )
+        builder.store(value, place).align = 8
+        return context.get_dummy_value()
+
+    return types.none(array, types.intp, types.intp, wide, value), codegen
+
+
+@intrinsic
+def group(typingctx: Any, wide: Any) -> Any:
+    """Return how many lanes a value holds."""
+    number = 1 if wide is types.none else WIDTH
+    return types.intp(wide), lambda context, builder, signature, values: context.get_constant(types.intp, number)
+
+
+@intrinsic
+def stride(typingctx: Any, wide: Any) -> Any:
+    """Return how many lanes a row holds."""
+    number = 1 if wide is types.none else LANES
+    return types.intp(wide), lambda context, builder, signature, values: context.get_constant(types.intp, number)

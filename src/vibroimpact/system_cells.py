@@ -1,0 +1,269 @@
+"""Systems with their starts, as the one table that the engine of systems reads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vibroimpact.cells import COUNTABLE, Cells, Floats
+from vibroimpact.modal import ModalForm, speed_parts, velocity_scales
+
+if TYPE_CHECKING:
+    from vibroimpact.oscillator import State
+    from vibroimpact.system import ImpactSystem
+
+BEYOND = 1e-12  # of the lengths that a clearance is the sum of: so little beyond a stop is rounding
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What all systems of one table share: their numbers of modes, stops and harmonics.
+
+    `coupled`: damping is not proportional in one of them; `moving`: so is a stop.
+    """
+
+    modes: int
+    stops: int
+    harmonics: int
+    coupled: bool
+    moving: bool
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Numbers of a cell by their names; a harmonic has two, real and imaginary part."""
+        n, s, m = self.modes, self.stops, self.harmonics
+        return {
+            "eta": n, "rate": n, "turn": 3, "square": n, "damping": n * n, "load": n, "force": 2 * m * n,
+            "alpha": s * n, "jump": s * n, "weight": n, "gap": s, "motion": 2 * m * s, "restitution": s, "omega": 1,
+            "scale": 1, "steady": n + 2 * m * n, "margin": s, "give": s, "fastest": 1, "shapes": n * n, "time": 2,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SystemCells(Cells):
+    """One cell per row: the modal form of a system, its scale of velocities and its start, all in SI units.
+
+    `cells[name]` is a column; of several numbers, such as ``cells.block("shapes")``, a block.
+    """
+
+    shape: Shape
+
+    @classmethod
+    def of_systems(cls, systems: Sequence[ImpactSystem]) -> SystemCells:
+        """Return a cell for each system, at rest, all with as many coordinates and stops."""
+        forms = [system.modal() for system in systems]
+        kinds = {(len(form.masses), len(form.gaps)) for form in forms}
+        if len(kinds) > 1:
+            raise ValueError("all systems of one family must have as many coordinates and stops; these have others")
+        highest = max(int(form.orders.max(initial=0)) for form in forms)
+        coupled, moving = any(not form.decoupled for form in forms), any(form.motions.any() for form in forms)
+        shape = Shape(*kinds.pop(), highest, coupled, moving)
+        rows = [_row(form, shape) for form in forms]
+        for row, system, form in zip(rows, systems, forms, strict=True):
+            at = _places(shape)
+            row[at["scale"]] = system.velocity_scale
+            row[at["eta"]] = form.inverse @ system.initial()[0]
+        return cls(np.array(rows), _columns(shape), shape)
+
+    @classmethod
+    def of_points(cls, system: ImpactSystem, points: Mapping[str, Any]) -> SystemCells:
+        """Return a cell for each point of a system's own parameters, at rest.
+
+        What depends on the frequency is computed once for each of its values; gaps and restitutions are columns.
+        """
+        number = len(np.atleast_1d(next(iter(points.values()), 0.0)))
+        omegas = points.get("omega", 2.0 * math.pi * points["frequency"] if "frequency" in points else None)
+        values, which = np.unique(np.full(number, system.omega) if omegas is None else omegas, return_inverse=True)
+        variants = [system.replace(omega=float(value)) for value in values]
+        base = cls.of_systems(variants)
+        cells: SystemCells = base[which]
+        at = cells.places
+        gaps, bounces = cells.block("gap").copy(), cells.block("restitution").copy()
+        for j, name in enumerate(system.stop_names):
+            gaps[:, j], bounces[:, j] = (
+                points.get(f"{name}_gap", gaps[:, j]),
+                points.get(f"{name}_restitution", bounces[:, j]),
+            )
+        moved = gaps - cells.block("gap")
+        if not moved.any():
+            cells.table[:, at["restitution"]] = bounces
+            return cells
+        regular = cells.block("give").any(axis=1)[:, None]
+        cells.table[:, at["margin"]] += np.where(regular, moved, 0.0)
+        cells.table[:, at["gap"]], cells.table[:, at["restitution"]] = gaps, bounces
+        parts = zip(*(speed_parts(variant.modal()) for variant in variants), strict=True)
+        driven, rate, offset, omega = (np.array(part).take(which, axis=0) for part in parts)
+        cells.table[:, at["scale"]] = velocity_scales(driven, rate, offset, omega, gaps)[:, None]
+        closed = np.flatnonzero((cells._clearances(np.zeros(3), np.zeros_like(cells.block("eta"))) < 0.0).any(axis=1))
+        cells.table[:, at["eta"]] = 0.0
+        for row in closed.tolist():
+            own = {f"{name}_gap": float(gap) for name, gap in zip(system.stop_names, gaps[row], strict=True)}
+            there = variants[which[row]].replace(**own)
+            cells.table[row, at["eta"]] = there.modal().inverse @ there.initial()[0]
+        return cells
+
+    @classmethod
+    def join(cls, parts: Sequence[Cells]) -> SystemCells:
+        """Return the cells of all parts, one behind the other."""
+        first: Any = parts[0]
+        return cls(np.concatenate([part.table for part in parts]), first.columns, first.shape)
+
+    @property
+    def places(self) -> dict[str, slice]:
+        """Where each block of numbers stands in a row."""
+        return _places(self.shape)
+
+    def block(self, name: str) -> Floats:
+        """Return the columns of that name."""
+        found: Floats = self.table[:, self.places[name]]
+        return found
+
+    def __getitem__(self, part: Any) -> Any:
+        if isinstance(part, str):
+            return self.block(part)[:, 0]
+        return SystemCells(self.table[part], self.columns, self.shape)
+
+    @property
+    def fastest_rate(self) -> Floats:
+        """The largest rate in 1/s of free motion or of a harmonic: steps are as short as it asks."""
+        rate: Floats = self["fastest"]
+        return rate
+
+    @property
+    def shapes(self) -> Floats:
+        """Of every cell the matrix that makes coordinates of modes."""
+        return self.block("shapes").reshape(-1, self.shape.modes, self.shape.modes)
+
+    def struck(self, numbers: Any) -> Cells:
+        """Refuse to spread impacts: the velocity and phase of an impact are not the whole state of a system."""
+        raise ValueError("`start` must be None, a State or a list of them for a system: an impact is not a whole state")
+
+    def begun(self, start: State | None) -> SystemCells:
+        """Return the cells from an initial condition; None leaves them as they are.
+
+        Raises
+        ------
+        ValueError
+            It has other than n coordinates, lies beyond a stop of one of the cells, or so many periods from time 0 that
+            they cannot be counted.
+        """
+        if start is None:
+            return self
+        q, speed = (np.array(part, np.float64, ndmin=1) for part in (start.displacement, start.velocity))
+        if len(q) != self.shape.modes:
+            raise ValueError(f"`start` must have {self.shape.modes} coordinates, one per mode, got {len(q)}")
+        turns = start.time * self["omega"] / (2.0 * math.pi)
+        if not np.abs(turns).max(initial=0.0) < COUNTABLE:
+            raise ValueError(f"`start` must have a time of less than 2^53 driving periods, got {start.time!r}")
+        whole = np.floor(turns)
+        angle = 2.0 * math.pi * (turns - whole)
+        parts = {
+            "eta": np.linalg.solve(self.shapes, np.broadcast_to(q[:, None], (len(self), len(q), 1)))[..., 0],
+            "rate": np.linalg.solve(self.shapes, np.broadcast_to(speed[:, None], (len(self), len(q), 1)))[..., 0],
+            "turn": np.column_stack([np.sin(angle), np.cos(angle), whole]),
+            "time": np.column_stack([whole, turns - whole]),
+        }
+        table = self.table.copy()
+        for name, values in parts.items():
+            table[:, self.places[name]] = values
+        begun = SystemCells(table, self.columns, self.shape)
+        begun._check_before_stops(start)
+        return begun
+
+    def _check_before_stops(self, start: State) -> None:
+        eta = self.block("eta")
+        alpha = self.block("alpha").reshape(-1, self.shape.stops, self.shape.modes)
+        size = np.abs(self.block("gap")) + (np.abs(alpha) @ np.abs(eta)[..., None])[..., 0]
+        beyond = -self._clearances(self.block("turn"), eta)
+        over = np.argwhere(beyond > BEYOND * size)
+        if len(over):
+            cell, stop = over[0].tolist()
+            raise ValueError(
+                f"`start` lies beyond stop {stop + 1} by {beyond[cell, stop]:.3g} m at time {start.time:g}; "
+                "start before the stops"
+            )
+
+    def _clearances(self, turn: Floats, eta: Floats) -> Floats:
+        """Return the clearances of all stops at (sin wt, cos wt)."""
+        n, s, m = self.shape.modes, self.shape.stops, self.shape.harmonics
+        alpha, motion = self.block("alpha").reshape(-1, s, n), self.block("motion").reshape(-1, s, m, 2)
+        wave = (turn[..., 1] + 1j * turn[..., 0]) if turn.ndim > 1 else np.ones(len(self), complex)
+        powers = wave[:, None] ** np.arange(1, m + 1)
+        moved = (motion[..., 0] * powers.imag[:, None, :] + motion[..., 1] * powers.real[:, None, :]).sum(axis=-1)
+        found: Floats = self.block("gap") + moved - (alpha @ eta[..., None])[..., 0]
+        return found
+
+    def __iter__(self) -> Iterator[dict[str, float]]:
+        raise TypeError("cells of systems have blocks of numbers, not one row of named ones")
+
+
+def _places(shape: Shape) -> dict[str, slice]:
+    ends = np.cumsum([0, *shape.sizes.values()]).tolist()
+    return {name: slice(first, last) for name, (first, last) in zip(shape.sizes, pairwise(ends), strict=True)}
+
+
+def _columns(shape: Shape) -> tuple[str, ...]:
+    return tuple(f"{name}_{place}" for name, size in shape.sizes.items() for place in range(size))
+
+
+def _row(form: ModalForm, shape: Shape) -> Floats:
+    n, s, highest = shape.modes, shape.stops, shape.harmonics
+    forces, motions = np.zeros((n, highest), complex), np.zeros((s, highest), complex)
+    forces[:, form.orders - 1], motions[:, form.orders - 1] = form.forces.T, form.motions
+    parts: dict[str, Any] = {
+        "turn": (0.0, 1.0, 0.0),
+        "square": form.squares,
+        "damping": form.damping,
+        "load": form.constant,
+        "force": np.stack([forces.real, forces.imag], -1),
+        "alpha": form.directions,
+        "jump": form.jumps,
+        "weight": form.masses,
+        "gap": form.gaps,
+        "motion": np.stack([motions.real, motions.imag], -1),
+        "restitution": form.restitution,
+        "omega": form.omega,
+        "fastest": _fastest(form),
+        "shapes": form.shapes,
+        **_steady(form, forces, motions),
+    }
+    row, places = np.zeros(sum(shape.sizes.values())), _places(shape)
+    for name, values in parts.items():
+        row[places[name]] = np.ravel(values)
+    return row
+
+
+def _fastest(form: ModalForm) -> float:
+    """Return the largest rate in 1/s of free motion or of a harmonic."""
+    n = len(form.squares)
+    companion = np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(form.squares), -form.damping]])
+    acting = form.orders[(form.forces != 0.0).any(axis=1) | (form.motions != 0.0).any(axis=0)]
+    free = float(np.abs(np.linalg.eigvals(companion)).max())
+    return max(free, float(np.sqrt(form.squares.max())), form.omega * max(int(acting.max(initial=1)), 1))
+
+
+def _steady(form: ModalForm, forces: Any, motions: Any) -> Mapping[str, Any]:
+    """Return the steady motion without stops, what it leaves of each clearance at least, and what free motion of a
+    given energy takes of it at most; where there is no steady motion nothing is left.
+    """
+    n, highest = forces.shape
+    static = np.divide(form.constant, form.squares, where=form.squares > 0.0, out=np.full(n, np.nan))
+    amplitudes = np.zeros((n, highest), complex)
+    for order in form.orders.tolist():
+        rate = order * form.omega
+        stiffness = np.diag(form.squares - rate**2) + 1j * rate * form.damping
+        try:
+            amplitudes[:, order - 1] = np.linalg.solve(stiffness, forces[:, order - 1])
+        except np.linalg.LinAlgError:
+            amplitudes[:, order - 1] = np.nan
+    left = form.gaps - form.directions @ static - np.abs(motions - form.directions @ amplitudes).sum(axis=1)
+    if not (np.isfinite(left).all() and np.isfinite(amplitudes).all() and (form.squares > 0.0).all()):
+        return {"margin": np.full(len(form.gaps), -1.0)}
+    give = (form.directions * form.jumps / form.squares).sum(axis=1)
+    parts = np.concatenate([static, np.stack([amplitudes.real, amplitudes.imag], -1).ravel()])
+    return {"steady": parts, "margin": left, "give": give}
