@@ -33,6 +33,8 @@ VARIABLES: dict[str, tuple[str, str, str]] = {
     "stick_time": ("time at which the mass comes to rest at the stop", "s", "t"),
     "release_time": ("time at which the mass leaves the stop", "s", "t"),
     "count": ("number of samples kept", "1", "N"),
+    "clearance": ("clearance to the stop", "m", "u"),
+    "impulse": ("impulse of the impact", "N s", "P"),
 } | {index.name: (index.long_name, index.units, index.symbol) for index in INDICES.values()}
 
 SYMBOLS = {entry.symbol: name for name, entry in ImpactOscillator.parameters.items() if not entry.replaces}
@@ -118,17 +120,24 @@ def provenance(function: str, model: Model, arguments: Mapping[str, Any]) -> dic
     Of a family they hold its own parameters (`model`) and the oscillator that these make; `initial_condition` says in
     words from where the motions were followed.
     """
-    osc = model.at()
-    family = {} if model is osc else {"model": json.dumps({"family": str(model), **model.values})}
+    made = model.at()
+    family = {} if model is made else {"model": json.dumps({"family": str(model), **model.values})}
     begun = {"initial_condition": _begun(arguments["start"])} if "start" in arguments else {}
     return {
         "source": f"vibroimpact {package_version()}",
         "function": function,
         **family,
-        "oscillator": json.dumps(asdict(osc)),
+        **_made(made),
         "arguments": json.dumps(dict(arguments), default=str),
         **begun,
     }
+
+
+def _made(model: Any) -> dict[str, str]:
+    """Return the numbers of a model as an attribute of its name."""
+    if isinstance(model, ImpactOscillator):
+        return {"oscillator": json.dumps(asdict(model))}
+    return {"system": json.dumps(model.plain())}
 
 
 def _begun(start: Any) -> str:
@@ -140,6 +149,8 @@ def _begun(start: Any) -> str:
         return f"{len(start)} initial conditions: {'; '.join(map(_begun, start))}"
     if start is None:
         return "rest at y = min(0, gap)"
+    if isinstance(start.displacement, tuple):
+        return f"q = {list(start.displacement)} m, q' = {list(start.velocity)} m/s at t = {start.time:g} s"
     return f"y = {start.displacement:g} m, y' = {start.velocity:g} m/s at t = {start.time:g} s"
 
 
@@ -184,7 +195,7 @@ ENDS = ("outcome", "message", "arguments")  # attributes of each part, kept as l
 # Attributes that are read again: text, or what text in JSON encodes.
 _ENCODED: dict[Any, type] = {
     **dict.fromkeys(("function", "initial_condition", "filled_in", "message"), str),
-    **dict.fromkeys(("oscillator", "arguments", "model"), dict),
+    **dict.fromkeys(("oscillator", "system", "arguments", "model"), dict),
     **dict.fromkeys(("messages", "variable_order"), list),
     **{f"{name}_{end}": list for name in _BUNDLES.values() for end in ENDS},
 }

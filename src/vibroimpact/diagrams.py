@@ -24,7 +24,7 @@ from vibroimpact.dataset import dataset_of, impact_speed, missing, status_variab
 from vibroimpact.execution.threads import run_sweep, run_tiles, tiles, worker_count
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import Model, State, check_model, one_start
+from vibroimpact.oscillator import Model, State, one_start, the_oscillator
 from vibroimpact.parameters import check_fits, check_steps, choice, phase_number, several
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.request import COSTLY, Request, check_axes
@@ -117,7 +117,7 @@ def bifurcation_diagram(
     >>> diagram["velocity"].dims
     ('omega', 'impact')
     """
-    check_model(osc)
+    the_oscillator(osc)
     choice("section", section, SECTIONS)
     choice("direction", direction, DIRECTIONS)
     axes = check_axes(axis, osc.parameters)

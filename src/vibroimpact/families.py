@@ -14,6 +14,7 @@ import numpy as np
 from vibroimpact.cells import Cells
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model, check_names
 from vibroimpact.parameters import Parameter, invalid
+from vibroimpact.system_cells import SystemCells
 
 
 class Family:
@@ -55,8 +56,8 @@ class Family:
         """Return the family with some parameters changed."""
         return Family(self.function, self.parameters, self.values | self._checked(changes))
 
-    def at(self, **values: float) -> ImpactOscillator:
-        """Return the oscillator that the function makes of its parameters, some of them changed."""
+    def at(self, **values: float) -> Any:
+        """Return the oscillator or system that the function makes of its parameters, some of them changed."""
         given = self.values | self._checked(values)
         try:
             made = self.function(**given)
@@ -64,7 +65,7 @@ class Family:
             where = ", ".join(f"{name}={value:g}" for name, value in given.items())
             raise ValueError(f"{self} fails at {where}: {error}") from error
         if not isinstance(made, Model):
-            raise invalid(f"{self}(...)", made, "a model", "return an ImpactOscillator")
+            raise invalid(f"{self}(...)", made, "a model", "return an ImpactOscillator or an ImpactSystem")
         return made.at()
 
     def cells(self, points: Mapping[str, Any], start: State | None = None) -> Cells:
@@ -72,6 +73,8 @@ class Family:
         check_names(self.parameters, points)
         rows = zip(*(np.asarray(values, np.float64).tolist() for values in points.values()), strict=True)
         designs = [self.at(**dict(zip(points, row, strict=True))) for row in rows] if points else [self.at()]
+        if not isinstance(designs[0], ImpactOscillator):
+            return SystemCells.of_systems(designs).begun(start)
         columns = {name: np.array([design.values[name] for design in designs]) for name in designs[0].values}
         return Cells.at_rest(columns).begun(start)
 
@@ -101,8 +104,9 @@ def family(function: Callable[..., Any] | None = None, /, *, units: Mapping[str,
     Parameters
     ----------
     function : callable
-        Takes numbers by name, each with a default, and returns an `ImpactOscillator` or another family's model.
-        It is called once per design, some microseconds each, and must always return the same for the same numbers.
+        Takes numbers by name, each with a default, and returns an `ImpactOscillator`, an `ImpactSystem` or another
+        family's model. It is called once per design, some microseconds each, and must always return the same for
+        the same numbers.
     units : mapping of str to str, optional
         Units of parameters, for axes and tables: ``@family(units={"rpm": "1/min"})``.
 

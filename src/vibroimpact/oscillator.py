@@ -260,8 +260,8 @@ class Model(Protocol):
         """Return the model with some parameters changed."""
         ...
 
-    def at(self, **values: float) -> ImpactOscillator:
-        """Return the oscillator that it is at some values of its parameters."""
+    def at(self, **values: float) -> Any:
+        """Return the oscillator or the system that it is at some values of its parameters."""
         ...
 
     def cells(self, points: Mapping[str, Any], start: State | None = None) -> Cells:
@@ -270,15 +270,24 @@ class Model(Protocol):
 
 
 def check_model(model: Any, name: str = "osc") -> None:
-    """Refuse what is neither an oscillator nor a family."""
+    """Refuse what is neither an oscillator, a system nor a family."""
     if not isinstance(model, Model) or isinstance(model, type):
         raise invalid(name, model, "an ImpactOscillator or a family", "write for example ImpactOscillator(omega=2.8)")
 
 
 def the_oscillator(model: Any) -> ImpactOscillator:
-    """Return the one oscillator that a model is at its own values."""
+    """Return the one oscillator that a model is at its own values, or refuse a system.
+
+    What is built on one mass and one stop alone needs it: that a stick erases all memory, so that two of them close a
+    cycle and all motions that stick are one attractor, and that velocity and phase of an impact are the whole state.
+    """
     check_model(model)
-    osc: ImpactOscillator = model.at()
+    osc = model.at()
+    if not isinstance(osc, ImpactOscillator):
+        raise ValueError(
+            f"this holds for one mass and one stop only, got {osc!s}; for systems use simulate, impact_section, "
+            "stroboscopic_section or parameter_map"
+        )
     return osc
 
 

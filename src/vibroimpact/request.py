@@ -180,9 +180,9 @@ class Request:
         return "; ".join("at rest" if start is None else str(start) for start in starts)
 
     def _numbers(self) -> dict[str, Any]:
-        """Return a mark of the numbers that a family makes: its function may change under the same name."""
+        """Return a mark of the numbers behind a name: of what a family makes, and of the matrices of a system."""
         if isinstance(self.model, ImpactOscillator):
-            return {}
+            return {}  # its parameters say all
         digest = hashlib.sha256()
         for low in range(0, len(self), BLOCK):
             digest.update(np.ascontiguousarray(self.cells(slice(low, low + BLOCK)).table).tobytes())

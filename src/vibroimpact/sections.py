@@ -11,24 +11,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vibroimpact.backends import Backend, ImpactWindow, Measurement, Samples, StroboscopicWindow, get_backend
+from vibroimpact.backends import Backend, ImpactWindow, Measurement, StroboscopicWindow, check_for_systems, get_backend
+from vibroimpact.backends.base import SystemSamples
 from vibroimpact.cells import Floats, cells_at
-from vibroimpact.dataset import dataset_of, impact_speed, provenance, status_variable, stick_times, variable
+from vibroimpact.dataset import dataset_of, provenance, status_variable, variable
+from vibroimpact.labels import Seconds, in_seconds, labelled_impacts, trajectory_of
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import ImpactOscillator, Model, State, one_start, the_oscillator
+from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model, one_start, the_oscillator
 from vibroimpact.parameters import STEPS, check_fits, invalid, phase_number, positive_number, whole_number
 
 if TYPE_CHECKING:
     import xarray as xr
 
 ROW = 200  # bytes in memory of one that is sampled, while it is labelled
-Seconds = Callable[[Any, Any], Any]  # of whole driving periods and phases
-
-
-def in_seconds(osc: ImpactOscillator) -> Seconds:
-    """Return the function that makes seconds of an oscillator's driving periods and phases."""
-    period = osc.period
-    return lambda periods, phase: (periods + phase) * period
 
 
 @dataclass(frozen=True)
@@ -46,16 +41,24 @@ class _Orbit:
         """The back end, made once."""
         return get_backend(self.backend, time_step=self.time_step)
 
-    def samples(self, window: ImpactWindow | StroboscopicWindow) -> tuple[Samples, Seconds]:
+    @cached_property
+    def made(self) -> Any:
+        """The oscillator or the system that the model is."""
+        check_model(self.model)
+        return self.model.at()
+
+    def samples(self, window: ImpactWindow | StroboscopicWindow) -> tuple[Any, Seconds]:
         """Return what a window sees of the orbit, and the function that makes seconds of periods and phases."""
-        osc = the_oscillator(self.model)
+        osc = self.made
         seconds = in_seconds(osc)
         cells, engine = self.model.cells({}, one_start(self.start)), self.engine
+        if not isinstance(osc, ImpactOscillator):
+            check_for_systems((), engine)
         self._check_cost(window, osc)
         (seen,) = engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
         return seen, seconds
 
-    def _check_cost(self, window: ImpactWindow | StroboscopicWindow, osc: ImpactOscillator) -> None:
+    def _check_cost(self, window: ImpactWindow | StroboscopicWindow, osc: Any) -> None:
         """Refuse samples that memory cannot hold, and fixed steps without end."""
         rows = f"asks for {window.keep:.3g} rows, which take"
         if isinstance(window, ImpactWindow):
@@ -141,7 +144,7 @@ def simulate(
     density = whole_number("samples_per_period", samples_per_period, 1)
     window = StroboscopicWindow(0, int(np.floor(length * density + 1e-9)) + 1, None, density)
     seen, seconds = orbit.samples(window)
-    found = _trajectory(seen, seconds) | {"status": status_variable((), seen.status)}
+    found = trajectory_of(seen, seconds, orbit.made) | {"status": status_variable((), seen.status)}
     coords = {"time": found.pop("time")}
     return dataset_of(found, coords, orbit.provenance("simulate", periods=length, samples_per_period=density))
 
@@ -176,19 +179,9 @@ def measure_orbit(
         cell, Measurement(asked, tolerances, indices=indices), Measurement(window, patience)
     )
     found = {name: float(measured[name][0]) for name in (*indices, "status")}
-    recorded = {name: values.values for name, values in _trajectory(seen, in_seconds(the_oscillator(osc))).items()}
+    of = the_oscillator(osc)
+    recorded = {name: values.values for name, values in trajectory_of(seen, in_seconds(of), of).items()}
     return found, recorded | {"impact_phase": seen.impact_phase}, -first % samples_per_period
-
-
-def _trajectory(seen: Samples, seconds: Seconds) -> dict[str, xr.Variable]:
-    return {
-        "time": variable("time", "time", seconds(seen.look_periods, seen.look_phase)),
-        "displacement": variable("displacement", "time", seen.look_displacement),
-        "velocity": variable("velocity", "time", seen.look_velocity),
-        "impact_time": variable("impact_time", "impact", seconds(seen.impact_periods, seen.impact_phase)),
-        "impact_velocity": variable("impact_velocity", "impact", seen.impact_velocity),
-        **stick_times(seconds, seen),
-    }
 
 
 def impact_section(
@@ -242,21 +235,7 @@ def impact_section(
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     seen, seconds = orbit.samples(window)
     how = orbit.provenance("impact_section", transient_impacts=window.transient, sample_impacts=window.keep)
-    return labelled_impacts(seen, seconds, how)
-
-
-def labelled_impacts(seen: Samples, seconds: Seconds, attrs: dict[str, str]) -> xr.Dataset:
-    """Return the impacts that a window saw, labelled as `impact_section` returns them."""
-    return dataset_of(
-        {
-            "time": variable("time", "impact", seconds(seen.impact_periods, seen.impact_phase)),
-            "phase": variable("phase", "impact", seen.impact_phase),
-            "velocity": impact_speed("impact", seen.impact_velocity),
-            **stick_times(seconds, seen),
-            "status": status_variable((), seen.status),
-        },
-        attrs=attrs,
-    )
+    return labelled_impacts(seen, seconds, how, orbit.made)
 
 
 def stroboscopic_section(
@@ -311,11 +290,12 @@ def stroboscopic_section(
     sampling = Sampling(transient_periods=transient_periods, sample_periods=sample_periods)
     window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, phase_number("phase", phase))
     seen, seconds = orbit.samples(window)
+    dims = ("period", "coordinate") if isinstance(seen, SystemSamples) else "period"
     return dataset_of(
         {
             "time": variable("time", "period", seconds(seen.look_periods, seen.look_phase)),
-            "displacement": variable("displacement", "period", seen.look_displacement),
-            "velocity": variable("velocity", "period", seen.look_velocity),
+            "displacement": variable("displacement", dims, seen.look_displacement),
+            "velocity": variable("velocity", dims, seen.look_velocity),
             "status": status_variable((), seen.status),
         },
         attrs=orbit.provenance(

@@ -26,6 +26,10 @@ class ByValue:
         """Return the arguments of the constructor by name."""
         raise NotImplementedError
 
+    def plain(self) -> dict[str, Any]:
+        """Return the arguments as numbers, texts, lists and dictionaries."""
+        return {name: _listed(value) for name, value in self.arguments().items()}
+
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and _plain(self.arguments()) == _plain(other.arguments())
 
@@ -43,6 +47,19 @@ class ByValue:
 
 def _made(kind: Any, arguments: dict[str, Any]) -> Any:
     return kind(**arguments)
+
+
+def _listed(value: Any) -> Any:
+    """Return a value without arrays; of complex ones two, the real and the imaginary parts."""
+    if isinstance(value, ByValue):
+        return value.plain()
+    if isinstance(value, Mapping):
+        return {str(key): _listed(part) for key, part in value.items()}
+    if isinstance(value, tuple):
+        return [_listed(part) for part in value]
+    if np.iscomplexobj(value):
+        return [np.real(value).tolist(), np.imag(value).tolist()]
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _plain(value: Any) -> Any:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +18,7 @@ from vibroimpact.modal import ModalForm, modal_form, velocity_scale
 from vibroimpact.oscillator import State, check_names
 from vibroimpact.parameters import Parameter, invalid, several
 from vibroimpact.stops import USUAL, ByValue, Force, Stop, check_length, names_of_points, over_modes
-
-if TYPE_CHECKING:
-    from vibroimpact.system_cells import SystemCells
+from vibroimpact.system_cells import SystemCells
 
 STOPS = 5  # at most: an impact is solved among all their sets
 
@@ -252,8 +250,6 @@ class ImpactSystem(ByValue):
 
     def cells(self, points: Mapping[str, Any], start: State | None = None) -> SystemCells:
         """Return one cell per point, all from the same start; None is at rest as `initial` has it."""
-        from vibroimpact.system_cells import SystemCells
-
         return SystemCells.of_points(self, points).begun(start)
 
     @property

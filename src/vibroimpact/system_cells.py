@@ -90,10 +90,10 @@ class SystemCells(Cells):
                 points.get(f"{name}_restitution", bounces[:, j]),
             )
         moved = gaps - cells.block("gap")
-        if not moved.any():
+        if not np.any(moved):
             cells.table[:, at["restitution"]] = bounces
             return cells
-        regular = cells.block("give").any(axis=1)[:, None]
+        regular = np.any(cells.block("give"), axis=1).reshape(-1, 1)
         cells.table[:, at["margin"]] += np.where(regular, moved, 0.0)
         cells.table[:, at["gap"]], cells.table[:, at["restitution"]] = gaps, bounces
         parts = zip(*(speed_parts(variant.modal()) for variant in variants), strict=True)

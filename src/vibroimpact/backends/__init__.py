@@ -18,6 +18,7 @@ __all__ = [
     "Measurement",
     "Samples",
     "StroboscopicWindow",
+    "check_for_systems",
     "check_known",
     "get_backend",
 ]
@@ -45,6 +46,17 @@ def get_backend(name: str, *, time_step: float | None = None, elsewhere: bool = 
     if not elsewhere:
         backend.check_here()
     return backend
+
+
+def check_for_systems(indices: Iterable[str], backend: Backend) -> None:
+    """Refuse for systems a back end that does not take them, and indices that are not known of them yet."""
+    known: frozenset[str] = getattr(backend, "known_of_systems", frozenset())
+    if not known:
+        raise ValueError(f"`backend` {backend.name!r} does not take systems; leave it out")
+    for name in indices:
+        if name not in known:
+            listed = ", ".join(index for index in INDICES if index in known)
+            raise ValueError(f"the index {name!r} is not known of systems yet, only {listed}")
 
 
 def check_known(indices: Iterable[str], backend: Backend) -> None:

@@ -126,6 +126,32 @@ class Samples:
         return cls(*values)
 
 
+@dataclass(frozen=True)
+class SystemSamples:
+    """One system's motion as a window saw it; times in whole `periods` plus `phase`.
+
+    `impact_*`: recorded impacts, `stop` by its number, speed in m/s, impulse in N s, and whether other stops were
+    struck at the same instant; `look_*`: coordinates and velocities, one row a look; `rest_*`: which stop closed, when,
+    and when it was let go (NaN if it was not).
+    """
+
+    impact_periods: Floats
+    impact_phase: Floats
+    impact_stop: Counts
+    impact_velocity: Floats
+    impact_impulse: Floats
+    impact_simultaneous: NDArray[np.bool_]
+    look_periods: Floats
+    look_phase: Floats
+    look_displacement: Floats
+    look_velocity: Floats
+    rest_stop: Counts
+    rest_begin: Floats
+    rest_end: Floats
+    status: int
+    steps: int
+
+
 def impacts_status(impacts: Floats, sticks: Floats, window: ImpactWindow, ended: Status) -> Status:
     """Return the status of a motion that `ended` so, from rows of the impacts and sticks that its window kept."""
     turns = impacts[:, 0] + impacts[:, 1]

@@ -35,6 +35,7 @@ from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
 from vibroimpact.kernels.runner import follow_cell, run_cells
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
+from vibroimpact.system_cells import SystemCells
 
 _LOOKS = 500  # at a cell or at lanes, 3 to 300 ms, before Python asks whether to stop
 _BATCH = 4096  # cells that end before they are handed on
@@ -107,9 +108,16 @@ class CpuBackend(Backend):
     largest_tile = 4096
     alone = BLOCK
     known_indices = frozenset(INDICES)
+    known_of_systems = frozenset(
+        {"std", "mean_velocity", "max_velocity", "impacts_per_period", "dissipation", "impact_phase_spread"}
+    )
 
     def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""
+        if isinstance(cells, SystemCells):
+            from vibroimpact.backends import systems  # compiled when it is first asked
+
+            return systems.indices(cells, measurement)
         sweep = _Sweep(cells, measurement)
         for _ in sweep.finished(lambda: False):
             pass
@@ -119,6 +127,10 @@ class CpuBackend(Backend):
         self, cells: Cells, measurement: Measurement
     ) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
         """Return the work of a thread: cell after cell into its own lanes, until none is left."""
+        if isinstance(cells, SystemCells):
+            from vibroimpact.backends import systems
+
+            return systems.share(cells, measurement)
         sweep = _Sweep(cells, measurement)
 
         def work(stopped: Callable[[], bool]) -> Iterator[tuple[Counts, Outcome]]:
@@ -127,8 +139,12 @@ class CpuBackend(Backend):
 
         return work
 
-    def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
+    def samples(self, cells: Cells, measurement: Measurement) -> list[Any]:
         """Return what the window sees of each cell."""
+        if isinstance(cells, SystemCells):
+            from vibroimpact.backends import systems
+
+            return list(systems.samples(cells, measurement))
         runs = [_Run(row, measurement.window, limits(measurement.tolerances)) for row in rows_of(cells)]
         if len(runs) < FEW:
             for run in runs:

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Counts, Floats, ImpactWindow, Measurement, Outcome
+from vibroimpact.backends.base import (
+    Counts,
+    Floats,
+    ImpactWindow,
+    Measurement,
+    Outcome,
+    SystemSamples,
+)
 from vibroimpact.indices import INDICES
 from vibroimpact.kernels.cell import DYING, FILLED, MOST, PINNED, QUIET, RUNNING, SPENT
 from vibroimpact.kernels.systems import lanes, march, walk
@@ -25,39 +30,12 @@ from vibroimpact.system_cells import SystemCells
 _LOOKS = 200  # at lanes, before Python asks whether to stop
 _STEPS = 1 << 14  # of one cell, as well
 _ROOM = 4096  # rows of a buffer, which is emptied when it is full
-KNOWN = frozenset({"std", "mean_velocity", "max_velocity", "impacts_per_period", "dissipation", "impact_phase_spread"})
 _ENDED = {
     QUIET: Status.STOPPED_IMPACTING,
     PINNED: Status.STUCK_FOREVER,
     DYING: Status.DECAYING,
     SPENT: Status.BUDGET,
 }
-
-
-@dataclass(frozen=True)
-class SystemSamples:
-    """One system's motion as a window saw it; times in whole `periods` plus `phase`.
-
-    `impact_*`: recorded impacts, `stop` by its number, speed in m/s, impulse in N s, and whether other stops were
-    struck at the same instant; `look_*`: coordinates and velocities, one row a look; `rest_*`: which stop closed, when,
-    and when it was let go (NaN if it was not).
-    """
-
-    impact_periods: Floats
-    impact_phase: Floats
-    impact_stop: Counts
-    impact_velocity: Floats
-    impact_impulse: Floats
-    impact_simultaneous: NDArray[np.bool_]
-    look_periods: Floats
-    look_phase: Floats
-    look_displacement: Floats
-    look_velocity: Floats
-    rest_stop: Counts
-    rest_begin: Floats
-    rest_end: Floats
-    status: int
-    steps: int
 
 
 # By which power of a step's length a number is multiplied where time is counted in steps.
@@ -199,6 +177,27 @@ def _status(end: int, hits: bool) -> Status:
     if end in (QUIET, DYING) and not hits:
         return Status.NO_IMPACT
     return _ENDED.get(end, Status.OK)
+
+
+def indices(cells: SystemCells, measurement: Measurement) -> Outcome:
+    """Return the indices, the status, the impacts computed and the certified steps of each cell."""
+    sweep = SystemSweep(cells, measurement)
+    for _ in sweep.finished(lambda: False):
+        pass
+    return sweep.outcome(slice(None))
+
+
+def share(
+    cells: SystemCells, measurement: Measurement
+) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
+    """Return the work of a thread: cell after cell into its own lanes, until none is left."""
+    sweep = SystemSweep(cells, measurement)
+
+    def work(stopped: Callable[[], bool]) -> Iterator[tuple[Counts, Outcome]]:
+        for done in sweep.finished(stopped):
+            yield done, sweep.outcome(done)
+
+    return work
 
 
 class SystemSweep:

@@ -56,7 +56,8 @@ class Start(NamedTuple):
 
     def cell(self, design: Model) -> Cells:
         """Return the cell of a design that starts so."""
-        return design.at().cells({}).replace(**self._asdict())
+        cells: Cells = design.at().cells({})
+        return cells.replace(**self._asdict())
 
 
 AT_REST = Start(0.0, 0.0, CREST)  # at the stop while the force presses most, waiting for the release

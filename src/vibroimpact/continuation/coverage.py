@@ -238,7 +238,7 @@ def _touch(model: Model, parameter: str, values: tuple[float, float]) -> tuple[B
 
     def room(value: float) -> float:
         osc = model.at(**{parameter: value})
-        return osc.gap - osc.steady_amplitude
+        return float(osc.gap - osc.steady_amplitude)
 
     first, last = map(room, values)
     if not (math.isfinite(first) and math.isfinite(last)) or first <= 0.0 or last > 0.0:

@@ -23,7 +23,7 @@ from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits
 from vibroimpact.orbits.orbit import Orbit, from_hardest, make_orbit, solution_of, true_cycle
 from vibroimpact.orbits.sticking import StickingEnd
-from vibroimpact.oscillator import ImpactOscillator, Model, check_model
+from vibroimpact.oscillator import ImpactOscillator, Model, the_oscillator
 from vibroimpact.parameters import choice, invalid, several, whole_number
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
@@ -132,7 +132,7 @@ def boundary_curves(
     >>> sorted({(curve.kind, curve.orbits[0].n_periods) for curve in curves})
     [('end_of_sticking', 2), ('period_doubling', 1)]
     """
-    check_model(osc)
+    the_oscillator(osc)
     plane = names, box = check_box(osc, parameters, ranges)
     count, longest = whole_number("lines", lines, 2), check_share("step", step)
     given = several("n_periods", USUAL if n_periods is None else n_periods, "a list of whole numbers")

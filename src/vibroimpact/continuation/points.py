@@ -39,7 +39,8 @@ class Solution:
     @cached_property
     def oscillator(self) -> ImpactOscillator:
         """The oscillator there."""
-        return self.system.model_at(self.x).at()
+        osc: ImpactOscillator = self.system.model_at(self.x).at()
+        return osc
 
     @cached_property
     def z(self) -> Floats:

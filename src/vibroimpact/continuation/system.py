@@ -28,7 +28,7 @@ import numpy as np
 
 from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
 from vibroimpact.orbits.orbit import Orbit, check_pair, solution_of, value_of
-from vibroimpact.oscillator import ImpactOscillator, Model
+from vibroimpact.oscillator import ImpactOscillator, Model, the_oscillator
 from vibroimpact.parameters import invalid, real_number
 from vibroimpact.progress import Report
 
@@ -67,7 +67,7 @@ class System:
     @cached_property
     def oscillator(self) -> ImpactOscillator:
         """The model's own oscillator, which is where the curve begins."""
-        return self.model.at()
+        return the_oscillator(self.model)
 
     @cached_property
     def inner(self) -> int:

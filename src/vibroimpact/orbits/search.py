@@ -18,7 +18,7 @@ from vibroimpact.backends.cpu import outlast
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
 from vibroimpact.orbits.orbit import Orbit, from_hardest, impacts_of, make_orbit, same_orbit, solution_of, true_cycle
-from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model
+from vibroimpact.oscillator import ImpactOscillator, Model, State, the_oscillator
 from vibroimpact.parameters import invalid, real_number, whole_number
 
 Near = Orbit | State | tuple[float, float] | None
@@ -106,7 +106,7 @@ def find_orbit(
     >>> find_orbit(ImpactOscillator(omega=2.0), n_periods=1, n_impacts=2).message
     'no initial guess converged to a period-1 impact-2 orbit'
     """
-    check_model(osc)
+    the_oscillator(osc)
     cycle = Cycle(whole_number("n_periods", n_periods, 1), whole_number("n_impacts", n_impacts, -1, IMPACTS))
     if cycle.n_impacts == 0:
         raise invalid("n_impacts", n_impacts, "a whole number >= 1, or -1 for a complete chatter")

@@ -38,7 +38,7 @@ from vibroimpact.motion import cycle_name, resolved
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit, check_pair, family_of
-from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model
+from vibroimpact.oscillator import ImpactOscillator, Model, State, the_oscillator
 from vibroimpact.parameters import invalid, whole_number
 
 # Close to the end of sticking a chatter that is cut off early would hold a mass that flies on: impacts of 1e-12 V still
@@ -160,7 +160,7 @@ def find_sticking_orbit(
     []
     """
     wanted = None if n_periods is None else whole_number("n_periods", n_periods, 1)
-    check_model(osc)
+    the_oscillator(osc)
     stick = from_release(osc.at(), max(whole_number("longest", longest, 1), wanted or 1))
     if stick is None or wanted not in (None, stick.periods) or not closes(osc.at(), stick):
         return []
@@ -319,7 +319,7 @@ def end_of_sticking(
     >>> point.n_periods, round(point.value, 12)
     (1, 0.347180413266)
     """
-    check_model(osc)
+    the_oscillator(osc)
     inside, outside = check_pair(osc, parameter, "between", between)
     longest = whole_number("longest", longest, 1)
     if inside == outside:

@@ -12,7 +12,7 @@ from vibroimpact.coexistence.measuring import Runner, SpentError
 from vibroimpact.motion import Motion
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits import Orbit
-from vibroimpact.oscillator import ImpactOscillator, Model, check_model
+from vibroimpact.oscillator import ImpactOscillator, Model, the_oscillator
 from vibroimpact.progress import Report, reporter
 from vibroimpact.verdict.advice import Advice, advise
 from vibroimpact.verdict.boundaries import Edge, nearest_boundaries
@@ -203,7 +203,7 @@ def describe(
     >>> down.kind, round(down.value, 9), down.accuracy
     ('period_doubling', 1.258962235, 'exact')
     """
-    check_model(osc)
+    the_oscillator(osc)
     far = check_within(within)
     ranges = [range_of(osc, name, far) for name in check_parameters(osc, parameters)]
     runner = Runner("cpu", tolerances, workers)

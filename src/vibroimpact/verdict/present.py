@@ -13,12 +13,12 @@ from vibroimpact.coexistence.final import Final, final_motion, thrifty
 from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runner, Start, last_of
 from vibroimpact.coexistence.search import attractors_by
 from vibroimpact.dataset import provenance
+from vibroimpact.labels import in_seconds, labelled_impacts
 from vibroimpact.motion import Motion, MotionClass, recognise
 from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.orbit import Impacts, value_of
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names
 from vibroimpact.parameters import Parameter, invalid, several
-from vibroimpact.sections import in_seconds, labelled_impacts
 
 DEAREST = 1 << 29  # certified steps around a motion: five times those of the dearest of usual designs
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
@@ -85,7 +85,7 @@ def present_motion(model: Model, runner: Runner) -> Present:
     if orbit is not None and not orbit.sticks:
         motion = replace(motion, velocities=orbit.velocities, phases=orbit.phases)
     else:
-        recognised = recognise(labelled_impacts(seen, in_seconds(osc), provenance("impact_section", osc, {})))
+        recognised = recognise(labelled_impacts(seen, in_seconds(osc), provenance("impact_section", osc, {}), osc))
         motion = recognised if recognised.kind == motion.kind else motion
     hits = zip(seen.impact_velocity.tolist(), seen.impact_phase.tolist(), strict=True)
     after = (Start(0.0, -osc.restitution * velocity, phase) for velocity, phase in hits)
@@ -217,7 +217,8 @@ class Range:
 
     def at(self, value: float) -> ImpactOscillator:
         """Return the oscillator that the model is at another value."""
-        return self.model.at(**{self.name: value})
+        osc: ImpactOscillator = self.model.at(**{self.name: value})
+        return osc
 
     def end(self, direction: int) -> float:
         """Return the last value downwards (-1) or upwards (+1)."""

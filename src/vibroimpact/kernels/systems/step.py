@@ -6,8 +6,8 @@ begins with (x after an impact, x^2 where it leaves from rest, x^3 at a release)
 smallest root of that bound over all stops is a step that cannot pass the first zero of any of them.
 
 Where the zero of the nearest one is so near that its rate cannot change by half on the way (|u''| <= B over the whole
-step, B d <= |p|/20 for the distance d = -u/p), the polynomial falls to it within 2 d, and Newton's method from d meets
-it: |e'| <= B e^2/|p| turns 0.025 d into 3e-5 d, 5e-11 d and less than rounding.
+step, B d <= |p|/50 for the distance d = -u/p), the polynomial falls to it within 2 d, and Newton's method meets it: by
+|e'| <= B e^2/(2 |p|) it is 0.01 d, 1e-6 d and 1e-14 d off after one step, two and three.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from vibroimpact.kernels.vectors import LANES, fma, get, group, put, select
 OPEN, STRUCK, RESTING, RELEASED, CLOSED, BALANCED = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 NOTHING, CONTACT, STALLED = 0.0, 1.0, 2.0  # what ended a step; the last: it is at a stop without approaching it
 
-NEAR = 0.05  # of the rate: by how much it may change on the way to a contact that is solved for
+NEAR = 0.02  # of the rate: by how much it may change on the way to a contact that is solved for
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -73,7 +73,10 @@ def _negative(a):
 
 @njit(error_model="numpy", forceinline=True)
 def certified(b, kind):
-    """Return an x in [0, 1] such that the polynomial is above zero on (0, x), from its derivatives at 0."""
+    """Return an x in [0, 1] such that the polynomial is above zero on (0, x), from its derivatives at 0.
+
+    The bounds are sharp at x = X: they are taken twice, over the step and over twice what the first certified.
+    """
     a = coefficients(b)
     let_go = kind == RELEASED
     at_rest = let_go | (kind == RESTING)
@@ -87,18 +90,29 @@ def certified(b, kind):
     q4 = select(let_go, a[7], select(at_rest, a[6], select(leaving, a[5], a[4])))
     half = fma(0.5, fma(0.5, fma(0.5, fma(0.5, q4, q3), q2), q1), q0)
     X = select(half < 0.0, 0.5, 1.0)
-    t7 = fma(tail(a), X, _negative(a[7]))
-    t6 = fma(t7, X, _negative(a[6]))
-    t5 = fma(t6, X, _negative(a[5]))
-    t4 = fma(t5, X, _negative(a[4]))
-    cubic = fma(select(let_go, t7, select(at_rest, t6, select(leaving, t5, t4))), X, q3)
+    last, x = tail(a), 0.0 * X
+    for _ in range(2):
+        t7 = fma(last, X, _negative(a[7]))
+        t6 = fma(t7, X, _negative(a[6]))
+        t5 = fma(t6, X, _negative(a[5]))
+        t4 = fma(t5, X, _negative(a[4]))
+        cubic = fma(select(let_go, t7, select(at_rest, t6, select(leaving, t5, t4))), X, q3)
+        own = _reach(q0, q1, q2, cubic, X)
+        x = select(own > x, own, x)
+        X = select(2.0 * x < X, 2.0 * x, X)
+    return x
+
+
+@njit(error_model="numpy", forceinline=True)
+def _reach(q0, q1, q2, cubic, X):
+    """Return the smallest positive root of q0 + q1 x + q2 x^2 + cubic x^3 from below, X at most."""
     slope = cubic * X * X
     tangent = (cubic > 0.0) & (2.0 * slope < -q1)
     linear = select(tangent, q1 - slope, q1)
     square = fma(select(tangent, 2.0 * cubic, _negative(cubic)), X, q2)
     discriminant = fma(linear, linear, -4.0 * q0 * square)
     denominator = math.sqrt(select(discriminant > 0.0, discriminant, 0.0)) - linear
-    x = select((discriminant >= 0.0) & (denominator > 0.0), 2.0 * q0 / denominator, 1.0)
+    x = select((discriminant >= 0.0) & (denominator > 0.0), 2.0 * q0 / denominator, X)
     return select(x < X, x, X)
 
 
@@ -203,9 +217,15 @@ def _watched(rows, z, held, k, lane, wide):
     for j in range(k.modes):
         alpha = get(rows, k.alpha + z * k.modes + j, lane, wide)
         b = plus_times(b, -alpha, load(rows, k.flight + j * SIZE, lane, wide))
+    kind = get(rows, k.kind + z, lane, wide)
     if held:
-        b = either(get(rows, k.kind + z, lane, wide) >= CLOSED, load(rows, k.hold + z * SIZE, lane, wide), b)
-    return b
+        b = either(kind >= CLOSED, load(rows, k.hold + z * SIZE, lane, wide), b)
+    # The zeros that it begins with are exact, whatever rounding makes of them.
+    let_go = kind == RELEASED
+    at_rest = let_go | (kind == RESTING)
+    leaving = at_rest | (kind == STRUCK) | (kind == BALANCED)
+    exact = select(leaving, 0.0, b[0]), select(at_rest, 0.0, b[1]), select(let_go, 0.0, b[2])
+    return exact + b[3:]
 
 
 @njit(error_model="numpy", forceinline=True)
