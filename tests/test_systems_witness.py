@@ -2,6 +2,7 @@
 
 import cmath
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -390,9 +391,10 @@ def test_the_end_of_a_chatter_does_not_depend_on_its_cut(cut):
 # Identities
 
 
+@cache
 def others():
-    """Yield random systems, sticking among them, with a start, and how an error of 1e-9 of it grows by each event."""
-    rng = np.random.default_rng(7)
+    """Return random systems, sticking among them, with a start, and how an error of 1e-9 of it grows by each event."""
+    rng, found = np.random.default_rng(7), []
     for k in range(12):
         n, s, start = 1 + k % 4, 1 + k % 3, None
         while start is None:
@@ -405,7 +407,8 @@ def others():
         sure = [a.kind == b.kind and a.stop == b.stop for a, b in zip(seen.events, near.events, strict=False)]
         known = sure.index(False) if False in sure else known
         growth = np.maximum.accumulate(apart[:known]).clip(1.0)
-        yield design, q, dq, seen, growth
+        found.append((design, q, dq, seen, growth))
+    return found
 
 
 def listed(seen):
@@ -562,6 +565,13 @@ def test_a_mass_that_is_pressed_into_a_corner_comes_to_rest_there_and_keeps_what
     assert np.abs([first @ seen.end.velocity, second @ seen.end.velocity]).max() < 1e-13
 
 
+def test_stops_that_squeeze_a_mass_are_refused():
+    # A moving stop presses the mass against one that stands.
+    design = system(1, 0, 0, 1.0, [stop([1], 1.0, 0.0), stop([-1], 0.0, 0.0, {1: -2.0})], constant=[-9.0])
+    with pytest.raises(ValueError, match="no velocity leaves"):
+        follow(design, [0.5], [0.0])
+
+
 def test_a_start_beyond_a_stop_is_refused():
     with pytest.raises(ValueError, match="beyond a stop"):
         follow(TWO_SIDED, [0.6], [0.0])
@@ -569,7 +579,7 @@ def test_a_start_beyond_a_stop_is_refused():
 
 def test_an_elastic_bar_leaves_a_rigid_stop_with_most_of_its_speed():
     # r = 0 at the end node: the waves give the speed back after 2 L sqrt(rho/E), all of it with infinitely many nodes.
-    young, density, speed, nodes = 210e9, 7800.0, 0.1, 40
+    young, density, speed, nodes = 210e9, 7800.0, 0.1, 25
     cell = 1.0 / nodes
     mass = density * cell * np.diag([0.5] + [1.0] * (nodes - 1) + [0.5])
     stiffness = (

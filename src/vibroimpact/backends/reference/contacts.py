@@ -9,6 +9,8 @@ import numpy as np
 
 from vibroimpact.backends.reference.phases import BALANCE, DEPTH, Equations, Floats
 
+CRUSHED = 1e-6  # of the fastest rate: a law violated by more has no solution
+
 
 def subsets(stops: list[int]) -> Iterator[tuple[int, ...]]:
     """Yield every subset, smaller ones first."""
@@ -32,6 +34,11 @@ def impact_law(coupling: Floats, restitution: Floats, rates: Floats) -> tuple[Fl
     -------
     tuple of array
         The rates w+ and the impulses P. Energy does not grow by them.
+
+    Raises
+    ------
+    ValueError
+        No velocity leaves these stops: they move towards each other.
 
     Examples
     --------
@@ -61,6 +68,8 @@ def impact_law(coupling: Floats, restitution: Floats, rates: Floats) -> tuple[Fl
         if wrong <= rounding:
             break
     assert best is not None  # the empty set is never singular
+    if best[0] > CRUSHED * float(np.abs(speeds).max(initial=0.0)):
+        raise ValueError(f"no velocity leaves stops whose clearances have the rates {rates.tolist()}")
     return best[1] + 0.0, best[2]
 
 

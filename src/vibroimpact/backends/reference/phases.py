@@ -20,6 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +30,11 @@ from vibroimpact.backends.reference.flight import sine_cosine
 
 Floats = NDArray[np.float64]
 Which = NDArray[np.intp]
+Real = NDArray[Any]  # of double or extended precision
 
 STRIDE = 0.1  # radians of the fastest rate between two points of a block
-BLOCK = 64  # intervals of a block
+ROOT = 8  # the root of BLOCK
+BLOCK = ROOT**2  # intervals of a block
 TERMS = 30  # of a series over a stride
 DEPTH = 6  # derivatives that are looked at where a force or an acceleration vanishes
 BALANCE = 1e-13  # of the sum of its terms: a value this small is rounding
@@ -188,10 +191,10 @@ class Phase:
 
     @cached_property
     def block(self) -> Floats:
-        """Propagators over 1 ... BLOCK strides, by doubling."""
-        table = exponential(self.matrix, self.stride)[None]
-        while len(table) < BLOCK:
-            table = np.concatenate([table, table @ table[-1]])
+        """Propagators over 1 ... BLOCK strides; in extended precision, because each block makes their errors anew."""
+        ones = _powers(exponential(self.matrix.astype(np.longdouble), self.stride))
+        eights = np.concatenate([np.eye(len(self.matrix))[None], _powers(ones[-1])[:-1]]).astype(float)
+        table: Floats = (eights[:, None] @ ones.astype(float)[None]).reshape(BLOCK, *self.matrix.shape)
         return table
 
     @cached_property
@@ -269,21 +272,29 @@ class Phase:
         return None
 
 
-def exponential(matrix: Floats, time: float, strides: float = 1.0) -> Floats:
+def exponential(matrix: Real, time: float, strides: float = 1.0) -> Real:
     """Return exp(A time), each entry right relative to the sum of its terms; `time` is so many strides.
 
-    The series over a stride is summed until a term changes nothing, then squared.
+    The series over a stride is summed until a term changes nothing, then squared; in the precision of the matrix.
     """
     squares = max(0, math.ceil(math.log2(strides)))
-    term = total = np.eye(len(matrix))
-    k = 0
-    while (np.abs(term) > 0.1 * np.finfo(float).eps * np.abs(total)).any():
+    step = matrix * (time / 2.0**squares)
+    total: Real = np.eye(len(matrix)).astype(matrix.dtype)
+    term, k = total, 0
+    while (np.abs(term) > 0.1 * np.finfo(matrix.dtype).eps * np.abs(total)).any():
         k += 1
-        term = term @ matrix * (time / 2.0**squares / k)
+        term = (term @ step) / k
         total = total + term
     for _ in range(squares):
         total = total @ total
     return total
+
+
+def _powers(matrix: Real) -> Real:
+    powers = [matrix]
+    while len(powers) < ROOT:
+        powers.append(powers[-1] @ matrix)
+    return np.array(powers)
 
 
 def _with_roots(function: Callable[[float], float], knots: list[float]) -> list[float]:

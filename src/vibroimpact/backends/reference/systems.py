@@ -141,7 +141,7 @@ def follow(
     Raises
     ------
     ValueError
-        The state lies beyond a stop.
+        The state lies beyond a stop, or stops squeeze a mass between them.
 
     Notes
     -----
