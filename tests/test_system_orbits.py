@@ -385,6 +385,7 @@ def test_the_determinant_is_that_of_restitution_and_damping():
         for orbit in found:
             r = system.stops[system.stop_names.index(orbit.stops[0])].restitution
             expected = r**2 * math.exp(-trace * orbit.period)
+            assert orbit.determinant == pytest.approx(expected, rel=1e-11)
             assert np.prod(orbit.multipliers).real == pytest.approx(expected, rel=1e-10, abs=1e-13)
             assert np.prod(orbit.multipliers).imag == pytest.approx(0.0, abs=1e-13)
             assert len(orbit.multipliers) == 2 * len(system.mass)
@@ -434,6 +435,61 @@ def test_a_symmetric_orbit_has_squares_of_the_multipliers_of_its_half():
     jacobian = differences(orbit.system, orbit)
     assert np.poly(np.array(orbit.multipliers)) == pytest.approx(np.poly(jacobian), abs=1e-6)
     assert np.array(orbit.half_multipliers) ** 2 == pytest.approx(np.array(orbit.multipliers), rel=1e-14)
+
+
+def test_without_any_loss_no_orbit_attracts():
+    system = three_masses(damping=0.0, stops=[vi.Stop(direction=[0, 0, 1], gap=0.5, restitution=1.0)])
+    for n in (1, 2, 3):
+        for orbit in find(system, n_periods=n):
+            assert orbit.determinant == 1.0
+            assert np.prod(orbit.multipliers).real == pytest.approx(1.0, rel=1e-11)
+            inverse = sorted(abs(1.0 / value) for value in orbit.multipliers)  # of a conservative motion in pairs
+            assert inverse == pytest.approx(sorted(abs(value) for value in orbit.multipliers), rel=1e-9)
+            assert not orbit.stable
+
+
+def test_an_impact_without_rebound_loses_one_dimension():
+    for osc, rests in (
+        (vi.ImpactOscillator(restitution=0.0, omega=0.7), True),
+        (vi.ImpactOscillator(restitution=0.0, omega=2.5), False),
+    ):
+        known, found = vi.find_orbit(osc)[0], find(one_mass(osc))[0]
+        assert orbit_distance(known, found) < 1e-13
+        assert found.determinant == 0.0
+        assert abs(found.multipliers[1]) < 1e-14
+        assert (found.message == "after impact 1 it comes to rest at 'stop_1'") == rests == (not known.admissible)
+
+
+def test_a_beam_of_twelve_modes_keeps_its_digits():
+    """The last frequency is 371 times the first, near which the force is; the stop is in sight of all modes."""
+    roots_of_beam = np.array([1.8751040687, 4.6940911330, *((2 * i - 1) * np.pi / 2 for i in range(3, 13))])
+    beam = vi.ImpactSystem.from_modes(
+        frequencies=10.0 * (roots_of_beam / roots_of_beam[0]) ** 2,
+        damping_ratios=0.01,
+        shapes=[2.0 * (-1.0) ** np.arange(12), np.linspace(0.7, 1.0, 12)],
+        force=vi.Force(frequency=9.3, harmonics={1: {"point_2": 1.0}, 2: {"point_2": 0.3j}}),
+        stops=[vi.Stop(direction={"point_1": 1.0}, gap=1e-4, restitution=0.6)],
+    )
+    for n in (1, 2):
+        (orbit,) = find(beam, n_periods=n)
+        assert Plain(beam).replayed(orbit) < 1e-12
+
+
+def test_a_nearly_free_mass_keeps_its_digits():
+    """The force turns 1000 times per free period; values of the quadratic with 50 digits."""
+    osc = vi.ImpactOscillator(
+        mass=29.622023395880277,
+        damping=0.04002985614795189,
+        stiffness=0.007317046314114021,
+        amplitude=0.0024504668600181865,
+        omega=17.076030406138702,
+        restitution=0.969678298492064,
+        gap=-0.5653230303832933,
+    )
+    first, second = find(one_mass(osc), n_periods=4)
+    assert first.velocities[0] == pytest.approx(0.00010435060552674233, rel=1e-11)
+    assert second.velocities[0] == pytest.approx(0.00010435050679215172, rel=1e-11)
+    assert (first.phases[0], second.phases[0]) == pytest.approx((0.6958559636453552, 0.304118792792092), abs=1e-11)
 
 
 # Several impacts

@@ -35,7 +35,10 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
         if duration * flow.fastest > STRIDE * MOST_SAMPLES:
             turns = duration * flow.fastest / TURN
             return f"the flight after impact {i + 1} takes {turns:.2g} periods of the fastest mode: it was not checked"
-        start = np.append(flow.struck(stop, states[i], begin), begin)
+        after = flow.struck(stop, states[i], begin)
+        if flow.restitution[stop] == 0.0 and flow.clearance(stop, after, begin)[2] < 0.0:
+            return f"after impact {i + 1} it comes to rest at {names[stop]!r}"
+        start = np.append(after, begin)
         met = _first_contact(flow, start, duration, cycle.struck_after(i))
         if met is not None:
             angle, other, depth = met

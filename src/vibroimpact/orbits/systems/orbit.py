@@ -9,6 +9,7 @@ import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.motion import cycle_name
+from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.systems.admissibility import objection
 from vibroimpact.orbits.systems.cycle import Cycle
@@ -91,13 +92,25 @@ class SystemOrbit:
 
     @property
     def stable(self) -> bool:
-        """Whether perturbations decay: all multipliers lie inside the unit circle."""
-        return self.spectral_radius < 1.0
+        """Whether perturbations decay: all multipliers lie inside the unit circle, by more than rounding."""
+        return self.spectral_radius < 1.0 - ROUNDING
 
     @property
     def spectral_radius(self) -> float:
         """Size of the largest multiplier."""
         return max(map(abs, self.multipliers))
+
+    @property
+    def trace(self) -> float:
+        """Trace of the cycle's Jacobian: the sum of the multipliers."""
+        return sum(self.multipliers).real
+
+    @property
+    def determinant(self) -> float:
+        """Determinant of the cycle's Jacobian, exp(-tr(M^-1 C) n T) times r^2 of each impact."""
+        restitution = dict(zip(self.system.stop_names, self.system.modal().restitution.tolist(), strict=True))
+        lost = math.exp(-float(np.trace(self.system.modal().damping)) * self.period)
+        return math.prod((restitution[stop] ** 2 for stop in self.stops), start=lost)
 
     @property
     def period(self) -> float:
