@@ -300,7 +300,7 @@ def _collide(rows, k, room, struck, closed, weak):
             rate = -room.speed[y]
             for x in range(s):
                 rate += room.gram[y, x] * room.impulse[x]
-            leaves = rate > ROUNDING * fastest
+            leaves = rate > max(ROUNDING * fastest, HOLD * rows[k.cut])  # so slow, what presses holds
             rows[k.kind + y] = STRUCK if leaves else OPEN
             rest |= 0 if leaves else 1 << y
     chosen = _settle(rows, k, room, rest) if rest else 0

@@ -7,7 +7,8 @@ smallest root of that bound over all stops is a step that cannot pass the first 
 
 Where the zero of the nearest one is so near that its rate cannot change by half on the way (|u''| <= B over the whole
 step, B d <= |p|/50 for the distance d = -u/p), the polynomial falls to it within 2 d, and Newton's method meets it: by
-|e'| <= B e^2/(2 |p|) it is 0.01 d, 1e-6 d and 1e-14 d off after one step, two and three.
+|e'| <= B e^2/(2 |p|) it is 0.01 d, 1e-6 d and 1e-14 d off after one step, two and three. The step goes there if the
+other stops' bounds reach as far.
 """
 
 from __future__ import annotations
@@ -230,21 +231,24 @@ def _watched(rows, z, held, k, lane, wide):
 
 @njit(error_model="numpy", forceinline=True)
 def _certify(rows, held, k, lane, wide):
-    """Return the certified step, the stop that limits it, and leave what is watched of that."""
+    """Return the certified step, that of all stops but the one that limits it, which one that is; leave what is watched
+    of it.
+    """
     one = 0.0 * get(rows, k.theta, lane, wide) + 1.0
-    x, which = one, 0.0 * one
+    x, others, which = one, one, 0.0 * one
     for z in range(k.stops):
         b = _watched(rows, z, held, k, lane, wide)
         own = certified(b, get(rows, k.kind + z, lane, wide))
         nearer = own < x
+        others = select(nearer, x, select(own < others, own, others))
         x, which = select(nearer, own, x), select(nearer, float(z) * one, which)
         store(rows, k.near, lane, wide, either(nearer, b, load(rows, k.near, lane, wide)) if z else b)
-    return x, which
+    return x, others, which
 
 
 @njit(error_model="numpy", forceinline=True)
-def _approach(b, x):
-    """Return whether a zero is next to x, and where the step then ends: at it."""
+def _approach(b, x, others):
+    """Return whether a zero is next to x and before what is certified of the others, and where the step then ends."""
     y, p = evaluate(b, x)
     d = select(y > 0.0, y, 0.0) / -p
     close = (p < 0.0) & (bend(b) * d < -NEAR * p) & (x + 2.0 * d <= 1.0)
@@ -252,7 +256,8 @@ def _approach(b, x):
     for _ in range(2):
         y, p = evaluate(b, t)
         t = t - select(close, y / p, 0.0)
-    return close, t
+    first = close & (t <= others)
+    return first, select(first, t, x)
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -299,8 +304,8 @@ def step(rows, k, lane, wide):
         fly_together(rows, k, lane, wide, DEGREE)
     else:
         _fly_apart(rows, k, lane, wide)
-    x, which = _certify(rows, held, k, lane, wide)
-    close, end = _approach(load(rows, k.near, lane, wide), x)
+    x, others, which = _certify(rows, held, k, lane, wide)
+    close, end = _approach(load(rows, k.near, lane, wide), x, others)
     _move(rows, end, k, lane, wide)
     stalled = select(end <= 0.0, STALLED, NOTHING)
     put(rows, k.which, lane, wide, which)
