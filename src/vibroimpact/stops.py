@@ -58,7 +58,7 @@ def _listed(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_listed(part) for part in value]
     if np.iscomplexobj(value):
-        return [np.real(value).tolist(), np.imag(value).tolist()]
+        return [np.asarray(value).real.tolist(), np.asarray(value).imag.tolist()]
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 

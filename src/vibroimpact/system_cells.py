@@ -191,8 +191,9 @@ class SystemCells(Cells):
     def _clearances(self, turn: Floats, eta: Floats) -> Floats:
         """Return the clearances of all stops at (sin wt, cos wt)."""
         n, s, m = self.shape.modes, self.shape.stops, self.shape.harmonics
-        alpha, motion = self.block("alpha").reshape(-1, s, n), self.block("motion").reshape(-1, s, m, 2)
-        wave = (turn[..., 1] + 1j * turn[..., 0]) if turn.ndim > 1 else np.ones(len(self), complex)
+        rows = len(self)
+        alpha, motion = self.block("alpha").reshape(rows, s, n), self.block("motion").reshape(rows, s, m, 2)
+        wave = (turn[..., 1] + 1j * turn[..., 0]) if turn.ndim > 1 else np.ones(rows, complex)
         powers = wave[:, None] ** np.arange(1, m + 1)
         moved = (motion[..., 0] * powers.imag[:, None, :] + motion[..., 1] * powers.real[:, None, :]).sum(axis=-1)
         found: Floats = self.block("gap") + moved - (alpha @ eta[..., None])[..., 0]

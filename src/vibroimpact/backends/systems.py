@@ -135,11 +135,12 @@ def _labelled(
     n, h, shapes = cell.shape.modes, float(_steps(cell)[0]), cell.shapes[0]
     looks = seen.looks[: seen.filled[1]]
     if isinstance(window, ImpactWindow):
-        turns = impacts[:, 0] + impacts[:, 1]
-        inside = rests[np.isnan(rests[:, 3]) | (rests[:, 3] + rests[:, 4] >= (turns[0] if len(turns) else 0.0))]
-        rests = inside[inside[:, 1] + inside[:, 2] <= (turns[-1] if len(turns) else math.inf)]
+        turns, filled = impacts[:, 0] + impacts[:, 1], len(impacts) == window.keep
+        first, last = (turns[0], turns[-1] if filled else math.inf) if len(turns) else (math.inf, -math.inf)
+        later = np.isnan(rests[:, 3]) | (rests[:, 3] + rests[:, 4] > first)
+        rests = rests[later & (rests[:, 1] + rests[:, 2] < last)]
         span = float(turns[-1] - turns[0]) if len(turns) else 0.0
-        ended = _status(end, len(impacts) > 0)
+        ended = _status(end, bool(note[march.HITS]))
         status = window_status(
             sampled=len(impacts), wanted=window.keep, stuck=len(rests) > 0, periods=span, ended=ended
         )

@@ -57,10 +57,10 @@ def _seat(table, budgets, tickets, lanes, lane, notes, rows, k, room):
 def _unusual(lanes, lane, notes, rows, k, room, window):
     """Make what ended a lane's step, on the cell alone."""
     _lift(lanes, lane, rows)
-    struck, closing, _ = happen(rows, k, room)
+    struck, _, _ = happen(rows, k, room)
     if struck:
         add_all(rows, k, room, notes, lane, struck, window)
-    notes[lane, STICKS] += closing > 0 and notes[lane, HITS] > window.transient
+    notes[lane, STICKS] += rows[k.closed] > 0.0 and window.transient < notes[lane, HITS] < window.total
     _lower(lanes, lane, rows, k.constants)
 
 
