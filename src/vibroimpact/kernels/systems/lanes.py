@@ -65,17 +65,16 @@ def _unusual(lanes, lane, notes, rows, k, room, window):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _after_step(lanes, lane, notes, rows, k, room, window):
-    """Make what ended a lane's step."""
-    if lanes[k.hit * LANES + lane] == CONTACT:
-        v, impulse = bounce(lanes, k, lane, 0)
-        if v > 0.0:
-            z = int(lanes[k.which * LANES + lane])
-            lost = 0.5 * (1.0 - lanes[(k.restitution + z) * LANES + lane]) * v * impulse
-            at = k.turn * LANES + lane
-            add(notes, lane, v, lost, lanes[at], lanes[at + LANES], lanes[at + 2 * LANES], window)
-            return
-    _unusual(lanes, lane, notes, rows, k, room, window)
+def _usual(lanes, lane, notes, k, window):
+    """Make what ended a lane's step if it is the usual impact; return whether it was."""
+    if lanes[k.hit * LANES + lane] != CONTACT:
+        return False
+    v, impulse = bounce(lanes, k, lane, 0)
+    if v > 0.0:
+        z, at = int(lanes[k.which * LANES + lane]), k.turn * LANES + lane
+        lost = 0.5 * (1.0 - lanes[(k.restitution + z) * LANES + lane]) * v * impulse
+        add(notes, lane, v, lost, lanes[at], lanes[at + LANES], lanes[at + 2 * LANES], window)
+    return v > 0.0
 
 
 @njit(error_model="numpy")
@@ -101,8 +100,11 @@ def run_lanes(table, budgets, results, ends, tickets, lanes, owner, notes, ended
             for first in range(0, LANES, group(0)):
                 step(lanes, k, first, 0)
                 for lane in range(first, first + group(0)):
-                    if lanes[k.hit * LANES + lane] != NOTHING and owner[lane] >= 0:
-                        _after_step(lanes, lane, notes, rows, k, room, window)
+                    if lanes[k.hit * LANES + lane] == NOTHING or owner[lane] < 0:
+                        continue
+                    # `room` is not handed to what is inlined: it would be counted there, array by array.
+                    if not _usual(lanes, lane, notes, k, window):
+                        _unusual(lanes, lane, notes, rows, k, room, window)
         busy = 0
         for lane in range(LANES):
             if owner[lane] < 0:
