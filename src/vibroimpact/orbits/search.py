@@ -18,7 +18,7 @@ from vibroimpact.backends.cpu import outlast
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
 from vibroimpact.orbits.orbit import Orbit, from_hardest, impacts_of, make_orbit, same_orbit, solution_of, true_cycle
-from vibroimpact.oscillator import ImpactOscillator, Model, State, the_oscillator
+from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model
 from vibroimpact.parameters import invalid, real_number, whole_number
 
 Near = Orbit | State | tuple[float, float] | None
@@ -47,9 +47,9 @@ class Orbits(list[Kind], Generic[Kind]):
 
 
 def find_orbit(
-    osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: int = 1, near: Near = None
-) -> Orbits[Orbit]:
-    r"""Find the period-n impact-p orbits of an oscillator, stable or not.
+    osc: ImpactOscillator | Model, *, n_periods: int = 1, n_impacts: int = 1, near: Any = None
+) -> Orbits[Any]:
+    r"""Find the period-n impact-p orbits of an oscillator or a system, stable or not.
 
     Impact times and velocities solve, flight by flight,
 
@@ -59,7 +59,7 @@ def find_orbit(
 
     Parameters
     ----------
-    osc : ImpactOscillator or family
+    osc : ImpactOscillator, ImpactSystem or family
         Whose orbits; of a family, those at its own values.
     n_periods : int, >= 1
         Driving periods in a cycle, n.
@@ -68,14 +68,15 @@ def find_orbit(
     near : Orbit, State or (phase, velocity), optional
         Initial guess: an orbit of this or another oscillator, a state at the stop, or phase in [0, 1) and velocity > 0
         (m/s) of an impact. None tries the attractor reached from rest and a grid over the impact surface. Not used for
-        one impact, where all solutions are known in closed form.
+        one impact, where all solutions are known in closed form. Of a system an orbit; None tries symmetric orbits
+        (two impacts) and the motion from rest.
 
     Returns
     -------
     Orbits
-        A list of `Orbit`, stable ones first, each from its hardest impact on; with `outcome` and `message`. With one
-        impact, or with `near`, it includes inadmissible orbits (they penetrate the stop), whose `message` gives the
-        reason; otherwise only admissible ones.
+        A list of `Orbit`, stable ones first, each from its hardest impact on, or of `SystemOrbit`; with `outcome` and
+        `message`. With one impact, or with `near`, it includes inadmissible orbits (they penetrate the stop), whose
+        `message` gives the reason; otherwise only admissible ones.
 
     Raises
     ------
@@ -106,11 +107,15 @@ def find_orbit(
     >>> find_orbit(ImpactOscillator(omega=2.0), n_periods=1, n_impacts=2).message
     'no initial guess converged to a period-1 impact-2 orbit'
     """
-    the_oscillator(osc)
+    check_model(osc)
     cycle = Cycle(whole_number("n_periods", n_periods, 1), whole_number("n_impacts", n_impacts, -1, IMPACTS))
     if cycle.n_impacts == 0:
         raise invalid("n_impacts", n_impacts, "a whole number >= 1, or -1 for a complete chatter")
-    begin = _start(osc.at(), near, cycle)
+    if not isinstance(made := osc.at(), ImpactOscillator):
+        from vibroimpact.orbits.systems.named import find_named
+
+        return find_named(made, cycle.n_periods, cycle.n_impacts, near)
+    begin = _start(made, near, cycle)
     if cycle.n_impacts == -1:
         from vibroimpact.orbits.sticking import find_sticking_orbit, why_none  # slower to import
 

@@ -1,0 +1,64 @@
+"""The orbits of a system by the name of their cycle: n periods, p impacts, on whichever stops."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vibroimpact.backends import ImpactWindow, Measurement, get_backend
+from vibroimpact.motion import cycle_name
+from vibroimpact.orbits.orbit import SAME, same_orbit
+from vibroimpact.orbits.search import Orbits
+from vibroimpact.orbits.systems.orbit import SystemOrbit
+from vibroimpact.orbits.systems.search import find
+from vibroimpact.orbits.systems.symmetry import mirror
+from vibroimpact.parameters import invalid
+from vibroimpact.system import ImpactSystem
+
+TRANSIENT = 2000  # impacts of the motion from rest before those that Newton's method starts from
+
+
+def find_named(system: ImpactSystem, n_periods: int, n_impacts: int, near: Any) -> Orbits[SystemOrbit]:
+    """Return the orbits of a system that `find_orbit` finds.
+
+    All those of one impact, and of two that are mirror images of one another; others from `near`, or where the motion
+    from rest has settled to one.
+    """
+    if n_impacts < 1:
+        raise invalid("n_impacts", n_impacts, "at least 1 for a system", "its orbits that stick are not solved for")
+    if near is not None and not isinstance(near, SystemOrbit):
+        raise invalid("near", near, "an orbit of a system", "give one that find_orbit returned")
+    if n_impacts == 1:
+        return find(system, n_periods=n_periods)
+    if near is not None:
+        if len(near.stops) != n_impacts:
+            raise invalid("near", near.name, f"an orbit of {n_impacts} impacts", f"or give n_impacts={len(near.stops)}")
+        return find(system, n_periods=n_periods, near=near)
+    found: list[SystemOrbit] = []
+    if n_impacts == 2 and n_periods % 2 and not mirror(system)[1]:
+        found += find(system, n_periods=n_periods, symmetric=True)
+    found += [
+        orbit
+        for orbit in _settled(system, n_periods, n_impacts)
+        if not any(same_orbit(orbit, known) for known in found)
+    ]
+    found.sort(key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)))
+    good = sum(orbit.admissible for orbit in found)
+    if found and not good:
+        return Orbits(found, outcome="inadmissible", message=found[0].message)
+    name = cycle_name(n_periods, n_impacts)
+    if not found:
+        return Orbits(outcome="none", message=f"the motion from rest does not settle to a {name} orbit; give `near`")
+    return Orbits(found, message=f"{good} {name} orbit{'s' if good > 1 else ''}")
+
+
+def _settled(system: ImpactSystem, n_periods: int, n_impacts: int) -> list[SystemOrbit]:
+    """Return the orbit that the motion from rest has settled to, if it has that name."""
+    window = ImpactWindow(TRANSIENT, n_impacts + 1)
+    seen: Any
+    (seen,) = get_backend("cpu").samples(system.cells({}), Measurement(window))
+    turns = seen.impact_periods + seen.impact_phase
+    if len(turns) <= n_impacts or abs(turns[-1] - turns[0] - n_periods) > SAME * n_periods:
+        return []
+    stops = [system.stop_names[at] for at in seen.impact_stop[:-1]]
+    times = (turns[:-1] * system.period).tolist()
+    return list(find(system, n_periods=n_periods, stops=stops, near=times))
