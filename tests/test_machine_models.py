@@ -162,7 +162,7 @@ def test_a_two_sided_oscillator_has_its_frequency_and_its_clearances():
     assert system.clearances([-0.2]).tolist() == pytest.approx([0.0, 0.3], abs=1e-16)
     assert system.clearances([0.1]).tolist() == pytest.approx([0.3, 0.0], abs=1e-16)
     assert opposite(*system.stops)
-    with pytest.raises(ValueError, match="stops 'left' and 'right' overlap by 0.1 m"):
+    with pytest.raises(ValueError, match="`stops` 'left' and 'right' overlap by 0.1 m"):
         models.two_sided_oscillator(left_gap=-0.3, right_gap=0.2)
 
 

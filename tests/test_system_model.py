@@ -55,11 +55,11 @@ from systems import M, a_random_system, changed, one_mass, two_masses
         ),
         (
             {"stops": [vi.Stop(direction=[1, 1], gap=0.1), vi.Stop(direction=[-2, -2], gap=-0.3)]},
-            r"stops 'stop_1' and 'stop_2' overlap by 0.05 m",
+            r"`stops` 'stop_1' and 'stop_2' overlap by 0.05 m",
         ),
         (
             {"stops": [vi.Stop(direction=way, gap=-1) for way in ([1, 0], [0, 1], [-1, -1])]},
-            r"stops stop_1, stop_2, stop_3 overlap: no position is before all of them",
+            r"`stops` stop_1, stop_2, stop_3 overlap: no position is before all of them",
         ),
     ],
 )

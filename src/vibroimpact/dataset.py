@@ -17,9 +17,13 @@ from vibroimpact.indices import INDICES
 from vibroimpact.oscillator import ImpactOscillator, Model
 from vibroimpact.parameters import Parameter
 from vibroimpact.status import Status
+from vibroimpact.stops import Force, Stop
+from vibroimpact.system import ImpactSystem
 
 if TYPE_CHECKING:
     import xarray as xr
+
+AT_REST, SYSTEM_AT_REST = "rest at y = min(0, gap)", "rest at q = 0, or before the stops in its way"
 
 # name: (long name, unit, symbol)
 VARIABLES: dict[str, tuple[str, str, str]] = {
@@ -122,7 +126,8 @@ def provenance(function: str, model: Model, arguments: Mapping[str, Any]) -> dic
     """
     made = model.at()
     family = {} if model is made else {"model": json.dumps({"family": str(model), **model.values})}
-    begun = {"initial_condition": _begun(arguments["start"])} if "start" in arguments else {}
+    rest = AT_REST if isinstance(made, ImpactOscillator) else SYSTEM_AT_REST
+    begun = {"initial_condition": _begun(arguments["start"], rest)} if "start" in arguments else {}
     return {
         "source": f"vibroimpact {package_version()}",
         "function": function,
@@ -140,15 +145,15 @@ def _made(model: Any) -> dict[str, str]:
     return {"system": json.dumps(model.plain())}
 
 
-def _begun(start: Any) -> str:
-    """Return in words from which initial conditions a result was computed."""
+def _begun(start: Any, rest: str) -> str:
+    """Return in words from which initial conditions a result was computed; None is at `rest`."""
     if isinstance(start, int):
         others = f"{start - 1} impacts at phases 0 to 1 and velocities 0 to {FASTEST:g} max(f, k|g|)/sqrt(k m)"
-        return f"{start} initial conditions: {_begun(None)}; {others}"
+        return f"{start} initial conditions: {rest}; {others}"
     if isinstance(start, tuple):
-        return f"{len(start)} initial conditions: {'; '.join(map(_begun, start))}"
+        return f"{len(start)} initial conditions: {'; '.join(_begun(each, rest) for each in start)}"
     if start is None:
-        return "rest at y = min(0, gap)"
+        return rest
     if isinstance(start.displacement, tuple):
         return f"q = {list(start.displacement)} m, q' = {list(start.velocity)} m/s at t = {start.time:g} s"
     return f"y = {start.displacement:g} m, y' = {start.velocity:g} m/s at t = {start.time:g} s"
@@ -159,16 +164,32 @@ def oscillator_of(dataset: xr.Dataset) -> ImpactOscillator:
     return ImpactOscillator(**json.loads(dataset.attrs["oscillator"]))
 
 
+def model_of(dataset: xr.Dataset) -> ImpactOscillator | ImpactSystem:
+    """Return the oscillator or the system a result was made from."""
+    return oscillator_of(dataset) if "oscillator" in dataset.attrs else _system_of(json.loads(dataset.attrs["system"]))
+
+
+def _system_of(plain: dict[str, Any]) -> ImpactSystem:
+    """Return the system whose `plain` numbers these are."""
+
+    def waves(found: Mapping[str, Any]) -> dict[int, Any]:
+        return {int(order): np.array(real) + 1j * np.array(imag) for order, (real, imag) in found.items()}
+
+    force = plain["force"] | {"harmonics": waves(plain["force"]["harmonics"])}
+    stops = [Stop(**stop | {"motion": waves(stop["motion"])}) for stop in plain["stops"]]
+    return ImpactSystem(**plain | {"force": Force(**force), "stops": stops})
+
+
 def check_attributes(dataset: xr.Dataset) -> None:
     """Raise `ValueError` where an attribute that this package reads is of another kind than it writes."""
     for name, value in dataset.attrs.items():
         if name in _ENCODED and not _encodes(value, _ENCODED[name]):
             raise ValueError(f"its attribute {name!r} is damaged")
-    try:
-        if "oscillator" in dataset.attrs:
-            oscillator_of(dataset)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"its attribute 'oscillator' is damaged: {error}") from None
+    for name in {"oscillator", "system"} & set(dataset.attrs):
+        try:
+            model_of(dataset)
+        except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError) as error:
+            raise ValueError(f"its attribute {name!r} is damaged: {error}") from None
     for name, held in dataset.variables.items():
         words = held.attrs.get("flag_meanings", "")
         counted = np.size(held.attrs["flag_values"]) if "flag_values" in held.attrs and words else None

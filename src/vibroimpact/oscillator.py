@@ -285,7 +285,7 @@ def the_oscillator(model: Any) -> ImpactOscillator:
     osc = model.at()
     if not isinstance(osc, ImpactOscillator):
         raise ValueError(
-            f"this holds for one mass and one stop only, got {osc!s}; for systems use simulate, impact_section, "
+            f"`osc` must be one mass with one stop, got {osc!s}; for systems use simulate, impact_section, "
             "stroboscopic_section or parameter_map"
         )
     return osc

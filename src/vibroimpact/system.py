@@ -364,12 +364,12 @@ class ImpactSystem(ByValue):
             room = one.gap + ratio * other.gap + parting
             if room < -ROUNDING * (self._reach[i] + ratio * self._reach[j]):
                 raise ValueError(
-                    f"stops {one.name!r} and {other.name!r} overlap by {-room:.6g} m: they face each other, and no "
+                    f"`stops` {one.name!r} and {other.name!r} overlap by {-room:.6g} m: they face each other, and no "
                     "position is before both; their gaps must have a sum >= 0"
                 )
         most_open = np.array([stop.gap + sum(map(abs, stop.motion.values())) for stop in self.stops])
         if nearest(self.mass, self._directions, most_open) is None:
-            raise ValueError(f"stops {', '.join(self.stop_names)} overlap: no position is before all of them")
+            raise ValueError(f"`stops` {', '.join(self.stop_names)} overlap: no position is before all of them")
 
 
 def _check_force(force: Any) -> None:

@@ -56,7 +56,7 @@ def check_for_systems(indices: Iterable[str], backend: Backend) -> None:
     for name in indices:
         if name not in known:
             listed = ", ".join(index for index in INDICES if index in known)
-            raise ValueError(f"the index {name!r} is not known of systems yet, only {listed}")
+            raise ValueError(f"`indices` of systems must be of {listed}, got {name!r}; the others hold for one mass")
 
 
 def check_known(indices: Iterable[str], backend: Backend) -> None:

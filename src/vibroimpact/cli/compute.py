@@ -36,10 +36,9 @@ def simulate(options: Options) -> None:
     study = options.study()
     _motion("simulate", study, options)
     if options["out"] is None:
-        from vibroimpact.motion import recognise
+        from vibroimpact.report import motion_of
 
-        period = study.model.at().period
-        typer.echo(f"settles to: {recognise(_call('impact_section', study)).sentence(period)}")
+        typer.echo(f"settles to: {motion_of(_call('impact_section', study))}")
 
 
 @o.with_options(o.MODEL, o.START, o.SECTION_KIND, o.IMPACTS, o.PERIODS, o.ENGINE, o.OUT, o.FIGURE, o.PICTURE)
@@ -141,7 +140,7 @@ def basins(options: Options) -> None:
       vibroimpact basins -p w=3 --x phase=0:1:400 --y velocity=0:3:400 -o b.png
       vibroimpact basins --x displacement=-3:0:200 --y velocity=-2:2:200
     """
-    study = options.study()
+    study = options.study().of_one_mass("basins")
     axes = _initial_conditions(study, options)
     if "displacement" in axes and "phase" in study.given:
         axes["phase"] = study.given["phase"]
@@ -220,7 +219,7 @@ def describe(options: Options) -> None:
       vibroimpact describe -p omega=2.8
       vibroimpact describe study.toml --vary omega,gap --json
     """
-    study = options.study()
+    study = options.study().of_one_mass("describe")
     import vibroimpact
 
     with Meter("verdict") as meter, refusing():
@@ -248,7 +247,7 @@ def compare(options: Options) -> None:
       vibroimpact compare old.toml new.toml --out both.png
     """
     files = [options["first"], options["second"]]
-    first, second = (options.study(file) for file in files)
+    first, second = (options.study(file).of_one_mass("compare") for file in files)
     output.check_looks(options, (*output.FIGURE_ENDINGS, ".json"))
     import vibroimpact
 

@@ -169,14 +169,20 @@ PARAMETERS = Option(
 )  # fmt: skip
 USER_MODEL = Option(
     "model", "FILE.py:NAME",
-    "A model of your own: an oscillator, or a function marked @vibroimpact.family. -p and axes then take its "
-    "parameters.",
+    "A model of your own: an oscillator, a system, or a function marked @vibroimpact.family; or the name of a "
+    "ready-made one, such as bouncing_ball. -p and axes then take its parameters.",
     "Oscillator",
 )  # fmt: skip
 MODEL = (STUDY, PARAMETERS, USER_MODEL)
 
 
 def _start(text: str) -> dict[str, Any]:
+    if ":" in text:  # of a system: coordinates, their velocities, time
+        groups = [numbers("--start", part, "Q,Q:V,V:T with a number for each coordinate") for part in text.split(":")]
+        if len(groups) > 3 or len(groups[2:]) != sum(len(group) == 1 for group in groups[2:]):
+            raise WrongRequest(f"`--start` must be Q,Q:V,V:T such as 0.1,0:0,0:0, got {text!r}")
+        named = dict(zip(("displacement", "velocity"), map(list, groups), strict=False))
+        return named | ({"time": groups[2][0]} if groups[2:] else {})
     parts = numbers("--start", text, "up to three numbers Y,V,T such as -1,0,0")
     if len(parts) > 3:
         raise WrongRequest(f"`--start` must be up to three numbers Y,V,T such as -1,0,0, got {text!r}")
@@ -186,7 +192,7 @@ def _start(text: str) -> dict[str, Any]:
 START = Option(
     "start", "Y,V,T",
     "Initial displacement in m, velocity in m/s and time in s; V and T may be left out. (default: at rest at min(0, "
-    "gap), time 0)",
+    "gap), time 0) Of a system, numbers for all coordinates: Q,Q:V,V:T.",
     "Oscillator", table="start", read=_start,
 )  # fmt: skip
 STARTS = Option(

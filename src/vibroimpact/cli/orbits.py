@@ -44,7 +44,7 @@ def orbit(options: Options) -> None:
       vibroimpact orbit -p omega=0.9 --impacts 2 --out orbit.json
       vibroimpact orbit -p omega=0.1 --impacts -1
     """
-    study = options.study()
+    study = options.study().of_one_mass("orbit")
     output.check_looks(options, (".json",))
     began = perf_counter()
     found = _find(study, options)
@@ -142,7 +142,7 @@ def follow(options: Options) -> None:
       vibroimpact continue -p w=2.6 --x w=2:3:400 --diagram --out branch.png
       vibroimpact continue -p w=0.9 --impacts 2 --x gap=-0.5:0.5
     """
-    study = options.study()
+    study = options.study().of_one_mass("continue")
     ((parameter, span),) = _ranges(study, 1).items()
     output.check(options, "continue_orbit")
     if options["diagram"] and not output.is_figure(options):
@@ -254,7 +254,7 @@ def boundary(options: Options) -> None:
       vibroimpact boundary --x w=1:5 --y m=0.1:5 --over map.zarr -o plane.png
       vibroimpact boundary -p w=0.9 --impacts 2 --x w=0.6:1.1 --y r=0.5:0.9
     """
-    study = options.study()
+    study = options.study().of_one_mass("boundary")
     of_orbits = options["near"] is not None or options.number("n_impacts", 1) != 1
     box = _ranges(study, 2, contain=of_orbits)
     names, kinds = tuple(box), _kinds(options["kinds"])

@@ -13,7 +13,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vibroimpact.cli import refusing
+from vibroimpact.cli import WrongRequest, refusing
 from vibroimpact.cli.options import ENDS
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State
@@ -77,9 +77,14 @@ def _backend(name: str, value: Any) -> str:
     return choice(name, value, BACKENDS)
 
 
+def _coordinates(name: str, value: Any) -> Any:
+    """Return a number, or several for the coordinates of a system."""
+    return [real_number(name, each) for each in value] if isinstance(value, (list, tuple)) else real_number(name, value)
+
+
 TABLES: dict[str, dict[str, Callable[[str, Any], Any]]] = {
     "sampling": {**_part_of(Sampling), "phase": phase_number, "periods": positive_number, "samples_per_period": _count},
-    "start": {field.name: real_number for field in fields(State)},
+    "start": {"displacement": _coordinates, "velocity": _coordinates, "time": real_number},
     "tolerances": _part_of(Tolerances),
     "run": {
         "indices": _indices,
@@ -108,6 +113,15 @@ class Study:
     model: Model
     axes: dict[str, Floats]
     given: dict[str, Any]
+
+    def of_one_mass(self, command: str) -> Study:
+        """Return the study, or refuse it for a command that takes one mass with one stop only."""
+        with refusing():
+            made = self.model.at()
+        if not isinstance(made, ImpactOscillator):
+            commands = "simulate, section, diagram and map"
+            raise WrongRequest(f"{command} takes one mass with one stop only, got {made!s}; systems have {commands}")
+        return self
 
     def arguments(self, function: str) -> dict[str, Any]:
         """Return what the study gives for a public function, axes left out: a function takes what concerns it."""
@@ -183,7 +197,9 @@ def make_study(
         reader.check("", "", _check_replaced, model, values, axes)
     if reader.faults:
         raise ValueError("\n".join(reader.faults))
-    start = {"start": State(**given["start"])} if given["start"] else {}
+    start = {"start": reader.check("", "", lambda: State(**given["start"]))} if given["start"] else {}
+    if reader.faults:
+        raise ValueError("\n".join(reader.faults))
     tolerances = {"tolerances": Tolerances(**given["tolerances"])} if given["tolerances"] else {}
     return Study(model, axes, {**given["sampling"], **given["run"], **start, **tolerances})
 
@@ -319,11 +335,16 @@ def span_values(parameter: Parameter, span: Mapping[str, Any], least: int = 1) -
 
 
 def load_model(place: Any) -> Model:
-    """Return the model or family NAME of `FILE.py:NAME`; the file may import what lies beside it."""
+    """Return the model or family NAME of `FILE.py:NAME`, or a ready-made one by its name.
+
+    The file may import what lies beside it.
+    """
+    if str(place).isidentifier():
+        return _ready_made(str(place))
     file, _, name = str(place).rpartition(":")
     path = Path(file)
     if not (file.endswith(".py") and name.isidentifier()):
-        raise invalid("model", place, "FILE.py:NAME such as tube.py:shaker")
+        raise invalid("model", place, "FILE.py:NAME such as tube.py:shaker", "or name a ready-made one: bouncing_ball")
     if not path.is_file():
         raise ValueError(f"`model` {place!r} cannot be loaded; there is no file {file!r}")
     spec: Any = spec_from_file_location(path.stem, path)
@@ -340,3 +361,13 @@ def load_model(place: Any) -> Model:
     if name not in models:
         raise unknown("model", name, models or ["none"], "" if models else "write @vibroimpact.family above a function")
     return models[name]
+
+
+def _ready_made(name: str) -> Model:
+    """Return a model of `vibroimpact.models` as a family."""
+    from vibroimpact import models
+    from vibroimpact.families import family
+
+    if name not in models.__all__:
+        raise unknown("model", name, models.__all__, "or give FILE.py:NAME")
+    return family(getattr(models, name))

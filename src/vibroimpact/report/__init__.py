@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vibroimpact.dataset import oscillator_of, unbundle
+from vibroimpact.dataset import model_of, oscillator_of, unbundle
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.motion import cycle_name, listed, recognise, recurrence
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.report.quantities import axis_range, begun, counted, quantity, spaced, span
 from vibroimpact.report.sweeps import diagram_sentences, map_sentences
+from vibroimpact.report.systems import coordinates, each_stop, system_sentence
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["quantity", "sentences_of"]
+__all__ = ["motion_of", "quantity", "sentences_of"]
 
 IMPACTS, PER_LINE = 9, 3  # listed of a cycle at most, and in a line
 
@@ -44,37 +46,62 @@ def sentences_of(dataset: xr.Dataset) -> list[str]:
 
 
 def _simulation(dataset: xr.Dataset) -> Iterator[str]:
-    period = oscillator_of(dataset).period
+    period = model_of(dataset).period
     time, speeds = dataset["time"].values, dataset["impact_velocity"].values
     if len(time):
         periods = f"{(time[-1] - time[0]) / period:.4g} driving periods of {period:.4g} s"
         yield f"{begun(dataset, after=': ')}{periods}, {time[0]:.4g} to {time[-1]:.4g} s"
-        yield f"displacement {span(dataset['displacement'])}"
+        yield from _places(dataset)
     if len(speeds):
         at = dataset["impact_time"].values[speeds.argmax()]
         yield f"{counted(len(speeds), 'impact')}, the hardest at {speeds.max():.4g} m/s after {at:.4g} s"
-    if rests := dataset.sizes.get("stick", 0):
+    if "coordinate" in dataset.dims:
+        yield from each_stop(dataset)
+    elif rests := dataset.sizes.get("stick", 0):
         yield f"comes to rest at the stop {counted(rests, 'time')}"
     yield from _ending(dataset)
 
 
+def _places(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield the range of the displacement, or of each coordinate."""
+    if "coordinate" not in dataset.dims:
+        yield f"displacement {span(dataset['displacement'])}"
+        return
+    for at in range(dataset.sizes["coordinate"]):
+        yield f"coordinate {at + 1}: {span(dataset['displacement'].isel(coordinate=at))}"
+
+
+def motion_of(section: xr.Dataset) -> str:
+    """Return the motion of an impact section in a sentence."""
+    model = model_of(section)
+    if isinstance(model, ImpactOscillator):
+        return recognise(section).sentence(model.period)
+    return system_sentence(section, model.period)
+
+
 def _impacts(dataset: xr.Dataset) -> Iterator[str]:
-    yield begun(dataset, after=": ") + recognise(dataset).sentence(oscillator_of(dataset).period)
+    yield begun(dataset, after=": ") + motion_of(dataset)
     if speeds := dataset["velocity"].values.tolist():
         mean, std = np.mean(speeds), shown_spread(np.std(speeds), max(speeds))
         kept = f"{counted(len(speeds), 'impact')} kept"
         yield f"{kept}, {span(dataset['velocity'])}, mean {mean:.4g}, standard deviation {std:.4g} m/s"
+        if "stop" in dataset:
+            yield from each_stop(dataset)
         yield from _ending(dataset)
 
 
 def _stroboscopic(dataset: xr.Dataset) -> Iterator[str]:
-    n, start = recurrence(dataset["displacement"].values, dataset["velocity"].values), begun(dataset, after=": ")
+    several = "coordinate" in dataset.dims
+    columns = coordinates(dataset) if several else [dataset[name].values for name in ("displacement", "velocity")]
+    n, start = recurrence(*columns), begun(dataset, after=": ")
     if not n:
         yield f"{start}the samples taken once per driving period do not repeat"
     else:
-        yield f"{start}period-{n}, repeats every {n * oscillator_of(dataset).period:.3g} s"
+        yield f"{start}period-{n}, repeats every {n * model_of(dataset).period:.3g} s"
+    if several:
+        yield from _places(dataset)
     for name in ("displacement", "velocity"):
-        if dataset[name].size:
+        if dataset[name].size and not several:
             yield f"{name} {span(dataset[name])}"
     yield from _ending(dataset)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.classes import NEEDED, classify
-from vibroimpact.dataset import oscillator_of
+from vibroimpact.dataset import model_of
 from vibroimpact.indices import INDICES, ROUNDING, spread_scale
 from vibroimpact.motion import MotionClass, cycle_length, decide, motion_name, recurrence, refined
 from vibroimpact.report.quantities import axis_range, begun, counted, quantity, spaced, span
@@ -40,7 +40,7 @@ def map_sentences(dataset: xr.Dataset) -> Iterator[str]:
     else:
         yield f"{shape} {cells}{begun(dataset, ' from ')}: {ranges}"
     for name in (name for name in INDICES if name in dataset):
-        yield _index(dataset[name], axes, oscillator_of(dataset).velocity_scale)
+        yield _index(dataset[name], axes, model_of(dataset).velocity_scale)
     if "filled_in" in dataset.attrs:
         yield f"{100 * dataset.attrs['fraction_computed']:.3g} % of the cells computed; {dataset.attrs['filled_in']}"
     if "start" in dataset.dims:
@@ -170,7 +170,7 @@ def _growth(row: xr.Dataset, axis: str, kept: Mapping[str, NDArray[np.float64]])
     """Return ln of the growth of perturbations over the sample; NaN where no index gives it."""
     if "lyapunov_per_impact" in row and "phase" in kept:
         return float(row["lyapunov_per_impact"]) * int(row["count"])
-    osc = oscillator_of(row)
+    osc = model_of(row)
     if "lyapunov" not in row or axis not in osc.parameters:
         return math.nan
     # A phase that falls from one impact to the next shows that a driving period began between them.

@@ -1,0 +1,72 @@
+"""Motions of systems in words: what each stop sees, and whether the impacts repeat."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vibroimpact.motion import cycle_name, listed, recurrence
+from vibroimpact.report.quantities import counted, quantity
+from vibroimpact.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FEW = 4  # impacts of a cycle that are listed one by one
+STILL = 1e-9  # of the largest coordinate: one that moves less shows rounding
+
+
+def system_sentence(section: xr.Dataset, period: float) -> str:
+    """Return in a sentence whether the impacts of a system repeat, from its impact section."""
+    status, speed = Status(int(section["status"])), section["velocity"].values
+    if not status.has_indices:
+        return status.sentence
+    names, codes = np.unique(section["stop"].values, return_inverse=True)
+    time, turn = section["time"].values, np.exp(2j * np.pi * section["phase"].values)
+    p = recurrence(speed, turn, codes.astype(float))
+    waits = np.rint((time[p:] - time[:-p]) / period)[len(time) // 2 - p :] if p else np.zeros(0)
+    if not len(waits) or (waits != waits[0]).any():
+        return "the sampled impacts do not repeat"
+    n, cycle = int(waits[0]), codes[-p:]
+    if section.sizes.get("stick", 0):
+        where = listed(sorted(set(section["stick_stop"].values.tolist())))
+        return f"{cycle_name(n, p, sticks=True)}, closes {where}, hardest hit {speed[-p:].max():.3g} m/s"
+    if p <= FEW:
+        hits = listed([f"{v:.3g} m/s on {names[stop]}" for v, stop in zip(speed[-p:], cycle, strict=True)])
+    else:
+        each = [f"{names[stop]} ({(cycle == stop).sum()})" for stop in np.unique(cycle)]
+        hits = f"{speed[-p:].min():.3g} to {speed[-p:].max():.3g} m/s on {listed(each)}"
+    return f"{cycle_name(n, p)}, hits at {hits} every {n * period:.3g} s"
+
+
+def each_stop(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield a line for each stop of a system's motion that is struck or closed, and how many impacts were several."""
+    whole = "impact_stop" in dataset
+    struck, speed = dataset["impact_stop" if whole else "stop"], dataset["impact_velocity" if whole else "velocity"]
+    closed, impulse = dataset["stick_stop"].values, dataset["impulse"].values
+    for name in dict.fromkeys([*dataset["stop"].values.tolist(), *closed.tolist()]):
+        here, rests = struck.values == name, int((closed == name).sum())
+        parts = [counted(int(here.sum()), "impact")]
+        if here.any():
+            hardest = quantity(float(speed.values[here].max()), "m/s", 4)
+            parts.append(f"up to {hardest} and {quantity(float(impulse[here].max()), 'N s', 4)}")
+        if whole:
+            least = float(dataset["clearance"].sel(stop=name).min())
+            parts.append(f"clearance at least {quantity(least, 'm', 4)}")
+        if rests:
+            parts.append(f"closes {counted(rests, 'time')}")
+        yield f"  {name}: {', '.join(parts)}"
+    if "simultaneous" in dataset and (several := int(dataset["simultaneous"].sum())):
+        yield f"  {counted(several, 'impact')} with other stops struck at the same instant"
+
+
+def coordinates(dataset: xr.Dataset) -> list[Any]:
+    """Return the columns of displacements and velocities by which samples of a system are compared."""
+    found = []
+    for name in ("displacement", "velocity"):
+        values = dataset[name].values
+        sizes = np.abs(values).max(axis=0, initial=0.0)
+        found += [column for column, size in zip(values.T, sizes, strict=True) if size > STILL * sizes.max(initial=0.0)]
+    return found or [dataset["displacement"].values[:, 0]]

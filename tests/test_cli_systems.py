@@ -1,0 +1,101 @@
+"""Systems on the command line: one's own and the ready-made ones, their parameters, starts and words."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+import vibroimpact as vi
+from systems import two_masses
+
+TWO = """
+import vibroimpact as vi
+
+two = vi.ImpactSystem(
+    mass=[[2.0, 0.5], [0.5, 1.0]],
+    damping=[[0.3, -0.1], [-0.1, 0.2]],
+    stiffness=[[300.0, -100.0], [-100.0, 100.0]],
+    force=vi.Force(omega=8.0, harmonics={1: [5.0, 0.0], 3: [0.0, 0.5 + 0.25j]}, constant=[0.0, -2.0]),
+    stops=[
+        vi.Stop(direction=[0, 1], gap=0.05, restitution=0.7, name="bar", motion={1: 0.01}),
+        vi.Stop(direction=[0.5, -1], gap=0.02, name="baffle"),
+    ],
+)
+slot = vi.family(vi.models.impact_damper)
+"""
+OWN = "--model two.py:two"
+
+
+@pytest.fixture(autouse=True)
+def two(tmp_path):
+    (tmp_path / "two.py").write_text(TWO)
+
+
+@pytest.mark.parametrize(
+    ("command", "lines"),
+    [
+        (f"simulate {OWN} -p bar_gap=0.04 --periods 3", ["3 driving periods of 0.7854 s", "coordinate 2: ", "  bar: "]),
+        (f"section {OWN} --sample-impacts 50", ["50 impacts kept", "  baffle: .* impacts, up to .* m/s and .* N s"]),
+        (f"section {OWN} --kind stroboscopic --sample-periods 9", ["do not repeat", "coordinate 1: "]),
+        (f"map {OWN} --x bar_gap=0.04:0.05:2 --sample-impacts 20", ["gap of bar 0.04 to 0.05 m", "short window"]),
+        (
+            "section --model two.py:slot --transient-impacts 3000 --sample-impacts 50",
+            ["period-1 impact-2, hits at .* m/s on (left|right) and"],
+        ),
+        ("section --model bouncing_ball --sample-impacts 90", ["period-1 sticking, closes table, hardest hit"]),
+        ("section --model bouncing_ball -p frequency=60 --sample-impacts 9", ["9 impacts kept"]),
+        ("section --model unbalanced_machine --sample-impacts 50", ["period-1 impact-1, hits at 0.171 m/s"]),
+        ("map --model impact_damper --x clearance=5e-3:6e-3:2 --sample-impacts 20", ["total clearance 0.005 to 0.006"]),
+    ],
+)
+def test_a_command_computes_a_system(run, command, lines):
+    code, told, complaints = run(command)
+    assert code == 0, complaints
+    for line in lines:
+        assert any(re.search(line, entry) for entry in told), told
+
+
+def test_a_start_gives_every_coordinate_and_its_velocity_a_number(run, tmp_path):
+    assert run(f"simulate {OWN} --start 0.01,0.02:0,-0.1:0.3 --periods 2 --out motion.nc")[0] == 0
+    start = vi.State([0.01, 0.02], [0.0, -0.1], 0.3)
+    assert vi.load(tmp_path / "motion.nc").identical(vi.simulate(two_masses(), start=start, periods=2))
+
+
+def test_a_study_file_starts_a_system_from_lists(run, tmp_path):
+    (tmp_path / "study.toml").write_text(
+        'model = "two.py:two"\n[oscillator]\nbar_gap = 0.04\n[start]\ndisplacement = [0.01, 0.02]\n'
+        "velocity = [0.0, 0.1]\n[sampling]\nperiods = 2\n"
+    )
+    assert run("simulate study.toml --out motion.nc")[0] == 0
+    start = vi.State([0.01, 0.02], [0.0, 0.1])
+    assert vi.load(tmp_path / "motion.nc").identical(
+        vi.simulate(two_masses().replace(bar_gap=0.04), start=start, periods=2)
+    )
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (f"orbit {OWN}", "orbit takes one mass with one stop only, got ImpactSystem of 2 coordinates with bar, baffle"),
+        (f"continue {OWN} --x omega=1:2", "continue takes one mass with one stop only"),
+        (f"boundary {OWN} --x omega=1:2 --y bar_gap=0:1", "systems have simulate, section, diagram and map"),
+        ("basins --model two.py:slot", "basins takes one mass"),
+        ("describe --model bouncing_ball", "describe takes one mass"),
+        (f"section {OWN} -p gap=0.1", "unknown parameter 'gap'; choose from omega, frequency, bar_gap"),
+        (f"section {OWN} -p bar_restitution=2", "`bar_restitution` must be between 0 and 1, got 2"),
+        (f"section {OWN} --start 0.1", "`start` must have 2 coordinates"),
+        (f"section {OWN} --start 0.1,0:0", "`displacement` and `velocity` must have as many numbers"),
+        (f"section {OWN} --start 0.1,0:0,0:0:1", "`--start` must be Q,Q:V,V:T"),
+        (f"section {OWN} --start 0.1,a:0,0", "`displacement` must be a finite number, got 'a'"),
+        (f"section {OWN} --backend reference", "`backend` 'reference' does not take systems"),
+        (f"map {OWN} --x bar_gap=0:1:3 --indices lyapunov", "`indices` of systems must be of std"),
+        (f"map {OWN} --x bar_gap=0:1:3 --starts 4", "`start` must be None, a State or a list of them for a system"),
+        ("section --model two_sided_oscillator -p left_gap=-1", "`stops` 'left' and 'right' overlap"),
+        ("section --model bouncing", "unknown model 'bouncing'; choose from base_excited_oscillator, bouncing_ball"),
+    ],
+)
+def test_what_a_system_has_not_is_refused_in_one_line(run, command, words):
+    code, told, complaints = run(command)
+    assert (code, told, len(complaints)) == (2, [], 1), complaints
+    assert words in complaints[0]
