@@ -35,7 +35,7 @@ def two(tmp_path):
 @pytest.mark.parametrize(
     ("command", "lines"),
     [
-        (f"simulate {OWN} -p bar_gap=0.04 --periods 3", ["3 driving periods of 0.7854 s", "coordinate 2: ", "  bar: "]),
+        (f"simulate {OWN} -p bar_gap=0.04 --periods 3", ["3 driving periods of 0.7854 s", "coordinate 1: ", "  bar: "]),
         (f"section {OWN} --sample-impacts 50", ["50 impacts kept", "  baffle: .* impacts, up to .* m/s and .* N s"]),
         (f"section {OWN} --kind stroboscopic --sample-periods 9", ["do not repeat", "coordinate 1: "]),
         (f"map {OWN} --x bar_gap=0.04:0.05:2 --sample-impacts 20", ["gap of bar 0.04 to 0.05 m", "short window"]),
@@ -82,6 +82,7 @@ def test_a_study_file_starts_a_system_from_lists(run, tmp_path):
         (f"boundary {OWN} --x omega=1:2 --y bar_gap=0:1", "systems have simulate, section, diagram and map"),
         ("basins --model two.py:slot", "basins takes one mass"),
         ("describe --model bouncing_ball", "describe takes one mass"),
+        (f"diagram {OWN} --x bar_gap=0.04:0.05:2 --coordinate 2", "`coordinate` must be less than the number of"),
         (f"section {OWN} -p gap=0.1", "unknown parameter 'gap'; choose from omega, frequency, bar_gap"),
         (f"section {OWN} -p bar_restitution=2", "`bar_restitution` must be between 0 and 1, got 2"),
         (f"section {OWN} --start 0.1", "`start` must have 2 coordinates"),

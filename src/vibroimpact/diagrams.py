@@ -14,18 +14,19 @@ from vibroimpact.backends import (
     Backend,
     ImpactWindow,
     Measurement,
-    Samples,
     StroboscopicWindow,
+    check_for_systems,
     check_known,
     get_backend,
 )
+from vibroimpact.backends.base import SystemSamples
 from vibroimpact.cells import Cells
-from vibroimpact.dataset import dataset_of, impact_speed, missing, status_variable, variable
+from vibroimpact.dataset import dataset_of, flags, impact_speed, missing, status_variable, variable
 from vibroimpact.execution.threads import run_sweep, run_tiles, tiles, worker_count
 from vibroimpact.indices import check_indices
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import Model, State, one_start, the_oscillator
-from vibroimpact.parameters import check_fits, check_steps, choice, phase_number, several
+from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model, one_start
+from vibroimpact.parameters import check_fits, check_steps, choice, invalid, phase_number, several, whole_number
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.request import COSTLY, Request, check_axes
 from vibroimpact.status import Status
@@ -54,6 +55,7 @@ def bifurcation_diagram(
     sample_periods: int = 500,
     indices: Iterable[str] = (),
     start: State | None = None,
+    coordinate: int = 0,
     tolerances: Tolerances | None = None,
     workers: int | None = None,
     progress: bool | Report = False,
@@ -63,13 +65,14 @@ def bifurcation_diagram(
 
     Parameters
     ----------
-    osc : ImpactOscillator or family
+    osc : ImpactOscillator, ImpactSystem or family
         The parameters that the axis does not vary.
     section : {"impact", "stroboscopic"}
         Velocities and phases at impacts, or displacement and velocity once a period.
     direction : {"fresh", "up", "down"}
         Start every value anew, or go up or down the axis and start each where the one before ended: clearance to the
-        stop, velocity and phase are carried along, which shows hysteresis.
+        stop, velocity and phase are carried along, which shows hysteresis. Of a system coordinates, velocities and
+        phase are; where the next value's stops lie in the way, it starts from the nearest position before them.
     backend, time_step, tolerances
         As of `simulate`.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
@@ -81,6 +84,8 @@ def bifurcation_diagram(
         same initial condition; none by default.
     start : State, optional
         Initial condition of every value, or of the first one; None is at rest at min(0, gap) at time 0.
+    coordinate : int, >= 0
+        Of a system, which coordinate is given (section "stroboscopic"); 0 is the first.
     workers : int, optional
         Threads for fresh starts; None is one a core. A carried state leaves nothing to share.
     progress : bool or callable
@@ -93,7 +98,8 @@ def bifurcation_diagram(
     -------
     xarray.Dataset
         Dims (axis, `impact`) with `velocity` (m/s, before contact) and `phase`, or (axis, `period`) with `displacement`
-        (m) and `velocity` (m/s); NaN-padded, with `count`, `status` and the `indices` over the axis.
+        (m) and `velocity` (m/s); NaN-padded, with `count`, `status` and the `indices` over the axis. Impacts of a
+        system have the number of their `stop`, too, whose names are the flag meanings.
 
     Raises
     ------
@@ -117,7 +123,8 @@ def bifurcation_diagram(
     >>> diagram["velocity"].dims
     ('omega', 'impact')
     """
-    the_oscillator(osc)
+    check_model(osc)
+    made = osc.at()
     choice("section", section, SECTIONS)
     choice("direction", direction, DIRECTIONS)
     axes = check_axes(axis, osc.parameters)
@@ -134,6 +141,9 @@ def bifurcation_diagram(
     chosen = check_indices(named) if named else ()
     engine = get_backend(backend, time_step=time_step)
     check_known(chosen, engine)
+    if not isinstance(made, ImpactOscillator):
+        check_for_systems(chosen, engine)
+    _check_coordinate(coordinate, made)
     measurement = Measurement(window, Tolerances.of(tolerances), indices=chosen)
     request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step)
     cells = request.cells()
@@ -143,8 +153,15 @@ def bifurcation_diagram(
     left_out = window.transient if isinstance(window, ImpactWindow) else window.skip_periods
     asked = f"hold {len(cells):,} values of {left_out + window.keep:,} {_along(section)}s each, which take"
     check_steps("axes", asked, len(cells) * (left_out + window.keep), COSTLY)
-    dataset = _empty_diagram(request, section, window.keep)
-    further = {"section": section, "direction": direction, "window": window, "sample_impacts": impacts.keep}
+    dataset = _empty_diagram(request, section, window.keep, getattr(made, "stop_names", ()))
+    further: dict[str, Any] = {
+        "section": section,
+        "direction": direction,
+        "window": window,
+        "sample_impacts": impacts.keep,
+    }
+    if coordinate:
+        further["coordinate"] = coordinate
     if chosen and engine.sampler != engine.name:
         further["indices_backend"] = engine.name
     dataset.attrs |= replace(request, further=further).provenance("bifurcation_diagram")
@@ -158,7 +175,7 @@ def bifurcation_diagram(
     table = {str(name): values.values for name, values in dataset.data_vars.items()}
     with reporter(progress, "values") as report:
         for at, seen in columns:
-            _fill(table, section, at, seen)
+            _fill(table, section, at, seen, coordinate)
             finished.append(at)
             if not stop.is_set() and report(len(finished), len(cells), dataset) is False:
                 stop.set()
@@ -171,13 +188,19 @@ def bifurcation_diagram(
     return dataset.isel({_along(section): slice(0, max(int(dataset["count"].max()), 1))})
 
 
+def _check_coordinate(coordinate: int, made: Any) -> None:
+    number = 1 if isinstance(made, ImpactOscillator) else len(made.mass)
+    if whole_number("coordinate", coordinate, 0) >= number:
+        raise invalid("coordinate", coordinate, f"less than the number of coordinates, {number}")
+
+
 def _along(section: str) -> str:
     return "impact" if section == "impact" else "period"
 
 
 def _fresh(
     engine: Backend, cells: Cells, measurement: Measurement, threads: int, stop: Event
-) -> Iterator[tuple[int, Samples]]:
+) -> Iterator[tuple[int, Any]]:
     window = measurement.window
     left_out = window.transient if isinstance(window, ImpactWindow) else window.skip_periods
     most = min(max(AT_ONCE // (left_out + window.keep), 1), MANY, engine.largest_tile)
@@ -188,30 +211,30 @@ def _fresh(
 
 def _carried(
     engine: Backend, cells: Cells, measurement: Measurement, stop: Event, *, upward: bool
-) -> Iterator[tuple[int, Samples]]:
+) -> Iterator[tuple[int, Any]]:
     """Yield each value's samples; `cells` then hold the initial conditions carried along."""
     order = range(len(cells)) if upward else range(len(cells) - 1, -1, -1)
-    before: Samples | None = None
+    before: Any = None
     for at in order:
         if stop.is_set():
             return
         cell = cells[at : at + 1]
-        if before is not None and np.isfinite(before.last_clearance):
-            cell = cell.replace(
-                clearance=before.last_clearance, velocity=before.last_velocity, periods=0.0, phase=before.last_phase
-            )
+        if before is not None:
+            cell = before.carry_on(cell)
             cells.table[at] = cell.table
         (seen,) = engine.samples(cell, measurement)
         before = None if seen.status == Status.BUDGET else seen
         yield at, seen
 
 
-def _empty_diagram(request: Request, section: str, keep: int) -> xr.Dataset:
+def _empty_diagram(request: Request, section: str, keep: int, stops: tuple[str, ...]) -> xr.Dataset:
     (name,), (number,) = request.dims, request.shape
     dims, shape = (name, _along(section)), (number, keep)
     first, second = np.full(shape, np.nan), np.full(shape, np.nan)
     if section == "impact":
         points = {"velocity": impact_speed(dims, first), "phase": variable("phase", dims, second)}
+        if stops:
+            points["stop"] = flags(dims, np.full(shape, -1), "stop that is struck", ["none", *stops], first=-1)
     else:
         points = {"displacement": variable("displacement", dims, first), "velocity": variable("velocity", dims, second)}
     return dataset_of(
@@ -225,11 +248,15 @@ def _empty_diagram(request: Request, section: str, keep: int) -> xr.Dataset:
     )
 
 
-def _fill(table: dict[str, NDArray[Any]], section: str, at: int, seen: Samples) -> None:
+def _fill(table: dict[str, NDArray[Any]], section: str, at: int, seen: Any, coordinate: int) -> None:
     if section == "impact":
         points = {"velocity": seen.impact_velocity, "phase": seen.impact_phase}
+        if "stop" in table:
+            points["stop"] = seen.impact_stop
     else:
         points = {"displacement": seen.look_displacement, "velocity": seen.look_velocity}
+        if isinstance(seen, SystemSamples):
+            points = {name: values[:, coordinate] for name, values in points.items()}
     for name, column in points.items():
         table[name][at, : len(column)] = column
     table["count"][at] = len(column)

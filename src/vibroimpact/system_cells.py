@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.cells import COUNTABLE, Cells, Floats
+from vibroimpact.matrices import nearest
 from vibroimpact.modal import ModalForm, speed_parts, velocity_scales
 
 if TYPE_CHECKING:
@@ -174,6 +175,27 @@ class SystemCells(Cells):
         begun = SystemCells(table, self.columns, self.shape)
         begun._check_before_stops(start)
         return begun
+
+    def carried(self, displacement: Floats, velocity: Floats, phase: float) -> SystemCells:
+        """Return a single cell from a state at a phase; where it lies beyond stops, from the nearest one before them.
+
+        The distance is sqrt(q . M q); a cell whose stops leave no room at that phase stays at rest.
+        """
+        angle = 2.0 * math.pi * phase
+        turn = np.array([[math.sin(angle), math.cos(angle), 0.0]])
+        eta, rate = (np.linalg.solve(self.shapes[0], part) for part in (displacement, velocity))
+        clearances = self._clearances(turn, eta[None])[0]
+        if (clearances < 0.0).any():
+            alpha = self.block("alpha").reshape(self.shape.stops, self.shape.modes)
+            back = nearest(np.diag(self.block("weight")[0]), alpha, clearances)
+            if back is None:
+                return self
+            eta = eta + back
+        table = self.table.copy()
+        parts: dict[str, Any] = {"eta": eta, "rate": rate, "turn": turn, "time": (0.0, phase)}
+        for name, values in parts.items():
+            table[:, self.places[name]] = values
+        return SystemCells(table, self.columns, self.shape)
 
     def _check_before_stops(self, start: State) -> None:
         eta = self.block("eta")

@@ -14,6 +14,7 @@ from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
+from vibroimpact.system_cells import SystemCells
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -125,6 +126,13 @@ class Samples:
         values: tuple[Any, ...] = *impacts.T, *looks.T, *sticks.T, int(status), *last, steps
         return cls(*values)
 
+    def carry_on(self, cell: Cells) -> Cells:
+        """Return another cell begun where this motion ended: clearance, velocity and phase are carried along."""
+        if not math.isfinite(self.last_clearance):
+            return cell
+        last = {"clearance": self.last_clearance, "velocity": self.last_velocity, "phase": self.last_phase}
+        return cell.replace(**last, periods=0.0)
+
 
 @dataclass(frozen=True)
 class SystemSamples:
@@ -132,7 +140,7 @@ class SystemSamples:
 
     `impact_*`: recorded impacts, `stop` by its number, speed in m/s, impulse in N s, and whether other stops were
     struck at the same instant; `look_*`: coordinates and velocities, one row a look; `rest_*`: which stop closed, when,
-    and when it was let go (NaN if it was not).
+    and when it was let go (NaN if it was not); `last_*`: where it ended, for carrying on.
     """
 
     impact_periods: Floats
@@ -150,6 +158,13 @@ class SystemSamples:
     rest_end: Floats
     status: int
     steps: int
+    last_displacement: Floats
+    last_velocity: Floats
+    last_phase: float
+
+    def carry_on(self, cell: SystemCells) -> SystemCells:
+        """Return another cell begun where this motion ended: coordinates, velocities and phase are carried along."""
+        return cell.carried(self.last_displacement, self.last_velocity, self.last_phase)
 
 
 def impacts_status(impacts: Floats, sticks: Floats, window: ImpactWindow, ended: Status) -> Status:

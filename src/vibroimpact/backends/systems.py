@@ -119,18 +119,21 @@ def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
             seen.rests[: len(open_ones)] = open_ones
             seen.filled[2] = len(open_ones)
     rests.append(seen.rests[: seen.filled[2]])
-    return _labelled(cell, window, np.concatenate(impacts), times, seen, np.concatenate(rests), end, notes[0])
+    state = rows[k.eta : k.eta + k.modes], rows[k.rate : k.rate + k.modes], march.moment(*rows[k.turn : k.turn + 3])[1]
+    found = np.concatenate(impacts), np.concatenate(rests)
+    return _labelled(cell, window, *found, times, seen, end, notes[0], state)
 
 
 def _labelled(
     cell: SystemCells,
     window: Any,
     impacts: Floats,
+    rests: Floats,
     times: Floats,
     seen: walk.Seen,
-    rests: Floats,
     end: int,
     note: Floats,
+    state: tuple[Floats, Floats, float],
 ) -> SystemSamples:
     n, h, shapes = cell.shape.modes, float(_steps(cell)[0]), cell.shapes[0]
     looks = seen.looks[: seen.filled[1]]
@@ -171,6 +174,9 @@ def _labelled(
         rest_end=rests[:, 3:5],
         status=int(status),
         steps=int(note[march.MADE]),
+        last_displacement=shapes @ state[0],
+        last_velocity=shapes @ state[1] / h,
+        last_phase=state[2],
     )
 
 

@@ -63,8 +63,8 @@ def _motion(function: str, study: Study, options: Options) -> None:
 
 
 @o.with_options(
-    o.MODEL, o.START, o.X, o.SECTION, o.DIRECTION, o.INDICES, o.IMPACTS, o.PERIODS, o.ENGINE, o.WORKERS, o.OUT,
-    o.FIGURE, o.INDEX, o.PICTURE,
+    o.MODEL, o.START, o.X, o.SECTION, o.COORDINATE, o.DIRECTION, o.INDICES, o.IMPACTS, o.PERIODS, o.ENGINE, o.WORKERS,
+    o.OUT, o.FIGURE, o.INDEX, o.PICTURE,
 )  # fmt: skip
 def diagram(options: Options) -> None:
     """Bifurcation diagram: how the settled motion changes with one parameter.

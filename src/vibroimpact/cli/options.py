@@ -304,6 +304,10 @@ _SECTIONS = (
 )
 SECTION = _what("section", "KIND", _SECTIONS, table="run")
 SECTION_KIND = _what("section", "KIND", _SECTIONS, table="run", flags=("--kind",))
+COORDINATE = _what(
+    "coordinate", "N", "Of a system: the coordinate that a stroboscopic section or a figure shows. (default: 0)",
+    table="run",
+)  # fmt: skip
 DIRECTION = _what(
     "direction", "WAY",
     "fresh: each value from the same initial conditions; up, down: each from where its neighbour ended. (default: "

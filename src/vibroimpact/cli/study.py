@@ -95,6 +95,7 @@ TABLES: dict[str, dict[str, Callable[[str, Any], Any]]] = {
         "direction": _one_of("fresh", "up", "down"),
         "early_closing": _flag,
         "starts": _several,
+        "coordinate": lambda name, value: whole_number(name, value, 0),
     },
 }
 

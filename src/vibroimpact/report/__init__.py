@@ -68,7 +68,7 @@ def _places(dataset: xr.Dataset) -> Iterator[str]:
         yield f"displacement {span(dataset['displacement'])}"
         return
     for at in range(dataset.sizes["coordinate"]):
-        yield f"coordinate {at + 1}: {span(dataset['displacement'].isel(coordinate=at))}"
+        yield f"coordinate {at}: {span(dataset['displacement'].isel(coordinate=at))}"
 
 
 def motion_of(section: xr.Dataset) -> str:
