@@ -12,6 +12,12 @@ SHORT = {"transient_impacts": 20, "sample_impacts": 30}
 GAPS = [0.02, 0.04, 0.06]
 
 
+def test_a_simulation_holds_the_impacts_up_to_its_last_sample():
+    motion = vi.simulate(vi.models.bouncing_ball(restitution=0.8), periods=4)
+    for name in ("impact_time", "stick_time", "release_time"):
+        assert not (motion[name] > motion["time"][-1]).any()
+
+
 # Diagrams
 
 
@@ -89,3 +95,106 @@ def test_a_diagram_refuses_what_systems_have_not(more, words):
 def test_a_diagram_of_a_system_is_summed_up_in_words():
     found = vi.bifurcation_diagram(vi.family(vi.models.impact_damper), frequency=[29.0, 30.0], **SHORT)
     assert sentences_of(found)[0].startswith("2 values of driving frequency 29 to 30 Hz, each from rest at q = 0")
+
+
+# Pictures
+
+
+@pytest.fixture
+def shown():
+    """Return the functions of figures; each figure is closed after its test."""
+    import matplotlib.pyplot as plt
+
+    yield vi.plotting
+    plt.close("all")
+
+
+def _points(ax, label):
+    (line,) = (line for line in ax.get_lines() if str(line.get_label()).endswith(label))
+    return line.get_xydata()
+
+
+def test_one_coordinate_between_two_stops_is_drawn_with_both_walls_and_impacts_on_each(shown):
+    motion = vi.simulate(vi.models.two_sided_oscillator(), periods=6)
+    ax = shown.time_history(motion)
+    for name, place in (("left", -1e-3), ("right", 1e-3)):
+        marks = _points(ax, f"on {name}")
+        assert len(marks) == (motion["impact_stop"] == name).sum()
+        assert marks[:, 1] == pytest.approx(place, rel=1e-12)
+    low, high = ax.get_ylim()
+    assert low < -1e-3 < 1e-3 < high
+    assert {"left", "right"} <= {text.get_text() for text in ax.texts}
+
+
+def test_the_clearance_of_a_stop_reaches_zero_at_its_impacts_and_its_rate_turns(shown):
+    motion = vi.simulate(two_masses(), periods=6)
+    ax = shown.phase_portrait(motion, stop="baffle")
+    bars = next(entry for entry in ax.collections if "on baffle" in str(entry.get_label())).get_segments()
+    speed = motion["impact_velocity"].values[motion["impact_stop"].values == "baffle"]
+    np.testing.assert_allclose([bar[0] for bar in bars], np.column_stack([0 * speed, -speed]), atol=1e-12)
+    np.testing.assert_allclose([bar[1] for bar in bars], np.column_stack([0 * speed, 0.8 * speed]), atol=1e-12)
+    assert "u_" in ax.get_xlabel()
+    assert "dot u" in ax.get_ylabel()
+
+
+@pytest.mark.parametrize("stop", [None, "table"])
+def test_a_moving_stop_is_drawn_where_it_is_at_every_impact(shown, stop):
+    """The state drawn just after an impact is that of a sample taken there."""
+    motion = vi.simulate(vi.models.bouncing_ball(restitution=0.8), periods=4, samples_per_period=500)
+    ax = shown.time_history(motion, stop=stop)
+    marks = _points(ax, "on table")
+    held = motion["clearance"].sel(stop="table") if stop else motion["displacement"].isel(coordinate=0)
+    near = np.interp(marks[:, 0], motion["time"], held)
+    np.testing.assert_allclose(marks[:, 1], near, atol=4e-6)
+
+
+def test_a_coordinate_shows_only_the_stops_that_act_on_it_alone(shown):
+    ax = shown.time_history(vi.simulate(two_masses(), periods=6), coordinate=1)
+    assert [text.get_text() for text in ax.texts] == ["bar"]
+    assert ax.get_ylabel() == "coordinate 1 $q_\\mathrm{1}$ [m]"
+
+
+def test_rests_are_drawn_at_the_stop_that_is_closed(shown):
+    ax = shown.time_history(vi.simulate(vi.models.bouncing_ball(), periods=6), stop="table")
+    (bars,) = (entry for entry in ax.collections if "table is closed" in str(entry.get_label()))
+    assert all((bar[:, 1] == 0.0).all() for bar in bars.get_segments())
+
+
+def test_the_impact_map_names_the_stops(shown):
+    ax = shown.impact_map(vi.impact_section(vi.models.tube_in_supports(), sample_impacts=200))
+    names = [text.get_text().partition(" on ")[2] for text in ax.get_legend().get_texts()]
+    assert names == list(vi.models.tube_in_supports().stop_names)
+
+
+def test_the_stroboscopic_map_shows_the_coordinate_asked_for(shown):
+    looks = vi.stroboscopic_section(two_masses(), sample_periods=300)
+    for at in (0, 1):
+        points = _points(shown.stroboscopic_map(looks, coordinate=at), "periods")
+        assert np.array_equal(points[:, 0], looks["displacement"].isel(coordinate=at))
+
+
+def test_maps_and_diagrams_of_systems_carry_symbols_and_units(shown):
+    how = {"omega": [7.0, 8.0], "bar_gap": [0.04, 0.05], "sample_impacts": 20}
+    ax = shown.index_contour(vi.parameter_map(two_masses(), **how))
+    assert ax.get_ylabel() == "gap of bar $g_\\mathrm{bar}$ [m]"
+    ax = shown.bifurcation_diagram(vi.bifurcation_diagram(two_masses(), bar_gap=GAPS, **SHORT))
+    assert ax.get_xlabel() == "gap of bar $g_\\mathrm{bar}$ [m]"
+    assert "$g_\\mathrm{baffle}$ = 0.02 m" in ax.get_title()
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"stop": "wall"}, "`stop` must be one of|unknown stop 'wall'|'wall'"),
+        ({"coordinate": 2}, "`coordinate` must be less than the number of coordinates"),
+        ({"coordinate": 0, "stop": "bar"}, "give either `coordinate` or `stop`, not both"),
+    ],
+)
+def test_a_picture_refuses_what_the_system_has_not(shown, more, words):
+    with pytest.raises(ValueError, match=words):
+        shown.phase_portrait(vi.simulate(two_masses(), periods=1), **more)
+
+
+def test_a_picture_of_one_mass_has_no_stop_to_choose(shown):
+    with pytest.raises(ValueError, match="`coordinate` and `stop` are for results of systems"):
+        shown.phase_portrait(vi.simulate(vi.ImpactOscillator(), periods=1), stop="bar")

@@ -148,6 +148,10 @@ def _labelled(
             sampled=len(impacts), wanted=window.keep, stuck=len(rests) > 0, periods=span, ended=ended
         )
     else:
+        last = times[0, -1] + times[1, -1]  # the step that passes the last look may end at an impact
+        impacts = impacts[impacts[:, 0] + impacts[:, 1] <= last]
+        rests = rests[rests[:, 1] + rests[:, 2] <= last]
+        rests[rests[:, 3] + rests[:, 4] > last, 3:] = math.nan
         released = rests[:, 3] + rests[:, 4]
         first = times[0, 0] + times[1, 0]
         stuck = bool((np.isnan(released) | (released > first)).any())

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 INITIAL_CONDITIONS = 200  # along an axis of basins that is not given
 
 
-@o.with_options(o.MODEL, o.START, o.DURATION, o.ENGINE, o.OUT, o.FIGURE, o.PICTURE)
+@o.with_options(o.MODEL, o.START, o.DURATION, o.ENGINE, o.OUT, o.FIGURE, o.SHOWN, o.PICTURE)
 def simulate(options: Options) -> None:
     """Compute the motion in time from its initial conditions.
 
@@ -41,7 +41,7 @@ def simulate(options: Options) -> None:
         typer.echo(f"settles to: {motion_of(_call('impact_section', study))}")
 
 
-@o.with_options(o.MODEL, o.START, o.SECTION_KIND, o.IMPACTS, o.PERIODS, o.ENGINE, o.OUT, o.FIGURE, o.PICTURE)
+@o.with_options(o.MODEL, o.START, o.SECTION_KIND, o.IMPACTS, o.PERIODS, o.ENGINE, o.OUT, o.FIGURE, o.SHOWN, o.PICTURE)
 def section(options: Options) -> None:
     """Impact map or Poincare map of the settled motion, and the name of that motion.
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @o.with_options(
     o.Option("file", "FILE", "A result saved as .zarr or .nc.", flags=(), required=True),
-    o.FIGURE_KIND, o.INDEX, o.LEVEL, o.SWEEP_FILE, o.OVER, o.OUT, o.PICTURE,
+    o.FIGURE_KIND, o.SHOWN, o.INDEX, o.LEVEL, o.SWEEP_FILE, o.OVER, o.OUT, o.PICTURE,
 )  # fmt: skip
 def plot(options: Options) -> None:
     """Draw a saved result, summarise it as text, or save it in another format.

@@ -305,7 +305,7 @@ _SECTIONS = (
 SECTION = _what("section", "KIND", _SECTIONS, table="run")
 SECTION_KIND = _what("section", "KIND", _SECTIONS, table="run", flags=("--kind",))
 COORDINATE = _what(
-    "coordinate", "N", "Of a system: the coordinate that a stroboscopic section or a figure shows. (default: 0)",
+    "coordinate", "N", "Of a system: the coordinate that a stroboscopic section shows. (default: 0)",
     table="run",
 )  # fmt: skip
 DIRECTION = _what(
@@ -361,6 +361,10 @@ FIGURE_KIND = _output(
     f"{', '.join(figures.KINDS)}. (default: what suits the result)",
     flags=("--kind",),
 )  # fmt: skip
+SHOWN = (
+    _output("coordinate", "N", "Of a system: the coordinate that a figure of one motion shows. (default: 0)"),
+    _output("stop", "NAME", "Of a system: the stop whose clearance a figure of one motion shows instead."),
+)
 INDEX = _output("index", "NAME", "Index that a figure shows. (default: the first of a sweep, none of a diagram)")
 LEVEL = _output("level", "X", "Contour level at which the boundary is drawn, in the unit of the index.")
 SWEEP_FILE = _output(

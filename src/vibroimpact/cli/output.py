@@ -166,6 +166,9 @@ def draw(dataset: xr.Dataset, options: Mapping[str, Any], over: xr.Dataset | Non
         more["diagram"] = over
     if kind == "boundaries" and over is not None:
         more |= _beneath_boundaries(over, index or _first_index(over))
+    if kind in ("time-history", "phase-portrait", "stroboscopic-map"):
+        more |= {name: options[name] for name in ("coordinate", "stop") if options.get(name) is not None}
+        more |= {name: number(more[name]) for name in ("coordinate",) if name in more}
     if kind == "bifurcation-diagram" and index is not None:
         if index not in dataset:
             raise ValueError(f"`--index` must be an index of the diagram, got {index!r}; add it to --indices")

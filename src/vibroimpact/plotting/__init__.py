@@ -24,7 +24,8 @@ from vibroimpact.plotting.designs import comparison_figure, oscillator_sketch
 from vibroimpact.plotting.diagrams import bifurcation_diagram, diagram_with_index, index_curve
 from vibroimpact.plotting.maps import boundary_lines, index_contour, index_scatter, index_surface
 from vibroimpact.plotting.motions import basin_portrait, exponent_map, motion_map
-from vibroimpact.plotting.orbits import impact_map, phase_portrait, stroboscopic_map, time_history
+from vibroimpact.plotting.orbits import phase_portrait, time_history
+from vibroimpact.plotting.sections import impact_map, stroboscopic_map
 from vibroimpact.plotting.style import SAMPLE_DIMS
 
 PIXEL = 8  # bytes, of the canvas and of the file made of it

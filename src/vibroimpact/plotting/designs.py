@@ -18,7 +18,8 @@ from vibroimpact.motion import recognise
 from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.parameters import several
 from vibroimpact.plotting import labels, style
-from vibroimpact.plotting.orbits import impact_map, phase_portrait, time_history
+from vibroimpact.plotting.orbits import phase_portrait, time_history
+from vibroimpact.plotting.sections import impact_map
 from vibroimpact.plotting.style import BLUE, INK, RED, on_axes
 from vibroimpact.sections import impact_section, simulate, stroboscopic_section
 

@@ -102,7 +102,7 @@ def _of_starts(sweep: xr.Dataset, index: str) -> xr.Dataset:
 
 def resolved(sweep: xr.Dataset, field: xr.DataArray) -> Floats:
     """Return the values of an index that decide limits and units: a spread that is only rounding is 0, a count > 0."""
-    values, osc = field.values.astype(float), labels.reference(sweep)
+    values, osc = field.values.astype(float), labels.made(sweep)
     rounding = ROUNDING * spread_scale(str(field.name), osc.velocity_scale if osc else 1.0)
     if field.name in COUNTS:
         return np.where(values > 0.0, values, np.nan)
@@ -148,8 +148,8 @@ def mark_empty(ax: Axes, diagram: xr.Dataset, axis: str) -> None:
 
 def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) -> None:
     """Set the limits of the y axis: speeds from zero, a phase from 0 to 1, the rest around what is drawn."""
-    osc = labels.reference(diagram)
-    speed = osc.velocity_scale if osc else 1.0
+    osc, made = labels.reference(diagram), labels.made(diagram)
+    speed = made.velocity_scale if made else 1.0
     if quantity == "phase":
         ax.set_ylim(-0.03, 1.0)
     elif quantity == "velocity" and "impact" in diagram[quantity].dims:

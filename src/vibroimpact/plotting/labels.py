@@ -11,10 +11,12 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 
-from vibroimpact.dataset import VARIABLES, oscillator_of
+from vibroimpact.dataset import VARIABLES, model_of, oscillator_of
 from vibroimpact.oscillator import ImpactOscillator, Model
 from vibroimpact.plotting.ticks import power_of, quantity, scale_axis, unit_label
+from vibroimpact.system import ImpactSystem
 
+MOST = 8  # values of parameters in a title
 PER_INCH = 11.5  # letters of an axis label
 
 _MATH = {
@@ -34,6 +36,10 @@ WORDS = ("stuck", "spread", "margin")  # of the table of indices, which no figur
 
 def math(symbol: str) -> str:
     """Return a symbol of the glossary as mathtext; a name of several letters as plain text."""
+    if of := re.fullmatch(r"([^\W_])_(\w+)('?)", symbol):  # such as g_bar, of a stop
+        letter, name, prime = of.groups()
+        dot, below = r"\dot " if prime else "", name.replace("_", r"\ ")
+        return rf"${dot}{letter}_\mathrm{{{below}}}$"
     if symbol in _MATH or re.fullmatch(r"\w(/\w)?", symbol):
         return f"${_MATH.get(symbol, symbol)}$"
     return symbol.replace("$", r"\$")
@@ -169,22 +175,40 @@ def reference(dataset: xr.Dataset) -> ImpactOscillator | None:
     return osc.replace(**{name: value for name, value in _selected(dataset).items() if name in osc.parameters})
 
 
+def made(dataset: xr.Dataset) -> ImpactOscillator | ImpactSystem | None:
+    """Return the oscillator or the system of a result, as `reference` does; None if neither is recorded."""
+    if "system" not in dataset.attrs:
+        return reference(dataset)
+    system = model_of(dataset)
+    if _family(dataset):
+        return system
+    return system.replace(**{name: value for name, value in _selected(dataset).items() if name in system.parameters})
+
+
 def own_value(dataset: xr.Dataset, name: str) -> float | None:
     """Return a parameter's own value in the model of a result; None if there is none."""
     family = _family(dataset)
-    return family[1].get(name) if family else getattr(reference(dataset), name, None)
+    return family[1].get(name) if family else _own(made(dataset), name)
+
+
+def _own(model: Any, name: str) -> float | None:
+    found = getattr(model, "values", {}).get(name, getattr(model, name, None))
+    return None if found is None else float(found)
 
 
 def title(dataset: xr.Dataset) -> str:
     """Return the parameters that a result holds fixed, and its note or from where it begins, in one line."""
-    osc, family = reference(dataset), _family(dataset)
+    osc, family = made(dataset), _family(dataset)
     varied = {str(name) for name, coord in dataset.coords.items() if coord.ndim}
     held: list[str] = []
     if family:
-        held = [family[0], *(f"{name} = {value:.5g}" for name, value in family[1].items() if name not in varied)]
+        held = [f"{name} = {value:.5g}" for name, value in family[1].items() if name not in varied]
+        held = [family[0], *(held if len(held) <= MOST else ())]
     elif osc:
         varied |= {osc.parameters[name].replaces or name for name in varied if name in osc.parameters}
         held = [parameter_text(name, osc) for name in osc.values if name not in varied]
+        if isinstance(osc, ImpactSystem) and len(held) > MOST:
+            held = [*held[: "omega" not in varied], counted(len(osc.stops), "stop")]
     return ",  ".join(filter(None, [*held, str(dataset.attrs.get("note", _begun(dataset)))]))
 
 

@@ -76,7 +76,7 @@ def _boundary_level(sweep: xr.Dataset, field: xr.DataArray, level: float | None)
     units = labels.described(field)[1]
     if level is not None:
         return (number := real_number("level", level)), quantity(number, units, 3)
-    osc = labels.reference(sweep)
+    osc = labels.made(sweep)
     if field.name != "std" or osc is None:
         return None
     number = LEVEL_OF_V * osc.velocity_scale

@@ -1,7 +1,9 @@
-"""One motion: time history, phase portrait, stroboscopic (Poincare) map and impact map."""
+"""One motion in time: time history and phase portrait."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,52 +14,67 @@ from matplotlib.collections import LineCollection
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.style import BLUE, DOTS, GREEN, INK, RED, RINGS, Floats, on_axes
+from vibroimpact.plotting.systems import View, color_of, draw_walls, view_of
 from vibroimpact.status import Status
+from vibroimpact.system import ImpactSystem
 
-MANY = 200  # more distinct points than this are drawn as an attractor, fewer as separate marks
-STATES = {"displacement": "time", "velocity": "time", "impact_time": "impact", "impact_velocity": "impact"}
+Dims = str | tuple[str, ...]
+STATES: dict[str, Dims] = {
+    "displacement": "time",
+    "velocity": "time",
+    "impact_time": "impact",
+    "impact_velocity": "impact",
+}
+COORDINATES: dict[str, Dims] = {
+    "displacement": ("time", "coordinate"),
+    "velocity": ("time", "coordinate"),
+    "impact_stop": "impact",
+}
 
 
-def _check(argument: str, value: Any, maker: str, needed: dict[str, str]) -> None:
+def check_result(argument: str, value: Any, maker: str, needed: Mapping[str, Dims]) -> None:
     """Raise `ValueError` unless the needed variables of a result lie along their one dimension each."""
     if not isinstance(value, xr.Dataset) or any(
-        name not in value or value[name].dims != (dim,) for name, dim in needed.items()
+        name not in value or value[name].dims != ((dim,) if isinstance(dim, str) else dim)
+        for name, dim in needed.items()
     ):
-        wanted = ", ".join(f"{name} over {dim}" for name, dim in needed.items())
+        wanted = ", ".join(
+            f"{name} over {dim if isinstance(dim, str) else ' and '.join(dim)}" for name, dim in needed.items()
+        )
         raise labels.refused(
             argument, value, f"a result of {maker} ({wanted})", f"pass what vibroimpact.{maker} returns"
         )
 
 
-def _legend(ax: Axes, dataset: xr.Dataset) -> None:
+def legend(ax: Axes, dataset: xr.Dataset) -> None:
     """Draw the legend, which says how a motion ended unless it simply filled its window."""
-    status = _ended(dataset)
+    status = ended(dataset)
     if status is not None and not status.has_indices:
         ax.plot([], [], linestyle="none", label=style.outcome(status))
     style.legend_below(ax)
 
 
-def _ended(dataset: xr.Dataset) -> Status | None:
+def ended(dataset: xr.Dataset) -> Status | None:
     """Return how the one motion of a result ended; None if there are several."""
     return Status(int(dataset["status"])) if "status" in dataset and dataset["status"].ndim == 0 else None
 
 
-def _broken_orbit(simulation: xr.Dataset, gap: float, restitution: float) -> tuple[Floats, Floats, Floats]:
-    """Return time, y and y' with each impact put in: arrival, a break (NaN), departure at -r times the speed.
+def _broken_orbit(states: tuple[Floats, ...], impacts: tuple[Floats, ...]) -> tuple[Floats, Floats, Floats]:
+    """Return time, y and y' with each impact put in: arrival, a break (NaN), departure.
 
-    Samples alone would cut the corner at each impact with a chord that the mass never follows.
+    `states` are time, y and y' of samples, `impacts` their times, y, and y' before and after. Samples alone would cut
+    the corner at each impact with a chord that the mass never follows.
     """
-    times, speeds = simulation["impact_time"].values, simulation["impact_velocity"].values
-    jump = np.column_stack([speeds, np.full_like(speeds, np.nan), -restitution * speeds]).ravel()
-    sampled = simulation["time"].values
+    (sampled, place, rate), (times, at, before, after_it) = states, impacts
+    jump = np.column_stack([before, np.full_like(before, np.nan), after_it]).ravel()
     # A sample at an impact holds the state after it, but rounding may put its time before: it adds nothing.
     around = np.concatenate([[-np.inf], times, [np.inf]])
     after = np.searchsorted(times, sampled)
     nearest = np.minimum(sampled - around[after], around[after + 1] - sampled)
     own = nearest >= 1e-6 * np.ptp(sampled[:2])
     t = np.concatenate([np.repeat(times, 3), sampled[own]])
-    y = np.concatenate([np.where(np.isnan(jump), np.nan, gap), simulation["displacement"].values[own]])
-    dy = np.concatenate([jump, simulation["velocity"].values[own]])
+    y = np.concatenate([np.where(np.isnan(jump), np.nan, np.repeat(at, 3)), place[own]])
+    dy = np.concatenate([jump, rate[own]])
     order = np.argsort(t, kind="stable")
     return _rounded(t[order], y[order], dy[order])
 
@@ -91,11 +108,11 @@ def _sticks(simulation: xr.Dataset) -> Floats:
     return np.column_stack([starts, np.where(np.isnan(ends), float(simulation["time"][-1]), ends)])
 
 
-def _draw_sticks(ax: Axes, spans: Any, height: float, name: str, zorder: float) -> None:
+def draw_sticks(ax: Axes, spans: Any, height: float, name: str, zorder: float) -> None:
     """Draw a bar for each (start, end) of a stick."""
     bars = [[(start, height), (end, height)] for start, end in spans]
     look: dict[str, Any] = {"colors": GREEN, "linewidths": 5, "zorder": zorder}
-    ax.add_collection(LineCollection(bars, label=f"{name} (at rest at the stop)", **look), autolim=False)
+    ax.add_collection(LineCollection(bars, label=name, **look), autolim=False)
 
 
 def _stop(ax: Axes, displacement: Floats, osc: ImpactOscillator, *, upright: bool) -> tuple[float, float]:
@@ -122,30 +139,89 @@ def _stop(ax: Axes, displacement: Floats, osc: ImpactOscillator, *, upright: boo
     return low, high
 
 
-def _started(
-    simulation: xr.Dataset, ax: Axes | None, size: tuple[float, float]
-) -> tuple[ImpactOscillator, Axes, tuple[Floats, Floats, Floats]]:
-    """Return the oscillator of a checked simulation, the axes to draw on, and time, y and y' of the line."""
-    _check("simulation", simulation, "simulate", STATES)
-    osc = labels.reference(simulation)
-    if osc is None:
+@dataclass(frozen=True)
+class _Motion:
+    """What is drawn of a simulation: y and y' over time, those at impacts, and the line through both."""
+
+    model: ImpactOscillator | ImpactSystem
+    view: View | None
+    y: xr.DataArray
+    rate: xr.DataArray
+    impacts: tuple[Floats, ...]  # y, and y' before and after
+    line: tuple[Floats, Floats, Floats]
+
+    def groups(self, simulation: xr.Dataset) -> Iterator[tuple[Any, str, str]]:
+        """Yield which impacts are drawn alike, their colour and their name."""
+        if self.view is None:
+            if count := simulation.sizes["impact"]:
+                yield slice(None), RED, labels.counted(count, "impact")
+            return
+        for wall in self.view.walls:
+            here = simulation["impact_stop"].values == wall.name
+            if here.any():
+                text = f"{labels.counted(int(here.sum()), 'impact')} on {wall.name}"
+                yield here, color_of(self.view.system, wall.name), text
+
+    def rests(self, simulation: xr.Dataset) -> Iterator[tuple[float, Any, str]]:
+        """Yield where, at each stop that is drawn, the mass rests, the (start, end) of each stick, and its name."""
+        sticks = _sticks(simulation)
+        if isinstance(self.model, ImpactOscillator):
+            if len(sticks):
+                yield self.model.gap, sticks, labels.counted(len(sticks), "stick") + " (at rest at the stop)"
+            return
+        for wall in self.view.walls if self.view else ():
+            own = sticks[simulation["stick_stop"].values == wall.name]
+            if len(own) and self.view:
+                place = float(self.view.place(wall, own[:1, 0])[0])
+                yield place, own, f"{labels.counted(len(own), 'stick')} ({wall.name} is closed)"
+
+    def limits(self, ax: Axes, time: Floats, *, upright: bool) -> tuple[float, float]:
+        """Draw the stops and return the limits of the axis of y."""
+        if isinstance(self.model, ImpactOscillator) or self.view is None:
+            return _stop(ax, self.line[1], self.model, upright=upright)  # type: ignore[arg-type]
+        return draw_walls(ax, self.view, self.line[1], time, upright=upright)
+
+
+def _started(simulation: xr.Dataset, coordinate: int | None, stop: str | None) -> _Motion:
+    """Return what is drawn of a checked simulation."""
+    of_system = isinstance(simulation, xr.Dataset) and "coordinate" in simulation.dims
+    check_result("simulation", simulation, "simulate", STATES | (COORDINATES if of_system else {}))
+    model = labels.made(simulation)
+    if model is None:
         raise ValueError(
             "`simulation` has no attribute 'oscillator', which says where the stop is; "
             "keep the attributes (xarray.set_options(keep_attrs=True)) when you compute with a result"
         )
-    return osc, style.new_axes(ax, size, labels.title(simulation)), _broken_orbit(simulation, osc.gap, osc.restitution)
+    view = view_of(simulation, coordinate, stop)
+    times, speeds = simulation["impact_time"].values, simulation["impact_velocity"].values
+    if view is not None:
+        y, rate, impacts = view.labelled(simulation), view.labelled(simulation, rate=True), view.impacts(simulation)
+    else:
+        osc: Any = model
+        y, rate = simulation["displacement"], simulation["velocity"]
+        impacts = np.full_like(speeds, osc.gap), speeds, -osc.restitution * speeds
+    states = simulation["time"].values, y.values, rate.values
+    return _Motion(model, view, y, rate, impacts, _broken_orbit(states, (times, *impacts)))
 
 
 @on_axes
-def time_history(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
+def time_history(
+    simulation: xr.Dataset, ax: Axes | None = None, *, coordinate: int | None = None, stop: str | None = None
+) -> Axes:
     """Draw displacement against time, with the stop, the impacts on it and the sticks.
 
-    The line includes the instants of impact, so that it reaches the stop where the mass does.
+    The line includes the instants of impact, so that it reaches the stop where the mass does. Of a system, a coordinate
+    or the clearance of a stop is drawn with all stops that act on it alone, and impacts are coloured by stop.
 
     Parameters
     ----------
     simulation : xarray.Dataset
         What `vibroimpact.simulate` returns.
+    coordinate : int, optional
+        Of a system, which coordinate is drawn; 0 is the first. None takes that, or the clearance of the first stop
+        where no stop acts on it alone.
+    stop : str, optional
+        Of a system, the stop whose clearance is drawn instead.
 
     Examples
     --------
@@ -154,34 +230,44 @@ def time_history(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'time $t$ [s]'
     """
-    osc, ax, (t, y, _) = _started(simulation, ax, (8.0, 3.8))
+    motion = _started(simulation, coordinate, stop)
+    ax = style.new_axes(ax, (8.0, 3.8), labels.title(simulation))
+    t, y, _ = motion.line
     whole = ~np.isnan(y)
     ax.plot(t[whole], y[whole], color=BLUE, linewidth=1.2, zorder=2)
 
-    ax.set_ylim(*_stop(ax, y, osc, upright=False))
+    ax.set_ylim(*motion.limits(ax, simulation["time"].values, upright=False))
     impacts = simulation["impact_time"].values
-    if impacts.size:
-        look = DOTS | {"color": RED, "markersize": 4, "zorder": 5}
-        ax.plot(impacts, np.full_like(impacts, osc.gap), label=labels.counted(impacts.size, "impact"), **look)
-    if len(sticks := _sticks(simulation)):
-        _draw_sticks(ax, sticks, osc.gap, labels.counted(len(sticks), "stick"), 4)
+    for here, color, text in motion.groups(simulation):
+        look = DOTS | {"color": color, "markersize": 4, "zorder": 5}
+        ax.plot(impacts[here], motion.impacts[0][here], label=text, **look)
+    for place, sticks, name in motion.rests(simulation):
+        draw_sticks(ax, sticks, place, name, 4)
     ax.set_xlim(float(simulation["time"][0]), float(simulation["time"][-1]))
-    labels.label_axes(ax, simulation["time"], simulation["displacement"])
-    _legend(ax, simulation)
+    labels.label_axes(ax, simulation["time"], motion.y)
+    legend(ax, simulation)
     return ax
 
 
 @on_axes
-def phase_portrait(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
+def phase_portrait(
+    simulation: xr.Dataset, ax: Axes | None = None, *, coordinate: int | None = None, stop: str | None = None
+) -> Axes:
     """Draw velocity against displacement, with the stop and the jumps of velocity at it.
 
     The line is broken at each impact; a thin dashed line joins arrival (y' = v) and departure (y' = -r v). Between
-    samples it follows the cubic through the states at either end.
+    samples it follows the cubic through the states at either end. Of a system, a coordinate or the clearance of a stop
+    is drawn against its rate, with all stops that act on it alone; a stop that moves is drawn where it is farthest, and
+    the line is broken where other stops are struck.
 
     Parameters
     ----------
     simulation : xarray.Dataset
         What `vibroimpact.simulate` returns.
+    coordinate : int, optional
+        Of a system, which coordinate is drawn, as in `time_history`.
+    stop : str, optional
+        Of a system, the stop whose clearance is drawn instead.
 
     Examples
     --------
@@ -190,164 +276,30 @@ def phase_portrait(simulation: xr.Dataset, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'displacement $y$ [m]'
     """
-    osc, ax, (_, y, dy) = _started(simulation, ax, (6.4, 5.4))
+    motion = _started(simulation, coordinate, stop)
+    ax = style.new_axes(ax, (6.4, 5.4), labels.title(simulation))
+    _, y, dy = motion.line
     ax.plot(y, dy, color=BLUE, linewidth=0.9, label="flight", zorder=2)
-    speeds = simulation["impact_velocity"].values
-    if speeds.size:
-        jumps = [[(osc.gap, speed), (osc.gap, -osc.restitution * speed)] for speed in speeds]
-        thin: dict[str, Any] = {"colors": RED, "linewidths": 0.8, "linestyles": (0, (3, 2)), "zorder": 3, "alpha": 0.6}
-        ax.add_collection(LineCollection(jumps, label=labels.counted(speeds.size, "impact"), **thin), autolim=False)
-        ax.plot(np.full_like(speeds, osc.gap), speeds, **DOTS, color=RED, markersize=3, zorder=4)
-    if len(sticks := _sticks(simulation)):
-        name = labels.counted(len(sticks), "stick")
-        ax.plot([osc.gap], [0.0], "s", color=GREEN, markersize=7, markeredgewidth=0, label=name, zorder=5)
-    first = simulation.isel(time=0)
+    for here, color, text in motion.groups(simulation):
+        place, before, after = (part[here] for part in motion.impacts)
+        ends = zip(place, before, after, strict=True)
+        jumps = [[(at, arrives), (at, leaves)] for at, arrives, leaves in ends]
+        thin: dict[str, Any] = {
+            "colors": color,
+            "linewidths": 0.8,
+            "linestyles": (0, (3, 2)),
+            "zorder": 3,
+            "alpha": 0.6,
+        }
+        ax.add_collection(LineCollection(jumps, label=text, **thin), autolim=False)
+        ax.plot(place, before, **DOTS, color=color, markersize=3, zorder=4)
+    for place, _, name in motion.rests(simulation):
+        name = name.removesuffix(" (at rest at the stop)")
+        ax.plot([place], [0.0], "s", color=GREEN, markersize=7, markeredgewidth=0, label=name, zorder=5)
     ring = RINGS | {"markeredgecolor": INK, "markersize": 5, "zorder": 6}
-    ax.plot(float(first["displacement"]), float(first["velocity"]), label="start", **ring)
-    ax.set_xlim(*_stop(ax, y, osc, upright=True))
-    ax.set_ylim(*style.view(dy, style.magnitude(dy, osc.velocity_scale)))
-    labels.label_axes(ax, simulation["displacement"], simulation["velocity"])
-    _legend(ax, simulation)
-    return ax
-
-
-def distinct_points(points: Floats, tolerance: Floats, wrap: bool = False) -> Floats | None:
-    """Return one point for each place visited, to within `tolerance`; None if there are more than `MANY`.
-
-    With `wrap` the first coordinate is a phase, so that 0 and 1 are the same place.
-    """
-    left = points
-    found: list[Floats] = []
-    while len(left) and len(found) < MANY:
-        found.append(left[0])
-        away = np.abs(left - left[0])
-        if wrap:
-            away[:, 0] = np.minimum(away[:, 0], 1.0 - away[:, 0])
-        left = left[(away > tolerance).any(axis=1)]
-    return None if len(left) else np.array(found).reshape(-1, 2)
-
-
-def _section(section: xr.Dataset, ax: Axes | None, maker: str, across: str, along: str) -> tuple[Axes, Floats]:
-    """Return labelled axes for a checked section and its points; axes without any say why."""
-    _check("section", section, maker, {across: along, "velocity": along})
-    ax = style.new_axes(ax, (6.2, 5.0), labels.title(section))
-    points: Floats = np.column_stack([section[across].values, section["velocity"].values])
-    points = points[np.isfinite(points).all(axis=1)]
-    labels.label_axes(ax, section[across], section["velocity"])
-    if not len(points):
-        status = _ended(section)
-        text = "no sample" if status is None else labels.wrapped(status.sentence, 45)
-        ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color="#555555")
-    return ax, points
-
-
-def _draw_points(ax: Axes, points: Floats, tolerance: Floats, noun: str, wrap: bool = False) -> bool:
-    """Draw few places as large marks and an attractor as fine translucent dots; return whether they are few."""
-    places = distinct_points(points, tolerance, wrap)
-    total = labels.counted(len(points), noun)
-    look = DOTS | {"color": BLUE, "zorder": 3}
-    if places is None:
-        fine = {"markersize": 1.6, "alpha": 0.55 if len(points) > 1000 else 0.8, "rasterized": len(points) > 2000}
-        ax.plot(*points.T, label=total, **(look | fine))
-        return False
-    name = f"{labels.counted(len(places), 'point')} in {total}"
-    ax.plot(*places.T, label=name, **(look | {"markersize": 9 if len(places) <= 12 else 4.5, "clip_on": False}))
-    return True
-
-
-@on_axes
-def stroboscopic_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the Poincare map: velocity against displacement once per driving period.
-
-    A period-n motion shows n points, a chaotic motion its attractor.
-
-    Parameters
-    ----------
-    section : xarray.Dataset
-        What `vibroimpact.stroboscopic_section` returns.
-
-    Notes
-    -----
-    Samples that agree to 1e-6 of the size of the motion are one point, drawn once and counted in the legend.
-    Around a periodic orbit an axis spans at least a tenth of that size; less would show only rounding.
-
-    References
-    ----------
-    Lee, section 2 and figures 4a to 9a.
-
-    Examples
-    --------
-    >>> import vibroimpact as vi
-    >>> section = vi.stroboscopic_section(vi.ImpactOscillator(omega=2.0), sample_periods=50)
-    >>> vi.plotting.stroboscopic_map(section).get_legend().get_texts()[0].get_text()
-    '1 point in 50 periods'
-    """
-    ax, points = _section(section, ax, "stroboscopic_section", "displacement", "period")
-    if not len(points):
-        return ax
-    osc = labels.reference(section)
-    # One size for both axes: an orbit may well pass the section near y = 0 or at y' = 0.
-    rate = max(osc.omega, osc.natural_frequency) if osc else 1.0
-    size = style.magnitude(points * [1.0, 1.0 / rate], osc.velocity_scale / osc.natural_frequency if osc else 1.0)
-    sizes = np.array([size, size * rate])
-    least = 0.1 if _draw_points(ax, points, 1e-6 * sizes, "period") else 1e-6
-    low, high = style.view(points[:, 0], sizes[0], least)
-    ax.set_xlim(low, high)
-    ax.set_ylim(*style.view(points[:, 1], sizes[1], least))
-    labels.label_axes(ax, section["displacement"], section["velocity"])
-    if osc and osc.gap < high:
-        style.draw_stop(ax, osc.gap, high, upright=True, label=f"stop, {labels.parameter_text('gap', osc)}")
-    _legend(ax, section)
-    return ax
-
-
-def _stick_phases(section: xr.Dataset, period: float) -> list[tuple[float, float]]:
-    """Return the phases from each stick to its release, cut where the phase wraps."""
-    spans = np.column_stack([section["stick_time"].values, section["release_time"].values]) / period
-    pieces = []
-    for start, end in np.unique(spans[np.isfinite(spans).all(axis=1)] % 1.0, axis=0):
-        pieces += [(start, end)] if start <= end else [(start, 1.0), (0.0, end)]
-    return pieces
-
-
-@on_axes
-def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the impact map: the velocity of each impact against its phase in the driving period.
-
-    An impact-p motion shows p points; a complete chatter a sequence that runs down to the green bar of
-    the stick, from coming to rest at the stop until the release.
-
-    Parameters
-    ----------
-    section : xarray.Dataset
-        What `vibroimpact.impact_section` returns.
-
-    Notes
-    -----
-    Phases run over the whole period and velocities from zero, so that maps compare at a glance. Impacts that
-    agree to 1e-6 (of the period, of the largest velocity) are one point, counted in the legend.
-
-    References
-    ----------
-    Lee, section 2 and figures 4b to 9b.
-
-    Examples
-    --------
-    >>> import vibroimpact as vi
-    >>> section = vi.impact_section(vi.ImpactOscillator(omega=2.0), sample_impacts=50)
-    >>> vi.plotting.impact_map(section).get_legend().get_texts()[0].get_text()
-    '1 point in 50 impacts'
-    """
-    ax, points = _section(section, ax, "impact_section", "phase", "impact")
-    ax.set_xlim(0.0, 1.0)
-    if not len(points):
-        return ax
-    fastest = float(points[:, 1].max())
-    _draw_points(ax, points, np.array([1e-6, 1e-6 * fastest]), "impact", wrap=True)
-    osc = labels.reference(section)
-    if osc and "stick_time" in section and (sticks := _stick_phases(section, osc.period)):
-        _draw_sticks(ax, sticks, 0.0, "stick", 2)
-    ax.set_ylim(-0.03 * fastest, 1.08 * fastest)
-    labels.label_axes(ax, section["phase"], section["velocity"])
-    _legend(ax, section)
+    ax.plot(float(motion.y[0]), float(motion.rate[0]), label="start", **ring)
+    ax.set_xlim(*motion.limits(ax, simulation["time"].values, upright=True))
+    ax.set_ylim(*style.view(dy, style.magnitude(dy, motion.model.velocity_scale)))
+    labels.label_axes(ax, motion.y, motion.rate)
+    legend(ax, simulation)
     return ax

@@ -1,0 +1,196 @@
+"""One settled motion: stroboscopic (Poincare) map and impact map."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from vibroimpact.plotting import labels, style
+from vibroimpact.plotting.orbits import check_result, draw_sticks, ended, legend
+from vibroimpact.plotting.style import BLUE, DOTS, Floats, on_axes
+from vibroimpact.plotting.systems import View, color_of, view_of
+from vibroimpact.system import ImpactSystem
+
+MANY = 200  # more distinct points than this are drawn as an attractor, fewer as separate marks
+
+
+def distinct_points(points: Floats, tolerance: Floats, wrap: bool = False) -> Floats | None:
+    """Return one point for each place visited, to within `tolerance`; None if there are more than `MANY`.
+
+    With `wrap` the first coordinate is a phase, so that 0 and 1 are the same place.
+    """
+    left = points
+    found: list[Floats] = []
+    while len(left) and len(found) < MANY:
+        found.append(left[0])
+        away = np.abs(left - left[0])
+        if wrap:
+            away[:, 0] = np.minimum(away[:, 0], 1.0 - away[:, 0])
+        left = left[(away > tolerance).any(axis=1)]
+    return None if len(left) else np.array(found).reshape(-1, 2)
+
+
+def _section(section: xr.Dataset, ax: Axes | None, maker: str, across: str, along: str) -> tuple[Axes, Floats]:
+    """Return labelled axes for a checked section and its points; axes without any say why."""
+    check_result("section", section, maker, {across: along, "velocity": along})
+    ax = style.new_axes(ax, (6.2, 5.0), labels.title(section))
+    points: Floats = np.column_stack([section[across].values, section["velocity"].values])
+    points = points[np.isfinite(points).all(axis=1)]
+    labels.label_axes(ax, section[across], section["velocity"])
+    if not len(points):
+        status = ended(section)
+        text = "no sample" if status is None else labels.wrapped(status.sentence, 45)
+        ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color="#555555")
+    return ax, points
+
+
+def _draw_points(
+    ax: Axes, points: Floats, tolerance: Floats, noun: str, wrap: bool = False, color: str = BLUE, of: str = ""
+) -> bool:
+    """Draw few places as large marks and an attractor as fine translucent dots; return whether they are few."""
+    places = distinct_points(points, tolerance, wrap)
+    total = labels.counted(len(points), noun) + of
+    look = DOTS | {"color": color, "zorder": 3}
+    if places is None:
+        fine = {"markersize": 1.6, "alpha": 0.55 if len(points) > 1000 else 0.8, "rasterized": len(points) > 2000}
+        ax.plot(*points.T, label=total, **(look | fine))
+        return False
+    name = f"{labels.counted(len(places), 'point')} in {total}"
+    ax.plot(*places.T, label=name, **(look | {"markersize": 9 if len(places) <= 12 else 4.5, "clip_on": False}))
+    return True
+
+
+@on_axes
+def stroboscopic_map(
+    section: xr.Dataset, ax: Axes | None = None, *, coordinate: int | None = None, stop: str | None = None
+) -> Axes:
+    """Draw the Poincare map: velocity against displacement once per driving period.
+
+    A period-n motion shows n points, a chaotic motion its attractor.
+
+    Parameters
+    ----------
+    section : xarray.Dataset
+        What `vibroimpact.stroboscopic_section` returns.
+    coordinate : int, optional
+        Of a system, which coordinate is drawn, as in `time_history`.
+    stop : str, optional
+        Of a system, the stop whose clearance is drawn instead.
+
+    Notes
+    -----
+    Samples that agree to 1e-6 of the size of the motion are one point, drawn once and counted in the legend.
+    Around a periodic orbit an axis spans at least a tenth of that size; less would show only rounding.
+
+    References
+    ----------
+    Lee, section 2 and figures 4a to 9a.
+
+    Examples
+    --------
+    >>> import vibroimpact as vi
+    >>> section = vi.stroboscopic_section(vi.ImpactOscillator(omega=2.0), sample_periods=50)
+    >>> vi.plotting.stroboscopic_map(section).get_legend().get_texts()[0].get_text()
+    '1 point in 50 periods'
+    """
+    view = view_of(section, coordinate, stop) if isinstance(section, xr.Dataset) else None
+    if view is not None:
+        return _stroboscopic_of_system(section, view, ax)
+    ax, points = _section(section, ax, "stroboscopic_section", "displacement", "period")
+    if not len(points):
+        return ax
+    osc = labels.reference(section)
+    # One size for both axes: an orbit may well pass the section near y = 0 or at y' = 0.
+    rate = max(osc.omega, osc.natural_frequency) if osc else 1.0
+    size = style.magnitude(points * [1.0, 1.0 / rate], osc.velocity_scale / osc.natural_frequency if osc else 1.0)
+    sizes = np.array([size, size * rate])
+    least = 0.1 if _draw_points(ax, points, 1e-6 * sizes, "period") else 1e-6
+    low, high = style.view(points[:, 0], sizes[0], least)
+    ax.set_xlim(low, high)
+    ax.set_ylim(*style.view(points[:, 1], sizes[1], least))
+    labels.label_axes(ax, section["displacement"], section["velocity"])
+    if osc and osc.gap < high:
+        style.draw_stop(ax, osc.gap, high, upright=True, label=f"stop, {labels.parameter_text('gap', osc)}")
+    legend(ax, section)
+    return ax
+
+
+def _stroboscopic_of_system(section: xr.Dataset, view: View, ax: Axes | None) -> Axes:
+    """Draw what is seen of a system once per driving period."""
+    wanted = dict.fromkeys(("displacement", "velocity"), ("period", "coordinate"))
+    check_result("section", section, "stroboscopic_section", wanted)
+    shown = {"displacement": view.labelled(section), "velocity": view.labelled(section, rate=True)}
+    ax, points = _section(section.assign(shown), ax, "stroboscopic_section", "displacement", "period")
+    if not len(points):
+        return ax
+    size = style.magnitude(points / [1.0, view.system.omega], view.system.velocity_scale / view.system.omega)
+    sizes = np.array([size, size * view.system.omega])
+    least = 0.1 if _draw_points(ax, points, 1e-6 * sizes, "period") else 1e-6
+    low, high = style.view(points[:, 0], sizes[0], least)
+    for wall in view.walls:
+        place = float(view.place(wall, section["time"].values[:1])[0])
+        if low < place < high:
+            style.draw_stop(ax, place, high if wall.ratio > 0.0 else low, upright=True, label=f"stop {wall.name}")
+    ax.set_xlim(low, high)
+    ax.set_ylim(*style.view(points[:, 1], sizes[1], least))
+    labels.label_axes(ax, *shown.values())
+    legend(ax, section)
+    return ax
+
+
+def _stick_phases(section: xr.Dataset, period: float) -> list[tuple[float, float]]:
+    """Return the phases from each stick to its release, cut where the phase wraps."""
+    spans = np.column_stack([section["stick_time"].values, section["release_time"].values]) / period
+    pieces = []
+    for start, end in np.unique(spans[np.isfinite(spans).all(axis=1)] % 1.0, axis=0):
+        pieces += [(start, end)] if start <= end else [(start, 1.0), (0.0, end)]
+    return pieces
+
+
+@on_axes
+def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw the impact map: the velocity of each impact against its phase in the driving period.
+
+    An impact-p motion shows p points; a complete chatter a sequence that runs down to the green bar of
+    the stick, from coming to rest at the stop until the release. Impacts of a system are coloured by stop.
+
+    Parameters
+    ----------
+    section : xarray.Dataset
+        What `vibroimpact.impact_section` returns.
+
+    Notes
+    -----
+    Phases run over the whole period and velocities from zero, so that maps compare at a glance. Impacts that
+    agree to 1e-6 (of the period, of the largest velocity) are one point, counted in the legend.
+
+    References
+    ----------
+    Lee, section 2 and figures 4b to 9b.
+
+    Examples
+    --------
+    >>> import vibroimpact as vi
+    >>> section = vi.impact_section(vi.ImpactOscillator(omega=2.0), sample_impacts=50)
+    >>> vi.plotting.impact_map(section).get_legend().get_texts()[0].get_text()
+    '1 point in 50 impacts'
+    """
+    ax, points = _section(section, ax, "impact_section", "phase", "impact")
+    ax.set_xlim(0.0, 1.0)
+    if not len(points):
+        return ax
+    fastest = float(points[:, 1].max())
+    osc, tolerance = labels.made(section), np.array([1e-6, 1e-6 * fastest])
+    if isinstance(osc, ImpactSystem):
+        for name in (name for name in osc.stop_names if (section["stop"] == name).any()):
+            here = section["stop"].values == name
+            _draw_points(ax, points[here], tolerance, "impact", wrap=True, color=color_of(osc, name), of=f" on {name}")
+    else:
+        _draw_points(ax, points, tolerance, "impact", wrap=True)
+    if osc and "stick_time" in section and (sticks := _stick_phases(section, osc.period)):
+        draw_sticks(ax, sticks, 0.0, "stick (at rest at the stop)", 2)
+    ax.set_ylim(-0.03 * fastest, 1.08 * fastest)
+    labels.label_axes(ax, section["phase"], section["velocity"])
+    legend(ax, section)
+    return ax

@@ -1,0 +1,184 @@
+"""What is drawn of a system: a coordinate or the clearance of a stop, with the walls of the stops that act on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from vibroimpact.parameters import choice, invalid, whole_number
+from vibroimpact.plotting import labels, style
+from vibroimpact.plotting.style import INK, RED, Floats
+from vibroimpact.system import ImpactSystem
+
+STOPS = (RED, "#e69f00", "#7a3dd8", "#0b7a75", "#7a5230")  # impacts on each, in the order of the system
+FAR = 3.0  # spans of the motion: a wall farther off is only pointed at
+PARALLEL = 1e-12
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A stop that acts on what is drawn alone: y <= wall where `ratio` > 0, else y >= wall."""
+
+    name: str
+    number: int
+    ratio: float  # of its direction to the form drawn
+
+
+@dataclass(frozen=True)
+class View:
+    """One number of a system over time: y = form . q, or the clearance u of a stop, with its rate."""
+
+    system: ImpactSystem
+    form: Floats
+    stop: int | None  # whose clearance it is
+    coordinate: int = 0
+
+    @cached_property
+    def walls(self) -> list[Wall]:
+        """The stops whose directions are multiples of the form."""
+        found, at = [], int(np.abs(self.form).argmax())
+        for number, stop in enumerate(self.system.stops):
+            ratio = float(stop.direction[at] / self.form[at])
+            if ratio and np.abs(stop.direction - ratio * self.form).max() <= PARALLEL * np.abs(stop.direction).max():
+                found.append(Wall(str(stop.name), number, ratio))
+        return found
+
+    def _moved(self, number: int, time: Floats, *, rate: bool = False) -> Floats:
+        """Return the distance of a stop from q = 0 along its direction, or its rate."""
+        stop, omega = self.system.stops[number], self.system.omega
+        parts = [
+            (by * (1j * order * omega) ** rate * np.exp(1j * order * omega * time)).imag
+            for order, by in stop.motion.items()
+        ]
+        found: Floats = sum(parts, np.full_like(time, 0.0 if rate else stop.gap))
+        return found
+
+    def values(self, time: Floats, coordinates: Floats, *, rate: bool = False) -> Floats:
+        """Return y, or its rate, from displacements or velocities, one row per time."""
+        found: Floats = coordinates @ self.form
+        return found if self.stop is None else found + self._moved(self.stop, time, rate=rate)
+
+    def place(self, wall: Wall, time: Floats, *, rate: bool = False) -> Floats:
+        """Return where a wall is, or how fast it moves."""
+        if wall.number == self.stop:
+            return np.zeros_like(time)
+        offset = 0.0 if self.stop is None else self._moved(self.stop, time, rate=rate)
+        found: Floats = offset + self._moved(wall.number, time, rate=rate) / wall.ratio
+        return found
+
+    def moves(self, wall: Wall) -> bool:
+        """Whether a wall moves in this view."""
+        return wall.number != self.stop and any(
+            self.system.stops[number].motion for number in (wall.number, self.stop) if number is not None
+        )
+
+    def impacts(self, simulation: xr.Dataset) -> tuple[Floats, Floats, Floats]:
+        """Return y and its rates before and after each impact; NaN for stops that do not act on y alone."""
+        time, speed = simulation["impact_time"].values, simulation["impact_velocity"].values
+        found = np.full((3, len(time)), np.nan)
+        for wall in self.walls:
+            here = simulation["impact_stop"].values == wall.name
+            moves, r = self.place(wall, time[here], rate=True), self.system.stops[wall.number].restitution
+            found[0, here] = self.place(wall, time[here])
+            found[1, here] = moves + speed[here] / wall.ratio
+            found[2, here] = moves - r * speed[here] / wall.ratio
+        return found[0], found[1], found[2]
+
+    def labelled(self, dataset: xr.Dataset, *, rate: bool = False) -> xr.DataArray:
+        """Return y, or its rate, over the time or the periods of a result, with name, unit and symbol."""
+        source = dataset["velocity" if rate else "displacement"]
+        time = dataset["time"].values
+        if self.stop is None and len(self.form) == 1:
+            attrs = dict(source.attrs)
+        else:
+            name = None if self.stop is None else self.system.stop_names[self.stop]
+            words = f"clearance of {name}" if name else f"coordinate {self.coordinate}"
+            symbol = f"u_{name}" if name else f"q_{self.coordinate}"
+            attrs = {"long_name": "rate of " * rate + words, "symbol": symbol + "'" * rate}
+        values = self.values(time, source.values, rate=rate)
+        return xr.DataArray(
+            values, dims=source.dims[:1], attrs={**attrs, "units": "m/s" if rate else "m"}, name="shown"
+        )
+
+
+def view_of(dataset: xr.Dataset, coordinate: int | None, stop: str | None) -> View | None:
+    """Return what is drawn of a system's result; None of an oscillator, which has one displacement.
+
+    Unless asked it is coordinate 0, or, where no stop acts on that alone, the clearance of the first stop.
+    """
+    system = labels.made(dataset)
+    if not isinstance(system, ImpactSystem):
+        if stop is not None or coordinate not in (None, 0):
+            raise ValueError("`coordinate` and `stop` are for results of systems; one mass has one displacement")
+        return None
+    if stop is not None and coordinate is not None:
+        raise ValueError("give either `coordinate` or `stop`, not both")
+    if stop is not None:
+        return _of_stop(system, system.stop_names.index(choice("stop", stop, system.stop_names)))
+    n = len(system.mass)
+    at = 0 if coordinate is None else whole_number("coordinate", coordinate, 0)
+    if at >= n:
+        raise invalid("coordinate", coordinate, f"less than the number of coordinates, {n}")
+    view = View(system, np.eye(n)[at], None, at)
+    return _of_stop(system, 0) if coordinate is None and system.stops and not view.walls else view
+
+
+def _of_stop(system: ImpactSystem, number: int) -> View:
+    return View(system, -np.array(system.stops[number].direction), number)
+
+
+def color_of(system: ImpactSystem, name: str) -> str:
+    """Return the colour of the impacts on a stop."""
+    return STOPS[system.stop_names.index(name) % len(STOPS)]
+
+
+def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) -> tuple[float, float]:
+    """Draw the stops that act on y alone and return the limits of its axis.
+
+    Over time a moving stop is drawn as it moves; upright, in a portrait, where it comes to be farthest. Arrows point to
+    those too far off.
+    """
+    low, high = style.view(y, style.magnitude(y, 1e-300))
+    span = high - low
+    near: list[tuple[Wall, Floats, float]] = []
+    far: list[tuple[Wall, Floats, float]] = []
+    for wall in view.walls:
+        place = view.place(wall, time)
+        outermost = float(place.max() if wall.ratio > 0.0 else place.min())
+        off = outermost - high if wall.ratio > 0.0 else low - outermost
+        (near if off <= FAR * span else far).append((wall, place, outermost))
+    reached = np.append(y, [outermost for _, _, outermost in near])
+    low, high = style.view(reached, style.magnitude(reached, 1e-300))
+    room = 0.12 * (high - low)
+    for wall, _, outermost in near:
+        above = wall.ratio > 0.0
+        low, high = (low, max(high, outermost + room)) if above else (min(low, outermost - room), high)
+    for wall, place, outermost in near:
+        beyond = high if wall.ratio > 0.0 else low
+        if view.moves(wall) and not upright:
+            look: dict[str, Any] = {"facecolor": "#ededed", "edgecolor": "#c4c4c4", "hatch": "////", "linewidth": 0.0}
+            ax.fill_between(time, place, beyond, zorder=1.5, **look)
+            ax.plot(time, place, color="#555555", linewidth=1.2, zorder=1.6)
+        else:
+            style.draw_stop(ax, outermost, beyond, upright=upright)
+        _name(ax, wall.name, 0.5 * (outermost + beyond), upright=upright)
+    for wall, _, outermost in far:
+        above = wall.ratio > 0.0
+        arrow = r"$\downarrow$" if upright == above else r"$\uparrow$"
+        _name(ax, f"{wall.name} at {outermost:.4g} m {arrow}", high - 0.5 * room if above else low + 0.5 * room,
+              upright=upright)  # fmt: skip
+        low, high = (low, high + 0.5 * room) if above else (low - 0.5 * room, high)
+    return low, high
+
+
+def _name(ax: Axes, text: str, middle: float, *, upright: bool) -> None:
+    place: dict[str, Any] = {"x": 0.995, "y": middle, "transform": ax.get_yaxis_transform(), "ha": "right"}
+    if upright:
+        place = {"x": middle, "y": 0.995, "transform": ax.get_xaxis_transform(), "rotation": 90, "ha": "center"}
+    box = {"facecolor": "#ededed", "edgecolor": "none", "pad": 2}
+    ax.text(s=text, va="top" if upright else "center", fontsize=8.5, color=INK, bbox=box, **place)
