@@ -48,18 +48,20 @@ def _steps(cells: SystemCells) -> Floats:
     return REACH / cells.fastest_rate
 
 
-def _layout(cells: SystemCells) -> Layout:
-    return layout_of(*vars(cells.shape).values())
+def _layout(cells: SystemCells, thorough: bool = False) -> Layout:
+    shape = cells.shape
+    return layout_of(shape.modes, shape.stops, shape.harmonics, shape.coupled, shape.moving, thorough)
 
 
-def _in_steps(cells: SystemCells, chatter: float) -> Floats:
+def _in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
     """Return the engine's rows of every cell, time counted in steps, with the cut at that part of V."""
-    layout, step = _layout(cells), _steps(cells)[:, None]
+    step = _steps(cells)[:, None]
     table = np.zeros((len(cells), layout.constants))
     for name, size in cells.shape.sizes.items():
         first = getattr(layout, _RENAMED.get(name, name), None)
         if first is not None:
             table[:, first : first + size] = cells.block(name) * step ** _POWERS.get(name, 0)
+    table[:, layout.speed] = table[:, layout.cut]
     table[:, layout.cut] *= chatter
     return table
 
@@ -77,7 +79,12 @@ def _budgets(cells: SystemCells, tolerances: Tolerances, total: float) -> Floats
 
 def _room(layout: Layout) -> Room:
     s = max(layout.stops, 1)
-    return Room(np.zeros((s, s)), np.zeros((s, s + 1)), *(np.zeros(s) for _ in range(7)))
+    return Room(
+        np.zeros((s, s)),
+        np.zeros((s, s + 1)),
+        *(np.zeros(s) for _ in range(7)),
+        *(np.zeros(layout.modes) for _ in range(3)),
+    )
 
 
 def _aligned(size: int) -> Floats:
@@ -103,10 +110,10 @@ def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
         times = np.array(window.schedule(start_periods, start_phase))
         schedule = walk.Schedule(float(wanted), times[0, 0], times[1, 0], float(window.per_period))
     rows, notes, room = np.zeros(k.rows), np.zeros((1, march.NOTES)), _room(k)
-    limit = total.total if wanted == 0 else float(wanted)
+    limit = total.total if isinstance(window, ImpactWindow) else window.skip_periods + wanted / window.per_period + 1.0
     notes[0, : march.MADE] = _budgets(cell, measurement.tolerances, limit)
     seen = walk.Seen(np.zeros((_ROOM, 6)), np.zeros((wanted, 2 * k.modes)), np.zeros((_ROOM, 5)), np.zeros(3, np.int64))
-    walk.seat(rows, k, _in_steps(cell, measurement.tolerances.chatter)[0], room, seen)
+    walk.seat(rows, k, _in_steps(cell, measurement.tolerances.chatter, k)[0], room, seen)
     impacts, rests, end = [], [], RUNNING
     while end == RUNNING:
         end = walk.follow(rows, k, room, notes, seen, total, schedule, _STEPS)
@@ -216,9 +223,10 @@ class SystemSweep:
 
     def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
         window = measurement.impacts
-        self.layout, self.window = _layout(cells), window
+        self.layout, self.window = _layout(cells, measurement.thorough), window
         self.total = march.Window(float(window.transient), float(window.transient + window.keep))
-        self.table = _in_steps(cells, measurement.tolerances.chatter)
+        self.table = _in_steps(cells, measurement.tolerances.chatter, self.layout)
+        self.omega = cells["omega"]
         self.budgets = _budgets(cells, measurement.tolerances, self.total.total)
         self.results, self.ends = np.zeros((len(cells), march.NOTES)), np.zeros(len(cells), np.int8)
         self._tickets = np.zeros(1, np.int64)
@@ -244,7 +252,7 @@ class SystemSweep:
         span = notes[march.ENDED] - notes[march.BEGAN]
         spread = np.sqrt(np.maximum(notes[march.SQUARES] / kept - mean**2, 0.0))
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = {
+            found: dict[str, Any] = {
                 "std": spread / h,
                 "mean_velocity": (notes[march.FIRST] + mean) / h,
                 "max_velocity": notes[march.LARGEST] / h,
@@ -252,7 +260,15 @@ class SystemSweep:
                 "dissipation": notes[march.ENERGY] / h**2 / span,
                 "impact_phase_spread": np.maximum(1.0 - np.hypot(notes[march.COSINE], notes[march.SINE]) / kept, 0.0),
             }
-        columns = {name: np.where(full, values, INDICES[name].fill) for name, values in found.items()}
+            if self.layout.thorough:
+                period = 2.0 * math.pi / self.omega[done]
+                found["lyapunov"] = notes[march.GREW] / (span * period)
+                found["n_periods"], found["n_impacts"] = notes[march.PERIODS], notes[march.IMPACTS]
+                found["lyapunov_per_impact"] = notes[march.GREW] / (kept - 1.0)
+        columns = {
+            name: np.where(full, values, INDICES[name].fill).astype(INDICES[name].dtype)
+            for name, values in found.items()
+        }
         statuses = [
             window_status(
                 sampled=self.window.keep if filled else 0, wanted=self.window.keep, stuck=stuck > 0.0,

@@ -16,7 +16,9 @@ ROUNDING = 1e-13  # relative: a smaller rate, force or acceleration may be zero
 
 
 class Room(NamedTuple):
-    """Arrays to solve in, one entry a stop, and what an impact was: speeds, impulses and durations of chatter."""
+    """Arrays to solve in, one entry a stop, and what an impact was: speeds, impulses durations of chatter; of
+    the modes accelerations before and after, and by what the rates jumped.
+    """
 
     gram: Any
     equations: Any
@@ -27,6 +29,9 @@ class Room(NamedTuple):
     speed: Any
     impulse: Any
     tail: Any
+    before: Any
+    after: Any
+    jumped: Any
 
 
 @njit(error_model="numpy")

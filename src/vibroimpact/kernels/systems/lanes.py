@@ -12,6 +12,7 @@ from vibroimpact.kernels.cell import QUIET_FOR, RUNNING
 from vibroimpact.kernels.machine import compiled, next_ticket
 from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.march import (
+    CHATTERED,
     GRANTED,
     HITS,
     LOOK,
@@ -23,6 +24,7 @@ from vibroimpact.kernels.systems.march import (
     happen,
 )
 from vibroimpact.kernels.systems.step import CONTACT, NOTHING, step
+from vibroimpact.kernels.systems.tangent import before, confine, cross, deviate, measure_growth, recur
 from vibroimpact.kernels.vectors import LANES, group
 
 
@@ -48,18 +50,43 @@ def _seat(table, budgets, tickets, lanes, lane, notes, rows, k, room):
     notes[lane, :MADE] = budgets[cell]
     rows[:] = 0.0
     rows[: k.constants] = table[cell]
-    begin(rows, k, room)
+    closing = begin(rows, k, room)
+    if k.thorough:
+        deviate(rows, k)
+    if k.thorough and closing:
+        confine(rows, k)
     _lower(lanes, lane, rows, k.rows)
     return cell
+
+
+@njit(error_model="numpy")
+def _neighbour(rows, k, room, notes, lane, z, struck, closing, window):
+    """Carry the deviation over an event, and count its growth from the first impact of the window on."""
+    if struck and room.speed[z] > 0.0:
+        cross(rows, k, room, z)
+    if closing:
+        confine(rows, k)
+    if struck:
+        measure_growth(rows, k, notes, lane, notes[lane, HITS] > window.transient)
 
 
 @njit(error_model="numpy")
 def _unusual(lanes, lane, notes, rows, k, room, window):
     """Make what ended a lane's step, on the cell alone."""
     _lift(lanes, lane, rows)
-    struck, _, _ = happen(rows, k, room)
+    z = int(rows[k.which])
+    if k.thorough:
+        before(rows, k, room)
+    struck, closing, _ = happen(rows, k, room)
+    if k.thorough:
+        _neighbour(rows, k, room, notes, lane, z, struck, closing, window)
     if struck:
-        add_all(rows, k, room, notes, lane, struck, window)
+        recorded = add_all(rows, k, room, notes, lane, struck, window)
+        if k.thorough and recorded:
+            recur(rows, k, notes, lane, z)
+    if k.thorough and closing:
+        for y in range(k.stops):
+            notes[lane, CHATTERED] += closing >> y & 1 and room.tail[y] > 0.0
     notes[lane, STICKS] += rows[k.closed] > 0.0 and window.transient < notes[lane, HITS] < window.total
     _lower(lanes, lane, rows, k.constants)
 
@@ -67,7 +94,7 @@ def _unusual(lanes, lane, notes, rows, k, room, window):
 @njit(error_model="numpy", forceinline=True)
 def _usual(lanes, lane, notes, k, window):
     """Make what ended a lane's step if it is the usual impact; return whether it was."""
-    if lanes[k.hit * LANES + lane] != CONTACT:
+    if k.thorough or lanes[k.hit * LANES + lane] != CONTACT:
         return False
     v, impulse = bounce(lanes, k, lane, 0)
     if v > 0.0:

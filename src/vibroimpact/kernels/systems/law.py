@@ -40,7 +40,7 @@ TOUCH = 1e-12  # of the lengths that a clearance is the sum of: less is contact
 
 
 @njit(error_model="numpy")
-def _measure(rows, k, room):
+def measure(rows, k, room):
     """Leave the rates of all clearances and G; return the set of stops in contact, closed ones left out."""
     n, s = k.modes, k.stops
     touching = int(0.0)
@@ -144,7 +144,7 @@ def _parts(rows, j, k):
 def _press(rows, k, room, chosen):
     """Take what rounding left of closed clearances and of their rates out of the state."""
     n, s = k.modes, k.stops
-    _measure(rows, k, room)
+    measure(rows, k, room)
     for z in range(s):
         if not chosen >> z & 1:
             continue
@@ -163,7 +163,7 @@ def _press(rows, k, room, chosen):
 def begin(rows, k, room):
     """Settle the stops at which the start is at rest; return the set of those that closed."""
     turns(rows, k, 0, None)
-    touching, members = _measure(rows, k, room), int(0.0)
+    touching, members = measure(rows, k, room), int(0.0)
     for z in range(k.stops):
         size = abs(room.rate[z])
         for j in range(k.modes):
@@ -178,7 +178,7 @@ def release(rows, k, room):
     """Let go of the stop whose holding force has fallen to zero."""
     z = int(rows[k.which])
     rows[k.kind + z] = RELEASED
-    _measure(rows, k, room)
+    measure(rows, k, room)
     _hold(rows, k, room, _closed(rows, k))
 
 
@@ -196,7 +196,7 @@ def stalled(rows, k, room):
     """Go on from a stop that is touched without approach: held from here on, or left."""
     z = int(rows[k.which])
     turns(rows, k, 0, None)
-    _measure(rows, k, room)
+    measure(rows, k, room)
     if rows[k.kind + z] >= CLOSED:
         rows[k.kind + z] = BALANCED
         return 0
@@ -261,7 +261,7 @@ def strike(rows, k, room):
     """
     z, s = int(rows[k.which]), k.stops
     turns(rows, k, 0, None)
-    touching = _measure(rows, k, room) | 1 << z
+    touching = measure(rows, k, room) | 1 << z
     closed, struck = _closed(rows, k), int(0.0)  # no literal: it would compile twice what takes it
     cut = rows[k.cut]
     weak = cut < 0.0

@@ -12,8 +12,9 @@ class Layout(NamedTuple):
 
     `eta`, `rate` (eta' in steps), `turn` (sin wt, cos wt, whole periods) are the state; `kind` says how each stop is
     left or held; `age` and `made` count the steps flown since an event and made in all; `held` is the inverse of alpha
-    M^-1 alpha^T over the closed stops, and `closed` how many there are. The others up to `constants` are constant, and
-    from `pairs` on it is room to work.
+    M^-1 alpha^T over the closed stops, and `closed` how many there are; `deta` and `drate` are a deviation, `known` is
+    the state (eta, rate, sin wt, cos wt) at an impact to which the motion may return. The others up to `constants`
+    are constant, and from `pairs` on it is room to work.
     """
 
     modes: int
@@ -21,6 +22,7 @@ class Layout(NamedTuple):
     harmonics: int
     coupled: bool
     moving: bool
+    thorough: bool
     eta: int
     rate: int
     turn: int
@@ -29,6 +31,9 @@ class Layout(NamedTuple):
     made: int
     closed: int
     held: int
+    deta: int
+    drate: int
+    known: int
     square: int
     damping: int
     load: int
@@ -41,6 +46,7 @@ class Layout(NamedTuple):
     restitution: int
     theta: int
     cut: int
+    speed: int
     steady: int
     margin: int
     give: int
@@ -57,21 +63,23 @@ class Layout(NamedTuple):
     rows: int
 
 
-def layout_of(modes: int, stops: int, harmonics: int, coupled: bool, moving: bool) -> Layout:
+def layout_of(modes: int, stops: int, harmonics: int, coupled: bool, moving: bool, thorough: bool = False) -> Layout:
     """Return the rows of systems of that many modes, stops and harmonics.
 
-    `coupled`: damping is not proportional in some of them; `moving`: so is a stop.
+    `coupled`: damping is not proportional in some of them; `moving`: so is a stop; `thorough`: a neighbour of each
+    motion is carried along.
     """
     n, s, m = modes, stops, harmonics
     sizes = {
         "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "made": 1, "closed": 1, "held": s * s,
+        "deta": n * thorough, "drate": n * thorough, "known": (2 * n + 2) * thorough,
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
-        "gap": s, "motion": 2 * m * s, "restitution": s, "theta": 1, "cut": 1, "steady": n + 2 * m * n, "margin": s,
-        "give": s, "constants": 0, "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE, "stop": s * SIZE,
-        "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1, "rows": 0,
+        "gap": s, "motion": 2 * m * s, "restitution": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
+        "margin": s, "give": s, "constants": 0, "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE,
+        "stop": s * SIZE, "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1, "rows": 0,
     }  # fmt: skip
     places, row = {}, 0
     for name, size in sizes.items():
         places[name] = row
         row += size
-    return Layout(n, s, m, coupled, moving, **places)
+    return Layout(n, s, m, coupled, moving, thorough, **places)

@@ -16,8 +16,10 @@ TURN = 2.0 * math.pi
 
 # Columns of a cell's note: the length of its step, what it is granted, and what it has come to; then the sums.
 H, FLIGHT, GRANTED, MADE, HITS, BOTH, STICKS = range(7)  # BOTH: impacts on several stops at once
-FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, BEGAN, ENDED = range(7, 16)
-NOTES = 16
+FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, BEGAN, ENDED, GREW = range(7, 17)
+# of a cycle: recorded impacts, periods and stop of the impact that is known, and impacts and periods until it returned
+FROM, SINCE, AT, CHATTERED, IMPACTS, PERIODS = range(17, 23)
+NOTES = 23
 
 
 class Window(NamedTuple):

@@ -168,14 +168,26 @@ def fly_together(rows, k, lane, wide, last):
 
     In flight under proportional damping these are the bits of `_fly_apart`: what couples adds zeros.
     """
+    couple(rows, k, lane, wide, last, True)
+
+
+@njit(error_model="numpy")
+def couple(rows, k, lane, wide, last, loaded):
+    """Leave the derivatives of all modes, of the motion or of its deviation: that has no load, and no stop moves it."""
     n, s = k.modes, k.stops
+    first, rate = (k.eta, k.rate) if loaded else (k.deta, k.drate)
     for j in range(n):
-        put(rows, k.flight + j * SIZE, lane, wide, get(rows, k.eta + j, lane, wide))
-        put(rows, k.flight + j * SIZE + 1, lane, wide, get(rows, k.rate + j, lane, wide))
+        b0 = get(rows, first + j, lane, wide)
+        put(rows, k.flight + j * SIZE, lane, wide, b0)
+        put(rows, k.flight + j * SIZE + 1, lane, wide, get(rows, rate + j, lane, wide))
         store(rows, k.pull + j * SIZE, lane, wide, _forced(rows, j, k, lane, wide))
+        if not loaded:
+            store(rows, k.pull + j * SIZE, lane, wide, wave(0.0 * b0, 0.0 * b0, 0.0 * b0))
     for z in range(s):
         start = get(rows, k.gap + z, lane, wide)
         store(rows, k.stop + z * SIZE, lane, wide, _driven(rows, start, k.motion + 2 * k.harmonics * z, k, lane, wide))
+        if not loaded:
+            store(rows, k.stop + z * SIZE, lane, wide, wave(0.0 * start, 0.0 * start, 0.0 * start))
     for o in range(last - 1):
         for j in range(n):
             square = get(rows, k.square + j, lane, wide)
@@ -282,6 +294,22 @@ def _move(rows, x, k, lane, wide):
 
 
 @njit(error_model="numpy", forceinline=True)
+def _carry(rows, x, held, k, lane, wide):
+    """Carry the deviation over x: it moves as the modes do without any load."""
+    if held or k.coupled:
+        couple(rows, k, lane, wide, DEGREE, False)
+    else:
+        for j in range(k.modes):
+            own = get(rows, k.square + j, lane, wide), get(rows, k.damping + j * (k.modes + 1), lane, wide)
+            b0, b1 = get(rows, k.deta + j, lane, wide), get(rows, k.drate + j, lane, wide)
+            store(rows, k.flight + j * SIZE, lane, wide, oscillation(b0, b1, *own, wave(0.0 * b0, 0.0 * b0, 0.0 * b0)))
+    for j in range(k.modes):
+        y, p = evaluate(load(rows, k.flight + j * SIZE, lane, wide), x)
+        put(rows, k.deta + j, lane, wide, y)
+        put(rows, k.drate + j, lane, wide, p)
+
+
+@njit(error_model="numpy", forceinline=True)
 def _any_closed(rows, k, lane, wide):
     closed = False
     for i in range(lane, lane + group(wide)):
@@ -310,6 +338,8 @@ def step(rows, k, lane, wide):
     stalled = select(end <= 0.0, STALLED, NOTHING)
     put(rows, k.which, lane, wide, which)
     put(rows, k.hit, lane, wide, select(close, CONTACT, stalled))
+    if k.thorough:
+        _carry(rows, end, held, k, lane, wide)
     put(rows, k.passed, lane, wide, end)
     put(rows, k.age, lane, wide, get(rows, k.age, lane, wide) + end)
     put(rows, k.made, lane, wide, get(rows, k.made, lane, wide) + 1.0)

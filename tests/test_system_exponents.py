@@ -1,0 +1,115 @@
+"""How neighbours of a system's motion part from it, and whether its impacts come back."""
+
+import math
+
+import numpy as np
+import pytest
+from tests.systems import one_mass
+
+import vibroimpact as vi
+from vibroimpact import models
+from vibroimpact.oscillator import ImpactOscillator
+
+NAMED = ("n_periods", "n_impacts", "lyapunov_per_impact")
+
+
+def chain(**changes):
+    K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+    given = {
+        "mass": np.eye(3),
+        "damping": 0.02 * K,
+        "stiffness": K,
+        "force": vi.Force(omega=0.9, harmonics={1: [1.0, 0.0, 0.0]}),
+        "stops": [vi.Stop(direction=[0, 0, 1], gap=0.5, restitution=0.7)],
+    }
+    return vi.ImpactSystem(**given | changes)
+
+
+def index(model, *names, **how):
+    given = {"omega": [model.omega], "indices": names, "sample_impacts": 3000} | how
+    found = vi.parameter_map(model, **given)
+    return [float(found[name].item()) for name in names]
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_the_exponent_of_a_cycle_is_that_of_its_multipliers(coupled):
+    gyroscopic = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 0.01], [0.0, -0.01, 0.0]])
+    system = chain(damping=0.02 * chain().stiffness + gyroscopic) if coupled else chain()
+    (orbit,) = (orbit for orbit in vi.find_orbit(system) if orbit.stable)
+    found, periods, impacts = index(system, "lyapunov", "n_periods", "n_impacts", transient_impacts=500)
+    assert found == pytest.approx(orbit.lyapunov, abs=2.0 / (3000 * orbit.period))
+    assert (periods, impacts) == (1, 1)
+
+
+def test_two_stops_have_the_exponent_of_both():
+    system = models.two_sided_oscillator()
+    orbits = [orbit for orbit in vi.find_orbit(system, n_impacts=2) if orbit.stable and orbit.admissible]
+    if not orbits:
+        pytest.skip("the model's defaults have no stable symmetric motion")
+    found, impacts = index(system, "lyapunov", "n_impacts", transient_impacts=500)
+    assert impacts == 2
+    assert found == pytest.approx(orbits[0].lyapunov, abs=4.0 / (1500 * orbits[0].period))
+
+
+def test_one_mass_has_the_motions_of_the_oscillator():
+    omega = [0.1, 0.3, 0.9, 1.1, 2.0, 2.8]
+    own = vi.parameter_map(ImpactOscillator(), omega=omega, indices=NAMED, early_closing=False)
+    as_system = vi.parameter_map(one_mass(ImpactOscillator()), omega=omega, indices=NAMED)
+    for name in NAMED[:2]:
+        assert as_system[name].values.tolist() == own[name].values.tolist()
+    found, known = as_system["lyapunov_per_impact"].values, own["lyapunov_per_impact"].values
+    assert found[:2].tolist() == [-math.inf, -math.inf]
+    assert found[2:] == pytest.approx(known[2:], abs=0.02)
+
+
+def test_a_closed_stop_leaves_a_coupled_mode_its_neighbours():
+    system = vi.ImpactSystem(
+        mass=np.eye(2),
+        damping=[[0.02, -0.01], [-0.01, 0.02]],
+        stiffness=[[2.0, -1.0], [-1.0, 2.0]],
+        force=vi.Force(omega=0.25, harmonics={1: [1.0, 0.3]}),
+        stops=[vi.Stop(direction=[1, 0], gap=0.0, restitution=0.5)],
+    )
+    seen = vi.impact_section(system, sample_impacts=300)
+    assert seen.sizes["stick"] > 5
+    (found,) = index(system, "lyapunov", sample_impacts=2000)
+    assert -1.0 < found < 1.0
+
+
+def test_the_exponent_of_a_motion_that_sticks_is_that_of_differences():
+    """One stop closes, the other is struck meanwhile: the map over a cycle, by central differences."""
+    stops = [
+        vi.Stop(direction=[1, 0], gap=0.0, restitution=0.0),
+        vi.Stop(direction=[0, 1], gap=0.3, restitution=0.6),
+    ]
+    system = vi.ImpactSystem(
+        mass=np.eye(2),
+        damping=[[0.05, -0.02], [-0.02, 0.05]],
+        stiffness=[[2.0, -1.0], [-1.0, 2.0]],
+        force=vi.Force(omega=0.4, harmonics={1: [1.0, -0.8j]}),
+        stops=stops,
+    )
+    periods, impacts, _ = index(system, *NAMED, transient_impacts=500)
+    assert periods > 0
+    settled = vi.stroboscopic_section(system, phase=0.55, transient_periods=400, sample_periods=1)
+    start = np.concatenate([settled.displacement.values[0], settled.velocity.values[0]])
+    begin = 0.55 * system.period
+
+    def ended(state):
+        begun = vi.State(state[:2].tolist(), state[2:].tolist(), begin)
+        end = vi.simulate(system, start=begun, periods=periods, samples_per_period=1)
+        return np.concatenate([end.displacement.values[-1], end.velocity.values[-1]])
+
+    assert ended(start) == pytest.approx(start, abs=1e-9)
+    columns = [(ended(start + 1e-6 * unit) - ended(start - 1e-6 * unit)) / 2e-6 for unit in np.eye(4)]
+    radius = max(abs(np.linalg.eigvals(np.array(columns).T)))
+    (found,) = index(system, "lyapunov", transient_impacts=500)
+    span = 3000 / impacts * periods * system.period
+    assert found == pytest.approx(math.log(radius) / (periods * system.period), abs=3.0 / span)
+
+
+def test_every_known_index_of_a_system_has_the_bits_of_another_grid():
+    grid = vi.parameter_map(chain(), omega=[0.85, 0.9, 0.95], indices=NAMED, sample_impacts=500, workers=1)
+    alone = vi.parameter_map(chain(), omega=[0.9], indices=NAMED, sample_impacts=500, workers=2)
+    for name in NAMED:
+        assert grid[name].values[1] == alone[name].values[0]
