@@ -5,6 +5,7 @@ import pytest
 
 import vibroimpact as vi
 from systems import one_mass, two_masses
+from vibroimpact.dataset import model_of
 from vibroimpact.report import sentences_of
 
 OSC = vi.ImpactOscillator(damping=0.1, restitution=0.5, gap=0.5)
@@ -198,3 +199,80 @@ def test_a_picture_refuses_what_the_system_has_not(shown, more, words):
 def test_a_picture_of_one_mass_has_no_stop_to_choose(shown):
     with pytest.raises(ValueError, match="`coordinate` and `stop` are for results of systems"):
         shown.phase_portrait(vi.simulate(vi.ImpactOscillator(), periods=1), stop="bar")
+
+
+# Files and stores
+
+RESULTS = {
+    "simulate": lambda: vi.simulate(two_masses(), periods=2, samples_per_period=20),
+    "rests": lambda: vi.simulate(vi.models.bouncing_ball(), periods=3, samples_per_period=20),
+    "impacts": lambda: vi.impact_section(two_masses(), **SHORT),
+    "no impacts": lambda: vi.impact_section(vi.models.two_sided_oscillator(force=0.001)),
+    "stroboscopic": lambda: vi.stroboscopic_section(two_masses(), sample_periods=9),
+    "diagram": lambda: vi.bifurcation_diagram(two_masses(), bar_gap=GAPS, **SHORT),
+    "map": lambda: vi.parameter_map(vi.family(vi.models.impact_damper), clearance=[4e-3, 5e-3], **SHORT),
+}
+
+
+@pytest.mark.parametrize("ending", [".nc", ".zarr"])
+@pytest.mark.parametrize("name", RESULTS)
+def test_a_result_is_loaded_as_it_was_saved_without_a_warning(recwarn, tmp_path, name, ending):
+    result = RESULTS[name]()
+    loaded = vi.load(vi.save(result, tmp_path / f"result{ending}"))
+    assert loaded.identical(result)
+    assert [loaded[key].dtype.kind for key in result.variables] == [result[key].dtype.kind for key in result.variables]
+    assert sentences_of(loaded) == sentences_of(result)
+    assert not [str(entry.message) for entry in recwarn if "data type" in str(entry.message)]
+
+
+def test_a_table_of_impacts_names_the_stop_of_each(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    hits = vi.impact_section(two_masses(), **SHORT)
+    table = pandas.read_csv(vi.save(hits, tmp_path / "hits.csv"), comment="#")
+    rows = table[table["stop"].isin(two_masses().stop_names)]
+    assert rows["stop"].tolist() == hits["stop"].values.tolist()
+
+
+MAPS = [
+    (two_masses(), {"bar_gap": np.linspace(0.02, 0.06, 100), "omega": [7.0, 8.0]}),
+    (vi.family(vi.models.impact_damper), {"clearance": np.linspace(4e-3, 6e-3, 100), "frequency": [29.0, 30.0]}),
+]
+
+
+@pytest.mark.parametrize(("model", "axes"), MAPS, ids=["system", "family"])
+def test_a_store_of_systems_goes_on_where_it_stopped_and_ends_with_the_bits_of_memory(run, tmp_path, model, axes):
+    how = {**axes, "transient_impacts": 20, "sample_impacts": 200}
+    stored = {"store": tmp_path / "map.zarr", "tile": 20, "workers": 1}
+    vi.parameter_map(model, **how, **stored, progress=lambda *_: False)
+    told = run("info map.zarr")[1]
+    assert "continue with: the same parameter_map(..., store=...) call" in told
+    assert not any(line.startswith("10 of 10") for line in told)
+    vi.parameter_map(model, **how, **stored)
+    assert any(line.startswith("10 of 10 tiles done") for line in run("info map.zarr")[1])
+    memory, loaded = vi.parameter_map(model, **how), vi.load(tmp_path / "map.zarr")
+    for name in memory.data_vars:
+        assert memory[name].values.tobytes() == loaded[name].values.tobytes()
+
+
+@pytest.mark.parametrize("changed", [{"mass": [[2.0, 0.5], [0.5, 1.1]]}, {"damping": [[0.3, 0.0], [0.0, 0.2]]}])
+def test_a_changed_matrix_is_another_study(tmp_path, changed):
+    axes = {"bar_gap": GAPS, "store": tmp_path / "map.zarr", **SHORT}
+    vi.parameter_map(two_masses(), **axes)
+    with pytest.raises(ValueError, match="holds another study"):
+        vi.parameter_map(two_masses(**changed), **axes)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "7", "{}", '{"mass": 1}', "nothing", '{"mass": [[1.0, 2.0]], "force": 3, "stops": [{}]}', '{"mass": 1e999}'],
+)
+def test_a_damaged_system_is_refused(tmp_path, text):
+    result = vi.impact_section(two_masses(), **SHORT)
+    result.attrs["system"] = text
+    with pytest.raises(OSError, match="its attribute 'system' is damaged"):
+        vi.load(vi.save(result, tmp_path / "result.nc"))
+
+
+def test_a_result_knows_its_system():
+    for system in (two_masses(), vi.models.bouncing_ball(), vi.models.tube_in_supports()):
+        assert model_of(vi.simulate(system, periods=1)) == system

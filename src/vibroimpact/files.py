@@ -194,6 +194,8 @@ def _restored(dataset: xr.Dataset) -> xr.Dataset:
             values = np.asarray(variable.attrs["flag_values"], dtype=variable.dtype)
             variable.attrs["flag_values"] = np.atleast_1d(values)
         variable.encoding = {}
+        if variable.dtype == object and not variable.size:  # NetCDF does not keep the length of texts
+            variable.data = variable.values.astype(str)
     return in_order(dataset)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +22,9 @@ ORDER = "variable_order"  # an attribute of the file, not of the result
 def _write_zarr(dataset: xr.Dataset, part: Path) -> None:
     from zarr.storage import LocalStore  # of a bare path Zarr may make a URL, which ends at a `?`
 
-    _with_order(dataset).to_zarr(LocalStore(part), mode="w-", zarr_format=3, consolidated=False)
+    with warnings.catch_warnings():  # of texts, such as names of stops, which Zarr's own package reads back
+        warnings.filterwarnings("ignore", "The data type .* does not have a Zarr V3 specification")
+        _with_order(dataset).to_zarr(LocalStore(part), mode="w-", zarr_format=3, consolidated=False)
 
 
 def _write_netcdf(dataset: xr.Dataset, part: Path) -> None:
