@@ -2,12 +2,14 @@
 
 import json
 
+import mpmath as mp
 import numpy as np
 import pytest
 
 import vibroimpact as vi
 from systems import one_mass, two_masses
 from vibroimpact import Status
+from vibroimpact.backends.reference.systems import LinearSystem, RigidStop, follow
 
 
 def system(mass, damping, stiffness, omega, stops, force=None, constant=None):
@@ -17,6 +19,14 @@ def system(mass, damping, stiffness, omega, stops, force=None, constant=None):
 
 def impacts(model, sample, transient=0, **how):
     return vi.impact_section(model, transient_impacts=transient, sample_impacts=sample, **how)
+
+
+def linear(model):
+    """Return a system as the witness takes it."""
+    load = np.zeros(len(model.mass)) if model.force.constant is None else model.force.constant
+    stops = tuple(RigidStop(stop.direction, stop.gap, stop.restitution, dict(stop.motion)) for stop in model.stops)
+    matrices = model.mass, model.damping, model.stiffness
+    return LinearSystem(*matrices, model.omega, load, dict(model.force.harmonics), stops)
 
 
 def outcome(model, sample=100, **how):
@@ -71,3 +81,73 @@ def test_a_map_and_a_section_agree_on_a_stop_that_is_closed_before_and_after_the
     assert outcome(both, 40, transient=10) == Status.STICKING
     found = vi.parameter_map(both, omega=[1.3], transient_impacts=10, sample_impacts=40)
     assert Status(int(found["status"].values[0])) == Status.STICKING
+
+
+# A stop at which a system rests in balance is held or left by the first derivative that does not vanish.
+
+CHAIN = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+
+
+def chain(n):
+    stiffness = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    stiffness[-1, -1] = 1.0
+    return stiffness
+
+
+def clearance_of_the_free_chain(n, damping, time):
+    """Return minus the last displacement of a chain from rest under -sin(0.9 t) at its first mass, with 40 digits."""
+    with mp.workdps(40):
+        found, w = mp.mpf(0), mp.mpf("0.9")
+        for j in range(n):
+            angle = (2 * j + 1) * mp.pi / (2 * n + 1)
+            shape = [mp.sin((i + 1) * angle) for i in range(n)]
+            square = 2 - 2 * mp.cos(angle)
+            c = mp.mpf(damping) * square
+            steady = -shape[0] / (square - w * w + 1j * w * c)
+            s = mp.sqrt(square - c * c / 4)
+            y, p = -steady.imag, -w * steady.real
+            free = mp.exp(-c * time / 2) * (y * mp.cos(s * time) + (p + c / 2 * y) / s * mp.sin(s * time))
+            found += ((steady * mp.expj(w * time)).imag + free) * shape[-1] / sum(x * x for x in shape)
+        return float(-found)
+
+
+@pytest.mark.parametrize("damping", ["0", "0.02"])
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 6, 9])
+def test_a_chain_pulled_at_its_far_end_leaves_the_stop_it_rests_at(n, damping):
+    # Of the last clearance the first derivative that is not zero has the order 2 n + 1 without damping.
+    load, last = np.eye(n)[0], np.eye(n)[-1]
+    stop = vi.Stop(direction=last, gap=0.0, restitution=0.7)
+    pulled = system(np.eye(n), float(damping) * chain(n), chain(n), 0.9, [stop], {1: -load})
+    hits = impacts(pulled, 2)
+    time, v = mp.mpf(float(hits["time"][0])), float(hits["velocity"][0])
+    assert clearance_of_the_free_chain(n, damping, time) == pytest.approx(0.0, abs=1e-13)
+    assert all(clearance_of_the_free_chain(n, damping, time * i / 40) > 0 for i in range(20, 40))
+    step = 1e-6
+    before = clearance_of_the_free_chain(n, damping, time - step)
+    after = clearance_of_the_free_chain(n, damping, time + step)
+    assert (before - after) / (2 * step) == pytest.approx(v, rel=1e-9)
+
+
+@pytest.mark.parametrize("n", [2, 3, 4])
+def test_a_chain_pushed_at_its_far_end_is_held_by_the_stop_it_rests_at(n):
+    stop = vi.Stop(direction=np.eye(n)[-1], gap=0.0, restitution=0.7)
+    pushed = system(np.eye(n), 0.02 * chain(n), chain(n), 0.9, [stop], {1: np.eye(n)[0]})
+    seen = follow(linear(pushed), np.zeros(n), np.zeros(n), impacts=3)
+    motion = vi.simulate(pushed, periods=3)
+    assert motion["stick_time"].values[0] == 0.0
+    released = next(event.time for event in seen.events if event.kind == "release")
+    assert motion["release_time"].values[0] == pytest.approx(released, rel=1e-12)
+    assert motion["impact_time"].values[0] == pytest.approx(seen.impacts[0].time, rel=1e-12)
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 1.0])
+def test_a_mass_that_rests_at_a_stop_and_is_not_moved_stays_there(stiffness):
+    osc = system(1, 0.1, stiffness, 1.0, [vi.Stop(direction=1, gap=0.0)])
+    assert outcome(osc) == Status.STUCK_FOREVER
+
+
+def test_stops_without_room_between_them_hand_a_mass_to_each_other():
+    slot = system(1, 0.1, 1, 1.0, [vi.Stop(direction=1, gap=0.0), vi.Stop(direction=-1, gap=0.0)], {1: 1.0})
+    motion = vi.simulate(slot, periods=5)
+    assert motion.sizes["impact"] == 0
+    assert np.abs(motion["displacement"].values).max() < 1e-15

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from tests.systems import one_mass
 
 import vibroimpact as vi
+from systems import one_mass
 from vibroimpact import models
 from vibroimpact.oscillator import ImpactOscillator
 

@@ -16,147 +16,13 @@ stop were closed, but for u(t) itself, which ends where it began: it is closed a
 
 from __future__ import annotations
 
-import math
-
 from numba import njit
 
 from vibroimpact.kernels.law import COMPLETES, HOLD, SHORT
-from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary, solve
-from vibroimpact.kernels.systems.series import SIZE
-from vibroimpact.kernels.systems.step import (
-    BALANCED,
-    CLOSED,
-    OPEN,
-    RELEASED,
-    RESTING,
-    STRUCK,
-    fly_together,
-    turns,
-)
+from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary
+from vibroimpact.kernels.systems.rest import SHORTENED, TOUCH, derivative, derive, hold, measure, settle, stop_moves
+from vibroimpact.kernels.systems.step import CLOSED, OPEN, RELEASED, STRUCK, turns
 from vibroimpact.kernels.vectors import stride
-
-SHORTENED = 4  # the highest derivative that decides anything here
-TOUCH = 1e-12  # of the lengths that a clearance is the sum of: less is contact
-
-
-@njit(error_model="numpy")
-def measure(rows, k, room):
-    """Leave the rates of all clearances and G; return the set of stops in contact, closed ones left out."""
-    n, s = k.modes, k.stops
-    touching = int(0.0)
-    for z in range(s):
-        u, w = _stop_moves(rows, z, k, 0, None)
-        size = abs(rows[k.gap + z])
-        for j in range(n):
-            alpha = rows[k.alpha + z * n + j]
-            u -= alpha * rows[k.eta + j]
-            size += abs(alpha * rows[k.eta + j])
-            w -= alpha * rows[k.rate + j]
-        room.rate[z] = w
-        if rows[k.kind + z] < CLOSED and u <= TOUCH * size:
-            touching |= 1 << z
-        for y in range(s):
-            total = 0.0
-            for j in range(n):
-                total += rows[k.alpha + z * n + j] * rows[k.jump + y * n + j]
-            room.gram[z, y] = total
-    return touching
-
-
-@njit(error_model="numpy")
-def _derive(rows, k):
-    """Leave derivatives of the modes up to the fourth, under what is closed; those of clearances follow."""
-    turns(rows, k, 0, None)
-    fly_together(rows, k, 0, None, SHORTENED)
-
-
-@njit(error_model="numpy", forceinline=True)
-def _order(rows, z, order, k):
-    """Return the derivative of a clearance of one lane."""
-    b = rows[k.stop + z * SIZE + order]
-    for j in range(k.modes):
-        b -= rows[k.alpha + z * k.modes + j] * rows[k.flight + j * SIZE + order]
-    return b
-
-
-@njit(error_model="numpy")
-def _hold(rows, k, room, chosen):
-    """Close a set of stops: leave (alpha alpha^T)^-1 over it, and how many they are."""
-    s, number = k.stops, 0
-    for z in range(s):
-        number += chosen >> z & 1
-        for y in range(s):
-            room.free[y] = -1.0 if y == z else 0.0
-        if chosen >> z & 1:
-            solve(room, chosen, s)
-        for y in range(s):
-            rows[k.held + y * s + z] = room.found[y] if chosen >> z & 1 else 0.0
-    rows[k.closed] = number
-
-
-@njit(error_model="numpy")
-def _settle(rows, k, room, members):
-    """Decide which of the stops at rest close; leave how each is left or held, and the state on the closed ones."""
-    n, s = k.modes, k.stops
-    _hold(rows, k, room, int(0.0))
-    _derive(rows, k)
-    for z in range(s):
-        size = 0.0
-        for j in range(n):
-            size += abs(rows[k.alpha + z * n + j]) * _parts(rows, j, k)
-        size += abs(rows[k.stop + z * SIZE + 2])
-        second, third = _order(rows, z, 2, k), _order(rows, z, 3, k)
-        fourth = _order(rows, z, 4, k)
-        if abs(second) <= ROUNDING * size:  # in balance: what comes next decides
-            next_one = third if abs(third) > ROUNDING * size else fourth
-            second = math.copysign(ROUNDING * (size + abs(next_one)), next_one) if next_one else 0.0
-            room.rest[z] = RELEASED
-        else:
-            room.rest[z] = RESTING
-        room.free[z] = second
-    chosen = complementary(room, members, s)
-    for z in range(s):
-        if members >> z & 1:
-            rows[k.kind + z] = CLOSED if chosen >> z & 1 else room.rest[z]
-    balanced = int(0.0)
-    for z in range(s):
-        if chosen >> z & 1 and room.rest[z] == RELEASED:
-            balanced |= 1 << z
-    _hold(rows, k, room, chosen)
-    for z in range(s):
-        if balanced >> z & 1:
-            rows[k.kind + z] = BALANCED
-    _press(rows, k, room, chosen)
-    return chosen
-
-
-@njit(error_model="numpy", forceinline=True)
-def _parts(rows, j, k):
-    """Return the sum of the sizes of what a mode's acceleration is the sum of."""
-    total = abs(rows[k.pull + j * SIZE])
-    total += abs(rows[k.square + j] * rows[k.eta + j])
-    for i in range(k.modes):
-        total += abs(rows[k.damping + j * k.modes + i] * rows[k.rate + i])
-    return total
-
-
-@njit(error_model="numpy")
-def _press(rows, k, room, chosen):
-    """Take what rounding left of closed clearances and of their rates out of the state."""
-    n, s = k.modes, k.stops
-    measure(rows, k, room)
-    for z in range(s):
-        if not chosen >> z & 1:
-            continue
-        u = rows[k.stop + z * SIZE]
-        for j in range(n):
-            u -= rows[k.alpha + z * n + j] * rows[k.eta + j]
-        for y in range(s):
-            held = rows[k.held + y * s + z]
-            for j in range(n):
-                jump = rows[k.jump + y * n + j]
-                rows[k.eta + j] += jump * held * u
-                rows[k.rate + j] += jump * held * room.rate[z]
 
 
 @njit(error_model="numpy")
@@ -170,16 +36,22 @@ def begin(rows, k, room):
             size += abs(rows[k.alpha + z * k.modes + j] * rows[k.rate + j])
         if touching >> z & 1 and abs(room.rate[z]) <= ROUNDING * size:
             members |= 1 << z
-    return _settle(rows, k, room, members) if members else 0
+    return settle(rows, k, room, members) if members else 0
 
 
 @njit(error_model="numpy")
 def release(rows, k, room):
-    """Let go of the stop whose holding force has fallen to zero."""
-    z = int(rows[k.which])
+    """Let go of the stop whose holding force has fallen to zero; return those that close instead."""
+    z, idle = int(rows[k.which]), False
     rows[k.kind + z] = RELEASED
     measure(rows, k, room)
-    _hold(rows, k, room, _closed(rows, k))
+    closed = _closed(rows, k)
+    for y in range(k.stops):
+        idle |= closed >> y & 1 and rows[k.held + y * (k.stops + 1)] == 0.0
+    if idle:  # it may have to hold now
+        return settle(rows, k, room, closed | 1 << z) & ~(closed | 1 << z)
+    hold(rows, k, room, closed)
+    return 0
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -193,14 +65,11 @@ def _closed(rows, k):
 
 @njit(error_model="numpy")
 def stalled(rows, k, room):
-    """Go on from a stop that is touched without approach: held from here on, or left."""
-    z = int(rows[k.which])
+    """Go on from a stop that is touched without approach, held from here on, or left; return those that close."""
     turns(rows, k, 0, None)
     measure(rows, k, room)
-    if rows[k.kind + z] >= CLOSED:
-        rows[k.kind + z] = BALANCED
-        return 0
-    return _settle(rows, k, room, _closed(rows, k) | 1 << z)
+    closed = _closed(rows, k)
+    return settle(rows, k, room, closed | 1 << int(rows[k.which])) & ~closed
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -216,7 +85,7 @@ def bounce(rows, k, lane, wide):
     for y in range(k.stops):
         u, p, size = rows[(k.gap + y) * stride(wide) + lane], 0.0, 0.0
         if k.moving:
-            u, p = _stop_moves(rows, y, k, lane, wide)
+            u, p = stop_moves(rows, y, k, lane, wide)
         for j in range(n):
             alpha = rows[(k.alpha + y * n + j) * stride(wide) + lane]
             own = alpha * rows[(k.eta + j) * stride(wide) + lane]
@@ -238,21 +107,6 @@ def bounce(rows, k, lane, wide):
     return -rate, impulse
 
 
-@njit(error_model="numpy", forceinline=True)
-def _stop_moves(rows, z, k, lane, wide):
-    """Return where a stop is, as a clearance, and how fast it moves."""
-    u, w = rows[(k.gap + z) * stride(wide) + lane], 0.0
-    sine, cosine = rows[k.turn * stride(wide) + lane], rows[(k.turn + 1) * stride(wide) + lane]
-    a, b = sine, cosine
-    for m in range(k.harmonics):
-        first = k.motion + 2 * (k.harmonics * z + m)
-        re, im = rows[first * stride(wide) + lane], rows[(first + 1) * stride(wide) + lane]
-        u += re * a + im * b
-        w += (m + 1.0) * rows[k.theta * stride(wide) + lane] * (re * b - im * a)
-        a, b = a * cosine + b * sine, b * cosine - a * sine
-    return u, w
-
-
 @njit(error_model="numpy")
 def strike(rows, k, room):
     """Make any impact at the end of a step; return the sets of the stops that were struck and that closed by it.
@@ -271,16 +125,23 @@ def strike(rows, k, room):
             struck |= 1 << y
             room.speed[y] = max(-room.rate[y], 0.0)
             weak |= room.speed[y] < cut or rows[k.restitution + y] == 0.0
-    return struck, _collide(rows, k, room, struck, closed, weak)
+    beside = closed
+    for y in range(s):  # touched and at rest to rounding: it takes part
+        if touching & ~struck & 1 << y and room.rate[y] <= ROUNDING * room.speed[z]:
+            beside |= 1 << y
+    return struck, _collide(rows, k, room, struck, beside, weak) & ~closed
 
 
 @njit(error_model="numpy")
-def _collide(rows, k, room, struck, closed, weak):
-    """Make an impact on several stops, or a weak one; return the set of stops that closed by it."""
+def _collide(rows, k, room, struck, beside, weak):
+    """Make an impact on several stops, with those beside them that are closed or at rest, or a weak one.
+
+    Return the set of stops that are closed after it.
+    """
     s, n = k.stops, k.modes
     if weak:
-        _derive(rows, k)
-    involved = struck | closed
+        derive(rows, k, SHORTENED)
+    involved = struck | beside
     for y in range(s):
         if struck >> y & 1:
             r = _bounce(rows, y, k, room)
@@ -303,10 +164,10 @@ def _collide(rows, k, room, struck, closed, weak):
             leaves = rate > max(ROUNDING * fastest, HOLD * rows[k.cut])  # so slow, what presses holds
             rows[k.kind + y] = STRUCK if leaves else OPEN
             rest |= 0 if leaves else 1 << y
-    chosen = _settle(rows, k, room, rest) if rest else 0
+    chosen = settle(rows, k, room, rest) if rest else 0
     if not rest:
-        _hold(rows, k, room, int(0.0))
-    return chosen & ~closed
+        hold(rows, k, room, int(0.0))
+    return chosen
 
 
 @njit(error_model="numpy")
@@ -315,7 +176,7 @@ def _bounce(rows, z, k, room):
     r, v, cut = rows[k.restitution + z], room.speed[z], rows[k.cut]
     if v >= cut or r == 1.0 or r == 0.0:
         return r
-    push, change = -_order(rows, z, 2, k), _order(rows, z, 3, k)
+    push, change = -derivative(rows, z, 2, k), derivative(rows, z, 3, k)
     duration = 2.0 * r / (1.0 - r) * v  # times push
     complete = duration < SHORT * push and duration * max(change, 0.0) < COMPLETES * push * push
     if push > 0.0 and (complete or v < HOLD * cut):

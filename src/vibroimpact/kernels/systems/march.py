@@ -83,8 +83,7 @@ def happen(rows, k, room):
         return 0, stalled(rows, k, room), 0
     rows[k.age] = 0.0
     if rows[k.kind + z] >= CLOSED:
-        release(rows, k, room)
-        return 0, 0, 1 << z
+        return 0, release(rows, k, room), 1 << z
     struck, closing = strike(rows, k, room)
     return struck, closing, 0
 

@@ -36,11 +36,13 @@ from vibroimpact.kernels.systems.series import (
 from vibroimpact.kernels.vectors import LANES, fma, get, group, put, select
 
 # How a stop is left: its clearance begins with no zero, a single one (just struck), a double one (from rest) or a
-# triple one (let go); or it is closed, held by a force above zero or by one that begins there.
-OPEN, STRUCK, RESTING, RELEASED, CLOSED, BALANCED = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
+# triple one (let go); or it is closed, held by a force above zero or by one that begins there. Where a zero has a
+# higher order, -x or PASSING + x stands for open or closed on a step up to x in any case.
+OPEN, STRUCK, RESTING, RELEASED, CLOSED, BALANCED, PASSING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 NOTHING, CONTACT, STALLED = 0.0, 1.0, 2.0  # what ended a step; the last: it is at a stop without approaching it
 
 NEAR = 0.02  # of the rate: by how much it may change on the way to a contact that is solved for
+BACK = 1e-12  # steps: a contact that rounding puts further behind is here
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -101,7 +103,8 @@ def certified(b, kind):
         own = _reach(q0, q1, q2, cubic, X)
         x = select(own > x, own, x)
         X = select(2.0 * x < X, 2.0 * x, X)
-    return x
+    x = select((kind == CLOSED) & (a[0] == 0.0), 0.0, x)  # held by no force: to be settled again
+    return select(kind < OPEN, -kind, select(kind > PASSING, kind - PASSING, x))
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -243,38 +246,42 @@ def _watched(rows, z, held, k, lane, wide):
 
 @njit(error_model="numpy", forceinline=True)
 def _certify(rows, held, k, lane, wide):
-    """Return the certified step, that of all stops but the one that limits it, which one that is; leave what is watched
-    of it.
+    """Return the certified step, that of all stops but the one that limits it, which one that is, and whether its next
+    zero is sought; leave what is watched of it.
     """
     one = 0.0 * get(rows, k.theta, lane, wide) + 1.0
-    x, others, which = one, one, 0.0 * one
+    x, others, which, sought = one, one, 0.0 * one, one
     for z in range(k.stops):
         b = _watched(rows, z, held, k, lane, wide)
-        own = certified(b, get(rows, k.kind + z, lane, wide))
+        kind = get(rows, k.kind + z, lane, wide)
+        own = certified(b, kind)
         nearer = own < x
+        free = select((kind < OPEN) | (kind > PASSING), 0.0, one)
+        sought = select(nearer, free, sought) if z else free
         others = select(nearer, x, select(own < others, own, others))
         x, which = select(nearer, own, x), select(nearer, float(z) * one, which)
         store(rows, k.near, lane, wide, either(nearer, b, load(rows, k.near, lane, wide)) if z else b)
-    return x, others, which
+    return x, others, which, sought > 0.0
 
 
 @njit(error_model="numpy", forceinline=True)
-def _approach(b, x, others):
+def _approach(b, x, others, sought):
     """Return whether a zero is next to x and before what is certified of the others, and where the step then ends."""
     y, p = evaluate(b, x)
     d = select(y > 0.0, y, 0.0) / -p
-    close = (p < 0.0) & (bend(b) * d < -NEAR * p) & (x + 2.0 * d <= 1.0)
+    close = sought & (p < 0.0) & (bend(b) * d < -NEAR * p) & (x + 2.0 * d <= 1.0)
     t = x + select(close, d, 0.0)
     for _ in range(2):
         y, p = evaluate(b, t)
         t = t - select(close, y / p, 0.0)
+    t = select(t > -BACK, t, 0.0)
     first = close & (t <= others)
     return first, select(first, t, x)
 
 
 @njit(error_model="numpy", forceinline=True)
-def _move(rows, x, k, lane, wide):
-    """Carry the state over x."""
+def _move(rows, x, close, k, lane, wide):
+    """Carry the state over x, to a contact or not."""
     for j in range(k.modes):
         y, p = evaluate(load(rows, k.flight + j * SIZE, lane, wide), x)
         put(rows, k.eta + j, lane, wide, y)
@@ -290,7 +297,7 @@ def _move(rows, x, k, lane, wide):
     put(rows, k.turn + 2, lane, wide, get(rows, k.turn + 2, lane, wide) + begun)
     for z in range(k.stops):
         kind = get(rows, k.kind + z, lane, wide)
-        put(rows, k.kind + z, lane, wide, select(kind >= CLOSED, CLOSED, OPEN) + 0.0 * kind)
+        put(rows, k.kind + z, lane, wide, select((x > 0.0) | close, select(kind >= CLOSED, CLOSED, OPEN), kind))
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -332,9 +339,9 @@ def step(rows, k, lane, wide):
         fly_together(rows, k, lane, wide, DEGREE)
     else:
         _fly_apart(rows, k, lane, wide)
-    x, others, which = _certify(rows, held, k, lane, wide)
-    close, end = _approach(load(rows, k.near, lane, wide), x, others)
-    _move(rows, end, k, lane, wide)
+    x, others, which, sought = _certify(rows, held, k, lane, wide)
+    close, end = _approach(load(rows, k.near, lane, wide), x, others, sought)
+    _move(rows, end, close, k, lane, wide)
     stalled = select(end <= 0.0, STALLED, NOTHING)
     put(rows, k.which, lane, wide, which)
     put(rows, k.hit, lane, wide, select(close, CONTACT, stalled))

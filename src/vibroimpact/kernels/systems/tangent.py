@@ -19,8 +19,8 @@ import math
 from numba import njit
 
 from vibroimpact.kernels.systems.complementarity import solve
-from vibroimpact.kernels.systems.law import measure
 from vibroimpact.kernels.systems.march import AT, CHATTERED, FROM, GREW, HITS, IMPACTS, PERIODS, SINCE
+from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.step import CLOSED
 
 NEAR = 1e-7  # of V, of the modes' rates and their amplitudes: an impact that comes back so near is the same

@@ -1,0 +1,232 @@
+"""Stops that are touched: which of them rest, are held or left, and by which derivatives that is decided."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary, solve
+from vibroimpact.kernels.systems.series import DEGREE, SIZE
+from vibroimpact.kernels.systems.step import BALANCED, CLOSED, PASSING, RELEASED, RESTING, fly_together, turns
+from vibroimpact.kernels.vectors import stride
+
+SHORTENED = 4  # the highest derivative that most decisions take
+TOUCH = 1e-12  # of the lengths that a clearance is the sum of: less is contact
+
+
+@njit(error_model="numpy")
+def measure(rows, k, room):
+    """Leave the rates of all clearances and G; return the set of stops in contact, closed ones left out."""
+    n, s = k.modes, k.stops
+    touching = int(0.0)
+    for z in range(s):
+        u, w = stop_moves(rows, z, k, 0, None)
+        size = abs(rows[k.gap + z])
+        for j in range(n):
+            alpha = rows[k.alpha + z * n + j]
+            u -= alpha * rows[k.eta + j]
+            size += abs(alpha * rows[k.eta + j])
+            w -= alpha * rows[k.rate + j]
+        room.rate[z] = w
+        if rows[k.kind + z] < CLOSED and u <= TOUCH * size:
+            touching |= 1 << z
+        for y in range(s):
+            total = 0.0
+            for j in range(n):
+                total += rows[k.alpha + z * n + j] * rows[k.jump + y * n + j]
+            room.gram[z, y] = total
+    return touching
+
+
+@njit(error_model="numpy")
+def derive(rows, k, last):
+    """Leave derivatives of the modes up to `last`, under what is closed; those of clearances follow."""
+    turns(rows, k, 0, None)
+    fly_together(rows, k, 0, None, last)
+
+
+@njit(error_model="numpy", forceinline=True)
+def derivative(rows, z, order, k):
+    """Return the derivative of a clearance of one lane."""
+    b = rows[k.stop + z * SIZE + order]
+    for j in range(k.modes):
+        b -= rows[k.alpha + z * k.modes + j] * rows[k.flight + j * SIZE + order]
+    return b
+
+
+@njit(error_model="numpy")
+def hold(rows, k, room, chosen):
+    """Close a set of stops: leave (alpha alpha^T)^-1 over it, and how many they are."""
+    s, number = k.stops, 0
+    for z in range(s):
+        number += chosen >> z & 1
+        for y in range(s):
+            room.free[y] = -1.0 if y == z else 0.0
+        if chosen >> z & 1:
+            solve(room, chosen, s)
+        for y in range(s):
+            rows[k.held + y * s + z] = room.found[y] if chosen >> z & 1 else 0.0
+    rows[k.closed] = number
+
+
+@njit(error_model="numpy")
+def settle(rows, k, room, members):
+    """Decide which of the stops at rest close; leave how each is left or held, and the state on the closed ones.
+
+    Return those that close. Where a force or an acceleration vanishes the derivatives that follow decide.
+    """
+    s, even = k.stops, int(0.0)
+    hold(rows, k, room, int(0.0))
+    derive(rows, k, SHORTENED)
+    for z in range(s):
+        room.free[z] = derivative(rows, z, 2, k)
+        even |= (abs(room.free[z]) <= ROUNDING * _size(rows, z, 2, k)) << z
+    if even & members:
+        return _settle_even(rows, k, room, members)
+    chosen = complementary(room, members, s)
+    for z in range(s):  # those that the others hold as well
+        left, size = room.free[z], abs(room.free[z])
+        for y in range(s):
+            left += room.gram[z, y] * room.found[y]
+            size += abs(room.gram[z, y] * room.found[y])
+        if members & ~chosen & 1 << z and left <= ROUNDING * size:
+            return _settle_even(rows, k, room, members)
+    for z in range(s):
+        if members >> z & 1:
+            rows[k.kind + z] = CLOSED if chosen >> z & 1 else RESTING
+    hold(rows, k, room, chosen)
+    _press(rows, k, room, chosen)
+    return chosen
+
+
+@njit(error_model="numpy")
+def _settle_even(rows, k, room, members):
+    """Settle stops some of which are in balance: by the first derivatives that do not vanish, under every set held.
+
+    A stop that stays in balance is closed by no force.
+    """
+    s, best, least = k.stops, int(0.0), k.stops + 1
+    for held in range(1 << s):
+        if held & ~members or not _regular(room, held, s):
+            continue
+        hold(rows, k, room, held)
+        derive(rows, k, DEGREE)
+        wrong = 0
+        for z in range(s):
+            wrong += members >> z & 1 and _leading(rows, z, k, held >> z & 1)[1] < 0.0
+        if wrong < least:
+            best, least = held, wrong
+        if wrong == 0:
+            break
+    hold(rows, k, room, best)
+    derive(rows, k, DEGREE)
+    closed = best
+    for z in range(s):
+        if not members >> z & 1:
+            continue
+        holds = best >> z & 1
+        order, _, lasts = _leading(rows, z, k, holds)
+        if order == 0:
+            closed |= 1 << z
+        if holds:
+            rows[k.kind + z] = CLOSED if order == 2 else BALANCED if order == 3 else PASSING + lasts
+        elif order:
+            rows[k.kind + z] = RESTING if order == 2 else RELEASED if order == 3 else -lasts
+        else:
+            rows[k.kind + z] = PASSING + 1.0
+    _press(rows, k, room, best)
+    rank = best
+    for z in range(s):
+        if closed >> z & 1 and _regular(room, rank | 1 << z, s):
+            rank |= 1 << z
+    number = 0
+    for z in range(s):
+        number += rank >> z & 1
+    rows[k.closed] = number
+    return closed
+
+
+@njit(error_model="numpy")
+def _regular(room, members, size):
+    for z in range(size):
+        room.free[z] = 0.0
+    return solve(room, members, size)
+
+
+@njit(error_model="numpy")
+def _leading(rows, z, k, holds):
+    """Return the order from 2 on of the first derivative of a stop's clearance, or two less of the force that holds
+    it, that is not rounding, its value, and up to where it surely decides the sign; 0 if there is none.
+    """
+    order, first, size, factor, others = 0, 0.0, 0.0, 1.0, 0.0
+    for o in range(2, SIZE):
+        if holds:
+            value, own = rows[k.hold + z * SIZE + o - 2], 0.0
+            for y in range(k.stops):
+                own += abs(rows[k.held + z * k.stops + y]) * _size(rows, y, o, k)
+            factor *= max(o - 2, 1)
+        else:
+            value, own = derivative(rows, z, o, k), _size(rows, z, o, k)
+            factor *= o
+        size = max(size, own)
+        if order:
+            others += abs(value) / factor if value * first < 0.0 else 0.0
+        elif abs(value) > ROUNDING * size:
+            order, first, leads = o, value, abs(value) / factor
+    if order == 0:
+        return 0, 0.0, 1.0
+    return order, first, leads / max(2.0 * others, leads)
+
+
+@njit(error_model="numpy")
+def _size(rows, z, o, k):
+    """Return the sum of the sizes of what a derivative of a clearance is the sum of."""
+    size = abs(rows[k.stop + z * SIZE + o])
+    for j in range(k.modes):
+        size += abs(rows[k.alpha + z * k.modes + j]) * _parts(rows, j, o - 2, k)
+    return size
+
+
+@njit(error_model="numpy", forceinline=True)
+def _parts(rows, j, o, k):
+    """Return the sum of the sizes of what a derivative of a mode's acceleration is the sum of."""
+    total = abs(rows[k.pull + j * SIZE + o])
+    total += abs(rows[k.square + j] * rows[k.flight + j * SIZE + o])
+    for i in range(k.modes):
+        total += abs(rows[k.damping + j * k.modes + i] * rows[k.flight + i * SIZE + o + 1])
+    for z in range(k.stops):
+        total += abs(rows[k.jump + z * k.modes + j] * rows[k.hold + z * SIZE + o])
+    return total
+
+
+@njit(error_model="numpy")
+def _press(rows, k, room, chosen):
+    """Take what rounding left of closed clearances and of their rates out of the state."""
+    n, s = k.modes, k.stops
+    measure(rows, k, room)
+    for z in range(s):
+        if not chosen >> z & 1:
+            continue
+        u = rows[k.stop + z * SIZE]
+        for j in range(n):
+            u -= rows[k.alpha + z * n + j] * rows[k.eta + j]
+        for y in range(s):
+            held = rows[k.held + y * s + z]
+            for j in range(n):
+                jump = rows[k.jump + y * n + j]
+                rows[k.eta + j] += jump * held * u
+                rows[k.rate + j] += jump * held * room.rate[z]
+
+
+@njit(error_model="numpy", forceinline=True)
+def stop_moves(rows, z, k, lane, wide):
+    """Return where a stop is, as a clearance, and how fast it moves."""
+    u, w = rows[(k.gap + z) * stride(wide) + lane], 0.0
+    sine, cosine = rows[k.turn * stride(wide) + lane], rows[(k.turn + 1) * stride(wide) + lane]
+    a, b = sine, cosine
+    for m in range(k.harmonics):
+        first = k.motion + 2 * (k.harmonics * z + m)
+        re, im = rows[first * stride(wide) + lane], rows[(first + 1) * stride(wide) + lane]
+        u += re * a + im * b
+        w += (m + 1.0) * rows[k.theta * stride(wide) + lane] * (re * b - im * a)
+        a, b = a * cosine + b * sine, b * cosine - a * sine
+    return u, w
