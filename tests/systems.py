@@ -3,6 +3,8 @@
 import numpy as np
 
 import vibroimpact as vi
+from vibroimpact import Status
+from vibroimpact.backends.reference.systems import LinearSystem, RigidStop
 
 M = [[2.0, 0.5], [0.5, 1.0]]
 C = [[0.3, -0.1], [-0.1, 0.2]]
@@ -84,3 +86,27 @@ def changed(system, mass=1.0, force=1.0, length=1.0, time=1.0, basis=None):
             for stop in system.stops
         ],
     )
+
+
+def system(mass, damping, stiffness, omega, stops, force=None, constant=None):
+    """Return a system under harmonics and a constant load."""
+    load = vi.Force(omega=omega, harmonics=force or {}, constant=constant)
+    return vi.ImpactSystem(mass=mass, damping=damping, stiffness=stiffness, force=load, stops=stops)
+
+
+def impacts(model, sample, transient=0, **how):
+    """Return its impacts from the first on, or after a transient."""
+    return vi.impact_section(model, transient_impacts=transient, sample_impacts=sample, **how)
+
+
+def linear(model):
+    """Return a system as the witness takes it."""
+    load = np.zeros(len(model.mass)) if model.force.constant is None else model.force.constant
+    stops = tuple(RigidStop(stop.direction, stop.gap, stop.restitution, dict(stop.motion)) for stop in model.stops)
+    matrices = model.mass, model.damping, model.stiffness
+    return LinearSystem(*matrices, model.omega, load, dict(model.force.harmonics), stops)
+
+
+def outcome(model, sample=100, **how):
+    """Return how its motion ends."""
+    return Status(int(impacts(model, sample, **how)["status"]))

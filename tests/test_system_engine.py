@@ -1,37 +1,16 @@
 """The engine of systems against closed forms, the oscillator of one mass, identities and the witness."""
 
 import json
+import math
 
 import mpmath as mp
 import numpy as np
 import pytest
 
 import vibroimpact as vi
-from systems import one_mass, two_masses
+from systems import impacts, linear, one_mass, outcome, system, two_masses
 from vibroimpact import Status
-from vibroimpact.backends.reference.systems import LinearSystem, RigidStop, follow
-
-
-def system(mass, damping, stiffness, omega, stops, force=None, constant=None):
-    load = vi.Force(omega=omega, harmonics=force or {}, constant=constant)
-    return vi.ImpactSystem(mass=mass, damping=damping, stiffness=stiffness, force=load, stops=stops)
-
-
-def impacts(model, sample, transient=0, **how):
-    return vi.impact_section(model, transient_impacts=transient, sample_impacts=sample, **how)
-
-
-def linear(model):
-    """Return a system as the witness takes it."""
-    load = np.zeros(len(model.mass)) if model.force.constant is None else model.force.constant
-    stops = tuple(RigidStop(stop.direction, stop.gap, stop.restitution, dict(stop.motion)) for stop in model.stops)
-    matrices = model.mass, model.damping, model.stiffness
-    return LinearSystem(*matrices, model.omega, load, dict(model.force.harmonics), stops)
-
-
-def outcome(model, sample=100, **how):
-    return Status(int(impacts(model, sample, **how)["status"]))
-
+from vibroimpact.backends.reference.systems import follow
 
 # What the class allows is followed, and labelled.
 
@@ -151,3 +130,112 @@ def test_stops_without_room_between_them_hand_a_mass_to_each_other():
     motion = vi.simulate(slot, periods=5)
     assert motion.sizes["impact"] == 0
     assert np.abs(motion["displacement"].values).max() < 1e-15
+
+
+# Closed forms.
+
+THREE = {
+    "two-sided": (
+        system(
+            *(1, 0.05, 1, 2.0),
+            [vi.Stop(direction=1, gap=0.5, restitution=0.6), vi.Stop(direction=-1, gap=0.5, restitution=0.6)],
+            {1: 1.0},
+        ),
+        (1.01091975000998629752895, 0.30697182627669859292),
+    ),
+    "three masses": (
+        system(
+            *(np.eye(3), 0.02 * CHAIN, CHAIN, 0.9),
+            [vi.Stop(direction=[0, 0, 1], gap=0.5, restitution=0.7)],
+            {1: [1, 0, 0]},
+        ),
+        (0.6314772880991517553058458, 0.61512189651226436508),
+    ),
+    "impact damper": (
+        system(
+            *(np.diag([1, 0.1]), np.diag([0.02, 0]), np.diag([1, 0]), 1.0),
+            [
+                vi.Stop(direction=[-1, 1], gap=10.0, restitution=0.8),
+                vi.Stop(direction=[1, -1], gap=10.0, restitution=0.8),
+            ],
+            {1: [1, 0]},
+        ),
+        (9.407221992561745893002965, 0.74256436841325221938),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", THREE)
+def test_attractors_have_the_velocity_and_phase_of_their_closed_form(name):
+    model, (velocity, phase) = THREE[name]
+    hits = impacts(model, 100, transient=3000)
+    assert hits["velocity"].values == pytest.approx(velocity, rel=1e-12)
+    turns = 2 if len(model.stops) == 2 else 1
+    assert (hits["phase"].values - phase) * turns == pytest.approx(np.round((hits["phase"] - phase) * turns), abs=1e-11)
+    assert len(set(hits["stop"].values)) == turns
+
+
+def ball(gamma, r):
+    """Return a ball on a table of amplitude A, gamma = A w^2/g; the coordinate points down."""
+    table = vi.Stop(direction=1, gap=0.0, restitution=r, motion={1: -gamma})
+    return system(1, 0, 0, 1.0, [table], constant=[1.0])
+
+
+@pytest.mark.parametrize("gamma", [1.1, 1.3, 1.5])
+def test_a_ball_bounces_once_a_period_at_its_fixed_point(gamma):
+    r = 0.5
+    fold = math.pi * (1 - r) / (1 + r)
+    phase = math.acos(fold / gamma) / (2 * math.pi)  # of the table, at the contact
+    flight = math.pi  # g T / 2 of the ball's own speed just after and before a bounce
+    table = gamma * math.cos(2 * math.pi * phase)
+    begun = vi.State([-gamma * math.sin(2 * math.pi * phase)], [-flight], 2 * math.pi * phase)
+    hits = impacts(ball(gamma, r), 200, transient=400, start=begun)
+    assert hits["velocity"].values == pytest.approx(flight + table, rel=1e-12)
+    assert hits["phase"].values == pytest.approx(phase, abs=1e-12)
+
+
+# One coordinate and one stop, at random.
+
+
+def test_random_systems_of_one_coordinate_move_as_the_oscillator_does():
+    rng = np.random.default_rng(20261123)
+    names, sticks = ("velocity", "time", "phase", "stick_time", "release_time"), 0
+    for _ in range(60):
+        osc = vi.ImpactOscillator(
+            mass=rng.uniform(0.3, 3),
+            stiffness=rng.uniform(0.3, 3),
+            damping=rng.uniform(0.05, 0.5),
+            amplitude=rng.uniform(0.3, 2),
+            omega=rng.choice([rng.uniform(0.1, 0.5), rng.uniform(0.6, 3)]),
+            restitution=rng.choice([0.0, rng.uniform(0.1, 0.6)]),
+            gap=rng.uniform(-0.3, 0.3),
+        )
+        own, other = impacts(osc, 20, 100), impacts(one_mass(osc), 20, 100)
+        assert int(own["status"]) == int(other["status"])
+        sticks += own.sizes["stick"]
+        assert own.sizes["impact"] == other.sizes["impact"]
+        if not own.sizes["impact"]:
+            continue
+        drift = impacts(osc, 20, 100, start=vi.State(min(0.0, osc.gap) - 1e-9))
+        if drift.sizes["impact"] != own.sizes["impact"] or np.abs(drift["velocity"] - own["velocity"]).max() > 1e-9:
+            continue  # not settled
+        for name in names:
+            size = osc.period if "time" in name else 1.0
+            np.testing.assert_allclose(other[name] / size, own[name] / size, rtol=1e-12, atol=1e-12, err_msg=name)
+    assert sticks > 100
+
+
+def test_indices_of_maps_are_those_of_the_oscillator():
+    osc = vi.ImpactOscillator(damping=0.2, omega=1.4, restitution=0.6, gap=0.1)
+    names = ("std", "mean_velocity", "max_velocity", "impacts_per_period", "dissipation", "impact_phase_spread")
+    axis = np.linspace(0.3, 3.0, 40)
+    own, other = (
+        vi.parameter_map(model, omega=axis, indices=names, transient_impacts=2000, sample_impacts=600)
+        for model in (osc, one_mass(osc))
+    )
+    once = (own["impacts_per_period"].values == 1.0) & np.isclose(own["std"], 0.0, atol=1e-9)
+    assert once.sum() > 8
+    for name in names:
+        np.testing.assert_allclose(
+            other[name].values[once], own[name].values[once], rtol=1e-10, atol=1e-10, err_msg=name
+        )

@@ -1,0 +1,273 @@
+"""Systems of several coordinates and stops: identities, the witness, and hard cases, each with its outcome."""
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from systems import changed, impacts, linear, outcome, system, two_masses
+from vibroimpact import Status
+from vibroimpact.backends.reference.systems import follow
+
+KEPT = ("velocity", "phase", "time")
+
+
+def same(one, other, tolerance=1e-11, units=None):
+    """Hold the first impacts of two motions to each other."""
+    assert one.sizes["impact"] == other.sizes["impact"] > 0
+    for name in KEPT:
+        factor = (units or {}).get(name, 1.0)
+        scale = np.abs(one[name].values).max() * factor
+        np.testing.assert_allclose(other[name], one[name] * factor, rtol=0, atol=tolerance * scale, err_msg=name)
+
+
+@pytest.mark.parametrize("unit", [2.0**-8, 2.0**5])
+def test_units_that_are_powers_of_two_give_the_same_numbers(unit):
+    plain = impacts(two_masses(), 12)
+    same(plain, impacts(changed(two_masses(), mass=unit), 12), 1e-12)
+    same(plain, impacts(changed(two_masses(), length=unit), 12), 1e-12, {"velocity": unit})
+    same(plain, impacts(changed(two_masses(), time=unit), 12), 1e-12, {"velocity": 1 / unit, "time": unit})
+
+
+def test_a_shift_of_time_by_periods_changes_nothing():
+    model, start = two_masses(), vi.State([0.01, -0.005], [0.3, 0.1], 0.0)
+    later = vi.State([0.01, -0.005], [0.3, 0.1], 64 * model.period)
+    one, other = impacts(model, 12, start=start), impacts(model, 12, start=later)
+    np.testing.assert_allclose(other["velocity"], one["velocity"], rtol=1e-11)
+    np.testing.assert_allclose(other["time"] - 64 * model.period, one["time"], rtol=1e-11)
+
+
+def test_the_order_of_coordinates_and_stops_and_their_signs_change_nothing():
+    model = two_masses()
+    plain = impacts(model, 12)
+    for basis in (np.eye(2)[::-1], -np.eye(2), np.diag([1.0, -1.0]), np.array([[1.0, 0.5], [0.25, -1.0]])):
+        same(plain, impacts(changed(model, basis=basis), 12))
+    turned = impacts(two_masses(stops=model.stops[::-1]), 12)
+    same(plain, turned)
+    assert turned["stop"].values.tolist() == plain["stop"].values.tolist()
+
+
+def test_a_mode_that_is_not_coupled_changes_nothing():
+    model = two_masses()
+    wider = [np.pad(matrix, (0, 1)) for matrix in (model.mass, model.damping, model.stiffness)]
+    for matrix, own in zip(wider, (3.0, 0.7, 11.0), strict=True):
+        matrix[2, 2] = own
+    stops = [stop.replace(direction=[*stop.direction, 0.0]) for stop in model.stops]
+    force = {order: [*load, 2.0j] for order, load in model.force.harmonics.items()}
+    constant = [*model.force.constant, 1.0]
+    same(impacts(model, 12), impacts(system(*wider, model.omega, stops, force, constant), 12))
+
+
+def test_harmonics_of_twice_the_frequency_are_the_first_of_half_the_period():
+    stop = vi.Stop(direction=[0, 1], gap=0.1, restitution=0.6)
+    given = np.eye(2), 0.1 * np.eye(2), [[2, -1], [-1, 2]]
+    one = impacts(system(*given, 1.6, [stop], {1: [1.0, 0.2]}), 30)
+    other = impacts(system(*given, 0.8, [stop], {2: [1.0, 0.2]}), 30)
+    np.testing.assert_allclose(other["velocity"], one["velocity"], rtol=1e-9)
+    np.testing.assert_allclose(other["time"], one["time"], rtol=1e-10)
+
+
+def drawn(rng):
+    """Return a random system of one to four coordinates and one to three stops, and a state before all of them."""
+    n, s = int(rng.integers(1, 5)), int(rng.integers(1, 4))
+
+    def positive(least):
+        root = rng.normal(size=(n, n))
+        return root @ root.T / n + least * np.eye(n)
+
+    mass, stiffness = positive(0.5), positive(0.2)
+    if rng.random() < 0.25:
+        free = rng.normal(size=n)
+        keeps = np.eye(n) - np.outer(free, free) / (free @ free)
+        stiffness = keeps @ stiffness @ keeps
+    damping = 0.05 * positive(0.1) if rng.random() < 0.5 else 0.03 * mass + 0.02 * stiffness
+    stops = [
+        vi.Stop(
+            direction=rng.normal(size=n),
+            gap=rng.uniform(0, 0.5),
+            restitution=rng.choice([0.0, rng.uniform(0.1, 0.9)]),
+            motion={2: 0.1 * complex(*rng.normal(size=2))} if j and rng.random() < 0.5 else {},
+        )
+        for j in range(s)
+    ]
+    force = {1: rng.normal(size=n) + 1j * rng.normal(size=n), 3: 0.5 * rng.normal(size=n)}
+    model = system(mass, damping, (stiffness + stiffness.T) / 2, rng.uniform(0.3, 2.0), stops, force)
+    while True:
+        q = 0.3 * rng.normal(size=n)
+        if model.clearances(q).min() > 0.05:
+            return model, q, rng.normal(size=n)
+
+
+def test_random_systems_make_the_impacts_of_the_witness():
+    sticks = compared = 0
+    for seed in range(40):
+        model, q, speed = drawn(np.random.default_rng([7, seed]))
+        cut = 1e-9 * model.velocity_scale
+        seen = follow(linear(model), q, speed, impacts=10, most_periods=30, cut=cut)
+        sticks += any(event.kind == "stick" for event in seen.events)
+        number = len(seen.impacts)
+        if not number:
+            continue
+        near = 1e-9 * np.random.default_rng(seed).normal(size=len(q))
+        own, other = (impacts(model, number, start=vi.State(at.tolist(), speed.tolist())) for at in (q, q + near))
+        period, scale = model.period, max(own["velocity"].values.max(), 1e-3)
+        both = min(own.sizes["impact"], other.sizes["impact"])
+        apart = np.maximum(
+            np.abs(other["velocity"].values[:both] - own["velocity"].values[:both]) / scale,
+            np.abs(other["time"].values[:both] - own["time"].values[:both]) / period,
+        )
+        growth = np.maximum(np.maximum.accumulate(apart / 1e-9), 1.0)
+        for at in np.flatnonzero(growth < 1e6):
+            event = seen.impacts[at]
+            assert model.stop_names[event.stop] == own["stop"].values[at], (seed, at)
+            assert abs(event.velocity - own["velocity"].values[at]) < 1e-11 * scale * growth[at], (seed, at)
+            assert abs(event.time - own["time"].values[at]) < 1e-11 * period * growth[at], (seed, at)
+            compared += 1
+    assert compared > 250
+    assert sticks > 8
+
+
+def test_cells_of_a_map_do_not_depend_on_grid_order_or_workers():
+    model, axis = two_masses(), np.linspace(5.0, 12.0, 37)
+    names, window = ("std", "mean_velocity"), {"transient_impacts": 30, "sample_impacts": 60}
+    whole = vi.parameter_map(model, omega=axis, indices=names, workers=1, **window)
+    parts = vi.parameter_map(model, omega=axis[::5], indices=names, workers=2, **window)
+    for name in (*names, "status"):
+        np.testing.assert_array_equal(parts[name].values, whole[name].values[::5])
+    alone = impacts(model.replace(omega=float(axis[10])), 60, 30)
+    assert alone["velocity"].values.mean() == pytest.approx(float(whole["mean_velocity"][10]), rel=1e-13)
+
+
+def test_a_coupled_mode_remembers_what_was_before_a_stick():
+    stop = vi.Stop(direction=[1, 0], gap=0.0, restitution=0.0)
+    model = system(np.eye(2), 0.02 * np.eye(2), [[2, -1], [-1, 2]], 0.5, [stop], {1: [2.0, 0.3]})
+    one, other = (vi.simulate(model, start=vi.State([-0.3, q], [0.0, 0.0]), periods=3) for q in (0.0, 0.4))
+    assert one.sizes["stick"] > 0 < other.sizes["stick"]
+    last = -1, slice(None)
+    assert np.abs(one["displacement"].values[last] - other["displacement"].values[last]).max() > 1e-3
+
+
+def test_functions_for_one_mass_refuse_systems():
+    for call in (vi.attractors, vi.impact_map, vi.describe):
+        more = {"starts": [vi.State(-1.0)]} if call is vi.attractors else {}
+        with pytest.raises(ValueError, match="one mass with one stop"):
+            call(two_masses(), **more)
+
+
+# Hard cases.
+
+
+def test_chatter_on_two_stops_at_once_ends_in_their_corner():
+    stops = [
+        vi.Stop(direction=[1, 0.3], gap=0.0, restitution=0.7),
+        vi.Stop(direction=[-0.3, 1], gap=0.0, restitution=0.5),
+    ]
+    corner = system(np.eye(2), 0, np.zeros((2, 2)), 0.1, stops, constant=[1.0, 1.3])
+    hits = impacts(corner, 1000, start=vi.State([-1.0, -1.0], [0.0, 0.0]))
+    assert Status(int(hits["status"])) == Status.STUCK_FOREVER
+    assert sorted(set(hits["stop"].values)) == ["stop_1", "stop_2"]
+    assert hits["velocity"].values[-1] < 1e-6
+
+
+def test_a_stop_is_struck_while_another_is_closed():
+    stops = [vi.Stop(direction=[1, 0], gap=0.0, restitution=0.5), vi.Stop(direction=[0, 1], gap=0.2, restitution=0.7)]
+    both = system(np.eye(2), 0.1 * np.eye(2), [[2, -0.1], [-0.1, 1]], 1.3, stops, {1: [0, 1]}, constant=[5.0, 0.0])
+    hits = impacts(both, 30, start=vi.State([0.0, 0.0], [0.0, 0.0]))
+    assert set(hits["stop"].values) == {"stop_2"}
+    assert hits["stick_stop"].values.tolist() == ["stop_1"]
+    assert np.isnan(hits["release_time"].values[0])
+
+
+def test_a_mass_that_drifts_away_spends_its_budget():
+    free = system(1, 0, 0, 1.0, [vi.Stop(direction=1, gap=1.0)])
+    assert outcome(free, start=vi.State([0.0], [-1.0])) == Status.BUDGET
+    assert impacts(free, 5, start=vi.State([0.0], [1.0]))["velocity"].values == pytest.approx([1.0])
+
+
+def test_a_system_at_rest_never_moves():
+    assert (
+        outcome(two_masses(force=vi.Force(omega=8.0), stops=[vi.Stop(direction=[0, 1], gap=0.1)])) == Status.NO_IMPACT
+    )
+
+
+def test_an_undamped_mode_at_resonance_grows_until_it_hits():
+    hits = impacts(system(1, 0, 1, 1.0, [vi.Stop(direction=1, gap=5.0)], {1: 1.0}), 1)
+    time = float(hits["time"][0])
+    assert (np.sin(time) - time * np.cos(time)) / 2 == pytest.approx(5.0, rel=1e-12)
+    assert hits["velocity"].values == pytest.approx([time * np.sin(time) / 2], rel=1e-12)
+
+
+def test_parallel_stops_at_one_place_are_struck_together_and_flagged():
+    stops = [vi.Stop(direction=[1, 0], gap=0.2, restitution=0.5), vi.Stop(direction=[3, 0], gap=0.6, restitution=0.7)]
+    hits = impacts(system(np.eye(2), 0.1 * np.eye(2), [[2, -1], [-1, 2]], 0.8, stops, {1: [1, 0.5]}), 20)
+    assert hits["simultaneous"].values.all()
+    assert hits["velocity"].values[1::2] == pytest.approx(3 * hits["velocity"].values[::2], rel=1e-11)
+
+
+def test_a_stop_that_moves_away_opens_its_contact():
+    table = system(1, 0, 0, 1.0, [vi.Stop(direction=1, gap=0.0, restitution=0.0, motion={1: -2.0})], constant=[1.0])
+    motion = vi.simulate(table, periods=5)
+    assert motion["release_time"].values[0] == pytest.approx(np.arcsin(0.5), rel=1e-13)  # where 2 sin(t) = 1
+
+
+def test_without_any_loss_energy_stays():
+    stops = [vi.Stop(direction=[1, 0], gap=0.3, restitution=1.0)]
+    free = system(np.eye(2), 0, [[2, -1], [-1, 2]], 1.0, stops)
+    motion = vi.simulate(free, start=vi.State([0.0, 0.0], [1.0, 0.0]), periods=100, samples_per_period=4)
+    q, v = motion["displacement"].values, motion["velocity"].values
+    energy = ((q @ free.stiffness) * q + v * v).sum(axis=1) / 2
+    assert energy == pytest.approx(np.full(len(energy), 0.5), rel=1e-11)
+    assert motion.sizes["impact"] > 50
+
+
+def test_an_impact_without_rebound_beside_one_without_loss():
+    stops = [vi.Stop(direction=[1, 0], gap=0.1, restitution=1.0), vi.Stop(direction=[0, 1], gap=0.1, restitution=0.0)]
+    mixed = system(np.eye(2), 0.05 * np.eye(2), [[2, -1], [-1, 2]], 0.8, stops, {1: [1.0, 0.4]})
+    seen = follow(linear(mixed), [0, 0], [0, 0], impacts=8, cut=1e-9 * mixed.velocity_scale)
+    hits = impacts(mixed, 8)
+    assert hits["velocity"].values == pytest.approx([event.velocity for event in seen.impacts], rel=1e-9)
+
+
+@pytest.mark.parametrize("speed", [-0.5, 0.0, 0.5])
+def test_a_start_exactly_at_a_stop(speed):
+    model = two_masses(stops=[vi.Stop(direction=[0, 1], gap=0.05, restitution=0.7)])
+    motion = vi.simulate(model, start=vi.State([0.0, 0.05], [0.0, speed]), periods=2)
+    struck = motion.sizes["impact"] and motion["impact_time"].values[0] == 0.0
+    assert bool(struck) == (speed > 0.0)
+    if speed > 0.0:
+        assert motion["impact_velocity"].values[0] == pytest.approx(speed, rel=1e-14)
+        assert motion["velocity"].values[0, 1] == pytest.approx(-0.7 * speed, rel=1e-14)
+    assert (motion["clearance"].values >= 0.0).all()
+
+
+def test_two_stops_struck_at_once_by_symmetry_are_flagged():
+    stops = [vi.Stop(direction=[1, 0], gap=0.3, restitution=0.5), vi.Stop(direction=[0, 1], gap=0.3, restitution=0.5)]
+    hits = impacts(system(np.eye(2), 0.1 * np.eye(2), [[2, -1], [-1, 2]], 0.9, stops, {1: [1, 1]}), 10)
+    assert hits["simultaneous"].values.all()
+    assert hits["velocity"].values[::2] == pytest.approx(hits["velocity"].values[1::2], rel=1e-11)
+
+
+def test_a_pressed_mass_that_is_never_released():
+    pressed = system(1, 0.1, 1, 1.0, [vi.Stop(direction=1, gap=0.1)], {1: 0.5}, constant=[2.0])
+    assert outcome(pressed) == Status.STUCK_FOREVER
+
+
+def test_twelve_modes_five_stops_and_twelve_harmonics_are_those_of_the_witness():
+    rng = np.random.default_rng(3)
+    n = 12
+    root = rng.normal(size=(n, n))
+    stiffness = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    stops = [vi.Stop(direction=np.eye(n)[2 * j + 1], gap=0.4 + 0.1 * j, restitution=0.6) for j in range(5)]
+    force = {1: np.ones(n), 5: 0.3 * rng.normal(size=n), 12: 0.2 * rng.normal(size=n)}
+    model = system(np.eye(n) + 0.05 * root @ root.T / n, 0.02 * stiffness, stiffness, 0.35, stops, force)
+    seen = follow(linear(model), np.zeros(n), np.zeros(n), impacts=6, cut=1e-9 * model.velocity_scale)
+    hits = impacts(model, 6)
+    assert hits["velocity"].values == pytest.approx([event.velocity for event in seen.impacts], rel=1e-9)
+    assert hits["time"].values == pytest.approx([event.time for event in seen.impacts], rel=1e-10)
+
+
+def test_a_stiff_mode_beside_a_slow_one():
+    stops = [vi.Stop(direction=[1, 0.1], gap=0.3, restitution=0.6)]
+    model = system(np.eye(2), np.diag([0.1, 4.0]), np.diag([1.0, 1e4]), 0.9, stops, {1: [1.0, 0.0]})
+    seen = follow(linear(model), [0, 0], [0, 0], impacts=6, cut=1e-9 * model.velocity_scale)
+    hits = impacts(model, 6)
+    assert hits["velocity"].values == pytest.approx([event.velocity for event in seen.impacts], rel=1e-8)
