@@ -167,6 +167,8 @@ def main() -> None:
     results = tube["hardest_hits"](osc), tube["pass_through"](osc, "up"), tube["pass_through"](osc, "down")
     pictures = {"stability-map": stability_map(), "std": std(), "tube-in-support": tube["draw"](osc, *results)}
     pictures["model"] = vi.plotting.oscillator_sketch().get_figure()
+    supports = runpy.run_path(str(DOCS.parent / "examples" / "tube_in_two_supports.py"))
+    pictures["tube-in-two-supports"] = supports["draw"](supports["hardest_hits"](80))
     cells = plane()
     pictures |= {
         "exponents": vi.plotting.exponent_map(cells).get_figure(),

@@ -90,7 +90,7 @@ def test_a_study_file_starts_a_system_from_lists(run, tmp_path):
         (f"section {OWN} --start 0.1,0:0,0:0:1", "`--start` must be Q,Q:V,V:T"),
         (f"section {OWN} --start 0.1,a:0,0", "`displacement` must be a finite number, got 'a'"),
         (f"section {OWN} --backend reference", "`backend` 'reference' does not take systems"),
-        (f"map {OWN} --x bar_gap=0:1:3 --indices lyapunov", "`indices` of systems must be of std"),
+        (f"map {OWN} --x bar_gap=0:1:3 --indices grazing_margin", "`indices` of systems must be of std"),
         (f"map {OWN} --x bar_gap=0:1:3 --starts 4", "`start` must be None, a State or a list of them for a system"),
         ("section --model two_sided_oscillator -p left_gap=-1", "`stops` 'left' and 'right' overlap"),
         ("section --model bouncing", "unknown model 'bouncing'; choose from base_excited_oscillator, bouncing_ball"),

@@ -22,7 +22,9 @@ def in_an_empty_folder(tmp_path, monkeypatch):
     plt.close("all")
 
 
-@pytest.mark.parametrize("name", ["first_orbit", "bifurcation", "stability_map", "tube_in_support"])
+@pytest.mark.parametrize(
+    "name", ["first_orbit", "bifurcation", "stability_map", "tube_in_support", "tube_in_two_supports"]
+)
 def test_an_example_runs_and_leaves_its_figure(name, tmp_path):
     runpy.run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
     (figure,) = tmp_path.iterdir()

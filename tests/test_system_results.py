@@ -84,7 +84,7 @@ def test_a_motion_is_carried_to_every_kind_of_end():
     [
         ({"coordinate": 2}, "`coordinate` must be less than the number of coordinates, 2, got 2"),
         ({"coordinate": -1}, "`coordinate` must be a whole number >= 0"),
-        ({"indices": ["lyapunov"]}, "`indices` of systems must be of std"),
+        ({"indices": ["grazing_margin"]}, "`indices` of systems must be of std"),
         ({"backend": "reference"}, "`backend` 'reference' does not take systems"),
     ],
 )
