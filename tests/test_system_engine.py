@@ -239,3 +239,38 @@ def test_indices_of_maps_are_those_of_the_oscillator():
         np.testing.assert_allclose(
             other[name].values[once], own[name].values[once], rtol=1e-10, atol=1e-10, err_msg=name
         )
+
+
+def after(model, state, begin, turns):
+    """Return the state a number of driving periods later."""
+    n = len(model.mass)
+    start = vi.State(state[:n].tolist(), state[n:].tolist(), begin)
+    motion = vi.simulate(model, start=start, periods=turns, samples_per_period=64)
+    return np.concatenate([motion["displacement"].values[-1], motion["velocity"].values[-1]]), motion
+
+
+@pytest.mark.parametrize("name", THREE)
+def test_volumes_shrink_by_the_damping_and_by_the_square_of_the_restitution(name):
+    model = THREE[name][0]
+    n, turns, step = len(model.mass), 0.75, 1e-4
+    hits = impacts(model, 1, transient=2000)
+    begin = (float(hits["phase"][0]) + 1.0 - 0.125) * model.period  # an eighth of a period before an impact
+    looks = vi.stroboscopic_section(model, phase=begin / model.period % 1.0, transient_periods=3000, sample_periods=1)
+    state = np.concatenate([looks["displacement"].values[0], looks["velocity"].values[0]])
+    begin = begin % model.period
+    number = after(model, state, begin, turns)[1].sizes["impact"]
+    assert number > 0
+    jacobian = []
+    for unit in step * np.eye(2 * n):
+        one, two = (
+            (
+                after(model, state + factor * unit, begin, turns)[0]
+                - after(model, state - factor * unit, begin, turns)[0]
+            )
+            / (2 * factor * step)
+            for factor in (1, 2)
+        )
+        jacobian.append((4 * one - two) / 3)
+    loss = np.trace(np.linalg.solve(model.mass, model.damping)) * turns * model.period
+    lost = model.stops[0].restitution ** (2 * number) * math.exp(-loss)
+    assert np.linalg.det(np.array(jacobian)) == pytest.approx(lost, rel=1e-7)
