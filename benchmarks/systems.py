@@ -1,0 +1,138 @@
+"""Systems: what an impact costs with more modes and stops, beside one mass and beside heyoka."""
+
+from __future__ import annotations
+
+import time
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+import vibroimpact as vi
+from benchmarks.effort import Effort
+from benchmarks.measure import Job, interleaved, ratio
+from benchmarks.taylor import heyoka
+from vibroimpact import models
+from vibroimpact.backends import ImpactWindow, Measurement, get_backend
+
+Results = dict[str, Any]
+CELLS = 64  # of a sweep, four rounds of lanes; frequencies within 2 %
+K, C = np.array([[2.0, -1.0], [-1.0, 2.0]]), 0.05
+GAP, RESTITUTION, OMEGA = 0.5, 0.7, 0.95
+
+
+def one_mass(omega: float = 2.8) -> vi.ImpactSystem:
+    """Return the oscillator of the other benchmarks as a system."""
+    stops = [vi.Stop(direction=1, gap=0.0, restitution=0.8)]
+    force = vi.Force(omega=omega, harmonics={1: 1.0})
+    return vi.ImpactSystem(mass=1.0, damping=0.01, stiffness=1.0, force=force, stops=stops)
+
+
+def two_masses() -> vi.ImpactSystem:
+    """Return two masses on three springs, each in front of a stop."""
+    stops = [
+        vi.Stop(direction=[1, 0], gap=GAP, restitution=RESTITUTION),
+        vi.Stop(direction=[0, -1], gap=GAP, restitution=RESTITUTION),
+    ]
+    force = vi.Force(omega=OMEGA, harmonics={1: [1.0, 0.0]})
+    return vi.ImpactSystem(mass=np.eye(2), damping=C * K, stiffness=K, force=force, stops=stops)
+
+
+def equal_modes(n: int) -> vi.ImpactSystem:
+    """Return n equal masses on springs of their own; the first one hits, the others are carried along."""
+    stops = [vi.Stop(direction=np.eye(n)[0], gap=0.0, restitution=0.8)]
+    force = vi.Force(omega=2.0, harmonics={1: np.ones(n)})
+    return vi.ImpactSystem(mass=np.eye(n), damping=0.01 * np.eye(n), stiffness=np.eye(n), force=force, stops=stops)
+
+
+def sweep(system: vi.ImpactSystem, impacts: int) -> Job:
+    """Return the job of a sweep over frequencies near the system's own, on one thread."""
+    cells = system.cells({"omega": np.linspace(0.99, 1.01, CELLS) * system.omega})
+    measurement = Measurement(ImpactWindow(0, impacts))
+    engine = get_backend("cpu")
+    return lambda: int(engine.indices(cells, measurement)["impacts"].sum())
+
+
+def orbit_of_heyoka(impacts: int) -> Job:
+    """Return the job of one orbit of the two masses, with a terminal event per stop."""
+    names = heyoka.make_vars("x", "y", "u", "v")
+    x, y, u, v = names
+    found = [0]
+
+    def turning(place: int) -> Any:
+        def turn_round(ta: Any, direction: int) -> bool:
+            ta.state[place] *= -RESTITUTION
+            found[0] += 1
+            return found[0] < impacts
+
+        return turn_round
+
+    force = heyoka.sin(OMEGA * heyoka.time)
+    equations = [(x, u), (y, v), (u, force - 2.0 * x + y - C * (2.0 * u - v)), (v, x - 2.0 * y - C * (2.0 * v - u))]
+    rising, falling = heyoka.event_direction.positive, heyoka.event_direction.negative
+    events = [
+        heyoka.t_event(x - GAP, callback=turning(2), direction=rising),
+        heyoka.t_event(y + GAP, callback=turning(3), direction=falling),
+    ]
+    ta = heyoka.taylor_adaptive(equations, [0.0] * 4, t_events=events)
+
+    def job() -> int:
+        ta.time, found[0] = 0.0, 0
+        ta.state[:] = 0.0
+        ta.reset_cooldowns()
+        ta.propagate_until(1e12)
+        return found[0]
+
+    return job
+
+
+def map_seconds(model: Any, **axes: Any) -> float:
+    """Return the seconds of a map of 1000 impacts a cell on all cores."""
+    begin = time.perf_counter()
+    vi.parameter_map(model, sample_impacts=1000, transient_impacts=0, **axes)
+    return time.perf_counter() - begin
+
+
+def measure(effort: Effort) -> Results:
+    """Return nanoseconds an impact, ratios within rounds, and the seconds of two maps."""
+    cantilever = {n: models.cantilever_with_stop(modes=n) for n in (1, 4)}
+    jobs: dict[str, Job] = {
+        "one mass": sweep(one_mass(), effort.impacts),
+        "one mass, its own engine": sweep(vi.ImpactOscillator(omega=2.8), effort.impacts),
+        "two masses, two stops": sweep(two_masses(), effort.impacts),
+        **{f"{n} equal modes": sweep(equal_modes(n), effort.impacts) for n in (1, 2, 4, 8)},
+        **{f"cantilever, modes: {n}": sweep(beam, effort.impacts) for n, beam in cantilever.items()},
+    }
+    if heyoka:
+        jobs["two masses, heyoka"] = orbit_of_heyoka(effort.orbit_impacts)
+    for job in jobs.values():
+        job()
+    cost = interleaved(jobs, effort.rounds)
+    points = effort.map_points
+    damper = {"slot_clearance": np.linspace(2.0, 20.0, points), "omega": np.linspace(0.8, 1.2, points)}
+    gaps = {"gap": np.linspace(0.1, 1.0, points), "omega": np.linspace(0.5, 3.0, points)}
+    return {
+        "cost": {name: median(found) for name, found in cost.items()},
+        "over_one_mass": ratio(cost["one mass"], cost["one mass, its own engine"]),
+        "heyoka_over_ours": ratio(cost["two masses, heyoka"], cost["two masses, two stops"]) if heyoka else None,
+        "cantilever_4_over_1": ratio(cost["cantilever, modes: 4"], cost["cantilever, modes: 1"]),
+        "modes_8_over_1": ratio(cost["8 equal modes"], cost["1 equal modes"]),
+        "damper_map_seconds": map_seconds(vi.family(damper_of), **damper),
+        "two_sided_map_seconds": map_seconds(vi.family(two_sided_of), **gaps),
+        "points": points,
+    }
+
+
+def damper_of(slot_clearance: float = 10.0, omega: float = 1.0) -> vi.ImpactSystem:
+    """Return a mass with a free particle in a slot."""
+    stops = [vi.Stop(direction=[sign, -sign], gap=slot_clearance, restitution=0.8) for sign in (1, -1)]
+    force = vi.Force(omega=omega, harmonics={1: [1.0, 0.0]})
+    damping, stiffness = np.diag([0.02, 0.0]), np.diag([1.0, 0.0])
+    return vi.ImpactSystem(mass=np.diag([1.0, 0.1]), damping=damping, stiffness=stiffness, force=force, stops=stops)
+
+
+def two_sided_of(gap: float = 0.5, omega: float = 2.0) -> vi.ImpactSystem:
+    """Return one mass between two stops."""
+    stops = [vi.Stop(direction=sign, gap=gap, restitution=0.6) for sign in (1, -1)]
+    force = vi.Force(omega=omega, harmonics={1: 1.0})
+    return vi.ImpactSystem(mass=1.0, damping=0.05, stiffness=1.0, force=force, stops=stops)
