@@ -21,7 +21,8 @@ from vibroimpact.kernels.cell import DYING, FILLED, MOST, PINNED, QUIET, RUNNING
 from vibroimpact.kernels.systems import lanes, march, walk
 from vibroimpact.kernels.systems.complementarity import Room
 from vibroimpact.kernels.systems.layout import Layout, layout_of
-from vibroimpact.kernels.systems.series import REACH
+from vibroimpact.kernels.systems.leap import HALF, WHOLE
+from vibroimpact.kernels.systems.series import DEGREE, REACH
 from vibroimpact.kernels.vectors import LANES
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
@@ -61,9 +62,55 @@ def _in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
         first = getattr(layout, _RENAMED.get(name, name), None)
         if first is not None:
             table[:, first : first + size] = cells.block(name) * step ** _POWERS.get(name, 0)
+    _prepare_leaps(cells, layout, table)
     table[:, layout.speed] = table[:, layout.cut]
     table[:, layout.cut] *= chatter
     return table
+
+
+def _prepare_leaps(cells: SystemCells, k: Layout, table: Floats) -> None:
+    """Leave the flows of leaps, and bounds of loads and of the stops' accelerations."""
+    n, s, m, number = k.modes, k.stops, k.harmonics, len(cells)
+    square, damping = table[:, k.square : k.square + n], table[:, k.damping : k.damping + n * n : n + 1]
+    load, theta = table[:, k.load : k.load + n], table[:, k.theta, None]
+    force = table[:, k.force : k.force + 2 * m * n].reshape(number, n, m, 2)
+    motion = table[:, k.motion : k.motion + 2 * m * s].reshape(number, s, m, 2)
+    turned = np.arange(1, m + 1) * theta
+    table[:, k.driven : k.driven + n] = np.abs(load) + np.hypot(force[..., 0], force[..., 1]).sum(axis=-1)
+    bends = (np.hypot(motion[..., 0], motion[..., 1]) * turned[:, None] ** 2).sum(axis=-1)
+    table[:, k.driven + n : k.driven + n + s] = bends
+    coupled = np.count_nonzero(table[:, k.damping : k.damping + n * n], axis=1) > np.count_nonzero(damping, axis=1)
+    zero, one = np.zeros((number, n)), np.ones((number, n))
+    for first, length in ((k.halves, HALF), (k.wholes, WHOLE)):
+        room = np.where(coupled[:, None], 0.0, 1.0 - square * length**2 / 8.0 - damping * length / 2.0)
+        own = [*_over(one, zero, square, damping, length), *_over(zero, one, square, damping, length)]
+        loaded = _over(zero, zero, square, damping, length, load, zero, 0.0)
+        bound = np.where(room > 0.0, 1.0 / np.where(room > 0.0, room, 1.0), np.inf)
+        columns = [own[0], own[2], loaded[0], own[1], own[3], loaded[1], bound]
+        for order in range(m):
+            rate, (re, im) = turned[:, order, None], np.moveaxis(force[:, :, order], -1, 0)
+            sine = _over(zero, zero, square, damping, length, re, -im * rate, rate)
+            cosine = _over(zero, zero, square, damping, length, im, re * rate, rate)
+            columns += [sine[0], cosine[0], sine[1], cosine[1]]
+        flat = np.stack(columns, axis=-1).reshape(number, -1)
+        table[:, first : first + flat.shape[1]] = flat
+        angle = length * theta[:, 0]
+        table[:, first + flat.shape[1]], table[:, first + flat.shape[1] + 1] = np.sin(angle), np.cos(angle)
+
+
+def _over(
+    y: Floats, p: Floats, square: Floats, damping: Floats, x: float, force: Any = 0.0, slope: Any = 0.0, rate: Any = 0.0
+) -> tuple[Floats, Floats]:
+    """Return amplitude and rate after x steps, by the power series, under a force that turns at a rate."""
+    b = [y, p]
+    for _ in range(DEGREE - 1):
+        b.append(force - square * b[-2] - damping * b[-1])
+        force, slope = slope, -(rate**2) * force
+    powers = [x**order / math.factorial(order) for order in range(DEGREE + 1)]
+    amplitude, moved = 0.0 * y, 0.0 * y
+    for order in range(DEGREE, 0, -1):
+        amplitude, moved = amplitude + powers[order] * b[order], moved + powers[order - 1] * b[order]
+    return amplitude + b[0], moved
 
 
 def _budgets(cells: SystemCells, tolerances: Tolerances, total: float) -> Floats:
@@ -109,14 +156,14 @@ def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
         total, wanted = march.Window(0.0, math.inf), window.keep
         times = np.array(window.schedule(start_periods, start_phase))
         schedule = walk.Schedule(float(wanted), times[0, 0], times[1, 0], float(window.per_period))
-    rows, notes, room = np.zeros(k.rows), np.zeros((1, march.NOTES)), _room(k)
+    rows, spare, notes, room = np.zeros(k.rows), np.zeros(k.rows), np.zeros((1, march.NOTES)), _room(k)
     limit = total.total if isinstance(window, ImpactWindow) else window.skip_periods + wanted / window.per_period + 1.0
     notes[0, : march.MADE] = _budgets(cell, measurement.tolerances, limit)
     seen = walk.Seen(np.zeros((_ROOM, 6)), np.zeros((wanted, 2 * k.modes)), np.zeros((_ROOM, 5)), np.zeros(3, np.int64))
     walk.seat(rows, k, _in_steps(cell, measurement.tolerances.chatter, k)[0], room, seen)
     impacts, rests, end = [], [], RUNNING
     while end == RUNNING:
-        end = walk.follow(rows, k, room, notes, seen, total, schedule, _STEPS)
+        end = walk.follow(rows, spare, k, room, notes, seen, total, schedule, _STEPS)
         impacts.append(seen.impacts[: seen.filled[0]].copy())
         seen.filled[0] = 0
         if seen.filled[2] + k.stops > _ROOM:  # those still closed stay

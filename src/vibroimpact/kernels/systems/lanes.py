@@ -11,6 +11,7 @@ from numba import njit
 from vibroimpact.kernels.cell import QUIET_FOR, RUNNING
 from vibroimpact.kernels.machine import compiled, next_ticket
 from vibroimpact.kernels.systems.law import begin, bounce
+from vibroimpact.kernels.systems.leap import LEAPS, attempt
 from vibroimpact.kernels.systems.march import (
     CHATTERED,
     GRANTED,
@@ -125,6 +126,8 @@ def run_lanes(table, budgets, results, ends, tickets, lanes, owner, notes, ended
     for _ in range(looks):
         for _ in range(LOOK):
             for first in range(0, LANES, group(0)):
+                for which in range(LEAPS):
+                    attempt(lanes, k, first, 0, which)
                 step(lanes, k, first, 0)
                 for lane in range(first, first + group(0)):
                     if lanes[k.hit * LANES + lane] == NOTHING or owner[lane] < 0:

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 from vibroimpact.kernels.systems.series import SIZE
 
+FLOW = 7  # numbers of a mode's flow over a leap, and four for each harmonic
+
 
 class Layout(NamedTuple):
     """Rows of each number of a cell; modes, stops and harmonics 1 to H come first.
@@ -13,8 +15,9 @@ class Layout(NamedTuple):
     `eta`, `rate` (eta' in steps), `turn` (sin wt, cos wt, whole periods) are the state; `kind` says how each stop is
     left or held; `age` and `made` count the steps flown since an event and made in all; `held` is the inverse of alpha
     M^-1 alpha^T over the closed stops, and `closed` how many there are; `deta` and `drate` are a deviation, `known` is
-    the state (eta, rate, sin wt, cos wt) at an impact to which the motion may return. The others up to `constants`
-    are constant, and from `pairs` on it is room to work.
+    the state (eta, rate, sin wt, cos wt) at an impact to which the motion may return. The others up to `constants` are
+    constant, with the flows of leaps, `halves` and `wholes`, and `driven`, bounds of the loads and of the stops'
+    accelerations. From `pairs` on it is room to work.
     """
 
     modes: int
@@ -50,6 +53,9 @@ class Layout(NamedTuple):
     steady: int
     margin: int
     give: int
+    driven: int
+    halves: int
+    wholes: int
     constants: int
     pairs: int
     flight: int
@@ -70,12 +76,14 @@ def layout_of(modes: int, stops: int, harmonics: int, coupled: bool, moving: boo
     motion is carried along.
     """
     n, s, m = modes, stops, harmonics
+    flow = n * (FLOW + 4 * m) + 2
     sizes = {
         "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "made": 1, "closed": 1, "held": s * s,
         "deta": n * thorough, "drate": n * thorough, "known": (2 * n + 2) * thorough,
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
         "gap": s, "motion": 2 * m * s, "restitution": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
-        "margin": s, "give": s, "constants": 0, "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE,
+        "margin": s, "give": s, "driven": n + s,
+        "halves": flow, "wholes": flow, "constants": 0, "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE,
         "stop": s * SIZE, "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1, "rows": 0,
     }  # fmt: skip
     places, row = {}, 0

@@ -157,7 +157,7 @@ def _forced(rows, j, k, lane, wide):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _fly_apart(rows, k, lane, wide):
+def fly_apart(rows, k, lane, wide):
     """Leave the series of each mode, free of the others."""
     for j in range(k.modes):
         own = get(rows, k.square + j, lane, wide), get(rows, k.damping + j * (k.modes + 1), lane, wide)
@@ -169,7 +169,7 @@ def _fly_apart(rows, k, lane, wide):
 def fly_together(rows, k, lane, wide, last):
     """Leave the derivatives of all modes up to `last`, coupled by damping and by closed stops, and the holding forces.
 
-    In flight under proportional damping these are the bits of `_fly_apart`: what couples adds zeros.
+    In flight under proportional damping these are the bits of `fly_apart`: what couples adds zeros.
     """
     couple(rows, k, lane, wide, last, True)
 
@@ -338,7 +338,7 @@ def step(rows, k, lane, wide):
     if held or k.coupled:
         fly_together(rows, k, lane, wide, DEGREE)
     else:
-        _fly_apart(rows, k, lane, wide)
+        fly_apart(rows, k, lane, wide)
     x, others, which, sought = _certify(rows, held, k, lane, wide)
     close, end = _approach(load(rows, k.near, lane, wide), x, others, sought)
     _move(rows, end, close, k, lane, wide)

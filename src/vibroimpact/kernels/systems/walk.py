@@ -10,9 +10,10 @@ from numba import njit
 from vibroimpact.kernels.cell import FILLED, RUNNING, SPENT
 from vibroimpact.kernels.machine import compiled
 from vibroimpact.kernels.systems.law import begin, bounce
+from vibroimpact.kernels.systems.leap import HALF, LEAPS, WHOLE, attempt
 from vibroimpact.kernels.systems.march import HITS, LOOK, MADE, TURN, add_all, ending, happen, moment
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
-from vibroimpact.kernels.systems.step import CLOSED, CONTACT, NOTHING, step
+from vibroimpact.kernels.systems.step import CLOSED, CONTACT, NOTHING, fly_apart, step, turns
 
 
 class Seen(NamedTuple):
@@ -52,6 +53,21 @@ def _look(rows, k, seen, periods, phase, schedule):
             y, p = evaluate(load(rows, k.flight + j * SIZE, 0, None), max(x, 0.0))
             seen.looks[seen.filled[1], j], seen.looks[seen.filled[1], k.modes + j] = y, p
         seen.filled[1] += 1
+
+
+@njit(error_model="numpy")
+def _leap(rows, spare, k, seen, schedule, number):
+    """Make a leap; the looks within it need the series from its beginning."""
+    if schedule.number > 0.0:
+        spare[:] = rows
+    attempt(rows, k, 0, None, number)
+    flown = rows[k.age] - spare[k.age]
+    if schedule.number > 0.0 and flown > 0.0:
+        periods, phase = moment(spare[k.turn], spare[k.turn + 1], spare[k.turn + 2])
+        turns(spare, k, 0, None)
+        fly_apart(spare, k, 0, None)
+        spare[k.passed] = WHOLE if flown > 0.5 * (HALF + WHOLE) else HALF
+        _look(spare, k, seen, periods, phase, schedule)
 
 
 @njit(error_model="numpy")
@@ -121,9 +137,11 @@ def seat(rows, k, row, room, seen):
 
 
 @compiled
-def follow(rows, k, room, notes, seen, window, schedule, most):
+def follow(rows, spare, k, room, notes, seen, window, schedule, most):
     """Follow a cell until its window is full, a buffer is, it ends, or so many steps are made; return why."""
     for number in range(most):
+        for leap in range(LEAPS):
+            _leap(rows, spare, k, seen, schedule, leap)
         periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
         step(rows, k, 0, None)
         _look(rows, k, seen, periods, phase, schedule)
