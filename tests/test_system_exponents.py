@@ -37,7 +37,7 @@ def test_the_exponent_of_a_cycle_is_that_of_its_multipliers(coupled):
     system = chain(damping=0.02 * chain().stiffness + gyroscopic) if coupled else chain()
     (orbit,) = (orbit for orbit in vi.find_orbit(system) if orbit.stable)
     found, periods, impacts = index(system, "lyapunov", "n_periods", "n_impacts", transient_impacts=500)
-    assert found == pytest.approx(orbit.lyapunov, abs=2.0 / (3000 * orbit.period))
+    assert found == pytest.approx(orbit.lyapunov, abs=2.0 / (3000 * orbit.period))  # complex: 1/N
     assert (periods, impacts) == (1, 1)
 
 
@@ -48,7 +48,7 @@ def test_two_stops_have_the_exponent_of_both():
         pytest.skip("the model's defaults have no stable symmetric motion")
     found, impacts = index(system, "lyapunov", "n_impacts", transient_impacts=500)
     assert impacts == 2
-    assert found == pytest.approx(orbits[0].lyapunov, abs=4.0 / (1500 * orbits[0].period))
+    assert found == pytest.approx(orbits[0].lyapunov, rel=1e-9)
 
 
 def test_one_mass_has_the_motions_of_the_oscillator():
@@ -104,8 +104,7 @@ def test_the_exponent_of_a_motion_that_sticks_is_that_of_differences():
     columns = [(ended(start + 1e-6 * unit) - ended(start - 1e-6 * unit)) / 2e-6 for unit in np.eye(4)]
     radius = max(abs(np.linalg.eigvals(np.array(columns).T)))
     (found,) = index(system, "lyapunov", transient_impacts=500)
-    span = 3000 / impacts * periods * system.period
-    assert found == pytest.approx(math.log(radius) / (periods * system.period), abs=3.0 / span)
+    assert found == pytest.approx(math.log(radius) / (periods * system.period), abs=1e-5)
 
 
 def test_every_known_index_of_a_system_has_the_bits_of_another_grid():

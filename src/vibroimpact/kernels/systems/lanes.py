@@ -67,7 +67,7 @@ def _neighbour(rows, k, room, notes, lane, z, struck, closing, window):
         cross(rows, k, room, z)
     if closing:
         confine(rows, k)
-    if struck:
+    if struck and notes[lane, HITS] < window.total:
         measure_growth(rows, k, notes, lane, notes[lane, HITS] > window.transient)
 
 
@@ -83,7 +83,7 @@ def _unusual(lanes, lane, notes, rows, k, room, window):
         _neighbour(rows, k, room, notes, lane, z, struck, closing, window)
     if struck:
         recorded = add_all(rows, k, room, notes, lane, struck, window)
-        if k.thorough and recorded:
+        if k.thorough and recorded and notes[lane, HITS] <= window.total:
             recur(rows, k, notes, lane, z)
     if k.thorough and closing:
         for y in range(k.stops):
