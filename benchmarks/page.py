@@ -148,6 +148,17 @@ def gpu(result: dict[str, Any]) -> str:
     return table(head, rows)
 
 
+def systems(found: dict[str, Any]) -> str:
+    """Return what an impact of a system costs, one thread, and how long two of their maps take."""
+    costs_ = [[name, number(value)] for name, value in found["cost"].items()]
+    sides = f"{found['points']} x {found['points']}, 1000 impacts a cell"
+    maps_ = [
+        [f"impact damper, clearance by frequency, {sides}", number(found["damper_map_seconds"])],
+        [f"one mass between two stops, gap by frequency, {sides}", number(found["two_sided_map_seconds"])],
+    ]
+    return "\n\n".join([table(["system", "ns an impact"], costs_), table(["map", "s"], maps_)])
+
+
 def tables(result: dict[str, Any]) -> str:
     """Return all tables as Markdown."""
     where = result["machine"]
@@ -181,6 +192,8 @@ def tables(result: dict[str, Any]) -> str:
             growth(result, "impacts", "impacts a cell", grown["impacts"]),
             growth(result, "cells", "cells, w = 2.8", grown["cells"]),
             growth(result, "omega_over_natural", "w / w_n", grown["stiffness"]),
+            "## Systems of several modes and stops",
+            systems(result["systems"]),
             "## Until the first result",
             table(["seconds of a whole process", "s"], startup),
         ]

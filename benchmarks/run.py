@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks import cluster, contest, growth, maps, startup, stores
+from benchmarks import cluster, contest, growth, maps, startup, stores, systems
 from benchmarks.effort import FULL, QUICK, Effort
 from benchmarks.measure import ROOT, child_result, machine
 from benchmarks.ours import gpu_note
@@ -41,6 +41,7 @@ def measure(effort: Effort) -> dict[str, Any]:
             "stiffness": growth.stiffness(effort),
         },
         "gpu": None if gpu_note() else child_result("-m", "benchmarks.gpu"),
+        "systems": systems.measure(effort),
         "startup": startup.measure(effort),
     }
     result["targets"] = judged(result)

@@ -74,6 +74,14 @@ def _gpu_rate(result: Result) -> float | None:
     return float(result["gpu"]["every_impact"]["impacts_computed_per_s"]) if result["gpu"] else None
 
 
+def _of_systems(name: str) -> Callable[[Result], float | None]:
+    return lambda result: result["systems"][name]
+
+
+def _system_map(name: str) -> Callable[[Result], float | None]:
+    return lambda result: result["systems"][name] if result["systems"]["points"] == 200 else None
+
+
 ONE = "ours, one core"
 TARGETS = (
     Target("an impact, one core, no closing, w over 0.05 to 5", "ns", 27, _cost(ONE, "spread"), 20),
@@ -88,6 +96,12 @@ TARGETS = (
     Target("the paper's scheme / ours, w = 2.8", "", 500, _cost("the paper's scheme", "chaotic", "ratio"), None, True),
     Target("two threads over one", "", 1.9, _two_threads, 1.95, True),
     Target("all indices over Std alone, no closing", "", 1.6, lambda result: result["all_indices_over_std"]),
+    Target("a system of one mass and one stop over its own engine", "", 1.6, _of_systems("over_one_mass")),
+    Target("heyoka / ours, two masses and two stops", "", 25, _of_systems("heyoka_over_ours"), None, True),
+    Target("a cantilever of 4 modes over one", "", 6, _of_systems("cantilever_4_over_1")),
+    Target("8 equal modes over one", "", 8, _of_systems("modes_8_over_1")),
+    Target("a 200 x 200 map of an impact damper, two cores", "s", 60, _system_map("damper_map_seconds")),
+    Target("the same of one mass between two stops", "s", 5, _system_map("two_sided_map_seconds")),
     Target("400 x 400 basin portrait, w = 3, two cores", "s", 20, _portrait),
     Target("a stored map over one in memory, beyond one", "", 0.05, lambda result: result["stores"]["overhead"]),
     Target("taking up a finished store of 1e6 cells", "s", 2.0, _taking_up),

@@ -89,7 +89,7 @@ def test_the_exponent_of_a_motion_that_sticks_is_that_of_differences():
         force=vi.Force(omega=0.4, harmonics={1: [1.0, -0.8j]}),
         stops=stops,
     )
-    periods, impacts, _ = index(system, *NAMED, transient_impacts=500)
+    periods, _, _ = index(system, *NAMED, transient_impacts=500)
     assert periods > 0
     settled = vi.stroboscopic_section(system, phase=0.55, transient_periods=400, sample_periods=1)
     start = np.concatenate([settled.displacement.values[0], settled.velocity.values[0]])
