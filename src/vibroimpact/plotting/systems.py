@@ -113,7 +113,7 @@ def view_of(dataset: xr.Dataset, coordinate: int | None, stop: str | None) -> Vi
     """
     system = labels.made(dataset)
     if not isinstance(system, ImpactSystem):
-        if stop is not None or coordinate not in (None, 0):
+        if stop is not None or (coordinate is not None and whole_number("coordinate", coordinate, 0) > 0):
             raise ValueError("`coordinate` and `stop` are for results of systems; one mass has one displacement")
         return None
     if stop is not None and coordinate is not None:
