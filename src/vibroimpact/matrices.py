@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import combinations
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from vibroimpact.cells import Floats
 from vibroimpact.parameters import SMALLEST, invalid
 
+KEPT = 256  # sets of matrices whose checks and modes are remembered
 COORDINATES = 12  # at most
 ROUNDING = 16.0 * np.finfo(np.float64).eps  # per coordinate: what eigenvalues and products of matrices are off by
 
@@ -56,15 +58,19 @@ def matrices(mass: Any, damping: Any, stiffness: Any) -> dict[str, Floats]:
         if len(matrix) != n:
             raise ValueError(f"`{name}` must be {n} x {n}, as `mass` is, got an array of shape {np.shape(given)}")
         found[name] = matrix
-    for name in ("mass", "stiffness"):
-        found[name] = _checked_symmetric(name, found[name])
-    _check_mass(found["mass"])
-    for name, matrix in {
-        "stiffness": found["stiffness"],
-        "damping": 0.5 * (found["damping"] + found["damping"].T),
-    }.items():
-        _check_semidefinite(name, matrix, found["mass"])
-    return found
+    checked = _checked(n, *(found[name].tobytes() for name in ("mass", "damping", "stiffness")))
+    return {name: matrix.copy() for name, matrix in checked.items()}
+
+
+@lru_cache(KEPT)
+def _checked(n: int, *entries: bytes) -> dict[str, Floats]:
+    """Return the three matrices, symmetric where they must be, or refuse them; designs of one family share them."""
+    mass, damping, stiffness = (np.frombuffer(part).reshape(n, n) for part in entries)
+    mass, stiffness = _checked_symmetric("mass", mass), _checked_symmetric("stiffness", stiffness)
+    _check_mass(mass)
+    for name, matrix in {"stiffness": stiffness, "damping": 0.5 * (damping + damping.T)}.items():
+        _check_semidefinite(name, matrix, mass)
+    return {"mass": mass, "damping": damping, "stiffness": stiffness}
 
 
 def _square(name: str, given: Any) -> Floats:

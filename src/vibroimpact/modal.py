@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.matrices import ROUNDING, modes, scaled
+from vibroimpact.matrices import KEPT, ROUNDING, modes, scaled
 
 TURNED = 1e-6  # at most, in rad: eigenvectors by rounding
 FREE = 0.01  # of the driving frequency: slower modes are masses without a spring where speeds are estimated
@@ -96,13 +97,7 @@ class ModalForm:
 def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, stops: Any) -> ModalForm:
     """Return the modal form of matrices that are checked, with their force and stops."""
     n = len(mass)
-    shapes, squares = modes(mass, stiffness)
-    shapes = _parted(shapes, squares, mass, damping)
-    masses = np.einsum("ji,jk,ki->i", shapes, mass, shapes)
-    coupling = shapes.T @ damping @ shapes / masses[:, None]
-    decoupled = _is_diagonal(coupling, damping, shapes, masses, squares)
-    if decoupled:
-        coupling = np.diag(np.diag(coupling))
+    shapes, masses, squares, coupling, decoupled = _linear(n, *(part.tobytes() for part in (mass, damping, stiffness)))
     directions = np.array([stop.direction for stop in stops]).reshape(-1, n) @ shapes
     orders = sorted({*force.harmonics, *(order for stop in stops for order in stop.motion)})
     none = np.zeros(n)
@@ -126,6 +121,22 @@ def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, sto
         ),
         omega=force.omega,
     )
+
+
+@lru_cache(KEPT)
+def _linear(n: int, *entries: bytes) -> tuple[Floats, Floats, Floats, Floats, bool]:
+    """Return shapes, modal masses, squares and damping of three matrices; designs of one family share them."""
+    mass, damping, stiffness = (np.frombuffer(part).reshape(n, n) for part in entries)
+    shapes, squares = modes(mass, stiffness)
+    shapes = _parted(shapes, squares, mass, damping)
+    masses = np.einsum("ji,jk,ki->i", shapes, mass, shapes)
+    coupling = shapes.T @ damping @ shapes / masses[:, None]
+    decoupled = _is_diagonal(coupling, damping, shapes, masses, squares)
+    if decoupled:
+        coupling = np.diag(np.diag(coupling))
+    for part in (shapes, masses, squares, coupling):
+        part.setflags(write=False)
+    return shapes, masses, squares, coupling, decoupled
 
 
 def _parted(shapes: Floats, squares: Floats, mass: Floats, damping: Floats) -> Floats:
@@ -182,7 +193,8 @@ def speed_parts(form: ModalForm) -> tuple[Floats, Floats, Floats, float]:
     a clearance becomes a speed and what is off it in equilibrium; and the frequency.
     """
     elastic = form.squares >= (FREE * form.omega) ** 2
-    seen, struck = _seen(form), np.diag(form.mobility)
+    entries = form.directions, form.masses, form.squares, form.damping
+    seen, struck = _seen(len(form.masses), *(part.tobytes() for part in entries)), np.diag(form.mobility)
     pushes = [np.where(elastic, 0.0, form.constant) / form.omega]
     for order, force in zip(form.orders, form.forces, strict=True):
         pushes.append(force / np.sqrt(np.where(elastic, form.squares, (order * form.omega) ** 2)))
@@ -196,17 +208,19 @@ def speed_parts(form: ModalForm) -> tuple[Floats, Floats, Floats, float]:
     return np.maximum(pushed, moved), rate, offset, form.omega
 
 
-def _seen(form: ModalForm) -> Floats:
+@lru_cache(KEPT)
+def _seen(n: int, *entries: bytes) -> Floats:
     """Return orthonormal directions, in mass-normalised modes, of what can move a stop's clearance or be moved by it.
 
     They span the least space that holds the stops' directions and is closed under Omega^2 and D^T.
     """
-    roots = np.sqrt(form.masses)
-    if not len(form.gaps):
-        return np.zeros((len(roots), 0))
-    damping = (roots[:, None] * form.damping / roots).T
-    maps = [matrix / (np.abs(matrix).max() or 1.0) for matrix in (np.diag(form.squares), damping)]
-    new = (form.directions / roots).T
+    directions, masses, squares, coupling = map(np.frombuffer, entries)
+    roots = np.sqrt(masses)
+    if not len(directions):
+        return np.zeros((n, 0))
+    damping = (roots[:, None] * coupling.reshape(n, n) / roots).T
+    maps = [matrix / (np.abs(matrix).max() or 1.0) for matrix in (np.diag(squares), damping)]
+    new = (directions.reshape(-1, n) / roots).T
     new, found = new / np.linalg.norm(new, axis=0), np.zeros((len(roots), 0))
     while new.size:
         left, sizes, _ = np.linalg.svd(new - found @ (found.T @ new), full_matrices=False)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vibroimpact.cells import COUNTABLE, Cells, Floats
-from vibroimpact.matrices import nearest
+from vibroimpact.matrices import KEPT, nearest
 from vibroimpact.modal import ModalForm, speed_parts, velocity_scales
 
 if TYPE_CHECKING:
@@ -263,11 +264,18 @@ def _row(form: ModalForm, shape: Shape) -> Floats:
 
 def _fastest(form: ModalForm) -> float:
     """Return the largest rate in 1/s of free motion or of a harmonic."""
-    n = len(form.squares)
-    companion = np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(form.squares), -form.damping]])
     acting = form.orders[(form.forces != 0.0).any(axis=1) | (form.motions != 0.0).any(axis=0)]
-    free = float(np.abs(np.linalg.eigvals(companion)).max())
-    return max(free, float(np.sqrt(form.squares.max())), form.omega * max(int(acting.max(initial=1)), 1))
+    free = _free_rate(form.squares.tobytes(), form.damping.tobytes())
+    return max(free, form.omega * max(int(acting.max(initial=1)), 1))
+
+
+@lru_cache(KEPT)
+def _free_rate(*parts: bytes) -> float:
+    """Return the largest rate of free motion, damped or not."""
+    squares, entries = map(np.frombuffer, parts)
+    n = len(squares)
+    companion = np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(squares), -entries.reshape(n, n)]])
+    return max(float(np.abs(np.linalg.eigvals(companion)).max()), float(np.sqrt(squares.max())))
 
 
 def _steady(form: ModalForm, forces: Any, motions: Any) -> Mapping[str, Any]:
