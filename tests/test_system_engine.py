@@ -274,3 +274,25 @@ def test_volumes_shrink_by_the_damping_and_by_the_square_of_the_restitution(name
     loss = np.trace(np.linalg.solve(model.mass, model.damping)) * turns * model.period
     lost = model.stops[0].restitution ** (2 * number) * math.exp(-loss)
     assert np.linalg.det(np.array(jacobian)) == pytest.approx(lost, rel=1e-7)
+
+
+def test_no_flight_passes_a_stop():
+    """Leaps and steps alike: clearances between impacts, looked at densely, are never below rounding."""
+    for seed in range(12):
+        rng = np.random.default_rng(1000 + seed)
+        n = int(rng.integers(1, 5))
+        root = rng.normal(size=(n, n))
+        stiffness, mass = root @ root.T / n + 0.2 * np.eye(n), np.diag(rng.uniform(0.5, 2.0, n))
+        built = vi.ImpactSystem(
+            mass=mass,
+            damping=0.02 * mass + 0.01 * stiffness,
+            stiffness=stiffness,
+            force=vi.Force(omega=rng.uniform(0.3, 2.0), harmonics={1: rng.normal(size=n), 2: 0.3 * rng.normal(size=n)}),
+            stops=[
+                vi.Stop(direction=rng.normal(size=n), gap=rng.uniform(0.0, 0.6), restitution=rng.uniform(0.0, 1.0))
+                for _ in range(int(rng.integers(1, 4)))
+            ],
+        )
+        motion = vi.simulate(built, periods=40, samples_per_period=500)
+        size = np.abs(motion.displacement).max().item() + 1.0
+        assert motion.clearance.min().item() > -1e-12 * size
