@@ -95,7 +95,7 @@ def simulate(
 
     Parameters
     ----------
-    osc : ImpactOscillator or family
+    osc : ImpactOscillator, ImpactSystem or family
         The design.
     start : State, optional
         Initial condition; None is at rest at min(0, gap) at time 0.

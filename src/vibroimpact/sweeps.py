@@ -58,7 +58,7 @@ def parameter_map(
 
     Parameters
     ----------
-    osc : ImpactOscillator or family
+    osc : ImpactOscillator, ImpactSystem or family
         The parameters that no axis varies.
     points : mapping or DataFrame, optional
         Columns of parameters, one design per row, in place of axes: a list of variants, a Monte Carlo sample. The

@@ -83,13 +83,13 @@ def outcomes(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> O
         if name in columns
     }
     return found | {
-        "status": _statuses(columns, ends, window),
+        "status": statuses(columns, ends, window),
         "impacts": columns["counted"].astype(np.int64),
         "steps": columns["steps"].astype(np.int64),
     }
 
 
-def _statuses(columns: dict[str, Floats], ends: NDArray[np.int8], window: ImpactWindow) -> NDArray[np.int8]:
+def statuses(columns: dict[str, Floats], ends: NDArray[np.int8], window: ImpactWindow) -> NDArray[np.int8]:
     """Return the status of every cell; it is decided once for each combination of ending and flags."""
     flags = np.stack(
         [columns["counted"] > 0.0, columns["sticks"] > 0.0, columns["span"] < 10.0, columns["known"] > 0.0],

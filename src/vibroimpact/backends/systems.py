@@ -16,8 +16,9 @@ from vibroimpact.backends.base import (
     Outcome,
     SystemSamples,
 )
+from vibroimpact.backends.cpu import aligned, ended_as, statuses
 from vibroimpact.indices import INDICES
-from vibroimpact.kernels.cell import DYING, FILLED, MOST, PINNED, QUIET, RUNNING, SPENT
+from vibroimpact.kernels.cell import FILLED, MOST, RUNNING
 from vibroimpact.kernels.systems import lanes, march, walk
 from vibroimpact.kernels.systems.complementarity import Room
 from vibroimpact.kernels.systems.layout import Layout, layout_of
@@ -31,13 +32,6 @@ from vibroimpact.system_cells import SystemCells
 _LOOKS = 200  # at lanes, before Python asks whether to stop
 _STEPS = 1 << 14  # of one cell, as well
 _ROOM = 4096  # rows of a buffer, which is emptied when it is full
-_ENDED = {
-    QUIET: Status.STOPPED_IMPACTING,
-    PINNED: Status.STUCK_FOREVER,
-    DYING: Status.DECAYING,
-    SPENT: Status.BUDGET,
-}
-
 
 # By which power of a step's length a number is multiplied where time is counted in steps.
 _POWERS = {"rate": 1, "square": 2, "damping": 1, "load": 2, "force": 2, "omega": 1, "scale": 1, "give": -2}
@@ -129,15 +123,9 @@ def _room(layout: Layout) -> Room:
     return Room(
         np.zeros((s, s)),
         np.zeros((s, s + 1)),
-        *(np.zeros(s) for _ in range(7)),
+        *(np.zeros(s) for _ in range(6)),
         *(np.zeros(layout.modes) for _ in range(3)),
     )
-
-
-def _aligned(size: int) -> Floats:
-    room = np.zeros(size + 7)
-    first = -room.ctypes.data % 64 // 8
-    return room[first : first + size]
 
 
 def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]:
@@ -197,7 +185,7 @@ def _labelled(
         later = np.isnan(rests[:, 3]) | (rests[:, 3] + rests[:, 4] > first)
         rests = rests[later & (rests[:, 1] + rests[:, 2] < last)]
         span = float(turns[-1] - turns[0]) if len(turns) else 0.0
-        ended = _status(end, bool(note[march.HITS]))
+        ended = ended_as(end, bool(note[march.HITS]))
         status = window_status(
             sampled=len(impacts), wanted=window.keep, stuck=len(rests) > 0, periods=span, ended=ended
         )
@@ -210,7 +198,7 @@ def _labelled(
         first = times[0, 0] + times[1, 0]
         stuck = bool((np.isnan(released) | (released > first)).any())
         status = (
-            _status(end, bool(note[march.HITS]))
+            ended_as(end, bool(note[march.HITS]))
             if len(looks) < window.keep
             else Status.STICKING
             if stuck
@@ -236,12 +224,6 @@ def _labelled(
         last_velocity=shapes @ state[1] / h,
         last_phase=state[2],
     )
-
-
-def _status(end: int, hits: bool) -> Status:
-    if end in (QUIET, DYING) and not hits:
-        return Status.NO_IMPACT
-    return _ENDED.get(end, Status.OK)
 
 
 def indices(cells: SystemCells, measurement: Measurement) -> Outcome:
@@ -281,7 +263,7 @@ class SystemSweep:
     def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
         """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
         k = self.layout
-        memory, owner, notes = _aligned(k.rows * LANES), np.full(LANES, -1), np.zeros((LANES, march.NOTES))
+        memory, owner, notes = aligned(k.rows * LANES), np.full(LANES, -1), np.zeros((LANES, march.NOTES))
         ended, rows, room, busy = np.empty(4096, np.int64), np.zeros(k.rows), _room(k), 1
         while busy and not stopped():
             number, busy = lanes.run_lanes(
@@ -316,17 +298,14 @@ class SystemSweep:
             name: np.where(full, values, INDICES[name].fill).astype(INDICES[name].dtype)
             for name, values in found.items()
         }
-        statuses = [
-            window_status(
-                sampled=self.window.keep if filled else 0, wanted=self.window.keep, stuck=stuck > 0.0,
-                periods=periods, ended=_status(int(end), hits > 0.0),
-            )
-            for filled, stuck, periods, end, hits in zip(
-                full, notes[march.STICKS], span, ends, notes[march.HITS], strict=True
-            )
-        ]  # fmt: skip
+        counted = {
+            "counted": notes[march.HITS],
+            "sticks": notes[march.STICKS],
+            "span": span,
+            "known": np.zeros(len(ends)),
+        }
         return columns | {
-            "status": np.array(statuses, np.int8),
+            "status": statuses(counted, ends, self.window),
             "impacts": notes[march.HITS].astype(np.int64),
             "steps": notes[march.MADE].astype(np.int64),
         }

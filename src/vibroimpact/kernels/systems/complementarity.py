@@ -25,7 +25,6 @@ class Room(NamedTuple):
     free: Any
     found: Any
     rate: Any
-    rest: Any
     speed: Any
     impulse: Any
     tail: Any

@@ -78,7 +78,7 @@ def _unusual(lanes, lane, notes, rows, k, room, window):
     z = int(rows[k.which])
     if k.thorough:
         before(rows, k, room)
-    struck, closing, _ = happen(rows, k, room)
+    struck, closing = happen(rows, k, room)
     if k.thorough:
         _neighbour(rows, k, room, notes, lane, z, struck, closing, window)
     if struck:

@@ -19,7 +19,7 @@ from numba import njit
 
 from vibroimpact.kernels.flight import BARELY
 from vibroimpact.kernels.systems.layout import FLOW
-from vibroimpact.kernels.systems.step import OPEN, STRUCK, turns
+from vibroimpact.kernels.systems.step import OPEN, STRUCK, turned, turns
 from vibroimpact.kernels.vectors import fma, get, put, select
 
 LEAPS, HALF, WHOLE = 5, 0.5, 1.0  # and their lengths in steps
@@ -64,9 +64,7 @@ def leap(rows, k, lane, wide, first, length):
     last = first + k.modes * (FLOW + 4 * k.harmonics)
     s, c = get(rows, k.turn, lane, wide), get(rows, k.turn + 1, lane, wide)
     sine, cosine = get(rows, last, lane, wide), get(rows, last + 1, lane, wide)
-    s1, c1 = fma(s, cosine, c * sine), fma(c, cosine, -s * sine)
-    pull = fma(-0.5, fma(s1, s1, c1 * c1), 1.5)
-    s1, c1 = s1 * pull, c1 * pull
+    s1, c1 = turned(s, c, sine, cosine)
     for j in range(k.modes):
         y, y1, p1 = _flown(rows, first, j, k, lane, wide)
         put(rows, k.flight + 3 * j, lane, wide, y1)

@@ -15,11 +15,11 @@ LOOK = 32  # steps between two looks at whether a cell has ended
 TURN = 2.0 * math.pi
 
 # Columns of a cell's note: the length of its step, what it is granted, and what it has come to; then the sums.
-H, FLIGHT, GRANTED, MADE, HITS, BOTH, STICKS = range(7)  # BOTH: impacts on several stops at once
-FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, BEGAN, ENDED, GREW = range(7, 17)
+H, FLIGHT, GRANTED, MADE, HITS, STICKS = range(6)
+FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, BEGAN, ENDED, GREW = range(6, 16)
 # of a cycle: recorded impacts, periods and stop of the impact that is known, and impacts and periods until it returned
-FROM, SINCE, AT, CHATTERED, IMPACTS, PERIODS = range(17, 23)
-NOTES = 23
+FROM, SINCE, AT, CHATTERED, IMPACTS, PERIODS = range(16, 22)
+NOTES = 22
 
 
 class Window(NamedTuple):
@@ -77,15 +77,14 @@ def ending(rows, k, notes, lane, total):
 
 @njit(error_model="numpy")
 def happen(rows, k, room):
-    """Make what ended a step, but for the usual impact; return the sets of stops struck, closed by it, and let go."""
+    """Make what ended a step, but for the usual impact; return the sets of stops struck, and closed by it."""
     z = int(rows[k.which])
     if rows[k.hit] != CONTACT:
-        return 0, stalled(rows, k, room), 0
+        return 0, stalled(rows, k, room)
     rows[k.age] = 0.0
     if rows[k.kind + z] >= CLOSED:
-        return 0, release(rows, k, room), 1 << z
-    struck, closing = strike(rows, k, room)
-    return struck, closing, 0
+        return 0, release(rows, k, room)
+    return strike(rows, k, room)
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -113,7 +112,7 @@ def add(notes, lane, v, energy, sine, cosine, periods, window):
 @njit(error_model="numpy")
 def add_all(rows, k, room, notes, lane, struck, window):
     """Add an unusual impact, stop by stop; weak ones are not recorded."""
-    before, recorded = notes[lane, HITS], 0
+    recorded = 0
     for z in range(k.stops):
         if struck >> z & 1 and room.speed[z] >= rows[k.cut]:
             after = -room.speed[z]
@@ -122,5 +121,4 @@ def add_all(rows, k, room, notes, lane, struck, window):
             lost = 0.5 * (room.speed[z] - after) * room.impulse[z]  # -(w- + w+) P/2
             add(notes, lane, room.speed[z], lost, rows[k.turn], rows[k.turn + 1], rows[k.turn + 2], window)
             recorded += 1
-    notes[lane, BOTH] += recorded > 1 and before >= window.transient
     return recorded

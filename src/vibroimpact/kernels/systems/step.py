@@ -280,6 +280,14 @@ def _approach(b, x, others, sought):
 
 
 @njit(error_model="numpy", forceinline=True)
+def turned(s, c, sine, cosine):
+    """Turn (sin wt, cos wt) by an angle, and pull it back to unit length: one Newton step of 1/sqrt."""
+    s1, c1 = fma(s, cosine, c * sine), fma(c, cosine, -s * sine)
+    pull = fma(-0.5, fma(s1, s1, c1 * c1), 1.5)
+    return s1 * pull, c1 * pull
+
+
+@njit(error_model="numpy", forceinline=True)
 def _move(rows, x, close, k, lane, wide):
     """Carry the state over x, to a contact or not."""
     for j in range(k.modes):
@@ -287,12 +295,9 @@ def _move(rows, x, close, k, lane, wide):
         put(rows, k.eta + j, lane, wide, y)
         put(rows, k.rate + j, lane, wide, p)
     s, c = get(rows, k.turn, lane, wide), get(rows, k.turn + 1, lane, wide)
-    sine, cosine = sine_cosine(get(rows, k.theta, lane, wide) * x)
-    s1, c1 = fma(s, cosine, c * sine), fma(c, cosine, -s * sine)
-    pull = fma(-0.5, fma(s1, s1, c1 * c1), 1.5)  # back to unit length: one Newton step of 1/sqrt
-    s1 = s1 * pull
+    s1, c1 = turned(s, c, *sine_cosine(get(rows, k.theta, lane, wide) * x))
     put(rows, k.turn, lane, wide, s1)
-    put(rows, k.turn + 1, lane, wide, c1 * pull)
+    put(rows, k.turn + 1, lane, wide, c1)
     begun = select((s < -BARELY) & (s1 >= -BARELY), 1.0, 0.0)
     put(rows, k.turn + 2, lane, wide, get(rows, k.turn + 2, lane, wide) + begun)
     for z in range(k.stops):

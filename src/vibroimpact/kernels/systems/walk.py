@@ -103,28 +103,21 @@ def _record(rows, k, room, seen, struck, before, recorded, window):
 @njit(error_model="numpy")
 def _after_step(rows, k, room, notes, seen, window):
     """Make what ended a step, and record it."""
-    struck, closing = int(0.0), int(0.0)
-    v, impulse = 0.0, 0.0
+    v, impulse, before = 0.0, 0.0, notes[0, HITS]
     if rows[k.hit] == CONTACT:
         v, impulse = bounce(rows, k, 0, None)
+    notes[0, MADE] = rows[k.made]
     if v > 0.0:
         z = int(rows[k.which])
-        struck = 1 << z
         room.speed[z], room.impulse[z] = v, impulse
-        for y in range(k.stops):
-            if y != z:
-                room.impulse[y] = 0.0
-        room.gram[z, z] = (1.0 + rows[k.restitution + z]) * v / impulse
-    else:
-        struck, closing, _ = happen(rows, k, room)
-    notes[0, MADE] = rows[k.made]
-    if struck:
-        before = notes[0, HITS]
-        recorded = add_all(rows, k, room, notes, 0, struck, window)
-        if recorded:
-            _record(rows, k, room, seen, struck, before, recorded, window)
-    if not v > 0.0:
-        _note_rests(rows, k, seen, room, closing)
+        notes[0, HITS] += 1.0
+        _record(rows, k, room, seen, 1 << z, before, 1, window)
+        return
+    struck, closing = happen(rows, k, room)
+    recorded = add_all(rows, k, room, notes, 0, struck, window) if struck else 0
+    if recorded:
+        _record(rows, k, room, seen, struck, before, recorded, window)
+    _note_rests(rows, k, seen, room, closing)
 
 
 @compiled
