@@ -118,6 +118,16 @@ def _budgets(cells: SystemCells, tolerances: Tolerances, total: float) -> Floats
     return np.column_stack([step, longest, most])
 
 
+def _noted(layout: Layout) -> int:
+    """Return the length of a cell's note."""
+    return march.SUMS + march.EACH * layout.stops
+
+
+def _turns(sine: Floats, cosine: Floats, periods: Floats) -> Floats:
+    """Return times in periods."""
+    return periods + np.arctan2(sine, cosine) / march.TURN % 1.0
+
+
 def _room(layout: Layout) -> Room:
     s = max(layout.stops, 1)
     return Room(
@@ -144,14 +154,14 @@ def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
         total, wanted = march.Window(0.0, math.inf), window.keep
         times = np.array(window.schedule(start_periods, start_phase))
         schedule = walk.Schedule(float(wanted), times[0, 0], times[1, 0], float(window.per_period))
-    rows, spare, notes, room = np.zeros(k.rows), np.zeros(k.rows), np.zeros((1, march.NOTES)), _room(k)
+    rows, spare, note, room = np.zeros(k.rows), np.zeros(k.rows), np.zeros(_noted(k)), _room(k)
     limit = total.total if isinstance(window, ImpactWindow) else window.skip_periods + wanted / window.per_period + 1.0
-    notes[0, : march.MADE] = _budgets(cell, measurement.tolerances, limit)
+    note[: march.MADE] = _budgets(cell, measurement.tolerances, limit)
     seen = walk.Seen(np.zeros((_ROOM, 6)), np.zeros((wanted, 2 * k.modes)), np.zeros((_ROOM, 5)), np.zeros(3, np.int64))
     walk.seat(rows, k, _in_steps(cell, measurement.tolerances.chatter, k)[0], room, seen)
     impacts, rests, end = [], [], RUNNING
     while end == RUNNING:
-        end = walk.follow(rows, spare, k, room, notes, seen, total, schedule, _STEPS)
+        end = walk.follow(rows, spare, k, room, note, seen, total, schedule, _STEPS)
         impacts.append(seen.impacts[: seen.filled[0]].copy())
         seen.filled[0] = 0
         if seen.filled[2] + k.stops > _ROOM:  # those still closed stay
@@ -163,7 +173,7 @@ def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
     rests.append(seen.rests[: seen.filled[2]])
     state = rows[k.eta : k.eta + k.modes], rows[k.rate : k.rate + k.modes], march.moment(*rows[k.turn : k.turn + 3])[1]
     found = np.concatenate(impacts), np.concatenate(rests)
-    return _labelled(cell, window, *found, times, seen, end, notes[0], state)
+    return _labelled(cell, window, *found, times, seen, end, note, state)
 
 
 def _labelled(
@@ -257,18 +267,19 @@ class SystemSweep:
         self.table = _in_steps(cells, measurement.tolerances.chatter, self.layout)
         self.omega = cells["omega"]
         self.budgets = _budgets(cells, measurement.tolerances, self.total.total)
-        self.results, self.ends = np.zeros((len(cells), march.NOTES)), np.zeros(len(cells), np.int8)
+        self.results, self.ends = np.zeros((len(cells), _noted(self.layout))), np.zeros(len(cells), np.int8)
         self._tickets = np.zeros(1, np.int64)
 
     def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
         """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
         k = self.layout
-        memory, owner, notes = aligned(k.rows * LANES), np.full(LANES, -1), np.zeros((LANES, march.NOTES))
-        ended, rows, room, busy = np.empty(4096, np.int64), np.zeros(k.rows), _room(k), 1
+        memory, notes, owner = aligned(k.rows * LANES), aligned(_noted(k) * LANES), np.full(LANES, -1)
+        rows, note, room = np.zeros(k.rows), np.zeros(_noted(k)), _room(k)
+        ended, busy = np.empty(4096, np.int64), 1
         while busy and not stopped():
             number, busy = lanes.run_lanes(
-                self.table, self.budgets, self.results, self.ends, self._tickets, memory, owner, notes, ended, rows, k,
-                room, self.total, _LOOKS,
+                self.table, self.budgets, self.results, self.ends, self._tickets, memory, owner, notes, ended, rows, note,
+                k, room, self.total, _LOOKS,
             )  # fmt: skip
             if number:
                 yield ended[:number].copy()
@@ -277,17 +288,23 @@ class SystemSweep:
         """Return what a back end promises of cells that have ended."""
         notes, ends = self.results[done].T, self.ends[done]
         full, h, kept = ends == FILLED, notes[march.H], float(self.window.keep)
-        mean = notes[march.SUM] / kept
-        span = notes[march.ENDED] - notes[march.BEGAN]
-        spread = np.sqrt(np.maximum(notes[march.SQUARES] / kept - mean**2, 0.0))
+        span = _turns(*notes[march.ENDED : march.ENDED + 3]) - _turns(*notes[march.BEGAN : march.BEGAN + 3])
+        own = notes[march.SUMS :].reshape(self.layout.stops, march.EACH, -1)
+        count = own[:, march.COUNT]
+        struck = np.maximum(count, 1.0)
+        offset = own[:, march.SUM] / struck
+        speed = own[:, march.FIRST] + offset
+        mean = (count * speed).sum(axis=0) / kept
+        variance = np.maximum(own[:, march.SQUARES] / struck - offset**2, 0.0) + (speed - mean) ** 2
+        cosine, sine, lost = (own[:, place].sum(axis=0) for place in (march.COSINE, march.SINE, march.ENERGY))
         with np.errstate(divide="ignore", invalid="ignore"):
             found: dict[str, Any] = {
-                "std": spread / h,
-                "mean_velocity": (notes[march.FIRST] + mean) / h,
-                "max_velocity": notes[march.LARGEST] / h,
+                "std": np.sqrt((count * variance).sum(axis=0) / kept) / h,
+                "mean_velocity": mean / h,
+                "max_velocity": own[:, march.LARGEST].max(axis=0) / h,
                 "impacts_per_period": (kept - 1.0) / span,
-                "dissipation": notes[march.ENERGY] / h**2 / span,
-                "impact_phase_spread": np.maximum(1.0 - np.hypot(notes[march.COSINE], notes[march.SINE]) / kept, 0.0),
+                "dissipation": lost / h**2 / span,
+                "impact_phase_spread": np.maximum(1.0 - np.hypot(cosine, sine) / kept, 0.0),
             }
             if self.layout.thorough:
                 period = 2.0 * math.pi / self.omega[done]

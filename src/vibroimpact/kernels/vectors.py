@@ -19,7 +19,7 @@ from numba.extending import intrinsic, lower_builtin, models, register_model, ty
 
 from vibroimpact.kernels.machine import WIDTH
 
-LANES = 2 * WIDTH  # of a block that is stepped together
+LANES = WIDTH  # that are stepped together
 _NUMBERS = ir.VectorType(ir.DoubleType(), WIDTH)
 _TRUTHS = ir.VectorType(ir.IntType(1), WIDTH)
 
@@ -140,20 +140,20 @@ def select(typingctx: Any, condition: Any, yes: Any, no: Any) -> Any:
     return (NUMBERS if wide else types.float64)(condition, yes, no), codegen
 
 
-# A flat array holds rows of lanes, LANES to a row; with None in the place of `wide` it holds one lane.
+# A flat array holds rows of LANES numbers; with None in the place of `wide` it holds one lane.
 
 
 def _address(context: Any, builder: Any, signature: Any, values: Any) -> tuple[Any, bool]:
     array = context.make_array(signature.args[0])(context, builder, values[0])
-    wide = signature.args[3] is not types.none
+    wide = signature.args[2] is not types.none
     at = builder.mul(values[1], values[1].type(LANES)) if wide else values[1]
-    place = builder.gep(array.data, [builder.add(at, values[2])])
+    place = builder.gep(array.data, [at])
     return (builder.bitcast(place, _NUMBERS.as_pointer()) if wide else place), wide
 
 
 @intrinsic
-def get(typingctx: Any, array: Any, row: Any, lane: Any, wide: Any) -> Any:
-    """Return a row's numbers of eight lanes from `lane` on, or the one number."""
+def get(typingctx: Any, array: Any, row: Any, wide: Any) -> Any:
+    """Return a row's numbers, or the one number."""
 
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         place, _ = _address(context, builder, signature, values)
@@ -161,36 +161,35 @@ def get(typingctx: Any, array: Any, row: Any, lane: Any, wide: Any) -> Any:
         found.align = 8
         return found
 
-    return (types.float64 if wide is types.none else NUMBERS)(array, types.intp, types.intp, wide), codegen
+    return (types.float64 if wide is types.none else NUMBERS)(array, types.intp, wide), codegen
 
 
 @intrinsic
-def put(typingctx: Any, array: Any, row: Any, lane: Any, wide: Any, value: Any) -> Any:
-    """Store a row's numbers of eight lanes from `lane` on, or the one number."""
+def put(typingctx: Any, array: Any, row: Any, wide: Any, value: Any) -> Any:
+    """Store a row's numbers, or the one number."""
 
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         place, many = _address(context, builder, signature, values)
-        kind = signature.args[4]
+        kind = signature.args[3]
         value = (
-            _spread(context, builder, values[4], kind)
+            _spread(context, builder, values[3], kind)
             if many
-            else context.cast(builder, values[4], kind, types.float64)
+            else context.cast(builder, values[3], kind, types.float64)
         )
         builder.store(value, place).align = 8
         return context.get_dummy_value()
 
-    return types.none(array, types.intp, types.intp, wide, value), codegen
+    return types.none(array, types.intp, wide, value), codegen
 
 
 @intrinsic
-def group(typingctx: Any, wide: Any) -> Any:
-    """Return how many lanes a value holds."""
-    number = 1 if wide is types.none else WIDTH
-    return types.intp(wide), lambda context, builder, signature, values: context.get_constant(types.intp, number)
+def anywhere(typingctx: Any, truths: Any) -> Any:
+    """Return whether something is true in any lane."""
 
+    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        if truths is not TRUTHS:
+            return context.cast(builder, values[0], truths, types.boolean)
+        bits = builder.bitcast(values[0], ir.IntType(WIDTH))
+        return builder.icmp_unsigned("!=", bits, bits.type(0))
 
-@intrinsic
-def stride(typingctx: Any, wide: Any) -> Any:
-    """Return how many lanes a row holds."""
-    number = 1 if wide is types.none else LANES
-    return types.intp(wide), lambda context, builder, signature, values: context.get_constant(types.intp, number)
+    return types.boolean(truths), codegen

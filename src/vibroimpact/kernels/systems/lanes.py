@@ -1,7 +1,7 @@
 """Many systems in lockstep lanes; a lane that ends takes the next cell.
 
-The usual impact is made where the lane stands. All else (several stops at once, contact that is held, weak impacts,
-ends) is done on the cell alone: it is lifted out of its lane and put back.
+The usual impact is made in all lanes at once. All else (several stops at once, contact that is held, weak impacts, ends)
+is done on the cell alone: it is lifted out of its lane and put back.
 """
 
 from __future__ import annotations
@@ -24,31 +24,31 @@ from vibroimpact.kernels.systems.march import (
     ending,
     happen,
 )
-from vibroimpact.kernels.systems.step import CONTACT, NOTHING, step
+from vibroimpact.kernels.systems.step import NOTHING, step
 from vibroimpact.kernels.systems.tangent import before, confine, cross, deviate, measure_growth, recur
-from vibroimpact.kernels.vectors import LANES, group
+from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
 
 
 @njit(error_model="numpy")
-def _lift(lanes, lane, rows):
-    for row in range(len(rows)):
-        rows[row] = lanes[row * LANES + lane]
+def _lift(lanes, lane, cell):
+    for row in range(len(cell)):
+        cell[row] = lanes[row * LANES + lane]
 
 
 @njit(error_model="numpy")
-def _lower(lanes, lane, rows, number):
+def _lower(lanes, lane, cell, number):
     for row in range(number):
-        lanes[row * LANES + lane] = rows[row]
+        lanes[row * LANES + lane] = cell[row]
 
 
 @njit(error_model="numpy")
-def _seat(table, budgets, tickets, lanes, lane, notes, rows, k, room):
+def _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room):
     """Put the next cell into a lane; return its number, or -2 if there is none."""
     cell = next_ticket(tickets)
     if cell >= len(table):
         return -2
-    notes[lane] = 0.0
-    notes[lane, :MADE] = budgets[cell]
+    note[:] = 0.0
+    note[:MADE] = budgets[cell]
     rows[:] = 0.0
     rows[: k.constants] = table[cell]
     closing = begin(rows, k, room)
@@ -57,94 +57,96 @@ def _seat(table, budgets, tickets, lanes, lane, notes, rows, k, room):
     if k.thorough and closing:
         confine(rows, k)
     _lower(lanes, lane, rows, k.rows)
+    _lower(notes, lane, note, len(note))
     return cell
 
 
 @njit(error_model="numpy")
-def _neighbour(rows, k, room, notes, lane, z, struck, closing, window):
+def _neighbour(rows, k, room, note, z, struck, closing, window):
     """Carry the deviation over an event, and count its growth from the first impact of the window on."""
     if struck and room.speed[z] > 0.0:
         cross(rows, k, room, z)
     if closing:
         confine(rows, k)
-    if struck and notes[lane, HITS] < window.total:
-        measure_growth(rows, k, notes, lane, notes[lane, HITS] > window.transient)
+    if struck and note[HITS] < window.total:
+        measure_growth(rows, k, note, note[HITS] > window.transient)
 
 
 @njit(error_model="numpy")
-def _unusual(lanes, lane, notes, rows, k, room, window):
+def _unusual(lanes, lane, notes, rows, note, k, room, window):
     """Make what ended a lane's step, on the cell alone."""
     _lift(lanes, lane, rows)
+    _lift(notes, lane, note)
     z = int(rows[k.which])
     if k.thorough:
         before(rows, k, room)
     struck, closing = happen(rows, k, room)
     if k.thorough:
-        _neighbour(rows, k, room, notes, lane, z, struck, closing, window)
+        _neighbour(rows, k, room, note, z, struck, closing, window)
     if struck:
-        recorded = add_all(rows, k, room, notes, lane, struck, window)
-        if k.thorough and recorded and notes[lane, HITS] <= window.total:
-            recur(rows, k, notes, lane, z)
+        recorded = add_all(rows, k, room, note, struck, window)
+        if k.thorough and recorded and note[HITS] <= window.total:
+            recur(rows, k, note, z)
     if k.thorough and closing:
         for y in range(k.stops):
-            notes[lane, CHATTERED] += closing >> y & 1 and room.tail[y] > 0.0
-    notes[lane, STICKS] += rows[k.closed] > 0.0 and window.transient < notes[lane, HITS] < window.total
+            note[CHATTERED] += closing >> y & 1 and room.tail[y] > 0.0
+    note[STICKS] += rows[k.closed] > 0.0 and window.transient < note[HITS] < window.total
     _lower(lanes, lane, rows, k.constants)
+    _lower(notes, lane, note, len(note))
 
 
 @njit(error_model="numpy", forceinline=True)
-def _usual(lanes, lane, notes, k, window):
-    """Make what ended a lane's step if it is the usual impact; return whether it was."""
-    if k.thorough or lanes[k.hit * LANES + lane] != CONTACT:
-        return False
-    v, impulse = bounce(lanes, k, lane, 0)
-    if v > 0.0:
-        z, at = int(lanes[k.which * LANES + lane]), k.turn * LANES + lane
-        lost = 0.5 * (1.0 - lanes[(k.restitution + z) * LANES + lane]) * v * impulse
-        add(notes, lane, v, lost, lanes[at], lanes[at + LANES], lanes[at + 2 * LANES], window)
-    return v > 0.0
+def _usual(lanes, notes, k, window):
+    """Make the usual impacts that ended steps; they are then no hits any more."""
+    usual, v, impulse, r = bounce(lanes, k, 0)
+    if not anywhere(usual):
+        return
+    lost = 0.5 * (1.0 - r) * v * impulse
+    sine, cosine, periods = get(lanes, k.turn, 0), get(lanes, k.turn + 1, 0), get(lanes, k.turn + 2, 0)
+    add(notes, k, 0, usual, get(lanes, k.which, 0), v, lost, sine, cosine, periods, window)
+    put(lanes, k.hit, 0, select(usual, NOTHING, get(lanes, k.hit, 0)))
 
 
 @njit(error_model="numpy")
-def _ended(lanes, lane, notes, rows, k, window):
-    """Return why the cell in a lane ends here, or RUNNING."""
-    age, made = lanes[k.age * LANES + lane], lanes[k.made * LANES + lane]
-    if notes[lane, HITS] < window.total and made <= notes[lane, GRANTED] and age <= QUIET_FOR:
+def _ended(lanes, lane, notes, rows, note, k, window):
+    """Return why the cell in a lane ends here, or RUNNING; an ended one's note is left."""
+    hits, age, made = notes[HITS * LANES + lane], lanes[k.age * LANES + lane], lanes[k.made * LANES + lane]
+    if hits < window.total and made <= notes[GRANTED * LANES + lane] and age <= QUIET_FOR:
         return RUNNING
-    notes[lane, MADE] = made
     _lift(lanes, lane, rows)
-    return ending(rows, k, notes, lane, window.total)
+    _lift(notes, lane, note)
+    note[MADE] = made
+    return ending(rows, k, note, window.total)
 
 
 @compiled
-def run_lanes(table, budgets, results, ends, tickets, lanes, owner, notes, ended, rows, k, room, window, looks):
+def run_lanes(table, budgets, results, ends, tickets, lanes, owner, notes, ended, rows, note, k, room, window, looks):
     """Step lanes until so many looks are made or cells ended; return how many ended, and how many lanes are busy."""
     number, busy = 0, 0
     for lane in range(LANES):
         if owner[lane] == -1:
-            owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, k, room)
+            owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room)
     for _ in range(looks):
         for _ in range(LOOK):
-            for first in range(0, LANES, group(0)):
-                for which in range(LEAPS):
-                    attempt(lanes, k, first, 0, which)
-                step(lanes, k, first, 0)
-                for lane in range(first, first + group(0)):
-                    if lanes[k.hit * LANES + lane] == NOTHING or owner[lane] < 0:
-                        continue
-                    # `room` is not handed to what is inlined: it would be counted there, array by array.
-                    if not _usual(lanes, lane, notes, k, window):
-                        _unusual(lanes, lane, notes, rows, k, room, window)
+            for which in range(LEAPS):
+                attempt(lanes, k, 0, which)
+            step(lanes, k, 0)
+            if not k.thorough:
+                _usual(lanes, notes, k, window)
+            if anywhere(get(lanes, k.hit, 0) > NOTHING):
+                for lane in range(LANES):
+                    if lanes[k.hit * LANES + lane] != NOTHING and owner[lane] >= 0:
+                        _unusual(lanes, lane, notes, rows, note, k, room, window)
         busy = 0
         for lane in range(LANES):
             if owner[lane] < 0:
                 continue
-            end = _ended(lanes, lane, notes, rows, k, window)
+            end = _ended(lanes, lane, notes, rows, note, k, window)
             if end != RUNNING:
-                results[owner[lane]], ends[owner[lane]] = notes[lane], end
+                results[owner[lane]], ends[owner[lane]] = note, end
                 ended[number] = owner[lane]
                 number += 1
-                owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, k, room)
+                owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room)
             busy += owner[lane] >= 0
         if busy == 0 or number + LANES > len(ended):
             break

@@ -20,15 +20,15 @@ from numba import njit
 
 from vibroimpact.kernels.law import COMPLETES, HOLD, SHORT
 from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary
-from vibroimpact.kernels.systems.rest import SHORTENED, TOUCH, derivative, derive, hold, measure, settle, stop_moves
-from vibroimpact.kernels.systems.step import CLOSED, OPEN, RELEASED, STRUCK, turns
-from vibroimpact.kernels.vectors import stride
+from vibroimpact.kernels.systems.rest import SHORTENED, TOUCH, derivative, derive, hold, measure, settle
+from vibroimpact.kernels.systems.step import CLOSED, CONTACT, OPEN, RELEASED, STRUCK, stop_moves, turns
+from vibroimpact.kernels.vectors import get, put, select
 
 
 @njit(error_model="numpy")
 def begin(rows, k, room):
     """Settle the stops at which the start is at rest; return the set of those that closed."""
-    turns(rows, k, 0, None)
+    turns(rows, k, None)
     touching, members = measure(rows, k, room), int(0.0)
     for z in range(k.stops):
         size = abs(room.rate[z])
@@ -66,45 +66,45 @@ def _closed(rows, k):
 @njit(error_model="numpy")
 def stalled(rows, k, room):
     """Go on from a stop that is touched without approach, held from here on, or left; return those that close."""
-    turns(rows, k, 0, None)
+    turns(rows, k, None)
     measure(rows, k, room)
     closed = _closed(rows, k)
     return settle(rows, k, room, closed | 1 << int(rows[k.which])) & ~closed
 
 
 @njit(error_model="numpy", forceinline=True)
-def bounce(rows, k, lane, wide):
-    """Make the usual impact, of one stop while none is closed; return its speed and impulse, 0 if it is not usual.
+def bounce(rows, k, wide):
+    """Make the usual impact, of one stop while none is closed; return where it is made, its speed, impulse and r.
 
     Usual is an impact above the cut with r > 0 in which no other stop is touched.
     """
-    n, z, r = k.modes, int(rows[k.which * stride(wide) + lane]), 0.0
-    if rows[k.closed * stride(wide) + lane] > 0.0:
-        return 0.0, 0.0
-    rate, gram = 0.0, 0.0
+    n, which = k.modes, get(rows, k.which, wide)
+    usual = (get(rows, k.hit, wide) == CONTACT) & (get(rows, k.closed, wide) <= 0.0)
+    rate = gram = r = 0.0 * which
     for y in range(k.stops):
-        u, p, size = rows[(k.gap + y) * stride(wide) + lane], 0.0, 0.0
-        if k.moving:
-            u, p = stop_moves(rows, y, k, lane, wide)
+        own, gap = which == float(y), get(rows, k.gap + y, wide)
+        u, w = stop_moves(rows, y, get(rows, k.turn, wide), get(rows, k.turn + 1, wide), k, wide)
+        size, inverse = abs(gap), 0.0 * gap
         for j in range(n):
-            alpha = rows[(k.alpha + y * n + j) * stride(wide) + lane]
-            own = alpha * rows[(k.eta + j) * stride(wide) + lane]
-            u, size = u - own, size + abs(own)
-            p -= alpha * rows[(k.rate + j) * stride(wide) + lane]
-            if y == z:
-                gram += alpha * rows[(k.jump + y * n + j) * stride(wide) + lane]
-        if y == z:
-            rate, r = p, rows[(k.restitution + y) * stride(wide) + lane]
-        elif u <= TOUCH * (size + abs(rows[(k.gap + y) * stride(wide) + lane])):
-            return 0.0, 0.0
-    if r == 0.0 or -rate < rows[k.cut * stride(wide) + lane]:
-        return 0.0, 0.0
-    impulse = -(1.0 + r) * rate / gram
-    for j in range(n):
-        rows[(k.rate + j) * stride(wide) + lane] -= rows[(k.jump + z * n + j) * stride(wide) + lane] * impulse
-    rows[(k.kind + z) * stride(wide) + lane] = STRUCK
-    rows[k.age * stride(wide) + lane] = 0.0
-    return -rate, impulse
+            alpha = get(rows, k.alpha + y * n + j, wide)
+            moved = alpha * get(rows, k.eta + j, wide)
+            u, size = u - moved, size + abs(moved)
+            w = w - alpha * get(rows, k.rate + j, wide)
+            inverse = inverse + alpha * get(rows, k.jump + y * n + j, wide)
+        rate, gram = select(own, w, rate), select(own, inverse, gram)
+        r = select(own, get(rows, k.restitution + y, wide), r)
+        usual = usual & (own | (u > TOUCH * size))
+    usual = usual & (r > 0.0) & (-rate >= get(rows, k.cut, wide))
+    impulse = select(usual, -(1.0 + r) * rate / gram, 0.0)
+    for y in range(k.stops):
+        own, kind = usual & (which == float(y)), get(rows, k.kind + y, wide)
+        push = select(own, impulse, 0.0)
+        for j in range(n):
+            kick = get(rows, k.jump + y * n + j, wide) * push
+            put(rows, k.rate + j, wide, get(rows, k.rate + j, wide) - kick)
+        put(rows, k.kind + y, wide, select(own, STRUCK, kind))
+    put(rows, k.age, wide, select(usual, 0.0, get(rows, k.age, wide)))
+    return usual, -rate, impulse, r
 
 
 @njit(error_model="numpy")
@@ -114,7 +114,7 @@ def strike(rows, k, room):
     Leaves their speeds of approach, impulses, and for those that close the durations of their chatter.
     """
     z, s = int(rows[k.which]), k.stops
-    turns(rows, k, 0, None)
+    turns(rows, k, None)
     touching = measure(rows, k, room) | 1 << z
     closed, struck = _closed(rows, k), int(0.0)  # no literal: it would compile twice what takes it
     cut = rows[k.cut]

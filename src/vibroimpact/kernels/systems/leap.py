@@ -19,115 +19,94 @@ from numba import njit
 
 from vibroimpact.kernels.flight import BARELY
 from vibroimpact.kernels.systems.layout import FLOW
-from vibroimpact.kernels.systems.step import OPEN, STRUCK, turned, turns
+from vibroimpact.kernels.systems.step import OPEN, STRUCK, stop_moves, turned, turns
 from vibroimpact.kernels.vectors import fma, get, put, select
 
 LEAPS, HALF, WHOLE = 5, 0.5, 1.0  # and their lengths in steps
 
 
 @njit(error_model="numpy", forceinline=True)
-def _flown(rows, first, j, k, lane, wide):
+def _flown(rows, first, j, k, wide):
     """Return a mode's amplitude and rate after a leap."""
     at = first + j * (FLOW + 4 * k.harmonics)
-    y, p = get(rows, k.eta + j, lane, wide), get(rows, k.rate + j, lane, wide)
-    uu, up, ul = get(rows, at, lane, wide), get(rows, at + 1, lane, wide), get(rows, at + 2, lane, wide)
-    pu, pp, pl = get(rows, at + 3, lane, wide), get(rows, at + 4, lane, wide), get(rows, at + 5, lane, wide)
+    y, p = get(rows, k.eta + j, wide), get(rows, k.rate + j, wide)
+    uu, up, ul = get(rows, at, wide), get(rows, at + 1, wide), get(rows, at + 2, wide)
+    pu, pp, pl = get(rows, at + 3, wide), get(rows, at + 4, wide), get(rows, at + 5, wide)
     y1, p1 = fma(uu, y, fma(up, p, ul)), fma(pu, y, fma(pp, p, pl))
     for m in range(k.harmonics):
         own, wave = at + FLOW + 4 * m, k.pairs + 2 * m
-        sine, cosine = get(rows, wave, lane, wide), get(rows, wave + 1, lane, wide)
-        y1 = fma(get(rows, own, lane, wide), sine, fma(get(rows, own + 1, lane, wide), cosine, y1))
-        p1 = fma(get(rows, own + 2, lane, wide), sine, fma(get(rows, own + 3, lane, wide), cosine, p1))
+        sine, cosine = get(rows, wave, wide), get(rows, wave + 1, wide)
+        y1 = fma(get(rows, own, wide), sine, fma(get(rows, own + 1, wide), cosine, y1))
+        p1 = fma(get(rows, own + 2, wide), sine, fma(get(rows, own + 3, wide), cosine, p1))
     return y, y1, p1
 
 
 @njit(error_model="numpy", forceinline=True)
-def _clearance_at(rows, z, sine, cosine, k, lane, wide):
-    """Return a stop's own part of its clearance and of its rate."""
-    u = get(rows, k.gap + z, lane, wide)
-    w = 0.0 * u
-    if k.moving:
-        a, b = sine, cosine
-        for m in range(k.harmonics):
-            first = k.motion + 2 * (k.harmonics * z + m)
-            re, im = get(rows, first, lane, wide), get(rows, first + 1, lane, wide)
-            u = u + fma(re, a, im * b)
-            w = w + (m + 1.0) * get(rows, k.theta, lane, wide) * fma(re, b, -im * a)
-            a, b = fma(a, cosine, b * sine), fma(b, cosine, -a * sine)
-    return u, w
-
-
-@njit(error_model="numpy", forceinline=True)
-def leap(rows, k, lane, wide, first, length):
+def leap(rows, k, wide, first, length):
     """Make a leap of that many steps where it is certified."""
-    turns(rows, k, lane, wide)
+    turns(rows, k, wide)
     last = first + k.modes * (FLOW + 4 * k.harmonics)
-    s, c = get(rows, k.turn, lane, wide), get(rows, k.turn + 1, lane, wide)
-    sine, cosine = get(rows, last, lane, wide), get(rows, last + 1, lane, wide)
+    s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
+    sine, cosine = get(rows, last, wide), get(rows, last + 1, wide)
     s1, c1 = turned(s, c, sine, cosine)
     for j in range(k.modes):
-        y, y1, p1 = _flown(rows, first, j, k, lane, wide)
-        put(rows, k.flight + 3 * j, lane, wide, y1)
-        put(rows, k.flight + 3 * j + 1, lane, wide, p1)
+        y, y1, p1 = _flown(rows, first, j, k, wide)
+        put(rows, k.flight + 3 * j, wide, y1)
+        put(rows, k.flight + 3 * j + 1, wide, p1)
         larger = select(abs(y) > abs(y1), abs(y), abs(y1))
-        bound = fma(get(rows, k.square + j, lane, wide), larger, get(rows, k.driven + j, lane, wide))
-        damping = get(rows, k.damping + j * (k.modes + 1), lane, wide)
+        bound = fma(get(rows, k.square + j, wide), larger, get(rows, k.driven + j, wide))
+        damping = get(rows, k.damping + j * (k.modes + 1), wide)
         bound = fma(damping * (1.0 / length), abs(y1 - y), bound)
-        put(
-            rows,
-            k.flight + 3 * j + 2,
-            lane,
-            wide,
-            bound * get(rows, first + j * (FLOW + 4 * k.harmonics) + 6, lane, wide),
-        )
+        bound = bound * get(rows, first + j * (FLOW + 4 * k.harmonics) + 6, wide)
+        put(rows, k.flight + 3 * j + 2, wide, bound)
     certain = s == s
     for z in range(k.stops):
-        u0, w0 = _clearance_at(rows, z, s, c, k, lane, wide)
-        u1, _ = _clearance_at(rows, z, s1, c1, k, lane, wide)
-        bend = get(rows, k.driven + k.modes + z, lane, wide)
+        u0, w0 = stop_moves(rows, z, s, c, k, wide)
+        u1, _ = stop_moves(rows, z, s1, c1, k, wide)
+        bend = get(rows, k.driven + k.modes + z, wide)
         for j in range(k.modes):
-            alpha = get(rows, k.alpha + z * k.modes + j, lane, wide)
-            u0 = fma(-alpha, get(rows, k.eta + j, lane, wide), u0)
-            w0 = fma(-alpha, get(rows, k.rate + j, lane, wide), w0)
-            u1 = fma(-alpha, get(rows, k.flight + 3 * j, lane, wide), u1)
-            bend = fma(abs(alpha), get(rows, k.flight + 3 * j + 2, lane, wide), bend)
-        kind = get(rows, k.kind + z, lane, wide)
+            alpha = get(rows, k.alpha + z * k.modes + j, wide)
+            u0 = fma(-alpha, get(rows, k.eta + j, wide), u0)
+            w0 = fma(-alpha, get(rows, k.rate + j, wide), w0)
+            u1 = fma(-alpha, get(rows, k.flight + 3 * j, wide), u1)
+            bend = fma(abs(alpha), get(rows, k.flight + 3 * j + 2, wide), bend)
+        kind = get(rows, k.kind + z, wide)
         low = select(u0 < u1, u0, u1)
         far = (kind == OPEN) & (low > 0.125 * length * length * bend)
         left = (kind == STRUCK) & (u1 > 0.0) & (w0 > 0.5 * length * bend)
         certain = certain & (far | left)
-    _take(rows, certain, s, s1, c1, first, length, k, lane, wide)
+    _take(rows, certain, s, s1, c1, first, length, k, wide)
 
 
 @njit(error_model="numpy", forceinline=True)
-def _take(rows, certain, s, s1, c1, first, length, k, lane, wide):
+def _take(rows, certain, s, s1, c1, first, length, k, wide):
     """Leave the state after a leap where it is certain."""
     for j in range(k.modes):
-        y, p = get(rows, k.eta + j, lane, wide), get(rows, k.rate + j, lane, wide)
-        put(rows, k.eta + j, lane, wide, select(certain, get(rows, k.flight + 3 * j, lane, wide), y))
-        put(rows, k.rate + j, lane, wide, select(certain, get(rows, k.flight + 3 * j + 1, lane, wide), p))
+        y, p = get(rows, k.eta + j, wide), get(rows, k.rate + j, wide)
+        put(rows, k.eta + j, wide, select(certain, get(rows, k.flight + 3 * j, wide), y))
+        put(rows, k.rate + j, wide, select(certain, get(rows, k.flight + 3 * j + 1, wide), p))
         if k.thorough:
             at = first + j * (FLOW + 4 * k.harmonics)
-            y, p = get(rows, k.deta + j, lane, wide), get(rows, k.drate + j, lane, wide)
-            y1 = fma(get(rows, at, lane, wide), y, get(rows, at + 1, lane, wide) * p)
-            p1 = fma(get(rows, at + 3, lane, wide), y, get(rows, at + 4, lane, wide) * p)
-            put(rows, k.deta + j, lane, wide, select(certain, y1, y))
-            put(rows, k.drate + j, lane, wide, select(certain, p1, p))
+            y, p = get(rows, k.deta + j, wide), get(rows, k.drate + j, wide)
+            y1 = fma(get(rows, at, wide), y, get(rows, at + 1, wide) * p)
+            p1 = fma(get(rows, at + 3, wide), y, get(rows, at + 4, wide) * p)
+            put(rows, k.deta + j, wide, select(certain, y1, y))
+            put(rows, k.drate + j, wide, select(certain, p1, p))
     for z in range(k.stops):
-        kind = get(rows, k.kind + z, lane, wide)
-        put(rows, k.kind + z, lane, wide, select(certain, OPEN, kind))
-    c = get(rows, k.turn + 1, lane, wide)
-    put(rows, k.turn, lane, wide, select(certain, s1, s))
-    put(rows, k.turn + 1, lane, wide, select(certain, c1, c))
+        kind = get(rows, k.kind + z, wide)
+        put(rows, k.kind + z, wide, select(certain, OPEN, kind))
+    c = get(rows, k.turn + 1, wide)
+    put(rows, k.turn, wide, select(certain, s1, s))
+    put(rows, k.turn + 1, wide, select(certain, c1, c))
     begun = certain & (s < -BARELY) & (s1 >= -BARELY)
-    put(rows, k.turn + 2, lane, wide, get(rows, k.turn + 2, lane, wide) + select(begun, 1.0, 0.0))
-    put(rows, k.age, lane, wide, get(rows, k.age, lane, wide) + select(certain, length, 0.0))
+    put(rows, k.turn + 2, wide, get(rows, k.turn + 2, wide) + select(begun, 1.0, 0.0))
+    put(rows, k.age, wide, get(rows, k.age, wide) + select(certain, length, 0.0))
 
 
 @njit(error_model="numpy")
-def attempt(rows, k, lane, wide, number):
+def attempt(rows, k, wide, number):
     """Make one of the LEAPS leaps before a step: half a one, whole ones, and half a one again."""
     if number == 0 or number == LEAPS - 1:
-        leap(rows, k, lane, wide, k.halves, HALF)
+        leap(rows, k, wide, k.halves, HALF)
     else:
-        leap(rows, k, lane, wide, k.wholes, WHOLE)
+        leap(rows, k, wide, k.wholes, WHOLE)

@@ -10,16 +10,21 @@ from numba import njit
 from vibroimpact.kernels.cell import FILLED, PINNED, QUIET, RUNNING, SPENT
 from vibroimpact.kernels.systems.law import release, stalled, strike
 from vibroimpact.kernels.systems.step import CLOSED, CONTACT
+from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 LOOK = 32  # steps between two looks at whether a cell has ended
 TURN = 2.0 * math.pi
 
-# Columns of a cell's note: the length of its step, what it is granted, and what it has come to; then the sums.
-H, FLIGHT, GRANTED, MADE, HITS, STICKS = range(6)
-FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, BEGAN, ENDED, GREW = range(6, 16)
+# Numbers of a cell's note: the length of its step, what it is granted, and what it has come to; sin wt, cos wt and whole
+# periods at the first and the last impact of the window.
+H, FLIGHT, GRANTED, MADE, HITS, STICKS, GREW = range(7)
+BEGAN, ENDED = 7, 10
 # of a cycle: recorded impacts, periods and stop of the impact that is known, and impacts and periods until it returned
-FROM, SINCE, AT, CHATTERED, IMPACTS, PERIODS = range(16, 22)
-NOTES = 22
+FROM, SINCE, AT, CHATTERED, IMPACTS, PERIODS = range(13, 19)
+# Then of the window's impacts on each stop: how many, the first speed, sums of what the others differ by and of squares
+# of that, the largest speed, sums of cos wt and sin wt, and the energy lost after the window's first impact.
+SUMS, EACH = 19, 8
+COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY = range(EACH)
 
 
 class Window(NamedTuple):
@@ -63,16 +68,16 @@ def _never_again(rows, k):
 
 
 @njit(error_model="numpy")
-def ending(rows, k, notes, lane, total):
+def ending(rows, k, note, total):
     """Return why a cell ends here, or RUNNING."""
-    if notes[lane, HITS] >= total:
+    if note[HITS] >= total:
         return FILLED
     closed = rows[k.closed]
     if closed >= k.modes and rows[k.age] * rows[k.theta] > TURN:
         return PINNED  # nothing is free to move, and the force has gone through a whole period
     if closed == 0.0 and _never_again(rows, k):
         return QUIET
-    return SPENT if rows[k.made] > notes[lane, GRANTED] or rows[k.age] > notes[lane, FLIGHT] else RUNNING
+    return SPENT if rows[k.made] > note[GRANTED] or rows[k.age] > note[FLIGHT] else RUNNING
 
 
 @njit(error_model="numpy")
@@ -88,37 +93,51 @@ def happen(rows, k, room):
 
 
 @njit(error_model="numpy", forceinline=True)
-def add(notes, lane, v, energy, sine, cosine, periods, window):
-    """Add a recorded impact to the sums of its window, with the energy that it cost."""
-    notes[lane, HITS] += 1.0
-    kept = notes[lane, HITS] - window.transient
-    if kept <= 0.0 or notes[lane, HITS] > window.total:
+def add(notes, k, wide, hit, z, v, energy, sine, cosine, periods, window):
+    """Add a recorded impact of stop z, where there is a hit, to the sums of its window, with the energy that it cost."""
+    hits = get(notes, HITS, wide) + select(hit, 1.0, 0.0)
+    put(notes, HITS, wide, hits)
+    kept = hit & (hits > window.transient) & (hits <= window.total)
+    if not anywhere(kept):
         return
-    if kept == 1.0:
-        at, phase = moment(sine, cosine, periods)
-        notes[lane, FIRST], notes[lane, BEGAN] = v, at + phase
-    else:
-        notes[lane, ENERGY] += energy
-    if notes[lane, HITS] == window.total:
-        at, phase = moment(sine, cosine, periods)
-        notes[lane, ENDED] = at + phase
-    notes[lane, SUM] += v - notes[lane, FIRST]
-    notes[lane, SQUARES] += (v - notes[lane, FIRST]) ** 2
-    notes[lane, LARGEST] = max(notes[lane, LARGEST], v)
-    notes[lane, COSINE] += cosine
-    notes[lane, SINE] += sine
+    opens, last = kept & (hits == window.transient + 1.0), kept & (hits == window.total)
+    _mark(notes, BEGAN, wide, opens, sine, cosine, periods)
+    _mark(notes, ENDED, wide, last, sine, cosine, periods)
+    for y in range(k.stops):
+        at, own = SUMS + y * EACH, kept & (z == float(y))
+        count, first = get(notes, at + COUNT, wide), get(notes, at + FIRST, wide)
+        first = select(count > 0.0, first, v)
+        put(notes, at + FIRST, wide, select(own, first, get(notes, at + FIRST, wide)))
+        put(notes, at + COUNT, wide, count + select(own, 1.0, 0.0))
+        more = select(own, v - first, 0.0)
+        put(notes, at + SUM, wide, get(notes, at + SUM, wide) + more)
+        put(notes, at + SQUARES, wide, fma(more, more, get(notes, at + SQUARES, wide)))
+        largest = get(notes, at + LARGEST, wide)
+        put(notes, at + LARGEST, wide, select(own & (v > largest), v, largest))
+        put(notes, at + COSINE, wide, get(notes, at + COSINE, wide) + select(own, cosine, 0.0))
+        put(notes, at + SINE, wide, get(notes, at + SINE, wide) + select(own, sine, 0.0))
+        lost = select(own, select(opens, 0.0, energy), 0.0)
+        put(notes, at + ENERGY, wide, get(notes, at + ENERGY, wide) + lost)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _mark(notes, at, wide, here, sine, cosine, periods):
+    """Leave a time."""
+    put(notes, at, wide, select(here, sine, get(notes, at, wide)))
+    put(notes, at + 1, wide, select(here, cosine, get(notes, at + 1, wide)))
+    put(notes, at + 2, wide, select(here, periods, get(notes, at + 2, wide)))
 
 
 @njit(error_model="numpy")
-def add_all(rows, k, room, notes, lane, struck, window):
+def add_all(rows, k, room, note, struck, window):
     """Add an unusual impact, stop by stop; weak ones are not recorded."""
-    recorded = 0
+    recorded, turn = 0, k.turn
     for z in range(k.stops):
         if struck >> z & 1 and room.speed[z] >= rows[k.cut]:
-            after = -room.speed[z]
+            v, after = room.speed[z], -room.speed[z]
             for y in range(k.stops):
                 after += room.gram[z, y] * room.impulse[y]
-            lost = 0.5 * (room.speed[z] - after) * room.impulse[z]  # -(w- + w+) P/2
-            add(notes, lane, room.speed[z], lost, rows[k.turn], rows[k.turn + 1], rows[k.turn + 2], window)
+            lost = 0.5 * (v - after) * room.impulse[z]  # -(w- + w+) P/2
+            add(note, k, None, v >= 0.0, float(z), v, lost, rows[turn], rows[turn + 1], rows[turn + 2], window)
             recorded += 1
     return recorded

@@ -6,8 +6,16 @@ from numba import njit
 
 from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary, solve
 from vibroimpact.kernels.systems.series import DEGREE, SIZE
-from vibroimpact.kernels.systems.step import BALANCED, CLOSED, PASSING, RELEASED, RESTING, fly_together, turns
-from vibroimpact.kernels.vectors import stride
+from vibroimpact.kernels.systems.step import (
+    BALANCED,
+    CLOSED,
+    PASSING,
+    RELEASED,
+    RESTING,
+    fly_together,
+    stop_moves,
+    turns,
+)
 
 SHORTENED = 4  # the highest derivative that most decisions take
 TOUCH = 1e-12  # of the lengths that a clearance is the sum of: less is contact
@@ -19,7 +27,7 @@ def measure(rows, k, room):
     n, s = k.modes, k.stops
     touching = int(0.0)
     for z in range(s):
-        u, w = stop_moves(rows, z, k, 0, None)
+        u, w = stop_moves(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
         size = abs(rows[k.gap + z])
         for j in range(n):
             alpha = rows[k.alpha + z * n + j]
@@ -40,8 +48,8 @@ def measure(rows, k, room):
 @njit(error_model="numpy")
 def derive(rows, k, last):
     """Leave derivatives of the modes up to `last`, under what is closed; those of clearances follow."""
-    turns(rows, k, 0, None)
-    fly_together(rows, k, 0, None, last)
+    turns(rows, k, None)
+    fly_together(rows, k, None, last)
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -215,18 +223,3 @@ def _press(rows, k, room, chosen):
                 jump = rows[k.jump + y * n + j]
                 rows[k.eta + j] += jump * held * u
                 rows[k.rate + j] += jump * held * room.rate[z]
-
-
-@njit(error_model="numpy", forceinline=True)
-def stop_moves(rows, z, k, lane, wide):
-    """Return where a stop is, as a clearance, and how fast it moves."""
-    u, w = rows[(k.gap + z) * stride(wide) + lane], 0.0
-    sine, cosine = rows[k.turn * stride(wide) + lane], rows[(k.turn + 1) * stride(wide) + lane]
-    a, b = sine, cosine
-    for m in range(k.harmonics):
-        first = k.motion + 2 * (k.harmonics * z + m)
-        re, im = rows[first * stride(wide) + lane], rows[(first + 1) * stride(wide) + lane]
-        u += re * a + im * b
-        w += (m + 1.0) * rows[k.theta * stride(wide) + lane] * (re * b - im * a)
-        a, b = a * cosine + b * sine, b * cosine - a * sine
-    return u, w

@@ -54,10 +54,8 @@ plus = _written("plus", "a, b", [], _each("a[{o}] + b[{o}]"))
 plus_times = _written("plus_times", "a, t, b", [], _each("fma(t, b[{o}], a[{o}])"))
 coefficients = _written("coefficients", "b", [], _each("b[{o}] * {share}"))
 either = _written("either", "truth, a, b", [], _each("select(truth, a[{o}], b[{o}])"))
-load = _written("load", "rows, first, lane, wide", [], _each("get(rows, first + {o}, lane, wide)"))
-store = _written(
-    "store", "rows, first, lane, wide, b", _lines("put(rows, first + {o}, lane, wide, b[{o}])", range(SIZE)), "None"
-)
+load = _written("load", "rows, first, wide", [], _each("get(rows, first + {o}, wide)"))
+store = _written("store", "rows, first, wide, b", _lines("put(rows, first + {o}, wide, b[{o}])", range(SIZE)), "None")
 # value and rate at x: sum of b_j x^j/j! and of b_{j+1} x^j/j!
 evaluate = _written(
     "evaluate",

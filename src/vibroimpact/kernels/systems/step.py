@@ -33,7 +33,7 @@ from vibroimpact.kernels.systems.series import (
     tail,
     wave,
 )
-from vibroimpact.kernels.vectors import LANES, fma, get, group, put, select
+from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 # How a stop is left: its clearance begins with no zero, a single one (just struck), a double one (from rest) or a
 # triple one (let go); or it is closed, held by a force above zero or by one that begins there. Where a zero has a
@@ -121,121 +121,137 @@ def _reach(q0, q1, q2, cubic, X):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _harmonic(rows, first, m, k, lane, wide):
+def _harmonic(rows, first, m, k, wide):
     """Return the series of Im(a e^{i m theta x}) from the rows that hold a and those of (sin, cos) of m wt."""
-    sine, cosine = get(rows, k.pairs + 2 * m, lane, wide), get(rows, k.pairs + 2 * m + 1, lane, wide)
-    re, im = get(rows, first, lane, wide), get(rows, first + 1, lane, wide)
-    theta = (m + 1.0) * get(rows, k.theta, lane, wide)
+    sine, cosine = get(rows, k.pairs + 2 * m, wide), get(rows, k.pairs + 2 * m + 1, wide)
+    re, im = get(rows, first, wide), get(rows, first + 1, wide)
+    theta = (m + 1.0) * get(rows, k.theta, wide)
     return wave(fma(re, sine, im * cosine), theta * fma(re, cosine, -im * sine), -theta * theta)
 
 
 @njit(error_model="numpy", forceinline=True)
-def _driven(rows, start, first, k, lane, wide):
+def _driven(rows, start, first, k, wide):
     """Return a series with the value `start` at all orders 0, and every harmonic from row `first` on."""
     zero = 0.0 * start
     b = wave(start, zero, zero)
     for m in range(k.harmonics):
-        b = plus(b, _harmonic(rows, first + 2 * m, m, k, lane, wide))
+        b = plus(b, _harmonic(rows, first + 2 * m, m, k, wide))
     return b
 
 
 @njit(error_model="numpy", forceinline=True)
-def turns(rows, k, lane, wide):
+def turns(rows, k, wide):
     """Leave (sin, cos) of every multiple of wt."""
-    sine, cosine = get(rows, k.turn, lane, wide), get(rows, k.turn + 1, lane, wide)
+    sine, cosine = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
     a, b = sine, cosine
     for m in range(k.harmonics):
-        put(rows, k.pairs + 2 * m, lane, wide, a)
-        put(rows, k.pairs + 2 * m + 1, lane, wide, b)
+        put(rows, k.pairs + 2 * m, wide, a)
+        put(rows, k.pairs + 2 * m + 1, wide, b)
         a, b = fma(a, cosine, b * sine), fma(b, cosine, -a * sine)
 
 
 @njit(error_model="numpy", forceinline=True)
-def _forced(rows, j, k, lane, wide):
+def _forced(rows, j, k, wide):
     """Return the series of the force on mode j."""
-    return _driven(rows, get(rows, k.load + j, lane, wide), k.force + 2 * k.harmonics * j, k, lane, wide)
+    return _driven(rows, get(rows, k.load + j, wide), k.force + 2 * k.harmonics * j, k, wide)
 
 
 @njit(error_model="numpy", forceinline=True)
-def fly_apart(rows, k, lane, wide):
+def fly_apart(rows, k, wide):
     """Leave the series of each mode, free of the others."""
     for j in range(k.modes):
-        own = get(rows, k.square + j, lane, wide), get(rows, k.damping + j * (k.modes + 1), lane, wide)
-        b0, b1 = get(rows, k.eta + j, lane, wide), get(rows, k.rate + j, lane, wide)
-        store(rows, k.flight + j * SIZE, lane, wide, oscillation(b0, b1, *own, _forced(rows, j, k, lane, wide)))
+        own = get(rows, k.square + j, wide), get(rows, k.damping + j * (k.modes + 1), wide)
+        b0, b1 = get(rows, k.eta + j, wide), get(rows, k.rate + j, wide)
+        store(rows, k.flight + j * SIZE, wide, oscillation(b0, b1, *own, _forced(rows, j, k, wide)))
 
 
 @njit(error_model="numpy")
-def fly_together(rows, k, lane, wide, last):
+def fly_together(rows, k, wide, last):
     """Leave the derivatives of all modes up to `last`, coupled by damping and by closed stops, and the holding forces.
 
     In flight under proportional damping these are the bits of `fly_apart`: what couples adds zeros.
     """
-    couple(rows, k, lane, wide, last, True)
+    couple(rows, k, wide, last, True)
 
 
 @njit(error_model="numpy")
-def couple(rows, k, lane, wide, last, loaded):
+def couple(rows, k, wide, last, loaded):
     """Leave the derivatives of all modes, of the motion or of its deviation: that has no load, and no stop moves it."""
     n, s = k.modes, k.stops
     first, rate = (k.eta, k.rate) if loaded else (k.deta, k.drate)
     for j in range(n):
-        b0 = get(rows, first + j, lane, wide)
-        put(rows, k.flight + j * SIZE, lane, wide, b0)
-        put(rows, k.flight + j * SIZE + 1, lane, wide, get(rows, rate + j, lane, wide))
-        store(rows, k.pull + j * SIZE, lane, wide, _forced(rows, j, k, lane, wide))
+        b0 = get(rows, first + j, wide)
+        put(rows, k.flight + j * SIZE, wide, b0)
+        put(rows, k.flight + j * SIZE + 1, wide, get(rows, rate + j, wide))
+        store(rows, k.pull + j * SIZE, wide, _forced(rows, j, k, wide))
         if not loaded:
-            store(rows, k.pull + j * SIZE, lane, wide, wave(0.0 * b0, 0.0 * b0, 0.0 * b0))
+            store(rows, k.pull + j * SIZE, wide, wave(0.0 * b0, 0.0 * b0, 0.0 * b0))
     for z in range(s):
-        start = get(rows, k.gap + z, lane, wide)
-        store(rows, k.stop + z * SIZE, lane, wide, _driven(rows, start, k.motion + 2 * k.harmonics * z, k, lane, wide))
+        start = get(rows, k.gap + z, wide)
+        store(rows, k.stop + z * SIZE, wide, _driven(rows, start, k.motion + 2 * k.harmonics * z, k, wide))
         if not loaded:
-            store(rows, k.stop + z * SIZE, lane, wide, wave(0.0 * start, 0.0 * start, 0.0 * start))
+            store(rows, k.stop + z * SIZE, wide, wave(0.0 * start, 0.0 * start, 0.0 * start))
     for o in range(last - 1):
         for j in range(n):
-            square = get(rows, k.square + j, lane, wide)
-            b = get(rows, k.pull + j * SIZE + o, lane, wide)
-            b = fma(-square, get(rows, k.flight + j * SIZE + o, lane, wide), b)
+            square = get(rows, k.square + j, wide)
+            b = get(rows, k.pull + j * SIZE + o, wide)
+            b = fma(-square, get(rows, k.flight + j * SIZE + o, wide), b)
             for i in range(n):
-                damping = get(rows, k.damping + j * n + i, lane, wide)
-                b = fma(-damping, get(rows, k.flight + i * SIZE + o + 1, lane, wide), b)
-            put(rows, k.flight + j * SIZE + o + 2, lane, wide, b)
+                damping = get(rows, k.damping + j * n + i, wide)
+                b = fma(-damping, get(rows, k.flight + i * SIZE + o + 1, wide), b)
+            put(rows, k.flight + j * SIZE + o + 2, wide, b)
         for z in range(s):
-            put(rows, k.near + z, lane, wide, clearance(rows, z, o + 2, k, lane, wide))
+            put(rows, k.near + z, wide, clearance(rows, z, o + 2, k, wide))
         for z in range(s):
-            force = 0.0 * get(rows, k.near + z, lane, wide)
+            force = 0.0 * get(rows, k.near + z, wide)
             for y in range(s):
-                force = fma(-get(rows, k.held + z * s + y, lane, wide), get(rows, k.near + y, lane, wide), force)
-            put(rows, k.hold + z * SIZE + o, lane, wide, force)
+                force = fma(-get(rows, k.held + z * s + y, wide), get(rows, k.near + y, wide), force)
+            put(rows, k.hold + z * SIZE + o, wide, force)
             for j in range(n):
                 at = k.flight + j * SIZE + o + 2
-                b = fma(-get(rows, k.jump + z * n + j, lane, wide), force, get(rows, at, lane, wide))
-                put(rows, at, lane, wide, b)
+                b = fma(-get(rows, k.jump + z * n + j, wide), force, get(rows, at, wide))
+                put(rows, at, wide, b)
 
 
 @njit(error_model="numpy", forceinline=True)
-def clearance(rows, z, o, k, lane, wide):
+def clearance(rows, z, o, k, wide):
     """Return the derivative of a clearance of that order, once those of the modes and of the stop are known."""
-    b = get(rows, k.stop + z * SIZE + o, lane, wide)
+    b = get(rows, k.stop + z * SIZE + o, wide)
     for j in range(k.modes):
-        b = fma(-get(rows, k.alpha + z * k.modes + j, lane, wide), get(rows, k.flight + j * SIZE + o, lane, wide), b)
+        b = fma(-get(rows, k.alpha + z * k.modes + j, wide), get(rows, k.flight + j * SIZE + o, wide), b)
     return b
 
 
 @njit(error_model="numpy", forceinline=True)
-def _watched(rows, z, held, k, lane, wide):
-    """Return the series of a stop's clearance, or where it is closed of the force that holds it."""
-    start = get(rows, k.gap + z, lane, wide)
+def stop_moves(rows, z, sine, cosine, k, wide):
+    """Return where a stop is, as a clearance, and how fast it moves."""
+    u = get(rows, k.gap + z, wide)
+    w = 0.0 * u
     if k.moving:
-        b = _driven(rows, start, k.motion + 2 * k.harmonics * z, k, lane, wide)
+        a, b = sine, cosine
+        for m in range(k.harmonics):
+            first = k.motion + 2 * (k.harmonics * z + m)
+            re, im = get(rows, first, wide), get(rows, first + 1, wide)
+            u = u + fma(re, a, im * b)
+            w = w + (m + 1.0) * get(rows, k.theta, wide) * fma(re, b, -im * a)
+            a, b = fma(a, cosine, b * sine), fma(b, cosine, -a * sine)
+    return u, w
+
+
+@njit(error_model="numpy", forceinline=True)
+def _watched(rows, z, held, k, wide):
+    """Return the series of a stop's clearance, or where it is closed of the force that holds it."""
+    start = get(rows, k.gap + z, wide)
+    if k.moving:
+        b = _driven(rows, start, k.motion + 2 * k.harmonics * z, k, wide)
     else:
         b = wave(start, 0.0 * start, 0.0 * start)
     for j in range(k.modes):
-        alpha = get(rows, k.alpha + z * k.modes + j, lane, wide)
-        b = plus_times(b, -alpha, load(rows, k.flight + j * SIZE, lane, wide))
-    kind = get(rows, k.kind + z, lane, wide)
+        alpha = get(rows, k.alpha + z * k.modes + j, wide)
+        b = plus_times(b, -alpha, load(rows, k.flight + j * SIZE, wide))
+    kind = get(rows, k.kind + z, wide)
     if held:
-        b = either(kind >= CLOSED, load(rows, k.hold + z * SIZE, lane, wide), b)
+        b = either(kind >= CLOSED, load(rows, k.hold + z * SIZE, wide), b)
     # The zeros that it begins with are exact, whatever rounding makes of them.
     let_go = kind == RELEASED
     at_rest = let_go | (kind == RESTING)
@@ -245,22 +261,22 @@ def _watched(rows, z, held, k, lane, wide):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _certify(rows, held, k, lane, wide):
+def _certify(rows, held, k, wide):
     """Return the certified step, that of all stops but the one that limits it, which one that is, and whether its next
     zero is sought; leave what is watched of it.
     """
-    one = 0.0 * get(rows, k.theta, lane, wide) + 1.0
+    one = 0.0 * get(rows, k.theta, wide) + 1.0
     x, others, which, sought = one, one, 0.0 * one, one
     for z in range(k.stops):
-        b = _watched(rows, z, held, k, lane, wide)
-        kind = get(rows, k.kind + z, lane, wide)
+        b = _watched(rows, z, held, k, wide)
+        kind = get(rows, k.kind + z, wide)
         own = certified(b, kind)
         nearer = own < x
         free = select((kind < OPEN) | (kind > PASSING), 0.0, one)
         sought = select(nearer, free, sought) if z else free
         others = select(nearer, x, select(own < others, own, others))
         x, which = select(nearer, own, x), select(nearer, float(z) * one, which)
-        store(rows, k.near, lane, wide, either(nearer, b, load(rows, k.near, lane, wide)) if z else b)
+        store(rows, k.near, wide, either(nearer, b, load(rows, k.near, wide)) if z else b)
     return x, others, which, sought > 0.0
 
 
@@ -288,70 +304,56 @@ def turned(s, c, sine, cosine):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _move(rows, x, close, k, lane, wide):
+def _move(rows, x, close, k, wide):
     """Carry the state over x, to a contact or not."""
     for j in range(k.modes):
-        y, p = evaluate(load(rows, k.flight + j * SIZE, lane, wide), x)
-        put(rows, k.eta + j, lane, wide, y)
-        put(rows, k.rate + j, lane, wide, p)
-    s, c = get(rows, k.turn, lane, wide), get(rows, k.turn + 1, lane, wide)
-    s1, c1 = turned(s, c, *sine_cosine(get(rows, k.theta, lane, wide) * x))
-    put(rows, k.turn, lane, wide, s1)
-    put(rows, k.turn + 1, lane, wide, c1)
+        y, p = evaluate(load(rows, k.flight + j * SIZE, wide), x)
+        put(rows, k.eta + j, wide, y)
+        put(rows, k.rate + j, wide, p)
+    s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
+    s1, c1 = turned(s, c, *sine_cosine(get(rows, k.theta, wide) * x))
+    put(rows, k.turn, wide, s1)
+    put(rows, k.turn + 1, wide, c1)
     begun = select((s < -BARELY) & (s1 >= -BARELY), 1.0, 0.0)
-    put(rows, k.turn + 2, lane, wide, get(rows, k.turn + 2, lane, wide) + begun)
+    put(rows, k.turn + 2, wide, get(rows, k.turn + 2, wide) + begun)
     for z in range(k.stops):
-        kind = get(rows, k.kind + z, lane, wide)
-        put(rows, k.kind + z, lane, wide, select((x > 0.0) | close, select(kind >= CLOSED, CLOSED, OPEN), kind))
+        kind = get(rows, k.kind + z, wide)
+        put(rows, k.kind + z, wide, select((x > 0.0) | close, select(kind >= CLOSED, CLOSED, OPEN), kind))
 
 
 @njit(error_model="numpy", forceinline=True)
-def _carry(rows, x, held, k, lane, wide):
+def _carry(rows, x, held, k, wide):
     """Carry the deviation over x: it moves as the modes do without any load."""
     if held or k.coupled:
-        couple(rows, k, lane, wide, DEGREE, False)
+        couple(rows, k, wide, DEGREE, False)
     else:
         for j in range(k.modes):
-            own = get(rows, k.square + j, lane, wide), get(rows, k.damping + j * (k.modes + 1), lane, wide)
-            b0, b1 = get(rows, k.deta + j, lane, wide), get(rows, k.drate + j, lane, wide)
-            store(rows, k.flight + j * SIZE, lane, wide, oscillation(b0, b1, *own, wave(0.0 * b0, 0.0 * b0, 0.0 * b0)))
+            own = get(rows, k.square + j, wide), get(rows, k.damping + j * (k.modes + 1), wide)
+            b0, b1 = get(rows, k.deta + j, wide), get(rows, k.drate + j, wide)
+            store(rows, k.flight + j * SIZE, wide, oscillation(b0, b1, *own, wave(0.0 * b0, 0.0 * b0, 0.0 * b0)))
     for j in range(k.modes):
-        y, p = evaluate(load(rows, k.flight + j * SIZE, lane, wide), x)
-        put(rows, k.deta + j, lane, wide, y)
-        put(rows, k.drate + j, lane, wide, p)
-
-
-@njit(error_model="numpy", forceinline=True)
-def _any_closed(rows, k, lane, wide):
-    closed = False
-    for i in range(lane, lane + group(wide)):
-        closed |= get_one(rows, k.closed, i, wide) > 0.0
-    return closed
-
-
-@njit(error_model="numpy", forceinline=True)
-def get_one(rows, row, lane, wide):
-    """Return a number of one lane."""
-    return get(rows, row, lane, None) if wide is None else rows[row * LANES + lane]
+        y, p = evaluate(load(rows, k.flight + j * SIZE, wide), x)
+        put(rows, k.deta + j, wide, y)
+        put(rows, k.drate + j, wide, p)
 
 
 @njit(error_model="numpy")
-def step(rows, k, lane, wide):
+def step(rows, k, wide):
     """Make a certified step; leave the state after it, how far it went, which stop ended it and how."""
-    turns(rows, k, lane, wide)
-    held = _any_closed(rows, k, lane, wide)
+    turns(rows, k, wide)
+    held = anywhere(get(rows, k.closed, wide) > 0.0)
     if held or k.coupled:
-        fly_together(rows, k, lane, wide, DEGREE)
+        fly_together(rows, k, wide, DEGREE)
     else:
-        fly_apart(rows, k, lane, wide)
-    x, others, which, sought = _certify(rows, held, k, lane, wide)
-    close, end = _approach(load(rows, k.near, lane, wide), x, others, sought)
-    _move(rows, end, close, k, lane, wide)
+        fly_apart(rows, k, wide)
+    x, others, which, sought = _certify(rows, held, k, wide)
+    close, end = _approach(load(rows, k.near, wide), x, others, sought)
+    _move(rows, end, close, k, wide)
     stalled = select(end <= 0.0, STALLED, NOTHING)
-    put(rows, k.which, lane, wide, which)
-    put(rows, k.hit, lane, wide, select(close, CONTACT, stalled))
+    put(rows, k.which, wide, which)
+    put(rows, k.hit, wide, select(close, CONTACT, stalled))
     if k.thorough:
-        _carry(rows, end, held, k, lane, wide)
-    put(rows, k.passed, lane, wide, end)
-    put(rows, k.age, lane, wide, get(rows, k.age, lane, wide) + end)
-    put(rows, k.made, lane, wide, get(rows, k.made, lane, wide) + 1.0)
+        _carry(rows, end, held, k, wide)
+    put(rows, k.passed, wide, end)
+    put(rows, k.age, wide, get(rows, k.age, wide) + end)
+    put(rows, k.made, wide, get(rows, k.made, wide) + 1.0)

@@ -121,7 +121,7 @@ def deviate(rows, k):
 
 
 @njit(error_model="numpy")
-def measure_growth(rows, k, notes, lane, counted):
+def measure_growth(rows, k, note, counted):
     """Make the deviation of length 1 again, and add the logarithm of what it was, or begin to count here.
 
     One that a closed stop took wholly is begun anew before it counts; after that the exponent is minus infinity.
@@ -135,24 +135,24 @@ def measure_growth(rows, k, notes, lane, counted):
         rows[k.deta + j] /= math.sqrt(square)
         rows[k.drate + j] /= math.sqrt(square)
     grew = 0.5 * math.log(square) if square > 0.0 else -math.inf
-    notes[lane, GREW] = notes[lane, GREW] + grew if counted else 0.0
+    note[GREW] = note[GREW] + grew if counted else 0.0
 
 
 @njit(error_model="numpy")
-def recur(rows, k, notes, lane, z):
+def recur(rows, k, note, z):
     """Compare an impact of stop z, just recorded, with the one that is known, or make it the known one.
 
     It has come back if the state is the same within NEAR of V; every power of two of impacts the known one is replaced.
     """
-    hits, n = notes[lane, HITS], k.modes
-    if hits >= 2.0 * notes[lane, FROM]:
+    hits, n = note[HITS], k.modes
+    if hits >= 2.0 * note[FROM]:
         for j in range(n):
             rows[k.known + j], rows[k.known + n + j] = rows[k.eta + j], rows[k.rate + j]
         rows[k.known + 2 * n], rows[k.known + 2 * n + 1] = rows[k.turn], rows[k.turn + 1]
-        notes[lane, FROM], notes[lane, SINCE], notes[lane, AT] = hits, rows[k.turn + 2], z
-        notes[lane, CHATTERED] = notes[lane, IMPACTS] = notes[lane, PERIODS] = 0.0
+        note[FROM], note[SINCE], note[AT] = hits, rows[k.turn + 2], z
+        note[CHATTERED] = note[IMPACTS] = note[PERIODS] = 0.0
         return
-    if z != notes[lane, AT] or notes[lane, IMPACTS] != 0.0:
+    if z != note[AT] or note[IMPACTS] != 0.0:
         return
     apart = rows[k.speed] * max(
         abs(rows[k.turn] - rows[k.known + 2 * n]), abs(rows[k.turn + 1] - rows[k.known + 2 * n + 1])
@@ -160,5 +160,5 @@ def recur(rows, k, notes, lane, z):
     for j in range(n):
         apart = max(apart, abs(rows[k.eta + j] - rows[k.known + j]), abs(rows[k.rate + j] - rows[k.known + n + j]))
     if apart <= NEAR * rows[k.speed]:
-        notes[lane, IMPACTS] = -1.0 if notes[lane, CHATTERED] > 0.0 else hits - notes[lane, FROM]
-        notes[lane, PERIODS] = round(rows[k.turn + 2] - notes[lane, SINCE])
+        note[IMPACTS] = -1.0 if note[CHATTERED] > 0.0 else hits - note[FROM]
+        note[PERIODS] = round(rows[k.turn + 2] - note[SINCE])

@@ -13,7 +13,7 @@ from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.leap import HALF, LEAPS, WHOLE, attempt
 from vibroimpact.kernels.systems.march import HITS, LOOK, MADE, TURN, add_all, ending, happen, moment
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
-from vibroimpact.kernels.systems.step import CLOSED, CONTACT, NOTHING, fly_apart, step, turns
+from vibroimpact.kernels.systems.step import CLOSED, NOTHING, fly_apart, step, turns
 
 
 class Seen(NamedTuple):
@@ -50,7 +50,7 @@ def _look(rows, k, seen, periods, phase, schedule):
         if x >= end:
             return
         for j in range(k.modes):
-            y, p = evaluate(load(rows, k.flight + j * SIZE, 0, None), max(x, 0.0))
+            y, p = evaluate(load(rows, k.flight + j * SIZE, None), max(x, 0.0))
             seen.looks[seen.filled[1], j], seen.looks[seen.filled[1], k.modes + j] = y, p
         seen.filled[1] += 1
 
@@ -60,12 +60,12 @@ def _leap(rows, spare, k, seen, schedule, number):
     """Make a leap; the looks within it need the series from its beginning."""
     if schedule.number > 0.0:
         spare[:] = rows
-    attempt(rows, k, 0, None, number)
+    attempt(rows, k, None, number)
     flown = rows[k.age] - spare[k.age]
     if schedule.number > 0.0 and flown > 0.0:
         periods, phase = moment(spare[k.turn], spare[k.turn + 1], spare[k.turn + 2])
-        turns(spare, k, 0, None)
-        fly_apart(spare, k, 0, None)
+        turns(spare, k, None)
+        fly_apart(spare, k, None)
         spare[k.passed] = WHOLE if flown > 0.5 * (HALF + WHOLE) else HALF
         _look(spare, k, seen, periods, phase, schedule)
 
@@ -101,20 +101,19 @@ def _record(rows, k, room, seen, struck, before, recorded, window):
 
 
 @njit(error_model="numpy")
-def _after_step(rows, k, room, notes, seen, window):
+def _after_step(rows, k, room, note, seen, window):
     """Make what ended a step, and record it."""
-    v, impulse, before = 0.0, 0.0, notes[0, HITS]
-    if rows[k.hit] == CONTACT:
-        v, impulse = bounce(rows, k, 0, None)
-    notes[0, MADE] = rows[k.made]
-    if v > 0.0:
+    before = note[HITS]
+    usual, v, impulse, _ = bounce(rows, k, None)
+    note[MADE] = rows[k.made]
+    if usual:
         z = int(rows[k.which])
         room.speed[z], room.impulse[z] = v, impulse
-        notes[0, HITS] += 1.0
+        note[HITS] += 1.0
         _record(rows, k, room, seen, 1 << z, before, 1, window)
         return
     struck, closing = happen(rows, k, room)
-    recorded = add_all(rows, k, room, notes, 0, struck, window) if struck else 0
+    recorded = add_all(rows, k, room, note, struck, window) if struck else 0
     if recorded:
         _record(rows, k, room, seen, struck, before, recorded, window)
     _note_rests(rows, k, seen, room, closing)
@@ -130,22 +129,22 @@ def seat(rows, k, row, room, seen):
 
 
 @compiled
-def follow(rows, spare, k, room, notes, seen, window, schedule, most):
+def follow(rows, spare, k, room, note, seen, window, schedule, most):
     """Follow a cell until its window is full, a buffer is, it ends, or so many steps are made; return why."""
     for number in range(most):
         for leap in range(LEAPS):
             _leap(rows, spare, k, seen, schedule, leap)
         periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
-        step(rows, k, 0, None)
+        step(rows, k, None)
         _look(rows, k, seen, periods, phase, schedule)
         if rows[k.hit] != NOTHING:
-            _after_step(rows, k, room, notes, seen, window)
-        if notes[0, HITS] >= window.total or (schedule.number > 0.0 and seen.filled[1] >= schedule.number):
+            _after_step(rows, k, room, note, seen, window)
+        if note[HITS] >= window.total or (schedule.number > 0.0 and seen.filled[1] >= schedule.number):
             return FILLED
         if seen.filled[0] + k.stops > len(seen.impacts) or seen.filled[2] + k.stops > len(seen.rests):
             return RUNNING
         if number % LOOK == 0:
-            end = ending(rows, k, notes, 0, window.total)
+            end = ending(rows, k, note, window.total)
             if end != RUNNING and (schedule.number == 0.0 or end == SPENT):
                 return end
     return RUNNING
