@@ -278,8 +278,8 @@ class SystemSweep:
         ended, busy = np.empty(4096, np.int64), 1
         while busy and not stopped():
             number, busy = lanes.run_lanes(
-                self.table, self.budgets, self.results, self.ends, self._tickets, memory, owner, notes, ended, rows, note,
-                k, room, self.total, _LOOKS,
+                self.table, self.budgets, self.results, self.ends, self._tickets, memory, owner, notes, ended, rows,
+                note, k, room, self.total, _LOOKS,
             )  # fmt: skip
             if number:
                 yield ended[:number].copy()

@@ -1,7 +1,7 @@
 """Many systems in lockstep lanes; a lane that ends takes the next cell.
 
-The usual impact is made in all lanes at once. All else (several stops at once, contact that is held, weak impacts, ends)
-is done on the cell alone: it is lifted out of its lane and put back.
+The usual impact is made in all lanes at once. All else (several stops at once, contact that is held, weak impacts,
+ends) is done on the cell alone: it is lifted out of its lane and put back.
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 LOOK = 32  # steps between two looks at whether a cell has ended
 TURN = 2.0 * math.pi
 
-# Numbers of a cell's note: the length of its step, what it is granted, and what it has come to; sin wt, cos wt and whole
-# periods at the first and the last impact of the window.
+# Numbers of a cell's note: the length of its step, what it is granted, and what it has come to; sin wt, cos wt and
+# whole periods at the first and the last impact of the window.
 H, FLIGHT, GRANTED, MADE, HITS, STICKS, GREW = range(7)
 BEGAN, ENDED = 7, 10
 # of a cycle: recorded impacts, periods and stop of the impact that is known, and impacts and periods until it returned
@@ -94,7 +94,7 @@ def happen(rows, k, room):
 
 @njit(error_model="numpy", forceinline=True)
 def add(notes, k, wide, hit, z, v, energy, sine, cosine, periods, window):
-    """Add a recorded impact of stop z, where there is a hit, to the sums of its window, with the energy that it cost."""
+    """Add a recorded impact of stop z, where there is a hit, to its window's sums, with the energy that it cost."""
     hits = get(notes, HITS, wide) + select(hit, 1.0, 0.0)
     put(notes, HITS, wide, hits)
     kept = hit & (hits > window.transient) & (hits <= window.total)
