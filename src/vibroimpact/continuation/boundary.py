@@ -2,39 +2,36 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroimpact.continuation.points import Solution
-from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
-from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Range, sticking_curve
-from vibroimpact.continuation.system import (
-    LAST_IMPACT,
+from vibroimpact.continuation.following import (
+    DOUBLING,
     MOST_POINTS,
-    TOUCH,
-    System,
+    Equations,
     Way,
     both_ways,
     check_range,
     check_share,
     follow,
-    system_of,
-)
-from vibroimpact.orbits.admissibility import NearMiss, nearest_misses
+)  # fmt: skip
+from vibroimpact.continuation.points import Solution
+from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
+from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Range, sticking_curve
+from vibroimpact.continuation.system import system_of
 from vibroimpact.orbits.equations import Floats
-from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking import StickingEnd
+from vibroimpact.orbits.systems import AnyOrbit
 from vibroimpact.oscillator import Model, check_names
 from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 
 HALVINGS = 20  # of the step within which the orbits of a boundary become inadmissible
 WORST = 1e-10  # residual of a point
+CONDITIONS = {"pitchfork": DOUBLING}  # of half of a cycle
 
 
 class NoBoundary(ValueError):
@@ -144,7 +141,7 @@ def check_plane(point: Any, parameters: Any, ranges: Any) -> Plane:
     return check_box(point.orbit.model, parameters, ranges, point.orbit)
 
 
-def check_box(model: Model, parameters: Any, ranges: Any, orbit: Orbit | None = None) -> Plane:
+def check_box(model: Model, parameters: Any, ranges: Any, orbit: AnyOrbit | None = None) -> Plane:
     """Return two different parameters of a model and their ranges, which hold an orbit where one is given."""
     chosen, box = (tuple(given) if isinstance(given, (tuple, list)) else () for given in (parameters, ranges))
     if len(chosen) != 2:
@@ -158,26 +155,18 @@ def check_box(model: Model, parameters: Any, ranges: Any, orbit: Orbit | None = 
     return Plane((chosen[0], chosen[1]), (first, second))
 
 
-def _boundary_system(point: BifurcationPoint, plane: Plane) -> tuple[System, Floats]:
+def _boundary_system(point: BifurcationPoint, plane: Plane) -> tuple[Equations, Floats]:
     """Return the equations of a boundary, and the unknown of the point where it begins."""
-    system, z = system_of(point.orbit, *plane)
-    condition, where, touch, speeds = point.kind, 0, math.nan, z[system.cycle.n_impacts :]
-    if condition == "grazing":
-        where = int(np.argmin(speeds))
-        condition = LAST_IMPACT if speeds[where] <= 1e-9 * system.speed else TOUCH
-    if condition == TOUCH:
-        misses = nearest_misses(system.oscillator, system.cycle, z)
-        lowest = min(misses, key=lambda miss: abs(miss.gap), default=NearMiss(0, math.nan, math.nan))
-        where, touch = lowest.flight, lowest.turns
-    system = replace(system, condition=condition, where=where)
-    x = system.pack(z, touch)
+    once, z = system_of(point.orbit, *plane)
+    x = once.pack(z)
+    system, x = once.at_graze(x) if point.kind == "grazing" else once.bounded(CONDITIONS.get(point.kind, point.kind), x)
     if not np.abs(system.misses(x)).max() <= 1e-6:  # nor NaN, where no flight comes near the stop
         what = f"satisfy the condition of a {point.kind.replace('_', ' ')}"
         raise NoBoundary(f"the orbit of `point` does not {what}; take a point from the `special` of a branch")
     return system, x
 
 
-def _traced(system: System, x: Floats, longest: float, virtual: bool, report: Report) -> Boundary:
+def _traced(system: Equations, x: Floats, longest: float, virtual: bool, report: Report) -> Boundary:
     """Return the curve through a point, in both directions."""
     along = np.ones(len(x))
     x, made, _ = system.newton(x, system.tangent(x, along))

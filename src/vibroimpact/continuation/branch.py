@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.points import Point, Solution, between
-from vibroimpact.continuation.results import Branch, course
-from vibroimpact.continuation.system import (
-    DOUBLING,
+from vibroimpact.continuation.following import (
     MOST_POINTS,
+    Equations,
     Step,
-    System,
     Way,
     both_ways,
     check_range,
     check_share,
     follow,
-    system_of,
-)
-from vibroimpact.orbits.equations import Cycle, Floats
+)  # fmt: skip
+from vibroimpact.continuation.points import Point, Solution, between
+from vibroimpact.continuation.results import Branch, course
+from vibroimpact.continuation.system import system_of
+from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
+from vibroimpact.orbits.systems import AnyOrbit, SystemOrbit
 from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 
@@ -32,7 +31,7 @@ ONE_HALF = 1e-6  # halves of a doubled orbit that differ by less are one orbit
 
 
 def continue_orbit(
-    orbit: Orbit,
+    orbit: AnyOrbit,
     parameter: str,
     range: tuple[float, float],
     *,
@@ -47,15 +46,17 @@ def continue_orbit(
     .. math:: \text{fold: } 1 - \operatorname{tr} M + \det M = 0, \qquad
               \text{period doubling: } 1 + \operatorname{tr} M + \det M = 0,
 
-    with M the Jacobian of the cycle, and grazing, where a flight touches the stop between its ends, or the velocity of
-    an impact passes through zero.
+    with M the Jacobian of the cycle, and grazing, where a flight touches a stop between its ends, or the velocity of
+    an impact passes through zero. Of a system they are det(M - 1) = 0 and det(M + 1) = 0, and there are Neimark-Sacker
+    points, where a complex pair of multipliers leaves the unit circle, and of symmetric orbits pitchforks.
 
     Parameters
     ----------
-    orbit : Orbit
+    orbit : Orbit or SystemOrbit
         Where to begin; one that `find_orbit` or `switch_branch` returned, with n_impacts >= 1.
     parameter : str
-        What to vary: any parameter of the orbit's model, `frequency` (Hz) and the parameters of a family included.
+        What to vary: any parameter of the orbit's model, `frequency` (Hz) and the parameters of a family included; of
+        a system `omega`, `frequency`, or the gap or restitution of a stop.
     range : tuple of two float
         Its lowest and highest value; the orbit's own lies between.
     step : float, 1e-6 to 0.5
@@ -74,7 +75,7 @@ def continue_orbit(
     Raises
     ------
     ValueError
-        An argument is out of its range, or the orbit does not solve its oscillator's equations.
+        An argument is out of its range, or the orbit does not solve its model's equations.
 
     Notes
     -----
@@ -84,7 +85,13 @@ def continue_orbit(
     one kind within a step may be missed: halve `step`. At a graze one multiplier of the orbit that gains an impact
     tends to infinity [2]_. At r = 0 the graze at which the force begins to hold the mass after an impact is seen in
     `admissible` alone. Derivatives by turns and velocities are in closed form; the others are central differences,
-    which affects the convergence of Newton's method, not its limit. About a millisecond per orbit and impact.
+    which affects the convergence of Newton's method, not its limit. About a millisecond per orbit and impact, of a
+    system ten.
+
+    An orbit that is its own mirror image half a cycle later is followed with the equations of half a cycle, as long as
+    the parameter leaves the system symmetric; a pitchfork is the period doubling of its half map [3]_. Where two stops
+    would be struck at one instant, orbits become inadmissible without a special point. A mode without damping that no
+    impact excites has multipliers on the unit circle, and no Neimark-Sacker point is seen beside it.
 
     References
     ----------
@@ -92,6 +99,8 @@ def continue_orbit(
        Bifurcation Theory, Academic Press (1977) 359-384.
     .. [2] A. B. Nordmark, "Non-periodic motion caused by grazing incidence in an impact oscillator", J. Sound Vib. 145
        (1991) 279-297.
+    .. [3] J. W. Swift and K. Wiesenfeld, "Suppression of period doubling in symmetric systems", Phys. Rev. Lett. 52
+       (1984) 705-708.
 
     Examples
     --------
@@ -101,6 +110,14 @@ def continue_orbit(
     >>> branch = continue_orbit(orbit, "omega", (2.0, 3.0), step=0.05)
     >>> [(point.kind, round(point.value, 9)) for point in branch.special]
     [('period_doubling', 2.65392352)]
+
+    The bouncing ball folds at amplitude w^2/g = pi (1 - r)/(1 + r), here with r = 0.5 at 50 Hz:
+
+    >>> from vibroimpact import family, models
+    >>> ball = family(models.bouncing_ball)
+    >>> branch = continue_orbit(find_orbit(ball)[0], "amplitude", (1e-4, 1.6e-4), step=0.1)
+    >>> [(point.kind, round(point.value * (100 * np.pi) ** 2 / 9.81, 9)) for point in branch.special]
+    [('fold', 1.047197551), ('period_doubling', 1.526823701)]
     """
     ends = check_range(_checked(orbit), parameter, range)
     longest, virtual = check_share("step", step), truth("virtual", virtual)
@@ -124,9 +141,9 @@ def continue_orbit(
     )
 
 
-def _checked(orbit: Any) -> Orbit:
+def _checked(orbit: Any) -> AnyOrbit:
     """Return an orbit that flies from impact to impact."""
-    if not isinstance(orbit, Orbit):
+    if not isinstance(orbit, (Orbit, SystemOrbit)):
         raise invalid("orbit", orbit, "an Orbit", "give one that find_orbit returned")
     if orbit.n_impacts < 1 or orbit.sticks:
         hint = "follow its end of sticking with continue_boundary instead"
@@ -134,7 +151,7 @@ def _checked(orbit: Any) -> Orbit:
     return orbit
 
 
-def _corrected(system: System, x: Floats) -> Floats:
+def _corrected(system: Equations, x: Floats) -> Floats:
     """Return the orbit corrected at its own parameter, or refuse one that does not solve its equations."""
     found, made, _ = system.newton(x, np.eye(len(x))[-1])
     if made and np.abs(found - x).max() < 1e-3:
@@ -144,7 +161,9 @@ def _corrected(system: System, x: Floats) -> Floats:
     raise ValueError("`orbit` does not return to itself; give a periodic orbit that find_orbit returned")
 
 
-def walk(system: System, x: Floats, longest: float, virtual: bool, direction: float, strides: int = 1) -> Iterator[Way]:
+def walk(
+    system: Equations, x: Floats, longest: float, virtual: bool, direction: float, strides: int = 1
+) -> Iterator[Way]:
     """Yield, point by point, a branch as far as it has been followed, down (-1) or up (1) the parameter.
 
     Where no test along it falls by half, steps are up to `strides` times as long.
@@ -159,7 +178,7 @@ def walk(system: System, x: Floats, longest: float, virtual: bool, direction: fl
         halved = _halved(here, there)
         if halved is not None:
             way.special.append(halved)
-            way.end = "period_doubling"
+            way.end = halved.kind
             break
         for special in between(here, there):
             part = special.on_branch
@@ -181,7 +200,7 @@ def walk(system: System, x: Floats, longest: float, virtual: bool, direction: fl
     yield way
 
 
-def _dense(system: System, here: Point, steps: Iterable[Step], longest: float) -> Iterator[tuple[Step, Point]]:
+def _dense(system: Equations, here: Point, steps: Iterable[Step], longest: float) -> Iterator[tuple[Step, Point]]:
     """Yield the steps of a curve and their points, with points between where a longer step nears a bifurcation."""
     for step in steps:
         there = Point(system, step.x, step.tangent)
@@ -204,17 +223,11 @@ def _inside(a: Point, b: Point, longest: float) -> list[Point]:
 
 
 def _halved(a: Point, b: Point) -> Solution | None:
-    """Return the period doubling between two points at which the halves of a doubled orbit coincide, or None."""
-    system, p, n = a.system, a.system.cycle.n_impacts, a.system.cycle.n_periods
-    if p % 2 or n % 2:
+    """Return the bifurcation between two points at which the halves of a doubled orbit coincide, or None."""
+    before, after = a.system.halves(a.x), a.system.halves(b.x)
+    if before is None or after is None or (before @ after > 0.0 and np.abs(after).max() > ONE_HALF):
         return None
-    h = p // 2
-    before, after = (np.concatenate([x[h:p] - x[:h] - 0.5 * n, x[p + h : 2 * p] - x[p : p + h]]) for x in (a.x, b.x))
-    if before @ after > 0.0 and np.abs(after).max() > ONE_HALF:
-        return None
-    half = replace(system, cycle=Cycle(n // 2, h), condition=DOUBLING)
     share = 1.0 / (1.0 + float(np.linalg.norm(after) / np.linalg.norm(before)))
-    x = a.x + share * (b.x - a.x)
-    turns = 0.5 * (x[:h] + x[h:p] - 0.5 * n)
-    found, made, _ = half.newton(np.concatenate([turns, 0.5 * (x[p : p + h] + x[p + h : 2 * p]), x[2 * p :]]))
+    half, start = a.system.half(a.x + share * (b.x - a.x))
+    found, made, _ = half.newton(start)
     return Solution(half, found) if made else None

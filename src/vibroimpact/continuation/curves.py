@@ -15,9 +15,10 @@ import numpy as np
 from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_through, check_box, check_plane
 from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.coverage import CELLS, Coverage, coverage, distances
+from vibroimpact.continuation.following import UNKNOWN, both_ways, check_share
 from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary, course
 from vibroimpact.continuation.sticking import MOST, Range, ends_on_line
-from vibroimpact.continuation.system import UNKNOWN, both_ways, check_share, system_of
+from vibroimpact.continuation.system import system_of
 from vibroimpact.motion import cycle_name, listed
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits
@@ -237,7 +238,7 @@ def _on_line(
                 continue
             system, solved = system_of(orbit, (parameter,), (range,))
             for way in both_ways(partial(walk, system, system.pack(solved), longest, False), look):
-                covered.append(np.array([[*system.values(p.x), p.z[1]] for p in way.points]))
+                covered.append(np.array([[*system.values(p.x), system.velocities(p.x)[0]] for p in way.points]))
                 yield from (special.bifurcation(parameter) for special in way.special)
 
 
@@ -316,7 +317,7 @@ class _Search:
         """Return which orbits are on a curve that is known already: nearer to it than a part of a step."""
         known = np.zeros(len(orbits), dtype=bool)
         for curve in self.known:
-            if orbits and (kind, _type(orbits[0])) == (curve.kind, _type(curve.orbits[0])):
+            if orbits and (kind, orbits[0].name) == (curve.kind, curve.orbits[0].name):
                 fastest = max(max(orbit.velocities, default=0.0) for orbit in curve.orbits)
                 places = [self._places(which, fastest) for which in (orbits, curve.orbits)]
                 known |= distances(*places) < SAME * self.longest
@@ -329,10 +330,6 @@ class _Search:
         if orbits[0].n_impacts == -1 or fastest == 0.0:
             return rows
         return np.column_stack([rows, [max(orbit.velocities) / fastest for orbit in orbits]])
-
-
-def _type(orbit: Orbit) -> tuple[int, int]:
-    return orbit.n_periods, orbit.n_impacts
 
 
 def _plain(point: BifurcationPoint | StickingEnd) -> BifurcationPoint | StickingEnd:

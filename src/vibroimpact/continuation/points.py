@@ -7,17 +7,28 @@ solved for exactly. At a period doubling `switch_branch` leads to the doubled or
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+from vibroimpact.continuation.following import (
+    DOUBLING,
+    FOLD,
+    GRAZING,
+    LAST_IMPACT,
+    TORUS,
+    TOUCH,
+    Equations,
+    Nearest,
+    check_share,
+)  # fmt: skip
 from vibroimpact.continuation.results import BifurcationPoint
-from vibroimpact.continuation.system import DOUBLING, FOLD, LAST_IMPACT, TOUCH, System, check_share, system_of
-from vibroimpact.orbits.admissibility import ROUNDING, NearMiss, closest, orbit_size
-from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, parameters_of
-from vibroimpact.orbits.orbit import Orbit, make_orbit
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.continuation.system import system_of
+from vibroimpact.orbits.admissibility import ROUNDING
+from vibroimpact.orbits.equations import Floats
+from vibroimpact.orbits.systems import AnyOrbit
 from vibroimpact.parameters import invalid
 
 HALVINGS = 12  # of a step, in search of what happens inside
@@ -28,46 +39,45 @@ TRIES = 12  # of an amplitude, halved each time
 class Solution:
     """A solution of a system: a point of a branch or a boundary, or a bifurcation."""
 
-    system: System
+    system: Equations
     x: Floats
 
     @cached_property
-    def orbit(self) -> Orbit:
+    def orbit(self) -> AnyOrbit:
         """The orbit there."""
-        return make_orbit(self.system.model_at(self.x), self.system.cycle, self.z)
+        return self.system.orbit(self.x)
 
     @cached_property
-    def oscillator(self) -> ImpactOscillator:
-        """The oscillator there."""
-        osc: ImpactOscillator = self.system.model_at(self.x).at()
-        return osc
+    def speeds(self) -> Floats:
+        """Velocities of the impacts, in parts of the orbit's speed."""
+        return self.system.speeds(self.x)
 
     @cached_property
-    def z(self) -> Floats:
-        """Turns and velocities."""
-        return self.system.solution(self.x)
-
-    @cached_property
-    def closest(self) -> NearMiss | None:
-        """Where the mass comes closest to the stop between impacts."""
-        return closest(self.oscillator, self.system.cycle, self.z)
+    def nearest(self) -> Nearest | None:
+        """Where the orbit comes closest to a stop between impacts."""
+        return self.system.nearest(self.x)
 
     @property
     def margin(self) -> float:
-        """The gap there, in parts of the orbit's size; infinite if there is none."""
-        return self.closest.gap / orbit_size(self.oscillator, self.z) if self.closest else math.inf
+        """The clearance there, in parts of the orbit's size; infinite if there is none."""
+        return self.nearest.margin if self.nearest else math.inf
+
+    @property
+    def parted(self) -> bool:
+        """Whether no other stop is closed at the instant of an impact."""
+        return self.nearest is None or self.nearest.beside > 0.0
 
     @property
     def admissible(self) -> bool:
-        """Whether the mass can move along the orbit; the graze that defines a boundary is allowed."""
-        speeds = self.z[self.system.cycle.n_impacts :]
-        others = np.delete(speeds, self.system.where) if self.system.condition == LAST_IMPACT else speeds
-        return bool((others > 0.0).all() and self.margin >= -ROUNDING)
+        """Whether the orbit can be; the graze that defines a boundary is allowed."""
+        last = self.system.condition == LAST_IMPACT
+        others = np.delete(self.speeds, self.system.where) if last else self.speeds
+        return bool((others > 0.0).all() and self.margin >= -ROUNDING and self.parted)
 
     @property
     def kind(self) -> str:
         """Which bifurcation it is."""
-        return "grazing" if self.system.condition in (TOUCH, LAST_IMPACT) else self.system.condition
+        return self.system.kind
 
     @property
     def touch_phase(self) -> float:
@@ -77,17 +87,12 @@ class Solution:
     @cached_property
     def residual(self) -> float:
         """By how much the orbit misses its flights and its defining condition, relative to its own size."""
-        system, osc, z, p = self.system, self.oscillator, self.z, self.system.cycle.n_impacts
-        parameters, size, speed = parameters_of(osc), orbit_size(osc, z), fastest_of(osc, z[p:])
-        flights = system.cycle.misses(parameters, z) / np.repeat([size, speed], p)
-        ahead = (system.touch(self.x) - system.cycle.span(z, system.where)[0]) * osc.period
-        own = system.condition_misses(parameters, z, ahead, size, speed)
-        return max(float(np.abs(flights).max()), *map(abs, own))
+        return self.system.residual(self.x)
 
     @property
     def on_branch(self) -> Floats:
         """The unknown of the branch that a bifurcation lies on."""
-        return np.concatenate([self.x[: 2 * self.system.cycle.n_impacts], self.x[self.system.inner :]])
+        return self.system.on_branch(self.x)
 
     def bifurcation(self, parameter: str) -> BifurcationPoint:
         """Return a bifurcation on a branch as callers see it."""
@@ -104,12 +109,11 @@ class Point(Solution):
     @cached_property
     def tests(self) -> dict[str, float]:
         """The test of each condition."""
-        cycle, parameters = self.system.cycle, self.system.parameters(self.x)
         return {
             FOLD: float(self.tangent[-1]),
-            DOUBLING: 1.0 + cycle.trace(parameters, self.z) + cycle.determinant(parameters),
-            LAST_IMPACT: float(self.z[cycle.n_impacts :].min()) / self.system.speed,
+            LAST_IMPACT: float(self.speeds.min()),
             TOUCH: self.margin,
+            **self.system.tests(self.x),
         }
 
     def nears(self, other: Point) -> bool:
@@ -118,8 +122,8 @@ class Point(Solution):
 
     @property
     def clear(self) -> bool:
-        """Whether no flight penetrates the stop and no impact has a velocity away from it."""
-        return self.tests[LAST_IMPACT] > 0.0 and self.margin > 0.0
+        """Whether no flight penetrates a stop and no impact has a velocity away from it."""
+        return self.tests[LAST_IMPACT] > 0.0 and self.margin > 0.0 and self.parted
 
 
 def between(a: Point, b: Point) -> list[Solution]:
@@ -127,8 +131,9 @@ def between(a: Point, b: Point) -> list[Solution]:
     changed = [condition for condition in a.tests if (a.tests[condition] > 0.0) != (b.tests[condition] > 0.0)]
     last = LAST_IMPACT in changed
     wanted = [FOLD] if FOLD in changed else []
-    wanted += [DOUBLING] if DOUBLING in changed and not last else []
-    wanted += [LAST_IMPACT if last else TOUCH] if a.clear != b.clear else []
+    wanted += [condition for condition in (DOUBLING, TORUS) if condition in changed and not last]
+    grazes = [condition for condition in (LAST_IMPACT, TOUCH) if condition in changed][:1]
+    wanted += grazes if a.clear != b.clear else []
     found = [special for condition in wanted if (special := _located(condition, a, b)) is not None]
     return sorted(found, key=lambda special: float((special.on_branch - a.x) @ (b.x - a.x)))
 
@@ -155,20 +160,19 @@ def _located(condition: str, a: Point, b: Point) -> Solution | None:
 
 def _solved(condition: str, x: Floats, a: Point, b: Point) -> Solution | None:
     """Return the bifurcation that Newton's method reaches from x, or None if it does not lie between the points."""
-    where, touch, p = 0, math.nan, a.system.cycle.n_impacts
-    if condition in (LAST_IMPACT, TOUCH):
+    where, touch, stop = 0, 0.0, 0
+    if condition in GRAZING:
         owner = a if a.tests[condition] < b.tests[condition] else b
-        where = int(np.argmin(owner.x[p : 2 * p]))
+        where = int(np.argmin(owner.speeds))
         if condition == TOUCH:
-            if owner.closest is None:
+            if owner.nearest is None:
                 return None
-            where = owner.closest.flight
+            where, stop = owner.nearest.flight, owner.nearest.stop
             # The touch moves with the orbit: its distance from the start of the flight is kept.
-            touch = owner.closest.turns + float(x[where] - owner.x[where])
-    bounded = replace(a.system, condition=condition, where=where)
-    start = np.concatenate([x[: 2 * p], [touch] if condition == TOUCH else [], x[2 * p :]])
+            touch = owner.nearest.turns + float(x[where] - owner.x[where])
+    bounded, start = a.system.bounded(condition, x, where, touch, stop)
     found, made, _ = bounded.newton(start)
-    if not made:
+    if not made or not bounded.is_own(found):
         return None
     special = Solution(bounded, found)
     part, way = special.on_branch, b.x - a.x
@@ -177,38 +181,40 @@ def _solved(condition: str, x: Floats, a: Point, b: Point) -> Solution | None:
     return special if -1e-9 <= share <= 1.0 + 1e-9 and aside <= float(np.linalg.norm(way)) else None
 
 
-def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Orbit:
-    r"""Return an orbit of the doubled branch that is born at a period doubling.
+def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
+    r"""Return an orbit of the branch that is born at a period doubling, or at a pitchfork of symmetric orbits.
 
-    There the orbit, traversed twice, solves the equations of 2n periods and 2p impacts with a singular Jacobian; its
-    null vector :math:`\phi` is the direction in which the two rounds separate. The doubled orbit solves the same
-    equations with
+    At a period doubling the orbit, traversed twice, solves the equations of 2n periods and 2p impacts with a singular
+    Jacobian; its null vector :math:`\phi` is the direction in which the two rounds separate. The doubled orbit solves
+    the same equations with
 
     .. math:: \phi \cdot (z - z_0) = \varepsilon,
 
-    and a free parameter, which is regular for :math:`\varepsilon \ne 0` [1]_.
+    and a free parameter, which is regular for :math:`\varepsilon \ne 0` [1]_. A pitchfork is the period doubling of
+    half a cycle and the mirror: the two rounds are the halves of a cycle.
 
     Parameters
     ----------
     point : BifurcationPoint
-        Of kind "period_doubling".
+        Of kind "period_doubling" or "pitchfork".
     amplitude : float, 0 to 0.5
         Separation :math:`\varepsilon` of the two rounds, in driving periods and relative to the orbit's speed; halved
         as often as needed.
 
     Returns
     -------
-    Orbit
-        A period-2n impact-2p orbit, at a parameter above or below the point's, wherever the doubled branch is.
+    Orbit or SystemOrbit
+        A period-2n impact-2p orbit, at a parameter above or below the point's, wherever the doubled branch is; at a
+        pitchfork an orbit of the same n and p without symmetry, whose `twin` is the other one.
 
     Raises
     ------
     ValueError
-        `point` is not a period doubling, `amplitude` is out of its range, or no doubled orbit is found.
+        `point` is neither, `amplitude` is out of its range, or no doubled orbit is found.
 
     Notes
     -----
-    Follow it with `continue_orbit`; its branch ends at the period doubling, where the two rounds coincide. The doubled
+    Follow it with `continue_orbit`; its branch ends at the point, where the two rounds coincide. The doubled
     orbit is stable beyond a supercritical period doubling, unstable before a subcritical one. A few milliseconds.
 
     References
@@ -227,9 +233,9 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Orbit:
     >>> doubled.name, doubled.stable
     ('period-2 impact-2', True)
     """
-    if not isinstance(point, BifurcationPoint) or point.kind != "period_doubling":
+    if not isinstance(point, BifurcationPoint) or point.kind not in ("period_doubling", "pitchfork"):
         given = getattr(point, "kind", point)
-        raise invalid("point", given, "a period doubling", "take one from the `special` of a branch")
+        raise invalid("point", given, "a period doubling or a pitchfork", "take one from the `special` of a branch")
     size = check_share("amplitude", amplitude)
     system, x, direction = _twice(point)
     for _ in range(TRIES):
@@ -243,12 +249,8 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Orbit:
     )
 
 
-def _twice(point: BifurcationPoint) -> tuple[System, Floats, Floats]:
+def _twice(point: BifurcationPoint) -> tuple[Equations, Floats, Floats]:
     """Return the doubled equations, the orbit traversed twice, and the direction in which the rounds separate."""
     value, width = point.value, max(abs(point.value), 1e-3)
     once, z = system_of(point.orbit, (point.parameter,), ((value - width, value + width),))
-    n, p = once.cycle.n_periods, once.cycle.n_impacts
-    system = replace(once, cycle=Cycle(2 * n, 2 * p))
-    twice = np.concatenate([z[:p], z[:p] + n, z[p:], z[p:]])
-    matrix = system.flights_jacobian(parameters_of(system.oscillator), twice)
-    return system, system.pack(twice), np.append(np.linalg.svd(matrix)[2][-1], 0.0)
+    return once.doubled(z)

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.continuation.system import MOST_POINTS
+from vibroimpact.continuation.following import MOST_POINTS
 from vibroimpact.dataset import dataset_of, flags, impact_speed, label, plain_variable, provenance, variable
-from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.oscillator import Model
 
 if TYPE_CHECKING:
@@ -22,6 +21,7 @@ ENDS = {
     "grazing": "where it grazes the stop",
     "inadmissible": "where its orbits become inadmissible",
     "period_doubling": "at the period doubling it comes from",
+    "pitchfork": "at the pitchfork it comes from",
     "closed": "where it began (closed)",
     "impacts_merge": "where two impacts merge",
     "lost": "where Newton's method finds no next orbit",
@@ -32,6 +32,7 @@ ENDS = {
 }
 MISS = "miss of the defining condition"
 KINDS = ("fold", "period_doubling", "grazing", "end_of_sticking")
+POINTS = (*KINDS, "neimark_sacker", "pitchfork")
 
 
 @dataclass(frozen=True)
@@ -40,14 +41,15 @@ class BifurcationPoint:
 
     Parameters
     ----------
-    kind : {"fold", "period_doubling", "grazing", "end_of_sticking"}
-        A multiplier is 1; a multiplier is -1; the orbit touches the stop, or one of its impacts has velocity zero; the
-        end of a chatter meets the release.
+    kind : {"fold", "period_doubling", "grazing", "end_of_sticking", "neimark_sacker", "pitchfork"}
+        A multiplier is 1; a multiplier is -1; the orbit touches a stop, or one of its impacts has velocity zero; the
+        end of a chatter meets the release; a complex pair of multipliers has modulus 1; a symmetric orbit loses its
+        symmetry to two orbits that are mirror images of each other (a multiplier of the half map is -1).
     parameter : str
         The parameter that varied along the branch.
     value : float
         Its value here.
-    orbit : Orbit
+    orbit : Orbit or SystemOrbit
         The orbit here.
     residual : float
         By how much it misses its flights and its defining condition, in parts of its own size.
@@ -58,7 +60,7 @@ class BifurcationPoint:
     kind: str
     parameter: str
     value: float
-    orbit: Orbit
+    orbit: Any
     residual: float = 0.0
     touch_phase: float = math.nan
 
@@ -79,19 +81,19 @@ class Branch:
     ----------
     parameter : str
         The one that varies.
-    orbits : list of Orbit
+    orbits : list of Orbit or SystemOrbit
         Along the branch; the impacts keep their order.
     special : list of BifurcationPoint
         Folds, period doublings and grazings on it, in its order; their orbits are among `orbits`.
     outcome : tuple of two str
         Why it ends at its first and at its last orbit: "range", "grazing", "inadmissible", "period_doubling",
-        "closed", "impacts_merge", "lost", "budget" or "stopped".
+        "pitchfork", "closed", "impacts_merge", "lost", "budget" or "stopped".
     message : str
         The outcome in sentences.
     """
 
     parameter: str
-    orbits: list[Orbit]
+    orbits: list[Any]
     special: list[BifurcationPoint]
     outcome: tuple[str, str]
     message: str
@@ -130,7 +132,7 @@ class Boundary:
         As of a `BifurcationPoint`.
     parameters : tuple of two str
         The plane.
-    orbits : list of Orbit
+    orbits : list of Orbit or SystemOrbit
         Along the curve, each on the boundary.
     residuals : list of float
         By how much each misses its flights and its defining condition, in parts of its own size.
@@ -145,7 +147,7 @@ class Boundary:
 
     kind: str
     parameters: tuple[str, str]
-    orbits: list[Orbit]
+    orbits: list[Any]
     residuals: list[float]
     touch_phases: list[float]
     outcome: tuple[str, str]
@@ -183,7 +185,7 @@ def _along(
     return dataset_of(content, {key: axis(first.model, key, "point", values[key]) for key in values}, attrs)
 
 
-def course(what: str, orbits: Sequence[Orbit], names: Sequence[str], ends: tuple[str, str]) -> str:
+def course(what: str, orbits: Sequence[Any], names: Sequence[str], ends: tuple[str, str]) -> str:
     """Return from where to where a branch or a curve leads, and why it ends there."""
     first, last = (", ".join(f"{name} = {orbits[j].value(name):.9g}" for name in names) for j in (0, -1))
     if "closed" in ends:
@@ -191,7 +193,7 @@ def course(what: str, orbits: Sequence[Orbit], names: Sequence[str], ends: tuple
     return f"from {first}, {ENDS[ends[0]]}, to {last}, {ENDS[ends[1]]}"
 
 
-def orbit_variables(orbits: Sequence[Orbit], p: int, dim: str) -> dict[str, xr.Variable]:
+def orbit_variables(orbits: Sequence[Any], p: int, dim: str) -> dict[str, xr.Variable]:
     """Return velocities, phases, stability and admissibility of orbits as variables."""
     return {
         "velocity": impact_speed((dim, "impact"), _rows([orbit.velocities for orbit in orbits], p)),
@@ -215,8 +217,8 @@ def number(dims: Any, data: Any, long_name: str) -> xr.Variable:
 
 def kind_variable(dims: Any, kinds: Any) -> xr.Variable:
     """Return kinds of special points as flags."""
-    codes = KINDS.index(kinds) if isinstance(kinds, str) else [KINDS.index(kind) for kind in kinds]
-    return flags(dims, codes, "kind of boundary", KINDS)
+    codes = POINTS.index(kinds) if isinstance(kinds, str) else [POINTS.index(kind) for kind in kinds]
+    return flags(dims, codes, "kind of boundary", POINTS)
 
 
 def _rows(rows: Sequence[Sequence[float]], width: int) -> np.ndarray[Any, np.dtype[np.float64]]:

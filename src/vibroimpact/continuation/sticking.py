@@ -14,8 +14,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from vibroimpact.continuation.following import UNKNOWN, Way, both_ways
 from vibroimpact.continuation.results import Boundary
-from vibroimpact.continuation.system import UNKNOWN, Way, both_ways
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.orbit import Orbit, family_of, value_of
 from vibroimpact.orbits.sticking import (

@@ -1,4 +1,4 @@
-r"""The equations that a branch or a boundary obeys, in scaled unknowns, and how the curve that they leave is followed.
+r"""The equations of one mass that a branch or a boundary obeys, in scaled unknowns.
 
 The unknown x holds turns and velocities of the impacts, for a graze in mid-flight the turns at which it touches, and
 the free parameters as parts of their ranges. The misses of the flights, and on a boundary one condition more, vanish:
@@ -6,82 +6,55 @@ the free parameters as parts of their ranges. The misses of the flights, and on 
     fold: 1 - trace + determinant,   period doubling: 1 + trace + determinant,
     grazing: the velocity of one impact, or gap and rate at the touch.
 
-One equation fewer than unknowns leaves a curve; with as many the point is isolated.
-
 A free parameter may be any of the model's. Of a family's own parameters the oscillator's numbers are known only as the
 function that makes them: their derivatives are central differences of it.
-
-A step along the curve leads along its tangent; Newton's method then corrects it on the hyperplane normal to the
-tangent, which passes folds where the parameter turns (H. B. Keller, in Applications of Bifurcation Theory, Academic
-Press (1977) 359-384).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibroimpact.continuation.following import DOUBLING, FOLD, LAST_IMPACT, TOUCH, Equations, Nearest
+from vibroimpact.continuation.modes import Modes, modes_of
+from vibroimpact.orbits.admissibility import NearMiss, closest, nearest_misses, orbit_size
 from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
-from vibroimpact.orbits.orbit import Orbit, check_pair, solution_of, value_of
-from vibroimpact.oscillator import ImpactOscillator, Model, the_oscillator
-from vibroimpact.parameters import invalid, real_number
-from vibroimpact.progress import Report
+from vibroimpact.orbits.orbit import Orbit, make_orbit, solution_of
+from vibroimpact.orbits.systems import AnyOrbit, SystemOrbit
+from vibroimpact.oscillator import ImpactOscillator, the_oscillator
 
-BRANCH, FOLD, DOUBLING, TOUCH, LAST_IMPACT = "branch", "fold", "period_doubling", "touch", "last_impact"
 NUDGE = 1e-6  # of a range: by so much a family's parameter is moved to see how the oscillator depends on it
-STEP = 1e-5  # of an unknown's size: differences are then right to about 1e-10, enough for Newton's method
-MOST = 12  # corrections per point
-CLOSE = 1e-9  # the correction after which convergence, which is quadratic, is complete
-SHORTEST = 1e-6  # of the longest step
-STRAIGHT = 0.97  # least cosine between the tangents at two points
-EASY = 3  # corrections up to which the next step may be longer
-UNKNOWN: Any = None  # how many points or curves there will be
-MOST_POINTS = 20_000  # of one direction
 
 
-class Corrected(NamedTuple):
-    """What Newton's method reached, in how many corrections (0: it failed), and the Jacobian before the last."""
+@dataclass(frozen=True, kw_only=True)
+class System(Equations):
+    """Equations of a cycle of one mass, whose speeds are compared with `speed` in m/s."""
 
-    x: Floats
-    made: int
-    jacobian: Floats | None = None
-
-
-@dataclass(frozen=True)
-class System:
-    """Equations of a cycle with free parameters; `condition` says which boundary, `where` which flight or impact."""
-
-    model: Model
     cycle: Cycle
-    names: tuple[str, ...]
-    ranges: tuple[tuple[float, float], ...]
     speed: float
-    condition: str = BRANCH
-    where: int = 0
 
     @cached_property
     def oscillator(self) -> ImpactOscillator:
         """The model's own oscillator, which is where the curve begins."""
         return the_oscillator(self.model)
 
-    @cached_property
-    def inner(self) -> int:
-        """How many of the unknowns are no parameters."""
-        return 2 * self.cycle.n_impacts + (self.condition == TOUCH)
+    @property
+    def size(self) -> int:
+        """Turns and velocities of all impacts."""
+        return 2 * self.cycle.n_impacts
 
-    def pack(self, z: Floats, touch: float = math.nan) -> Floats:
-        """Return the unknown of a solution z of the model at its own values."""
+    @property
+    def impacts(self) -> int:
+        """All impacts of the cycle."""
+        return self.cycle.n_impacts
+
+    def scaled(self, z: Floats) -> Floats:
+        """Return turns, and velocities in parts of the speed."""
         p = self.cycle.n_impacts
-        free = [
-            (value_of(self.model, name) - low) / (high - low)
-            for name, (low, high) in zip(self.names, self.ranges, strict=True)
-        ]
-        return np.concatenate([z[:p], z[p:] / self.speed, [touch] if self.condition == TOUCH else [], free])
+        return np.concatenate([z[:p], z[p:] / self.speed])
 
     def solution(self, x: Floats) -> Floats:
         """Return turns and velocities."""
@@ -90,25 +63,10 @@ class System:
         z[p:] *= self.speed
         return z
 
-    def touch(self, x: Floats) -> float:
-        """Return the turns at which the orbit grazes; NaN for other conditions."""
-        if self.condition == LAST_IMPACT:
-            return float(x[self.where])
-        return float(x[self.inner - 1]) if self.condition == TOUCH else math.nan
-
     def in_order(self, x: Floats) -> bool:
         """Whether the impacts follow one another, and the touch is inside its flight."""
         begin, end = self.cycle.span(x, self.where)
         return self.cycle.in_order(x) and (self.condition != TOUCH or begin < x[self.inner - 1] < end)
-
-    def values(self, x: Floats) -> list[float]:
-        """Return the free parameters."""
-        return [
-            low + float(part) * (high - low) for part, (low, high) in zip(x[self.inner :], self.ranges, strict=True)
-        ]
-
-    def _inside(self, values: list[float]) -> list[float]:
-        return [min(max(value, low), high) for value, (low, high) in zip(values, self.ranges, strict=True)]
 
     @cached_property
     def _own(self) -> list[tuple[int, float]] | None:
@@ -127,7 +85,7 @@ class System:
             for (i, factor), value in zip(self._own, values, strict=True):
                 numbers[i] = factor * value
             return numbers
-        inside = self._inside(values)
+        inside = self.inside(values)
         beyond = np.subtract(values, inside)
         numbers = self._numbers(inside)
         return numbers if not beyond.any() else (np.array(numbers) + beyond @ self._slopes(inside)).tolist()
@@ -154,28 +112,22 @@ class System:
             return False
         return m > 0.0 and k > 0.0 and w > 0.0
 
-    def model_at(self, x: Floats) -> Model:
-        """Return the model, its free parameters inside their ranges."""
-        return self.model.replace(**dict(zip(self.names, self._inside(self.values(x)), strict=True)))
-
-    def misses(self, x: Floats) -> Floats:
-        """Return what must vanish, in parts of the speed and of the length that goes with it."""
-        parameters, z = self.parameters(x), self.solution(x)
-        misses = self.cycle.misses(parameters, z) / self.scales[0]
-        return misses if self.condition == BRANCH else np.append(misses, self._conditions(x, parameters, z))
+    def flights(self, x: Floats) -> Floats:
+        """Return by how much flights miss their impacts, in parts of the speed and of the length that goes with it."""
+        return self.cycle.misses(self.parameters(x), self.solution(x)) / self.scales[0]
 
     @cached_property
     def scales(self) -> tuple[Floats, Floats]:
         """The sizes of the misses and of turns and velocities."""
         return self.cycle.scales(self.oscillator, self.speed)
 
-    def _conditions(self, x: Floats, parameters: list[float], z: Floats) -> list[float]:
+    def conditions(self, x: Floats) -> list[float]:
+        """Return what vanishes on the boundary alone."""
+        parameters, z = self.parameters(x), self.solution(x)
         ahead = (self.touch(x) - self.cycle.span(z, self.where)[0]) * TURN / parameters[4]
-        return self.condition_misses(parameters, z, ahead, self.scales[0][0], self.speed)
+        return self._own_misses(parameters, z, ahead, self.scales[0][0], self.speed)
 
-    def condition_misses(
-        self, parameters: list[float], z: Floats, ahead: float, length: float, speed: float
-    ) -> list[float]:
+    def _own_misses(self, parameters: list[float], z: Floats, ahead: float, length: float, speed: float) -> list[float]:
         """Return what vanishes on the boundary alone, in parts of a length and a speed; a touch is `ahead` s away."""
         cycle = self.cycle
         if self.condition in (FOLD, DOUBLING):
@@ -189,40 +141,14 @@ class System:
             return [gap / length, slope / speed]
         return []
 
-    def jacobian(self, x: Floats) -> Floats:
-        """Return the derivative of the misses: of the flights by turns and velocities in closed form, the rest not."""
-        p, inner = self.cycle.n_impacts, self.inner
-        parameters, z = self.parameters(x), self.solution(x)
-        sizes = self._sizes(x, parameters)
-        matrix = np.zeros((2 * p + len(self._conditions(x, parameters, z)), len(x)))
-        matrix[: 2 * p, : 2 * p] = self.flights_jacobian(parameters, z)
-        for j in range(len(x)):
-            first = 0 if j >= inner else 2 * p
-            if first < len(matrix):
-                matrix[first:, j] = self._difference(x, j, sizes[j], first)
-        return matrix
-
-    def flights_jacobian(self, parameters: list[float], z: Floats) -> Floats:
+    def flights_jacobian(self, x: Floats) -> Floats:
         """Return the scaled derivative of the flights' misses by turns and velocities."""
         rows, columns = self.scales
-        return self.cycle.jacobian(parameters, z) * columns / rows[:, None]
+        return self.cycle.jacobian(self.parameters(x), self.solution(x)) * columns / rows[:, None]
 
-    def _difference(self, x: Floats, j: int, size: float, first: int) -> Floats:
-        """Return the derivative of the misses, those of the flights only if `first` is 0, by one unknown."""
-
-        def misses(value: float) -> Floats:
-            moved = x.copy()
-            moved[j] = value
-            if first == 0:
-                return self.misses(moved)
-            return np.array(self._conditions(moved, self.parameters(moved), self.solution(moved)))
-
-        step = STEP * size
-        return (misses(x[j] + step) - misses(x[j] - step)) / (2.0 * step)
-
-    def _sizes(self, x: Floats, parameters: list[float]) -> Floats:
+    def sizes(self, x: Floats) -> Floats:
         """Return by how much each unknown must change to change the flights by something of order one."""
-        m, _, k, f, w, _, g = parameters
+        m, _, k, f, w, _, g = self.parameters(x)
         p, natural = self.cycle.n_impacts, math.sqrt(k / m)
         slow = min(1.0, w / (self.cycle.n_periods * natural))  # free turns in a cycle multiply a change of pace
         force = max(abs(f), k * abs(g), 1e-3 * self.speed * math.sqrt(k * m))
@@ -240,38 +166,10 @@ class System:
         """Return by how much each free parameter must change to change one of the oscillator's numbers by as much."""
         if self._own is not None:
             return [numbers[i] / factor for i, factor in self._own]
-        slopes = np.abs(self._slopes(self._inside(self.values(x))))
+        slopes = np.abs(self._slopes(self.inside(self.values(x))))
         with np.errstate(divide="ignore", invalid="ignore"):
             steps: list[float] = np.where(slopes > 0.0, np.array(numbers) / slopes, math.inf).min(axis=1).tolist()
         return steps
-
-    def newton(self, x: Floats, row: Floats | None = None, target: float | None = None) -> Corrected:
-        """Return the solution near x, with row . x = target (its own by default)."""
-        x = x.copy()
-        aim: Any = row @ x if row is not None and target is None else target
-        for made in range(1, MOST + 1):
-            if not self.possible(x):
-                break
-            try:
-                misses, jacobian = self.misses(x), self.jacobian(x)
-            except ValueError:  # a family makes no oscillator of values beside these
-                break
-            matrix = jacobian
-            if row is not None:
-                misses, matrix = np.append(misses, row[None, :] @ x - aim), np.concatenate([jacobian, row[None, :]])
-            if not (np.isfinite(misses).all() and np.isfinite(matrix).all()):
-                break
-            try:
-                correction = np.linalg.solve(matrix, misses)
-            except np.linalg.LinAlgError:
-                break
-            x -= correction
-            size = float(np.abs(correction).max())
-            if size < CLOSE:
-                return Corrected(x, made, jacobian)
-            if not size < 1e3:
-                break
-        return Corrected(x, 0)
 
     def weights(self, x: Floats) -> Floats:
         """Return the weight of each unknown in the length of a step; velocities are relative to the largest above 1."""
@@ -279,115 +177,82 @@ class System:
         counts[p : 2 * p] /= max(1.0, float(np.abs(x[p : 2 * p]).max()))
         return counts
 
-    def tangent(self, x: Floats, along: Floats, jacobian: Floats | None = None) -> Floats:
-        """Return the tangent of the curve at x, in the direction of `along`, of weighted length 1."""
-        counts = self.weights(x)
-        direction = np.linalg.svd((self.jacobian(x) if jacobian is None else jacobian) / counts)[2][-1]
-        return np.asarray(direction / counts * (1.0 if direction @ (along * counts) >= 0.0 else -1.0))
+    def made(self, x: Floats) -> ImpactOscillator:
+        """Return the oscillator, its free parameters inside their ranges."""
+        osc: ImpactOscillator = self.model_at(x).at()
+        return osc
+
+    def orbit(self, x: Floats) -> Orbit:
+        """Return the orbit of a solution."""
+        return make_orbit(self.model_at(x), self.cycle, self.solution(x))
+
+    def velocities(self, x: Floats) -> Floats:
+        """Return the velocities of the impacts in m/s."""
+        return self.solution(x)[self.cycle.n_impacts :]
+
+    def speeds(self, x: Floats) -> Floats:
+        """Return them in parts of the speed."""
+        return self.velocities(x) / self.speed
+
+    def nearest(self, x: Floats) -> Nearest | None:
+        """Return where the mass comes closest to the stop between impacts."""
+        osc, z = self.made(x), self.solution(x)
+        miss = closest(osc, self.cycle, z)
+        return None if miss is None else Nearest(miss.flight, miss.turns, miss.gap / orbit_size(osc, z))
+
+    def tests(self, x: Floats) -> dict[str, float]:
+        """Return the test of period doublings."""
+        cycle, parameters = self.cycle, self.parameters(x)
+        return {DOUBLING: 1.0 + cycle.trace(parameters, self.solution(x)) + cycle.determinant(parameters)}
+
+    def residual(self, x: Floats) -> float:
+        """Return by how much the orbit misses its flights and its own condition, relative to its size."""
+        osc, z, p = self.made(x), self.solution(x), self.cycle.n_impacts
+        parameters, size, speed = parameters_of(osc), orbit_size(osc, z), fastest_of(osc, z[p:])
+        flights = self.cycle.misses(parameters, z) / np.repeat([size, speed], p)
+        ahead = (self.touch(x) - self.cycle.span(z, self.where)[0]) * osc.period
+        own = self._own_misses(parameters, z, ahead, size, speed)
+        return max(float(np.abs(flights).max()), *map(abs, own))
+
+    def at_graze(self, x: Floats) -> tuple[Equations, Floats]:
+        """Return the condition of the graze that an orbit is at, and its unknown."""
+        where = int(np.argmin(self.speeds(x)))
+        if self.speeds(x)[where] <= 1e-9:
+            return self.bounded(LAST_IMPACT, x, where)
+        misses = nearest_misses(self.oscillator, self.cycle, self.solution(x))
+        lowest = min(misses, key=lambda miss: abs(miss.gap), default=NearMiss(0, math.nan, math.nan))
+        return self.bounded(TOUCH, x, lowest.flight, lowest.turns)
+
+    def halves(self, x: Floats) -> Floats | None:
+        """Return by how much the halves of a doubled orbit differ."""
+        p, n = self.cycle.n_impacts, self.cycle.n_periods
+        if p % 2 or n % 2:
+            return None
+        h = p // 2
+        return np.concatenate([x[h:p] - x[:h] - 0.5 * n, x[p + h : 2 * p] - x[p : p + h]])
+
+    def half(self, x: Floats) -> tuple[Equations, Floats]:
+        """Return the period doubling at which the halves of a doubled orbit coincide, and their mean."""
+        p, n = self.cycle.n_impacts, self.cycle.n_periods
+        h = p // 2
+        half = replace(self, cycle=Cycle(n // 2, h), condition=DOUBLING)
+        turns = 0.5 * (x[:h] + x[h:p] - 0.5 * n)
+        return half, np.concatenate([turns, 0.5 * (x[p : p + h] + x[p + h : 2 * p]), x[2 * p :]])
+
+    def doubled(self, z: Floats) -> tuple[Equations, Floats, Floats]:
+        """Return the equations of two rounds, the orbit traversed twice, and how the rounds separate."""
+        n, p = self.cycle.n_periods, self.cycle.n_impacts
+        system = replace(self, cycle=Cycle(2 * n, 2 * p))
+        x = system.pack(np.concatenate([z[:p], z[:p] + n, z[p:], z[p:]]))
+        return system, x, np.append(np.linalg.svd(system.flights_jacobian(x))[2][-1], 0.0)
 
 
-def system_of(orbit: Orbit, names: tuple[str, ...], ranges: tuple[tuple[float, float], ...]) -> tuple[System, Floats]:
-    """Return the equations of an orbit with free parameters, and its turns and velocities."""
+def system_of(
+    orbit: AnyOrbit, names: tuple[str, ...], ranges: tuple[tuple[float, float], ...]
+) -> tuple[System | Modes, Floats]:
+    """Return the equations of an orbit with free parameters, and its solution, for `pack`."""
+    if isinstance(orbit, SystemOrbit):
+        return modes_of(orbit, names, ranges)
     cycle, z = solution_of(orbit)
     speed = fastest_of(orbit.oscillator, z[cycle.n_impacts :])
-    return System(orbit.model, cycle, names, ranges, speed), z
-
-
-@dataclass(frozen=True)
-class Step:
-    """A point of a curve and its tangent; `end` is why no point follows, "range", "closed" or "lost", else empty."""
-
-    x: Floats
-    tangent: Floats
-    end: str = ""
-
-
-def follow(system: System, x: Floats, way: Floats, longest: float) -> Iterator[Step]:
-    """Yield the points of a curve after x, where `way` is its tangent, to the edge of the ranges or back to x."""
-    start, first, step, away = x, way, longest, False
-    while True:
-        counts, ahead = system.weights(x), x + step * way
-        found, made, jacobian = system.newton(ahead, counts * counts * way)
-        turned = system.tangent(found, way, jacobian) if made else way
-        straight = (turned * counts) @ (way * counts) / np.linalg.norm(turned * counts)
-        if not made or straight < STRAIGHT or np.abs((found - ahead) * counts).max() > step:
-            step *= 0.5
-            if step < SHORTEST * longest:
-                yield Step(x, way, "lost")
-                return
-            continue
-        outside = [j for j in range(system.inner, len(found)) if not -1e-12 <= found[j] <= 1.0 + 1e-12]
-        if outside:
-            yield _to_edge(system, x, found, outside, way)
-            return
-        x, way = found, turned
-        distance = _distance(system, start, x)
-        away = away or distance > 3.0 * longest
-        closed = away and distance < longest and way @ first > 0.0
-        yield Step(x, way, "closed" if closed else "")
-        if closed:
-            return
-        step = min(longest, step * (1.5 if made <= EASY else 1.0))
-
-
-def _to_edge(system: System, inside: Floats, beyond: Floats, outside: list[int], way: Floats) -> Step:
-    """Return the point at which the curve first leaves the ranges, between a point inside and one beyond."""
-    reached = {j: ((0.0 if beyond[j] < 0.0 else 1.0) - inside[j]) / (beyond[j] - inside[j]) for j in outside}
-    j = min(reached, key=lambda key: reached[key])
-    start = inside + reached[j] * (beyond - inside)
-    found, made, jacobian = system.newton(start, np.eye(len(start))[j], 0.0 if beyond[j] < 0.0 else 1.0)
-    if not made or np.abs(found - start).max() > np.abs(beyond - inside).max() + 1e-12:
-        return Step(inside, way, "lost")
-    return Step(found, system.tangent(found, way, jacobian), "range")
-
-
-def _distance(system: System, start: Floats, x: Floats) -> float:
-    """Return how far a point of the curve is from its first one; whole turns do not count."""
-    p, apart = system.cycle.n_impacts, (x - start) * system.weights(start)
-    apart[[*range(p), *([2 * p] if system.condition == TOUCH else [])]] -= np.rint(apart[0])
-    return float(np.linalg.norm(apart))
-
-
-@dataclass
-class Way:
-    """What was met along one direction of a curve: its points, bifurcations on it, and why it ended, also in words."""
-
-    points: list[Any]
-    special: list[Any] = field(default_factory=list)
-    end: str = "budget"
-    why: str = ""
-
-
-def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Way]:
-    """Return the two directions of a curve, -1 and 1 of its tangent; a walk yields its way after each point."""
-    ways: list[Way] = []
-    done = 0
-    for direction in (-1.0, 1.0):
-        if ways and ways[0].end == "closed":
-            return [*ways, Way(ways[0].points[:1], end="closed")]
-        for way in walk(direction):
-            if report(done + len(way.points), UNKNOWN, None) is False:
-                way.end = way.why = "stopped"
-                break
-        done += len(way.points)
-        ways.append(way)
-    return ways
-
-
-def check_range(owner: Orbit | Model, name: Any, given: Any) -> tuple[float, float]:
-    """Return the ends of a range of a parameter of a model, or of an orbit's model, whose value it must then hold."""
-    low, high = check_pair(owner.model if isinstance(owner, Orbit) else owner, name, "range", given)
-    if not low < high:
-        raise invalid("range", (low, high), "a lower number before a higher one")
-    if isinstance(owner, Orbit) and not low <= owner.value(name) <= high:
-        raise invalid("range", (low, high), f"one that holds the orbit's {name}, {owner.value(name):.12g}", "widen it")
-    return low, high
-
-
-def check_share(name: str, share: Any) -> float:
-    """Return a length that is a share of the ranges, of a driving period and of the orbit's speed."""
-    allowed = "a number from 1e-6 to 0.5"
-    value = real_number(name, share, allowed)
-    if not 1e-6 <= value <= 0.5:
-        raise invalid(name, share, allowed, "0.01 is usual")
-    return value
+    return System(model=orbit.model, cycle=cycle, names=names, ranges=ranges, speed=speed), z

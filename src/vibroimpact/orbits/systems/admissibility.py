@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,7 +29,7 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
     flow, states = cycle.flow, cycle.states(unknown)
     speeds, angles = cycle.speeds(unknown), cycle.angles(unknown)
     for i, (stop, speed) in enumerate(zip(cycle.stops, speeds, strict=True)):
-        if speed <= 0.0:
+        if speed < -ROUNDING * np.abs(states[0]).max():
             velocity = speed * flow.lengths[stop] * flow.omega
             return f"impact {i + 1} would have velocity {velocity:.3g} m/s, away from {names[stop]!r}"
     for i, stop in enumerate(cycle.stops):
@@ -54,25 +56,62 @@ def _first_contact(flow: Flow, start: Floats, duration: float, ending: int) -> t
 
     A flight that ends on another stop than expected, too, has depth 0 there.
     """
-    angles, states = sampled(flow, start, duration)
     firsts, found = [], []
+    for course in _courses(flow, start, duration):
+        places, depths = np.append(course.places, course.angles), -np.append(course.lowest, course.gaps)
+        beyond = depths > ROUNDING * course.size
+        if beyond.any():
+            deepest = int(np.argmax(depths))
+            firsts.append(float(places[beyond].min()))
+            found.append((float(places[deepest]), course.stop, float(depths[deepest] * flow.lengths[course.stop])))
+        elif course.stop != ending and course.gaps[-1] <= ROUNDING * course.size and course.closing:
+            firsts.append(duration)
+            found.append((duration, course.stop, 0.0))
+    return found[int(np.argmin(firsts))] if found else None
+
+
+def nearest_of(cycle: Cycle, unknown: Floats) -> tuple[int, float, float, int, float]:
+    """Return where an orbit comes closest to a stop between impacts, and how close others are at the impacts.
+
+    They are the flight, the driving angle and the clearance over its size (infinite where no clearance has a minimum),
+    the stop, and the least clearance over its size of another stop than the struck one at an impact.
+    """
+    flow, states, angles = cycle.flow, cycle.states(unknown), cycle.angles(unknown)
+    nearest, beside = (0, math.nan, math.inf, 0), math.inf
+    for i, stop in enumerate(cycle.stops):
+        begin = flow.drive(angles[i])
+        start = np.append(flow.struck(stop, states[i], begin), begin)
+        for course in _courses(flow, start, float(angles[i + 1] - angles[i])):
+            if len(course.lowest) and course.lowest.min() / course.size < nearest[2]:
+                at = int(np.argmin(course.lowest))
+                nearest = i, float(angles[i] + course.places[at]), float(course.lowest[at] / course.size), course.stop
+            if course.stop != cycle.struck_after(i):
+                beside = min(beside, float(course.gaps[-1] / course.size))
+    return *nearest, beside
+
+
+class _Course(NamedTuple):
+    """The clearance of a stop over its length during a flight: samples, its minima between them, and its size."""
+
+    stop: int
+    angles: Floats
+    gaps: Floats
+    places: Floats
+    lowest: Floats
+    size: float
+    closing: bool
+
+
+def _courses(flow: Flow, start: Floats, duration: float) -> Iterator[_Course]:
+    """Yield the course of each clearance."""
+    angles, states = sampled(flow, start, duration)
     for stop, row in enumerate(_derivatives(flow)):
         gaps, rates = row[:2] @ states
         parts = row[0][:, None] * states
         size = float(max(np.abs(parts[: 2 * flow.n].sum(axis=0)).max(), np.abs(parts[2 * flow.n :].sum(axis=0)).max()))
         turning = np.flatnonzero((rates[:-1] < 0.0) & (rates[1:] >= 0.0))
         offsets, lowest = _minima(row @ states[:, turning], float(angles[1]))
-        places = np.concatenate([angles[turning] + offsets, angles])
-        depths = -np.concatenate([lowest, gaps])
-        beyond = depths > ROUNDING * size
-        if beyond.any():
-            deepest = int(np.argmax(depths))
-            firsts.append(float(places[beyond].min()))
-            found.append((float(places[deepest]), stop, float(depths[deepest] * flow.lengths[stop])))
-        elif stop != ending and gaps[-1] <= ROUNDING * size and rates[-1] < 0.0:
-            firsts.append(duration)
-            found.append((duration, stop, 0.0))
-    return found[int(np.argmin(firsts))] if found else None
+        yield _Course(stop, angles, gaps, angles[turning] + offsets, lowest, size, bool(rates[-1] < 0.0))
 
 
 def sampled(flow: Flow, start: Floats, duration: float) -> tuple[Floats, Floats]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,10 +11,12 @@ from vibroimpact.cells import Floats
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.orbit import Orbit, value_of
 from vibroimpact.orbits.systems.admissibility import objection
 from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.oscillator import State
+from vibroimpact.orbits.systems.symmetry import mirror
+from vibroimpact.oscillator import Model, State
 from vibroimpact.system import ImpactSystem
 
 
@@ -46,6 +48,8 @@ class SystemOrbit:
         Whether the system can move so: no clearance below zero, every impact towards its stop.
     message : str
         Why it is inadmissible; empty if it is admissible.
+    family : family, optional
+        The family, at its own values, that the system was made by.
 
     Examples
     --------
@@ -69,11 +73,44 @@ class SystemOrbit:
     half_multipliers: tuple[complex, ...] = ()
     admissible: bool = True
     message: str = ""
+    family: Model | None = field(default=None, repr=False, compare=False)
 
     @property
-    def model(self) -> ImpactSystem:
-        """The system."""
-        return self.system
+    def model(self) -> Model:
+        """The family that made the system, or the system itself."""
+        return self.system if self.family is None else self.family
+
+    def value(self, parameter: str) -> float:
+        """Return the value of a parameter of its model."""
+        return value_of(self.model, parameter)
+
+    @property
+    def sticks(self) -> bool:
+        """Whether it rests at a stop: orbits of systems that do are not solved for."""
+        return False
+
+    @property
+    def twin(self) -> SystemOrbit:
+        """Its mirror image half a driving period later, a motion of the same system if that is symmetric.
+
+        Raises
+        ------
+        ValueError
+            The system is not symmetric; the message says why.
+        """
+        images, why = mirror(self.system)
+        if why:
+            raise ValueError(f"the orbit has no twin: its system is {why}")
+        names, start, half = self.system.stop_names, self.start, 0.5 * self.system.period
+        first = self.turns[0] + 0.5
+        place, rate = (tuple(-number for number in part) for part in (start.displacement, start.velocity))
+        state = State(place, rate, start.time + (half if first < 1.0 else -half))
+        return replace(
+            self,
+            stops=tuple(names[images[names.index(stop)]] for stop in self.stops),
+            turns=tuple(turn + first % 1.0 - self.turns[0] for turn in self.turns),
+            start=state,
+        )
 
     @property
     def n_impacts(self) -> int:
@@ -128,17 +165,23 @@ class SystemOrbit:
         return cycle_name(self.n_periods, self.n_impacts)
 
 
+AnyOrbit = Orbit | SystemOrbit
+
+
 def solution_of(orbit: SystemOrbit, flow: Flow) -> tuple[Floats, Floats]:
     """Return the driving angles of the impacts of an orbit, and the state before the first one."""
     state = np.append(orbit.start.displacement, orbit.start.velocity)
     return TURN * np.array(orbit.turns), np.linalg.solve(flow.physical, state)
 
 
-def make_orbit(system: ImpactSystem, cycle: Cycle, unknown: Floats) -> SystemOrbit:
-    """Return the orbit of a solution of a cycle's equations."""
+def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:
+    """Return the orbit of a solution of a cycle's equations, of a system or of the family that makes it."""
+    system: ImpactSystem = model.at()
     flow, p = cycle.flow, len(cycle.stops)
     angles, speeds, stops = unknown[:p], cycle.speeds(unknown), np.array(cycle.stops)
-    multipliers = cycle.multipliers(unknown)
+    grazing = np.abs(speeds) <= ROUNDING * np.abs(unknown[p:]).max()
+    speeds = np.where(grazing, 0.0, speeds)
+    multipliers = (complex(math.inf), *(0j for _ in unknown[p + 1 :])) if grazing.any() else cycle.multipliers(unknown)
     halves: tuple[complex, ...] = ()
     if cycle.images:
         halves, multipliers = multipliers, tuple(value * value for value in multipliers)
@@ -160,4 +203,5 @@ def make_orbit(system: ImpactSystem, cycle: Cycle, unknown: Floats) -> SystemOrb
         half_multipliers=halves,
         admissible=not message,
         message=message,
+        family=None if model is system else model,
     )

@@ -1,0 +1,354 @@
+r"""The equations of a system of several coordinates and stops that a branch or a boundary obeys, in scaled unknowns.
+
+The unknown x holds the turns of the impacts, the state just before the first one in the scaled modes of the system at
+which the curve begins, for a graze in mid-flight the turns at which it touches, and the free parameters as parts of
+their ranges. Other values of the parameters have modes of their own; as the state is that of one basis, it depends on
+the parameters smoothly even where modes change their order. What vanishes besides the misses of the cycle, with the
+multipliers mu, is
+
+    fold: 1 - mu,   period doubling: 1 + mu,   Neimark-Sacker: 1 - mu_i mu_j of a complex pair,
+    grazing: the velocity of one impact, or clearance and rate at the touch.
+
+The first three are taken of the multipliers that come nearest, with the sign of the product over all.
+
+An orbit that is its own mirror image half a cycle later has a half map, the flow of half a cycle and then the mirror.
+Its multipliers h make those of the cycle, mu = h^2: at h = 1 symmetric orbits fold, and at h = -1 the half map doubles
+its period, which is a pitchfork, where two asymmetric orbits of one cycle are born, mirror images of each other
+(J. W. Swift and K. Wiesenfeld, Phys. Rev. Lett. 52 (1984) 705-708).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from vibroimpact.cells import Floats
+from vibroimpact.continuation.following import (
+    BRANCH,
+    DOUBLING,
+    FOLD,
+    LAST_IMPACT,
+    TORUS,
+    TOUCH,
+    Equations,
+    Nearest,
+)  # fmt: skip
+from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.systems.admissibility import nearest_of
+from vibroimpact.orbits.systems.cycle import Cycle
+from vibroimpact.orbits.systems.flow import Flow
+from vibroimpact.orbits.systems.orbit import SystemOrbit, make_orbit, solution_of
+from vibroimpact.orbits.systems.symmetry import mirror
+
+NOISE = 1e-12  # a test nearer to zero is rounding: that of a mode which nothing damps, for example
+NUDGE = 1e-6  # of a range: by so much a parameter is moved to see how the equations depend on it
+KEPT = 16  # designs whose flights are remembered
+LEAST = 1e-3  # of the orbit's speed: slower impacts do not shorten the differences further
+
+
+@dataclass(frozen=True, kw_only=True)
+class Modes(Equations):
+    """Equations of a cycle of a system; states are `basis` @ the unknown's, of an orbit whose modes are of `scale`.
+
+    The free parameters change the flights by something of order one over `reach`, in parts of their ranges.
+    """
+
+    cycle: Cycle
+    basis: Floats
+    scale: float
+    reach: tuple[float, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Turns of the impacts and the state before the first."""
+        return len(self.cycle.stops) + len(self.basis)
+
+    @property
+    def impacts(self) -> int:
+        """Those of half a cycle that is mirrored, else all."""
+        return len(self.cycle.stops)
+
+    @property
+    def kind(self) -> str:
+        """Which bifurcation the condition is."""
+        return "pitchfork" if self.condition == DOUBLING and self.cycle.images else super().kind
+
+    def scaled(self, z: Floats) -> Floats:
+        """Return turns and scaled state of driving angles and a state in the coordinates."""
+        p = self.impacts
+        return np.concatenate([z[:p] / TURN, np.linalg.solve(self.basis, z[p:])])
+
+    @cached_property
+    def _known(self) -> Any:
+        return lru_cache(KEPT)(self._made)
+
+    @cached_property
+    def _last(self) -> Any:
+        return lru_cache(1)(lambda content: self._linear(np.frombuffer(content)))
+
+    def _made(self, values: tuple[float, ...]) -> tuple[Cycle, Floats]:
+        cycle, flow = self.cycle, Flow(self.model.at(**dict(zip(self.names, values, strict=True))))
+        return replace(cycle, flow=flow), np.linalg.solve(flow.physical, self.basis)
+
+    def _at(self, values: Sequence[float]) -> tuple[Cycle, Floats]:
+        """Return the cycle at some values of the parameters, and its modes by those of the unknown."""
+        found: tuple[Cycle, Floats] = self._known(tuple(values))
+        return found
+
+    def _solved(self, x: Floats) -> tuple[Cycle, Floats]:
+        """Return the cycle there, and its own unknown."""
+        p, (cycle, turned) = self.impacts, self._at(self.inside(self.values(x)))
+        return cycle, np.concatenate([TURN * x[:p], turned @ x[p : self.size]])
+
+    def possible(self, x: Floats) -> bool:
+        """Whether there is such a system of as many coordinates."""
+        try:
+            _, turned = self._at(self.inside(self.values(x)))
+        except (ValueError, np.linalg.LinAlgError):
+            return False
+        return turned.shape == self.basis.shape
+
+    def in_order(self, x: Floats) -> bool:
+        """Whether the impacts follow one another, and the touch is inside its flight."""
+        angles = self.cycle.angles(TURN * x)
+        begin, end = angles[self.where : self.where + 2] / TURN
+        return bool((np.diff(angles) > 0.0).all()) and (self.condition != TOUCH or begin < x[self.inner - 1] < end)
+
+    def flights(self, x: Floats) -> Floats:
+        """Return clearances at the impacts and by how much the cycle is open; straight on beyond the ranges."""
+        return self._beyond(x, self._flights)
+
+    def conditions(self, x: Floats) -> list[float]:
+        """Return what vanishes on the boundary alone."""
+        return [] if self.condition == BRANCH else self._beyond(x, self._conditions).tolist()
+
+    def _beyond(self, x: Floats, what: Any) -> Floats:
+        """Return what there is at the nearest values in the ranges, and on from there along its derivative."""
+        values = self.values(x)
+        inside = self.inside(values)
+        found: Floats = what(x)
+        for j, (value, edge, (low, high)) in enumerate(zip(values, inside, self.ranges, strict=True)):
+            if value != edge:
+                moved = x.copy()
+                moved[self.inner + j] = NUDGE if edge == low else 1.0 - NUDGE
+                found = found + (value - edge) / (high - low) * (found - what(moved)) / (
+                    NUDGE if edge == high else -NUDGE
+                )
+        return found
+
+    def _flights(self, x: Floats) -> Floats:
+        return self._linearised(x)[0]
+
+    def _linearised(self, x: Floats) -> tuple[Floats, Floats]:
+        """Return the scaled misses at the nearest values in the ranges, and their derivative by turns and state."""
+        found: tuple[Floats, Floats] = self._last(x.tobytes())
+        return found
+
+    def _linear(self, x: Floats) -> tuple[Floats, Floats]:
+        p, (cycle, unknown) = self.impacts, self._solved(x)
+        turned = self._at(self.inside(self.values(x)))[1]
+        misses, matrix = cycle.linearised(unknown)
+        matrix = np.hstack([TURN * matrix[:, :p], matrix[:, p:] @ turned])
+        misses[:p] /= self.scale
+        matrix[:p] /= self.scale
+        back = np.linalg.solve(turned, np.column_stack([misses[p:], matrix[p:]]))
+        misses[p:], matrix[p:] = back[:, 0], back[:, 1:]
+        return misses, matrix
+
+    def flights_jacobian(self, x: Floats) -> Floats:
+        """Return the derivative of the misses by turns and state."""
+        return self._linearised(x)[1]
+
+    def _conditions(self, x: Floats) -> Floats:
+        cycle, unknown = self._solved(x)
+        if self.condition == LAST_IMPACT:
+            return cycle.speeds(unknown)[[self.where]] / self.scale
+        if self.condition == TOUCH:
+            begin, at = unknown[self.where], TURN * x[self.inner - 1]
+            after = cycle.flow.struck(
+                cycle.stops[self.where], cycle.states(unknown)[self.where], cycle.flow.drive(begin)
+            )
+            touching = cycle.flow.clearance(self.stop, cycle.flow.fly(after, begin, at), cycle.flow.drive(at))
+            return np.array(touching[:2]) / self.scale
+        return np.array([_TESTS[self.condition](cycle.multipliers(unknown))])
+
+    def is_own(self, x: Floats) -> bool:
+        """Whether, for Neimark-Sacker, the multipliers whose product is 1 are a complex pair and no real ones."""
+        if self.condition != TORUS:
+            return True
+        cycle, unknown = self._solved(x)
+        nearest = min(combinations(cycle.multipliers(unknown), 2), key=lambda pair: abs(1.0 - pair[0] * pair[1]))
+        return nearest[0].imag != 0.0
+
+    def sizes(self, x: Floats) -> Floats:
+        """Return by how much each unknown must change to change the flights by something of order one."""
+        p, cycle = self.impacts, self._solved(x)[0]
+        slowest = float(np.abs(self.speeds(x)).min())
+        turns, states = 1.0 / cycle.flow.fastest, np.full(len(self.basis), min(1.0, max(slowest, LEAST)))
+        return np.concatenate([np.full(p, turns), states, np.full(self.inner - self.size, turns), self.reach])
+
+    def reaching(self, x: Floats) -> Modes:
+        """Return these equations with the `reach` of their parameters at x."""
+        base, reach = self._flights(x), []
+        for j in range(self.size, len(x)):
+            moved = x.copy()
+            moved[j] += NUDGE if x[j] < 0.5 else -NUDGE
+            change = float(np.abs(self._flights(moved) - base).max()) / NUDGE
+            reach.append(min(max(1.0 / change, 1e-3), 1.0) if change > 0.0 else 1.0)
+        return replace(self, reach=tuple(reach))
+
+    def weights(self, x: Floats) -> Floats:
+        """Return the weight of each unknown in the length of a step; states are relative to the largest above 1."""
+        counts = np.ones(len(x))
+        counts[self.impacts : self.size] /= max(1.0, float(np.abs(x[self.impacts : self.size]).max()))
+        return counts
+
+    def orbit(self, x: Floats) -> SystemOrbit:
+        """Return the orbit of a solution."""
+        return make_orbit(self.model_at(x), *self._solved(x))
+
+    def velocities(self, x: Floats) -> Floats:
+        """Return the velocities of the impacts in m/s."""
+        cycle, unknown = self._solved(x)
+        return np.array(cycle.flow.lengths[list(cycle.stops)] * cycle.flow.omega * cycle.speeds(unknown))
+
+    def speeds(self, x: Floats) -> Floats:
+        """Return the velocities of the impacts, over the lengths of their stops' directions, in parts of the size."""
+        cycle, unknown = self._solved(x)
+        return cycle.speeds(unknown) / self.scale
+
+    def nearest(self, x: Floats) -> Nearest:
+        """Return where the system comes closest to any stop between impacts."""
+        flight, angle, margin, stop, beside = nearest_of(*self._solved(x))
+        return Nearest(flight, angle / TURN, margin, stop, beside)
+
+    def tests(self, x: Floats) -> dict[str, float]:
+        """Return the tests of period doublings (of pitchforks) and Neimark-Sacker points."""
+        cycle, unknown = self._solved(x)
+        multipliers = cycle.multipliers(unknown)
+        found = {condition: _TESTS[condition](multipliers) for condition in (DOUBLING, TORUS)}
+        return {condition: value if abs(value) > NOISE else NOISE for condition, value in found.items()}
+
+    def residual(self, x: Floats) -> float:
+        """Return by how much the orbit misses its flights and its own condition, relative to its size."""
+        return float(np.abs(self.misses(x)).max())
+
+    def at_graze(self, x: Floats) -> tuple[Equations, Floats]:
+        """Return the condition of the graze that an orbit is at, and its unknown."""
+        where = int(np.argmin(self.speeds(x)))
+        if self.speeds(x)[where] <= 1e-9:
+            return self.bounded(LAST_IMPACT, x, where)
+        found = self.nearest(x)
+        return self.bounded(TOUCH, x, found.flight, found.turns, found.stop)
+
+    def halves(self, x: Floats) -> Floats | None:
+        """Return by how much the halves of a cycle differ, or the first and the mirrored second one."""
+        half = self._half()
+        if half is None:
+            return None
+        (cycle, unknown), p, h = self._solved(x), self.impacts, self.impacts // 2
+        state = half.sign * cycle.states(unknown)[h] - unknown[p:]
+        return np.append(x[h:p] - x[:h] - half.length / TURN, state / self.scale)
+
+    def _half(self) -> Cycle | None:
+        """Return half of the cycle, if it may be the double or the broken symmetry of one."""
+        cycle, p = self.cycle, self.impacts
+        first, second = cycle.stops[: p // 2], cycle.stops[p // 2 :]
+        if cycle.images or p % 2:
+            return None
+        if cycle.n_periods % 2 == 0:
+            return replace(cycle, n_periods=cycle.n_periods // 2, stops=first) if first == second else None
+        images = self._images
+        if images and second == tuple(images[stop] for stop in first):
+            return replace(cycle, stops=first, images=images)
+        return None
+
+    @cached_property
+    def _images(self) -> tuple[int, ...]:
+        return images_along(self.model, self.names, self.ranges)
+
+    def half(self, x: Floats) -> tuple[Equations, Floats]:
+        """Return the bifurcation at which such halves coincide, and their mean."""
+        half, (cycle, unknown), p, h = self._half(), self._solved(x), self.impacts, self.impacts // 2
+        assert half is not None
+        turns = 0.5 * (x[:h] + x[h:p] - half.length / TURN)
+        mean = 0.5 * (unknown[p:] + half.sign * cycle.states(unknown)[h])
+        turned = self._at(self.inside(self.values(x)))[1]
+        start = np.concatenate([turns, np.linalg.solve(turned, mean), x[self.size :]])
+        return replace(self, cycle=half, condition=DOUBLING), start
+
+    def doubled(self, z: Floats) -> tuple[Equations, Floats, Floats]:
+        """Return the equations of two rounds, the orbit traversed twice, and how the rounds separate.
+
+        Two rounds of half a cycle and the mirror are the cycle.
+        """
+        cycle, p = self.cycle, self.impacts
+        if cycle.images:
+            twice = replace(cycle, stops=(*cycle.stops, *(cycle.images[stop] for stop in cycle.stops)), images=())
+        else:
+            twice = replace(cycle, n_periods=2 * cycle.n_periods, stops=cycle.stops * 2)
+        system = replace(self, cycle=twice)
+        x = system.pack(np.concatenate([z[:p], z[:p] + cycle.length, z[p:]]))
+        return system, x, np.append(np.linalg.svd(system.flights_jacobian(x))[2][-1], 0.0)
+
+
+def _nearest_zero(values: Sequence[complex]) -> float:
+    """Return the product of the two numbers nearest to zero, with the sign of the product of all, which is real."""
+    sizes = np.sort(np.abs(values))
+    if not np.isfinite(sizes).all() or sizes[0] == 0.0:
+        return 0.0 if np.isfinite(sizes).all() else math.inf
+    return math.copysign(float(np.prod(sizes[:2])), float(np.prod(np.array(values) / np.abs(values)).real))
+
+
+_TESTS: dict[str, Any] = {
+    FOLD: lambda multipliers: _nearest_zero([1.0 - value for value in multipliers]),
+    DOUBLING: lambda multipliers: _nearest_zero([1.0 + value for value in multipliers]),
+    TORUS: lambda multipliers: (
+        _nearest_zero([1.0 - a * b for a, b in combinations(multipliers, 2)]) if len(multipliers) > 2 else 1.0
+    ),
+}
+
+
+def images_along(model: Any, names: Sequence[str], ranges: Sequence[tuple[float, float]]) -> tuple[int, ...]:
+    """Return the stop that each one becomes in the mirror, if a model is symmetric all along its ranges."""
+    found = mirror(model.at())[0]
+    for share in (0.0, 0.31, 1.0):
+        values = [low + share * (high - low) for low, high in ranges]
+        try:
+            there = mirror(model.at(**dict(zip(names, values, strict=True))))[0]
+        except ValueError:  # no system of these values
+            continue
+        if there != found:
+            return ()
+    return found
+
+
+def modes_of(
+    orbit: SystemOrbit, names: tuple[str, ...], ranges: tuple[tuple[float, float], ...]
+) -> tuple[Modes, Floats]:
+    """Return the equations of an orbit with free parameters, and its driving angles and state.
+
+    A symmetric orbit is followed with those of half a cycle, as long as the parameters leave the symmetry.
+    """
+    system, flow = orbit.system, Flow(orbit.system)
+    images = images_along(orbit.model, names, ranges) if orbit.symmetric else ()
+    p = len(orbit.stops) // (2 if images else 1)
+    angles, state = solution_of(orbit, flow)
+    stops = tuple(system.stop_names.index(stop) for stop in orbit.stops[:p])
+    scale = float(np.abs(state).max())
+    made = Modes(
+        model=orbit.model,
+        cycle=Cycle(flow, orbit.n_periods, stops, images),
+        names=names,
+        ranges=ranges,
+        basis=flow.physical * scale,
+        scale=scale,
+    )
+    solution = np.append(angles[:p], flow.physical @ state)
+    return made.reaching(made.pack(solution)), solution
