@@ -8,6 +8,7 @@ import pytest
 import vibroimpact as vi
 from systems import one_mass
 from vibroimpact import models
+from vibroimpact.motion import MotionClass, decide
 from vibroimpact.oscillator import ImpactOscillator
 
 NAMED = ("n_periods", "n_impacts", "lyapunov_per_impact")
@@ -112,3 +113,66 @@ def test_every_known_index_of_a_system_has_the_bits_of_another_grid():
     alone = vi.parameter_map(chain(), omega=[0.9], indices=NAMED, sample_impacts=500, workers=2)
     for name in NAMED:
         assert grid[name].values[1] == alone[name].values[0]
+
+
+# Quasi-periodic motions: an exponent of 0, and no cycle
+
+
+def between_stops(omega):
+    """Return two masses, the second one between two stops; their symmetric motion loses its stability below 0.967."""
+    K = np.array([[2.9, -1.6], [-1.6, 1.6]])
+    return vi.ImpactSystem(
+        mass=np.diag([1.1, 0.8]),
+        damping=0.017 * K,
+        stiffness=K,
+        force=vi.Force(omega=omega, harmonics={1: [1.0, 0.0]}),
+        stops=[vi.Stop(direction=[0.0, side], gap=0.7, restitution=0.81) for side in (1.0, -1.0)],
+    )
+
+
+def averages(system):
+    """Return the mean of exp(2 pi i phase) over each of two long windows, by weights that vanish smoothly at the ends.
+
+    Along a quasi-periodic motion such means converge faster than any power of the number of impacts.
+    """
+    phases = vi.impact_section(system, transient_impacts=4000, sample_impacts=4000)["phase"].values[::2]
+    at = (np.arange(1000) + 0.5) / 1000
+    weights = np.exp(-1.0 / (at * (1.0 - at)))
+    return [weights @ np.exp(2j * np.pi * part) / weights.sum() for part in np.split(phases, 2)]
+
+
+def test_beyond_a_neimark_sacker_point_motions_are_quasi_periodic():
+    omegas = [0.945, 0.95, 0.96, 0.965, 0.969, 0.98]
+    before, after = (
+        min(vi.find_orbit(between_stops(omega), n_impacts=2), key=lambda orbit: orbit.spectral_radius)
+        for omega in (0.969, 0.965)
+    )
+    assert before.spectral_radius < 1.0 < after.spectral_radius
+    assert abs(after.multipliers[0].imag) > 0.1
+    sweep = vi.parameter_map(
+        between_stops(1.0), omega=omegas, indices=NAMED, transient_impacts=2000, sample_impacts=3000
+    )
+    classes = vi.classify(sweep)["motion"]
+    words = [classes.attrs["flag_meanings"].split()[code] for code in classes.values]
+    assert words == ["chaotic", *["quasi_periodic"] * 3, *["periodic"] * 2]
+    for omega, word in zip(omegas, words, strict=True):
+        first, last = averages(between_stops(omega))
+        assert (abs(first - last) < 1e-9) == (word != "chaotic")
+
+
+def test_the_growth_over_many_impacts_decides_what_is_quasi_periodic():
+    growths = [-1.1, -0.9, 0.0, math.log(3000) - 0.1, math.log(3000) + 0.1, 0.0, 0.0, math.nan]
+    status = [*[vi.Status.OK] * 5, vi.Status.SHORT_WINDOW, vi.Status.STICKING, vi.Status.BUDGET]
+    known = [MotionClass(code).label for code in decide(status, growths, 0, 0, 3000)]
+    yes, no = "quasi-periodic", "undecided"
+    assert known == [no, yes, yes, yes, no, no, yes, "not followed to the end"]
+    assert MotionClass(int(decide(vi.Status.OK, 0.0, 0, 0, 999))) == MotionClass.UNDECIDED
+    assert MotionClass(int(decide(vi.Status.OK, 0.0, 3, 2, 3000))) == MotionClass.PERIODIC
+
+
+def test_one_mass_never_moves_quasi_periodically_not_even_without_loss():
+    elastic = ImpactOscillator(restitution=1.0, damping=0.0, omega=3.3)
+    for model in (elastic, one_mass(elastic)):
+        sweep = vi.parameter_map(model, omega=[3.3], start=vi.State(-0.4), indices=NAMED, sample_impacts=3000)
+        assert vi.classify(sweep)["motion"].values == MotionClass.UNDECIDED
+        assert "quasi_periodic" not in vi.classify(sweep)["motion"].attrs["flag_meanings"]

@@ -7,7 +7,7 @@ and names it with `motion_name`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import oscillator_of
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.neighbours import resolved, separations
+from vibroimpact.oscillator import ImpactOscillator, Model
 from vibroimpact.parameters import invalid, real_number, whole_number
 from vibroimpact.status import Status
 
@@ -26,14 +27,14 @@ if TYPE_CHECKING:
 
 # The one threshold of chaos: ln of the growth that carries the last binary digit of a double to the motion's own size.
 CERTAIN_GROWTH = 53 * math.log(2.0)
-UNRESOLVED = math.log(1e13)  # ln of the growth between two rests from which on rounding decides when the second comes
+WINDS = 1000  # impacts: in fewer a motion that settles slowly looks as if it never did
 
 
 class MotionClass(IntEnum):
     """The kind of a motion.
 
-    `classify` stores 0 to 4 in files; these numbers never change. The others refine 1 (no impact) and 0 (undecided)
-    where the status is known; `stored` leads back.
+    `classify` stores 0 to 5 in files; 0 to 4 never change. The others refine 1 (no impact) and 0 (undecided) where the
+    status is known; `stored` leads back.
     """
 
     UNDECIDED = 0
@@ -41,11 +42,12 @@ class MotionClass(IntEnum):
     PERIODIC = 2
     STICKING = 3
     CHAOTIC = 4
-    STUCK_FOREVER = 5  # pressed against the stop
-    DECAYING = 6  # unforced impacts die out
-    AT_REST = 7  # where a motion ends that nothing drives
-    BUDGET = 8  # not followed to the end
-    INTERRUPTED = 9
+    QUASI_PERIODIC = 5  # of two coordinates or more
+    STUCK_FOREVER = 6  # pressed against the stop
+    DECAYING = 7  # unforced impacts die out
+    AT_REST = 8  # where a motion ends that nothing drives
+    BUDGET = 9  # not followed to the end
+    INTERRUPTED = 10
 
     @property
     def word(self) -> str:
@@ -53,45 +55,69 @@ class MotionClass(IntEnum):
         return self.name.lower()
 
     @property
+    def label(self) -> str:
+        """The name in sentences and legends."""
+        return _NAMES.get(self, self.word.replace("_", " "))
+
+    @property
     def stored(self) -> MotionClass:
-        """The kind of 0 to 4 that this one refines."""
+        """The kind of 0 to 5 that this one refines."""
         return MotionClass(int(_STORED[self]))
 
     @property
     def hits(self) -> bool:
         """Whether the settled motion touches the stop again and again."""
-        return self in (MotionClass.PERIODIC, MotionClass.STICKING, MotionClass.CHAOTIC)
+        return self.stored not in (MotionClass.UNDECIDED, MotionClass.NO_IMPACT)
 
 
-_STORED = np.array([0, 1, 2, 3, 4, 1, 1, 1, 0, 0], dtype=np.int8)
-_NAMES = {MotionClass.STUCK_FOREVER: "permanently in contact", MotionClass.BUDGET: "not followed to the end"}
+_STORED = np.array([0, 1, 2, 3, 4, 5, 1, 1, 1, 0, 0], dtype=np.int8)
+_NAMES = {
+    MotionClass.QUASI_PERIODIC: "quasi-periodic",
+    MotionClass.STUCK_FOREVER: "permanently in contact",
+    MotionClass.BUDGET: "not followed to the end",
+}
 # The kind that a status alone decides, by status; the first four decide nothing.
-_BY_STATUS = np.array([0, 0, 0, 0, 1, 1, 5, 6, 8, 9], dtype=np.int8)
+_BY_STATUS = np.array([0, 0, 0, 0, 1, 1, 6, 7, 9, 10], dtype=np.int8)
 
 
-def decide(status: ArrayLike, growth: ArrayLike, n_periods: ArrayLike, n_impacts: ArrayLike) -> NDArray[np.int8]:
+def decide(
+    status: ArrayLike, growth: ArrayLike, n_periods: ArrayLike, n_impacts: ArrayLike, impacts: ArrayLike = 0
+) -> NDArray[np.int8]:
     r"""Return the kind of motion, as a number of `MotionClass`, of one cell or of an array, by the rules of `classify`.
 
     `growth` is ln of the factor by which neighbours part over the sampled impacts, :math:`N \lambda_\mathrm{impact}`;
     `n_periods` and `n_impacts` are 0 where no cycle was found, and -1 impacts are a complete chatter. The mass sticks
-    where two of three hold: there is a cycle, :math:`\lambda = -\infty`, a complete chatter.
+    where two of three hold: there is a cycle, :math:`\lambda = -\infty`, a complete chatter. `impacts` were sampled of
+    a model whose motions `may_wind`, 0 of another.
 
     Examples
     --------
     >>> [MotionClass(code).word for code in decide([2, 1, 0, 6], [-np.inf, -9.0, 90.0, np.nan], [1, 2, 0, 0], 0)]
     ['sticking', 'periodic', 'chaotic', 'stuck_forever']
     """
-    status, growth = np.asarray(status), np.asarray(growth)
+    status, growth, impacts = np.asarray(status), np.asarray(growth), np.asarray(impacts)
     cycle, rests, chatters = np.asarray(n_periods) > 0, np.isneginf(growth), np.asarray(n_impacts) == -1
     chaotic = (growth > CERTAIN_GROWTH) & (status != Status.SHORT_WINDOW)
     kind = np.where(chaotic, MotionClass.CHAOTIC, MotionClass.UNDECIDED)
+    keeps = (impacts >= WINDS) & (growth >= -1.0) & (growth <= np.log(np.maximum(impacts, 1)))
+    kind = np.where(keeps & (status != Status.SHORT_WINDOW), MotionClass.QUASI_PERIODIC, kind)
     kind = np.where(cycle, MotionClass.PERIODIC, kind)
     kind = np.where((cycle & rests) | (cycle & chatters) | (rests & chatters), MotionClass.STICKING, kind)
     return refined(kind, status)
 
 
+def may_wind(model: Model) -> bool:
+    """Return whether motions may be quasi-periodic: of two coordinates or more.
+
+    The stroboscopic section of one coordinate is a plane, also between two stops, where each rate before an impact and
+    that after it are one point. A closed curve of the section would enclose an area that each period keeps; but it
+    shrinks where a stop or a damper takes energy.
+    """
+    return np.size(model.at().mass) > 1
+
+
 def stored(kinds: NDArray[Any]) -> NDArray[np.int8]:
-    """Return kinds as `classify` stores them, 0 to 4."""
+    """Return kinds as `classify` stores them, 0 to 5."""
     codes: NDArray[np.int8] = _STORED[kinds]
     return codes
 
@@ -115,7 +141,7 @@ def motion_name(kind: int, n_periods: int = 0, n_impacts: int = 0) -> str:
         return f"period-{n_periods} impact-{n_impacts}"
     if kind == MotionClass.STICKING:
         return f"period-{n_periods} sticking" if n_periods else "intermittent sticking"
-    return _NAMES.get(kind, kind.word.replace("_", " "))
+    return kind.label
 
 
 def cycle_name(n_periods: int, n_impacts: int, sticks: bool = False) -> str:
@@ -131,8 +157,8 @@ class Motion:
     Parameters
     ----------
     kind : str
-        "periodic", "sticking", "chaotic", "undecided" (no cycle, and chaos not certain), "no_impact", "stuck_forever",
-        "decaying", "at_rest", "budget" or "interrupted": the word of a `MotionClass`.
+        "periodic", "sticking", "chaotic", "quasi_periodic", "undecided" (no cycle, and chaos not certain), "no_impact",
+        "stuck_forever", "decaying", "at_rest", "budget" or "interrupted": the word of a `MotionClass`.
     n_periods : int
         Driving periods in a cycle; 0 where there is none.
     n_impacts : int
@@ -182,6 +208,8 @@ class Motion:
             return f"{self.name}{rest}{hardest}"
         if kind == MotionClass.CHAOTIC:
             return "chaotic, the impacts do not repeat"
+        if kind == MotionClass.QUASI_PERIODIC:
+            return "quasi-periodic, the impacts do not repeat, and neighbours neither part nor approach"
         if kind == MotionClass.UNDECIDED:
             return "undecided, the sampled impacts do not repeat and are too few to prove chaos; sample more"
         return f"{self.name}: {self.status.sentence.removeprefix(f'{self.name}: ')}"
@@ -268,78 +296,6 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
         return Motion(kind.word, status=status)
     impacts = _from_hardest(velocity[cycle], phase[cycle]) if n else ((), ())
     return Motion(kind.word, n, p, *impacts, status)
-
-
-def separations(osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Floats) -> Floats:
-    r"""Return ln of the factor by which neighbours have parted since the first of some impacts, after each later one.
-
-    A deviation :math:`(\delta y, \delta\dot y)` obeys the homogeneous equation in flight; at an impact with speed v
-    before it and accelerations :math:`a_-, a_+` before and after, it takes the saltation (method, equation 5; P. C.
-    Müller, Chaos, Solitons & Fractals 5, 1671 (1995), for exponents of systems with jumps)
-
-    .. math:: \delta y \to -r\,\delta y, \qquad
-              \delta\dot y \to \frac{a_+ + r a_-}{v}\,\delta y - r\,\delta\dot y.
-
-    Examples
-    --------
-    >>> import vibroimpact as vi
-    >>> osc = vi.ImpactOscillator(omega=2.8)
-    >>> hits = vi.impact_section(osc, sample_impacts=1000)
-    >>> grown = separations(osc, hits.time.values, hits.phase.values, hits.velocity.values)
-    >>> round(float(grown[-1]) / 999, 2)  # the exponent per impact of `parameter_map`
-    0.28
-    """
-    grown: list[float] = []
-    total, scale = 0.0, osc.natural_frequency
-    y, rate = 1.0, scale
-    for a, b, d, e in _across(osc, time, phase, velocity):
-        y, rate = a * y + b * rate, d * y + e * rate
-        size = math.hypot(y * scale, rate)
-        if not size:  # nothing is left of the deviation
-            return np.array([*grown, -math.inf])
-        total += math.log(size)
-        grown.append(total)
-        y, rate = y / size, rate / size
-    return np.array(grown)
-
-
-def resolved(osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Floats) -> bool:
-    """Return whether double precision resolves a turn from a release, the first row, through impacts to the next one.
-
-    It does unless neighbours part by 1e13 between any two of its times: beyond that rounding decides when the mass
-    rests again, and the turn is no orbit of the oscillator. As in `describe_turn` of the kernels, deviations begin as
-    (1, 0.7) in lengths and speeds of a step, and anew wherever less than that is left of them.
-    """
-    from vibroimpact.kernels.flight import REACH  # slower to import
-
-    step = REACH / float(osc.cells({}).fastest_rate[0])
-    begin = 1.0, 0.7
-    (y, rate), whole = begin, sum(begin)
-    for a, b, d, e in _across(osc, time, phase, velocity):
-        y, rate = a * y + b * rate / step, step * d * y + e * rate
-        size = abs(y) + abs(rate)
-        if size >= math.exp(UNRESOLVED) * whole:
-            return False
-        if size < whole:
-            y, rate = begin
-    return True
-
-
-def _across(
-    osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Floats
-) -> Iterator[tuple[float, float, float, float]]:
-    """Yield how a deviation in displacement and velocity goes from just after one impact to just after the next."""
-    m, c, k, r = osc.mass, osc.damping, osc.stiffness, osc.restitution
-    half, flight, speed = 0.5 * c / m, np.diff(time), velocity[1:]
-    root = np.sqrt(complex(k / m - half * half))  # imaginary beyond critical damping
-    damped = np.exp(-half * flight)
-    cosine = damped * np.cos(root * flight).real
-    sine = damped * ((np.sin(root * flight) / root).real if root else flight)
-    force = (osc.amplitude * np.sin(2.0 * np.pi * phase[1:]) - k * osc.gap) / m
-    salt = ((force + r * c / m * speed) + r * (force - c / m * speed)) / speed
-    rows = zip(cosine + half * sine, sine, -k / m * sine, cosine - half * sine, salt, strict=True)
-    for a, b, d, e, kick in rows:
-        yield -r * a, -r * b, kick * a - r * d, kick * b - r * e
 
 
 def recurrence(*columns: NDArray[Any], tolerance: float = 1e-6, longest: int = 64) -> int:

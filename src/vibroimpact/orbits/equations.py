@@ -268,7 +268,7 @@ class Cycle:
             held, back = dq + flight.damp * q, -flight.stiff * q
             a, b, c, d = held * a + q * c, held * b + q * d, back * a + dq * c, back * b + dq * d
             v = float(z[p + (i + 1) % p])
-            # `motion.separations` has the same saltation; its forces round as (f sin - k g)/m, not as here.
+            # `neighbours.separations` has the same saltation; its forces round as (f sin - k g)/m, not as here.
             # y'' = -u'' just before (y' = v) and just after (y' = -r v).
             before, after = -flight.bend(TURN * end, 0.0, -v), -flight.bend(TURN * end, 0.0, r * v)
             kick = (after + r * before) / v if v else math.inf

@@ -34,7 +34,8 @@ from vibroimpact.backends.cpu import limits
 from vibroimpact.kernels.advance import LOOK, TRACE
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.recorder import END, MEMORY, Recorder, begin, record
-from vibroimpact.motion import cycle_name, resolved
+from vibroimpact.motion import cycle_name
+from vibroimpact.neighbours import resolved
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit, check_pair, family_of

@@ -38,10 +38,11 @@ LEAST_SHARE = 0.005  # of the cells; rarer names have no colour of their own
 COLORS = {
     MotionClass.STICKING: STICKING,
     MotionClass.CHAOTIC: INK,
+    MotionClass.QUASI_PERIODIC: "#662266",
     MotionClass.NO_IMPACT: "#c9c9c9",
     MotionClass.UNDECIDED: OPEN,
 }
-WORDS = {kind: kind.word.replace("_", " ") for kind in COLORS}
+WORDS = {kind: kind.label for kind in COLORS}
 
 Name = TypeVar("Name", bound=Hashable)
 
@@ -102,7 +103,7 @@ def _reasons(sweep: xr.Dataset, field: xr.DataArray, values: Any) -> Iterator[tu
     kinds = _kinds(sweep, field)
     sticks = (values < 0) | (kinds == MotionClass.STICKING)
     yield sticks, STICKING, "complete chatter" if field.name == "n_impacts" else "intermittent sticking"
-    for kind in (MotionClass.CHAOTIC, MotionClass.UNDECIDED):
+    for kind in (MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC, MotionClass.UNDECIDED):
         yield ~sticks & (kinds == kind), COLORS[kind], WORDS[kind]
     yield ~sticks & (kinds < 0), INK, "no cycle found: chaotic or undecided"
 

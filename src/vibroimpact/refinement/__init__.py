@@ -12,6 +12,7 @@ import numpy as np
 
 from vibroimpact.dataset import level_variable, plain_variable
 from vibroimpact.execution import Gathered, Place, check_place, computing, usual_tile
+from vibroimpact.motion import may_wind
 from vibroimpact.parameters import invalid, real_number, several, whole_number
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.refinement.picture import NAMING, Picture, finer, refine_picture
@@ -53,7 +54,7 @@ def refine_map(
                 return stored.dataset()
             kept = stored, stack.enter_context(stored.writing(request))
         place = stack.enter_context(computing(cluster, workers))
-        picture = Picture(request.shape, request.indices, request.measurement.impacts.keep)
+        picture = Picture(request.shape, request.indices, request.measurement.impacts.keep, may_wind(request.model))
         level = {"level": level_variable(request.dims, picture.level)}
         dataset = map_of(request, picture.values).assign(level)
         batches = Batches(request, picture, dataset, place, tile, report, kept)

@@ -30,11 +30,14 @@ Jumps = Mapping[str, float]
 class Picture:
     """Indices, status, name of the motion and level of every cell of the fine grid.
 
-    `sample_impacts` are those sampled in each cell, by which chaos is recognised.
+    `sample_impacts` are those sampled in each cell, by which chaos is recognised, and motions of `several` coordinates
+    that are quasi-periodic.
     """
 
-    def __init__(self, shape: tuple[int, ...], names: tuple[str, ...], sample_impacts: int) -> None:
-        self.shape, self.sample_impacts = shape, sample_impacts
+    def __init__(
+        self, shape: tuple[int, ...], names: tuple[str, ...], sample_impacts: int, several: bool = False
+    ) -> None:
+        self.shape, self.sample_impacts, self.several = shape, sample_impacts, several
         self.values: dict[str, NDArray[Any]] = {name: missing(name, shape) for name in names}
         self.values["status"] = np.full(shape, Status.INTERRUPTED, np.int8)
         self.level = np.full(shape, FILLED, np.int8)
@@ -49,7 +52,7 @@ class Picture:
         """Write computed cells down."""
         for name, values in self.values.items():
             values.ravel()[at] = result[name]
-        self.motion.ravel()[at] = motion_codes(result, self.sample_impacts)
+        self.motion.ravel()[at] = motion_codes(result, self.sample_impacts, self.several)
         self.level.ravel()[at] = level
 
     def fill(self, step: int) -> None:
@@ -81,11 +84,11 @@ def _neighbours(field: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[A
     return (field[:-1], field[1:]) if axis == 0 else (field[:, :-1], field[:, 1:])
 
 
-def motion_codes(result: Arrays, sample_impacts: int) -> NDArray[np.uint32]:
-    """Return one number per cell for its class and, of a periodic motion, its n and p."""
+def motion_codes(result: Arrays, sample_impacts: int, several: bool = False) -> NDArray[np.uint32]:
+    """Return one number per cell for its class, of one or `several` coordinates, and its n and p if it is periodic."""
     periods, impacts = (np.asarray(result[name], np.int64) for name in ("n_periods", "n_impacts"))
     growth = sample_impacts * result["lyapunov_per_impact"]
-    kind = stored(decide(result["status"], growth, periods, impacts)).astype(np.uint32)
+    kind = stored(decide(result["status"], growth, periods, impacts, sample_impacts * several)).astype(np.uint32)
     name = np.where(kind == MotionClass.PERIODIC, periods * 8192 + impacts, 0)  # impacts of a cycle are at most 4096
     codes: NDArray[np.uint32] = (kind + KINDS * name).astype(np.uint32)
     return codes

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from vibroimpact.classes import NEEDED, classify
 from vibroimpact.dataset import model_of
 from vibroimpact.indices import INDICES, ROUNDING, spread_scale
-from vibroimpact.motion import MotionClass, cycle_length, decide, motion_name, recurrence, refined
+from vibroimpact.motion import MotionClass, cycle_length, decide, may_wind, motion_name, recurrence, refined
 from vibroimpact.report.quantities import axis_range, begun, counted, quantity, spaced, span
 from vibroimpact.status import Status
 
@@ -151,7 +151,8 @@ def _motion_at(row: xr.Dataset, axis: str) -> str:
     status, count = Status(int(row["status"])), int(row["count"])
     kept = {name: row[name].values[:count] for name in ("displacement", "velocity", "phase") if name in row}
     n, p = (int(row[name]) if name in row else 0 for name in ("n_periods", "n_impacts"))
-    kind = MotionClass(int(decide(status, _growth(row, axis, kept), n, p)))
+    winding = count * may_wind(model_of(row))
+    kind = MotionClass(int(decide(status, _growth(row, axis, kept), n, p, winding)))
     if kind != MotionClass.UNDECIDED:
         return motion_name(kind, n, p)
     if "phase" not in kept:
