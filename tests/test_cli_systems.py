@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import pytest
 
 import vibroimpact as vi
 from systems import two_masses
+from vibroimpact.orbits.systems import find
 
 TWO = """
 import vibroimpact as vi
@@ -56,6 +58,25 @@ def test_a_command_computes_a_system(run, command, lines):
         assert any(re.search(line, entry) for entry in told), told
 
 
+def test_orbits_of_a_system_are_listed_and_kept_as_those_of_one_mass(run, tmp_path):
+    code, told, _ = run("orbit --model two_sided_oscillator --stops left --symmetric")
+    (orbit,) = find(vi.models.two_sided_oscillator(), stops="left", symmetric=True)
+    assert (code, told[0]) == (0, "1 period-1 impact-2 orbit")
+    assert told[1].startswith("1. period-1 impact-2, stable, repeats every 0.04 s")
+    assert f"hits at {orbit.velocities[0]:.6g} m/s at phase {orbit.phases[0]:.6g} on left" in told[2]
+    assert f"multipliers 2, the largest {orbit.multipliers[0].real:.6g}" in told[3]
+    times = ",".join(repr(turn * orbit.system.period) for turn in orbit.turns)
+    assert run(f"orbit --model two_sided_oscillator --stops left,right --near {times} --out orbit.json")[0] == 0
+    (read,) = json.loads((tmp_path / "orbit.json").read_text())["orbits"]
+    assert read["velocities"] == pytest.approx(orbit.velocities, rel=1e-12)
+    assert read["stops"] == ["left", "right"]
+    assert run("orbit --model two_sided_oscillator --impacts 2 --out orbit.nc")[0] == 0
+    kept = vi.load(tmp_path / "orbit.nc").isel(orbit=0)
+    assert kept["stop"].values.tolist() == ["left", "right"]
+    assert kept["impulse"].values == pytest.approx(orbit.impulses, rel=1e-12)
+    assert kept["multiplier_real"].values == pytest.approx([value.real for value in orbit.multipliers], rel=1e-9)
+
+
 def test_a_start_gives_every_coordinate_and_its_velocity_a_number(run, tmp_path):
     assert run(f"simulate {OWN} --start 0.01,0.02:0,-0.1:0.3 --periods 2 --out motion.nc")[0] == 0
     start = vi.State([0.01, 0.02], [0.0, -0.1], 0.3)
@@ -77,9 +98,11 @@ def test_a_study_file_starts_a_system_from_lists(run, tmp_path):
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        (f"orbit {OWN}", "orbit takes one mass with one stop only, got ImpactSystem of 2 coordinates with bar, baffle"),
-        (f"continue {OWN} --x omega=1:2", "continue takes one mass with one stop only"),
-        (f"boundary {OWN} --x omega=1:2 --y bar_gap=0:1", "systems have simulate, section, diagram and map"),
+        (
+            f"continue {OWN} --x omega=1:2",
+            "continue takes one mass with one stop only, got ImpactSystem of 2 coordinates with bar, baffle",
+        ),
+        (f"boundary {OWN} --x omega=1:2 --y bar_gap=0:1", "systems have simulate, section, diagram, map and orbit"),
         ("basins --model two.py:slot", "basins takes one mass"),
         ("describe --model bouncing_ball", "describe takes one mass"),
         (f"diagram {OWN} --x bar_gap=0.04:0.05:2 --coordinate 2", "`coordinate` must be less than the number of"),
@@ -93,6 +116,12 @@ def test_a_study_file_starts_a_system_from_lists(run, tmp_path):
         (f"map {OWN} --x bar_gap=0:1:3 --indices grazing_margin", "`indices` of systems must be of std"),
         (f"map {OWN} --x bar_gap=0:1:3 --starts 4", "`start` must be None, a State or a list of them for a system"),
         ("section --model two_sided_oscillator -p left_gap=-1", "`stops` 'left' and 'right' overlap"),
+        (f"orbit {OWN} --impacts -1", "`n_impacts` must be at least 1 for a system"),
+        (f"orbit {OWN} --stops bar,bar", "orbits of several impacts need a guess"),
+        (f"orbit {OWN} --stops bar --impacts 1", "give either `--impacts` or the stops that are struck, not both"),
+        (f"orbit {OWN} --near 0.1", "`--near` of a system goes with `--stops`: a time in s for each of them"),
+        (f"orbit {OWN} --stops bat", "unknown `stops` 'bat'; choose from bar, baffle"),
+        ("orbit --stops bar", "`--stops` goes with a system"),
         ("section --model bouncing", "unknown model 'bouncing'; choose from base_excited_oscillator, bouncing_ball"),
     ],
 )

@@ -337,6 +337,14 @@ KINDS = _orbit(
     flags=("--kind",),
 )  # fmt: skip
 ORBIT = (ORBIT_PERIODS, ORBIT_IMPACTS, NEAR)
+STRUCK = (
+    _orbit(
+        "stops", "NAMES", "Of a system: comma-separated, the stops struck in turn; with several, --near is T,T in s."
+    ),
+    _orbit(
+        "symmetric", "", "Of a system: motions that are mirrored after half a cycle, whose stops these are.", kind=FLAG
+    ),
+)
 
 # Where the result goes
 

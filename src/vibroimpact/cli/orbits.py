@@ -14,6 +14,7 @@ import typer
 from vibroimpact.cli import Ended, WrongRequest, output, refusing
 from vibroimpact.cli import options as o
 from vibroimpact.cli.options import numbers
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from vibroimpact.cli.study import Study
     from vibroimpact.continuation import Boundaries, Branch
     from vibroimpact.orbits import Orbit, Orbits
+    from vibroimpact.orbits.systems import SystemOrbit
     from vibroimpact.oscillator import Model
 
 Range = tuple[float, float]
@@ -34,7 +36,7 @@ DIAGRAM = {"transient_impacts": 500, "sample_impacts": 100}  # of each value, un
 # Orbits
 
 
-@o.with_options(o.MODEL, o.ORBIT, o.ORBIT_OUT)
+@o.with_options(o.MODEL, o.ORBIT, o.STRUCK, o.ORBIT_OUT)
 def orbit(options: Options) -> None:
     """Periodic orbits of one (n, p) type, stable or not: impacts, Floquet multipliers.
 
@@ -43,17 +45,21 @@ def orbit(options: Options) -> None:
       vibroimpact orbit -p omega=2.0
       vibroimpact orbit -p omega=0.9 --impacts 2 --out orbit.json
       vibroimpact orbit -p omega=0.1 --impacts -1
+      vibroimpact orbit --model impact_damper --stops left --symmetric
+      vibroimpact orbit --model idle_gear --stops left,right --near 0.005,0.015
     """
-    study = options.study().of_one_mass("orbit")
+    study = options.study()
     output.check_looks(options, (".json",))
     began = perf_counter()
-    found = _find(study, options)
+    found = _find(study, options) if isinstance(study.model.at(), ImpactOscillator) else _find_of_system(study, options)
     out = options["out"]
     if out is not None and out.suffix.lower() == ".json":
         output.write_json(orbits_json(found, study.model), options, out)
         typer.echo(f"wrote {out} ({perf_counter() - began:.2g} s)")
         return
-    output.hand_on(orbits_dataset(found, study.model, _type(options)), options, perf_counter() - began)
+    asked = {name: options[name] for name in ("stops", "symmetric", "near") if options[name]}
+    asked = {"n_periods": options.number("n_periods", 1), **asked} if "stops" in asked else _type(options) | asked
+    output.hand_on(orbits_dataset(found, study.model, asked), options, perf_counter() - began)
 
 
 def _type(options: Options) -> dict[str, Any]:
@@ -64,12 +70,32 @@ def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Orbit]:
     """Return the orbits of the given type, or of the options' type."""
     import vibroimpact
 
+    if given := [f"`--{name}`" for name in ("stops", "symmetric") if options.get(name)]:
+        raise WrongRequest(f"{given[0]} goes with a system, and {study.model!s} has one stop; leave it out")
     near: Any = options["near"] and numbers("--near", options["near"], "PHASE,VELOCITY such as 0.25,1.4", 2)
     with refusing():
         return vibroimpact.find_orbit(study.model, **orbit_type or _type(options), near=near)
 
 
-def orbits_dataset(found: Orbits[Orbit], model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
+def _find_of_system(study: Study, options: Options) -> Orbits[SystemOrbit]:
+    """Return the orbits of a system that strike the given stops in turn, or have the given type."""
+    import vibroimpact
+    from vibroimpact.orbits.systems import find
+
+    named, more = options["stops"] or options["symmetric"], {"n_periods": options.number("n_periods", 1)}
+    if named and options["n_impacts"] is not None:
+        raise WrongRequest("give either `--impacts` or the stops that are struck, not both")
+    if options["near"] and not options["stops"]:
+        raise WrongRequest("`--near` of a system goes with `--stops`: a time in s for each of them")
+    near: Any = options["near"] and numbers("--near", options["near"], "times in s such as 0.1,0.3")
+    with refusing():
+        if not named:
+            return vibroimpact.find_orbit(study.model, **more, n_impacts=options.number("n_impacts", 1))
+        stops: Any = options["stops"] and [name.strip() for name in options["stops"].split(",")]
+        return find(study.model.at(), **more, stops=stops, symmetric=options["symmetric"], near=near)
+
+
+def orbits_dataset(found: Orbits[Any], model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
     """Return orbits over `orbit` and `impact`, rows padded with NaN; `count` is the number of impacts."""
     import numpy as np
     import xarray as xr
@@ -79,17 +105,27 @@ def orbits_dataset(found: Orbits[Orbit], model: Model, arguments: Mapping[str, A
 
     counts = [len(orbit.velocities) for orbit in found]
     content = orbit_variables(found, max(counts, default=0), "orbit")
-    for i in (0, 1):
-        for part, name in (("real", "real"), ("imag", "imaginary")):
-            values = [getattr(complex(orbit.multipliers[i]), part) for orbit in found]
-            content[f"multiplier_{i + 1}_{part}"] = number("orbit", values, f"{name} part of a Floquet multiplier")
+    parts = {"real": "real part of a Floquet multiplier", "imag": "imaginary part of a Floquet multiplier"}
+    several = not isinstance(model.at(), ImpactOscillator)
+    for part, text in parts.items():
+        rows = [[getattr(complex(value), part) for value in orbit.multipliers] for orbit in found]
+        table = np.array(rows).reshape(len(found), 2 * np.size(model.at().mass, 0) if several else 2)
+        if several:
+            content[f"multiplier_{part}"] = number(("orbit", "multiplier"), table, text)
+        else:
+            content |= {f"multiplier_{i}_{part}": number("orbit", column, text) for i, column in enumerate(table.T, 1)}
     whole = {
         "n_periods": ([orbit.n_periods for orbit in found], "driving periods per cycle"),
         "n_impacts": ([orbit.n_impacts for orbit in found], "impacts per cycle"),
         "count": (counts, "number of impacts listed"),
     }
-    for key, (values, long_name) in whole.items():
-        content[key] = xr.Variable("orbit", np.array(values, np.int32), {"long_name": long_name, "units": "1"})
+    for key, (kept, long_name) in whole.items():
+        content[key] = xr.Variable("orbit", np.array(kept, np.int32), {"long_name": long_name, "units": "1"})
+    outcome = {"outcome": found.outcome, "message": _sentence(found)}
+    outcome["messages"] = json.dumps([orbit.message for orbit in found])
+    if several:
+        content |= _struck(found, max(counts, default=0))
+        return xr.Dataset(content, attrs=provenance("find_orbit", model, arguments) | outcome)
     real = {
         "stick_phase": "phase of coming to rest at the stop",
         "release_phase": "phase of leaving the stop",
@@ -97,29 +133,46 @@ def orbits_dataset(found: Orbits[Orbit], model: Model, arguments: Mapping[str, A
     }
     content |= {key: number("orbit", [getattr(orbit, key) for orbit in found], text) for key, text in real.items()}
     content["stuck_time"].attrs["units"] = "s"
-    outcome = {"outcome": found.outcome, "message": _sentence(found)}
-    outcome["messages"] = json.dumps([orbit.message for orbit in found])
     return xr.Dataset(content, attrs=provenance("find_orbit", model, arguments) | outcome)
 
 
-def orbits_json(found: Orbits[Orbit], model: Model) -> dict[str, Any]:
+def _struck(found: Orbits[SystemOrbit], p: int) -> dict[str, xr.Variable]:
+    """Return stops and impulses of the impacts of a system's orbits."""
+    import numpy as np
+
+    from vibroimpact.dataset import plain_variable, variable
+
+    names = np.full((len(found), p), "", dtype=object)
+    impulses = np.full((len(found), p), math.nan)
+    for at, orbit in enumerate(found):
+        names[at, : orbit.n_impacts], impulses[at, : orbit.n_impacts] = orbit.stops, orbit.impulses
+    dims = ("orbit", "impact")
+    stops = plain_variable(dims, names.astype(str), {"long_name": "stop that is struck"})
+    return {"stop": stops, "impulse": variable("impulse", dims, impulses)}
+
+
+def orbits_json(found: Orbits[Any], model: Model) -> dict[str, Any]:
     """Return orbits as plain dictionaries, lists, numbers and text: NaN as None, multipliers as pairs."""
+    made = model.at()
     return {
-        "oscillator": asdict(model.at()),
+        **({"oscillator": asdict(made)} if isinstance(made, ImpactOscillator) else {"system": made.plain()}),
         "outcome": found.outcome,
         "message": _sentence(found),
         "orbits": [_plain(orbit) for orbit in found],
     }
 
 
-def _plain(orbit: Orbit) -> dict[str, Any]:
-    content = {key: value for key, value in vars(orbit).items() if key not in ("oscillator", "family")}
-    content["multipliers"] = [[z.real, z.imag] for z in orbit.multipliers]
+def _plain(orbit: Orbit | SystemOrbit) -> dict[str, Any]:
+    content = {key: value for key, value in vars(orbit).items() if key not in ("oscillator", "system", "family")}
+    for key in {"multipliers", "half_multipliers"} & set(content):
+        content[key] = [[z.real, z.imag] for z in content[key]]
+    if "start" in content:
+        content["start"] = asdict(content["start"])
     content |= {key: getattr(orbit, key) for key in ("name", "stable", "trace", "determinant")}
     return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in content.items()}
 
 
-def _sentence(found: Orbits[Orbit]) -> str:
+def _sentence(found: Orbits[Any]) -> str:
     if found.outcome == "inadmissible":
         return f"no admissible {found[0].name} orbit: the equations have {len(found)}"
     return found.message or f"{len(found)} {found[0].name} orbit{'s' * (len(found) > 1)}"

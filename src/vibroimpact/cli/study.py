@@ -120,7 +120,7 @@ class Study:
         with refusing():
             made = self.model.at()
         if not isinstance(made, ImpactOscillator):
-            commands = "simulate, section, diagram and map"
+            commands = "simulate, section, diagram, map and orbit"
             raise WrongRequest(f"{command} takes one mass with one stop only, got {made!s}; systems have {commands}")
         return self
 

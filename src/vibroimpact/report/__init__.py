@@ -116,7 +116,7 @@ def _ending(dataset: xr.Dataset) -> Iterator[str]:
 
 
 def _orbits(dataset: xr.Dataset) -> Iterator[str]:
-    period = oscillator_of(dataset).period
+    period = model_of(dataset).period
     yield dataset.attrs["message"]
     for at, reason in enumerate(json.loads(dataset.attrs["messages"])):
         orbit = dataset.isel(orbit=at)
@@ -126,7 +126,7 @@ def _orbits(dataset: xr.Dataset) -> Iterator[str]:
         if reason:
             yield f"   inadmissible: {reason}"
         yield from _cycle_of_impacts(orbit)
-        if float(orbit["stuck_time"]) > 0.0:
+        if float(orbit.get("stuck_time", 0.0)) > 0.0:
             rest, leaves, stuck = (float(orbit[key]) for key in ("stick_phase", "release_phase", "stuck_time"))
             yield f"   at rest at the stop from phase {rest:.6g} to {leaves:.6g}, {stuck:.6g} s per cycle"
         yield f"   multipliers {_multipliers(orbit)}"
@@ -134,8 +134,9 @@ def _orbits(dataset: xr.Dataset) -> Iterator[str]:
 
 def _cycle_of_impacts(orbit: xr.Dataset) -> Iterator[str]:
     """Yield the impacts of a cycle, a few to a line."""
-    rows = orbit["velocity"].values, orbit["phase"].values
-    hits = [f"{v:.6g} m/s at phase {phase:.6g}" for v, phase in zip(*rows, strict=True) if math.isfinite(v)]
+    where = [f" on {stop}" for stop in orbit["stop"].values] if "stop" in orbit else [""] * orbit.sizes["impact"]
+    rows = orbit["velocity"].values, orbit["phase"].values, where
+    hits = [f"{v:.6g} m/s at phase {phase:.6g}{on}" for v, phase, on in zip(*rows, strict=True) if math.isfinite(v)]
     parts = hits[:IMPACTS] + [f"and {len(hits) - IMPACTS} more"] * (len(hits) > IMPACTS)
     for first in range(0, len(parts), PER_LINE):
         comma = "," if first + PER_LINE < len(parts) else ""
@@ -143,10 +144,19 @@ def _cycle_of_impacts(orbit: xr.Dataset) -> Iterator[str]:
 
 
 def _multipliers(orbit: xr.Dataset) -> str:
+    if "multiplier" in orbit.dims:
+        values = orbit["multiplier_real"].values + 1j * orbit["multiplier_imag"].values
+        return f"{len(values)}, the largest {_multiplier(values[0])}"
     (a, b), (c, d) = ([float(orbit[f"multiplier_{i}_{part}"]) for part in ("real", "imag")] for i in (1, 2))
     if not any((a, b, c, d)):
         return "0 and 0: a rest at the stop erases all memory"
-    return f"{a:.6g} ± {abs(b):.6g} i, modulus {math.hypot(a, b):.6g}" if b else f"{a:.6g} and {c:.6g}"
+    return _multiplier(complex(a, b)) if b else f"{a:.6g} and {c:.6g}"
+
+
+def _multiplier(value: complex) -> str:
+    """Return a multiplier, with its conjugate if it is not real."""
+    size = f"{value.real:.6g} ± {abs(value.imag):.6g} i, modulus {abs(value):.6g}"
+    return size if value.imag else f"{value.real:.6g}"
 
 
 def _orbit_type(part: xr.Dataset) -> str:
