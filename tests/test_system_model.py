@@ -390,3 +390,44 @@ def test_a_table_of_modes_names_what_it_refuses(changes, message):
     }
     with pytest.raises(ValueError, match=message):
         vi.ImpactSystem.from_modes(**given | changes)
+
+
+# Families of systems: what designs share is computed once
+
+
+def test_designs_made_together_have_the_bits_of_each_alone():
+    """Frequencies, stiffness, gaps (negative ones, too), restitutions and moving stops, each tied to another."""
+
+    @vi.family
+    def tied(omega=8.0, gap=0.05, k=100.0):
+        stops = [
+            vi.Stop(direction=[0, 1], gap=gap, restitution=0.5 + gap, name="bar", motion={1: 0.1 * abs(gap)}),
+            vi.Stop(direction=[0.5, -1], gap=0.1 - gap, name="baffle"),
+        ]
+        K = [[300.0, -100.0], [-100.0, k]]
+        return two_masses(stiffness=K, force=vi.Force(omega=omega, harmonics={1: [5.0, k]}), stops=stops)
+
+    def still(gap=0.05, ratio=0.1):
+        stops = [vi.Stop(direction=side, gap=gap, restitution=ratio) for side in (1.0, -0.5)]
+        force = vi.Force(omega=2.0, harmonics={1: 1.0})
+        return vi.ImpactSystem(mass=1.0, stiffness=1.0, damping=0.1, force=force, stops=stops)
+
+    axes = {"omega": [7.0, 8.0, 9.0], "gap": [-0.02, 0.0, 0.05], "k": [80.0, 100.0]}
+    for family, grid in ((tied, axes), (vi.family(still), {"gap": [-0.0, 0.1, 0.3], "ratio": [0.0, 0.3, 1.0]})):
+        points = {name: values.ravel() for name, values in zip(grid, np.meshgrid(*grid.values()), strict=True)}
+        rows = zip(*(values.tolist() for values in points.values()), strict=True)
+        alone = [family.at(**dict(zip(points, row, strict=True))).cells({}).table for row in rows]
+        assert family.cells(points).table.tobytes() == np.concatenate(alone).tobytes()
+
+
+def test_a_design_that_is_refused_is_named():
+    oscillator = vi.family(vi.models.two_sided_oscillator)
+    with pytest.raises(ValueError, match=r"fails at .*left_gap=-1, .*overlap"):
+        oscillator.cells({"left_gap": np.array([0.1, -1.0]), "right_gap": np.array([0.1, 0.1])})
+
+
+def test_matrices_that_systems_share_cannot_be_written_into():
+    system = two_masses()
+    for matrix in (system.mass, system.damping, system.stiffness):
+        with pytest.raises(ValueError, match="WRITEABLE"):
+            matrix.setflags(write=True)

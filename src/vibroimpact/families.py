@@ -6,6 +6,7 @@ import inspect
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from itertools import chain
 from types import MappingProxyType
 from typing import Any, overload
 
@@ -14,6 +15,7 @@ import numpy as np
 from vibroimpact.cells import Cells
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model, check_names
 from vibroimpact.parameters import Parameter, invalid
+from vibroimpact.system import ImpactSystem
 from vibroimpact.system_cells import SystemCells
 
 
@@ -64,7 +66,7 @@ class Family:
         except (ValueError, ArithmeticError, ImportError) as error:
             where = ", ".join(f"{name}={value:g}" for name, value in given.items())
             raise ValueError(f"{self} fails at {where}: {error}") from error
-        if not isinstance(made, Model):
+        if not isinstance(made, (ImpactOscillator, ImpactSystem, Model)):  # the slow question last
             raise invalid(f"{self}(...)", made, "a model", "return an ImpactOscillator or an ImpactSystem")
         return made.at()
 
@@ -72,10 +74,12 @@ class Family:
         """Return one cell per point: the function is called at each of them."""
         check_names(self.parameters, points)
         rows = zip(*(np.asarray(values, np.float64).tolist() for values in points.values()), strict=True)
-        designs = [self.at(**dict(zip(points, row, strict=True))) for row in rows] if points else [self.at()]
-        if not isinstance(designs[0], ImpactOscillator):
-            return SystemCells.of_systems(designs).begun(start)
-        columns = {name: np.array([design.values[name] for design in designs]) for name in designs[0].values}
+        made = (self.at(**dict(zip(points, row, strict=True))) for row in rows) if points else iter([self.at()])
+        first = next(made)
+        if not isinstance(first, ImpactOscillator):
+            return SystemCells.of_systems(chain([first], made)).begun(start)
+        designs = [first, *made]
+        columns = {name: np.array([design.values[name] for design in designs]) for name in first.values}
         return Cells.at_rest(columns).begun(start)
 
     def _checked(self, values: Mapping[str, Any]) -> dict[str, float]:

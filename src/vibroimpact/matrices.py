@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from functools import lru_cache
 from itertools import combinations
 from typing import Any
@@ -25,13 +26,18 @@ def numbers(name: str, value: Any, dims: int, kind: type = np.float64) -> NDArra
     ValueError
         It holds text or truth values, has other dimensions, or an entry, which is named, is not finite or above 1e60.
     """
+    found: NDArray[Any]
+    if type(value) is float and abs(value) <= 1.0 / SMALLEST:
+        found = np.array(value, dtype=kind, ndmin=dims)  # as families have them by the thousands
+        found.setflags(write=False)
+        return found
     what = ("a number", "a list of numbers", "an array of rows of numbers")[dims]
     try:
         given = np.asarray(value)
         mixed = given.dtype.kind == "O" and not any(isinstance(entry, (str, bytes, bool)) for entry in given.flat)
         if not (given.dtype.kind in "iuf" or mixed or (given.dtype.kind == "c" and kind is np.complex128)):
             raise TypeError
-        found: NDArray[Any] = np.array(given, dtype=kind, ndmin=dims)
+        found = np.array(given, dtype=kind, ndmin=dims)
     except (TypeError, ValueError, OverflowError):
         raise invalid(name, value, what, "all of its rows of one length, without text") from None
     if given.ndim not in (0, dims) or not found.size:
@@ -46,7 +52,24 @@ def numbers(name: str, value: Any, dims: int, kind: type = np.float64) -> NDArra
 
 
 def matrices(mass: Any, damping: Any, stiffness: Any) -> dict[str, Floats]:
-    """Return the three matrices by name, checked."""
+    """Return the three matrices by name, checked; nobody can write into them, since many systems share them."""
+    keys = tuple(map(_key, (mass, damping, stiffness)))
+    return dict(_remembered(*keys)) if None not in keys else _matrices(mass, damping, stiffness)
+
+
+def _key(given: Any) -> tuple[tuple[int, ...], bytes] | None:
+    """Return what numbers are known by, if they are a float or an array of such."""
+    if type(given) is float:
+        return (), struct.pack("d", given)
+    return (given.shape, given.tobytes()) if type(given) is np.ndarray and given.dtype == np.float64 else None
+
+
+@lru_cache(KEPT)
+def _remembered(*keys: Any) -> dict[str, Floats]:
+    return _matrices(*(np.frombuffer(entries).reshape(shape) for shape, entries in keys))
+
+
+def _matrices(mass: Any, damping: Any, stiffness: Any) -> dict[str, Floats]:
     found = {"mass": _square("mass", mass)}
     n = len(found["mass"])
     if n > COORDINATES:
@@ -58,8 +81,7 @@ def matrices(mass: Any, damping: Any, stiffness: Any) -> dict[str, Floats]:
         if len(matrix) != n:
             raise ValueError(f"`{name}` must be {n} x {n}, as `mass` is, got an array of shape {np.shape(given)}")
         found[name] = matrix
-    checked = _checked(n, *(found[name].tobytes() for name in ("mass", "damping", "stiffness")))
-    return {name: matrix.copy() for name, matrix in checked.items()}
+    return dict(_checked(n, *(found[name].tobytes() for name in ("mass", "damping", "stiffness"))))
 
 
 @lru_cache(KEPT)
@@ -70,7 +92,8 @@ def _checked(n: int, *entries: bytes) -> dict[str, Floats]:
     _check_mass(mass)
     for name, matrix in {"stiffness": stiffness, "damping": 0.5 * (damping + damping.T)}.items():
         _check_semidefinite(name, matrix, mass)
-    return {"mass": mass, "damping": damping, "stiffness": stiffness}
+    found = {"mass": mass, "damping": damping, "stiffness": stiffness}
+    return {name: np.frombuffer(matrix.tobytes()).reshape(n, n) for name, matrix in found.items()}
 
 
 def _square(name: str, given: Any) -> Floats:

@@ -162,6 +162,8 @@ class Parameter:
 
     def check(self, value: Any) -> float:
         """Return the value as a float inside the range, 0 or of a size whose square is a number."""
+        if type(value) is float and self.low < value <= self.high and SMALLEST <= abs(value) <= 1.0 / SMALLEST:
+            return value  # as nearly all are; families check millions
         number = real_number(self.name, value, self.allowed, self.hint)
         if number < self.low or number > self.high or (number == self.low and not self.closed):
             raise invalid(self.name, value, self.allowed, self.hint)

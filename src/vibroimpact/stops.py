@@ -81,7 +81,7 @@ def _shown(value: Any) -> str:
 
 def vector(name: str, value: Any, kind: type = np.float64) -> Any:
     """Return a vector over the coordinates, read-only, or one over named points as a mapping."""
-    if not isinstance(value, Mapping):
+    if type(value) is float or not isinstance(value, Mapping):
         return numbers(name, value, 1, kind)
     if not value:
         raise invalid(name, value, "a list of numbers, or numbers by the names of points")
@@ -90,7 +90,7 @@ def vector(name: str, value: Any, kind: type = np.float64) -> Any:
 
 def check_length(name: str, value: Any, n: int) -> None:
     """Refuse a vector that is not one over n coordinates."""
-    if isinstance(value, Mapping):
+    if not isinstance(value, np.ndarray):
         raise ValueError(
             f"`{name}` names points ({', '.join(map(str, value))}), which only ImpactSystem.from_modes knows; "
             f"give {n} number{'s'[: n > 1]}, one per coordinate"
@@ -105,7 +105,7 @@ def _by_order(name: str, given: Any) -> dict[int, Any]:
     """Return what is given by the orders of harmonics, in their order."""
     if given is None:
         return {}
-    if not isinstance(given, Mapping):
+    if type(given) is not dict and not isinstance(given, Mapping):
         raise invalid(name, given, "a mapping from the order of a harmonic to its amplitude", "write {1: ...}")
     return dict(sorted((whole_number(f"{name} key", order, 1), value) for order, value in given.items()))
 
@@ -170,9 +170,11 @@ class Force(ByValue):
             order: vector(f"harmonics[{order}]", value, np.complex128)
             for order, value in _by_order("harmonics", harmonics).items()
         }
-        object.__setattr__(self, "omega", USUAL["omega"].check(omega))
-        object.__setattr__(self, "harmonics", MappingProxyType(found))
-        object.__setattr__(self, "constant", None if constant is None else vector("constant", constant))
+        vars(self).update(  # as the constructor of a frozen class must; families make thousands
+            omega=USUAL["omega"].check(omega),
+            harmonics=MappingProxyType(found),
+            constant=None if constant is None else vector("constant", constant),
+        )
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the constructor by name."""
@@ -246,19 +248,21 @@ class Stop(ByValue):
         if name is not None and not (isinstance(name, str) and name.isidentifier() and not keyword.iskeyword(name)):
             raise invalid("name", name, "a word of letters, digits and underscores", "write for example name='bar'")
         form = vector("direction", direction)
-        entries = list(form.values()) if isinstance(form, Mapping) else form
-        if not np.max(np.abs(entries)) >= SMALLEST:
+        entries = form.tolist() if isinstance(form, np.ndarray) else form.values()
+        if not max(map(abs, entries)) >= SMALLEST:
             of = f" of stop {name!r}" if name else ""
             raise ValueError(f"`direction`{of} must not be zero, got {_shown(form)}; a . q = gap is contact")
         moves = {
             order: complex(numbers(f"motion[{order}]", value, 0, np.complex128).item())
             for order, value in _by_order("motion", motion).items()
         }
-        object.__setattr__(self, "direction", form)
-        object.__setattr__(self, "gap", USUAL["gap"].check(gap))
-        object.__setattr__(self, "restitution", USUAL["restitution"].check(restitution))
-        object.__setattr__(self, "name", name)
-        object.__setattr__(self, "motion", MappingProxyType(moves))
+        vars(self).update(
+            direction=form,
+            gap=USUAL["gap"].check(gap),
+            restitution=USUAL["restitution"].check(restitution),
+            name=name,
+            motion=MappingProxyType(moves),
+        )
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the constructor by name."""

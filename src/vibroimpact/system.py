@@ -86,13 +86,10 @@ class ImpactSystem(ByValue):
         self, *, mass: Any, stiffness: Any, damping: Any = 0.0, force: Force, stops: Iterable[Stop] = ()
     ) -> None:
         _check_force(force)
-        for name, matrix in matrices(mass, damping, stiffness).items():
-            matrix.setflags(write=False)
-            object.__setattr__(self, name, matrix)
+        found = matrices(mass, damping, stiffness)
         for name, value in force.vectors.items():
-            check_length(name, value, len(self.mass))
-        object.__setattr__(self, "force", force)
-        object.__setattr__(self, "stops", _named(stops, len(self.mass)))
+            check_length(name, value, len(found["mass"]))
+        vars(self).update(found, force=force, stops=_named(stops, len(found["mass"])))
         self._check_room()
 
     @classmethod
@@ -355,6 +352,8 @@ class ImpactSystem(ByValue):
 
     def _check_room(self) -> None:
         """Refuse stops whose clearances cannot all be positive or zero at any time."""
+        if all(stop.gap >= 0.0 for stop in self.stops):
+            return  # q = 0 is before all of them where they are farthest
         for (i, one), (j, other) in combinations(enumerate(self.stops), 2):
             ratio = np.abs(one.direction).max() / np.abs(other.direction).max()
             if (np.abs(one.direction + ratio * other.direction) > 1e-12 * np.abs(one.direction)).any():
@@ -391,10 +390,11 @@ def _named(stops: Any, n: int) -> tuple[Stop, ...]:
     """Return stops whose directions fit, those without a name called by their place."""
     found = tuple(stop if stop.name else stop.replace(name=f"stop_{at}") for at, stop in enumerate(_stops(stops), 1))
     names = [stop.name for stop in found]
-    taken = {"omega", "frequency", *(f"{name}_{kind}" for name in names for kind in ("gap", "restitution"))}
-    for at, stop in enumerate(found):
+    for at, (stop, name) in enumerate(zip(found, map(str, names), strict=True)):
         check_length(f"stops[{at}].direction", stop.direction, n)
-        if names.count(stop.name) > 1 or stop.name in taken:
-            owner = "another stop" if stop.name not in taken else "a parameter"
-            raise ValueError(f"`stops[{at}].name` {stop.name!r} is that of {owner}; give each stop a name of its own")
+        other, _, kind = name.rpartition("_")
+        taken = name in ("omega", "frequency") or (other in names and kind in ("gap", "restitution"))
+        if taken or names.count(name) > 1:
+            owner = "a parameter" if taken else "another stop"
+            raise ValueError(f"`stops[{at}].name` {name!r} is that of {owner}; give each stop a name of its own")
     return found

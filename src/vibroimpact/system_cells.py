@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -56,21 +56,27 @@ class SystemCells(Cells):
     shape: Shape
 
     @classmethod
-    def of_systems(cls, systems: Sequence[ImpactSystem]) -> SystemCells:
-        """Return a cell for each system, at rest, all with as many coordinates and stops."""
-        forms = [system.modal() for system in systems]
-        kinds = {(len(form.masses), len(form.gaps)) for form in forms}
-        if len(kinds) > 1:
+    def of_systems(cls, systems: Iterable[ImpactSystem]) -> SystemCells:
+        """Return a cell for each system, at rest, all with as many coordinates and stops.
+
+        What does not depend on gaps and restitutions is computed once for all systems that share it; only the first of
+        these is kept, and those that stops may push from q = 0.
+        """
+        known: dict[Any, int] = {}
+        bases, which, numbers, pushed = [], [], [], {}
+        for row, system in enumerate(systems):
+            key = _fixed(system)
+            if key not in known:
+                known[key] = len(known)
+                bases.append(system)
+            which.append(known[key])
+            numbers.append([(stop.gap, stop.restitution) for stop in system.stops])
+            if any(stop.gap < 0.0 or stop.motion for stop in system.stops):
+                pushed[row] = system
+        if len({(len(base.mass), len(base.stops)) for base in bases}) > 1:
             raise ValueError("all systems of one family must have as many coordinates and stops; these have others")
-        highest = max(int(form.orders.max(initial=0)) for form in forms)
-        coupled, moving = any(not form.decoupled for form in forms), any(form.motions.any() for form in forms)
-        shape = Shape(*kinds.pop(), highest, coupled, moving)
-        rows = [_row(form, shape) for form in forms]
-        for row, system, form in zip(rows, systems, forms, strict=True):
-            at = _places(shape)
-            row[at["scale"]] = system.velocity_scale
-            row[at["eta"]] = form.inverse @ system.initial()[0]
-        return cls(np.array(rows), _columns(shape), shape)
+        gaps, bounces = np.moveaxis(np.array(numbers).reshape(len(which), -1, 2), -1, 0)
+        return cls._of_bases(bases, np.array(which), gaps, bounces, pushed.__getitem__)
 
     @classmethod
     def of_points(cls, system: ImpactSystem, points: Mapping[str, Any]) -> SystemCells:
@@ -82,31 +88,47 @@ class SystemCells(Cells):
         omegas = points.get("omega", 2.0 * math.pi * points["frequency"] if "frequency" in points else None)
         values, which = np.unique(np.full(number, system.omega) if omegas is None else omegas, return_inverse=True)
         variants = [system.replace(omega=float(value)) for value in values]
-        base = cls.of_systems(variants)
-        cells: SystemCells = base[which]
-        at = cells.places
-        gaps, bounces = cells.block("gap").copy(), cells.block("restitution").copy()
-        for j, name in enumerate(system.stop_names):
-            gaps[:, j], bounces[:, j] = (
-                points.get(f"{name}_gap", gaps[:, j]),
-                points.get(f"{name}_restitution", bounces[:, j]),
-            )
-        moved = gaps - cells.block("gap")
-        if not np.any(moved):
-            cells.table[:, at["restitution"]] = bounces
-            return cells
-        regular = np.any(cells.block("give"), axis=1).reshape(-1, 1)
-        cells.table[:, at["margin"]] += np.where(regular, moved, 0.0)
-        cells.table[:, at["gap"]], cells.table[:, at["restitution"]] = gaps, bounces
-        parts = zip(*(speed_parts(variant.modal()) for variant in variants), strict=True)
-        driven, rate, offset, omega = (np.array(part).take(which, axis=0) for part in parts)
-        cells.table[:, at["scale"]] = velocity_scales(driven, rate, offset, omega, gaps)[:, None]
-        closed = np.flatnonzero((cells._clearances(np.zeros(3), np.zeros_like(cells.block("eta"))) < 0.0).any(axis=1))
-        cells.table[:, at["eta"]] = 0.0
-        for row in closed.tolist():
+        gaps, bounces = (np.empty((number, len(system.stops))) for _ in range(2))
+        for j, stop in enumerate(system.stops):
+            gaps[:, j] = points.get(f"{stop.name}_gap", stop.gap)
+            bounces[:, j] = points.get(f"{stop.name}_restitution", stop.restitution)
+
+        def there(row: int) -> ImpactSystem:
             own = {f"{name}_gap": float(gap) for name, gap in zip(system.stop_names, gaps[row], strict=True)}
-            there = variants[which[row]].replace(**own)
-            cells.table[row, at["eta"]] = there.modal().inverse @ there.initial()[0]
+            return variants[int(which[row])].replace(**own)
+
+        return cls._of_bases(variants, which, gaps, bounces, there)
+
+    @classmethod
+    def _of_bases(
+        cls,
+        bases: Sequence[ImpactSystem],
+        which: Any,
+        gaps: Floats,
+        bounces: Floats,
+        there: Callable[[int], ImpactSystem],
+    ) -> SystemCells:
+        """Return a cell, at rest, for each row of gaps and restitutions, on the base of that number.
+
+        `there` is the system of a row; it is asked for where stops are in the way of q = 0.
+        """
+        forms = [base.modal() for base in bases]
+        highest = max(int(form.orders.max(initial=0)) for form in forms)
+        coupled, moving = any(not form.decoupled for form in forms), any(form.motions.any() for form in forms)
+        shape = Shape(len(bases[0].mass), gaps.shape[1], highest, coupled, moving)
+        rows, *taken = zip(*(_row(form, shape) for form in forms), strict=True)
+        cells = cls(np.array(rows)[which], _columns(shape), shape)
+        at, (still, swung) = cells.places, (np.array(part)[which] for part in taken)
+        left = gaps - still - swung
+        cells.table[:, at["gap"]], cells.table[:, at["restitution"]] = gaps, bounces
+        cells.table[:, at["margin"]] = np.where(np.isnan(left), -1.0, left)
+        parts = zip(*map(speed_parts, forms), strict=True)
+        driven, rate, offset, omega = (np.array(part)[which] for part in parts)
+        cells.table[:, at["scale"]] = velocity_scales(driven, rate, offset, omega, gaps)[:, None]
+        closed = (cells._clearances(np.zeros(3), np.zeros_like(cells.block("eta"))) < 0.0).any(axis=1)
+        for row in np.flatnonzero(closed).tolist():
+            own = there(row)
+            cells.table[row, at["eta"]] = own.modal().inverse @ own.initial()[0]
         return cells
 
     @classmethod
@@ -235,7 +257,17 @@ def _columns(shape: Shape) -> tuple[str, ...]:
     return tuple(f"{name}_{place}" for name, size in shape.sizes.items() for place in range(size))
 
 
-def _row(form: ModalForm, shape: Shape) -> Floats:
+def _fixed(system: ImpactSystem) -> tuple[Any, ...]:
+    """Return what all but the gaps and restitutions of a system are known by."""
+    force = system.force
+    load = [(order, part.tobytes()) for order, part in force.harmonics.items()]
+    stops = [(stop.direction.tobytes(), *stop.motion.items()) for stop in system.stops]
+    matrices = system.mass.tobytes(), system.damping.tobytes(), system.stiffness.tobytes()
+    return force.omega, None if force.constant is None else force.constant.tobytes(), *matrices, *load, *stops
+
+
+def _row(form: ModalForm, shape: Shape) -> tuple[Floats, Floats, Floats]:
+    """Return a row without what depends on gaps and restitutions, and what steady motion takes of the gaps."""
     n, s, highest = shape.modes, shape.stops, shape.harmonics
     forces, motions = np.zeros((n, highest), complex), np.zeros((s, highest), complex)
     forces[:, form.orders - 1], motions[:, form.orders - 1] = form.forces.T, form.motions
@@ -248,18 +280,16 @@ def _row(form: ModalForm, shape: Shape) -> Floats:
         "alpha": form.directions,
         "jump": form.jumps,
         "weight": form.masses,
-        "gap": form.gaps,
         "motion": np.stack([motions.real, motions.imag], -1),
-        "restitution": form.restitution,
         "omega": form.omega,
         "fastest": _fastest(form),
         "shapes": form.shapes,
-        **_steady(form, forces, motions),
     }
+    steady, still, swung = _steady(form, forces, motions)
     row, places = np.zeros(sum(shape.sizes.values())), _places(shape)
-    for name, values in parts.items():
+    for name, values in (parts | steady).items():
         row[places[name]] = np.ravel(values)
-    return row
+    return row, still, swung
 
 
 def _fastest(form: ModalForm) -> float:
@@ -278,9 +308,9 @@ def _free_rate(*parts: bytes) -> float:
     return max(float(np.abs(np.linalg.eigvals(companion)).max()), float(np.sqrt(squares.max())))
 
 
-def _steady(form: ModalForm, forces: Any, motions: Any) -> Mapping[str, Any]:
-    """Return the steady motion without stops, what it leaves of each clearance at least, and what free motion of a
-    given energy takes of it at most; where there is no steady motion nothing is left.
+def _steady(form: ModalForm, forces: Any, motions: Any) -> tuple[dict[str, Any], Floats, Floats]:
+    """Return the steady motion without stops, with what free motion of a given energy takes of each clearance at most;
+    what the steady displacement takes of it, and the steady swing; NaN where there is no steady motion.
     """
     n, highest = forces.shape
     static = np.divide(form.constant, form.squares, where=form.squares > 0.0, out=np.full(n, np.nan))
@@ -292,9 +322,9 @@ def _steady(form: ModalForm, forces: Any, motions: Any) -> Mapping[str, Any]:
             amplitudes[:, order - 1] = np.linalg.solve(stiffness, forces[:, order - 1])
         except np.linalg.LinAlgError:
             amplitudes[:, order - 1] = np.nan
-    left = form.gaps - form.directions @ static - np.abs(motions - form.directions @ amplitudes).sum(axis=1)
-    if not (np.isfinite(left).all() and np.isfinite(amplitudes).all() and (form.squares > 0.0).all()):
-        return {"margin": np.full(len(form.gaps), -1.0)}
+    still, swung = form.directions @ static, np.abs(motions - form.directions @ amplitudes).sum(axis=1)
+    if not (np.isfinite([still, swung]).all() and np.isfinite(amplitudes).all() and (form.squares > 0.0).all()):
+        return {}, np.full_like(still, np.nan), np.full_like(still, np.nan)
     give = (form.directions * form.jumps / form.squares).sum(axis=1)
     parts = np.concatenate([static, np.stack([amplitudes.real, amplitudes.imag], -1).ravel()])
-    return {"steady": parts, "margin": left, "give": give}
+    return {"steady": parts, "give": give}, still, swung
