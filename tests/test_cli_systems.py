@@ -95,14 +95,23 @@ def test_a_study_file_starts_a_system_from_lists(run, tmp_path):
     )
 
 
+def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
+    assert run("continue --model bouncing_ball --x amplitude=1e-4:1.6e-4 --step 0.1 --out branch.zarr")[0] == 0
+    kinds = vi.load(tmp_path / "branch.zarr")["special_kind"]
+    assert [kinds.attrs["flag_meanings"].split()[code] for code in kinds.values] == ["fold", "period_doubling"]
+    plane = "--x amplitude=1e-4:1.6e-4 --y restitution=0.45:0.55 --periods 1 --lines 2 --step 0.2 --kind fold"
+    code, told, _ = run(f"boundary --model bouncing_ball {plane} --out curves.nc")
+    assert (code, len(told)) == (0, 1)
+    assert dict(vi.load(tmp_path / "curves.nc").sizes)["curve_id"] == 1
+
+
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        (
-            f"continue {OWN} --x omega=1:2",
-            "continue takes one mass with one stop only, got ImpactSystem of 2 coordinates with bar, baffle",
-        ),
-        (f"boundary {OWN} --x omega=1:2 --y bar_gap=0:1", "systems have simulate, section, diagram, map and orbit"),
+        ("basins --model two.py:slot", "systems have simulate, section, diagram, map, orbit, continue and boundary"),
+        (f"continue {OWN} --x omega=7:9 --near 0.1,1", "`--near` of a system goes with `--stops`"),
+        (f"continue {OWN} --x omega=7:9 --impacts -1", "`n_impacts` must be at least 1 for a system"),
+        (f"boundary {OWN} --x omega=7:9 --y bar_gap=0:1 --kind end-of-sticking", "unknown `--kind` 'end_of_sticking'"),
         ("basins --model two.py:slot", "basins takes one mass"),
         ("describe --model bouncing_ball", "describe takes one mass"),
         (f"diagram {OWN} --x bar_gap=0.04:0.05:2 --coordinate 2", "`coordinate` must be less than the number of"),

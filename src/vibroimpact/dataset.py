@@ -49,6 +49,17 @@ def label(parameter: Parameter) -> dict[str, str]:
     return {"long_name": parameter.long_name, "units": parameter.unit, "symbol": parameter.symbol or parameter.name}
 
 
+def bifurcation_name(kind: str) -> str:
+    """Return a kind of special points or boundaries in words.
+
+    Examples
+    --------
+    >>> bifurcation_name("period_doubling"), bifurcation_name("neimark_sacker")
+    ('period doubling', 'Neimark-Sacker point')
+    """
+    return "Neimark-Sacker point" if kind == "neimark_sacker" else kind.replace("_", " ")
+
+
 def variable(name: str, dims: str | Sequence[str], data: Any, **attrs: Any) -> xr.Variable:
     """Return `data` labelled with the long name, unit and symbol that the name stands for."""
     long_name, units, symbol = VARIABLES[name]

@@ -51,7 +51,7 @@ def orbit(options: Options) -> None:
     study = options.study()
     output.check_looks(options, (".json",))
     began = perf_counter()
-    found = _find(study, options) if isinstance(study.model.at(), ImpactOscillator) else _find_of_system(study, options)
+    found = _find(study, options)
     out = options["out"]
     if out is not None and out.suffix.lower() == ".json":
         output.write_json(orbits_json(found, study.model), options, out)
@@ -66,10 +66,12 @@ def _type(options: Options) -> dict[str, Any]:
     return {name: options.number(name, 1) for name in ("n_periods", "n_impacts")}
 
 
-def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Orbit]:
+def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Any]:
     """Return the orbits of the given type, or of the options' type."""
     import vibroimpact
 
+    if not study.is_one_mass:
+        return _find_of_system(study, options, **orbit_type)
     if given := [f"`--{name}`" for name in ("stops", "symmetric") if options.get(name)]:
         raise WrongRequest(f"{given[0]} goes with a system, and {study.model!s} has one stop; leave it out")
     near: Any = options["near"] and numbers("--near", options["near"], "PHASE,VELOCITY such as 0.25,1.4", 2)
@@ -77,22 +79,23 @@ def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Orbit]:
         return vibroimpact.find_orbit(study.model, **orbit_type or _type(options), near=near)
 
 
-def _find_of_system(study: Study, options: Options) -> Orbits[SystemOrbit]:
+def _find_of_system(study: Study, options: Options, **orbit_type: Any) -> Orbits[SystemOrbit]:
     """Return the orbits of a system that strike the given stops in turn, or have the given type."""
     import vibroimpact
     from vibroimpact.orbits.systems import find
 
-    named, more = options["stops"] or options["symmetric"], {"n_periods": options.number("n_periods", 1)}
+    struck, symmetric = (options.get(name) for name in ("stops", "symmetric"))
+    named, more = struck or symmetric, orbit_type or _type(options)
     if named and options["n_impacts"] is not None:
         raise WrongRequest("give either `--impacts` or the stops that are struck, not both")
-    if options["near"] and not options["stops"]:
+    if options["near"] and not struck:
         raise WrongRequest("`--near` of a system goes with `--stops`: a time in s for each of them")
     near: Any = options["near"] and numbers("--near", options["near"], "times in s such as 0.1,0.3")
     with refusing():
         if not named:
-            return vibroimpact.find_orbit(study.model, **more, n_impacts=options.number("n_impacts", 1))
-        stops: Any = options["stops"] and [name.strip() for name in options["stops"].split(",")]
-        return find(study.model.at(), **more, stops=stops, symmetric=options["symmetric"], near=near)
+            return vibroimpact.find_orbit(study.model, **more)
+        stops: Any = struck and [name.strip() for name in struck.split(",")]
+        return find(study.model, n_periods=more["n_periods"], stops=stops, symmetric=bool(symmetric), near=near)
 
 
 def orbits_dataset(found: Orbits[Any], model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
@@ -181,7 +184,7 @@ def _sentence(found: Orbits[Any]) -> str:
 # Branches
 
 
-@o.with_options(o.MODEL, o.RANGE, o.ORBIT, o.DOUBLINGS, o.STEP, o.WORKERS, o.OUT, o.DIAGRAM, o.PICTURE)
+@o.with_options(o.MODEL, o.RANGE, o.ORBIT, o.STRUCK, o.DOUBLINGS, o.STEP, o.WORKERS, o.OUT, o.DIAGRAM, o.PICTURE)
 def follow(options: Options) -> None:
     """Follow the orbits of one (n, p) type along a parameter, through folds; report where they change.
 
@@ -194,8 +197,9 @@ def follow(options: Options) -> None:
       vibroimpact continue -p w=2.6 --x w=2:3 --doublings 2 -o branch.zarr
       vibroimpact continue -p w=2.6 --x w=2:3:400 --diagram --out branch.png
       vibroimpact continue -p w=0.9 --impacts 2 --x gap=-0.5:0.5
+      vibroimpact continue --model impact_damper --stops left --symmetric --x frequency=25:35
     """
-    study = options.study().of_one_mass("continue")
+    study = options.study()
     ((parameter, span),) = _ranges(study, 1).items()
     output.check(options, "continue_orbit")
     if options["diagram"] and not output.is_figure(options):
@@ -217,7 +221,7 @@ def follow(options: Options) -> None:
 
 
 def _branches(
-    found: Orbits[Orbit], parameter: str, span: Range, meter: Meter, doublings: int = 0, step: float = 0.01
+    found: Orbits[Any], parameter: str, span: Range, meter: Meter, doublings: int = 0, step: float = 0.01
 ) -> list[Branch]:
     """Return the branches of the orbits found, then of those that are born at their period doublings."""
     from vibroimpact.continuation import follow_all
@@ -307,14 +311,14 @@ def boundary(options: Options) -> None:
       vibroimpact boundary --x w=1:5 --y m=0.1:5 --over map.zarr -o plane.png
       vibroimpact boundary -p w=0.9 --impacts 2 --x w=0.6:1.1 --y r=0.5:0.9
     """
-    study = options.study().of_one_mass("boundary")
+    study = options.study()
     of_orbits = options["near"] is not None or options.number("n_impacts", 1) != 1
     box = _ranges(study, 2, contain=of_orbits)
-    names, kinds = tuple(box), _kinds(options["kinds"])
+    names, kinds = tuple(box), _kinds(options["kinds"], study)
     from vibroimpact.indices import INDICES
 
     output.check(options, "boundary_curves", (*INDICES, output.MOTION))
-    over = _map_beneath(options, names)
+    over = output.map_beneath(options, names)
     with Meter("boundaries") as meter, refusing():
         curves = (_of_orbits if of_orbits else _all)(study, box, kinds, options, meter)
     if not curves and not meter.stopped:
@@ -368,30 +372,13 @@ def _periods(options: Options, usual: str) -> Any:
     return numbers("--periods", options["periods_list"] or usual, "whole numbers such as 1,2")
 
 
-def _kinds(text: str | None) -> tuple[str, ...]:
-    from vibroimpact.continuation.results import KINDS
+def _kinds(text: str | None, study: Study) -> tuple[str, ...]:
+    from vibroimpact.continuation.results import KINDS, SYSTEM_KINDS
 
+    known = KINDS if study.is_one_mass else SYSTEM_KINDS
     if text is None:
-        return KINDS
+        return known
     chosen = tuple(part.strip().replace("-", "_").replace(" ", "_") for part in text.split(","))
-    if unknown := [kind for kind in chosen if kind not in KINDS]:
-        raise WrongRequest(f"unknown `--kind` {unknown[0]!r}; choose from {', '.join(KINDS).replace('_', '-')}")
+    if unknown := [kind for kind in chosen if kind not in known]:
+        raise WrongRequest(f"unknown `--kind` {unknown[0]!r}; choose from {', '.join(known).replace('_', '-')}")
     return chosen
-
-
-def _map_beneath(options: Options, names: tuple[str, ...]) -> xr.Dataset | None:
-    """Return the saved map that the curves are drawn over."""
-    over = output.read(options, "over")
-    if over is None:
-        return None
-    if set(map(str, over.dims)) != set(names):
-        dims = " and ".join(map(str, over.dims)) or "no axis"
-        raise WrongRequest(
-            f"`--over` must be a map over {' and '.join(names)}, as the curves are, got one over {dims}; compute "
-            "it with `vibroimpact map`"
-        )
-    index = options["index"]
-    needed = output.NEEDS["motion-map"] if index == output.MOTION else (index,) if index else ()
-    if missing := [name for name in needed if name not in over]:
-        raise WrongRequest(f"`--over` must be a map of {', '.join(missing)}, which this one lacks; compute it again")
-    return over

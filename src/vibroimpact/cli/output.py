@@ -227,3 +227,21 @@ def level_of(options: Mapping[str, Any]) -> float | None:
     if isinstance(level, str) or (level is not None and not abs(level) < float("inf")):
         raise WrongRequest(f"`--level` must be a finite number, got {text!r}; give it in the unit of the index")
     return level
+
+
+def map_beneath(options: Any, names: tuple[str, ...]) -> xr.Dataset | None:
+    """Return the saved map that the curves are drawn over."""
+    over = read(options, "over")
+    if over is None:
+        return None
+    if set(map(str, over.dims)) != set(names):
+        dims = " and ".join(map(str, over.dims)) or "no axis"
+        raise WrongRequest(
+            f"`--over` must be a map over {' and '.join(names)}, as the curves are, got one over {dims}; compute "
+            "it with `vibroimpact map`"
+        )
+    index = options["index"]
+    needed = NEEDS["motion-map"] if index == MOTION else (index,) if index else ()
+    if missing := [name for name in needed if name not in over]:
+        raise WrongRequest(f"`--over` must be a map of {', '.join(missing)}, which this one lacks; compute it again")
+    return over

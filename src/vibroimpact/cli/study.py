@@ -117,12 +117,17 @@ class Study:
 
     def of_one_mass(self, command: str) -> Study:
         """Return the study, or refuse it for a command that takes one mass with one stop only."""
-        with refusing():
+        if not self.is_one_mass:
+            commands = "simulate, section, diagram, map, orbit, continue and boundary"
             made = self.model.at()
-        if not isinstance(made, ImpactOscillator):
-            commands = "simulate, section, diagram, map and orbit"
             raise WrongRequest(f"{command} takes one mass with one stop only, got {made!s}; systems have {commands}")
         return self
+
+    @property
+    def is_one_mass(self) -> bool:
+        """Whether its model is one mass with one stop."""
+        with refusing():
+            return isinstance(self.model.at(), ImpactOscillator)
 
     def arguments(self, function: str) -> dict[str, Any]:
         """Return what the study gives for a public function, axes left out: a function takes what concerns it."""

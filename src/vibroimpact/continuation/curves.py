@@ -6,25 +6,23 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import groupby, product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_through, check_box, check_plane
-from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.coverage import CELLS, Coverage, coverage, distances
-from vibroimpact.continuation.following import UNKNOWN, both_ways, check_share
-from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary, course
+from vibroimpact.continuation.following import UNKNOWN, check_share
+from vibroimpact.continuation.lines import SEEDS, on_line, plain
+from vibroimpact.continuation.results import KINDS, POINTS, SYSTEM_KINDS, BifurcationPoint, Boundary, course
 from vibroimpact.continuation.sticking import MOST, Range, ends_on_line
-from vibroimpact.continuation.system import system_of
+from vibroimpact.dataset import bifurcation_name
 from vibroimpact.motion import cycle_name, listed
-from vibroimpact.orbits.admissibility import ROUNDING
-from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits
-from vibroimpact.orbits.orbit import Orbit, from_hardest, make_orbit, solution_of, true_cycle
+from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.sticking import StickingEnd
-from vibroimpact.oscillator import ImpactOscillator, Model, the_oscillator
+from vibroimpact.orbits.systems import AnyOrbit
+from vibroimpact.oscillator import ImpactOscillator, Model, check_model
 from vibroimpact.parameters import choice, invalid, several, whole_number
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
@@ -34,9 +32,9 @@ if TYPE_CHECKING:
 
 Bools = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
-SEEDS = 60  # values along a line at which orbits are looked for
 USUAL = (1, 2)  # driving periods of the orbits with one impact, and of sticking, that are looked for on lines
 ENOUGH = 200  # points to either side along an end of sticking; each costs as much as ten of other curves
+CRITICAL = 1.0 + 1e-6  # size of a multiplier that is no critical one of a boundary, to which points come to rounding
 SAME = 0.25  # steps: points of one kind and one orbit type nearer than this to a curve are on it
 
 
@@ -66,7 +64,7 @@ def boundary_curves(
     ranges: tuple[Range, Range],
     *,
     n_periods: Sequence[int] | None = None,
-    kinds: Sequence[str] = KINDS,
+    kinds: Sequence[str] | None = None,
     lines: int = 5,
     step: float = 0.01,
     progress: bool | Report = False,
@@ -82,15 +80,15 @@ def boundary_curves(
 
     Parameters
     ----------
-    osc : ImpactOscillator or family
+    osc : ImpactOscillator, ImpactSystem or family
         The model; its own values of the two parameters do not matter.
     parameters, ranges
         As of `continue_boundary`.
     n_periods : sequence of int, >= 1, optional
-        Only the boundaries of period-n impact-1 orbits and of period-n sticking for these n, without a map, grazes of
-        unstable orbits included. None is what the map shows, and n = 1 and 2.
-    kinds : sequence of {"fold", "period_doubling", "grazing", "end_of_sticking"}
-        Which boundaries.
+        Only the boundaries of period-n impact-1 orbits and of period-n sticking for these n, without a map, those of
+        orbits that are unstable on both sides included. None is what the map shows, and n = 1 and 2.
+    kinds : sequence of {"fold", "period_doubling", "grazing", "end_of_sticking"}, optional
+        Which boundaries; of systems without the last, and with "neimark_sacker" and "pitchfork". None is all.
     lines : int, >= 2
         Lines along each parameter, spread evenly, the plane's edges included.
     step : float, 1e-6 to 0.5
@@ -117,7 +115,9 @@ def boundary_curves(
     where the steady motion without impacts first touches the stop. Class boundaries that no curve reaches bound chaos
     (a crisis), or motions that cover less than 1 % of the map; or both motions exist on both sides, and the one that is
     reached from rest changes. What covers less than a cell of the map, or is not reached from rest, and crosses none
-    of the lines, is not found. The residual of each point is below 1e-10 (1e-7 where an end of sticking meets a graze).
+    of the lines, is not found. Of symmetric systems orbits with an impact in each half of a cycle are followed from the
+    lines, too; sticking of systems is not followed, nor are, from the map, their motions without impacts. The residual
+    of each point is below 1e-10 (1e-7 where an end of sticking meets a graze).
     15 to 60 s for a plane of the paper, most of it for ends of sticking; a family's function adds its own time, called
     several times per point.
 
@@ -133,14 +133,16 @@ def boundary_curves(
     >>> sorted({(curve.kind, curve.orbits[0].n_periods) for curve in curves})
     [('end_of_sticking', 2), ('period_doubling', 1)]
     """
-    the_oscillator(osc)
+    check_model(osc)
+    known = KINDS if isinstance(osc.at(), ImpactOscillator) else SYSTEM_KINDS
     plane = names, box = check_box(osc, parameters, ranges)
     count, longest = whole_number("lines", lines, 2), check_share("step", step)
     given = several("n_periods", USUAL if n_periods is None else n_periods, "a list of whole numbers")
     lengths = [whole_number("n_periods", n, 1) for n in given]
-    wanted = frozenset(choice("kinds", kind, KINDS) for kind in several("kinds", kinds, "a list of kinds"))
+    asked = known if kinds is None else several("kinds", kinds, "a list of kinds")
+    wanted = frozenset(choice("kinds", kind, known) for kind in asked)
     if not wanted:
-        raise invalid("kinds", kinds, f"at least one of {', '.join(KINDS)}")
+        raise invalid("kinds", kinds, f"at least one of {', '.join(known)}")
     work = [
         (n, along, value) for n in lengths for along in (0, 1) for value in np.linspace(*box[1 - along], count).tolist()
     ]
@@ -158,7 +160,7 @@ def boundary_curves(
     with reporter(progress, "lines") as report, suppress(_Stopped):
         for n, along, value in work:
             line = osc.replace(**{names[1 - along]: value}), names[along], box[along], n
-            for point in _on_line(*line, longest, look):
+            for point in on_line(*line, longest, look):
                 search.add(point)
             for end in ends_on_line(*line, SEEDS, look) if "end_of_sticking" in wanted else ():
                 search.add(end)
@@ -168,7 +170,8 @@ def boundary_curves(
             for _ in search.cover(coverage(osc, plane, ask)):
                 done += 1
                 look()
-    _describe(found, search.map, n_periods, wanted, finished=done == len(work) + rows)
+    of = [kind for kind in known if kind in wanted] if len(wanted) < len(known) else []
+    _describe(found, search.map, n_periods, wanted, of, finished=done == len(work) + rows)
     return found
 
 
@@ -222,35 +225,6 @@ class _Stopped(Exception):
     """The search was stopped by its progress callback."""
 
 
-def _on_line(
-    model: Model, parameter: str, range: Range, n: int, longest: float, look: Report
-) -> Iterator[BifurcationPoint]:
-    """Yield the special points of the period-n impact-1 orbits along a line, each branch followed once."""
-    covered: list[Floats] = []
-    for value in np.linspace(*range, SEEDS).tolist():
-        look(0, UNKNOWN, None)
-        here = model.replace(**{parameter: value})
-        for z in impact_1_orbits(here.at(), n)[0]:
-            if any(_covered(rows, value, float(z[1])) for rows in covered):
-                continue
-            orbit = make_orbit(here, Cycle(n, 1), z)
-            if not orbit.admissible:
-                continue
-            system, solved = system_of(orbit, (parameter,), (range,))
-            for way in both_ways(partial(walk, system, system.pack(solved), longest, False), look):
-                covered.append(np.array([[*system.values(p.x), system.velocities(p.x)[0]] for p in way.points]))
-                yield from (special.bifurcation(parameter) for special in way.special)
-
-
-def _covered(branch: Floats, value: float, speed: float) -> bool:
-    """Whether an orbit is on a branch already followed: between two of its points, with a velocity between theirs."""
-    values, speeds = branch.T
-    around = np.flatnonzero((values[:-1] - value) * (values[1:] - value) <= 0.0)
-    low, high = np.sort([speeds[around], speeds[around + 1]], axis=0)
-    slack = 0.25 * (high - low) + 1e-6 * high
-    return bool(((low - slack <= speed) & (speed <= high + slack)).any())
-
-
 @dataclass
 class _Search:
     """The curves of a plane as far as they are known.
@@ -260,7 +234,7 @@ class _Search:
     found : list of Boundary
         Where they are collected: the parts of interest.
     attractors : bool
-        Whether a graze is of interest only where the orbit that grazes is stable, or the steady motion.
+        Whether a curve is of interest only where it bounds a stable orbit, or the steady motion.
     known : list of Boundary
         All that were followed, whole.
     map : Coverage or None
@@ -271,14 +245,14 @@ class _Search:
     plane: Plane
     longest: float
     look: Report
-    kinds: Collection[str] = KINDS
+    kinds: Collection[str] = POINTS
     attractors: bool = False
     known: list[Boundary] = field(default_factory=list)
     map: Coverage | None = None
 
     def add(self, point: BifurcationPoint | StickingEnd) -> None:
         """Follow the curve through a point, unless it is not wanted, lies on a known one or cannot be followed."""
-        point = _plain(point)
+        point = plain(point)
         if point.kind not in self.kinds or self._known(point.kind, [point.orbit] if point.orbit else [])[0]:
             return
         with suppress(NoBoundary):  # two boundaries meet in the point: another line or edge crosses them separately
@@ -288,8 +262,8 @@ class _Search:
             curve = boundary_through(point, self.plane, longest, virtual=False, report=self.look, most=most)
             again = self._known(curve.kind, curve.orbits)
             idle = np.zeros(len(again), dtype=bool)
-            if self.attractors and curve.kind == "grazing":
-                idle = np.array([not orbit.stable and max(orbit.velocities) > 0.0 for orbit in curve.orbits])
+            if self.attractors and point.orbit is not None and not point.orbit.sticks:
+                idle = np.array([_unstable(curve.kind, orbit) for orbit in curve.orbits])
             for part in _parts(curve, again, idle):
                 self.found.append(part)
                 if self.map is not None:
@@ -313,17 +287,17 @@ class _Search:
                 number += 1
             yield
 
-    def _known(self, kind: str, orbits: Sequence[Orbit]) -> Bools:
+    def _known(self, kind: str, orbits: Sequence[AnyOrbit]) -> Bools:
         """Return which orbits are on a curve that is known already: nearer to it than a part of a step."""
         known = np.zeros(len(orbits), dtype=bool)
         for curve in self.known:
-            if orbits and (kind, orbits[0].name) == (curve.kind, curve.orbits[0].name):
+            if orbits and (kind, _type(orbits[0])) == (curve.kind, _type(curve.orbits[0])):
                 fastest = max(max(orbit.velocities, default=0.0) for orbit in curve.orbits)
                 places = [self._places(which, fastest) for which in (orbits, curve.orbits)]
                 known |= distances(*places) < SAME * self.longest
         return known
 
-    def _places(self, orbits: Sequence[Orbit], fastest: float) -> Floats:
+    def _places(self, orbits: Sequence[AnyOrbit], fastest: float) -> Floats:
         """Return parameters in parts of their ranges, and of what does not stick the hardest impact's velocity."""
         spans = [high - low for low, high in self.plane.box]
         rows = np.array([[orbit.value(name) for name in self.plane.names] for orbit in orbits]) / spans
@@ -332,27 +306,15 @@ class _Search:
         return np.column_stack([rows, [max(orbit.velocities) / fastest for orbit in orbits]])
 
 
-def _plain(point: BifurcationPoint | StickingEnd) -> BifurcationPoint | StickingEnd:
-    """Return a graze at velocity 0 as that of the orbit without this impact, which repeats sooner, perhaps.
+def _unstable(kind: str, orbit: AnyOrbit) -> bool:
+    """Whether an orbit on a boundary is stable on neither side: more multipliers than the boundary's are too large."""
+    if kind == "grazing":
+        return not orbit.stable and max(orbit.velocities) > 0.0
+    return max(map(abs, orbit.multipliers)) > CRITICAL
 
-    Of an orbit with one impact nothing is left but the steady motion, which repeats after each driving period: it is
-    kept as a period-1 impact-1 orbit of velocity 0.
-    """
-    if not isinstance(point, BifurcationPoint) or point.kind != "grazing":
-        return point
-    cycle, z = solution_of(point.orbit)
-    turns, speeds = z[: cycle.n_impacts], z[cycle.n_impacts :]
-    hits = speeds > ROUNDING * fastest_of(point.orbit.oscillator, speeds)
-    if hits.all():
-        return point
-    if not hits.any():
-        cycle, z = Cycle(1, 1), np.array([turns[0], 0.0])
-    else:
-        cycle = Cycle(cycle.n_periods, int(hits.sum()))
-        z = from_hardest(cycle, np.concatenate([turns[hits], speeds[hits]]))
-        own = true_cycle(cycle, z)
-        cycle, z = own, np.concatenate([z[: own.n_impacts], z[cycle.n_impacts :][: own.n_impacts]])
-    return replace(point, orbit=make_orbit(point.orbit.model, cycle, z))
+
+def _type(orbit: AnyOrbit) -> tuple[int, int]:
+    return orbit.n_periods, orbit.n_impacts
 
 
 def _parts(curve: Boundary, again: Bools, idle: Bools) -> Iterator[Boundary]:
@@ -381,12 +343,17 @@ def _parts(curve: Boundary, again: Bools, idle: Bools) -> Iterator[Boundary]:
 
 
 def _describe(
-    found: Boundaries, map: Coverage | None, n_periods: Sequence[int] | None, kinds: Collection[str], finished: bool
+    found: Boundaries,
+    map: Coverage | None,
+    n_periods: Sequence[int] | None,
+    kinds: Collection[str],
+    of: Sequence[str],
+    finished: bool,
 ) -> None:
-    """Say what was followed."""
+    """Say what was followed, and `of` which kinds if not of all."""
     said = [] if finished else ["stopped before all was followed"]
-    if len(kinds) < len(KINDS):
-        said += [f"{listed([kind.replace('_', ' ') for kind in KINDS if kind in kinds])} only"]
+    if of:
+        said += [f"{listed([bifurcation_name(kind) for kind in of])} only"]
     if n_periods is not None:
         impacts = [1] * (kinds != {"end_of_sticking"}) + [-1] * ("end_of_sticking" in kinds)
         names = listed([cycle_name(n, p) for n in n_periods for p in impacts])

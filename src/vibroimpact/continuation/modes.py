@@ -216,7 +216,7 @@ class Modes(Equations):
     def velocities(self, x: Floats) -> Floats:
         """Return the velocities of the impacts in m/s."""
         cycle, unknown = self._solved(x)
-        return np.array(cycle.flow.lengths[list(cycle.stops)] * cycle.flow.omega * cycle.speeds(unknown))
+        return cycle.velocities(unknown)
 
     def speeds(self, x: Floats) -> Floats:
         """Return the velocities of the impacts, over the lengths of their stops' directions, in parts of the size."""

@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.continuation.following import MOST_POINTS
-from vibroimpact.dataset import dataset_of, flags, impact_speed, label, plain_variable, provenance, variable
+from vibroimpact.dataset import (
+    bifurcation_name,
+    dataset_of,
+    flags,
+    impact_speed,
+    label,
+    plain_variable,
+    provenance,
+    variable,
+)
 from vibroimpact.oscillator import Model
 
 if TYPE_CHECKING:
@@ -24,6 +33,7 @@ ENDS = {
     "pitchfork": "at the pitchfork it comes from",
     "closed": "where it began (closed)",
     "impacts_merge": "where two impacts merge",
+    "resonance": "where its pair of multipliers becomes real",
     "lost": "where Newton's method finds no next orbit",
     "budget": f"after {MOST_POINTS} orbits",
     "stopped": "where it was stopped",
@@ -33,6 +43,7 @@ ENDS = {
 MISS = "miss of the defining condition"
 KINDS = ("fold", "period_doubling", "grazing", "end_of_sticking")
 POINTS = (*KINDS, "neimark_sacker", "pitchfork")
+SYSTEM_KINDS = tuple(kind for kind in POINTS if kind != "end_of_sticking")
 
 
 @dataclass(frozen=True)
@@ -69,7 +80,7 @@ class BifurcationPoint:
         """The point in a sentence."""
         touch = "" if math.isnan(self.touch_phase) else f" at phase {self.touch_phase:.6g}"
         return (
-            f"{self.kind.replace('_', ' ')} of the {self.orbit.name} orbit{touch}: {self.parameter} = {self.value:.12g}"
+            f"{bifurcation_name(self.kind)} of the {self.orbit.name} orbit{touch}: {self.parameter} = {self.value:.12g}"
         )
 
 
@@ -140,7 +151,8 @@ class Boundary:
         Driving phase of the graze, or of the release that an end of sticking meets; NaN for other kinds.
     outcome : tuple of two str
         Why it ends at its first and at its last point: "range", "closed", "inadmissible", "impacts_merge", "lost",
-        "budget", "stopped", or, of a part of a curve, "unstable" or "joined" (the rest is on another curve).
+        "resonance", "budget", "stopped", or, of a part of a curve, "unstable" or "joined" (the rest is on another
+        one).
     message : str
         The outcome in sentences.
     """

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import groupby, pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -66,7 +66,7 @@ class Window:
 
 
 def follow_all(
-    orbits: Iterable[Orbit],
+    orbits: Iterable[Any],
     parameter: str,
     range: tuple[float, float],
     *,
@@ -78,18 +78,19 @@ def follow_all(
     amplitude: float = 1e-2,
     progress: bool | Report = False,
 ) -> list[Branch]:
-    """Follow each orbit that lies on no branch yet, and the orbits that are born at period doublings on the way.
+    """Follow each orbit that lies on no branch yet, and the orbits born at period doublings and pitchforks on the way.
 
     Parameters
     ----------
-    orbits : iterable of Orbit
+    orbits : iterable of Orbit or SystemOrbit
         Where to begin. Orbits that stick are skipped, and, unless `virtual`, inadmissible ones.
     parameter, range, step, virtual, progress
         As of `continue_orbit`.
     longest, most : int, >= 1
         Largest n_periods and n_impacts of doubled orbits; infinity for any.
     doublings : int, >= 0
-        How many period doublings to follow one after another; infinity for as many as `longest` and `most` allow.
+        How many period doublings and pitchforks to follow one after another; infinity for as many as `longest` and
+        `most` allow.
     amplitude : float, 0 to 0.5
         As of `switch_branch`.
 
@@ -101,7 +102,8 @@ def follow_all(
 
     Notes
     -----
-    An orbit born at a fold is on no branch unless one of its type is given. About a tenth of a second per branch.
+    An orbit born at a fold is on no branch unless one of its type is given. Of two twins born at a pitchfork one is
+    followed. About a tenth of a second per branch.
 
     Examples
     --------
@@ -121,15 +123,17 @@ def follow_all(
         branches.append(branch)
         if "stopped" in branch.outcome:
             break
-        if doubled < doublings and 2 * orbit.n_periods <= longest and 2 * orbit.n_impacts <= most:
-            waiting += [(born, doubled + 1) for born in _born(branch, range, amplitude)]
+        if doubled < doublings:
+            kinds = ["pitchfork"] * getattr(branch.orbits[0], "symmetric", False)
+            kinds += ["period_doubling"] * (2 * orbit.n_periods <= longest and 2 * orbit.n_impacts <= most)
+            waiting += [(born, doubled + 1) for born in _born(branch, range, amplitude, kinds)]
     return branches
 
 
-def _born(branch: Branch, range: tuple[float, float], amplitude: float) -> Iterator[Orbit]:
-    """Yield an orbit of each branch that is born at a period doubling of this one, inside the range."""
+def _born(branch: Branch, range: tuple[float, float], amplitude: float, kinds: list[str]) -> Iterator[Any]:
+    """Yield an orbit of each branch that is born at a bifurcation of these kinds on this one, inside the range."""
     for point in branch.special:
-        if point.kind != "period_doubling" or point.orbit.n_periods < branch.orbits[0].n_periods:
+        if point.kind not in kinds or point.orbit.n_periods < branch.orbits[0].n_periods:
             continue  # a doubled branch ends at the period doubling of the orbit it comes from
         try:
             orbit = switch_branch(point, amplitude=amplitude)

@@ -8,7 +8,7 @@ and a grid over the impact surface.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -114,9 +114,7 @@ def find_orbit(
     if not isinstance(made := osc.at(), ImpactOscillator):
         from vibroimpact.orbits.systems.named import find_named
 
-        orbits = find_named(made, cycle.n_periods, cycle.n_impacts, near)
-        orbits[:] = [replace(orbit, family=None if osc is made else osc) for orbit in orbits]
-        return orbits
+        return find_named(osc, cycle.n_periods, cycle.n_impacts, near)
     begin = _start(made, near, cycle)
     if cycle.n_impacts == -1:
         from vibroimpact.orbits.sticking import find_sticking_orbit, why_none  # slower to import

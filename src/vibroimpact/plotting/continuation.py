@@ -49,6 +49,8 @@ SPECIAL = {
     "period_doubling": Special("period doubling", "PD", "o"),
     "grazing": Special("grazing", "G", "s"),
     "end_of_sticking": Special("end of sticking", "S", "^"),
+    "neimark_sacker": Special("Neimark-Sacker", "NS", "v"),
+    "pitchfork": Special("pitchfork", "P", "P"),
 }
 DASHES: dict[int, Any] = {1: "solid", 2: (0, (5, 2)), 3: (0, (2, 1.5))}  # by n_periods
 MORE_PERIODS = (0, (1, 1))

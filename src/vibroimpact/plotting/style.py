@@ -37,6 +37,8 @@ BOUNDARY_COLORS: dict[str, tuple[str, str]] = {
     "period_doubling": ("#ff5d8f", INK),
     "grazing": ("#ffb000", INK),
     "end_of_sticking": ("#7fe3ff", INK),
+    "neimark_sacker": ("#6a3dff", "#ffffff"),
+    "pitchfork": ("#d9ff5c", INK),
 }
 
 STATUS_COLORS: dict[Status, str] = {

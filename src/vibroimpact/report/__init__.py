@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vibroimpact.dataset import model_of, oscillator_of, unbundle
+from vibroimpact.dataset import bifurcation_name, model_of, oscillator_of, unbundle
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.motion import cycle_name, listed, recognise, recurrence
 from vibroimpact.oscillator import ImpactOscillator
@@ -177,7 +177,7 @@ def _branches(dataset: xr.Dataset) -> Iterator[str]:
         for i in range(branch.sizes["special"]):
             point = branch.isel(special=i)
             hits = listed([f"{v:.6g}" for v in point["special_velocity"].values if math.isfinite(v)][:IMPACTS])
-            kind = spaced(kinds[int(point["special_kind"])])
+            kind = bifurcation_name(kinds[int(point["special_kind"])])
             touch = float(point["special_touch_phase"])
             at_phase = f", touches the stop at phase {touch:.6g}" if math.isfinite(touch) else ""
             value = quantity(float(point["special_value"]), point["special_value"].attrs["units"])
@@ -208,7 +208,7 @@ def _boundaries(dataset: xr.Dataset) -> Iterator[str]:
     for curve in curves:
         where = ", ".join(axis_range(curve, name) for name in _varied(curve))
         size, residual = counted(curve.sizes["point"], "point"), float(curve["residual"].max())
-        kind = spaced(meanings[int(curve["kind"])])
+        kind = bifurcation_name(meanings[int(curve["kind"])])
         yield f"  {kind} of {_that_ends(curve)}: {where} ({size}, residual at most {residual:.0e})"
     yield from filter(None, dataset.attrs.get("message", "").split("; "))
 

@@ -77,6 +77,11 @@ class Cycle:
         drives = [flow.drive(angle) for angle in unknown[: len(self.stops)]]
         return np.array([-flow.clearance(*at)[1] for at in zip(self.stops, states, drives, strict=False)])
 
+    def velocities(self, unknown: Floats) -> Floats:
+        """Return the velocities of the impacts in m/s."""
+        found: Floats = self.speeds(unknown) * self.flow.lengths[list(self.stops)] * self.flow.omega
+        return found
+
     def linearised(self, unknown: Floats) -> tuple[Floats, Floats]:
         """Return the misses and their derivative: clearances at the impacts, then by how much the cycle is open."""
         flow, p, n = self.flow, len(self.stops), self.flow.n

@@ -11,13 +11,13 @@ from vibroimpact.orbits.search import Orbits
 from vibroimpact.orbits.systems.orbit import SystemOrbit
 from vibroimpact.orbits.systems.search import find
 from vibroimpact.orbits.systems.symmetry import mirror
+from vibroimpact.oscillator import Model
 from vibroimpact.parameters import invalid
-from vibroimpact.system import ImpactSystem
 
 TRANSIENT = 2000  # impacts of the motion from rest before those that Newton's method starts from
 
 
-def find_named(system: ImpactSystem, n_periods: int, n_impacts: int, near: Any) -> Orbits[SystemOrbit]:
+def find_named(model: Model, n_periods: int, n_impacts: int, near: Any) -> Orbits[SystemOrbit]:
     """Return the orbits of a system that `find_orbit` finds.
 
     All those of one impact, and of two that are mirror images of one another; others from `near`, or where the motion
@@ -28,18 +28,16 @@ def find_named(system: ImpactSystem, n_periods: int, n_impacts: int, near: Any) 
     if near is not None and not isinstance(near, SystemOrbit):
         raise invalid("near", near, "an orbit of a system", "give one that find_orbit returned")
     if n_impacts == 1:
-        return find(system, n_periods=n_periods)
+        return find(model, n_periods=n_periods)
     if near is not None:
         if len(near.stops) != n_impacts:
             raise invalid("near", near.name, f"an orbit of {n_impacts} impacts", f"or give n_impacts={len(near.stops)}")
-        return find(system, n_periods=n_periods, near=near)
+        return find(model, n_periods=n_periods, near=near)
     found: list[SystemOrbit] = []
-    if n_impacts == 2 and n_periods % 2 and not mirror(system)[1]:
-        found += find(system, n_periods=n_periods, symmetric=True)
+    if n_impacts == 2 and n_periods % 2 and not mirror(model.at())[1]:
+        found += find(model, n_periods=n_periods, symmetric=True)
     found += [
-        orbit
-        for orbit in _settled(system, n_periods, n_impacts)
-        if not any(same_orbit(orbit, known) for known in found)
+        orbit for orbit in settled(model, n_periods, n_impacts) if not any(same_orbit(orbit, known) for known in found)
     ]
     found.sort(key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)))
     good = sum(orbit.admissible for orbit in found)
@@ -51,9 +49,9 @@ def find_named(system: ImpactSystem, n_periods: int, n_impacts: int, near: Any) 
     return Orbits(found, message=f"{good} {name} orbit{'s' if good > 1 else ''}")
 
 
-def _settled(system: ImpactSystem, n_periods: int, n_impacts: int) -> list[SystemOrbit]:
+def settled(model: Model, n_periods: int, n_impacts: int, transient: int = TRANSIENT) -> list[SystemOrbit]:
     """Return the orbit that the motion from rest has settled to, if it has that name."""
-    window = ImpactWindow(TRANSIENT, n_impacts + 1)
+    system, window = model.at(), ImpactWindow(transient, n_impacts + 1)
     seen: Any
     (seen,) = get_backend("cpu").samples(system.cells({}), Measurement(window))
     turns = seen.impact_periods + seen.impact_phase
@@ -61,4 +59,4 @@ def _settled(system: ImpactSystem, n_periods: int, n_impacts: int) -> list[Syste
         return []
     stops = [system.stop_names[at] for at in seen.impact_stop[:-1]]
     times = (turns[:-1] * system.period).tolist()
-    return list(find(system, n_periods=n_periods, stops=stops, near=times))
+    return list(find(model, n_periods=n_periods, stops=stops, near=times))

@@ -174,6 +174,14 @@ def solution_of(orbit: SystemOrbit, flow: Flow) -> tuple[Floats, Floats]:
     return TURN * np.array(orbit.turns), np.linalg.solve(flow.physical, state)
 
 
+def at_first_contact(orbit: SystemOrbit) -> SystemOrbit:
+    """Return the steady motion that an orbit is whose impacts all have velocity 0, as one impact a driving period."""
+    flow = Flow(orbit.system)
+    angles, state = solution_of(orbit, flow)
+    cycle = Cycle(flow, 1, (orbit.system.stop_names.index(orbit.stops[0]),))
+    return make_orbit(orbit.model, cycle, np.append(angles[:1], state))
+
+
 def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:
     """Return the orbit of a solution of a cycle's equations, of a system or of the family that makes it."""
     system: ImpactSystem = model.at()

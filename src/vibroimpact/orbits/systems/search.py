@@ -17,6 +17,7 @@ from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.orbit import SystemOrbit, make_orbit, solution_of
 from vibroimpact.orbits.systems.symmetry import mirror
+from vibroimpact.oscillator import Model, check_model
 from vibroimpact.parameters import choice, invalid, real_number, several, truth, whole_number
 from vibroimpact.system import ImpactSystem
 
@@ -24,7 +25,7 @@ Near = SystemOrbit | Sequence[float] | None
 
 
 def find(
-    system: ImpactSystem,
+    model: Model,
     *,
     n_periods: int = 1,
     stops: str | Sequence[str] | None = None,
@@ -35,8 +36,8 @@ def find(
 
     Parameters
     ----------
-    system : ImpactSystem
-        Whose orbits.
+    model : ImpactSystem or family
+        Whose orbits; of a family, those at its own values.
     n_periods : int, >= 1
         Driving periods in a cycle, n.
     stops : str or sequence of str, optional
@@ -85,8 +86,9 @@ def find(
     >>> orbit.stops, orbit.admissible, round(orbit.velocities[0], 12), round(orbit.phases[0], 12)
     (('above', 'below'), True, 1.01091975001, 0.306971826277)
     """
-    if not isinstance(system, ImpactSystem):
-        raise invalid("system", system, "an ImpactSystem")
+    check_model(model, "system")
+    if not isinstance(system := model.at(), ImpactSystem):
+        raise invalid("system", model, "an ImpactSystem")
     n_periods, names = whole_number("n_periods", n_periods, 1), system.stop_names
     images, why = mirror(system)
     if truth("symmetric", symmetric):
@@ -106,18 +108,25 @@ def find(
     flow = Flow(system)
     cycles = [Cycle(flow, n_periods, sequence, images if symmetric else ()) for sequence in sequences]
     if len(sequences[0]) == 1:
-        return _in_closed_form(system, cycles)
+        return _in_closed_form(model, cycles)
     guess = _guess(cycles[0], near)
-    return _from(system, cycles[0], guess, images)
+    return _from(model, cycles[0], guess, images)
 
 
-def _in_closed_form(system: ImpactSystem, cycles: Iterable[Cycle]) -> Orbits[SystemOrbit]:
+def cycles_of_one_impact(system: ImpactSystem, n_periods: int) -> list[Cycle]:
+    """Return the cycles with one impact on each stop, and those with one on each of a pair that is mirrored."""
+    flow, images = Flow(system), mirror(system)[0] if n_periods % 2 else ()
+    cycles = [Cycle(flow, n_periods, (stop,)) for stop in range(len(system.stops))]
+    return cycles + [Cycle(flow, n_periods, (at,), images) for at, image in enumerate(images) if at < image]
+
+
+def _in_closed_form(model: Model, cycles: Iterable[Cycle]) -> Orbits[SystemOrbit]:
     orbits, reasons = [], []
     for cycle in cycles:
         unknowns, why = one_impact(cycle)
-        orbits += [make_orbit(system, cycle, unknown) for unknown in unknowns]
+        orbits += [make_orbit(model, cycle, unknown) for unknown in unknowns]
         if why:
-            reasons.append(f"{system.stop_names[cycle.stops[0]]}: {why}")
+            reasons.append(f"{model.at().stop_names[cycle.stops[0]]}: {why}")
     return _sorted(orbits) if orbits else Orbits(outcome="none", message="; ".join(reasons))
 
 
@@ -185,7 +194,7 @@ def solve(cycle: Cycle, start: Floats) -> Solved:
     return Solved(unknown, False, bool(not np.isfinite(matrix).all() or np.linalg.cond(matrix * columns / size) > 1e6))
 
 
-def _from(system: ImpactSystem, cycle: Cycle, start: Floats, images: tuple[int, ...]) -> Orbits[SystemOrbit]:
+def _from(model: Model, cycle: Cycle, start: Floats, images: tuple[int, ...]) -> Orbits[SystemOrbit]:
     """Return the orbit that Newton's method reaches."""
     found = solve(cycle, start)
     name = cycle_name(cycle.n_periods, len(cycle.stops) * (2 if cycle.images else 1))
@@ -194,7 +203,7 @@ def _from(system: ImpactSystem, cycle: Cycle, start: Floats, images: tuple[int, 
         return Orbits(outcome="singular", message=message)
     if not found.converged:
         return Orbits(outcome="not_converged", message=f"not converged to a {name} orbit; begin nearer to one")
-    orbit = make_orbit(system, *halved(cycle, found.z, images))
+    orbit = make_orbit(model, *halved(cycle, found.z, images))
     whole = equations.Cycle(orbit.n_periods, orbit.n_impacts)
     own = true_cycle(whole, np.array([*orbit.turns, *orbit.velocities]))
     if own != whole and orbit.stops == orbit.stops[: own.n_impacts] * (orbit.n_impacts // own.n_impacts):

@@ -1,0 +1,106 @@
+"""What bounds the orbits with one impact, known in closed form, on a line across a plane of two parameters."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibroimpact.continuation.branch import walk
+from vibroimpact.continuation.following import UNKNOWN, both_ways
+from vibroimpact.continuation.results import BifurcationPoint
+from vibroimpact.continuation.sticking import Range
+from vibroimpact.continuation.system import system_of
+from vibroimpact.orbits import systems
+from vibroimpact.orbits.admissibility import ROUNDING
+from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits
+from vibroimpact.orbits.orbit import from_hardest, make_orbit, solution_of, true_cycle
+from vibroimpact.orbits.sticking import StickingEnd
+from vibroimpact.orbits.systems import AnyOrbit, SystemOrbit
+from vibroimpact.oscillator import ImpactOscillator, Model
+from vibroimpact.progress import Report
+
+SEEDS = 60  # values along a line at which orbits are looked for
+
+
+class _Seed(NamedTuple):
+    """An orbit with one impact, or one in each half of it: what is struck how, the velocity, and how to make it."""
+
+    how: Hashable
+    velocity: float
+    orbit: Callable[[], AnyOrbit]
+
+
+def _seeds(model: Model, n: int) -> Iterator[_Seed]:
+    """Yield the orbits with one impact in n periods."""
+    made = model.at()
+    if isinstance(made, ImpactOscillator):
+        for z in impact_1_orbits(made, n)[0]:
+            yield _Seed("", float(z[1]), partial(make_orbit, model, Cycle(n, 1), z))
+        return
+    for cycle in systems.cycles_of_one_impact(made, n):
+        for unknown in systems.one_impact(cycle)[0]:
+            how, speed = (cycle.stops, cycle.images), float(cycle.velocities(unknown)[0])
+            yield _Seed(how, speed, partial(systems.make_orbit, model, cycle, unknown))
+
+
+def on_line(
+    model: Model, parameter: str, range: Range, n: int, longest: float, look: Report
+) -> Iterator[BifurcationPoint]:
+    """Yield the special points of the period-n impact-1 orbits along a line, each branch followed once.
+
+    Of symmetric systems those of the orbits with an impact in each half of a cycle, too.
+    """
+    covered: dict[Hashable, list[Floats]] = defaultdict(list)
+    for value in np.linspace(*range, SEEDS).tolist():
+        look(0, UNKNOWN, None)
+        for seed in _seeds(model.replace(**{parameter: value}), n):
+            if any(_covered(rows, value, seed.velocity) for rows in covered[seed.how]):
+                continue
+            orbit = seed.orbit()
+            if not orbit.admissible:
+                continue
+            system, solved = system_of(orbit, (parameter,), (range,))
+            for way in both_ways(partial(walk, system, system.pack(solved), longest, False), look):
+                rows = [[*system.values(p.x), system.velocities(p.x)[0]] for p in way.points]
+                covered[seed.how].append(np.array(rows))
+                yield from (special.bifurcation(parameter) for special in way.special)
+
+
+def _covered(branch: Floats, value: float, speed: float) -> bool:
+    """Whether an orbit is on a branch already followed: between two of its points, with a velocity between theirs."""
+    values, speeds = branch.T
+    around = np.flatnonzero((values[:-1] - value) * (values[1:] - value) <= 0.0)
+    low, high = np.sort([speeds[around], speeds[around + 1]], axis=0)
+    slack = 0.25 * (high - low) + 1e-6 * high
+    return bool(((low - slack <= speed) & (speed <= high + slack)).any())
+
+
+def plain(point: Any) -> BifurcationPoint | StickingEnd:
+    """Return a graze at velocity 0 as that of the orbit without this impact, which repeats sooner, perhaps.
+
+    Of an orbit with one impact nothing is left but the steady motion, which repeats after each driving period: it is
+    kept as a period-1 impact-1 orbit of velocity 0.
+    """
+    if not isinstance(point, BifurcationPoint) or point.kind != "grazing":
+        found: BifurcationPoint | StickingEnd = point
+        return found
+    if isinstance(point.orbit, SystemOrbit):
+        return point if any(point.orbit.velocities) else replace(point, orbit=systems.at_first_contact(point.orbit))
+    cycle, z = solution_of(point.orbit)
+    turns, speeds = z[: cycle.n_impacts], z[cycle.n_impacts :]
+    hits = speeds > ROUNDING * fastest_of(point.orbit.oscillator, speeds)
+    if hits.all():
+        return point
+    if not hits.any():
+        cycle, z = Cycle(1, 1), np.array([turns[0], 0.0])
+    else:
+        cycle = Cycle(cycle.n_periods, int(hits.sum()))
+        z = from_hardest(cycle, np.concatenate([turns[hits], speeds[hits]]))
+        own = true_cycle(cycle, z)
+        cycle, z = own, np.concatenate([z[: own.n_impacts], z[cycle.n_impacts :][: own.n_impacts]])
+    return replace(point, orbit=make_orbit(point.orbit.model, cycle, z))

@@ -1,0 +1,90 @@
+"""Curves of bifurcations of systems in two parameters: closed forms, one mass in another form, and identities."""
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from systems import one_mass
+from test_system_continuation import GRAVITY, ball, of_the_ball, points, symmetric
+from test_system_orbits import facing, three_masses, two_sided
+from vibroimpact.continuation import boundary_curves, continue_boundary, continue_orbit
+from vibroimpact.orbits import find_orbit, orbit_distance
+from vibroimpact.orbits.systems import find
+
+
+@vi.family
+def symmetric_family(omega=2.0, gap=0.5, restitution=0.6):
+    force = vi.Force(omega=omega, harmonics={1: 1.0})
+    return two_sided(force=force, stops=facing([1.0], gap, restitution))
+
+
+@pytest.fixture(scope="module")
+def pitchfork():
+    model = symmetric_family.replace(omega=2.0)
+    orbit = next(found for found in find_orbit(model, n_impacts=2) if found.symmetric and found.stable)
+    return points(continue_orbit(orbit, "omega", (1.0, 2.1), step=0.1), "pitchfork")[0]
+
+
+def test_boundaries_of_the_ball_are_the_closed_forms():
+    plane = ("amplitude", "restitution"), ((0.01, 0.04), (0.4, 0.9))
+    curves = boundary_curves(ball, *plane, n_periods=(1,), lines=2, step=0.1)
+    assert {curve.kind for curve in curves} == {"fold", "period_doubling"}
+    for curve in curves:
+        for orbit, residual in zip(curve.orbits, curve.residuals, strict=True):
+            fold, doubling = of_the_ball(orbit.value("restitution"), 1)
+            gamma = orbit.value("amplitude") * ball().omega ** 2 / GRAVITY
+            assert gamma == pytest.approx(fold if curve.kind == "fold" else doubling, rel=1e-12)
+            assert residual < 1e-12
+
+
+def test_one_mass_as_a_system_has_the_boundaries_of_the_oscillator():
+    osc = vi.ImpactOscillator(omega=2.6)
+    (point,) = points(continue_orbit(find(one_mass(osc))[0], "omega", (2.5, 2.7), step=0.1), "period_doubling")
+    curve = continue_boundary(point, ("omega", "stop_1_restitution"), ((2.4, 2.9), (0.6, 0.95)), step=0.1)
+    for orbit in curve.orbits:
+        at = osc.replace(omega=orbit.value("omega"), restitution=orbit.value("stop_1_restitution"))
+        known = min(find_orbit(at), key=lambda other: orbit_distance(other, orbit))
+        assert 1 + known.trace + known.determinant == pytest.approx(0, abs=1e-10)
+
+
+@pytest.mark.parametrize("kind", ["neimark_sacker", "grazing"])
+def test_a_boundary_of_three_masses_keeps_its_condition(kind):
+    branch = continue_orbit(find(three_masses())[0], "bar_gap", (0.1, 0.87), step=0.1)
+    curve = continue_boundary(
+        points(branch, kind)[0], ("bar_gap", "bar_restitution"), ((0.1, 0.9), (0.5, 0.9)), step=0.1
+    )
+    assert curve.outcome == ("range", "range")
+    assert max(curve.residuals) < 1e-10
+    if kind == "neimark_sacker":
+        for orbit in curve.orbits:
+            assert min(abs(abs(value) - 1) for value in orbit.multipliers if value.imag) < 1e-9
+    else:
+        assert np.isfinite(curve.touch_phases).all()
+
+
+def test_pitchforks_are_followed_where_the_plane_keeps_the_symmetry(pitchfork):
+    curve = continue_boundary(pitchfork, ("omega", "restitution"), ((0.9, 2.1), (0.5, 0.8)), step=0.1)
+    assert curve.kind == "pitchfork"
+    for orbit in curve.orbits:
+        assert orbit.symmetric
+        assert min(abs(value + 1) for value in orbit.half_multipliers) < 1e-9
+
+
+def test_a_plane_that_breaks_the_symmetry_has_no_pitchforks():
+    orbit = symmetric(two_sided())
+    (point, *_) = points(continue_orbit(orbit, "omega", (1.0, 2.1), step=0.1), "pitchfork")
+    with pytest.raises(ValueError, match="condition of a pitchfork"):
+        continue_boundary(point, ("omega", "above_gap"), ((0.9, 2.1), (0.3, 0.7)))
+
+
+def test_an_end_of_sticking_of_a_system_is_refused():
+    with pytest.raises(ValueError, match="end_of_sticking"):
+        boundary_curves(ball, ("amplitude", "omega"), ((0.01, 0.02), (10, 20)), kinds=["end_of_sticking"])
+
+
+def test_boundaries_of_systems_survive_files_and_are_drawn(tmp_path, pitchfork):
+    curve = continue_boundary(pitchfork, ("omega", "restitution"), ((0.9, 2.1), (0.55, 0.7)), step=0.2)
+    vi.save(curve.dataset, tmp_path / "curve.nc")
+    assert vi.load(tmp_path / "curve.nc").identical(curve.dataset)
+    ax = vi.plotting.boundaries(curve)
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["pitchfork of period-1 impact-2"]
