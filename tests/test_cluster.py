@@ -100,6 +100,16 @@ def test_a_cluster_takes_several_initial_conditions(client):
     assert np.array_equal(here["std"].values, there["std"].values, equal_nan=True)
 
 
+def test_workers_compute_and_refine_maps_of_systems(client, tmp_path):
+    slot = vi.family(vi.models.impact_damper)
+    how = {"clearance": np.linspace(4e-3, 6e-3, 9), "frequency": [29.0, 29.5, 30.0], "sample_impacts": 60}
+    stored = vi.parameter_map(slot, cluster=client, tile=7, store=tmp_path / "slot.zarr", **how)
+    assert stored["std"].values.tobytes() == vi.parameter_map(slot, **how)["std"].values.tobytes()
+    there, here = (vi.refined_map(slot, refine=1, **how, **place) for place in ({"cluster": client}, {}))
+    assert np.array_equal(there["std"].values, here["std"].values, equal_nan=True)
+    assert np.array_equal(there["level"].values, here["level"].values)
+
+
 @pytest.mark.parametrize("backend", ["reference", "fixed-step"])
 def test_workers_compute_with_any_back_end(client, backend):
     axes = {"omega": [1.0, 2.0, 2.8], "mass": [1.0, 1.1]}

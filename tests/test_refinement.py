@@ -12,7 +12,7 @@ from vibroimpact import refined_map, to_uniform
 from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.execution.store import SweepStore
 from vibroimpact.motion import MotionClass
-from vibroimpact.refinement.picture import finer
+from vibroimpact.refinement.picture import finer, motion_codes
 from vibroimpact.request import Request
 
 OSC = vi.ImpactOscillator()
@@ -256,3 +256,42 @@ def test_a_uniform_map_is_no_refined_one():
     plane = refined_map(OSC, refine=1, omega=[1.9, 2.0], mass=[1.0, 1.1], sample_impacts=50)
     with pytest.raises(ValueError, match="`shape` must be a pair"):
         to_uniform(plane, shape=(3,))
+
+
+@pytest.fixture(scope="module")
+def between_stops():
+    """A mass between two stops, refined fourfold both ways."""
+    axes = {"frequency": np.linspace(15.0, 35.0, 9), "right_gap": np.linspace(0.5e-3, 2e-3, 5)}
+    system = vi.models.two_sided_oscillator()
+    return system, axes, refined_map(system, refine=2, indices=("max_velocity",), **BRIEF, **axes)
+
+
+def test_a_refined_map_of_a_system_has_the_cells_of_the_uniform_one(between_stops):
+    system, _, plane = between_stops
+    whole = uniform(plane, system, indices=("max_velocity", *NAMED[1:]))
+    computed = plane["level"].values >= 0
+    assert 0.2 < computed.mean() < 0.6
+    for name in ("max_velocity", *NAMED[1:], "status"):
+        assert np.array_equal(plane[name].values[computed], whole[name].values[computed], equal_nan=True)
+    assert different(plane, whole) < 0.005
+    quiet = plane["status"].values == vi.Status.NO_IMPACT
+    assert computed[quiet].all()
+
+
+def test_a_refined_map_of_a_system_goes_on_in_its_store(between_stops, tmp_path):
+    system, axes, plane = between_stops
+    how = {"refine": 2, "indices": ("max_velocity",), "store": tmp_path / "plane.zarr", **BRIEF, **axes}
+    stopped = refined_map(system, **how, progress=lambda done, *_: done < 60)
+    assert stopped.attrs["complete"] == 0
+    kept = refined_map(system, **how)
+    for name in ("max_velocity", "n_periods", "status", "level"):
+        assert np.array_equal(kept[name].values, plane[name].values, equal_nan=True)
+
+
+def test_motions_of_two_masses_are_told_apart_by_class_where_they_have_no_cycle():
+    """A quasi-periodic cell beside a chaotic one is refined: both have no cycle."""
+    cells = {"status": np.zeros(2, int), "n_periods": np.zeros(2), "n_impacts": np.zeros(2)}
+    cells["lyapunov_per_impact"] = np.array([0.0, 0.1])
+    one, several = (motion_codes(cells, 2000, several).tolist() for several in (False, True))
+    assert one == [MotionClass.UNDECIDED, MotionClass.CHAOTIC]
+    assert several == [MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC]

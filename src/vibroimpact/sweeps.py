@@ -217,7 +217,7 @@ def refined_map(osc: Model, *, refine: int, jump: float | None = None, **how: An
 
     Parameters
     ----------
-    osc : ImpactOscillator
+    osc : ImpactOscillator, ImpactSystem or family
         The parameters that no axis varies.
     refine : int, 1 to 12
         How often intervals of the axes are halved: N values become (N - 1) 2^refine + 1, the given ones among them.
