@@ -118,6 +118,36 @@ def continuation() -> plt.Figure:
     return figure
 
 
+def pitchforks() -> plt.Figure:
+    """Draw the branches of a symmetric two-sided oscillator over its diagram, and the twins born at its pitchforks."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5.0), layout="constrained", width_ratios=(1.5, 1))
+    model = vi.family(vi.models.two_sided_oscillator)
+    (orbit,) = (found for found in vi.find_orbit(model, n_impacts=2) if found.symmetric and found.stable)
+    branches = follow_all([orbit], "frequency", (16.5, 25.5), doublings=1)
+    sweep = vi.bifurcation_diagram(
+        model, frequency=np.linspace(16.5, 25.5, 300), transient_impacts=2000, sample_impacts=40
+    )
+    vi.plotting.branch_diagram(branches, sweep, ax=left)
+    near = min(branches[-1].orbits, key=lambda found: abs(found.value("frequency") - 21.5))
+
+    def listed(orbit: vi.Orbit) -> str:
+        hits = zip(orbit.velocities, orbit.stops, strict=True)
+        return " and ".join(f"{velocity:.3f} m/s on the {stop}" for velocity, stop in hits)
+
+    for twin, colour in ((near, "#d55e00"), (near.twin, "#0072b2")):
+        motion = vi.simulate(twin.system, start=twin.start, periods=1, samples_per_period=2000)
+        place, rate = motion["displacement"].isel(coordinate=0), motion["velocity"].isel(coordinate=0)
+        right.plot(1e3 * place, rate, color=colour, label=listed(twin))
+    right.set(
+        xlabel="displacement $q$ [mm]",
+        ylabel="velocity $q'$ [m/s]",
+        title=f"the twins at {near.value('frequency'):.3g} Hz",
+    )
+    right.locator_params(axis="x", nbins=5)
+    right.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14))
+    return figure
+
+
 def coexistence() -> plt.Figure:
     """Draw the basins of two motions, and how up and down sweeps differ."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(13, 5.4), layout="constrained")
@@ -175,6 +205,7 @@ def main() -> None:
         "classes": vi.plotting.motion_map(cells).get_figure(),
         "orbits": orbits(),
         "continuation": continuation(),
+        "pitchforks": pitchforks(),
         "coexistence": coexistence(),
         "refinement": refinement(),
         "verdict": verdict(),

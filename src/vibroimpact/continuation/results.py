@@ -20,6 +20,7 @@ from vibroimpact.dataset import (
     provenance,
     variable,
 )
+from vibroimpact.orbits.systems import SystemOrbit
 from vibroimpact.oscillator import Model
 
 if TYPE_CHECKING:
@@ -193,7 +194,8 @@ def _along(
     first = curve.orbits[0]
     name = {"n_periods": first.n_periods, "n_impacts": first.n_impacts}
     ends = {"outcome": " ".join(curve.outcome), "message": curve.message}
-    attrs = provenance(call, first.model, given | name | curve.arguments) | name | ends
+    struck = {"stops": " ".join(first.stops)} if isinstance(first, SystemOrbit) else {}
+    attrs = provenance(call, first.model, given | name | curve.arguments) | name | struck | ends
     return dataset_of(content, {key: axis(first.model, key, "point", values[key]) for key in values}, attrs)
 
 
