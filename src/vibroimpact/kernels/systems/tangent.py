@@ -142,7 +142,8 @@ def measure_growth(rows, k, note, counted):
 def recur(rows, k, note, z):
     """Compare an impact of stop z, just recorded, with the one that is known, or make it the known one.
 
-    It has come back if the state is the same within NEAR of V; every power of two of impacts the known one is replaced.
+    It has come back if the state is the same within NEAR of V after whole periods: the next impact of a chatter that
+    completes is as near, too. Every power of two of impacts the known one is replaced.
     """
     hits, n = note[HITS], k.modes
     if hits >= 2.0 * note[FROM]:
@@ -159,6 +160,6 @@ def recur(rows, k, note, z):
     )
     for j in range(n):
         apart = max(apart, abs(rows[k.eta + j] - rows[k.known + j]), abs(rows[k.rate + j] - rows[k.known + n + j]))
-    if apart <= NEAR * rows[k.speed]:
+    if apart <= NEAR * rows[k.speed] and rows[k.turn + 2] - note[SINCE] > 0.5:
         note[IMPACTS] = -1.0 if note[CHATTERED] > 0.0 else hits - note[FROM]
         note[PERIODS] = round(rows[k.turn + 2] - note[SINCE])
