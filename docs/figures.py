@@ -148,6 +148,19 @@ def pitchforks() -> plt.Figure:
     return figure
 
 
+def basins_of_two_stops() -> plt.Figure:
+    """Draw the basins of asymmetric twins between two stops, at two phases half a period apart."""
+    stops = [vi.Stop(direction=side, gap=0.05, name=name) for side, name in ((1, "above"), (-1, "below"))]
+    force = vi.Force(omega=5.0, harmonics={1: 1.0})
+    mass = vi.ImpactSystem(mass=1.0, damping=0.05, stiffness=1.0, force=force, stops=stops)
+    figure, axes = plt.subplots(1, 2, figsize=(13, 5.4), layout="constrained")
+    states = {"displacement": np.linspace(-0.05, 0.05, 240), "velocity": np.linspace(-1.0, 1.0, 240)}
+    for ax, phase in zip(axes, (0.0, 0.5), strict=True):
+        vi.plotting.basin_portrait(vi.basins(mass, **states, phase=phase), ax=ax)
+        ax.set_title(f"states at phase {phase:g}")
+    return figure
+
+
 def coexistence() -> plt.Figure:
     """Draw the basins of two motions, and how up and down sweeps differ."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(13, 5.4), layout="constrained")
@@ -207,6 +220,7 @@ def main() -> None:
         "continuation": continuation(),
         "pitchforks": pitchforks(),
         "coexistence": coexistence(),
+        "basins-of-two-stops": basins_of_two_stops(),
         "refinement": refinement(),
         "verdict": verdict(),
     }

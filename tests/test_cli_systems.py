@@ -49,6 +49,15 @@ def two(tmp_path):
         ("section --model bouncing_ball -p frequency=60 --sample-impacts 9", ["9 impacts kept"]),
         ("section --model unbalanced_machine --sample-impacts 50", ["period-1 impact-1, hits at 0.171 m/s"]),
         ("map --model impact_damper --x clearance=5e-3:6e-3:2 --sample-impacts 20", ["total clearance 0.005 to 0.006"]),
+        (f"map {OWN} --x bar_gap=0.04:0.05:2 --starts 3 --sample-impacts 20", ["3 initial conditions"]),
+        (
+            "basins --model two_sided_oscillator --x displacement=-1e-3:1e-3:3 --y velocity=0:1:3 --phase 0.2",
+            ["3 x 3 initial conditions: displacement -0.001 to 0.001 m", "100 % period-1 impact-2"],
+        ),
+        (
+            "basins --model two_sided_oscillator --stop left --x phase=0:1:3 --y velocity=0:1:3",
+            ["3 x 3 initial conditions: phase"],
+        ),
     ],
 )
 def test_a_command_computes_a_system(run, command, lines):
@@ -108,11 +117,11 @@ def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        ("basins --model two.py:slot", "systems have simulate, section, diagram, map, orbit, continue and boundary"),
         (f"continue {OWN} --x omega=7:9 --near 0.1,1", "`--near` of a system goes with `--stops`"),
         (f"continue {OWN} --x omega=7:9 --impacts -1", "`n_impacts` must be at least 1 for a system"),
         (f"boundary {OWN} --x omega=7:9 --y bar_gap=0:1 --kind end-of-sticking", "unknown `--kind` 'end_of_sticking'"),
-        ("basins --model two.py:slot", "basins takes one mass"),
+        (f"basins {OWN}", "`stop` must name the stop that is struck: bar, baffle"),
+        (f"basins {OWN} --x gap=0:1:3 --y velocity_0=0:1:3", "unknown coordinate 'gap'; choose from displacement_0"),
         ("describe --model bouncing_ball", "describe takes one mass"),
         (f"diagram {OWN} --x bar_gap=0.04:0.05:2 --coordinate 2", "`coordinate` must be less than the number of"),
         (f"section {OWN} -p gap=0.1", "unknown parameter 'gap'; choose from omega, frequency, bar_gap"),
@@ -123,7 +132,6 @@ def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
         (f"section {OWN} --start 0.1,a:0,0", "`displacement` must be a finite number, got 'a'"),
         (f"section {OWN} --backend reference", "`backend` 'reference' does not take systems"),
         (f"map {OWN} --x bar_gap=0:1:3 --indices grazing_margin", "`indices` of systems must be of std"),
-        (f"map {OWN} --x bar_gap=0:1:3 --starts 4", "`start` must be None, a State or a list of them for a system"),
         ("section --model two_sided_oscillator -p left_gap=-1", "`stops` 'left' and 'right' overlap"),
         (f"orbit {OWN} --impacts -1", "`n_impacts` must be at least 1 for a system"),
         (f"orbit {OWN} --stops bar,bar", "orbits of several impacts need a guess"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -19,7 +20,6 @@ Floats = NDArray[np.float64]
 
 COUNTABLE = 2.0**53  # periods: the next whole number is the next number
 FASTEST = 4.0  # of V: the hardest of the impacts that are spread over the impact surface
-_STRIDES = 0.7548776662466927, 0.5698402909980532  # 1/x and 1/x^2 with x^3 = x + 1: what spreads points most evenly
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,12 @@ class Cells:
         decay = np.where(over > 0.0, half + np.sqrt(np.maximum(over, 0.0)), 0.0)
         fastest: Floats = np.maximum(np.maximum(self["omega"], np.sqrt(stiff)), decay)
         return fastest
+
+    @property
+    def slowest_rate(self) -> Floats:
+        """The driving rate or the natural one, whichever is slower."""
+        slowest: Floats = np.minimum(self["omega"], np.sqrt(self["stiffness"] / self["mass"]))
+        return slowest
 
     @overload
     def __getitem__(self, part: str) -> Floats: ...
@@ -121,8 +127,10 @@ class Cells:
         return self.replace(**_start(self["gap"] - start.displacement, start.velocity, turns))
 
 
-def spread(numbers: Any) -> tuple[Floats, Floats]:
+def spread(numbers: Any, further: int = 0) -> tuple[Floats, ...]:
     """Return the phases, 0 to 1, and velocities, 0 to 4 of V, of numbered impacts, spread evenly and always the same.
+
+    Of each of `further` quantities they are followed by its numbers, -1 to 1.
 
     Examples
     --------
@@ -131,8 +139,17 @@ def spread(numbers: Any) -> tuple[Floats, Floats]:
     ([0.5, 0.255, 0.01], [2.0, 0.279, 2.559])
     """
     counted = np.asarray(numbers, np.float64)
-    phase, part = (np.mod(0.5 + counted * stride, 1.0) for stride in _STRIDES)
-    return phase, FASTEST * part
+    phase, part, *others = (np.mod(0.5 + counted * stride, 1.0) for stride in _strides(2 + further))
+    return phase, FASTEST * part, *(2.0 * other - 1.0 for other in others)
+
+
+@cache
+def _strides(number: int) -> tuple[float, ...]:
+    """Return 1/x, 1/x^2, ... with x^(number + 1) = x + 1: what spreads points most evenly over so many quantities."""
+    x = 1.0
+    for _ in range(200):
+        x = (1.0 + x) ** (1.0 / (number + 1))
+    return tuple(x**-power for power in range(1, number + 1))
 
 
 @dataclass(frozen=True)

@@ -159,7 +159,8 @@ def _made(model: Any) -> dict[str, str]:
 def _begun(start: Any, rest: str) -> str:
     """Return in words from which initial conditions a result was computed; None is at `rest`."""
     if isinstance(start, int):
-        others = f"{start - 1} impacts at phases 0 to 1 and velocities 0 to {FASTEST:g} max(f, k|g|)/sqrt(k m)"
+        scale = "max(f, k|g|)/sqrt(k m)" if rest == AT_REST else "V, on all stops in turn"
+        others = f"{start - 1} impacts at phases 0 to 1 and velocities 0 to {FASTEST:g} {scale}"
         return f"{start} initial conditions: {rest}; {others}"
     if isinstance(start, tuple):
         return f"{len(start)} initial conditions: {'; '.join(_begun(each, rest) for each in start)}"

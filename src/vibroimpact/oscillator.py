@@ -286,7 +286,7 @@ def the_oscillator(model: Any) -> ImpactOscillator:
     if not isinstance(osc, ImpactOscillator):
         raise ValueError(
             f"`osc` must be one mass with one stop, got {osc!s}; for systems use simulate, impact_section, "
-            "stroboscopic_section, bifurcation_diagram or parameter_map"
+            "stroboscopic_section, bifurcation_diagram, parameter_map, attractors or basins"
         )
     return osc
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.cells import COUNTABLE, Cells, Floats
+from vibroimpact.cells import COUNTABLE, Cells, Floats, spread
 from vibroimpact.matrices import KEPT, nearest
 from vibroimpact.modal import ModalForm, speed_parts, velocity_scales
 
@@ -159,13 +159,65 @@ class SystemCells(Cells):
         return rate
 
     @property
+    def slowest_rate(self) -> Floats:
+        """The driving rate or the slowest natural one that is not zero, whichever is slower."""
+        squares = self.block("square")
+        slow = np.sqrt(np.where(squares > 0.0, squares, np.inf).min(axis=1))
+        slowest: Floats = np.minimum(self["omega"], slow)
+        return slowest
+
+    @property
     def shapes(self) -> Floats:
         """Of every cell the matrix that makes coordinates of modes."""
         return self.block("shapes").reshape(-1, self.shape.modes, self.shape.modes)
 
-    def struck(self, numbers: Any) -> Cells:
-        """Refuse to spread impacts: the velocity and phase of an impact are not the whole state of a system."""
-        raise ValueError("`start` must be None, a State or a list of them for a system: an impact is not a whole state")
+    def struck(self, numbers: Any) -> SystemCells:
+        """Return the cells, each from a numbered impact of those spread over its stops, phases and velocities.
+
+        Number j strikes stop j modulo their number; `striking` puts the resting system there. Where there are several
+        coordinates, its velocities are spread besides, each mode's by up to V over the speed that a unit of its
+        kinetic energy gives the clearance. Without stops the cells stay as they are.
+        """
+        n, s = self.shape.modes, self.shape.stops
+        if not s:
+            return self
+        counted = np.asarray(numbers, np.int64)
+        phase, velocity, *others = spread(counted, n if n > 1 else 0)
+        which, cells = counted % s, self
+        if others:
+            speed = self["scale"] / np.sqrt(self._at_stops(which)[2])
+            cells = self._with({"rate": speed[:, None] * np.column_stack(others) / np.sqrt(self.block("weight"))})
+        return cells.striking(which, self["scale"] * velocity, phase)
+
+    def striking(self, stops: Any, velocities: Any, phases: Any) -> SystemCells:
+        """Return the cells with given stops struck at velocities and phases, their state changed as little as can be.
+
+        It moves along M^-1 a until the clearance is zero and closes at that velocity: nearest in the mass metric. From
+        beyond other stops the nearest displacement before all of them is taken.
+        """
+        alpha, jump, mobility = self._at_stops(stops)
+        times, rows = _times(np.asarray(phases, np.float64)), np.arange(len(self))
+        eta, rate = self.block("eta"), self.block("rate")
+        gap = self._clearances(times["turn"], eta)[rows, stops] / mobility
+        closing = velocities + self._moving(times["turn"])[rows, stops] - (alpha * rate).sum(axis=1)
+        moved = {"eta": eta + gap[:, None] * jump, "rate": rate + (closing / mobility)[:, None] * jump}
+        return self._with(moved | times)._before_stops()
+
+    def _at_stops(self, stops: Any) -> tuple[Floats, Floats, Floats]:
+        """Return alpha, alpha over the modal masses and their product, of one stop of each cell."""
+        shape, rows = (-1, self.shape.stops, self.shape.modes), np.arange(len(self))
+        alpha, jump = (self.block(name).reshape(shape)[rows, stops] for name in ("alpha", "jump"))
+        return alpha, jump, (alpha * jump).sum(axis=1)
+
+    def _before_stops(self) -> SystemCells:
+        """Return the cells, those beyond a stop moved to the nearest displacement before all of them."""
+        table = self.table.copy()
+        for row in np.flatnonzero(self.beyond().any(axis=1)).tolist():
+            alpha = self.block("alpha")[row].reshape(self.shape.stops, self.shape.modes)
+            left = self._clearances(self.block("turn"), self.block("eta"))[row]
+            back = nearest(np.diag(self.block("weight")[row]), alpha, left)
+            table[row, self.places["eta"]] += 0.0 if back is None else back
+        return SystemCells(table, self.columns, self.shape)
 
     def begun(self, start: State | None) -> SystemCells:
         """Return the cells from an initial condition; None leaves them as they are.
@@ -184,20 +236,28 @@ class SystemCells(Cells):
         turns = start.time * self["omega"] / (2.0 * math.pi)
         if not np.abs(turns).max(initial=0.0) < COUNTABLE:
             raise ValueError(f"`start` must have a time of less than 2^53 driving periods, got {start.time!r}")
-        whole = np.floor(turns)
-        angle = 2.0 * math.pi * (turns - whole)
-        parts = {
-            "eta": np.linalg.solve(self.shapes, np.broadcast_to(q[:, None], (len(self), len(q), 1)))[..., 0],
-            "rate": np.linalg.solve(self.shapes, np.broadcast_to(speed[:, None], (len(self), len(q), 1)))[..., 0],
-            "turn": np.column_stack([np.sin(angle), np.cos(angle), whole]),
-            "time": np.column_stack([whole, turns - whole]),
-        }
+        begun = self.at(q, speed, turns)
+        over = begun.beyond()
+        if over.any():
+            cell, stop = np.argwhere(over)[0].tolist()
+            raise ValueError(
+                f"`start` lies beyond stop {stop + 1} by {over[cell, stop]:.3g} m at time {start.time:g}; "
+                "start before the stops"
+            )
+        return begun
+
+    def at(self, displacement: Floats, velocity: Floats, turns: Any) -> SystemCells:
+        """Return the cells from coordinates and velocities, a row each or one for all, at times in driving periods."""
+        columns = (np.broadcast_to(part, (len(self), self.shape.modes)) for part in (displacement, velocity))
+        eta, rate = (np.linalg.solve(self.shapes, column[..., None])[..., 0] for column in columns)
+        return self._with({"eta": eta, "rate": rate} | _times(turns))
+
+    def _with(self, parts: Mapping[str, Any]) -> SystemCells:
+        """Return the cells with some blocks of numbers changed."""
         table = self.table.copy()
         for name, values in parts.items():
             table[:, self.places[name]] = values
-        begun = SystemCells(table, self.columns, self.shape)
-        begun._check_before_stops(start)
-        return begun
+        return SystemCells(table, self.columns, self.shape)
 
     def carried(self, displacement: Floats, velocity: Floats, phase: float) -> SystemCells:
         """Return a single cell from a state at a phase; where it lies beyond stops, from the nearest one before them.
@@ -214,38 +274,48 @@ class SystemCells(Cells):
             if back is None:
                 return self
             eta = eta + back
-        table = self.table.copy()
-        parts: dict[str, Any] = {"eta": eta, "rate": rate, "turn": turn, "time": (0.0, phase)}
-        for name, values in parts.items():
-            table[:, self.places[name]] = values
-        return SystemCells(table, self.columns, self.shape)
+        return self._with({"eta": eta, "rate": rate, "turn": turn, "time": (0.0, phase)})
 
-    def _check_before_stops(self, start: State) -> None:
+    def beyond(self) -> Floats:
+        """Return how far in m each start lies beyond each stop; 0 before it, and where that is rounding."""
         eta = self.block("eta")
         alpha = self.block("alpha").reshape(-1, self.shape.stops, self.shape.modes)
         size = np.abs(self.block("gap")) + (np.abs(alpha) @ np.abs(eta)[..., None])[..., 0]
-        beyond = -self._clearances(self.block("turn"), eta)
-        over = np.argwhere(beyond > BEYOND * size)
-        if len(over):
-            cell, stop = over[0].tolist()
-            raise ValueError(
-                f"`start` lies beyond stop {stop + 1} by {beyond[cell, stop]:.3g} m at time {start.time:g}; "
-                "start before the stops"
-            )
+        depth = -self._clearances(self.block("turn"), eta)
+        return np.where(depth > BEYOND * size, depth, 0.0)
 
     def _clearances(self, turn: Floats, eta: Floats) -> Floats:
         """Return the clearances of all stops at (sin wt, cos wt)."""
-        n, s, m = self.shape.modes, self.shape.stops, self.shape.harmonics
-        rows = len(self)
-        alpha, motion = self.block("alpha").reshape(rows, s, n), self.block("motion").reshape(rows, s, m, 2)
-        wave = (turn[..., 1] + 1j * turn[..., 0]) if turn.ndim > 1 else np.ones(rows, complex)
-        powers = wave[:, None] ** np.arange(1, m + 1)
-        moved = (motion[..., 0] * powers.imag[:, None, :] + motion[..., 1] * powers.real[:, None, :]).sum(axis=-1)
+        alpha = self.block("alpha").reshape(len(self), self.shape.stops, self.shape.modes)
+        waves, motion = self._waves(turn)
+        moved = (motion[..., 0] * waves.imag + motion[..., 1] * waves.real).sum(axis=-1)
         found: Floats = self.block("gap") + moved - (alpha @ eta[..., None])[..., 0]
         return found
 
+    def _moving(self, turn: Floats) -> Floats:
+        """Return the velocities of all stops, away from what strikes them, at (sin wt, cos wt)."""
+        waves, motion = self._waves(turn)
+        rates = self["omega"][:, None] * np.arange(1, self.shape.harmonics + 1)
+        found: Floats = (rates[:, None] * (motion[..., 0] * waves.real - motion[..., 1] * waves.imag)).sum(axis=-1)
+        return found
+
+    def _waves(self, turn: Floats) -> tuple[Any, Floats]:
+        """Return exp(i h w t) of all orders, and what each stop's motion is of them."""
+        s, m, rows = self.shape.stops, self.shape.harmonics, len(self)
+        wave = (turn[..., 1] + 1j * turn[..., 0]) if turn.ndim > 1 else np.ones(rows, complex)
+        powers = wave[:, None] ** np.arange(1, m + 1)
+        return powers[:, None, :], self.block("motion").reshape(rows, s, m, 2)
+
     def __iter__(self) -> Iterator[dict[str, float]]:
         raise TypeError("cells of systems have blocks of numbers, not one row of named ones")
+
+
+def _times(turns: Floats) -> dict[str, Floats]:
+    """Return the blocks of times in driving periods."""
+    whole = np.floor(turns)
+    angle = 2.0 * math.pi * (turns - whole)
+    turn = np.column_stack([np.sin(angle), np.cos(angle), whole])
+    return {"turn": turn, "time": np.column_stack([whole, turns - whole])}
 
 
 def _places(shape: Shape) -> dict[str, slice]:

@@ -54,8 +54,8 @@ def limits(tolerances: Tolerances) -> Limits:
 
 def expected_steps(cells: Cells, window: ImpactWindow) -> Floats:
     """Return the certified steps of so many flights of a period of the slower pace, at the length of the faster one."""
-    slower = np.minimum(cells["omega"], np.sqrt(cells["stiffness"] / cells["mass"]))
-    steps: Floats = (window.transient + window.keep) * 2.0 * math.pi / REACH * cells.fastest_rate / slower
+    impacts = window.transient + window.keep
+    steps: Floats = impacts * 2.0 * math.pi / REACH * cells.fastest_rate / cells.slowest_rate
     return steps
 
 

@@ -109,9 +109,7 @@ def _over(
 
 def _budgets(cells: SystemCells, tolerances: Tolerances, total: float) -> Floats:
     """Return the step, the longest flight in steps and the steps granted of every cell."""
-    squares, step = cells.block("square"), _steps(cells)
-    slow = np.sqrt(np.where(squares > 0.0, squares, np.inf).min(axis=1))
-    slowest = np.minimum(cells["omega"], slow)
+    step, slowest = _steps(cells), cells.slowest_rate
     longest = tolerances.flight_periods * 2.0 * math.pi / (slowest * step)
     granted = tolerances.steps_per_impact * total
     most = np.maximum(granted, np.minimum(granted * cells.fastest_rate / slowest, MOST))
@@ -321,6 +319,13 @@ class SystemSweep:
             "span": span,
             "known": np.zeros(len(ends)),
         }
+        if self.layout.thorough:
+            # The impact that is known is the first one kept where 2^k - 1 are left out.
+            known = full & (notes[march.FROM] == self.window.transient + 1.0)
+            stop = notes[march.AT].astype(np.int64)
+            columns["first_stop"] = np.where(known, stop, -1)
+            columns["first_phase"] = _turns(*notes[march.BEGAN : march.BEGAN + 3]) % 1.0
+            columns["first_velocity"] = own[stop, march.FIRST, np.arange(len(ends))] / h
         return columns | {
             "status": statuses(counted, ends, self.window),
             "impacts": notes[march.HITS].astype(np.int64),

@@ -127,8 +127,8 @@ def parameter_map(options: Options) -> None:
 
 
 @o.with_options(
-    o.MODEL, o.START_X, o.START_Y, o.START_PHASE, o.TRANSIENT_IMPACTS, o.BASIN_IMPACTS, o.BACKEND, o.TOLERANCE,
-    o.WORKERS, o.OUT, o.PICTURE,
+    o.MODEL, o.START_X, o.START_Y, o.START_PHASE, o.OTHERS, o.ON_STOP, o.TRANSIENT_IMPACTS, o.BASIN_IMPACTS, o.BACKEND,
+    o.TOLERANCE, o.WORKERS, o.OUT, o.PICTURE,
 )  # fmt: skip
 def basins(options: Options) -> None:
     """Which attractors coexist, and which initial conditions lead to which.
@@ -139,13 +139,16 @@ def basins(options: Options) -> None:
 
       vibroimpact basins -p w=3 --x phase=0:1:400 --y velocity=0:3:400 -o b.png
       vibroimpact basins --x displacement=-3:0:200 --y velocity=-2:2:200
+      vibroimpact basins --model two_sided_oscillator --stop left -o left.png
     """
-    study = options.study().of_one_mass("basins")
+    study = options.study()
     axes = _initial_conditions(study, options)
-    if "displacement" in axes and "phase" in study.given:
+    if set(axes) - {"phase", "velocity"} and "phase" in study.given:
         axes["phase"] = study.given["phase"]
     elif options["phase"] is not None:
         raise WrongRequest("`--phase` goes with an axis of displacement; for impacts write --x phase=0:1:200")
+    if options["stop"] is not None:
+        axes["stop"] = options["stop"]
     output.check(options, "basins")
     _sweep("basins", Meter("initial conditions"), study, options, **axes)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import partial
 from inspect import Parameter, Signature
 from pathlib import Path
@@ -227,7 +227,12 @@ RANGE = _axis("x", "The parameter and its range: omega=0.8:3, or omega=0.8:3:400
 RANGE_X = _axis("x", "The first parameter of the plane and its range: omega=0.025:5.", SPAN, "omega=0.025:5")
 RANGE_Y = _axis("y", "The second parameter and its range: mass=0.1:5.", SPAN, "mass=0.1:5")
 # Axes of initial conditions are no part of a study file.
-START_X = _axis("x", "phase=0:1:200 of impacts, or displacement=-3:0:200 of states. (default: phases 0 to 1)", table="")
+START_X = _axis(
+    "x",
+    "phase=0:1:200 of impacts, or displacement=-3:0:200 of states; of a system displacement_0, velocity_1, ... "
+    "(default: phases 0 to 1)",
+    table="",
+)
 START_Y = _axis("y", "velocity=0:3:200, in m/s. (default: 0 to 4 max(f, k|g|)/sqrt(km))", table="")
 
 # Sampling
@@ -246,6 +251,12 @@ PERIODS = (
 DURATION = (
     _sampling("periods", "N", "Driving periods to compute. (default: 20)"),
     _sampling("samples_per_period", "N", "Samples per driving period. (default: 200)"),
+)
+OTHERS = replace(
+    START, help="Of a system: the coordinates that no axis varies, and the time: Q,Q:V,V:T. (default: at rest)"
+)
+ON_STOP = Option(
+    "stop", "NAME", "Of a system: the stop that the impacts strike; the only one need not be named.", "Axes"
 )
 START_PHASE = Option(
     "phase", "PHI", "Phase of all initial states, with displacement. (default: 0)", "Axes", table="sampling"

@@ -16,6 +16,7 @@ import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
 from vibroimpact.backends.base import Counts, Floats, energy_loss
+from vibroimpact.coexistence import systems
 from vibroimpact.coexistence.final import release_phase, released
 from vibroimpact.coexistence.measuring import AT_REST, QUIET, Measured, Runner
 from vibroimpact.coexistence.settling import Settled, chaotic_groups, clusters
@@ -23,6 +24,7 @@ from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.orbits.orbit import Impacts, same_orbit
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.status import Status
+from vibroimpact.system import ImpactSystem
 
 SAME = 1e-6  # `orbit_distance` between cycles that are one
 # Gaps that part groups of cycles, beyond what the way to go (1e-10 V) leaves.
@@ -62,6 +64,8 @@ class Attractor:
         The most impacts that one of the initial conditions took until it was certain to lead here.
     transient_velocity : float
         The hardest hit in m/s seen of those that had not repeated within 500 impacts, before they did; 0 without any.
+    stops : tuple of str
+        Of a system: the stop of each impact of the cycle.
 
     Notes
     -----
@@ -90,6 +94,7 @@ class Attractor:
     start: State = field(default_factory=lambda: State(0.0))
     transient_impacts: int = 0
     transient_velocity: float = 0.0
+    stops: tuple[str, ...] = ()
 
     @property
     def motion(self) -> Motion:
@@ -213,15 +218,35 @@ def _attractor(
     )
 
 
-def quiet_attractor(osc: ImpactOscillator, one: Measured) -> Attractor:
+def quiet_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
     """Return an attractor without impacts: the steady motion without a stop, or rest."""
-    if one.motion_class == MotionClass.STUCK_FOREVER:
+    osc, one = settled.osc, settled[at]
+    if isinstance(osc, ImpactSystem):
+        held = settled.status[at] == Status.STUCK_FOREVER
+        start = systems.resting(runner, settled, at) if held else systems.steady_state(osc)
+    elif one.motion_class == MotionClass.STUCK_FOREVER:
         start = State(osc.gap)
     elif one.motion_class == MotionClass.AT_REST:
         start = State(min(0.0, osc.gap))
     else:
         start = osc.steady_state
     return Attractor(kind=one.kind, status=one.status, start=start)
+
+
+def of_system(system: ImpactSystem, one: Measured, seen: systems.Seen) -> Attractor:
+    """Return the attractor of a system from its cycle, or a sample of it."""
+    repeats = one.n_periods > 0
+    n, p = (int(seen.whole), one.n_impacts if one.n_impacts < 0 else len(seen.stops)) if repeats else (0, 0)
+    found = _attractor(
+        replace(one, n_periods=n, n_impacts=p),
+        Impacts(seen.phases, seen.velocities),
+        Impacts(seen.phases, seen.velocities) if repeats else None,
+        seen.start,
+        seen.orbit.lyapunov if seen.orbit else one.indices["lyapunov"],
+        seen.energy(system),
+    )
+    names = tuple(system.stop_names[stop] for stop in seen.stops) if repeats else ()
+    return replace(found, stops=names)
 
 
 @dataclass(frozen=True)
@@ -234,14 +259,22 @@ class Basin:
 
 def match(runner: Runner, settled: Settled, longest: ImpactWindow, counted: int) -> list[Basin]:
     """Return the attractors, the one with the largest share of the first `counted` initial conditions first."""
-    groups = [*_cycles(settled), chaotic_groups(settled)]
-    found = [basin for parts in groups for basin in _joined(runner, settled, parts, longest)]
-    for kind in (MotionClass.STICKING, *QUIET):
+    osc, alike = settled.osc, [*QUIET]
+    if isinstance(osc, ImpactSystem):
+        found = [Basin(of_system(osc, settled[at], seen), own) for at, seen, own in systems.cycles(runner, settled)]
+        kinds = MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC
+        for members in (np.flatnonzero(settled.kind == kind) for kind in kinds if (settled.kind == kind).any()):
+            seen = systems.sample(runner, settled, int(members[0]), longest)
+            found.append(Basin(of_system(osc, settled[int(members[0])], seen), members))
+    else:
+        groups, alike = [*_cycles(settled), chaotic_groups(settled)], [MotionClass.STICKING, *QUIET]
+        found = [basin for parts in groups for basin in _joined(runner, settled, parts, longest)]
+    for kind in alike:
         members = np.flatnonzero(settled.kind == kind)
         if members.size:
             at = int(members[0])
             sticks = kind == MotionClass.STICKING
-            one = sticking_attractor(runner, settled, at) if sticks else quiet_attractor(settled.osc, settled[at])
+            one = sticking_attractor(runner, settled, at) if sticks else quiet_attractor(runner, settled, at)
             found.append(Basin(one, members))
     found = [replace(basin, attractor=_reached(basin, settled, counted)) for basin in found]
     return sorted(found, key=lambda b: (-b.attractor.share, b.attractor.name, -b.attractor.max_velocity))

@@ -23,6 +23,8 @@ from vibroimpact.orbits.sticking import CREST
 from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.parameters import invalid
 from vibroimpact.status import Status
+from vibroimpact.system import ImpactSystem
+from vibroimpact.system_cells import SystemCells
 
 SPREAD = 256  # initial conditions where none are given
 KNOWN_PERIODS = 16  # of orbits with one impact that are tried besides
@@ -42,6 +44,8 @@ IDENTIFYING = (  # indices that name a motion and part attractors
     "dissipation",
     "grazing_margin",
 )
+# Of a system the first kept impact stands for its closest near-miss: on which stop (-1: not known), when and how hard.
+FIRST = ("first_stop", "first_phase", "first_velocity")
 
 
 class Start(NamedTuple):
@@ -69,23 +73,45 @@ def cells_of(designs: Sequence[Model], starts: Sequence[Start | None] | None = N
     return Cells.join([design.at().cells({}) if start is None else start.cell(design) for design, start in pairs])
 
 
-def spread_cells(osc: ImpactOscillator, number: int = SPREAD) -> Cells:
+def identifying(cells: Cells) -> tuple[str, ...]:
+    """Return what lanes give of each cell that names its motion and parts attractors."""
+    return (*IDENTIFYING[:-1], *FIRST) if isinstance(cells, SystemCells) else IDENTIFYING
+
+
+def spread_cells(osc: ImpactOscillator | ImpactSystem, number: int = SPREAD) -> Cells:
     """Return impacts spread evenly over the impact surface: phases 0 to 1, velocities 0 to 4 V; always the same.
 
-    Without a scale (V = 0) the motions are alike at every speed, and 1 m/s stands for V.
+    Without a scale (V = 0) the motions are alike at every speed, and 1 m/s stands for V. Of a system they are those of
+    `SystemCells.struck`.
     """
+    if isinstance(osc, ImpactSystem):
+        return copies(osc, number).struck(np.arange(number))
     phase, velocity = spread(np.arange(number))
     return cells_at(osc, np.zeros(number), (osc.velocity_scale or 1.0) * velocity, phase)
 
 
-def orbit_cells(osc: ImpactOscillator) -> list[Cells]:
+def orbit_cells(osc: ImpactOscillator | ImpactSystem) -> list[Cells]:
     """Return an impact of each stable, admissible orbit of one impact in up to 16 periods: all are known exactly."""
     orbits = (orbit for n in range(1, KNOWN_PERIODS + 1) for orbit in find_orbit(osc, n_periods=n))
     stable = (orbit for orbit in orbits if orbit.stable and orbit.admissible)
+    if isinstance(osc, ImpactSystem):
+        return [carried(osc, orbit.start) for orbit in stable]
     return [Start(0.0, orbit.velocities[0], orbit.phases[0]).cell(osc) for orbit in stable]
 
 
-def state_cells(osc: ImpactOscillator, starts: Iterable[State]) -> Cells:
+def copies(system: ImpactSystem, number: int) -> SystemCells:
+    """Return so many cells of a system, all at rest."""
+    found: SystemCells = system.cells({})[np.zeros(number, np.int64)]
+    return found
+
+
+def carried(system: ImpactSystem, start: State) -> SystemCells:
+    """Return the cell of a system that starts so, where rounding puts it beyond a stop before that."""
+    q, speed = (np.array(part, np.float64, ndmin=1) for part in (start.displacement, start.velocity))
+    return system.cells({}).carried(q, speed, start.time / system.period % 1.0)
+
+
+def state_cells(osc: ImpactOscillator | ImpactSystem, starts: Iterable[State]) -> Cells:
     """Return one cell per state, or raise `ValueError` naming what is wrong with `starts`."""
     allowed = "a list of at least one State in front of the stop"
     if isinstance(starts, State):
@@ -99,9 +125,15 @@ def state_cells(osc: ImpactOscillator, starts: Iterable[State]) -> Cells:
     for state in states:
         if not isinstance(state, State):
             raise invalid("starts", state, allowed, "write State(displacement, velocity=0.0, time=0.0)")
+        if isinstance(osc, ImpactSystem):
+            continue
         check_single("starts", state)
         if state.displacement > osc.gap:
             raise invalid("starts", state, allowed, f"displacements are at most the gap, {osc.gap:g} m here")
+    if isinstance(osc, ImpactSystem):
+        q, speed, seconds = zip(*map(osc.initial, states), strict=True)
+        turns = np.array(seconds) * osc.omega / (2.0 * math.pi)
+        return copies(osc, len(q)).at(np.array(q), np.array(speed), turns)
     y, v, t = (np.array([getattr(state, name) for state in states]) for name in ("displacement", "velocity", "time"))
     return cells_at(osc, osc.gap - y, v, t * osc.omega / (2.0 * math.pi))
 
@@ -158,7 +190,8 @@ class Runner:
         self, cells: Cells, window: ImpactWindow, tolerances: Tolerances | None = None
     ) -> Iterator[tuple[Counts | slice, Outcome]]:
         """Yield which cells have ended, and the indices that identify their motions."""
-        return self.sweep(cells, Measurement(window, tolerances or self.tolerances, indices=IDENTIFYING))
+        names = tuple(name for name in identifying(cells) if name in INDICES)
+        return self.sweep(cells, Measurement(window, tolerances or self.tolerances, indices=names))
 
     def sweep(self, cells: Cells, wanted: Measurement) -> Iterator[tuple[Counts | slice, Outcome]]:
         """Yield which cells have ended, and what was wanted of them, and count their steps.

@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
-from vibroimpact.cells import Floats, cells_at
+from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow, check_for_systems
+from vibroimpact.cells import Floats
 from vibroimpact.coexistence.attractor import Attractor, Basin, distinct_names, match
 from vibroimpact.coexistence.measuring import Runner, orbit_cells, spread_cells, state_cells
+from vibroimpact.coexistence.planes import Plane, plane_of
 from vibroimpact.coexistence.settling import Settled, last_round, outlook_from, outlook_of, rounds, settle
-from vibroimpact.dataset import dataset_of, flags, impact_speed, plain_variable, provenance, status_variable, variable
+from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance, status_variable, variable
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import ImpactOscillator, Model, State, the_oscillator
-from vibroimpact.parameters import Parameter, check_steps, phase_number, unknown
+from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model
+from vibroimpact.parameters import check_steps
 from vibroimpact.progress import Report, reporter
-from vibroimpact.request import COSTLY, check_axes
+from vibroimpact.request import COSTLY
+from vibroimpact.system import ImpactSystem
 
 if TYPE_CHECKING:
     import xarray as xr
 
 SAMPLING = Sampling(transient_impacts=100, sample_impacts=500)  # of the first round
 POINTS = 256  # of an attractor, at most, that are returned to be marked in a portrait
-_NAMES = ("displacement", "velocity", "phase")
-_PAIRS = "(displacement, velocity), with `phase` a number, or (phase, velocity)"
 _STATISTICS = ("std", "mean_velocity", "max_velocity", "lyapunov", "n_periods", "n_impacts", "dissipation")
 
 
@@ -46,18 +46,21 @@ def attractors(
     r"""Return the attractors that initial conditions lead to: the motions that coexist.
 
     Two cycles are one attractor if, from some impact of either on, their impacts agree to :math:`10^{-6}` as points
-    :math:`(\sin 2\pi\psi_i, \cos 2\pi\psi_i, I_i/\max I)`.
+    :math:`(\sin 2\pi\psi_i, \cos 2\pi\psi_i, I_i/\max I)`, of a system on the same stops.
 
     Parameters
     ----------
-    osc : ImpactOscillator or family
-        The oscillator.
+    osc : ImpactOscillator, ImpactSystem or family
+        The model.
     starts : list of State, optional
         The initial conditions. None: 256 impacts, the same at every call, spread evenly over phases 0 to 1 and
-        velocities 0 to 4 V, V = max(f, k |g|)/sqrt(k m).
+        velocities 0 to 4 V, V = max(f, k |g|)/sqrt(k m). Of a system they strike its stops in turn, V is its
+        `velocity_scale`, and where there are several coordinates, their velocities are spread besides.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept, in the first of three rounds; initial conditions that are not decided by then go
-        on to a second and a third one, four and sixteen times as long, and then to 1e5 impacts.
+        on to a second and a third one, four and sixteen times as long, and then to 1e5 impacts. Of a system 2^k - 1
+        are left out and 2^k kept, with the smallest k that leaves out as many and keeps a quarter (127 and 128 unless
+        given), and the last round is one of 32,767 impacts.
     backend : str
         Name of the back end: one that gives n and p of cycles.
     tolerances : Tolerances, optional
@@ -101,6 +104,14 @@ def attractors(
     initial condition leads to are not found. Cost: tens of milliseconds, a second for chaotic motions, some seconds
     where chaos does not last.
 
+    Of a system a motion and its mirror image are two attractors unless it is its own. No stick erases all memory: a
+    motion that rests at a stop is a cycle like others. An initial condition is decided once its whole state comes back
+    to within 1e-7 V; it leads to the cycle (followed on, and solved for where it does not rest) whose impacts its own
+    first kept one and mean agree with, within :math:`10^{-6} \|(1 - J)^{-1}\|`, J the derivative of the cycle's map.
+    Where every mode decays, impacts determine all coordinates. All chaotic motions count as one attractor, and so do
+    all quasi-periodic ones, by the rules of `classify`; so do motions that never hit again, also with a mode that
+    nothing damps. Cycles are not closed early: a second for a periodic system, half a minute for a chaotic one.
+
     Examples
     --------
     >>> import vibroimpact as vi
@@ -108,19 +119,27 @@ def attractors(
     [('period-1 impact-1', 0.86), ('period-3 impact-4', 0.14)]
     """
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
-    return attractors_by(Runner(backend, tolerances, workers), the_oscillator(osc), starts, sampling, progress)
+    check_model(osc)
+    return attractors_by(Runner(backend, tolerances, workers), osc.at(), starts, sampling, progress)
+
+
+def check_taken(model: Any, runner: Runner) -> None:
+    """Refuse a back end that does not take systems for one."""
+    if isinstance(model, ImpactSystem):
+        check_for_systems((), runner.engine)
 
 
 def attractors_by(
     runner: Runner,
-    osc: ImpactOscillator,
+    osc: ImpactOscillator | ImpactSystem,
     starts: Iterable[State] | None = None,
     sampling: Sampling = SAMPLING,
     progress: bool | Report = False,
 ) -> list[Attractor]:
-    """Return the attractors of an oscillator as `attractors` does, by a runner that may know fates already."""
+    """Return the attractors of a model as `attractors` does, by a runner that may know fates already."""
+    check_taken(osc, runner)
     given = spread_cells(osc) if starts is None else state_cells(osc, starts)
-    cells = Cells.join([given, *orbit_cells(osc)]) if starts is None else given
+    cells = given.join([given, *orbit_cells(osc)]) if starts is None else given
     windows = rounds(osc, sampling.transient_impacts, sampling.sample_impacts)
 
     def outlook(settled: Settled, window: ImpactWindow) -> MotionClass:
@@ -137,6 +156,8 @@ def basins(
     *,
     transient_impacts: int = 100,
     sample_impacts: int = 500,
+    start: State | None = None,
+    stop: str | None = None,
     backend: str = "cpu",
     tolerances: Tolerances | None = None,
     workers: int | None = None,
@@ -152,8 +173,13 @@ def basins(
 
     Parameters
     ----------
-    osc : ImpactOscillator or family
-        The oscillator.
+    osc : ImpactOscillator, ImpactSystem or family
+        The model.
+    start : State, optional
+        Of a system: the coordinates that no axis varies; None is at rest. Its time is that of all states.
+    stop : str, optional
+        Of a system, with the axes `phase` and `velocity`: the stop that the impacts strike; the only one need not be
+        named. Displacement and velocity are those nearest to `start`, in the mass metric, that strike it so.
     transient_impacts, sample_impacts, backend, tolerances, workers
         As of `attractors`.
     progress : bool or callable
@@ -162,7 +188,8 @@ def basins(
     **axes : sequences of numbers
         Two of these, strictly increasing: `phase` from 0 to 1 and `velocity` >= 0 in m/s for impacts (velocity 0 is at
         rest at the stop), or `displacement` in m, at most the gap, and `velocity` in m/s of either sign for states in
-        front of the stop; their time is then given by a number `phase`, 0 unless given.
+        front of the stop; their time is then given by a number `phase`, 0 unless given. Of a system of n coordinates
+        two of `displacement_0`, `velocity_0`, `displacement_1`, ... and `phase`; or `phase` and `velocity` at a `stop`.
 
     Returns
     -------
@@ -175,7 +202,7 @@ def basins(
     Raises
     ------
     ValueError
-        The axes are not one of the two pairs, a value is out of its range, or one lies beyond the stop.
+        The axes are not one of the pairs, a value is out of its range, or one lies beyond a stop.
 
     Notes
     -----
@@ -192,24 +219,23 @@ def basins(
     >>> found["attractor"].dims, found["attractor"].attrs["flag_meanings"]
     (('phase', 'velocity'), 'undecided period-2_impact-2 period-6_sticking')
     """
-    one = the_oscillator(osc)
-    grid, phase = check_grid(one, axes)
+    plane = plane_of(osc, axes, stop, start)
+    one, grid, cells = plane.model, plane.axes, plane.cells()
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     windows = rounds(one, sampling.transient_impacts, sampling.sample_impacts)
     runner = Runner(backend, tolerances, workers)
+    check_taken(one, runner)
     arguments = {
         **{name: np.asarray(given).tolist() for name, given in axes.items() if np.ndim(given) == 0},
+        **plane.arguments(),
         "transient_impacts": sampling.transient_impacts,
         "sample_impacts": sampling.sample_impacts,
         "backend": backend,
         "tolerances": runner.tolerances,
     }
-    coords = {name: variable(name, name, values) for name, values in grid.items()}
-    if "phase" in grid:
-        coords["velocity"] = impact_speed("velocity", grid["velocity"])
-    labelled = dataset_of(coords=coords, attrs=provenance("basins", osc, arguments))
+    coords = {name: plane.labelled(name, name, values) for name, values in grid.items()}
+    labelled = dataset_of(coords=coords, attrs=provenance("basins", osc, arguments) | plane.note())
     dims, shape = tuple(grid), tuple(len(values) for values in grid.values())
-    cells = grid_cells(one, grid, phase)
 
     def so_far(settled: Settled) -> xr.Dataset:
         return labelled.assign(status=status_variable(dims, settled.status.reshape(shape)))
@@ -229,7 +255,7 @@ def basins(
         ),
         "status": status_variable(dims, settled.status.reshape(shape)),
     }
-    result = labelled.assign(over_grid | _table(found) | _points(runner, one, found, dims, phase))
+    result = labelled.assign(over_grid | _table(found) | _points(runner, plane, found))
     return result.assign_attrs(steps_computed=int(settled.indices["steps"].sum()))
 
 
@@ -242,7 +268,7 @@ def _check_cost(name: str, cells: Cells, first: ImpactWindow) -> None:
 
 def _settled(
     runner: Runner,
-    osc: ImpactOscillator,
+    osc: ImpactOscillator | ImpactSystem,
     cells: Cells,
     windows: Sequence[ImpactWindow],
     progress: bool | Report,
@@ -282,64 +308,30 @@ def _table(found: Sequence[Basin]) -> dict[str, xr.Variable]:
     }
 
 
-def _points(
-    runner: Runner, osc: ImpactOscillator, found: Sequence[Basin], axes: tuple[str, ...], phase: float
-) -> dict[str, xr.Variable]:
-    """Return where each attractor lies in the portrait: its impacts, or its states at the portrait's phase."""
-    seen = [_seen(runner, osc.cells({}, basin.attractor.start), basin.attractor, axes, phase) for basin in found]
+def _points(runner: Runner, plane: Plane, found: Sequence[Basin]) -> dict[str, xr.Variable]:
+    """Return where each attractor lies in the portrait: its impacts, or its states at the portrait's phase.
+
+    Where one axis is the phase of states, an attractor has no points there.
+    """
+    axes = tuple(plane.axes)
+    seen = [_seen(runner, plane, basin.attractor) for basin in found]
     longest = max((len(next(iter(points.values()))) for points in seen), default=0)
     columns = {}
     for axis in axes:
         rows = np.full((len(found), longest), np.nan)
         for row, points in zip(rows, seen, strict=True):
             row[: len(points[axis])] = points[axis]
-        columns[f"point_{axis}"] = variable(axis, ("attractor_id", "point"), rows)
+        columns[f"point_{axis}"] = plane.labelled(axis, ("attractor_id", "point"), rows)
     return columns
 
 
-def _seen(runner: Runner, cell: Cells, attractor: Attractor, axes: tuple[str, ...], phase: float) -> dict[str, Floats]:
-    periods = attractor.n_periods or (POINTS if attractor.kind in ("chaotic", "sticking") else 1)
-    at_impacts = "phase" in axes
-    window = StroboscopicWindow(0, min(periods, POINTS) + at_impacts, None if at_impacts else phase)
-    (seen,) = runner.samples(cell, window)
-    columns: dict[str, Any] = {"displacement": seen.look_displacement, "velocity": seen.look_velocity}
-    if at_impacts:
-        columns = {"phase": seen.impact_phase, "velocity": seen.impact_velocity}
+def _seen(runner: Runner, plane: Plane, attractor: Attractor) -> dict[str, Floats]:
+    periods = attractor.n_periods or (POINTS if MotionClass[attractor.kind.upper()].hits else 1)
+    at_impacts = plane.struck
+    if "phase" in plane.axes and not at_impacts:
+        return dict.fromkeys(plane.axes, np.zeros(0))
+    window = StroboscopicWindow(0, min(periods, POINTS) + at_impacts, None if at_impacts else plane.phase)
+    seen: Any
+    (seen,) = runner.samples(plane.cell(attractor.start), window)
     most = attractor.n_impacts if at_impacts and attractor.n_impacts > 0 else POINTS
-    return {axis: columns[axis][:most] for axis in axes}
-
-
-# The grid of a portrait
-
-
-def check_grid(osc: ImpactOscillator, axes: Mapping[str, Any]) -> tuple[dict[str, Floats], float]:
-    """Return the two axes in the order given, and the phase of initial conditions that have no axis of phases."""
-    for name in axes:
-        if name not in _NAMES:
-            raise unknown("coordinate", name, _NAMES)
-    phase = 0.0
-    given = dict(axes)
-    if "displacement" in given and np.ndim(given.get("phase", ())) == 0:
-        phase = phase_number("phase", given.pop("phase"))
-    if set(given) not in ({"displacement", "velocity"}, {"phase", "velocity"}):
-        got = ", ".join(f"`{name}`" for name in axes) or "no axis"
-        raise ValueError(f"the axes must be {_PAIRS}, got {got}; name both, such as `phase` and `velocity`")
-    velocity = Parameter("velocity", "velocity")
-    if "phase" in given:
-        velocity = Parameter("velocity", "velocity", low=0.0, hint="an impact has velocity > 0, a mass at rest 0")
-    coordinates = (
-        Parameter("phase", "phase", low=0.0, high=1.0, hint="give (t mod T)/T"),
-        Parameter("displacement", "displacement", high=osc.gap, hint="the stop is there; start in front of it"),
-        velocity,
-    )
-    return check_axes(given, {each.name: each for each in coordinates}), phase
-
-
-def grid_cells(osc: ImpactOscillator, grid: Mapping[str, Floats], phase: float) -> Cells:
-    """Return one cell per point of the grid, the last axis fastest."""
-    columns = {
-        name: np.ravel(values) for name, values in zip(grid, np.meshgrid(*grid.values(), indexing="ij"), strict=True)
-    }
-    phases = columns.get("phase", np.full(len(columns["velocity"]), phase))
-    clearance = osc.gap - columns["displacement"] if "displacement" in grid else np.zeros_like(phases)
-    return cells_at(osc, clearance, columns["velocity"], phases)
+    return {axis: values[:most] for axis, values in plane.seen(seen).items()}

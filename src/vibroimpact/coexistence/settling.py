@@ -25,16 +25,19 @@ from numpy.typing import NDArray
 
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.backends.base import Counts, Floats, Outcome
-from vibroimpact.coexistence.final import LATE, WATCHED, Fate, fate_of_release, thrifty
-from vibroimpact.coexistence.measuring import IDENTIFYING, Measured, Runner, named
+from vibroimpact.coexistence.final import LATE, Fate, fate_of_release, thrifty
+from vibroimpact.coexistence.measuring import IDENTIFYING, Measured, Runner, identifying, named
 from vibroimpact.indices import INDICES
-from vibroimpact.motion import MotionClass, decide
+from vibroimpact.matrices import ROUNDING
+from vibroimpact.motion import MotionClass, decide, may_wind
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.status import Status
+from vibroimpact.system import ImpactSystem
 
 ROUNDS = 3
 LONGER = 4  # how much each round is longer than the one before
 REPRESENTATIVES = 32  # chaotic initial conditions that are watched for all: as many as fill the lanes
+LATE_OF_SYSTEMS = ImpactWindow((1 << 14) - 1, 1 << 14)  # 32,767 impacts in all
 NEARLY_ALL = 0.9  # of them rest within 1e5 impacts: chance lets the others not, and all are one attractor
 # Gaps that part groups of chaotic motions, beyond chance in a short sample: of V; impacts per period.
 MEAN_GAP, RATE_GAP = 0.02, 0.02
@@ -42,12 +45,12 @@ MEAN_GAP, RATE_GAP = 0.02, 0.02
 
 @dataclass(frozen=True)
 class Settled:
-    """What each initial condition of an oscillator settles to: the kind, its status, the indices of its last run.
+    """What each initial condition of a model settles to: the kind, its status, the indices of its last run.
 
     `passing` is the hardest hit in m/s of any window in which it had no cycle yet.
     """
 
-    osc: ImpactOscillator
+    osc: Any  # an ImpactOscillator or an ImpactSystem
     cells: Cells
     kind: NDArray[np.int8]
     status: NDArray[np.int8]
@@ -55,11 +58,12 @@ class Settled:
     passing: Floats
 
     @classmethod
-    def of(cls, osc: ImpactOscillator, cells: Cells) -> Settled:
+    def of(cls, osc: ImpactOscillator | ImpactSystem, cells: Cells) -> Settled:
         """Return what is known before anything has run: nothing."""
-        number, cells = len(cells), Cells(cells.table.copy(), cells.columns)
+        number, cells = len(cells), cells[np.arange(len(cells))]
         counts = {name: np.zeros(number, np.int64) for name in ("impacts", "steps")}
-        indices = {name: np.zeros(number, INDICES[name].dtype) for name in IDENTIFYING}
+        kinds = {name: INDICES[name].dtype if name in INDICES else np.float64 for name in identifying(cells)}
+        indices = {name: np.zeros(number, kind) for name, kind in kinds.items()}
         status = np.full(number, Status.INTERRUPTED, np.int8)
         return cls(osc, cells, np.zeros(number, np.int8), status, counts | indices, np.zeros(number))
 
@@ -69,7 +73,7 @@ class Settled:
 
     def note(self, at: Counts, outcome: Outcome, kept: int) -> None:
         """Take down the outcome of a window of `kept` impacts."""
-        for name in (*IDENTIFYING, "impacts"):
+        for name in (*identifying(self.cells), "impacts"):
             self.indices[name][at] = outcome[name]
         self.indices["steps"][at] += outcome["steps"]
         hit = np.where(outcome["n_periods"] == 0, outcome["max_velocity"], 0.0)
@@ -88,25 +92,48 @@ class Settled:
         self.passing[at] = np.fmax(fate.passing, self.passing[at])
 
 
-def attracts(osc: ImpactOscillator) -> bool:
+def forgets(osc: ImpactOscillator | ImpactSystem) -> bool:
+    """Return whether a rest at a stop erases all memory: of one mass at one stop, where nothing else moves on."""
+    return isinstance(osc, ImpactOscillator)
+
+
+def attracts(osc: ImpactOscillator | ImpactSystem) -> bool:
     """Return whether impacts or damping shrink areas, without which nothing is attracted."""
+    if isinstance(osc, ImpactSystem):
+        form = osc.modal()
+        return bool(np.trace(form.damping) > 0.0 or (form.restitution < 1.0).any())
     return osc.damping > 0.0 or osc.restitution < 1.0
 
 
-def rounds(osc: ImpactOscillator, transient: int, keep: int) -> list[ImpactWindow]:
-    """Return the windows of one round after the other; a single one where longer rounds would decide nothing."""
-    return [ImpactWindow(transient * LONGER**i, keep * LONGER**i) for i in range(ROUNDS if attracts(osc) else 1)]
+def rounds(osc: ImpactOscillator | ImpactSystem, transient: int, keep: int) -> list[ImpactWindow]:
+    """Return the windows of one round after the other; a single one where longer rounds would decide nothing.
+
+    Of a system 2^k - 1 impacts are left out and 2^k kept: that is how lanes compare later impacts with the first kept.
+    """
+    number = ROUNDS if attracts(osc) else 1
+    if forgets(osc):
+        return [ImpactWindow(transient * LONGER**i, keep * LONGER**i) for i in range(number)]
+    half = 1 << max(transient, (keep - 1) // 4).bit_length()
+    return [ImpactWindow(half * LONGER**i - 1, half * LONGER**i) for i in range(number)]
 
 
-def last_round(runner: Runner, osc: ImpactOscillator, windows: Sequence[ImpactWindow]) -> list[ImpactWindow]:
+def late(osc: ImpactOscillator | ImpactSystem) -> ImpactWindow:
+    """Return the window over which motions are watched that do not repeat."""
+    return LATE if forgets(osc) else LATE_OF_SYSTEMS
+
+
+def last_round(
+    runner: Runner, osc: ImpactOscillator | ImpactSystem, windows: Sequence[ImpactWindow]
+) -> list[ImpactWindow]:
     """Return the window in which motions are watched that do not repeat, unless nothing is gained by it."""
-    longer = windows[-1].transient + windows[-1].keep >= WATCHED
-    return [] if longer or runner.engine.slow or not attracts(osc) else [LATE]
+    last = late(osc)
+    longer = windows[-1].transient + windows[-1].keep >= last.transient + last.keep
+    return [] if longer or runner.engine.slow or not attracts(osc) else [last]
 
 
 def settle(
     runner: Runner,
-    osc: ImpactOscillator,
+    osc: ImpactOscillator | ImpactSystem,
     cells: Cells,
     windows: Sequence[ImpactWindow],
     outlook: Callable[[Settled, ImpactWindow], MotionClass] = lambda settled, window: MotionClass.UNDECIDED,
@@ -125,16 +152,16 @@ def settle(
         before = kind[left], status[left]
         kind[left], status[left] = MotionClass.UNDECIDED, Status.INTERRUPTED
         undecided = len(left)
-        late = window == LATE
-        for which, outcome in runner.run(settled.cells[left], window, thrifty(runner) if late else None):
+        watched = window == late(osc)
+        for which, outcome in runner.run(settled.cells[left], window, thrifty(runner) if watched else None):
             settled.note(left[which], outcome, window.keep)
             undecided -= int(np.count_nonzero(kind[left[which]]))
             report(settled, undecided)
-        if late:  # what is not followed to the end there stays what it was
+        if watched:  # what is not followed to the end there stays what it was
             cut = (status[left] == Status.BUDGET) | (status[left] == Status.INTERRUPTED)
             kind[left[cut]], status[left[cut]] = before[0][cut], before[1][cut]
         resting = (status == Status.STICKING) & (settled.indices["n_periods"] == 0)
-        stuck = left[resting[left] & np.isin(kind[left], (MotionClass.UNDECIDED, MotionClass.STICKING))]
+        stuck = left[resting[left] & np.isin(kind[left], (MotionClass.UNDECIDED, MotionClass.STICKING)) & forgets(osc)]
         if stuck.size and not runner.stop.is_set():
             settled.follow(stuck, fate())
         again = (kind == MotionClass.UNDECIDED) & (status != Status.BUDGET) & (status != Status.INTERRUPTED)
@@ -146,10 +173,20 @@ def settle(
                     again |= chaotic
                 case MotionClass.STICKING:
                     settled.follow(np.flatnonzero(chaotic), fate())
+        winds = kind == MotionClass.QUASI_PERIODIC
+        if window is not windows[-1] and winds[left].any():
+            again |= winds & ~(window is windows[-2] and _winds_on(runner, settled, winds, windows[-1]))
         left = np.flatnonzero(again)
         if left.size == 0 or runner.stop.is_set():
             break
     return settled
+
+
+def _winds_on(runner: Runner, settled: Settled, winds: NDArray[np.bool_], window: ImpactWindow) -> bool:
+    """Return whether so many of those that look quasi-periodic still do so in a longer window."""
+    which = np.flatnonzero(winds)
+    chosen = which[:: math.ceil(len(which) / REPRESENTATIVES)]
+    return bool((settle(runner, settled.osc, settled.cells[chosen], [window]).kind == MotionClass.QUASI_PERIODIC).all())
 
 
 def outlook_of(runner: Runner, settled: Settled) -> MotionClass:
@@ -159,17 +196,19 @@ def outlook_of(runner: Runner, settled: Settled) -> MotionClass:
         return MotionClass.UNDECIDED  # stopped before any was
     number = sum(map(len, groups))
     chosen = np.concatenate([group[:: math.ceil(number / REPRESENTATIVES)] for group in groups])
-    return _common(settle(runner, settled.osc, settled.cells[chosen], [LATE]))
+    return _common(settle(runner, settled.osc, settled.cells[chosen], [late(settled.osc)]))
 
 
-def outlook_from(runner: Runner, osc: ImpactOscillator, cells: Cells, windows: Sequence[ImpactWindow]) -> MotionClass:
+def outlook_from(
+    runner: Runner, osc: ImpactOscillator | ImpactSystem, cells: Cells, windows: Sequence[ImpactWindow]
+) -> MotionClass:
     """Return what cells that are chaotic in the first window come to in the last one, and their representatives."""
     early = settle(runner, osc, cells, windows[:1]).kind == MotionClass.CHAOTIC
-    late = settle(runner, osc, cells[early], windows[-1:])
-    here = _common(late)
-    if here == MotionClass.STICKING or not _irregular(late).all() or not last_round(runner, osc, windows):
+    later = settle(runner, osc, cells[early], windows[-1:])
+    here = _common(later)
+    if here == MotionClass.STICKING or not _irregular(later).all() or not last_round(runner, osc, windows):
         return here
-    lasting = outlook_of(runner, late)
+    lasting = outlook_of(runner, later)
     return lasting if lasting in (here, MotionClass.STICKING) else MotionClass.UNDECIDED
 
 
@@ -190,8 +229,13 @@ def _common(settled: Settled) -> MotionClass:
 
 
 def chaotic_groups(settled: Settled) -> list[Counts]:
-    """Return the groups of initial conditions that lead to chaos, by its mean velocity and impacts per period."""
+    """Return the groups of initial conditions that lead to chaos, by its mean velocity and impacts per period.
+
+    Of a system all are one group.
+    """
     members = np.flatnonzero(settled.kind == MotionClass.CHAOTIC)
+    if members.size and not forgets(settled.osc):
+        return [members]
     if members.size == 0:
         return []
     columns = [
@@ -212,25 +256,42 @@ def clusters(columns: Sequence[tuple[Floats, float]]) -> list[Counts]:
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
-def attracting_kinds(osc: ImpactOscillator, outcome: Outcome, kept: int) -> NDArray[np.int8]:
+def attracting_kinds(osc: ImpactOscillator | ImpactSystem, outcome: Outcome, kept: int) -> NDArray[np.int8]:
     """Return the kind of motion that each cell settles to, from the outcome of a window of `kept` impacts.
 
-    To the rule of `classify` comes what the oscillator decides: without loss nothing attracts, and without force a
-    mass comes to rest, unless it swings on, undamped, just clear of the stop.
+    To the rule of `classify` comes what the model decides: without loss nothing attracts, and without force a mass
+    comes to rest, unless it swings on, undamped, just clear of the stop. A system may pass an unstable cycle slowly:
+    one from which neighbours part is not believed.
     """
     growth = outcome["lyapunov_per_impact"] * kept
-    kinds = decide(outcome["status"], growth, outcome["n_periods"], outcome["n_impacts"])
-    driven, damped = osc.amplitude > 0.0, osc.damping > 0.0
+    cycles = outcome["n_periods"] if forgets(osc) else np.where(growth > 0.0, 0, outcome["n_periods"])
+    kinds = decide(outcome["status"], growth, cycles, outcome["n_impacts"], kept if may_wind(osc) else 0)
+    driven, damped, touching = _loads(osc)
     settles_to = np.arange(len(MotionClass), dtype=np.int8)
     settles_to[[MotionClass.BUDGET, MotionClass.INTERRUPTED]] = MotionClass.UNDECIDED
-    settles_to[MotionClass.DECAYING] = MotionClass.AT_REST if damped or osc.gap <= 0.0 else MotionClass.NO_IMPACT
+    settles_to[MotionClass.DECAYING] = MotionClass.AT_REST if damped or touching else MotionClass.NO_IMPACT
     if not driven:
         settles_to[MotionClass.STUCK_FOREVER] = MotionClass.AT_REST
         settles_to[MotionClass.NO_IMPACT] = MotionClass.AT_REST if damped else MotionClass.NO_IMPACT
     if not attracts(osc):
-        settles_to[[MotionClass.PERIODIC, MotionClass.CHAOTIC]] = MotionClass.UNDECIDED
+        settles_to[[MotionClass.PERIODIC, MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC]] = MotionClass.UNDECIDED
     found: NDArray[np.int8] = settles_to[kinds]
     return found
+
+
+def _loads(osc: ImpactOscillator | ImpactSystem) -> tuple[bool, bool, bool]:
+    """Return whether anything drives a model, whether all of its free motion decays, and whether its rest is a contact.
+
+    Lanes of systems never end as decaying, which alone needs the last.
+    """
+    if isinstance(osc, ImpactSystem):
+        form = osc.modal()
+        n, zero = len(form.squares), np.zeros_like(form.damping)
+        flow = np.block([[zero, np.eye(n)], [-np.diag(form.squares), -form.damping]])
+        size = np.abs(flow).sum(axis=1).max()
+        decays = float(np.linalg.eigvals(flow).real.max()) < -n * ROUNDING * size
+        return bool(form.forces.any() or form.motions.any()), decays, False
+    return osc.amplitude > 0.0, osc.damping > 0.0, osc.gap <= 0.0
 
 
 def _plain(status: NDArray[np.int8], kind: NDArray[np.int8]) -> NDArray[np.int8]:

@@ -1,0 +1,189 @@
+"""Planes of initial conditions: which coordinates of the start two axes vary, and what holds the others."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vibroimpact.backends import Cells
+from vibroimpact.cells import Floats, cells_at
+from vibroimpact.coexistence.measuring import carried, copies
+from vibroimpact.dataset import impact_speed, variable
+from vibroimpact.oscillator import ImpactOscillator, State, check_model, one_start
+from vibroimpact.parameters import Parameter, choice, invalid, phase_number, unknown
+from vibroimpact.request import check_axes
+from vibroimpact.system import ImpactSystem
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_SIZES = {"displacement": "y", "velocity": "y'"}
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Two axes of initial conditions of a model: of impacts (`struck`) on a stop, or of states.
+
+    `start` holds the coordinates that have no axis, `phase` the phase of those that have none of their own; `stop` is
+    the number of the stop that is struck.
+    """
+
+    model: Any  # an ImpactOscillator or an ImpactSystem
+    axes: Mapping[str, Floats]
+    struck: bool
+    phase: float
+    start: State | None = None
+    stop: int = 0
+
+    def cells(self) -> Any:
+        """Return one cell per point of the plane, the last axis fastest; refuse what lies beyond a stop."""
+        columns = {
+            name: np.ravel(values)
+            for name, values in zip(self.axes, np.meshgrid(*self.axes.values(), indexing="ij"), strict=True)
+        }
+        number = math.prod(map(len, self.axes.values()))
+        phases = columns.get("phase", np.full(number, self.phase))
+        if isinstance(self.model, ImpactSystem):
+            return self._of_system(columns, phases, number)
+        clearance = self.model.gap - columns["displacement"] if "displacement" in columns else np.zeros_like(phases)
+        return cells_at(self.model, clearance, columns["velocity"], phases)
+
+    def _of_system(self, columns: Mapping[str, Floats], phases: Floats, number: int) -> Any:
+        system = self.model
+        q, speed, _ = system.initial() if self.start is None else _numbers(self.start, len(system.mass))
+        held = {"displacement": np.tile(q, (number, 1)), "velocity": np.tile(speed, (number, 1))}
+        for name, values in columns.items():
+            kind, _, at = name.partition("_")
+            if kind in held and not self.struck:
+                held[kind][:, int(at or 0)] = values
+        cells = copies(system, number).at(held["displacement"], held["velocity"], phases)
+        if self.struck:
+            cells = cells.striking(np.full(number, self.stop), columns["velocity"], phases)
+        over = cells.beyond()
+        if over.any():
+            row, stop = np.argwhere(over)[0].tolist()
+            where = " and ".join(f"{name} = {values[row]:.6g}" for name, values in columns.items())
+            raise ValueError(
+                f"the axes must stay before all stops, but {where} lies beyond {system.stop_names[stop]!r} by "
+                f"{over[row, stop]:.3g} m; narrow them, or change `start`"
+            )
+        return cells
+
+    def cell(self, start: State) -> Cells:
+        """Return the cell of the model that starts so."""
+        if isinstance(self.model, ImpactSystem):
+            return carried(self.model, start)
+        cells: Cells = self.model.cells({}, start)
+        return cells
+
+    def seen(self, seen: Any) -> dict[str, Floats]:
+        """Return where a sampled motion lies in the plane, by axis."""
+        if self.struck:
+            here = seen.impact_stop == self.stop if isinstance(self.model, ImpactSystem) else slice(None)
+            return {axis: getattr(seen, f"impact_{axis}")[here] for axis in self.axes}
+        found = {}
+        for axis in self.axes:
+            kind, _, at = axis.partition("_")
+            values = getattr(seen, f"look_{kind}")
+            found[axis] = values[:, int(at or 0)] if values.ndim > 1 else values
+        return found
+
+    def arguments(self) -> dict[str, Any]:
+        """Return what a plane was given beside its axes."""
+        found: dict[str, Any] = {}
+        if self.struck and isinstance(self.model, ImpactSystem):
+            found["stop"] = self.model.stop_names[self.stop]
+        if self.start is not None:
+            found["others"] = str(self.start)
+            if not self.struck and "phase" not in self.axes:
+                found["phase"] = self.phase
+        return found
+
+    def note(self) -> dict[str, str]:
+        """Return what a title says of the plane beside its axes."""
+        if not isinstance(self.model, ImpactSystem):
+            return {}
+        said = [f"impacts on {self.model.stop_names[self.stop]}"] if self.struck else []
+        if self.start is not None:
+            said.append(f"others of q = {_listed(self.start.displacement)} m, q' = {_listed(self.start.velocity)} m/s")
+        return {"note": ", ".join(said)} if said else {}
+
+    def labelled(self, axis: str, dims: Any, values: Floats) -> xr.Variable:
+        """Return values along an axis, labelled."""
+        kind, _, at = axis.partition("_")
+        if at:
+            symbol = _SIZES[kind].replace("y", f"q_{at}")
+            return variable(kind, dims, values, long_name=f"{kind} of coordinate {at}", symbol=symbol)
+        if self.struck and axis == dims == "velocity":
+            return impact_speed(dims, values)
+        return variable(axis, dims, values)
+
+
+def _listed(numbers: Any) -> str:
+    return "(" + ", ".join(f"{number:.4g}" for number in np.atleast_1d(numbers)) + ")"
+
+
+def plane_of(model: Any, axes: Mapping[str, Any], stop: str | None, start: State | None) -> Plane:
+    """Return the plane that two axes span, checked."""
+    check_model(model)
+    made, given, phase = model.at(), dict(axes), 0.0
+    system = made if isinstance(made, ImpactSystem) else None
+    n = len(system.mass) if system else 1
+    names = [*_SIZES] if n == 1 else [f"{kind}_{at}" for at in range(n) for kind in _SIZES]
+    known = [*names, *(["velocity"] if n > 1 else []), "phase"]
+    for name in axes:
+        if name not in known:
+            raise unknown("coordinate", name, known)
+    if (begun := one_start(start)) is not None:
+        phase = begun.time / made.period % 1.0
+        _numbers(begun, n)
+    if set(given) & set(names) - {"velocity"} and np.ndim(given.get("phase", ())) == 0:
+        phase = phase_number("phase", given.pop("phase"))
+    struck = set(given) == {"phase", "velocity"}
+    states = len(given) == 2 and set(given) <= {*names, "phase"} and (n > 1 or "phase" not in given)
+    if not struck and not states:
+        got = ", ".join(f"`{name}`" for name in axes) or "no axis"
+        raise ValueError(f"the axes must be {_pairs(n)}, got {got}; name both, such as `phase` and `velocity`")
+    number = _number_of(system, stop, struck)
+    return Plane(made, check_axes(given, _coordinates(made, names, struck)), struck, phase, begun, number)
+
+
+def _pairs(n: int) -> str:
+    if n == 1:
+        return "(displacement, velocity), with `phase` a number, or (phase, velocity)"
+    return "two of displacement_0, velocity_0, displacement_1, ... and phase, or (phase, velocity) at a stop"
+
+
+def _number_of(system: ImpactSystem | None, stop: str | None, struck: bool) -> int:
+    """Return the number of the stop that is struck; the only one need not be named."""
+    if system is None or not struck:
+        if stop is not None:
+            raise ValueError("`stop` goes with a system and the axes (phase, velocity); leave it out")
+        return 0
+    names = system.stop_names
+    if stop is None and len(names) != 1:
+        raise ValueError(f"`stop` must name the stop that is struck: {', '.join(names) or 'this system has none'}")
+    return names.index(names[0] if stop is None else choice("stop", stop, names))
+
+
+def _coordinates(model: ImpactOscillator | ImpactSystem, names: Any, struck: bool) -> dict[str, Parameter]:
+    velocity = Parameter("velocity", "velocity")
+    if struck:
+        velocity = Parameter("velocity", "velocity", low=0.0, hint="an impact has velocity > 0, a mass at rest 0")
+    found = {name: Parameter(name, name) for name in names} | {"velocity": velocity}
+    if isinstance(model, ImpactOscillator):
+        hint = "the stop is there; start in front of it"
+        found["displacement"] = Parameter("displacement", "displacement", high=model.gap, hint=hint)
+    return found | {"phase": Parameter("phase", "phase", low=0.0, high=1.0, hint="give (t mod T)/T")}
+
+
+def _numbers(start: State, n: int) -> tuple[Floats, Floats, float]:
+    """Return coordinates and velocities of a start that need not lie before the stops."""
+    q, speed = (np.array(part, np.float64, ndmin=1) for part in (start.displacement, start.velocity))
+    if len(q) != n:
+        raise invalid("start", start, f"a State of {n} coordinates")
+    return q, speed, start.time

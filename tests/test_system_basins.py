@@ -1,0 +1,276 @@
+"""Attractors and basins of systems: which motions coexist, and which initial conditions lead to which."""
+
+import json
+import math
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from systems import one_mass
+from systems import system as of
+from vibroimpact.backends.reference.systems import LinearSystem, RigidStop, follow
+from vibroimpact.coexistence import attractors, basins
+from vibroimpact.orbits import same_orbit
+from vibroimpact.orbits.systems import find
+from vibroimpact.status import Status
+
+
+def two_sided(omega, restitution, gap, upper=None):
+    stops = [vi.Stop(direction=d, gap=g, restitution=restitution, name=name) for d, g, name in
+             ((1, upper or gap, "above"), (-1, gap, "below"))]  # fmt: skip
+    return of(1.0, 0.05, 1.0, omega, stops, {1: 1.0})
+
+
+def two_masses(seed):
+    """Return two masses on springs between walls, the second one between two stops."""
+    rng = np.random.default_rng(seed)
+    k, m, c = rng.uniform(0.5, 2, 3), rng.uniform(0.5, 2, 2), rng.uniform(0.02, 0.1)
+    stiffness = np.array([[k[0] + k[1], -k[1]], [-k[1], k[1] + k[2]]])
+    gaps, symmetric = [rng.uniform(0.1, 0.8)], rng.random() < 0.5
+    bounces = [rng.uniform(0.3, 0.9)]
+    gaps += gaps if symmetric else [rng.uniform(0.1, 0.8)]
+    bounces += bounces if symmetric else [rng.uniform(0.3, 0.9)]
+    stops = [vi.Stop(direction=[0, sign], gap=gap, restitution=bounce, name=name) for sign, gap, bounce, name in
+             zip((1, -1), gaps, bounces, ("right", "left"), strict=True)]  # fmt: skip
+    return of(np.diag(m), c * stiffness, stiffness, rng.uniform(0.5, 3), stops, {1: [1.0, 0.0]})
+
+
+mpl.use("Agg")
+TWINS = two_sided(5.0, 0.8, 0.05)  # a motion of two impacts, its mirror image, and one clear of the stops
+THREE = two_masses(19)  # period-2 impact-6, period-3 impact-8, no impact
+STATES = {"displacement_1": np.linspace(-0.2, 0.2, 7), "velocity_1": np.linspace(-2.0, 2.0, 7)}
+
+
+def names(found):
+    """Return the name of the attractor of every start."""
+    meanings = np.array(found["attractor"].attrs["flag_meanings"].split())
+    return meanings[found["attractor"].values + 1]
+
+
+def mirrored(one, other):
+    """Whether a cycle of a two-sided oscillator is another one, mirrored and half a period later."""
+    swapped = tuple({"above": "below", "below": "above"}[stop] for stop in other.stops)
+    later = vi.coexistence.Attractor(
+        "periodic", velocities=other.velocities, phases=tuple((p + 0.5) % 1 for p in other.phases)
+    )
+    turns = [tuple(np.roll(swapped, shift).tolist()) for shift in range(len(swapped))]
+    return one.stops in turns and same_orbit(one, later, tolerance=1e-9)
+
+
+def test_a_motion_and_its_mirror_image_are_two_attractors():
+    found = attractors(TWINS)
+    one, other = (attractor for attractor in found if attractor.kind == "periodic")
+    assert one.name == other.name == "period-1 impact-2"
+    assert mirrored(one, other)
+    assert not same_orbit(one, other, tolerance=1e-3)
+    assert sum(attractor.share for attractor in found) == 1.0
+    (symmetric,) = (found for found in attractors(two_sided(2.0, 0.6, 0.5)) if found.kind == "periodic")
+    assert symmetric.stops == ("above", "below")
+    assert mirrored(symmetric, symmetric)
+    assert symmetric.velocities[0] == pytest.approx(1.01091975000998629752895, rel=1e-13)
+    assert symmetric.phases[0] == pytest.approx(0.30697182627669859292, rel=1e-12)
+
+
+def test_twins_have_basins_that_are_mirror_images():
+    y, v = np.linspace(-0.05, 0.05, 16), np.linspace(-1.0, 1.0, 15)
+    here, there = (basins(TWINS, displacement=y, velocity=v, phase=phase) for phase in (0.0, 0.5))
+    at = [[vi.State(*(float(row[f"point_{axis}"][0]) for axis in ("displacement", "velocity")), time) for row in
+           (found.isel(attractor_id=number) for number in range(2))] for found, time in
+          ((here, 0.0), (there, 0.5 * TWINS.period))]  # fmt: skip
+    first, second = ([attractors(TWINS, [start])[0] for start in starts] for starts in at)
+    image = [next(j for j in range(2) if mirrored(first[i], second[j])) for i in range(2)]
+    assert sorted(image) == [0, 1]
+    mapped = np.array([*image, 2, -1])[here["attractor"].values]
+    np.testing.assert_array_equal(mapped, there["attractor"].values[::-1, ::-1])
+
+
+@pytest.mark.parametrize(("omega", "gap", "restitution"), [(3.0, 0.0, 0.8), (1.45, 0.0, 0.8), (0.9, 0.3, 0.7)])
+def test_one_coordinate_and_one_stop_have_the_basins_of_the_oscillator(omega, gap, restitution):
+    osc = vi.ImpactOscillator(omega=omega, gap=gap, restitution=restitution)
+    impacts = {"phase": np.linspace(0.0, 1.0, 15), "velocity": np.linspace(0.0, 3.0, 12)}
+    states = {"displacement": np.linspace(gap - 2.0, gap, 9), "velocity": np.linspace(-1.0, 1.0, 8), "phase": 0.3}
+    for plane in (impacts, states):
+        own, as_system = basins(osc, **plane), basins(one_mass(osc), **plane)
+        np.testing.assert_array_equal(names(own), names(as_system))
+        np.testing.assert_array_equal(own["share"], as_system["share"])
+        for name in ("max_velocity", "mean_velocity", "dissipation"):
+            np.testing.assert_allclose(own[name], as_system[name], rtol=1e-6, atol=0)
+        np.testing.assert_allclose(own["max_velocity"], as_system["max_velocity"], rtol=1e-9, atol=0)
+    mine, theirs = attractors(one_mass(osc)), attractors(osc)
+    assert [(one.name, one.share) for one in mine] == [(one.name, one.share) for one in theirs]
+
+
+def test_a_decoupled_mode_changes_no_label():
+    plain = two_sided(0.8, 0.6, 0.5)
+    stops = [stop.replace(direction=[float(stop.direction[0]), 0.0]) for stop in plain.stops]
+    more = of(np.diag([1.0, 2.0]), np.diag([0.05, 0.3]), np.diag([1.0, 5.0]), 0.8, stops, {1: [1.0, 0.4]})
+    y, v = np.linspace(-0.5, 0.5, 9), np.linspace(-1.0, 1.0, 8)
+    alone = basins(plain, displacement=y, velocity=v, phase=0.2)
+    assert {"period-1_impact-4", "period-1_impact-2"} == set(names(alone).ravel())
+    begun = vi.State([0.0, 0.3], [0.0, -0.7], 0.2 * plain.period)
+    beside = basins(more, displacement_0=y, velocity_0=v, start=begun)
+    np.testing.assert_array_equal(names(alone), names(beside))
+    np.testing.assert_allclose(alone["max_velocity"], beside["max_velocity"], rtol=1e-12)
+
+
+def test_permuted_coordinates_and_stops_change_no_label():
+    swap = np.array([[0.0, 1.0], [1.0, 0.0]])
+    turned = [stop.replace(direction=swap @ stop.direction) for stop in reversed(THREE.stops)]
+    matrices = (swap @ matrix @ swap for matrix in (THREE.mass, THREE.damping, THREE.stiffness))
+    permuted = of(*matrices, THREE.omega, turned, {1: [0.0, 1.0]})
+    here = basins(THREE, **STATES)
+    there = basins(permuted, **{name.replace("1", "0"): values for name, values in STATES.items()})
+    np.testing.assert_array_equal(names(here), names(there))
+    np.testing.assert_allclose(here["max_velocity"], there["max_velocity"], rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", [0, 4, 10, 19, 22])
+def test_every_periodic_attractor_is_a_stable_admissible_orbit(seed):
+    # 100 designs were tried once: all were.
+    system = two_masses(seed)
+    found = attractors(system)
+    assert sum(attractor.share for attractor in found) == 1.0
+    for attractor in (one for one in found if one.kind == "periodic"):
+        p = len(attractor.velocities)
+        seen = vi.impact_section(system, start=attractor.start, transient_impacts=0, sample_impacts=p)
+        assert tuple(seen["stop"].values) == attractor.stops
+        times = seen["time"].values - math.floor(float(seen["time"][0]) / system.period) * system.period
+        orbits = find(system, n_periods=attractor.n_periods, stops=attractor.stops, near=times.tolist())
+        orbit = next(one for one in orbits if same_orbit(one, attractor, tolerance=1e-9))
+        assert orbit.stable
+        assert orbit.admissible
+        assert orbit.n_periods == attractor.n_periods
+        assert attractor.lyapunov == pytest.approx(orbit.lyapunov, rel=1e-9)
+        lost = [0.5 * impulse * v * (1 - r) for impulse, v, r in zip(
+            orbit.impulses, orbit.velocities, (next(s.restitution for s in system.stops if s.name == name)
+                                               for name in orbit.stops), strict=True)]  # fmt: skip
+        assert attractor.dissipation == pytest.approx(sum(lost) / orbit.n_periods, rel=1e-9)
+        (again,) = attractors(system, [attractor.start])
+        assert again.share == 1.0
+        assert same_orbit(again, attractor, tolerance=1e-9)
+
+
+def test_the_witness_leads_to_the_same_attractors():
+    stops = tuple(RigidStop(stop.direction, stop.gap, stop.restitution, {}) for stop in THREE.stops)
+    load = dict(THREE.force.harmonics)
+    plain = LinearSystem(THREE.mass, THREE.damping, THREE.stiffness, THREE.omega, np.zeros(2), load, stops)
+    plane = {name: values[::3] for name, values in STATES.items()}
+    told, tried = names(basins(THREE, **plane)), set()
+    for i, y in enumerate(plane["displacement_1"]):
+        for j, v in enumerate(plane["velocity_1"]):
+            motion = follow(plain, [0.0, y], [0.0, v], 0.0, impacts=600, most_periods=150)
+            phases = [event.time / THREE.period for event in motion.impacts if event.time > 138 * THREE.period]
+            seen = {0: "no_impact", 36: "period-2_impact-6", 32: "period-3_impact-8"}.get(len(phases), "transient")
+            assert seen in (told[i, j], "transient")
+            tried.add(seen)
+    assert {"period-2_impact-6", "period-3_impact-8"} <= tried
+
+
+def test_impacts_on_a_stop_are_the_nearest_states_that_strike_it():
+    begun = vi.State([0.1, 0.05], [0.3, -0.2])
+    plane = {"phase": np.array([0.1, 0.6]), "velocity": np.array([0.4, 1.5, 2.5])}
+    found = basins(THREE, **plane, stop="left", start=begun)
+    left = THREE.stops[1]
+    towards = np.linalg.solve(THREE.mass, left.direction)
+    towards = towards / (left.direction @ towards)
+    for i, phase in enumerate(plane["phase"]):
+        for j, v in enumerate(plane["velocity"]):
+            q = np.array(begun.displacement) + (left.gap - left.direction @ begun.displacement) * towards
+            rate = np.array(begun.velocity) + (v - left.direction @ begun.velocity) * towards
+            start = vi.State(q, rate, phase * THREE.period)
+            first = vi.impact_section(THREE, start=start, transient_impacts=0, sample_impacts=1)
+            assert str(first["stop"][0].item()) == "left"
+            assert float(first["velocity"][0]) == pytest.approx(v, rel=1e-12)
+            (one,) = attractors(THREE, [start])
+            assert one.name.replace(" ", "_") == names(found)[i, j]
+
+
+def test_a_number_of_starts_are_impacts_that_attractors_are_looked_for_from():
+    osc = vi.ImpactOscillator(omega=1.45, gap=0.2)
+    how = {"indices": ("max_velocity",), "transient_impacts": 20, "sample_impacts": 60}
+    own = vi.parameter_map(osc, start=9, gap=[0.1, 0.2], early_closing=False, **how)
+    as_system = vi.parameter_map(one_mass(osc), start=9, stop_1_gap=[0.1, 0.2], **how)
+    np.testing.assert_allclose(own["max_velocity"].values, as_system["max_velocity"].values, rtol=1e-9)
+    several = vi.parameter_map(THREE, start=5, omega=[THREE.omega], **how)
+    assert several.sizes["start"] == 5
+    assert (
+        "4 impacts at phases 0 to 1 and velocities 0 to 4 V, on all stops in turn" in several.attrs["initial_condition"]
+    )
+
+
+def test_a_motion_clear_of_the_stops_is_the_steady_one():
+    (quiet,) = (one for one in attractors(THREE) if one.kind == "no_impact")
+    motion = vi.simulate(THREE, start=quiet.start, periods=7, samples_per_period=4)
+    np.testing.assert_allclose(motion["displacement"][-1], quiet.start.displacement, rtol=0, atol=1e-12)
+    assert float(motion["clearance"].min()) > 0.0
+
+
+def test_a_portrait_says_what_holds_the_other_coordinates_and_comes_back_from_disk(tmp_path):
+    begun = vi.State([0.1, 0.0], [0.0, 0.2], 0.25 * THREE.period)
+    found = basins(THREE, displacement_0=[-0.1, 0.1], velocity_1=[-1.0, 0.5], start=begun)
+    assert found["attractor"].dims == ("displacement_0", "velocity_1")
+    assert found["displacement_0"].attrs == {"long_name": "displacement of coordinate 0", "units": "m", "symbol": "q_0"}
+    assert json.loads(found.attrs["arguments"])["phase"] == pytest.approx(0.25)
+    assert vi.load(vi.save(found, tmp_path / "basins.zarr")).identical(found)
+    axes = vi.plotting.basin_portrait(found)
+    assert axes.get_xlabel() == r"displacement of coordinate 0 $q_\mathrm{0}$ [m]"
+    assert axes.get_ylabel() == r"velocity of coordinate 1 $\dot q_\mathrm{1}$ [m/s]"
+    assert "others of q = (0.1, 0) m, q' = (0, 0.2) m/s" in axes.get_title().replace("\n", " ")
+    assert r"\psi/T$ = 0.25" in axes.get_title()
+
+
+def test_cycles_and_sticking_of_the_bouncing_ball_are_found_by_the_same_call():
+    ball = vi.models.bouncing_ball()
+    found = attractors(ball)
+    assert sum(one.share for one in found) == 1.0
+    assert all(one.stops[:1] == ("table",) for one in found if one.n_periods)
+
+
+PLANE = {"displacement_0": [0.0, 0.1], "velocity_1": [0.0, 0.1]}
+
+
+@pytest.mark.parametrize(
+    ("axes", "message"),
+    [
+        ({"displacement_2": [0.0]}, "unknown coordinate 'displacement_2'; choose from displacement_0, velocity_0"),
+        ({"displacement_0": [0.0, 0.1]}, "the axes must be two of displacement_0, .*, got `displacement_0`"),
+        (PLANE | {"velocity_0": [0.0]}, "the axes must be two of .*, got `displacement_0`, `velocity_1`, `velocity_0`"),
+        (PLANE | {"start": vi.State(0.1)}, "`start` must be a State of 2 coordinates, got State"),
+        (PLANE | {"stop": "left"}, r"`stop` goes with a system and the axes \(phase, velocity\)"),
+        ({"phase": [0.1, 0.2], "velocity": [1.0]}, "`stop` must name the stop that is struck: right, left"),
+        ({"phase": [0.1], "velocity": [1.0], "stop": "up"}, "unknown `stop` 'up'|`stop` must be .* 'up'"),
+        ({"phase": [0.1], "velocity": [-1.0], "stop": "left"}, "`velocity` must be .*>= 0, got -1"),
+        (
+            {"displacement_1": [0.0, 9.0], "velocity_1": [0.0]},
+            "displacement_1 = 9 and velocity_1 = 0 lies beyond 'right'",
+        ),
+        (PLANE | {"backend": "reference"}, "`backend` 'reference' does not take systems"),
+    ],
+)
+def test_a_wrong_request_is_refused_in_one_sentence(axes, message):
+    with pytest.raises(ValueError, match=message):
+        basins(THREE, **axes)
+
+
+def test_starts_of_another_size_are_refused():
+    with pytest.raises(ValueError, match="`start` must have 2 coordinates"):
+        attractors(THREE, [vi.State(0.1)])
+    with pytest.raises(ValueError, match="lies beyond 'right'"):
+        attractors(THREE, [vi.State([0.0, 9.0])])
+
+
+def test_what_is_cut_off_is_undecided_and_says_so():
+    found = basins(
+        THREE, **{name: values[:2] for name, values in STATES.items()}, tolerances=vi.Tolerances(steps_per_impact=1)
+    )
+    assert (found["attractor"].values[found["status"].values == Status.BUDGET] == -1).all()
+
+
+def test_a_family_of_systems_has_attractors():
+    @vi.family
+    def design(gap=0.05):
+        return two_sided(5.0, 0.8, gap)
+
+    assert [one.name for one in attractors(design)] == [one.name for one in attractors(TWINS)]
