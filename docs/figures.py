@@ -202,6 +202,45 @@ def verdict() -> plt.Figure:
     return vi.plotting.comparison_figure([osc.replace(omega=1.4), osc.replace(omega=2.8)], size=(8.4, 8.8))
 
 
+def restitution() -> plt.Figure:
+    """Draw what further modes do to the struck mass, to impacts per period and to the rebound of a bar."""
+    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(11, 3.4), layout="constrained")
+    modes = np.arange(1, 13)
+    for at, marker in ((1.0, "o-"), (0.7, "s--")):
+        strips = [vi.models.cantilever_with_stop(modes=float(n), stop_at=at) for n in modes]
+        masses = [1e3 / strip.modal().mobility[0, 0] for strip in strips]
+        left.plot(
+            modes, masses, marker, markersize=4, label=f"stop at {'the tip' if at == 1.0 else '0.7 of the length'}"
+        )
+    left.set(ylabel="struck mass [g]", ylim=(0, None))
+    hits = [_impacts_per_period(vi.models.cantilever_with_stop(modes=float(n))) for n in modes[:10]]
+    middle.semilogy(modes[:10], hits, "o-", markersize=4)
+    middle.set(ylabel="impacts per period")
+    for r in (0.0, 0.4, 0.7, 0.9):
+        right.plot(modes, [_rebound(n, r) for n in modes], "o-", markersize=4, label=f"r = {r:g}")
+    right.set(ylabel="speed after over speed before", ylim=(0, 1.02))
+    for ax in (left, middle, right):
+        ax.set(xlabel="number of modes", xticks=range(2, 13, 2))
+    left.legend(frameon=False)
+    right.legend(frameon=False, loc="lower right")
+    return figure
+
+
+def _impacts_per_period(strip: vi.ImpactSystem) -> float:
+    hits = vi.impact_section(strip, transient_impacts=4000, sample_impacts=4000)["time"].values
+    return float((len(hits) - 1) / (hits[-1] - hits[0]) / strip.frequency)
+
+
+def _rebound(n: int, r: float) -> float:
+    """Return the speed of a free bar after a stop over that before; length, mass and speed of sound are 1."""
+    order = np.arange(n)
+    stop = vi.Stop(direction=np.where(order, np.sqrt(2.0), 1.0), gap=0.0, restitution=r)
+    stiffness = np.diag((np.pi * order) ** 2)
+    bar = vi.ImpactSystem(mass=np.eye(n), stiffness=stiffness, force=vi.Force(omega=0.3), stops=[stop])
+    coming = vi.State([-1.0] + [0.0] * (n - 1), [1.0] + [0.0] * (n - 1))
+    return -float(vi.simulate(bar, start=coming, periods=1)["velocity"][-1, 0])
+
+
 def main() -> None:
     """Draw all pictures into docs/images/."""
     IMAGES.mkdir(exist_ok=True)
@@ -222,11 +261,13 @@ def main() -> None:
         "coexistence": coexistence(),
         "basins-of-two-stops": basins_of_two_stops(),
         "refinement": refinement(),
+        "restitution": restitution(),
         "verdict": verdict(),
     }
     for name, figure in pictures.items():
         vi.plotting.save_figure(figure, IMAGES / f"{name}.png", dpi=110, overwrite=True)
-    runpy.run_path(str(DOCS / "explorer_picture.py"), run_name="__main__")
+    for script in ("machine_pictures.py", "explorer_picture.py"):
+        runpy.run_path(str(DOCS / script), run_name="__main__")
 
 
 if __name__ == "__main__":
