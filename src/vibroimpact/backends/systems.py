@@ -23,7 +23,7 @@ from vibroimpact.kernels.systems import lanes, march, walk
 from vibroimpact.kernels.systems.complementarity import Room
 from vibroimpact.kernels.systems.layout import Layout, layout_of
 from vibroimpact.kernels.systems.leap import HALF, WHOLE
-from vibroimpact.kernels.systems.series import DEGREE, REACH
+from vibroimpact.kernels.systems.series import REACH
 from vibroimpact.kernels.vectors import LANES
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
@@ -31,6 +31,7 @@ from vibroimpact.system_cells import SystemCells
 
 _LOOKS = 200  # at lanes, before Python asks whether to stop
 _STEPS = 1 << 14  # of one cell, as well
+_TERMS = 30  # of a series over a leap: 2^31/31! is below rounding
 _ROOM = 4096  # rows of a buffer, which is emptied when it is full
 
 # By which power of a step's length a number is multiplied where time is counted in steps.
@@ -70,9 +71,9 @@ def _prepare_leaps(cells: SystemCells, k: Layout, table: Floats) -> None:
     force = table[:, k.force : k.force + 2 * m * n].reshape(number, n, m, 2)
     motion = table[:, k.motion : k.motion + 2 * m * s].reshape(number, s, m, 2)
     turned = np.arange(1, m + 1) * theta
-    table[:, k.driven : k.driven + n] = np.abs(load) + np.hypot(force[..., 0], force[..., 1]).sum(axis=-1)
-    bends = (np.hypot(motion[..., 0], motion[..., 1]) * turned[:, None] ** 2).sum(axis=-1)
-    table[:, k.driven + n : k.driven + n + s] = bends
+    size, swing = np.hypot(force[..., 0], force[..., 1]), np.hypot(motion[..., 0], motion[..., 1])
+    bounds = (np.abs(load) + size.sum(axis=-1), *((part * turned[:, None] ** 2).sum(axis=-1) for part in (size, swing)))
+    table[:, k.driven : k.driven + 2 * n + s] = np.hstack(bounds)
     coupled = np.count_nonzero(table[:, k.damping : k.damping + n * n], axis=1) > np.count_nonzero(damping, axis=1)
     zero, one = np.zeros((number, n)), np.ones((number, n))
     for first, length in ((k.halves, HALF), (k.wholes, WHOLE)):
@@ -97,12 +98,12 @@ def _over(
 ) -> tuple[Floats, Floats]:
     """Return amplitude and rate after x steps, by the power series, under a force that turns at a rate."""
     b = [y, p]
-    for _ in range(DEGREE - 1):
+    for _ in range(_TERMS - 1):
         b.append(force - square * b[-2] - damping * b[-1])
         force, slope = slope, -(rate**2) * force
-    powers = [x**order / math.factorial(order) for order in range(DEGREE + 1)]
+    powers = [x**order / math.factorial(order) for order in range(_TERMS + 1)]
     amplitude, moved = 0.0 * y, 0.0 * y
-    for order in range(DEGREE, 0, -1):
+    for order in range(_TERMS, 0, -1):
         amplitude, moved = amplitude + powers[order] * b[order], moved + powers[order - 1] * b[order]
     return amplitude + b[0], moved
 

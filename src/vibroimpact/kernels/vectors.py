@@ -1,4 +1,4 @@
-"""Eight lanes as one value: kernels written for numbers step them too, whatever the shape of what they step.
+"""Many lanes as one value: kernels written for numbers step them too, whatever the shape of what they step.
 
 LLVM makes vectors of a loop over lanes only where it can prove that no row of lanes overlaps another; where rows lie at
 places known at run time alone, as for any number of modes and stops, the vectors are written out. `fma` and `select`
@@ -19,13 +19,13 @@ from numba.extending import intrinsic, lower_builtin, models, register_model, ty
 
 from vibroimpact.kernels.machine import WIDTH
 
-LANES = WIDTH  # that are stepped together
-_NUMBERS = ir.VectorType(ir.DoubleType(), WIDTH)
-_TRUTHS = ir.VectorType(ir.IntType(1), WIDTH)
+LANES = 2 * WIDTH  # one value: two registers, so that what one waits for the other fills
+_NUMBERS = ir.VectorType(ir.DoubleType(), LANES)
+_TRUTHS = ir.VectorType(ir.IntType(1), LANES)
 
 
 class Vector(types.Type):
-    """The type of eight numbers, or of eight truths."""
+    """The type of so many numbers, or truths."""
 
     def __init__(self, truths: bool) -> None:
         self.truths = truths
@@ -49,12 +49,12 @@ def _spread(context: Any, builder: Any, value: Any, kind: Any) -> Any:
     value = context.cast(builder, value, kind, types.float64)
     empty, index = ir.Constant(_NUMBERS, ir.Undefined), ir.IntType(32)
     first = builder.insert_element(empty, value, index(0))
-    return builder.shuffle_vector(first, empty, ir.Constant(ir.VectorType(index, WIDTH), [0] * WIDTH))
+    return builder.shuffle_vector(first, empty, ir.Constant(ir.VectorType(index, LANES), [0] * LANES))
 
 
 def _call(builder: Any, name: str, *values: Any) -> Any:
     kind = ir.FunctionType(_NUMBERS, [_NUMBERS] * len(values))
-    return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{WIDTH}f64"), values)
+    return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64"), values)
 
 
 def _define(operation: Any, result: Vector, emit: Callable[..., Any], places: int = 2) -> None:
@@ -189,7 +189,7 @@ def anywhere(typingctx: Any, truths: Any) -> Any:
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         if truths is not TRUTHS:
             return context.cast(builder, values[0], truths, types.boolean)
-        bits = builder.bitcast(values[0], ir.IntType(WIDTH))
+        bits = builder.bitcast(values[0], ir.IntType(LANES))
         return builder.icmp_unsigned("!=", bits, bits.type(0))
 
     return types.boolean(truths), codegen

@@ -11,7 +11,7 @@ from numba import njit
 from vibroimpact.kernels.cell import QUIET_FOR, RUNNING
 from vibroimpact.kernels.machine import compiled, next_ticket
 from vibroimpact.kernels.systems.law import begin, bounce
-from vibroimpact.kernels.systems.leap import LEAPS, attempt
+from vibroimpact.kernels.systems.leap import LEAPS, leap_half, leap_whole, willing
 from vibroimpact.kernels.systems.march import (
     CHATTERED,
     GRANTED,
@@ -128,8 +128,13 @@ def run_lanes(table, budgets, results, ends, tickets, lanes, owner, notes, ended
             owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room)
     for _ in range(looks):
         for _ in range(LOOK):
-            for which in range(LEAPS):
-                attempt(lanes, k, 0, which)
+            may = willing(lanes, k, 0)
+            on = leap_half(lanes, k, 0, may)
+            for _ in range(LEAPS):
+                if not anywhere(on):
+                    break
+                on = leap_whole(lanes, k, 0, on)
+            leap_half(lanes, k, 0, may)
             step(lanes, k, 0)
             if not k.thorough:
                 _usual(lanes, notes, k, window)

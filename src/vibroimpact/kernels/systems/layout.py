@@ -16,8 +16,8 @@ class Layout(NamedTuple):
     left or held; `age` and `made` count the steps flown since an event and made in all; `held` is the inverse of alpha
     M^-1 alpha^T over the closed stops, and `closed` how many there are; `deta` and `drate` are a deviation, `known` is
     the state (eta, rate, sin wt, cos wt) at an impact to which the motion may return. The others up to `constants` are
-    constant, with the flows of leaps, `halves` and `wholes`, and `driven`, bounds of the loads and of the stops'
-    accelerations. From `pairs` on it is room to work.
+    constant, with the flows of leaps, `halves` and `wholes`, and `driven`, bounds of the loads, of their second
+    derivatives and of the stops' accelerations. From `pairs` on it is room to work.
     """
 
     modes: int
@@ -82,7 +82,7 @@ def layout_of(modes: int, stops: int, harmonics: int, coupled: bool, moving: boo
         "deta": n * thorough, "drate": n * thorough, "known": (2 * n + 2) * thorough,
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
         "gap": s, "motion": 2 * m * s, "restitution": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
-        "margin": s, "give": s, "driven": n + s,
+        "margin": s, "give": s, "driven": 2 * n + s,
         "halves": flow, "wholes": flow, "constants": 0, "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE,
         "stop": s * SIZE, "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1, "rows": 0,
     }  # fmt: skip

@@ -1,19 +1,25 @@
-"""Leaps: half a step or a whole one far from all stops, by matrices that are computed once a cell.
+"""Leaps: fixed lengths far from all stops, by matrices that are computed once a cell.
 
 Where no damping couples the modes, each moves over a fixed length X by a 2 x 2 matrix, and in proportion to its load
 and to (sin, cos) of each harmonic at the beginning. Over it, with m the larger of |eta| at both ends and M a bound of
 |eta''|,
 
-    |eta| <= m + M X^2/8,   |p| <= |eta1 - eta0|/X + M X/2,   M <= F + L max|eta| + D max|p|,
+    |eta'| <= |eta1 - eta0|/X + M X/2,   |eta| <= m + M X^2/8,   M <= F + L max|eta| + D max|eta'|,
 
-F the amplitude of its load, so that M = (F + L m + D |eta1 - eta0|/X)/(1 - L X^2/8 - D X/2) is one; where that
-denominator is not above zero nothing is leapt, nor where modes are coupled. A clearance has |u''| <= B = sum |alpha| M
-plus that of its stop, and u >= min(u0, u1) - B X^2/8 between: a leap is certified where that is above zero for every
-stop, or where a stop that was just struck is left so fast, p0 > B X/2, that it is not touched again. A leap that is not
-certified changes nothing. No stop may be closed.
+F the amplitude of its load f, so that M = (F + L m + D |eta1 - eta0|/X)/(1 - L X^2/8 - D X/2) is one; where that
+denominator is not above zero nothing is leapt, nor where modes are coupled. A clearance u = g - sum alpha eta has
+u'' = g'' + w + sum alpha D eta', and w = sum alpha (L eta - f) lies near its chord, so that
+
+    u'' <= B = max|g''| + max(w0, w1) + sum |alpha| ((L M + max|f''|) X^2/8 + D max|eta'|),
+
+and u lies above its chord less B x (X - x)/2. That is above zero on the way where sqrt(u0) + sqrt(u1) > X sqrt(B/2)
+(method, equation 2a), after an impact with u0 = 0. A leap is certified where it is so for every stop; one that is not
+changes nothing. No stop may be closed.
 """
 
 from __future__ import annotations
+
+import math
 
 from numba import njit
 
@@ -22,7 +28,10 @@ from vibroimpact.kernels.systems.layout import FLOW
 from vibroimpact.kernels.systems.step import OPEN, STRUCK, stop_moves, turned, turns
 from vibroimpact.kernels.vectors import fma, get, put, select
 
-LEAPS, HALF, WHOLE = 5, 0.5, 1.0  # and their lengths in steps
+# Before a step come a half, wholes while they are certified, up to so many, and a half again; their lengths in steps.
+# A whole one is two halves: over a half the series holds.
+LEAPS, HALF = 32, 0.5
+WHOLE = 2.0 * HALF
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -42,40 +51,57 @@ def _flown(rows, first, j, k, wide):
 
 
 @njit(error_model="numpy", forceinline=True)
-def leap(rows, k, wide, first, length):
-    """Make a leap of that many steps where it is certified."""
+def _load(rows, j, s, c, k, wide):
+    """Return the load on a mode when (sin wt, cos wt) are those."""
+    f, a, b = get(rows, k.load + j, wide), s, c
+    for m in range(k.harmonics):
+        first = k.force + 2 * (k.harmonics * j + m)
+        f = fma(get(rows, first, wide), a, fma(get(rows, first + 1, wide), b, f))
+        a, b = fma(a, c, b * s), fma(b, c, -a * s)
+    return f
+
+
+@njit(error_model="numpy", forceinline=True)
+def _leap(rows, k, wide, first, length, willing):
+    """Make a leap of that many steps where it is wanted and certified; return where it was."""
     turns(rows, k, wide)
-    last = first + k.modes * (FLOW + 4 * k.harmonics)
+    n, last = k.modes, first + k.modes * (FLOW + 4 * k.harmonics)
     s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
-    sine, cosine = get(rows, last, wide), get(rows, last + 1, wide)
-    s1, c1 = turned(s, c, sine, cosine)
-    for j in range(k.modes):
+    s1, c1 = turned(s, c, get(rows, last, wide), get(rows, last + 1, wide))
+    for j in range(n):
+        at = k.flight + 5 * j
         y, y1, p1 = _flown(rows, first, j, k, wide)
-        put(rows, k.flight + 3 * j, wide, y1)
-        put(rows, k.flight + 3 * j + 1, wide, p1)
-        larger = select(abs(y) > abs(y1), abs(y), abs(y1))
-        bound = fma(get(rows, k.square + j, wide), larger, get(rows, k.driven + j, wide))
-        damping = get(rows, k.damping + j * (k.modes + 1), wide)
-        bound = fma(damping * (1.0 / length), abs(y1 - y), bound)
-        bound = bound * get(rows, first + j * (FLOW + 4 * k.harmonics) + 6, wide)
-        put(rows, k.flight + 3 * j + 2, wide, bound)
-    certain = s == s
+        put(rows, at, wide, y1)
+        put(rows, at + 1, wide, p1)
+        square, damping = get(rows, k.square + j, wide), get(rows, k.damping + j * (n + 1), wide)
+        largest, mean = select(abs(y) > abs(y1), abs(y), abs(y1)), (1.0 / length) * abs(y1 - y)
+        bend = fma(square, largest, fma(damping, mean, get(rows, k.driven + j, wide)))
+        bend = bend * get(rows, first + j * (FLOW + 4 * k.harmonics) + 6, wide)
+        sag = (0.125 * length * length) * fma(square, bend, get(rows, k.driven + n + j, wide))
+        put(rows, at + 2, wide, fma(damping, fma(0.5 * length, bend, mean), sag))
+        put(rows, at + 3, wide, fma(square, y, -_load(rows, j, s, c, k, wide)))
+        put(rows, at + 4, wide, fma(square, y1, -_load(rows, j, s1, c1, k, wide)))
     for z in range(k.stops):
-        u0, w0 = stop_moves(rows, z, s, c, k, wide)
+        u0, _ = stop_moves(rows, z, s, c, k, wide)
         u1, _ = stop_moves(rows, z, s1, c1, k, wide)
-        bend = get(rows, k.driven + k.modes + z, wide)
-        for j in range(k.modes):
-            alpha = get(rows, k.alpha + z * k.modes + j, wide)
+        rest = get(rows, k.driven + 2 * n + z, wide)
+        w0 = w1 = 0.0 * rest
+        for j in range(n):
+            alpha, at = get(rows, k.alpha + z * n + j, wide), k.flight + 5 * j
             u0 = fma(-alpha, get(rows, k.eta + j, wide), u0)
-            w0 = fma(-alpha, get(rows, k.rate + j, wide), w0)
-            u1 = fma(-alpha, get(rows, k.flight + 3 * j, wide), u1)
-            bend = fma(abs(alpha), get(rows, k.flight + 3 * j + 2, wide), bend)
+            u1 = fma(-alpha, get(rows, at, wide), u1)
+            rest = fma(abs(alpha), get(rows, at + 2, wide), rest)
+            w0 = fma(alpha, get(rows, at + 3, wide), w0)
+            w1 = fma(alpha, get(rows, at + 4, wide), w1)
         kind = get(rows, k.kind + z, wide)
-        low = select(u0 < u1, u0, u1)
-        far = (kind == OPEN) & (low > 0.125 * length * length * bend)
-        left = (kind == STRUCK) & (u1 > 0.0) & (w0 > 0.5 * length * bend)
-        certain = certain & (far | left)
-    _take(rows, certain, s, s1, c1, first, length, k, wide)
+        struck = kind == STRUCK
+        u0 = select(struck, 0.0, u0)
+        room = u0 + u1 + 2.0 * math.sqrt(select(u0 > 0.0, u0 * u1, 0.0))
+        bend = rest + select(w0 > w1, w0, w1)
+        willing = willing & (struck | ((kind == OPEN) & (u0 > 0.0)))
+        willing = willing & (u1 > 0.0) & (room > 0.5 * length * length * bend)
+    _take(rows, willing, s, s1, c1, first, length, k, wide)
+    return willing
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -83,8 +109,8 @@ def _take(rows, certain, s, s1, c1, first, length, k, wide):
     """Leave the state after a leap where it is certain."""
     for j in range(k.modes):
         y, p = get(rows, k.eta + j, wide), get(rows, k.rate + j, wide)
-        put(rows, k.eta + j, wide, select(certain, get(rows, k.flight + 3 * j, wide), y))
-        put(rows, k.rate + j, wide, select(certain, get(rows, k.flight + 3 * j + 1, wide), p))
+        put(rows, k.eta + j, wide, select(certain, get(rows, k.flight + 5 * j, wide), y))
+        put(rows, k.rate + j, wide, select(certain, get(rows, k.flight + 5 * j + 1, wide), p))
         if k.thorough:
             at = first + j * (FLOW + 4 * k.harmonics)
             y, p = get(rows, k.deta + j, wide), get(rows, k.drate + j, wide)
@@ -103,10 +129,19 @@ def _take(rows, certain, s, s1, c1, first, length, k, wide):
     put(rows, k.age, wide, get(rows, k.age, wide) + select(certain, length, 0.0))
 
 
+@njit(error_model="numpy", forceinline=True)
+def willing(rows, k, wide):
+    """Return where leaps may be tried."""
+    return get(rows, k.closed, wide) <= 0.0
+
+
 @njit(error_model="numpy")
-def attempt(rows, k, wide, number):
-    """Make one of the LEAPS leaps before a step: half a one, whole ones, and half a one again."""
-    if number == 0 or number == LEAPS - 1:
-        leap(rows, k, wide, k.halves, HALF)
-    else:
-        leap(rows, k, wide, k.wholes, WHOLE)
+def leap_half(rows, k, wide, willing):
+    """Make half a leap where it is certified; return where it was."""
+    return _leap(rows, k, wide, k.halves, HALF, willing)
+
+
+@njit(error_model="numpy")
+def leap_whole(rows, k, wide, willing):
+    """Make a leap where it is certified; return where it was."""
+    return _leap(rows, k, wide, k.wholes, WHOLE, willing)

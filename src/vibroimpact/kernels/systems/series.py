@@ -67,11 +67,18 @@ evaluate = _written(
     ],
     "y, p",
 )
+# the same from the coefficients, b_j/j!
+valued = _written(
+    "valued",
+    "a, x",
+    [f"y = a[{DEGREE}]", "p = 0.0 * y", *_lines("p = fma(p, x, y); y = fma(y, x, a[{o}])", range(DEGREE - 1, -1, -1))],
+    "y, p",
+)
 # sum of the negative coefficients from the eighth on: a lower bound of their part of the series over 0 <= x <= 1
 tail = _written(
     "tail", "a", ["t = 0.0 * a[8]", *_lines("t = t + select(a[{o}] < 0.0, a[{o}], 0.0)", range(8, SIZE))], "t"
 )
 # a bound of |u''| over 0 <= x <= 1
 bend = _written(
-    "bend", "b", ["t = abs(b[2])", *(f"t = fma(abs(b[{o}]), {_SHARES[o - 2]!r}, t)" for o in range(3, SIZE))], "t"
+    "bend", "a", ["t = 2.0 * abs(a[2])", *(f"t = fma(abs(a[{o}]), {o * (o - 1.0)!r}, t)" for o in range(3, SIZE))], "t"
 )

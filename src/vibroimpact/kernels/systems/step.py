@@ -6,9 +6,9 @@ begins with (x after an impact, x^2 where it leaves from rest, x^3 at a release)
 smallest root of that bound over all stops is a step that cannot pass the first zero of any of them.
 
 Where the zero of the nearest one is so near that its rate cannot change by half on the way (|u''| <= B over the whole
-step, B d <= |p|/50 for the distance d = -u/p), the polynomial falls to it within 2 d, and Newton's method meets it: by
-|e'| <= B e^2/(2 |p|) it is 0.01 d, 1e-6 d and 1e-14 d off after one step, two and three. The step goes there if the
-other stops' bounds reach as far.
+step, B d <= |p|/10 for the distance d = -u/p), the polynomial falls to it within 2 d, and Newton's method meets it: by
+|e'| <= B e^2/(2 |p|) it is 0.06 d, 2e-4 d, 4e-9 d and 1e-18 d off after one step, two, three and four. The step goes
+there if the other stops' bounds reach as far.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from vibroimpact.kernels.systems.series import (
     plus_times,
     store,
     tail,
+    valued,
     wave,
 )
 from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
@@ -41,7 +42,7 @@ from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 OPEN, STRUCK, RESTING, RELEASED, CLOSED, BALANCED, PASSING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 NOTHING, CONTACT, STALLED = 0.0, 1.0, 2.0  # what ended a step; the last: it is at a stop without approaching it
 
-NEAR = 0.02  # of the rate: by how much it may change on the way to a contact that is solved for
+NEAR = 0.1  # of the rate: by how much it may change on the way to a contact that is solved for
 BACK = 1e-12  # steps: a contact that rounding puts further behind is here
 
 
@@ -75,12 +76,11 @@ def _negative(a):
 
 
 @njit(error_model="numpy", forceinline=True)
-def certified(b, kind):
-    """Return an x in [0, 1] such that the polynomial is above zero on (0, x), from its derivatives at 0.
+def certified(a, kind):
+    """Return an x in [0, 1] such that the polynomial is above zero on (0, x), from its coefficients.
 
     The bounds are sharp at x = X: they are taken twice, over the step and over twice what the first certified.
     """
-    a = coefficients(b)
     let_go = kind == RELEASED
     at_rest = let_go | (kind == RESTING)
     # Rounding may leave a clearance below zero that grows: that stop has just been left.
@@ -268,27 +268,27 @@ def _certify(rows, held, k, wide):
     one = 0.0 * get(rows, k.theta, wide) + 1.0
     x, others, which, sought = one, one, 0.0 * one, one
     for z in range(k.stops):
-        b = _watched(rows, z, held, k, wide)
+        a = coefficients(_watched(rows, z, held, k, wide))
         kind = get(rows, k.kind + z, wide)
-        own = certified(b, kind)
+        own = certified(a, kind)
         nearer = own < x
         free = select((kind < OPEN) | (kind > PASSING), 0.0, one)
         sought = select(nearer, free, sought) if z else free
         others = select(nearer, x, select(own < others, own, others))
         x, which = select(nearer, own, x), select(nearer, float(z) * one, which)
-        store(rows, k.near, wide, either(nearer, b, load(rows, k.near, wide)) if z else b)
+        store(rows, k.near, wide, either(nearer, a, load(rows, k.near, wide)) if z else a)
     return x, others, which, sought > 0.0
 
 
 @njit(error_model="numpy", forceinline=True)
-def _approach(b, x, others, sought):
+def _approach(a, x, others, sought):
     """Return whether a zero is next to x and before what is certified of the others, and where the step then ends."""
-    y, p = evaluate(b, x)
+    y, p = valued(a, x)
     d = select(y > 0.0, y, 0.0) / -p
-    close = sought & (p < 0.0) & (bend(b) * d < -NEAR * p) & (x + 2.0 * d <= 1.0)
+    close = sought & (p < 0.0) & (bend(a) * d < -NEAR * p) & (x + 2.0 * d <= 1.0)
     t = x + select(close, d, 0.0)
-    for _ in range(2):
-        y, p = evaluate(b, t)
+    for _ in range(3):
+        y, p = valued(a, t)
         t = t - select(close, y / p, 0.0)
     t = select(t > -BACK, t, 0.0)
     first = close & (t <= others)
@@ -304,7 +304,7 @@ def turned(s, c, sine, cosine):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _move(rows, x, close, k, wide):
+def move(rows, x, close, k, wide):
     """Carry the state over x, to a contact or not."""
     for j in range(k.modes):
         y, p = evaluate(load(rows, k.flight + j * SIZE, wide), x)
@@ -348,7 +348,7 @@ def step(rows, k, wide):
         fly_apart(rows, k, wide)
     x, others, which, sought = _certify(rows, held, k, wide)
     close, end = _approach(load(rows, k.near, wide), x, others, sought)
-    _move(rows, end, close, k, wide)
+    move(rows, end, close, k, wide)
     stalled = select(end <= 0.0, STALLED, NOTHING)
     put(rows, k.which, wide, which)
     put(rows, k.hit, wide, select(close, CONTACT, stalled))

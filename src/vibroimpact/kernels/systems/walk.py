@@ -10,10 +10,10 @@ from numba import njit
 from vibroimpact.kernels.cell import FILLED, RUNNING, SPENT
 from vibroimpact.kernels.machine import compiled
 from vibroimpact.kernels.systems.law import begin, bounce
-from vibroimpact.kernels.systems.leap import HALF, LEAPS, WHOLE, attempt
+from vibroimpact.kernels.systems.leap import HALF, LEAPS, WHOLE, leap_half, leap_whole, willing
 from vibroimpact.kernels.systems.march import HITS, LOOK, MADE, TURN, add_all, ending, happen, moment
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
-from vibroimpact.kernels.systems.step import CLOSED, NOTHING, fly_apart, step, turns
+from vibroimpact.kernels.systems.step import CLOSED, NOTHING, fly_apart, move, step, turns
 
 
 class Seen(NamedTuple):
@@ -56,18 +56,19 @@ def _look(rows, k, seen, periods, phase, schedule):
 
 
 @njit(error_model="numpy")
-def _leap(rows, spare, k, seen, schedule, number):
-    """Make a leap; the looks within it need the series from its beginning."""
+def _leap(rows, spare, k, seen, schedule, length, willing):
+    """Make a leap, half a one or a whole; the looks within it need series from its beginning. Return whether it was."""
     if schedule.number > 0.0:
         spare[:] = rows
-    attempt(rows, k, None, number)
-    flown = rows[k.age] - spare[k.age]
-    if schedule.number > 0.0 and flown > 0.0:
+    leapt = leap_half(rows, k, None, willing) if length == HALF else leap_whole(rows, k, None, willing)
+    for _ in range(int(length / HALF) if schedule.number > 0.0 and leapt else 0):
         periods, phase = moment(spare[k.turn], spare[k.turn + 1], spare[k.turn + 2])
         turns(spare, k, None)
         fly_apart(spare, k, None)
-        spare[k.passed] = WHOLE if flown > 0.5 * (HALF + WHOLE) else HALF
+        spare[k.passed] = HALF
         _look(spare, k, seen, periods, phase, schedule)
+        move(spare, HALF, False, k, None)
+    return leapt
 
 
 @njit(error_model="numpy")
@@ -132,8 +133,11 @@ def seat(rows, k, row, room, seen):
 def follow(rows, spare, k, room, note, seen, window, schedule, most):
     """Follow a cell until its window is full, a buffer is, it ends, or so many steps are made; return why."""
     for number in range(most):
-        for leap in range(LEAPS):
-            _leap(rows, spare, k, seen, schedule, leap)
+        may = willing(rows, k, None)
+        on = _leap(rows, spare, k, seen, schedule, HALF, may)
+        for _ in range(LEAPS if on else 0):
+            on = on and _leap(rows, spare, k, seen, schedule, WHOLE, on)
+        _leap(rows, spare, k, seen, schedule, HALF, may)
         periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
         step(rows, k, None)
         _look(rows, k, seen, periods, phase, schedule)
