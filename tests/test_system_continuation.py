@@ -98,6 +98,14 @@ def test_one_mass_as_a_system_has_the_special_points_of_the_oscillator():
     assert met > 5
 
 
+def test_rising_from_a_plastic_impact_is_no_graze():
+    osc = vi.ImpactOscillator(omega=1.6, restitution=0.0, damping=0.1, gap=0.3)
+    known = find_orbit(osc)[0]
+    branch = continue_orbit(find_orbit(one_mass(osc))[0], "stop_1_gap", (0.0, 0.7), step=0.1)
+    assert specials(branch) == specials(continue_orbit(known, "gap", (0.0, 0.7), step=0.1)) == []
+    assert branch.orbits[0].admissible == find_orbit(osc.replace(gap=0.0))[0].admissible
+
+
 def test_doubled_orbits_are_those_of_the_oscillator():
     osc = vi.ImpactOscillator(omega=2.6)
     branches = [follow_all(find_orbit(model), "omega", (2.5, 2.8), step=0.05) for model in (osc, one_mass(osc))]
@@ -200,27 +208,24 @@ def test_the_asymmetric_branch_leads_from_pitchfork_to_pitchfork(two_sided_branc
 
 
 def touched(plain, point):
-    """Return the least clearance near the touch of a graze, by SciPy's exponential, over the displacement's size."""
+    """Return the least clearance and rate near the touch of a graze, by SciPy's exponential, over the state's size."""
     orbit, stops = point.orbit, {stop.name: stop for stop in point.orbit.system.stops}
     times, period = [turn * orbit.system.period for turn in orbit.turns], orbit.system.period
-    at = next(
-        time
-        for whole in range(-1, orbit.n_periods + 2)
-        if times[0] < (time := (whole + point.touch_phase) * period) <= times[0] + orbit.period
-    )
-    x, begin = np.append(orbit.start.displacement, orbit.start.velocity), times[0]
-    for name, time, following in zip(orbit.stops, times, [*times[1:], math.inf], strict=True):
-        x, begin = plain.hit(stops[name], plain.fly(x, begin, time), time), time
-        if at < following:
-            break
-    x = plain.fly(x, begin, at)
-    return (
-        min(
+    found = []
+    for whole in range(orbit.n_periods + 1):
+        at = (whole + point.touch_phase) * period
+        if not times[0] < at <= times[0] + orbit.period:
+            continue
+        x, begin = np.append(orbit.start.displacement, orbit.start.velocity), times[0]
+        for name, time in zip(orbit.stops, times, strict=True):
+            if time < at:
+                x, begin = plain.hit(stops[name], plain.fly(x, begin, time), time), time
+        x = plain.fly(x, begin, at)
+        found += [
             abs(plain.clearance(stop, x, at)) + abs(plain.speed(stop, x, at)) / orbit.system.omega
             for stop in stops.values()
-        )
-        / np.abs(x).max()
-    )
+        ]
+    return min(found) / np.abs(x).max()
 
 
 def test_symmetric_orbits_settle_between_their_pitchforks_as_diagrams_show(two_sided_branch):

@@ -49,6 +49,7 @@ from vibroimpact.orbits.systems.symmetry import mirror
 NOISE = 1e-12  # a test nearer to zero is rounding: that of a mode which nothing damps, for example
 NUDGE = 1e-6  # of a range: by so much a parameter is moved to see how the equations depend on it
 KEPT = 16  # designs whose flights are remembered
+INSIDE = 1e-6  # turns: a touch nearer to an impact is the impact itself
 LEAST = 1e-3  # of the orbit's speed: slower impacts do not shorten the differences further
 
 
@@ -179,7 +180,10 @@ class Modes(Equations):
         return np.array([_TESTS[self.condition](cycle.multipliers(unknown))])
 
     def is_own(self, x: Floats) -> bool:
-        """Whether, for Neimark-Sacker, the multipliers whose product is 1 are a complex pair and no real ones."""
+        """Whether a touch is inside its flight, and multipliers whose product is 1 are a complex pair, no real ones."""
+        if self.condition == TOUCH:
+            begin, end = self.cycle.angles(TURN * x)[self.where : self.where + 2] / TURN
+            return bool(begin + INSIDE < x[self.inner - 1] < end - INSIDE)
         if self.condition != TORUS:
             return True
         cycle, unknown = self._solved(x)

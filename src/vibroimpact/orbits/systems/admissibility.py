@@ -81,7 +81,7 @@ def nearest_of(cycle: Cycle, unknown: Floats) -> tuple[int, float, float, int, f
     for i, stop in enumerate(cycle.stops):
         begin = flow.drive(angles[i])
         start = np.append(flow.struck(stop, states[i], begin), begin)
-        for course in _courses(flow, start, float(angles[i + 1] - angles[i])):
+        for course in _courses(flow, start, float(angles[i + 1] - angles[i]), stop):
             if len(course.lowest) and course.lowest.min() / course.size < nearest[2]:
                 at = int(np.argmin(course.lowest))
                 nearest = i, float(angles[i] + course.places[at]), float(course.lowest[at] / course.size), course.stop
@@ -102,11 +102,13 @@ class _Course(NamedTuple):
     closing: bool
 
 
-def _courses(flow: Flow, start: Floats, duration: float) -> Iterator[_Course]:
-    """Yield the course of each clearance."""
+def _courses(flow: Flow, start: Floats, duration: float, struck: int = -1) -> Iterator[_Course]:
+    """Yield the course of each clearance; of a stop `struck` at r = 0 its rise from rest is no minimum."""
     angles, states = sampled(flow, start, duration)
     for stop, row in enumerate(_derivatives(flow)):
         gaps, rates = row[:2] @ states
+        if stop == struck and flow.restitution[stop] == 0.0:
+            rates[0] = 0.0
         parts = row[0][:, None] * states
         size = float(max(np.abs(parts[: 2 * flow.n].sum(axis=0)).max(), np.abs(parts[2 * flow.n :].sum(axis=0)).max()))
         turning = np.flatnonzero((rates[:-1] < 0.0) & (rates[1:] >= 0.0))
