@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import vibroimpact as vi
 from systems import one_mass, two_masses
+from vibroimpact import models
 from vibroimpact.dataset import model_of
 from vibroimpact.report import sentences_of
 
@@ -276,3 +278,51 @@ def test_a_damaged_system_is_refused(tmp_path, text):
 def test_a_result_knows_its_system():
     for system in (two_masses(), vi.models.bouncing_ball(), vi.models.tube_in_supports()):
         assert model_of(vi.simulate(system, periods=1)) == system
+
+
+def test_indices_by_stop_are_those_of_the_impacts_on_each_stop():
+    tube = models.tube_in_supports()
+    how = {"sample_impacts": 300, "transient_impacts": 40}
+    names = ("std", "mean_velocity", "max_velocity", "impacts_per_period", "dissipation", "impact_phase_spread")
+    omega = np.linspace(0.9, 1.1, 3) * tube.omega
+    sweep = vi.parameter_map(tube, omega=omega, by_stop=True, indices=(*names, "n_impacts"), **how)
+    together = vi.parameter_map(tube, omega=omega, indices=names, **how)
+    assert sweep["std"].dims == ("omega", "stop")
+    assert sweep["n_impacts"].dims == ("omega",)
+    assert sweep["stop"].values.tolist() == list(tube.stop_names)
+    for name in ("impacts_per_period", "dissipation"):
+        np.testing.assert_allclose(sweep[name].sum("stop"), together[name], rtol=1e-12)
+    np.testing.assert_allclose(sweep["max_velocity"].max("stop"), together["max_velocity"], rtol=0)
+    for at, value in enumerate(omega):
+        section = vi.impact_section(tube.replace(omega=value), **how)
+        for stop in tube.stop_names:
+            own = section["velocity"].values[section["stop"].values == stop]
+            found = sweep.isel(omega=at).sel(stop=stop)
+            if not own.size:
+                assert np.isnan(found["std"])
+                assert found["impacts_per_period"] == 0.0
+                continue
+            np.testing.assert_allclose(found["mean_velocity"], own.mean(), rtol=1e-9)
+            np.testing.assert_allclose(found["std"], own.std(), rtol=1e-9, atol=1e-9 * own.max())
+            np.testing.assert_allclose(found["max_velocity"], own.max(), rtol=1e-9)
+
+
+def test_indices_by_stop_are_stored_with_their_stops(tmp_path):
+    tube = models.tube_in_supports()
+    how = {"omega": np.linspace(0.9, 1.1, 7) * tube.omega, "by_stop": True, "sample_impacts": 50}
+    plain = vi.parameter_map(tube, **how)
+    stored = vi.parameter_map(tube, **how, store=tmp_path / "run.zarr", tile=3)
+    xr.testing.assert_equal(plain["std"], stored["std"].load())
+    with xr.open_zarr(tmp_path / "run.zarr", consolidated=False) as opened:
+        assert opened["std"].dims == ("omega", "stop")
+    vi.save(plain, tmp_path / "run.nc")
+    xr.testing.assert_equal(vi.load(tmp_path / "run.nc")["std"], plain["std"])
+
+
+@pytest.mark.parametrize(
+    ("model", "further", "says"),
+    [(vi.ImpactOscillator(), {}, "an oscillator has one"), (models.tube_in_supports(), {"refine": 1}, "`refine`")],
+)
+def test_stops_are_told_apart_where_there_are_several(model, further, says):
+    with pytest.raises(ValueError, match=says):
+        vi.parameter_map(model, omega=[1.0, 2.0], by_stop=True, **further)

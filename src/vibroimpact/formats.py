@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,11 +20,18 @@ if TYPE_CHECKING:
 ORDER = "variable_order"  # an attribute of the file, not of the result
 
 
+@contextmanager
+def with_texts() -> Iterator[None]:
+    """Let a Zarr store hold texts, such as names of stops, without a warning: Zarr's own package reads them back."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "The data type .* does not have a Zarr V3 specification")
+        yield
+
+
 def _write_zarr(dataset: xr.Dataset, part: Path) -> None:
     from zarr.storage import LocalStore  # of a bare path Zarr may make a URL, which ends at a `?`
 
-    with warnings.catch_warnings():  # of texts, such as names of stops, which Zarr's own package reads back
-        warnings.filterwarnings("ignore", "The data type .* does not have a Zarr V3 specification")
+    with with_texts():
         _with_order(dataset).to_zarr(LocalStore(part), mode="w-", zarr_format=3, consolidated=False)
 
 

@@ -23,22 +23,23 @@ class Index:
     dtype: str = "float64"
     fill: float = float("nan")
     from_velocities: bool = False
+    by_stop: bool = False
 
 
 INDICES: dict[str, Index] = {
     index.name: index
     for index in (
-        Index("std", "standard deviation of impact velocities", "m/s", "Std", from_velocities=True),
-        Index("mean_velocity", "mean impact velocity", "m/s", "<I>", from_velocities=True),
-        Index("max_velocity", "largest impact velocity", "m/s", "max I", from_velocities=True),
-        Index("impacts_per_period", "impacts per driving period", "1", "p/n", from_velocities=True),
+        Index("std", "standard deviation of impact velocities", "m/s", "Std", from_velocities=True, by_stop=True),
+        Index("mean_velocity", "mean impact velocity", "m/s", "<I>", from_velocities=True, by_stop=True),
+        Index("max_velocity", "largest impact velocity", "m/s", "max I", from_velocities=True, by_stop=True),
+        Index("impacts_per_period", "impacts per driving period", "1", "p/n", from_velocities=True, by_stop=True),
         Index("lyapunov", "largest Lyapunov exponent", "1/s", "λ"),
         Index("lyapunov_per_impact", "largest Lyapunov exponent per impact", "1", "λ per impact"),
         Index("n_periods", "driving periods in a cycle", "1", "n", "int32", 0),
         Index("n_impacts", "impacts in a cycle", "1", "p", "int32", 0),
-        Index("dissipation", "energy lost at the stop per driving period", "J", "E"),
+        Index("dissipation", "energy lost at the stop per driving period", "J", "E", by_stop=True),
         Index("stick_fraction", "share of time at rest at the stop", "1", "stuck"),
-        Index("impact_phase_spread", "spread of the impact phases", "1", "spread"),
+        Index("impact_phase_spread", "spread of the impact phases", "1", "spread", by_stop=True),
         Index("grazing_margin", "gap left by the closest near-miss", "m", "margin"),
     )
 }

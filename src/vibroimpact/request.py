@@ -26,6 +26,7 @@ from vibroimpact.dataset import (
     status_variable,
     variable,
 )
+from vibroimpact.indices import INDICES
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names, one_start
 from vibroimpact.parameters import STEPS, Parameter, check_steps, invalid, positive_number, whole_number
 
@@ -83,10 +84,20 @@ class Request:
         """The indices asked for."""
         return self.measurement.indices
 
+    @cached_property
+    def stops(self) -> tuple[str, ...]:
+        """Names of the stops by which indices are told apart; none if they speak of all together."""
+        return tuple(self.model.at().stop_names) if self.measurement.by_stop else ()
+
+    def sizes_of(self, name: str) -> dict[str, int]:
+        """Numbers along each dimension of a result."""
+        apart = self.measurement.by_stop and name in INDICES and INDICES[name].by_stop
+        return self.sizes | ({"stop": len(self.stops)} if apart else {})
+
     @property
     def cell_size(self) -> int:
         """Bytes of memory that a cell takes while a map is computed."""
-        return CELL + INDEX * (len(self.indices) - 1)
+        return CELL + INDEX * (sum(math.prod(self.sizes_of(name).values()) for name in self.indices) // len(self) - 1)
 
     def coordinates(self) -> dict[str, xr.Variable]:
         """Return the labelled axes of a result."""
@@ -96,6 +107,8 @@ class Request:
         if self.several:
             attrs = {"long_name": "number of the initial condition", "units": "1", "symbol": "start"}
             found["start"] = plain_variable("start", np.arange(self.several), attrs)
+        if self.stops:
+            found["stop"] = plain_variable("stop", np.array(self.stops), {"long_name": "stop"})
         return found
 
     def cells(self, at: slice | Places = slice(None)) -> Cells:
@@ -170,6 +183,7 @@ class Request:
             "time_step": self.time_step,
             "early_closing": self.measurement.early_closing,
             **({"points": "scattered"} if self.scattered else {}),
+            **({"by_stop": True} if self.measurement.by_stop else {}),
             **self.further,
         }
 
@@ -201,6 +215,7 @@ class Request:
             **counts,
             "start": self.start,
             "early_closing": self.measurement.early_closing,
+            **({"by_stop": True} if self.measurement.by_stop else {}),
             "tolerances": self.measurement.tolerances,
             **self.further,
         }
@@ -212,7 +227,7 @@ class Request:
 
 def map_of(request: Request, arrays: Mapping[str, NDArray[Any]]) -> xr.Dataset:
     """Return a map of the arrays of its indices and status, which it shares."""
-    found = {name: variable(name, request.dims, arrays[name]) for name in request.indices}
+    found = {name: variable(name, tuple(request.sizes_of(name)), arrays[name]) for name in request.indices}
     found["status"] = status_variable(request.dims, arrays["status"])
     counts = {"impacts_computed": 0, "steps_computed": 0}
     return dataset_of(found, request.coordinates(), attrs=counts | request.provenance("parameter_map"))

@@ -41,6 +41,7 @@ def parameter_map(
     sample_impacts: int = 5000,
     start: State | Sequence[State | None] | int | None = None,
     early_closing: bool = True,
+    by_stop: bool = False,
     tolerances: Tolerances | None = None,
     workers: int | None = None,
     store: str | os.PathLike[str] | None = None,
@@ -83,6 +84,10 @@ def parameter_map(
         Whether a cell stops once all its remaining impacts are known; its indices are then completed in closed form,
         within 1e-10 of the velocity scale, but `max_velocity` becomes that of the cycle, without what is left of the
         transient. False computes every impact.
+    by_stop : bool
+        Of a system: tell the stops apart. `std`, `mean_velocity`, `max_velocity`, `impacts_per_period`, `dissipation`
+        and `impact_phase_spread` get a dim `stop`, of the impacts on each stop within those kept on all; NaN where
+        there are none, but `impacts_per_period` and `dissipation` 0.
     tolerances : Tolerances, optional
         Numerical tolerances.
     workers : int, optional
@@ -153,11 +158,13 @@ def parameter_map(
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     closing = truth("early_closing", early_closing)
-    measurement = Measurement(window, Tolerances.of(tolerances), closing, check_indices(indices))
+    apart = truth("by_stop", by_stop)
+    measurement = Measurement(window, Tolerances.of(tolerances), closing, check_indices(indices), apart)
     checked = check_axes(axes, osc.parameters) if points is None else check_points(points, osc)
     request = Request(osc, checked, measurement, check_start(start), backend, time_step, scattered=points is not None)
     if not isinstance(osc.at(), ImpactOscillator):
         check_for_systems(measurement.indices, get_backend(backend, time_step=time_step, elsewhere=cluster is not None))
+    _check_by_stop(request, refine)
     request.check_cost(STEPS if store is None and cluster is None else STEPS << 10)
     if refine is not None:
         from vibroimpact.refinement import refine_map
@@ -181,6 +188,15 @@ def parameter_map(
     hint = "write it to disk tile by tile, store='run.zarr' or --out run.zarr, or take fewer points"
     check_fits("axes", f"span {_spanned(request.shape)}, which take", len(request) * request.cell_size, hint)
     return _in_memory(request, cluster, workers, size, progress)
+
+
+def _check_by_stop(request: Request, refine: int | None) -> None:
+    if not request.measurement.by_stop:
+        return
+    if isinstance(request.model.at(), ImpactOscillator):
+        raise ValueError("`by_stop` tells the stops of a system apart, and an oscillator has one; leave it out")
+    if refine is not None:
+        raise ValueError("`by_stop` does not go with `refine`; give one of the two")
 
 
 def _in_memory(
@@ -283,6 +299,9 @@ def _spanned(shape: tuple[int, ...]) -> str:
 
 def _empty_map(request: Request) -> tuple[xr.Dataset, dict[str, NDArray[Any]]]:
     """Return a map in which no cell is done, and flat views of its variables to fill."""
-    arrays: dict[str, NDArray[Any]] = {name: missing(name, request.shape) for name in request.indices}
+    shapes = {name: tuple(request.sizes_of(name).values()) for name in request.indices}
+    arrays: dict[str, NDArray[Any]] = {name: missing(name, shape) for name, shape in shapes.items()}
     arrays["status"] = np.full(request.shape, Status.INTERRUPTED, np.int8)
-    return map_of(request, arrays), {name: array.reshape(-1) for name, array in arrays.items()}
+    return map_of(request, arrays), {
+        name: array.reshape(len(request), *array.shape[len(request.shape) :]) for name, array in arrays.items()
+    }

@@ -58,14 +58,16 @@ class StroboscopicWindow:
 class Measurement:
     """What is asked of each cell.
 
-    With `early_closing` a cell ends once its cycle is certain, and its sums are finished in closed form. Samples are
-    what the window sees; they take nothing but window and tolerances.
+    With `early_closing` a cell ends once its cycle is certain, and its sums are finished in closed form. Indices
+    `by_stop` are those of the impacts on each stop of a system. Samples are what the window sees; they take nothing but
+    window and tolerances.
     """
 
     window: ImpactWindow | StroboscopicWindow
     tolerances: Tolerances = field(default_factory=Tolerances)
     early_closing: bool = True
     indices: tuple[str, ...] = ("std",)
+    by_stop: bool = False
 
     @property
     def impacts(self) -> ImpactWindow:

@@ -261,7 +261,7 @@ class SystemSweep:
 
     def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
         window = measurement.impacts
-        self.layout, self.window = _layout(cells, measurement.thorough), window
+        self.layout, self.window, self.by_stop = _layout(cells, measurement.thorough), window, measurement.by_stop
         self.total = march.Window(float(window.transient), float(window.transient + window.keep))
         self.table = _in_steps(cells, measurement.tolerances.chatter, self.layout)
         self.omega = cells["omega"]
@@ -288,30 +288,16 @@ class SystemSweep:
         notes, ends = self.results[done].T, self.ends[done]
         full, h, kept = ends == FILLED, notes[march.H], float(self.window.keep)
         span = _turns(*notes[march.ENDED : march.ENDED + 3]) - _turns(*notes[march.BEGAN : march.BEGAN + 3])
-        own = notes[march.SUMS :].reshape(self.layout.stops, march.EACH, -1)
-        count = own[:, march.COUNT]
-        struck = np.maximum(count, 1.0)
-        offset = own[:, march.SUM] / struck
-        speed = own[:, march.FIRST] + offset
-        mean = (count * speed).sum(axis=0) / kept
-        variance = np.maximum(own[:, march.SQUARES] / struck - offset**2, 0.0) + (speed - mean) ** 2
-        cosine, sine, lost = (own[:, place].sum(axis=0) for place in (march.COSINE, march.SINE, march.ENERGY))
+        own = notes[march.SUMS :].reshape(self.layout.stops, march.EACH, -1).swapaxes(0, 1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            found: dict[str, Any] = {
-                "std": np.sqrt((count * variance).sum(axis=0) / kept) / h,
-                "mean_velocity": mean / h,
-                "max_velocity": own[:, march.LARGEST].max(axis=0) / h,
-                "impacts_per_period": (kept - 1.0) / span,
-                "dissipation": lost / h**2 / span,
-                "impact_phase_spread": np.maximum(1.0 - np.hypot(cosine, sine) / kept, 0.0),
-            }
+            found = _of_impacts(own, notes[march.BEGAN + 3], span, h, self.by_stop)
             if self.layout.thorough:
                 period = 2.0 * math.pi / self.omega[done]
                 found["lyapunov"] = notes[march.GREW] / (span * period)
                 found["n_periods"], found["n_impacts"] = notes[march.PERIODS], notes[march.IMPACTS]
                 found["lyapunov_per_impact"] = notes[march.GREW] / (kept - 1.0)
         columns = {
-            name: np.where(full, values, INDICES[name].fill).astype(INDICES[name].dtype)
+            name: np.where(full, values, INDICES[name].fill).T.astype(INDICES[name].dtype)
             for name, values in found.items()
         }
         counted = {
@@ -326,9 +312,33 @@ class SystemSweep:
             stop = notes[march.AT].astype(np.int64)
             columns["first_stop"] = np.where(known, stop, -1)
             columns["first_phase"] = _turns(*notes[march.BEGAN : march.BEGAN + 3]) % 1.0
-            columns["first_velocity"] = own[stop, march.FIRST, np.arange(len(ends))] / h
+            columns["first_velocity"] = own[march.FIRST, stop, np.arange(len(ends))] / h
         return columns | {
             "status": statuses(counted, ends, self.window),
             "impacts": notes[march.HITS].astype(np.int64),
             "steps": notes[march.MADE].astype(np.int64),
         }
+
+
+def _of_impacts(sums: Floats, first: Floats, span: Floats, h: Floats, by_stop: bool) -> dict[str, Any]:
+    """Return what follows from sums over the impacts of each stop, for each or for all; stops come first."""
+
+    def over(values: Any) -> Any:
+        return values if by_stop else values.sum(axis=0)
+
+    count, struck = sums[march.COUNT], np.maximum(sums[march.COUNT], 1.0)
+    offset = sums[march.SUM] / struck
+    speed, variance = sums[march.FIRST] + offset, np.maximum(sums[march.SQUARES] / struck - offset**2, 0.0)
+    largest, number = sums[march.LARGEST], over(count)
+    mean = over(count * speed) / number
+    later = over(count - (first == np.arange(len(count))[:, None]))
+    return {
+        "std": np.sqrt(over(count * (variance + (speed - mean) ** 2)) / number) / h,
+        "mean_velocity": mean / h,
+        "max_velocity": np.where(count > 0.0, largest, np.nan) / h if by_stop else largest.max(axis=0) / h,
+        "impacts_per_period": later / span,
+        "dissipation": over(sums[march.ENERGY]) / h**2 / span,
+        "impact_phase_spread": np.maximum(
+            1.0 - np.hypot(*map(over, sums[march.COSINE : march.SINE + 1])) / number, 0.0
+        ),
+    }

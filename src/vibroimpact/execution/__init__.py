@@ -73,7 +73,7 @@ class Gathered:
     def add(self, part: int, size: int, which: Places, outcome: Outcome) -> Outcome | None:
         """Add a piece of a part of `size` cells; return the part's results if it is whole now."""
         if part not in self._begun:
-            results = {name: np.empty(size, values.dtype) for name, values in outcome.items()}
+            results = {name: np.empty((size, *values.shape[1:]), values.dtype) for name, values in outcome.items()}
             self._begun[part] = results, np.zeros(size, bool)
         results, ended = self._begun[part]
         for name, values in outcome.items():

@@ -31,7 +31,7 @@ from vibroimpact.cells import Tiling
 from vibroimpact.dataset import level_variable, missing, plain_variable, status_variable, variable
 from vibroimpact.execution import cut
 from vibroimpact.files import remove_folder
-from vibroimpact.formats import ORDER, order_of
+from vibroimpact.formats import ORDER, order_of, with_texts
 from vibroimpact.guard import DIGEST, RECORDS, GuardedStore, clear, digest_of
 from vibroimpact.parameters import check_fits
 from vibroimpact.request import Request, key_of
@@ -185,8 +185,9 @@ def lay_out(place: Any, request: Request, identity: dict[str, Any], tiling: Tili
         | {ORDER: order_of((*names, *request.coordinates()))}
     )
     for name, axis in request.coordinates().items():
-        fill = np.nan if axis.dtype.kind == "f" else 0
-        _array(root, name, axis, axis.shape, axis.shape, fill)[:] = axis.values
+        fill = {"f": np.nan, "U": ""}.get(axis.dtype.kind, 0)
+        with with_texts():
+            _array(root, name, axis, axis.shape, axis.shape, fill)[:] = axis.values
     root.create_group(PROGRESS)
     chunks = tiling.tile
     if refined(request.further):
@@ -196,13 +197,15 @@ def lay_out(place: Any, request: Request, identity: dict[str, Any], tiling: Tili
         for name in (*names, CELL):
             _array(root, f"{LIST}/{name}", _label(name, (CELL,)), tiling.shape, tiling.tile)
     for name in names:
-        _array(root, name, _label(name, request.dims), request.shape, chunks)
+        sizes = request.sizes_of(name)
+        shape = tuple(sizes.values())
+        _array(root, name, _label(name, tuple(sizes)), shape, (*chunks, *shape[len(chunks) :]))
     records = plain_variable(("tile", "column"), np.zeros((1, 1), np.int64), {})
     _array(root, RECORDS, records, (len(tiling), COLUMNS), (ROWS, COLUMNS))
 
 
 def _array(
-    root: Any, name: str, like: xr.Variable, shape: tuple[int, ...], chunks: tuple[int, ...], fill: float | None = None
+    root: Any, name: str, like: xr.Variable, shape: tuple[int, ...], chunks: tuple[int, ...], fill: Any = None
 ) -> Any:
     """Make an array with the type and labels of a variable, filled with `fill` or else the variable's first value."""
     attrs = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in like.attrs.items()}
@@ -341,7 +344,8 @@ def put(arrays: Mapping[str, Any], part: tuple[slice, ...], result: Arrays) -> i
     A tile of a list may be filled in part.
     """
     box = tuple(along.stop - along.start for along in part)
-    written = {name: np.full(box, array.fill_value, array.dtype) for name, array in arrays.items()}
+    boxes = {name: (*box, *array.shape[len(box) :]) for name, array in arrays.items()}
+    written = {name: np.full(boxes[name], array.fill_value, array.dtype) for name, array in arrays.items()}
     for name, values in written.items():
         values.ravel()[: result[name].size] = result[name].ravel()
         _keeping(arrays[name])[part] = values

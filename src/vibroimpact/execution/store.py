@@ -90,7 +90,8 @@ class SweepStore:
         self._arrays = {name: root[place] for name, place in self.arrays.items()}
         self._rows = root[RECORDS]
         self.tiling = Tiling(self._arrays["status"].shape, tuple(attrs["tile"]))
-        if any(array.chunks != self.tiling.tile for array in self._arrays.values()):
+        number = len(self.tiling.tile)  # a further dimension is not cut
+        if any(array.chunks != (*self.tiling.tile, *array.shape[number:]) for array in self._arrays.values()):
             raise ValueError("its tiles differ")
         needed = self._rows.attrs.get(NEEDED, 0)
         self._needed = needed if isinstance(needed, int) else 0
@@ -118,8 +119,11 @@ class SweepStore:
     def _has(self, number: int) -> bool:
         """Whether every chunk of a tile is there: Zarr would read one that is not as missing values."""
         at = tuple(along.start // side for along, side in zip(self.tiling[number], self.tiling.tile, strict=True))
-        key = self._arrays["status"].metadata.encode_chunk_key(at)
-        return all((self.path / place / key).is_file() for place in self.arrays.values())
+        keys = {
+            name: array.metadata.encode_chunk_key((*at, *(0,) * (array.ndim - len(at))))
+            for name, array in self._arrays.items()
+        }
+        return all((self.path / place / keys[name]).is_file() for name, place in self.arrays.items())
 
     def damaged(self, records: Rows | None = None) -> list[int]:
         """Return the tiles of which a chunk is lost or was altered since it was written."""

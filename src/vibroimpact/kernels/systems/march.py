@@ -15,15 +15,15 @@ from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 LOOK = 32  # steps between two looks at whether a cell has ended
 TURN = 2.0 * math.pi
 
-# Numbers of a cell's note: the length of its step, what it is granted, and what it has come to; sin wt, cos wt and
-# whole periods at the first and the last impact of the window.
+# Numbers of a cell's note: the length of its step, what it is granted, and what it has come to; sin wt, cos wt,
+# whole periods and the stop of the first and of the last impact of the window.
 H, FLIGHT, GRANTED, MADE, HITS, STICKS, GREW = range(7)
-BEGAN, ENDED = 7, 10
+BEGAN, ENDED = 7, 11
 # of a cycle: recorded impacts, periods and stop of the impact that is known, and impacts and periods until it returned
-FROM, SINCE, AT, CHATTERED, IMPACTS, PERIODS = range(13, 19)
+FROM, SINCE, AT, CHATTERED, IMPACTS, PERIODS = range(15, 21)
 # Then of the window's impacts on each stop: how many, the first speed, sums of what the others differ by and of squares
 # of that, the largest speed, sums of cos wt and sin wt, and the energy lost after the window's first impact.
-SUMS, EACH = 19, 8
+SUMS, EACH = 21, 8
 COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY = range(EACH)
 
 
@@ -101,8 +101,8 @@ def add(notes, k, wide, hit, z, v, energy, sine, cosine, periods, window):
     if not anywhere(kept):
         return
     opens, last = kept & (hits == window.transient + 1.0), kept & (hits == window.total)
-    _mark(notes, BEGAN, wide, opens, sine, cosine, periods)
-    _mark(notes, ENDED, wide, last, sine, cosine, periods)
+    _mark(notes, BEGAN, wide, opens, z, sine, cosine, periods)
+    _mark(notes, ENDED, wide, last, z, sine, cosine, periods)
     for y in range(k.stops):
         at, own = SUMS + y * EACH, kept & (z == float(y))
         count, first = get(notes, at + COUNT, wide), get(notes, at + FIRST, wide)
@@ -121,11 +121,12 @@ def add(notes, k, wide, hit, z, v, energy, sine, cosine, periods, window):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _mark(notes, at, wide, here, sine, cosine, periods):
-    """Leave a time."""
+def _mark(notes, at, wide, here, z, sine, cosine, periods):
+    """Leave the time and the stop of an impact."""
     put(notes, at, wide, select(here, sine, get(notes, at, wide)))
     put(notes, at + 1, wide, select(here, cosine, get(notes, at + 1, wide)))
     put(notes, at + 2, wide, select(here, periods, get(notes, at + 2, wide)))
+    put(notes, at + 3, wide, select(here, z, get(notes, at + 3, wide)))
 
 
 @njit(error_model="numpy")
