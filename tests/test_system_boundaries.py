@@ -7,7 +7,8 @@ import vibroimpact as vi
 from systems import one_mass
 from test_system_continuation import GRAVITY, ball, of_the_ball, points, symmetric
 from test_system_orbits import facing, three_masses, two_sided
-from vibroimpact.continuation import boundary_curves, continue_boundary, continue_orbit
+from vibroimpact.continuation import Boundaries, boundary_curves, continue_boundary, continue_orbit, coverage, curves
+from vibroimpact.continuation.results import SYSTEM_KINDS
 from vibroimpact.orbits import find_orbit, orbit_distance
 from vibroimpact.orbits.systems import find
 
@@ -27,9 +28,9 @@ def pitchfork():
 
 def test_boundaries_of_the_ball_are_the_closed_forms():
     plane = ("amplitude", "restitution"), ((0.01, 0.04), (0.4, 0.9))
-    curves = boundary_curves(ball, *plane, n_periods=(1,), lines=2, step=0.1)
-    assert {curve.kind for curve in curves} == {"fold", "period_doubling"}
-    for curve in curves:
+    found = boundary_curves(ball, *plane, n_periods=(1,), lines=2, step=0.1)
+    assert {curve.kind for curve in found} == {"fold", "period_doubling"}
+    for curve in found:
         for orbit, residual in zip(curve.orbits, curve.residuals, strict=True):
             fold, doubling = of_the_ball(orbit.value("restitution"), 1)
             gamma = orbit.value("amplitude") * ball().omega ** 2 / GRAVITY
@@ -88,3 +89,22 @@ def test_boundaries_of_systems_survive_files_and_are_drawn(tmp_path, pitchfork):
     assert vi.load(tmp_path / "curve.nc").identical(curve.dataset)
     ax = vi.plotting.boundaries(curve)
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["pitchfork of period-1 impact-2"]
+
+
+def test_the_motion_of_a_cell_is_followed_to_the_pitchfork_that_ends_it(pitchfork):
+    """A coarse map's cycles are followed across its class boundaries."""
+    model = symmetric_family.replace(omega=1.05)
+    orbit = coverage._orbit_of(model, 1, 2)
+    assert orbit.symmetric
+    end, lasts = coverage._end_of_orbit(orbit, "omega", (1.05, 1.15))
+    assert (end.kind, lasts) == ("pitchfork", False)
+    assert end.value == pytest.approx(pitchfork.value, rel=1e-12)
+
+
+def test_what_was_looked_for_is_said():
+    found = Boundaries()
+    curves._describe(found, None, [1], ["fold", "pitchfork"], SYSTEM_KINDS, finished=True)
+    assert found.message == (
+        "fold and pitchfork only; looked for period-1 impact-1, and symmetric orbits with an impact in each half, on "
+        "lines across the plane only; other motions end elsewhere"
+    )

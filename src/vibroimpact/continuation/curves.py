@@ -170,8 +170,14 @@ def boundary_curves(
             for _ in search.cover(coverage(osc, plane, ask)):
                 done += 1
                 look()
-    of = [kind for kind in known if kind in wanted] if len(wanted) < len(known) else []
-    _describe(found, search.map, n_periods, wanted, of, finished=done == len(work) + rows)
+    _describe(
+        found,
+        search.map,
+        n_periods,
+        [kind for kind in known if kind in wanted],
+        known,
+        finished=done == len(work) + rows,
+    )
     return found
 
 
@@ -346,17 +352,18 @@ def _describe(
     found: Boundaries,
     map: Coverage | None,
     n_periods: Sequence[int] | None,
-    kinds: Collection[str],
-    of: Sequence[str],
+    kinds: Sequence[str],
+    known: Sequence[str],
     finished: bool,
 ) -> None:
-    """Say what was followed, and `of` which kinds if not of all."""
+    """Say what was followed, and of which kinds if not of all that are known."""
     said = [] if finished else ["stopped before all was followed"]
-    if of:
-        said += [f"{listed([bifurcation_name(kind) for kind in of])} only"]
+    if len(kinds) < len(known):
+        said += [f"{listed([bifurcation_name(kind) for kind in kinds])} only"]
     if n_periods is not None:
-        impacts = [1] * (kinds != {"end_of_sticking"}) + [-1] * ("end_of_sticking" in kinds)
+        impacts = [1] * (set(kinds) != {"end_of_sticking"}) + [-1] * ("end_of_sticking" in kinds)
         names = listed([cycle_name(n, p) for n in n_periods for p in impacts])
+        names += ", and symmetric orbits with an impact in each half," * (known == SYSTEM_KINDS)
         said += [f"looked for {names} on lines across the plane only", "other motions end elsewhere"]
     elif map is not None:
         found.share, found.motions = map.share, map.motions
