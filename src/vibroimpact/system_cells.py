@@ -381,9 +381,12 @@ def _free_rate(*parts: bytes) -> float:
 def _steady(form: ModalForm, forces: Any, motions: Any) -> tuple[dict[str, Any], Floats, Floats]:
     """Return the steady motion without stops, with what free motion of a given energy takes of each clearance at most;
     what the steady displacement takes of it, and the steady swing; NaN where there is no steady motion.
+
+    Modes without stiffness that no damping couples to others may drift beside it.
     """
     n, highest = forces.shape
-    static = np.divide(form.constant, form.squares, where=form.squares > 0.0, out=np.full(n, np.nan))
+    sprung = form.squares > 0.0
+    static = np.divide(form.constant, form.squares, where=sprung, out=np.zeros(n))
     amplitudes = np.zeros((n, highest), complex)
     for order in form.orders.tolist():
         rate = order * form.omega
@@ -393,8 +396,10 @@ def _steady(form: ModalForm, forces: Any, motions: Any) -> tuple[dict[str, Any],
         except np.linalg.LinAlgError:
             amplitudes[:, order - 1] = np.nan
     still, swung = form.directions @ static, np.abs(motions - form.directions @ amplitudes).sum(axis=1)
-    if not (np.isfinite([still, swung]).all() and np.isfinite(amplitudes).all() and (form.squares > 0.0).all()):
+    apart = form.damping - np.diag(np.diag(form.damping))
+    alone = not apart[~sprung].any() and not apart[:, ~sprung].any()
+    if not (np.isfinite([still, swung]).all() and np.isfinite(amplitudes).all() and alone):
         return {}, np.full_like(still, np.nan), np.full_like(still, np.nan)
-    give = (form.directions * form.jumps / form.squares).sum(axis=1)
+    give = (form.directions * form.jumps)[:, sprung] @ (1.0 / form.squares[sprung])
     parts = np.concatenate([static, np.stack([amplitudes.real, amplitudes.imag], -1).ravel()])
     return {"steady": parts, "give": give}, still, swung

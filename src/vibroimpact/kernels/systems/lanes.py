@@ -108,7 +108,7 @@ def _usual(lanes, notes, k, window):
 
 
 @njit(error_model="numpy")
-def _ended(lanes, lane, notes, rows, note, k, window):
+def _ended(lanes, lane, notes, rows, note, k, room, window):
     """Return why the cell in a lane ends here, or RUNNING; an ended one's note is left."""
     hits, age, made = notes[HITS * LANES + lane], lanes[k.age * LANES + lane], lanes[k.made * LANES + lane]
     if hits < window.total and made <= notes[GRANTED * LANES + lane] and age <= QUIET_FOR:
@@ -116,7 +116,7 @@ def _ended(lanes, lane, notes, rows, note, k, window):
     _lift(lanes, lane, rows)
     _lift(notes, lane, note)
     note[MADE] = made
-    return ending(rows, k, note, window.total)
+    return ending(rows, k, room, note, window.total)
 
 
 @compiled
@@ -146,7 +146,7 @@ def run_lanes(table, budgets, results, ends, tickets, lanes, owner, notes, ended
         for lane in range(LANES):
             if owner[lane] < 0:
                 continue
-            end = _ended(lanes, lane, notes, rows, note, k, window)
+            end = _ended(lanes, lane, notes, rows, note, k, room, window)
             if end != RUNNING:
                 results[owner[lane]], ends[owner[lane]] = note, end
                 ended[number] = owner[lane]

@@ -44,13 +44,16 @@ def moment(sine, cosine, periods):
 
 
 @njit(error_model="numpy")
-def _never_again(rows, k):
+def _never_again(rows, k, room):
     """Return whether no stop can be reached any more.
 
     What free motion is left over the steady one has an energy E that cannot grow; so it takes at most sqrt(2 E `give`)
-    of a clearance, give = alpha L^-1 M^-1 alpha, and the steady motion leaves `margin`.
+    of a clearance, give = alpha L^-1 M^-1 alpha, and the steady motion leaves `margin`. A mode without stiffness drifts
+    beside it, and must not drift to the stop.
     """
     energy = 0.0
+    for z in range(k.stops):
+        room.free[z] = rows[k.margin + z]
     for j in range(k.modes):
         y, p = rows[k.steady + j], 0.0
         a, b = rows[k.turn], rows[k.turn + 1]
@@ -60,22 +63,39 @@ def _never_again(rows, k):
             p += (m + 1.0) * rows[k.theta] * (rows[first] * b - rows[first + 1] * a)
             a, b = a * rows[k.turn + 1] + b * rows[k.turn], b * rows[k.turn + 1] - a * rows[k.turn]
         y, p = rows[k.eta + j] - y, rows[k.rate + j] - p
-        energy += rows[k.weight + j] * (p * p + rows[k.square + j] * y * y)
+        if rows[k.square + j] > 0.0:
+            energy += rows[k.weight + j] * (p * p + rows[k.square + j] * y * y)
+            continue
+        for z in range(k.stops):
+            alpha = rows[k.alpha + z * k.modes + j]
+            damping = rows[k.damping + j * (k.modes + 1)]
+            room.free[z] -= _farthest(alpha * y, alpha * p, alpha * rows[k.load + j], damping)
     clear = True
     for z in range(k.stops):
-        clear &= rows[k.margin + z] > math.sqrt(energy * rows[k.give + z])
+        clear &= room.free[z] > math.sqrt(energy * rows[k.give + z])
     return clear
 
 
+@njit(error_model="numpy", forceinline=True)
+def _farthest(y, p, load, damping):
+    """Return a bound of y(t) at any later time, y'' = load - damping y'."""
+    if p <= 0.0 >= load:
+        return y
+    if load > 0.0:
+        return math.inf
+    slowed = p / damping if damping > 0.0 else math.inf
+    return y + min(slowed, -0.5 * p * p / load if load < 0.0 else math.inf)
+
+
 @njit(error_model="numpy")
-def ending(rows, k, note, total):
+def ending(rows, k, room, note, total):
     """Return why a cell ends here, or RUNNING."""
     if note[HITS] >= total:
         return FILLED
     closed = rows[k.closed]
     if closed >= k.modes and rows[k.age] * rows[k.theta] > TURN:
         return PINNED  # nothing is free to move, and the force has gone through a whole period
-    if closed == 0.0 and _never_again(rows, k):
+    if closed == 0.0 and _never_again(rows, k, room):
         return QUIET
     return SPENT if rows[k.made] > note[GRANTED] or rows[k.age] > note[FLIGHT] else RUNNING
 

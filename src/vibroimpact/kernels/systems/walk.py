@@ -148,7 +148,7 @@ def follow(rows, spare, k, room, note, seen, window, schedule, most):
         if seen.filled[0] + k.stops > len(seen.impacts) or seen.filled[2] + k.stops > len(seen.rests):
             return RUNNING
         if number % LOOK == 0:
-            end = ending(rows, k, note, window.total)
+            end = ending(rows, k, room, note, window.total)
             if end != RUNNING and (schedule.number == 0.0 or end == SPENT):
                 return end
     return RUNNING
