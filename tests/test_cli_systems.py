@@ -32,6 +32,8 @@ OWN = "--model two.py:two"
 @pytest.fixture(autouse=True)
 def two(tmp_path):
     (tmp_path / "two.py").write_text(TWO)
+    (tmp_path / "old.toml").write_text("")
+    (tmp_path / "new.toml").write_text("[oscillator]\nbar_gap = 0.04\n")
 
 
 @pytest.mark.parametrize(
@@ -49,6 +51,8 @@ def two(tmp_path):
         ("section --model bouncing_ball -p frequency=60 --sample-impacts 9", ["9 impacts kept"]),
         ("section --model unbalanced_machine --sample-impacts 50", ["period-1 impact-1, hits at 0.171 m/s"]),
         ("map --model impact_damper --x clearance=5e-3:6e-3:2 --sample-impacts 20", ["total clearance 0.005 to 0.006"]),
+        ("describe --model two_sided_oscillator --vary frequency", ["from rest period-1 impact-2", "frequency: down"]),
+        ("describe --model two_sided_oscillator --vary frequency --json", ['"system": {', '"kind": "pitchfork"']),
         (f"map {OWN} --x bar_gap=0.04:0.05:2 --starts 3 --sample-impacts 20", ["3 initial conditions"]),
         (
             "basins --model two_sided_oscillator --x displacement=-1e-3:1e-3:3 --y velocity=0:1:3 --phase 0.2",
@@ -122,7 +126,8 @@ def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
         (f"boundary {OWN} --x omega=7:9 --y bar_gap=0:1 --kind end-of-sticking", "unknown `--kind` 'end_of_sticking'"),
         (f"basins {OWN}", "`stop` must name the stop that is struck: bar, baffle"),
         (f"basins {OWN} --x gap=0:1:3 --y velocity_0=0:1:3", "unknown coordinate 'gap'; choose from displacement_0"),
-        ("describe --model bouncing_ball", "describe takes one mass"),
+        ("describe --model bouncing_ball --vary gap", "unknown parameter 'gap'; choose from mass, amplitude"),
+        (f"compare old.toml new.toml {OWN} --out both.png", "a figure of compare takes one mass with one stop only"),
         (f"diagram {OWN} --x bar_gap=0.04:0.05:2 --coordinate 2", "`coordinate` must be less than the number of"),
         (f"section {OWN} -p gap=0.1", "unknown parameter 'gap'; choose from omega, frequency, bar_gap"),
         (f"section {OWN} -p bar_restitution=2", "`bar_restitution` must be between 0 and 1, got 2"),

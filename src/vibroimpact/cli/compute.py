@@ -222,7 +222,7 @@ def describe(options: Options) -> None:
       vibroimpact describe -p omega=2.8
       vibroimpact describe study.toml --vary omega,gap --json
     """
-    study = options.study().of_one_mass("describe")
+    study = options.study()
     import vibroimpact
 
     with Meter("verdict") as meter, refusing():
@@ -250,7 +250,9 @@ def compare(options: Options) -> None:
       vibroimpact compare old.toml new.toml --out both.png
     """
     files = [options["first"], options["second"]]
-    first, second = (options.study(file).of_one_mass("compare") for file in files)
+    first, second = (options.study(file) for file in files)
+    if output.is_figure(options):
+        first, second = (study.of_one_mass("a figure of compare") for study in (first, second))
     output.check_looks(options, (*output.FIGURE_ENDINGS, ".json"))
     import vibroimpact
 

@@ -118,7 +118,7 @@ class Study:
     def of_one_mass(self, command: str) -> Study:
         """Return the study, or refuse it for a command that takes one mass with one stop only."""
         if not self.is_one_mass:
-            commands = "simulate, section, diagram, map, orbit, continue, boundary and basins"
+            commands = "simulate, section, diagram, map, orbit, continue, boundary, basins, describe and compare"
             made = self.model.at()
             raise WrongRequest(f"{command} takes one mass with one stop only, got {made!s}; systems have {commands}")
         return self

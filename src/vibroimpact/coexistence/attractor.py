@@ -22,6 +22,7 @@ from vibroimpact.coexistence.measuring import AT_REST, QUIET, Measured, Runner
 from vibroimpact.coexistence.settling import Settled, chaotic_groups, clusters
 from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.orbits.orbit import Impacts, same_orbit
+from vibroimpact.orbits.systems import SystemOrbit
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.status import Status
 from vibroimpact.system import ImpactSystem
@@ -66,6 +67,8 @@ class Attractor:
         The hardest hit in m/s seen of those that had not repeated within 500 impacts, before they did; 0 without any.
     stops : tuple of str
         Of a system: the stop of each impact of the cycle.
+    orbit : SystemOrbit or None
+        Of a system: the cycle solved exactly, with multipliers, where it does not rest at a stop.
 
     Notes
     -----
@@ -95,6 +98,7 @@ class Attractor:
     transient_impacts: int = 0
     transient_velocity: float = 0.0
     stops: tuple[str, ...] = ()
+    orbit: SystemOrbit | None = field(default=None, repr=False, compare=False)
 
     @property
     def motion(self) -> Motion:
@@ -246,7 +250,7 @@ def of_system(system: ImpactSystem, one: Measured, seen: systems.Seen) -> Attrac
         seen.energy(system),
     )
     names = tuple(system.stop_names[stop] for stop in seen.stops) if repeats else ()
-    return replace(found, stops=names)
+    return replace(found, stops=names, orbit=seen.orbit)
 
 
 @dataclass(frozen=True)

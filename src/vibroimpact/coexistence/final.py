@@ -15,11 +15,11 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow
-from vibroimpact.backends.base import Samples
 from vibroimpact.coexistence.measuring import Measured, Runner, last_of
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Tolerances
@@ -52,7 +52,7 @@ class Final:
     """
 
     measured: Measured
-    samples: Samples
+    samples: Any  # Samples; None of a system
     watched: int
     before: Measured | None = None
     ends: dict[str, int] = field(default_factory=dict)

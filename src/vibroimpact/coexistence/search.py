@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -12,16 +14,18 @@ from numpy.typing import ArrayLike
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow, check_for_systems
 from vibroimpact.cells import Floats
 from vibroimpact.coexistence.attractor import Attractor, Basin, distinct_names, match
-from vibroimpact.coexistence.measuring import Runner, orbit_cells, spread_cells, state_cells
+from vibroimpact.coexistence.measuring import Measured, Runner, orbit_cells, spread_cells, state_cells
 from vibroimpact.coexistence.planes import Plane, plane_of
 from vibroimpact.coexistence.settling import Settled, last_round, outlook_from, outlook_of, rounds, settle
 from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance, status_variable, variable
+from vibroimpact.indices import INDICES
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model
 from vibroimpact.parameters import check_steps
 from vibroimpact.progress import Report, reporter
 from vibroimpact.request import COSTLY
+from vibroimpact.status import Status
 from vibroimpact.system import ImpactSystem
 
 if TYPE_CHECKING:
@@ -149,6 +153,29 @@ def attractors_by(
     _check_cost("starts", cells, windows[0])
     settled = _settled(runner, osc, cells, whole, progress, lambda settled: settled.status, outlook)
     return [basin.attractor for basin in match(runner, settled, windows[-1], len(given))]
+
+
+def from_rest(runner: Runner, system: ImpactSystem) -> tuple[Attractor | None, Measured]:
+    """Return the attractor that a system at rest settles to, None if it is undecided, and the motion with its indices.
+
+    Those of a cycle are of one cycle; an index that is not known of it is NaN.
+    """
+    check_taken(system, runner)
+    windows = rounds(system, SAMPLING.transient_impacts, SAMPLING.sample_impacts)
+    settled = settle(runner, system, system.cells({}), [*windows, *last_round(runner, system, windows)])
+    seen = settled[0]
+    known = dict.fromkeys(INDICES, math.nan) | {name: seen.indices[name] for name in INDICES if name in seen.indices}
+    found = [basin.attractor for basin in match(runner, settled, windows[-1], 1)]
+    if not found:
+        kind = MotionClass.BUDGET if seen.status == Status.BUDGET else MotionClass.UNDECIDED
+        return None, replace(seen, kind=kind.word, n_periods=0, n_impacts=0, indices=known)
+    one, phases = found[0], np.array(found[0].phases)
+    known |= {name: float(getattr(one, name)) for name in _STATISTICS}
+    if phases.size:
+        rate = len(phases) / one.n_periods
+        known["impacts_per_period"], known["lyapunov_per_impact"] = rate, one.lyapunov * system.period / rate
+        known["impact_phase_spread"] = max(1.0 - abs(complex(np.exp(2j * np.pi * phases).mean())), 0.0)
+    return one, replace(seen, kind=one.kind, n_periods=one.n_periods, n_impacts=one.n_impacts, indices=known)
 
 
 def basins(

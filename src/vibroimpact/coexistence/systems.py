@@ -58,19 +58,27 @@ class Seen:
     tolerance: float = SAME
     orbit: SystemOrbit | None = None
 
-    def same(self, other: Seen) -> bool:
-        """Return whether two cycles are one: all impacts agree, on the same stops, from some impact of either on."""
-        if len(self.stops) != len(other.stops):
-            return False
-        fastest = max(self.velocities.max(), other.velocities.max())
-        one, two = (_points(seen.phases, seen.velocities / fastest, seen.stops) for seen in (self, other))
-        return any(np.abs(np.roll(one, shift, axis=0) - two).max() <= SAME for shift in range(len(one)))
-
     def energy(self, system: ImpactSystem) -> float:
         """Return the energy lost at the stops per driving period in J, (1 - r^2) v^2 / (2 a . M^-1 a) per impact."""
         form = system.modal()
         each = 0.5 * (1.0 - form.restitution**2) / np.diag(form.mobility)
         return float((each[self.stops] * self.velocities**2).sum()) / self.whole
+
+
+def alike(one: Any, other: Any) -> bool:
+    """Return whether two cycles are one: all impacts agree, on the same stops, from some impact of either on."""
+    if len(one.stops) != len(other.stops) or not len(one.stops):
+        return len(one.stops) == len(other.stops)
+    fastest = max(np.max(one.velocities, initial=0.0), np.max(other.velocities, initial=0.0))
+    first, second = (
+        _points(np.asarray(seen.phases), np.asarray(seen.velocities) / fastest, np.zeros(len(seen.stops), np.int64))
+        for seen in (one, other)
+    )
+    struck, others = np.asarray(one.stops), np.asarray(other.stops)
+    return any(
+        (np.roll(struck, shift) == others).all() and np.abs(np.roll(first, shift, axis=0) - second).max() <= SAME
+        for shift in range(len(struck))
+    )
 
 
 def _points(phases: Floats, velocities: Floats, stops: Counts) -> Floats:
@@ -87,7 +95,7 @@ def cycles(runner: Runner, settled: Settled) -> Iterator[tuple[int, Seen, Counts
         seen = follow(runner, settled, at)
         mine = left[(left == at) | _members(settled, left, at, seen)]
         for _, known, members in found:
-            if known.same(seen):
+            if alike(known, seen):
                 members.append(mine)
                 break
         else:

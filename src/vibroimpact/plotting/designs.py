@@ -15,7 +15,7 @@ from matplotlib.patches import FancyBboxPatch, Rectangle
 
 from vibroimpact.figures import check_size
 from vibroimpact.motion import recognise
-from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.oscillator import ImpactOscillator, Model, State, the_oscillator
 from vibroimpact.parameters import several
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.orbits import phase_portrait, time_history
@@ -205,13 +205,17 @@ def _designs(designs: Any, names: Sequence[str]) -> Designs:
         a, b = (model.values for model in models)
         differing = [name for name in a if a[name] != b.get(name)]
         texts = [[labels.parameter_text(name, model) for name in differing if name in model.values] for model in models]
-        return [model.at() for model in models], [str(name) for name in names], texts
+        return [the_oscillator(model) for model in models], [str(name) for name in names], texts
     allowed = "the dataset of a comparison, or two oscillators with two names"
     raise labels.refused("designs", designs, allowed, "pass for example compare(a, b).dataset")
 
 
 def _compared(dataset: xr.Dataset) -> Designs:
     """Return the designs of a comparison from its dataset."""
+    if "system" in dataset.attrs:
+        raise ValueError(
+            "`designs` must be of one mass with one stop; print a comparison of systems, or save its dataset"
+        )
     oscillators = [ImpactOscillator(**values) for values in json.loads(dataset.attrs["arguments"])["oscillators"]]
     own = json.loads(dataset.attrs.get("model", dataset.attrs["oscillator"]))
     parameters = [dataset[name] for name in own if name in dataset]

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,6 @@ from vibroimpact.coexistence.measuring import AT_REST, Runner, Start, cells_of
 from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.system import system_of
 from vibroimpact.motion import MotionClass
-from vibroimpact.orbits import Orbit
 from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.status import Status
@@ -47,6 +47,8 @@ BOUNDARIES = {  # in words
     "pressed_for_ever": "the force no longer lifts the mass off the stop",
     "change": "another motion",
     "none": "none",
+    "neimark_sacker": "Neimark-Sacker point",
+    "pitchfork": "pitchfork",
 }
 ONSETS = {  # of others, beside a motion without impacts
     "from_some": "lasting impacts from some initial conditions",
@@ -67,9 +69,9 @@ class Edge:
         -1 for smaller values, +1 for larger ones.
     kind : str
         "period_doubling", "period_halving" (the orbit ends where it was born, at a period doubling of another),
-        "fold", "grazing", "end_of_sticking", "first_contact" and "lift_off" (of a motion without impacts),
-        "pressed_for_ever", "change" (another class of motion, found by bisection), or "none" within the
-        range.
+        "fold", "grazing", "neimark_sacker" and "pitchfork" (of systems), "end_of_sticking", "first_contact" and
+        "lift_off" (of a motion without impacts), "pressed_for_ever", "change" (another class of motion, found by
+        bisection), or "none" within the range.
     value : float
         The parameter there; NaN for "none".
     change : float
@@ -259,16 +261,16 @@ def _exact(present: Present, side: Found) -> Found | None:
     if present.orbit.sticks:
         return _end_of_sticking(present, side)
     try:
-        return _bifurcation(present.orbit, side)
+        return bifurcation(present.orbit, side)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return None  # the branch runs where its equations have no meaning
 
 
-def _bifurcation(orbit: Orbit, side: Found) -> Found | None:
-    """Follow the orbit until it folds, doubles or grazes."""
+def bifurcation(orbit: Any, side: Found, longest: float = STEP) -> Found | None:
+    """Follow the orbit until it folds, doubles or grazes, in steps of at most `longest` near such points."""
     system, z = system_of(orbit, (side.range.name,), ((side.range.low, side.range.high),))
     way = None
-    for way in walk(system, system.pack(z), STEP, False, side.direction, STRIDES):
+    for way in walk(system, system.pack(z), longest, False, side.direction, STRIDES):
         for special in way.special:
             at = special.orbit
             if at.admissible:

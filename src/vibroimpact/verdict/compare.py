@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from vibroimpact.parameters import Parameter, invalid, several
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
 from vibroimpact.verdict.boundaries import BOUNDARIES, ONSETS, Edge
-from vibroimpact.verdict.describe import Verdict, describe
+from vibroimpact.verdict.describe import Verdict, describe, numbers_of
 from vibroimpact.verdict.present import percent, range_of
 from vibroimpact.verdict.text import advice_words, onset_words
 
@@ -80,8 +80,10 @@ class Comparison:
         models: list[Model] = [verdict.model for verdict in self.verdicts]
         if set(models[0].values) != set(models[1].values):
             models = [verdict.oscillator for verdict in self.verdicts]
-        for name, value in models[0].values.items():
-            yield models[0].parameters[name], (value, models[1].values[name])
+        first, second = (model.values for model in models)
+        for name in dict.fromkeys([*first, *second]):
+            owner = models[0] if name in first else models[1]
+            yield owner.parameters[name], (first.get(name, math.nan), second.get(name, math.nan))
 
     def _advice(self) -> Iterator[str]:
         for name, verdict in zip(self.names, self.verdicts, strict=True):
@@ -110,7 +112,7 @@ class Comparison:
         varied = [edge.parameter for edge in first[::2]]
         if len(first) == len(second):
             content |= _boundary_variables(self.verdicts)
-        arguments = {"names": self.names, "oscillators": [asdict(verdict.oscillator) for verdict in self.verdicts]}
+        arguments = {"names": self.names, "oscillators": [numbers_of(verdict.oscillator) for verdict in self.verdicts]}
         return dataset_of(
             content,
             coords={"design": _texts(self.names), "parameter": _texts(varied), "direction": np.array([-1, 1], np.int8)},
@@ -199,7 +201,7 @@ def compare(
 
     Parameters
     ----------
-    a, b : ImpactOscillator or family
+    a, b : ImpactOscillator, ImpactSystem or family
         The two designs.
     names : tuple of two str
         Their names; not the same.

@@ -11,9 +11,9 @@ from typing import Any
 from vibroimpact.coexistence.measuring import Runner, SpentError
 from vibroimpact.motion import Motion
 from vibroimpact.options import Tolerances
-from vibroimpact.orbits import Orbit
-from vibroimpact.oscillator import ImpactOscillator, Model, the_oscillator
+from vibroimpact.oscillator import Model, check_model
 from vibroimpact.progress import Report, reporter
+from vibroimpact.system import ImpactSystem
 from vibroimpact.verdict.advice import Advice, advise
 from vibroimpact.verdict.boundaries import Edge, nearest_boundaries
 from vibroimpact.verdict.present import (
@@ -27,6 +27,7 @@ from vibroimpact.verdict.present import (
     present_motion,
     range_of,
 )
+from vibroimpact.verdict.systems import lines_of_system, orbit_boundaries
 from vibroimpact.verdict.text import lines
 
 BESIDE = 3  # parts of the work besides one per parameter
@@ -38,16 +39,16 @@ class Verdict:
 
     Attributes
     ----------
-    model : ImpactOscillator or family
+    model : ImpactOscillator, ImpactSystem or family
         The design that was described, whose parameters were varied.
-    oscillator : ImpactOscillator
-        The oscillator that it is.
+    oscillator : ImpactOscillator or ImpactSystem
+        The oscillator or system that it is.
     kind : str
         "periodic", "sticking", "chaotic", "undecided", "no_impact", "stuck_forever", "decaying" or "budget".
     motion : Motion
         The motion from rest: its name, and speeds (m/s) and phases of one cycle, from its hardest hit on.
-    orbit : Orbit or None
-        The same solved exactly, with multipliers, where it is periodic or sticks.
+    orbit : Orbit, SystemOrbit or None
+        The same solved exactly, with multipliers, where it is periodic or, of one mass, sticks.
     status : str
         How the sampled motion ended, as in `parameter_map`.
     indices : dict
@@ -70,13 +71,15 @@ class Verdict:
         False where `progress` asked to stop before the end, or more than 2^29 certified steps would have been taken.
     cells, steps : int
         Motions computed for it, and their certified steps.
+    stops : tuple of str
+        Of a system: the stop of each impact of the motion.
     """
 
     model: Model
-    oscillator: ImpactOscillator
+    oscillator: Any
     kind: str
     motion: Motion
-    orbit: Orbit | None
+    orbit: Any
     status: str
     indices: dict[str, float]
     watched: int = 0
@@ -88,16 +91,17 @@ class Verdict:
     complete: bool = True
     cells: int = 0
     steps: int = 0
+    stops: tuple[str, ...] = ()
 
     @property
     def power(self) -> float:
         """Mean power lost at the stop, in W."""
-        return self.indices["dissipation"] / self.oscillator.period
+        return self.indices["dissipation"] / float(self.oscillator.period)
 
     @property
     def max_velocity(self) -> float:
         """The hardest hit from rest in m/s: that of the cycle, or the largest sampled; 0 where it does not hit."""
-        if self.kind in ("no_impact", "stuck_forever"):
+        if self.kind in ("no_impact", "stuck_forever", "at_rest"):
             return 0.0
         return max(self.motion.velocities, default=self.indices["max_velocity"])
 
@@ -108,16 +112,18 @@ class Verdict:
         return hardest if hardest and hardest.max_velocity > 0.0 else None
 
     def __str__(self) -> str:
-        return "\n".join(lines(self))
+        told = lines_of_system(self) if isinstance(self.oscillator, ImpactSystem) else lines(self)
+        return "\n".join(told)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain dictionaries, lists, numbers and text, ready for JSON: NaN as None, infinity as "-inf"."""
         content = {
             **({} if self.model is self.oscillator else {"model": {"family": str(self.model), **self.model.values}}),
-            "oscillator": asdict(self.oscillator),
+            "system" if isinstance(self.oscillator, ImpactSystem) else "oscillator": numbers_of(self.oscillator),
             "kind": self.kind,
             "motion": asdict(self.motion) | {"name": self.motion.name},
             "multipliers": [[z.real, z.imag] for z in self.orbit.multipliers] if self.orbit else None,
+            **({"stops": self.stops} if isinstance(self.oscillator, ImpactSystem) else {}),
             "status": self.status,
             "indices": self.indices,
             "watched": self.watched,
@@ -130,6 +136,11 @@ class Verdict:
             "complete": self.complete,
         }
         return {name: _plain(value) for name, value in content.items()}
+
+
+def numbers_of(model: Any) -> dict[str, Any]:
+    """Return the numbers of an oscillator or a system."""
+    return model.plain() if isinstance(model, ImpactSystem) else asdict(model)
 
 
 def _plain(value: Any) -> Any:
@@ -155,7 +166,7 @@ def describe(
 
     Parameters
     ----------
-    osc : ImpactOscillator or family
+    osc : ImpactOscillator, ImpactSystem or family
         The design.
     parameters : names, optional
         Which parameters to vary in search of boundaries and advice; None is all (seven, of an oscillator), and
@@ -194,8 +205,15 @@ def describe(
     stable orbits of one impact, and after the change was made at 128 instants of each present cycle. One to
     three seconds on two cores, rarely four, and seven for chaos with long flights; 4,000 to 14,000 motions.
 
+    Of a system a verdict says what holds for any number of coordinates and stops: the motion from rest, what strikes
+    each stop, the energy lost, multipliers or exponent, the motions that the initial conditions of `attractors` lead
+    to, and, of a periodic motion that does not rest at a stop, the nearest fold, period doubling, Neimark-Sacker point,
+    pitchfork and graze along each parameter, followed in steps of 2 % of its range or up to 8 % far from them. There is
+    no advice. A second and two more per parameter; half a minute where the motion is chaotic.
+
     Examples
     --------
+    >>> from vibroimpact import ImpactOscillator
     >>> verdict = describe(ImpactOscillator(omega=1.4), parameters=["omega"])
     >>> verdict.motion.name
     'period-1 impact-1'
@@ -203,7 +221,7 @@ def describe(
     >>> down.kind, round(down.value, 9), down.accuracy
     ('period_doubling', 1.258962235, 'exact')
     """
-    the_oscillator(osc)
+    check_model(osc)
     far = check_within(within)
     ranges = [range_of(osc, name, far) for name in check_parameters(osc, parameters)]
     runner = Runner("cpu", tolerances, workers)
@@ -235,6 +253,7 @@ def describe(
         complete=complete,
         cells=runner.measured,
         steps=runner.steps,
+        stops=present.attractor.stops if present.attractor else (),
         **found,
     )
 
@@ -248,6 +267,9 @@ def _describe(
     found["attractors"] = coexisting_motions(present, runner)
     if not going():
         return False
+    if isinstance(present.oscillator, ImpactSystem):
+        found["boundaries"] = orbit_boundaries(present.orbit, ranges, going) if present.orbit else ()
+        return len(found["boundaries"]) == 2 * len(ranges) or not present.orbit
     found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"])
     if len(found["boundaries"]) < 2 * len(ranges):
         return False

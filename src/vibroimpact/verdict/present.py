@@ -6,12 +6,15 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence import Attractor
+from vibroimpact.coexistence.attractor import distinct_names
 from vibroimpact.coexistence.final import Final, final_motion, thrifty
 from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runner, Start, last_of
-from vibroimpact.coexistence.search import attractors_by
+from vibroimpact.coexistence.search import attractors_by, from_rest
+from vibroimpact.coexistence.systems import alike
 from vibroimpact.dataset import provenance
 from vibroimpact.labels import in_seconds, labelled_impacts
 from vibroimpact.motion import Motion, MotionClass, recognise
@@ -19,6 +22,7 @@ from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.orbit import Impacts, value_of
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names
 from vibroimpact.parameters import Parameter, invalid, several
+from vibroimpact.system import ImpactSystem
 
 DEAREST = 1 << 29  # certified steps around a motion: five times those of the dearest of usual designs
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
@@ -42,11 +46,12 @@ class Present:
     """
 
     model: Model
-    oscillator: ImpactOscillator
+    oscillator: Any  # an ImpactOscillator or an ImpactSystem
     final: Final
     motion: Motion
-    orbit: Orbit | None
+    orbit: Any  # an Orbit, of a system a SystemOrbit, or None
     start: Start | None
+    attractor: Attractor | None = None  # of a system
 
     @property
     def measured(self) -> Measured:
@@ -61,6 +66,9 @@ class Present:
     @property
     def state(self) -> State:
         """A state on it, or rest where it could not be followed."""
+        if isinstance(self.oscillator, ImpactSystem):
+            q, speed, time = self.oscillator.initial()
+            return State(q, speed, time)
         osc, start = self.oscillator, self.start or Start(max(self.oscillator.gap, 0.0), 0.0, 0.0)
         return State(osc.gap - start.clearance, start.velocity, start.phase * osc.period)
 
@@ -72,6 +80,8 @@ def present_motion(model: Model, runner: Runner) -> Present:
     from the first impact of a cycle's sample, or from the end of another's.
     """
     osc = model.at()
+    if isinstance(osc, ImpactSystem):
+        return present_of_system(model, osc, runner)
     final = final_motion(runner, osc.cells({}), ImpactWindow(SETTLED, SHOWN))
     measured, seen = final.measured, final.samples
     motion = Motion(measured.kind, measured.n_periods, measured.n_impacts, status=measured.status)
@@ -90,6 +100,16 @@ def present_motion(model: Model, runner: Runner) -> Present:
     hits = zip(seen.impact_velocity.tolist(), seen.impact_phase.tolist(), strict=True)
     after = (Start(0.0, -osc.restitution * velocity, phase) for velocity, phase in hits)
     return Present(model, osc, final, motion, orbit, next(after, None))
+
+
+def present_of_system(model: Model, system: ImpactSystem, runner: Runner) -> Present:
+    """Return the motion that a system at rest settles to, followed for 32,767 impacts where it does not repeat."""
+    found, measured = from_rest(runner, system)
+    final = Final(measured, None, measured.impacts)
+    if found is None:
+        return Present(model, system, final, Motion(measured.kind, status=measured.status), None, None)
+    orbit = found.orbit and replace(found.orbit, family=None if model is system else model)
+    return Present(model, system, final, found.motion, orbit, None, found)
 
 
 def _sticking_orbit(model: Model, n_periods: int) -> Orbit | None:
@@ -132,6 +152,8 @@ class Coexisting:
         A state on it.
     transient_impacts, transient_velocity
         As of `Attractor`: how many impacts it may take until it is reached, and how hard they are.
+    stop : str
+        Of a cycle of a system: the stop that its hardest hit strikes.
     """
 
     name: str
@@ -143,6 +165,7 @@ class Coexisting:
     start: State = field(default_factory=lambda: State(0.0))
     transient_impacts: int = 0
     transient_velocity: float = 0.0
+    stop: str = ""
 
     @property
     def reached(self) -> bool:
@@ -159,10 +182,14 @@ def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ..
     """Return the motions that `attractors` finds, that from rest first, with share 0 if it is none of them."""
     found = attractors_by(runner, present.oscillator)
     motions = [_coexisting(attractor) for attractor in found]
+    if isinstance(present.oscillator, ImpactSystem):  # twins have one name
+        names = distinct_names(found)
+        motions = [replace(motion, name=name) for motion, name in zip(motions, names, strict=True)]
     same = next((i for i, attractor in enumerate(found) if _is_present(attractor, present)), None)
     if same is None:
         measured = present.measured
-        first = Coexisting(measured.name, 0.0, 0.0, measured.loss, True, measured.n_periods, present.state)
+        state = present.attractor.start if present.attractor else present.state
+        first = Coexisting(measured.name, 0.0, 0.0, measured.loss, True, measured.n_periods, state)
     else:
         first = replace(motions.pop(same), from_rest=True)
     return replace(first, max_velocity=present.hardest), *motions
@@ -172,12 +199,15 @@ def _coexisting(attractor: Attractor) -> Coexisting:
     hits = MotionClass[attractor.kind.upper()].hits
     velocity, loss = (attractor.max_velocity, attractor.dissipation) if hits else (0.0, 0.0)
     what = attractor.name, attractor.share, velocity, loss, False, attractor.n_periods, attractor.start
-    return Coexisting(*what, attractor.transient_impacts, attractor.transient_velocity)
+    stop = next(iter(attractor.stops), "")
+    return Coexisting(*what, attractor.transient_impacts, attractor.transient_velocity, stop)
 
 
 def _is_present(attractor: Attractor, present: Present) -> bool:
     """Whether an attractor is the present motion; of those that stick or do not hit there is one of each kind."""
-    measured = present.measured
+    measured, own = present.measured, present.attractor
+    if own is not None:
+        return attractor.kind == own.kind and alike(attractor, own)
     if attractor.kind == measured.kind == MotionClass.PERIODIC.word:
         if present.motion.velocities:
             return same_orbit(attractor, present.motion, tolerance=ALIKE)

@@ -45,15 +45,19 @@ def lines(verdict: Verdict) -> Iterator[str]:
         ("coexisting", _coexisting(verdict)),
         ("advice", _advice(verdict)),
     ]
+    yield from laid_out(parts)
+    if not verdict.complete:
+        yield from laid_out([("stopped", [stopped(verdict)])])
+
+
+def laid_out(parts: Iterable[tuple[str, Iterable[str]]]) -> Iterator[str]:
+    """Yield titled facts line by line."""
     for title, facts in parts:
         for i, line in enumerate(facts):
-            head = (title if i == 0 else "").ljust(MARGIN)
-            yield from _wrapped(head, line)
-    if not verdict.complete:
-        yield from _wrapped("stopped".ljust(MARGIN), _stopped(verdict))
+            yield from _wrapped((title if i == 0 else "").ljust(MARGIN), line)
 
 
-def _stopped(verdict: Verdict) -> str:
+def stopped(verdict: Verdict) -> str:
     """Return why a verdict is not complete: what it may cost has a limit, far above what usual designs take."""
     if verdict.steps < DEAREST:
         return "before the end; run it again to complete it"

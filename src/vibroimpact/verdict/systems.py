@@ -1,0 +1,203 @@
+"""A verdict on a system: what holds for any number of coordinates and stops, and its lines in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vibroimpact import report
+from vibroimpact.coexistence.measuring import SPREAD
+from vibroimpact.motion import MotionClass, listed
+from vibroimpact.report.quantities import counted
+from vibroimpact.verdict.boundaries import Edge, Found, bifurcation
+from vibroimpact.verdict.present import Range, percent
+from vibroimpact.verdict.text import KNOWN, LISTED, SHOWN, edge_words, laid_out, number, parameters_line, speed, stopped
+
+if TYPE_CHECKING:
+    from vibroimpact.verdict.describe import Verdict
+
+TOUCHING = 1e-9  # of what a clearance is the difference of: one so small is a contact; of impulses: as large
+COARSE = 0.02  # of the range, the longest step along a branch near a bifurcation: ten times as dear as of one mass
+BESIDE = 1e-3  # per period: an exponent so small says nothing of whether perturbations decay
+
+
+def orbit_boundaries(orbit: Any, ranges: Sequence[Range], done: Callable[[], bool]) -> tuple[Edge, ...]:
+    """Return the nearest bifurcations of an orbit down and up each parameter; `done` is called for each, False stops.
+
+    Where a branch cannot be followed, nothing is known (`searched_to` is NaN).
+    """
+    edges = []
+    for each in ranges:
+        for direction in (-1, 1):
+            side = Found(each, direction)
+            try:
+                found = bifurcation(orbit, side, COARSE) if side.path(1) else side
+            except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+                found = None
+            found = found or replace(side, reached=math.nan)
+            edges.append(found.edge(found.beyond, found.outside))
+        if not done():
+            return ()
+    return tuple(edges)
+
+
+def lines_of_system(verdict: Verdict) -> Iterator[str]:
+    """Yield the lines of a verdict on a system."""
+    parts: list[tuple[str, Iterable[str]]] = [
+        ("system", [str(verdict.oscillator), parameters_line(verdict.model)]),
+        ("motion", _motion(verdict)),
+        ("hits", _hits(verdict)),
+        ("energy", _energy(verdict)),
+        ("stability", _stability(verdict)),
+        ("boundaries", _boundaries(verdict)),
+        ("coexisting", _coexisting(verdict)),
+    ]
+    yield from laid_out(parts)
+    if not verdict.complete:
+        yield from laid_out([("stopped", [stopped(verdict)])])
+
+
+def _motion(verdict: Verdict) -> Iterator[str]:
+    system, motion, kind = verdict.oscillator, verdict.motion, verdict.motion.motion_class
+    if motion.n_periods:
+        yield f"from rest {motion.name}, repeats every {motion.n_periods * system.period:.4g} s"
+    elif kind in (MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC):
+        yield f"from rest {motion.name}, watched over {verdict.watched} impacts"
+    elif kind == MotionClass.UNDECIDED:
+        yield f"from rest undecided: the impacts do not repeat within {verdict.watched}, nor are they surely chaotic"
+    elif kind == MotionClass.BUDGET:
+        yield f"from rest {motion.name}: {verdict.motion.status.sentence}"
+    else:
+        yield f"from rest {motion.name}{_clear_of(verdict)}"
+    worst = verdict.worst
+    if worst is not None and not worst.from_rest:
+        share = percent(worst.share)
+        yield f"hits hardest from {share} of the initial conditions: {worst.name}, {speed(worst.max_velocity)}"
+
+
+def _clear_of(verdict: Verdict) -> str:
+    """Return how far a motion without impacts stays from which stop, or which stops it rests at."""
+    here, system = next((one for one in verdict.attractors if one.from_rest), None), verdict.oscillator
+    if here is None or not system.stops:
+        return ""
+    if verdict.kind == "no_impact":
+        left = dict(zip(system.stop_names, system.cells({}).block("margin")[0].tolist(), strict=True))
+        name = min(left, key=lambda stop: left[stop])
+        return f", at least {report.quantity(left[name], 'm', 3)} clear of {name}"
+    q, left = here.start.displacement, system.clearances(here.start.displacement, here.start.time).tolist()
+    sizes = [abs(stop.gap) + float(np.abs(stop.direction) @ np.abs(q)) for stop in system.stops]
+    at = [name for name, gap, size in zip(system.stop_names, left, sizes, strict=True) if gap <= TOUCHING * size]
+    return f", at rest at {listed(at)}" if at else ""
+
+
+def _hits(verdict: Verdict) -> Iterator[str]:
+    motion, orbit, system = verdict.motion, verdict.orbit, verdict.oscillator
+    hits = list(zip(motion.velocities, motion.phases, verdict.stops, strict=True))
+    if not hits:
+        if math.isfinite(verdict.max_velocity) and verdict.max_velocity > 0.0:
+            rate = verdict.indices["impacts_per_period"]
+            mean = speed(verdict.indices["mean_velocity"])
+            yield f"{rate:.3g} times per period on average, hardest {speed(verdict.max_velocity)} sampled, mean {mean}"
+        return
+    for stop in system.stop_names:
+        own = [(v, phase) for v, phase, name in hits if name == stop]
+        if not own:
+            yield f"{stop}: none"
+            continue
+        hardest = max(own)
+        often = f"{counted(len(own), 'impact')} per cycle"
+        if motion.n_impacts < 0:
+            yield f"{stop}: hardest {speed(hardest[0])} at phase {hardest[1]:.3g}"
+        elif len(own) <= LISTED:
+            yield f"{stop}: {often}, " + listed([f"{speed(v)} at phase {phase:.3g}" for v, phase in own])
+        else:
+            yield f"{stop}: {often}, {min(own)[0]:.4g} to {speed(hardest[0])}, hardest at phase {hardest[1]:.3g}"
+    if motion.n_impacts < 0:
+        yield "in its cycle it comes to rest at a stop after infinitely many impacts"
+    elif orbit is not None:
+        most = next(at for at, kick in enumerate(orbit.impulses) if kick >= (1.0 - TOUCHING) * max(orbit.impulses))
+        yield f"largest impulse {report.quantity(orbit.impulses[most], 'N s', 4)} on {orbit.stops[most]}"
+
+
+def _energy(verdict: Verdict) -> Iterator[str]:
+    lost = verdict.indices["dissipation"]
+    if math.isfinite(lost):
+        yield f"{lost:.4g} J lost at the stops per period, {verdict.power:.4g} W on average"
+
+
+def _stability(verdict: Verdict) -> Iterator[str]:
+    period, exponent = verdict.oscillator.period, verdict.indices["lyapunov"]
+    if math.isnan(exponent):
+        return
+    if verdict.orbit is not None and math.isinf(exponent):
+        yield "all multipliers are 0: perturbations vanish within a cycle"
+    elif verdict.orbit is not None:
+        largest = verdict.orbit.spectral_radius
+        half = -math.log(2.0) / exponent
+        pair = ", a complex pair" if abs(verdict.orbit.multipliers[0].imag) > 0.0 else ""
+        yield (
+            f"largest multiplier {largest:.4g} in size{pair}: perturbations halve every {number(half, 3)} s, "
+            f"{number(half / period, 2)} periods (exponent {exponent:.4g} 1/s)"
+        )
+    elif math.isinf(exponent):
+        yield "all coordinates come to rest at once, which erases all memory (exponent -inf)"
+    elif verdict.kind == "chaotic":
+        ahead = -math.log(KNOWN) / exponent / period
+        yield (
+            f"perturbations double about every {number(math.log(2.0) / exponent, 2)} s: a state known to {KNOWN:g} of "
+            f"its size is predictable for about {number(ahead, 1)} periods"
+        )
+    elif abs(exponent) * period < BESIDE:
+        yield "perturbations neither decay nor grow"
+    else:
+        yield f"perturbations {'decay' if exponent < 0.0 else 'grow'} (exponent about {exponent:.2g} 1/s)"
+
+
+def _boundaries(verdict: Verdict) -> Iterator[str]:
+    edges = verdict.boundaries
+    for down, up in zip(edges[::2], edges[1::2], strict=True):
+        if any(math.isnan(edge.searched_to) and not edge.found for edge in (down, up)):
+            words = [f"{'down' if edge.direction < 0 else 'up'} not followed to its end" if math.isnan(edge.searched_to)
+                     and not edge.found else edge_words(verdict.model, edge) for edge in (down, up)]  # fmt: skip
+            yield f"{down.parameter}: {'; '.join(words)}"
+        elif down.found or up.found:
+            yield f"{down.parameter}: {edge_words(verdict.model, down)}; {edge_words(verdict.model, up)}"
+        else:
+            yield f"{down.parameter}: none from {down.searched_to:.4g} to {up.searched_to:.4g}"
+    if any(edge.found for edge in edges):
+        yield (
+            "these solve the equations of the orbit from rest, to some 1e-12; two of one kind that lie nearer to each "
+            "other than the steps along it, 2 to 8 % of a range, may both be missed"
+        )
+    if not edges and verdict.complete and verdict.orbit is not None:
+        yield "no parameter was varied"
+    elif not edges and verdict.complete:
+        yield "not sought: only those of periodic motions with impacts that never rest at a stop are followed"
+
+
+def _coexisting(verdict: Verdict) -> Iterator[str]:
+    motions = verdict.attractors
+    undecided = 1.0 - sum(motion.share for motion in motions)
+    sample = (
+        f"{SPREAD} spread initial conditions, impacts on {listed(list(verdict.oscillator.stop_names)) or 'no stop'}"
+    )
+    if len(motions) == 1 and undecided < 1e-9:
+        yield f"none found: {sample}, settle to this motion"
+        return
+    if motions:
+        yield f"of {sample}:"
+    for motion in motions[:SHOWN]:
+        on = f" on {motion.stop}" if motion.stop else ""
+        hit = f", hardest hit {speed(motion.max_velocity)}{on}" if motion.max_velocity > 0.0 else ""
+        here = " (this motion)" if motion.from_rest else ""
+        rare = motion.share == 0.0 and not motion.from_rest
+        share = "stable, but reached from none of them" if rare else f"{100.0 * motion.share:.3g} %"
+        yield f"{share}: {motion.name}{here}{hit}"
+    if len(motions) > SHOWN:
+        yield f"and {len(motions) - SHOWN} more"
+    if motions and undecided >= 1e-9:
+        yield f"{100.0 * undecided:.3g} %: undecided"

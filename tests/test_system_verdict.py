@@ -1,0 +1,167 @@
+"""Verdicts on systems: each printed number is derived again by other means."""
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from systems import linear
+from test_system_basins import THREE, TWINS, two_masses, two_sided
+from vibroimpact.backends.reference.systems import follow
+from vibroimpact.report import sentences_of
+
+PERIODIC = [0, 2, 6, 10, 17, 18, 19, 22]  # random designs that are periodic from rest
+
+
+@pytest.fixture(scope="module")
+def verdicts():
+    return {seed: vi.describe(two_masses(seed), parameters=[]) for seed in PERIODIC}
+
+
+def numbers(text, before, after=""):
+    return [float(found) for found in re.findall(rf"{before}([-\d.e]+){after}", text)]
+
+
+def line(verdict, title):
+    """Return what stands under a title, without breaks."""
+    found, here = [], False
+    for row in str(verdict).splitlines():
+        here = row.startswith(title) or (here and row.startswith(" " * 12))
+        found += [row[12:].strip()] * here
+    return " ".join(found)
+
+
+@pytest.mark.parametrize("seed", PERIODIC)
+def test_hits_energy_and_period_are_those_of_impacts_from_rest(verdicts, seed):
+    verdict, system = verdicts[seed], two_masses(seed)
+    n, p = verdict.motion.n_periods, verdict.motion.n_impacts
+    hits = vi.impact_section(system, transient_impacts=3000, sample_impacts=p)
+    names, speeds, phases = hits["stop"].values, hits["velocity"].values, hits["phase"].values
+    assert numbers(line(verdict, "motion"), "repeats every ", " s") == [float(f"{n * system.period:.4g}")]
+    told = line(verdict, "hits")
+    for stop in system.stop_names:
+        own = told.partition(f"{stop}: ")[2]
+        struck = names == stop
+        if not struck.any():
+            assert own.startswith("none")
+            continue
+        assert int(own.split()[0]) == struck.sum()
+        for v, phase in zip(speeds[struck], phases[struck], strict=True):
+            if struck.sum() <= 4:
+                assert f"{v:.4g} m/s at phase {phase:.3g}" in own
+        assert f"{speeds[struck].max():.4g} m/s" in own
+    (impulse,) = numbers(told, "largest impulse ", " N s")
+    assert impulse == pytest.approx(float(hits["impulse"].max()), rel=1e-3)
+    restitution = {stop.name: stop.restitution for stop in system.stops}
+    lost = sum(0.5 * (1 - restitution[stop]) * v * kick
+               for stop, v, kick in zip(names, speeds, hits["impulse"].values, strict=True)) / n  # fmt: skip
+    energy = line(verdict, "energy")
+    assert numbers(energy, "", " J lost")[0] == pytest.approx(lost, rel=1e-3)
+    assert numbers(energy, "period, ", " W")[0] == pytest.approx(lost / system.period, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", PERIODIC)
+def test_multipliers_are_those_of_differences_of_the_witness(verdicts, seed):
+    verdict, system = verdicts[seed], two_masses(seed)
+    orbit, plain = verdict.orbit, linear(system)
+    span, begun = verdict.motion.n_periods, orbit.start.time - 1e-3 * system.period
+    before = vi.simulate(system, start=orbit.start, periods=span - 1e-3, samples_per_period=1000)
+    state = np.concatenate([before[name].values[-1] for name in ("displacement", "velocity")])
+
+    def ended(x):
+        end = follow(plain, x[:2], x[2:], begun, impacts=200, most_periods=span).end
+        return np.concatenate([end.displacement, end.velocity])
+
+    np.testing.assert_allclose(ended(state), state, rtol=0, atol=1e-7)
+    columns = [(ended(state + unit) - ended(state - unit)) / 4e-6 for unit in 2e-6 * np.eye(4)]
+    radius = float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())
+    told = line(verdict, "stability")
+    assert numbers(told, "largest multiplier ")[0] == pytest.approx(radius, rel=2e-3)
+    half = -math.log(2.0) * span * system.period / math.log(radius)
+    assert numbers(told, "halve every ", " s")[0] == pytest.approx(half, rel=2e-2)
+    assert numbers(told, "exponent ", " 1/s")[0] == pytest.approx(-math.log(2.0) / half, rel=5e-3)
+
+
+@pytest.mark.parametrize("seed", [4, 19])
+def test_shares_are_those_of_a_map_from_the_same_initial_conditions(seed):
+    verdict, system = vi.describe(two_masses(seed), parameters=[]), two_masses(seed)
+    sweep = vi.parameter_map(
+        system, omega=[system.omega], start=257, indices=("max_velocity",), transient_impacts=3000, sample_impacts=200
+    )
+    hardest = np.nan_to_num(sweep["max_velocity"].values[0, 1:])
+    shares = [float((np.abs(hardest - motion.max_velocity) < 1e-4).mean()) for motion in verdict.attractors]
+    assert shares == [motion.share for motion in verdict.attractors]
+    told = line(verdict, "coexisting")
+    for motion in verdict.attractors:
+        assert f"{100 * motion.share:.3g} %: {motion.name}" in told
+
+
+def test_boundaries_are_those_that_a_branch_meets_in_other_steps():
+    verdict = vi.describe(two_sided(2.0, 0.6, 0.5), parameters=["omega"])
+    down, up = verdict.boundaries
+    branch = vi.continue_orbit(verdict.orbit, "omega", (0.5, 8.0), step=0.02, virtual=False)
+    assert [point.kind for point in branch.special] == ["grazing", "pitchfork", "pitchfork", "fold", "grazing"]
+    below, above = branch.special[2:4]  # the last graze lies beyond the fold, on unstable orbits
+    assert (down.kind, down.value) == (below.kind, pytest.approx(below.value, rel=1e-11))
+    assert (up.kind, up.value) == (above.kind, pytest.approx(above.value, rel=1e-11))
+    assert f"down {100 * (1 - down.value / 2):.2g} % to {down.value:.6g} rad/s" in line(verdict, "boundaries")
+
+
+def test_a_verdict_on_twins_names_the_one_from_rest_and_the_other():
+    verdict = vi.describe(TWINS, parameters=[])
+    assert {motion.name for motion in verdict.attractors} == {"period-1 impact-2 a", "period-1 impact-2 b"}
+    here, other = verdict.attractors
+    assert here.from_rest
+    assert {here.stop, other.stop} == {"above", "below"}
+    first = vi.impact_section(TWINS, transient_impacts=2000, sample_impacts=2)
+    assert str(first["stop"].values[np.argmax(first["velocity"].values)]) == here.stop
+    assert line(verdict, "boundaries") == "no parameter was varied"
+
+
+def test_a_motion_clear_of_the_stops_says_how_far():
+    system = two_masses(5)
+    verdict = vi.describe(system, parameters=[])
+    settled = vi.simulate(system, start=vi.attractors(system)[0].start, periods=1, samples_per_period=4000)
+    nearest = settled["clearance"].min("time")
+    words, _, name = line(verdict, "motion").rpartition(" clear of ")
+    assert words == f"from rest no impact, at least {float(nearest.min()):.3g} m"
+    assert float(nearest.sel(stop=name)) == pytest.approx(float(nearest.min()), rel=1e-6)  # both, here
+    assert verdict.max_velocity == 0.0
+
+
+def test_a_motion_that_rests_says_so_and_needs_no_orbit():
+    verdict = vi.describe(vi.family(vi.models.bouncing_ball), parameters=["frequency"])
+    assert verdict.motion.name == "period-1 sticking"
+    assert "comes to rest at a stop after infinitely many impacts" in str(verdict)
+    assert "not sought: only those of periodic motions" in str(verdict)
+    assert verdict.worst.name == "period-1 impact-1"
+    assert f"{100 * verdict.worst.share:.2g} % of the initial conditions" in str(verdict)
+    assert numbers(str(verdict), "table: hardest ", " m/s") == [float(f"{max(verdict.motion.velocities):.4g}")]
+
+
+def test_a_mass_that_lies_on_its_stop_rests_there():
+    still = vi.models.bouncing_ball(amplitude=1e-6)
+    assert "from rest permanently in contact, at rest at table" in str(vi.describe(still, parameters=[]))
+
+
+def test_a_verdict_is_plain_data_and_two_are_a_table():
+    content = json.loads(json.dumps(vi.describe(THREE, parameters=["omega"]).to_dict()))
+    assert vi.ImpactSystem(**vi.dataset.model_of(vi.simulate(THREE, periods=1)).arguments()) == THREE
+    assert content["system"]["mass"] == THREE.mass.tolist()
+    assert len(content["multipliers"]) == 4
+    both = vi.compare(TWINS, TWINS.replace(omega=4.6), parameters=["omega"])
+    assert "angular driving frequency [rad/s] *" in str(both)
+    assert both.dataset["omega"].values.tolist() == [5.0, 4.6]
+    assert sentences_of(both.dataset)
+    with pytest.raises(ValueError, match="print a comparison of systems"):
+        vi.plotting.comparison_figure(both.dataset)
+
+
+def test_a_verdict_that_is_stopped_holds_what_was_found():
+    verdict = vi.describe(THREE, parameters=["omega", "right_gap"], progress=lambda done, total, found: done < 2)
+    assert not verdict.complete
+    assert verdict.boundaries == ()
+    assert "stopped" in str(verdict)
