@@ -214,6 +214,16 @@ def test_a_free_mass_is_given_up_where_it_never_comes_back(damping, constant, sp
     assert outcome(both, start=vi.State([0.0, 0.0], [speed, 0.0])) in outcomes
 
 
+def test_a_free_mass_that_damping_couples_to_another_is_waited_for():
+    """It is shaken to and fro far from the stop, towards which it drifts."""
+    stop, start = vi.Stop(direction=[1, 0], gap=0.1, restitution=0.5), vi.State([-60.0, 0.0], [-8.0, 0.0])
+    free = system(np.eye(2), [[0.02, -0.01], [-0.01, 0.05]], np.diag([0.0, 1.0]), 1.0, [stop], {1: [10.0, 1.0]})
+    hits = impacts(free, 1, start=start)
+    seen = follow(linear(free), [-60.0, 0.0], [-8.0, 0.0], impacts=1, cut=1e-9 * free.velocity_scale)
+    assert hits["time"].values == pytest.approx([seen.impacts[0].time], rel=1e-11)
+    assert seen.impacts[0].time > 4 * free.period
+
+
 def test_a_system_at_rest_never_moves():
     assert (
         outcome(two_masses(force=vi.Force(omega=8.0), stops=[vi.Stop(direction=[0, 1], gap=0.1)])) == Status.NO_IMPACT
@@ -227,9 +237,16 @@ def test_an_undamped_mode_at_resonance_grows_until_it_hits():
     assert hits["velocity"].values == pytest.approx([time * np.sin(time) / 2], rel=1e-12)
 
 
-def test_parallel_stops_at_one_place_are_struck_together_and_flagged():
-    stops = [vi.Stop(direction=[1, 0], gap=0.2, restitution=0.5), vi.Stop(direction=[3, 0], gap=0.6, restitution=0.7)]
-    hits = impacts(system(np.eye(2), 0.1 * np.eye(2), [[2, -1], [-1, 2]], 0.8, stops, {1: [1, 0.5]}), 20)
+@pytest.mark.parametrize("gap", [0.2, 0.0])
+@pytest.mark.parametrize("n", [1, 2])
+def test_parallel_stops_at_one_place_are_struck_together_and_flagged(n, gap):
+    one = np.eye(2)[0, :n]
+    stops = [
+        vi.Stop(direction=one, gap=gap, restitution=0.5),
+        vi.Stop(direction=3 * one, gap=3 * gap, restitution=0.7),
+    ]
+    spring = np.array([[2.0, -1.0], [-1.0, 2.0]])[:n, :n]
+    hits = impacts(system(np.eye(n), 0.1 * np.eye(n), spring, 0.8, stops, {1: [1.0, 0.5][:n]}), 20)
     assert hits["simultaneous"].values.all()
     assert hits["velocity"].values[1::2] == pytest.approx(3 * hits["velocity"].values[::2], rel=1e-11)
 

@@ -121,7 +121,7 @@ class SystemCells(Cells):
         at, (still, swung) = cells.places, (np.array(part)[which] for part in taken)
         left = gaps - still - swung
         cells.table[:, at["gap"]], cells.table[:, at["restitution"]] = gaps, bounces
-        cells.table[:, at["margin"]] = np.where(np.isnan(left), -1.0, left)
+        cells.table[:, at["margin"]] = np.where(np.isnan(left), -np.inf, left)
         parts = zip(*map(speed_parts, forms), strict=True)
         driven, rate, offset, omega = (np.array(part)[which] for part in parts)
         cells.table[:, at["scale"]] = velocity_scales(driven, rate, offset, omega, gaps)[:, None]

@@ -20,7 +20,7 @@ from numba import njit
 
 from vibroimpact.kernels.law import COMPLETES, HOLD, SHORT
 from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary
-from vibroimpact.kernels.systems.rest import SHORTENED, TOUCH, derivative, derive, hold, measure, settle
+from vibroimpact.kernels.systems.rest import NOWHERE, SHORTENED, TOUCH, derivative, derive, hold, measure, settle
 from vibroimpact.kernels.systems.step import CLOSED, CONTACT, OPEN, RELEASED, STRUCK, stop_moves, turns
 from vibroimpact.kernels.vectors import get, put, select
 
@@ -93,7 +93,7 @@ def bounce(rows, k, wide):
             inverse = inverse + alpha * get(rows, k.jump + y * n + j, wide)
         rate, gram = select(own, w, rate), select(own, inverse, gram)
         r = select(own, get(rows, k.restitution + y, wide), r)
-        usual = usual & (own | (u > TOUCH * size))
+        usual = usual & (own | (u > TOUCH * size + NOWHERE * get(rows, k.speed, wide)))
     usual = usual & (r > 0.0) & (-rate >= get(rows, k.cut, wide))
     impulse = select(usual, -(1.0 + r) * rate / gram, 0.0)
     for y in range(k.stops):

@@ -18,7 +18,8 @@ from vibroimpact.kernels.systems.step import (
 )
 
 SHORTENED = 4  # the highest derivative that most decisions take
-TOUCH = 1e-12  # of the lengths that a clearance is the sum of: less is contact
+# Less is contact: of the lengths that a clearance is the sum of; and, where these vanish, of V times a step.
+TOUCH, NOWHERE = 1e-12, 1e-15
 
 
 @njit(error_model="numpy")
@@ -35,7 +36,7 @@ def measure(rows, k, room):
             size += abs(alpha * rows[k.eta + j])
             w -= alpha * rows[k.rate + j]
         room.rate[z] = w
-        if rows[k.kind + z] < CLOSED and u <= TOUCH * size:
+        if rows[k.kind + z] < CLOSED and u <= TOUCH * size + NOWHERE * rows[k.speed]:
             touching |= 1 << z
         for y in range(s):
             total = 0.0
