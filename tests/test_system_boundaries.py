@@ -71,11 +71,14 @@ def test_pitchforks_are_followed_where_the_plane_keeps_the_symmetry(pitchfork):
         assert min(abs(value + 1) for value in orbit.half_multipliers) < 1e-9
 
 
-def test_a_plane_that_breaks_the_symmetry_has_no_pitchforks():
+@pytest.mark.parametrize(
+    "plane", [(("omega", "above_gap"), ((0.9, 2.1), (0.3, 0.7))), (("above_gap", "below_gap"), ((0.3, 0.7),) * 2)]
+)
+def test_a_plane_that_breaks_the_symmetry_has_no_pitchforks(plane):
     orbit = symmetric(two_sided())
     (point, *_) = points(continue_orbit(orbit, "omega", (1.0, 2.1), step=0.1), "pitchfork")
     with pytest.raises(ValueError, match="condition of a pitchfork"):
-        continue_boundary(point, ("omega", "above_gap"), ((0.9, 2.1), (0.3, 0.7)))
+        continue_boundary(point, *plane)
 
 
 def test_an_end_of_sticking_of_a_system_is_refused():

@@ -119,7 +119,8 @@ class Modes(Equations):
         """Whether the impacts follow one another, and the touch is inside its flight."""
         angles = self.cycle.angles(TURN * x)
         begin, end = angles[self.where : self.where + 2] / TURN
-        return bool((np.diff(angles) > 0.0).all()) and (self.condition != TOUCH or begin < x[self.inner - 1] < end)
+        inside = self.condition != TOUCH or begin + INSIDE < x[self.inner - 1] < end - INSIDE
+        return bool((np.diff(angles) > 0.0).all() and inside)
 
     def flights(self, x: Floats) -> Floats:
         """Return clearances at the impacts and by how much the cycle is open; straight on beyond the ranges."""
@@ -131,16 +132,13 @@ class Modes(Equations):
 
     def _beyond(self, x: Floats, what: Any) -> Floats:
         """Return what there is at the nearest values in the ranges, and on from there along its derivative."""
-        values = self.values(x)
-        inside = self.inside(values)
-        found: Floats = what(x)
-        for j, (value, edge, (low, high)) in enumerate(zip(values, inside, self.ranges, strict=True)):
+        base: Floats = what(x)
+        found, values = base, self.values(x)
+        for j, (value, edge, (low, high)) in enumerate(zip(values, self.inside(values), self.ranges, strict=True)):
             if value != edge:
                 moved = x.copy()
-                moved[self.inner + j] = NUDGE if edge == low else 1.0 - NUDGE
-                found = found + (value - edge) / (high - low) * (found - what(moved)) / (
-                    NUDGE if edge == high else -NUDGE
-                )
+                moved[self.inner + j] = 1.0 - NUDGE if value > edge else NUDGE
+                found = found + abs(value - edge) / (high - low) * (base - what(moved)) / NUDGE
         return found
 
     def _flights(self, x: Floats) -> Floats:
@@ -181,11 +179,8 @@ class Modes(Equations):
 
     def is_own(self, x: Floats) -> bool:
         """Whether a touch is inside its flight, and multipliers whose product is 1 are a complex pair, no real ones."""
-        if self.condition == TOUCH:
-            begin, end = self.cycle.angles(TURN * x)[self.where : self.where + 2] / TURN
-            return bool(begin + INSIDE < x[self.inner - 1] < end - INSIDE)
         if self.condition != TORUS:
-            return True
+            return self.condition != TOUCH or self.in_order(x)
         cycle, unknown = self._solved(x)
         nearest = min(combinations(cycle.multipliers(unknown), 2), key=lambda pair: abs(1.0 - pair[0] * pair[1]))
         return nearest[0].imag != 0.0
@@ -320,16 +315,16 @@ _TESTS: dict[str, Any] = {
 
 
 def images_along(model: Any, names: Sequence[str], ranges: Sequence[tuple[float, float]]) -> tuple[int, ...]:
-    """Return the stop that each one becomes in the mirror, if a model is symmetric all along its ranges."""
+    """Return the stop that each one becomes in the mirror, if no parameter alone breaks a model's symmetry."""
     found = mirror(model.at())[0]
-    for share in (0.0, 0.31, 1.0):
-        values = [low + share * (high - low) for low, high in ranges]
-        try:
-            there = mirror(model.at(**dict(zip(names, values, strict=True))))[0]
-        except ValueError:  # no system of these values
-            continue
-        if there != found:
-            return ()
+    for name, (low, high) in zip(names, ranges, strict=True):
+        for share in (0.0, 0.31, 1.0) if found else ():
+            try:
+                there = mirror(model.at(**{name: low + share * (high - low)}))[0]
+            except ValueError:  # no system of this value
+                continue
+            if there != found:
+                return ()
     return found
 
 
