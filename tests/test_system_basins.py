@@ -268,6 +268,31 @@ def test_what_is_cut_off_is_undecided_and_says_so():
     assert (found["attractor"].values[found["status"].values == Status.BUDGET] == -1).all()
 
 
+def test_a_sweep_that_is_stopped_returns_what_it_has():
+    told = []
+
+    def stop(done, total, partial):
+        told.append((done, total, partial["status"].shape))
+        return False
+
+    y, v = np.linspace(-0.05, 0.05, 80), np.linspace(-1.0, 1.0, 80)
+    found = basins(TWINS, displacement=y, velocity=v, workers=1, progress=stop)
+    done, total, shape = told[0]
+    assert 0 < done < total == 6400
+    assert shape == (80, 80)
+    interrupted = found["status"].values == Status.INTERRUPTED
+    assert interrupted.any()
+    assert (found["attractor"].values[interrupted] == -1).all()
+    assert float(found["share"].sum()) > 0.0
+
+
+def test_neither_threads_nor_the_order_of_axes_change_a_label():
+    one = basins(THREE, **STATES, workers=1)
+    other = basins(THREE, **dict(reversed(STATES.items())), workers=2)
+    assert other["attractor"].dims == ("velocity_1", "displacement_1")
+    np.testing.assert_array_equal(one["attractor"], other["attractor"].transpose(*one["attractor"].dims))
+
+
 def test_a_family_of_systems_has_attractors():
     @vi.family
     def design(gap=0.05):

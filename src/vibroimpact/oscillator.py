@@ -286,7 +286,7 @@ def the_oscillator(model: Any) -> ImpactOscillator:
     if not isinstance(osc, ImpactOscillator):
         raise ValueError(
             f"`osc` must be one mass with one stop, got {osc!s}; for systems use simulate, impact_section, "
-            "stroboscopic_section, bifurcation_diagram, parameter_map, attractors or basins"
+            "stroboscopic_section, bifurcation_diagram, parameter_map, attractors, basins or describe"
         )
     return osc
 

@@ -20,7 +20,9 @@ from vibroimpact.verdict.text import KNOWN, LISTED, SHOWN, edge_words, laid_out,
 if TYPE_CHECKING:
     from vibroimpact.verdict.describe import Verdict
 
-TOUCHING = 1e-9  # of what a clearance is the difference of: one so small is a contact; of impulses: as large
+TOUCHING = (
+    1e-9  # of what a clearance is the difference of: one so small is a contact; of speeds and impulses: they are equal
+)
 COARSE = 0.02  # of the range, the longest step along a branch near a bifurcation: ten times as dear as of one mass
 BESIDE = 1e-3  # per period: an exponent so small says nothing of whether perturbations decay
 
@@ -74,7 +76,7 @@ def _motion(verdict: Verdict) -> Iterator[str]:
     else:
         yield f"from rest {motion.name}{_clear_of(verdict)}"
     worst = verdict.worst
-    if worst is not None and not worst.from_rest:
+    if worst is not None and worst.max_velocity > (1.0 + TOUCHING) * verdict.max_velocity:  # of twins both hit as hard
         share = percent(worst.share)
         yield f"hits hardest from {share} of the initial conditions: {worst.name}, {speed(worst.max_velocity)}"
 
@@ -99,9 +101,11 @@ def _hits(verdict: Verdict) -> Iterator[str]:
     hits = list(zip(motion.velocities, motion.phases, verdict.stops, strict=True))
     if not hits:
         if math.isfinite(verdict.max_velocity) and verdict.max_velocity > 0.0:
-            rate = verdict.indices["impacts_per_period"]
-            mean = speed(verdict.indices["mean_velocity"])
-            yield f"{rate:.3g} times per period on average, hardest {speed(verdict.max_velocity)} sampled, mean {mean}"
+            rate, mean = (verdict.indices[name] for name in ("impacts_per_period", "mean_velocity"))
+            yield (
+                f"about {rate:.2g} times per period, hardest {speed(verdict.max_velocity)} sampled, mean about "
+                f"{mean:.2g} m/s"
+            )
         return
     for stop in system.stop_names:
         own = [(v, phase) for v, phase, name in hits if name == stop]
@@ -125,7 +129,9 @@ def _hits(verdict: Verdict) -> Iterator[str]:
 
 def _energy(verdict: Verdict) -> Iterator[str]:
     lost = verdict.indices["dissipation"]
-    if math.isfinite(lost):
+    if math.isfinite(lost) and not verdict.motion.n_periods:
+        yield f"about {lost:.2g} J lost at the stops per period, {verdict.power:.2g} W on average"
+    elif math.isfinite(lost):
         yield f"{lost:.4g} J lost at the stops per period, {verdict.power:.4g} W on average"
 
 
@@ -186,7 +192,8 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
         f"{SPREAD} spread initial conditions, impacts on {listed(list(verdict.oscillator.stop_names)) or 'no stop'}"
     )
     if len(motions) == 1 and undecided < 1e-9:
-        yield f"none found: {sample}, settle to this motion"
+        mixed = "" if motions[0].repeats else f", but all {verdict.motion.name} motions count as one"
+        yield f"none found: {sample}, settle to this motion{mixed}"
         return
     if motions:
         yield f"of {sample}:"
