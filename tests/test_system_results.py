@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import systems as make
 import vibroimpact as vi
 from systems import one_mass, two_masses
 from vibroimpact import models
@@ -326,3 +327,28 @@ def test_indices_by_stop_are_stored_with_their_stops(tmp_path):
 def test_stops_are_told_apart_where_there_are_several(model, further, says):
     with pytest.raises(ValueError, match=says):
         vi.parameter_map(model, omega=[1.0, 2.0], by_stop=True, **further)
+
+
+def test_the_share_of_time_at_rest_is_that_of_the_rests():
+    """Of the oscillator's cycle, and of a coupled system's rests between a cycle's impacts, stop by stop."""
+    stop = [vi.Stop(direction=[1, 0], gap=0.0, restitution=0.4), vi.Stop(direction=[0, 1], gap=0.3, restitution=0.0)]
+    pair = make.system(np.eye(2), 0.1 * np.eye(2), [[2, -1], [-1, 2]], 0.3, stop, {1: [1.0, 0.7]})
+    how = {"transient_impacts": 300, "sample_impacts": 212}  # the last one is number 2^9
+    sweep = vi.parameter_map(pair, omega=[0.3], by_stop=True, indices=("stick_fraction", "n_periods"), **how).isel(
+        omega=0
+    )
+    seen = vi.impact_section(pair, **how)
+    periods = int(sweep["n_periods"])
+    assert periods > 0
+    time = seen["time"].values
+    for number, name in enumerate(pair.stop_names):
+        own = seen["stick_stop"].values == name
+        begun, ended = seen["stick_time"].values[own], seen["release_time"].values[own]
+        within = (begun >= time[0]) & (begun < time[0] + periods * pair.period * (1 - 1e-9))
+        share = (ended - begun)[within].sum() / (periods * pair.period)
+        assert float(sweep["stick_fraction"][number]) == pytest.approx(share, rel=1e-9, abs=1e-12)
+    assert float(sweep["stick_fraction"].max()) > 0.1
+    for osc in (vi.ImpactOscillator(omega=0.3), vi.ImpactOscillator(omega=2.0)):
+        asked = {"omega": [osc.omega], "indices": ("stick_fraction",), "sample_impacts": 400}
+        one, own = vi.parameter_map(osc, **asked), vi.parameter_map(one_mass(osc), **asked)
+        np.testing.assert_allclose(own["stick_fraction"], one["stick_fraction"], atol=1e-9)

@@ -38,7 +38,7 @@ INDICES: dict[str, Index] = {
         Index("n_periods", "driving periods in a cycle", "1", "n", "int32", 0),
         Index("n_impacts", "impacts in a cycle", "1", "p", "int32", 0),
         Index("dissipation", "energy lost at the stop per driving period", "J", "E", by_stop=True),
-        Index("stick_fraction", "share of time at rest at the stop", "1", "stuck"),
+        Index("stick_fraction", "share of time at rest at the stop", "1", "stuck", by_stop=True),
         Index("impact_phase_spread", "spread of the impact phases", "1", "spread", by_stop=True),
         Index("grazing_margin", "gap left by the closest near-miss", "m", "margin"),
     )

@@ -228,3 +228,46 @@ def _seen(n: int, *entries: bytes) -> Floats:
         found = np.hstack([found, new])
         new = np.hstack([matrix @ new for matrix in maps])
     return np.eye(len(roots)) if found.shape[1] >= len(roots) else found
+
+
+def fastest_rate(form: ModalForm) -> float:
+    """Return the largest rate in 1/s of free motion or of a harmonic."""
+    acting = form.orders[(form.forces != 0.0).any(axis=1) | (form.motions != 0.0).any(axis=0)]
+    free = _free_rate(form.squares.tobytes(), form.damping.tobytes())
+    return max(free, form.omega * max(int(acting.max(initial=1)), 1))
+
+
+@lru_cache(KEPT)
+def _free_rate(*parts: bytes) -> float:
+    """Return the largest rate of free motion, damped or not."""
+    squares, entries = map(np.frombuffer, parts)
+    n = len(squares)
+    companion = np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(squares), -entries.reshape(n, n)]])
+    return max(float(np.abs(np.linalg.eigvals(companion)).max()), float(np.sqrt(squares.max())))
+
+
+def steady_motion(form: ModalForm, forces: Any, motions: Any) -> tuple[dict[str, Any], Floats, Floats]:
+    """Return the steady motion without stops, with what free motion of a given energy takes of each clearance at most;
+    what the steady displacement takes of it, and the steady swing; NaN where there is no steady motion.
+
+    Modes without stiffness that no damping couples to others may drift beside it.
+    """
+    n, highest = forces.shape
+    sprung = form.squares > 0.0
+    static = np.divide(form.constant, form.squares, where=sprung, out=np.zeros(n))
+    amplitudes = np.zeros((n, highest), complex)
+    for order in form.orders.tolist():
+        rate = order * form.omega
+        stiffness = np.diag(form.squares - rate**2) + 1j * rate * form.damping
+        try:
+            amplitudes[:, order - 1] = np.linalg.solve(stiffness, forces[:, order - 1])
+        except np.linalg.LinAlgError:
+            amplitudes[:, order - 1] = np.nan
+    still, swung = form.directions @ static, np.abs(motions - form.directions @ amplitudes).sum(axis=1)
+    apart = form.damping - np.diag(np.diag(form.damping))
+    alone = not apart[~sprung].any() and not apart[:, ~sprung].any()
+    if not (np.isfinite([still, swung]).all() and np.isfinite(amplitudes).all() and alone):
+        return {}, np.full_like(still, np.nan), np.full_like(still, np.nan)
+    give = (form.directions * form.jumps)[:, sprung] @ (1.0 / form.squares[sprung])
+    parts = np.concatenate([static, np.stack([amplitudes.real, amplitudes.imag], -1).ravel()])
+    return {"steady": parts, "give": give}, still, swung

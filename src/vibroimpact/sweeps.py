@@ -85,9 +85,9 @@ def parameter_map(
         within 1e-10 of the velocity scale, but `max_velocity` becomes that of the cycle, without what is left of the
         transient. False computes every impact.
     by_stop : bool
-        Of a system: tell the stops apart. `std`, `mean_velocity`, `max_velocity`, `impacts_per_period`, `dissipation`
-        and `impact_phase_spread` get a dim `stop`, of the impacts on each stop within those kept on all; NaN where
-        there are none, but `impacts_per_period` and `dissipation` 0.
+        Of a system: tell the stops apart. `std`, `mean_velocity`, `max_velocity`, `impacts_per_period`, `dissipation`,
+        `stick_fraction` and `impact_phase_spread` get a dim `stop`, of the impacts on each stop within those kept on
+        all; NaN where there are none, but `impacts_per_period`, `dissipation` and `stick_fraction`.
     tolerances : Tolerances, optional
         Numerical tolerances.
     workers : int, optional

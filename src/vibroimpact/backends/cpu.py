@@ -110,7 +110,7 @@ class CpuBackend(Backend):
     known_indices = frozenset(INDICES)
     known_of_systems = frozenset(
         {"std", "mean_velocity", "max_velocity", "impacts_per_period", "dissipation", "impact_phase_spread"}
-        | {"lyapunov", "lyapunov_per_impact", "n_periods", "n_impacts"}
+        | {"lyapunov", "lyapunov_per_impact", "n_periods", "n_impacts", "stick_fraction"}
     )
 
     def indices(self, cells: Cells, measurement: Measurement) -> Outcome:

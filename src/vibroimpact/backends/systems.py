@@ -119,7 +119,7 @@ def _budgets(cells: SystemCells, tolerances: Tolerances, total: float) -> Floats
 
 def _noted(layout: Layout) -> int:
     """Return the length of a cell's note."""
-    return march.SUMS + march.EACH * layout.stops
+    return march.SUMS + march.EACH * (layout.stops + 1)
 
 
 def _turns(sine: Floats, cosine: Floats, periods: Floats) -> Floats:
@@ -288,7 +288,8 @@ class SystemSweep:
         notes, ends = self.results[done].T, self.ends[done]
         full, h, kept = ends == FILLED, notes[march.H], float(self.window.keep)
         span = _turns(*notes[march.ENDED : march.ENDED + 3]) - _turns(*notes[march.BEGAN : march.BEGAN + 3])
-        own = notes[march.SUMS :].reshape(self.layout.stops, march.EACH, -1).swapaxes(0, 1)
+        sums = notes[march.SUMS :].reshape(self.layout.stops + 1, march.EACH, -1).swapaxes(0, 1)
+        own = sums[:, :-1]
         with np.errstate(divide="ignore", invalid="ignore"):
             found = _of_impacts(own, notes[march.BEGAN + 3], span, h, self.by_stop)
             if self.layout.thorough:
@@ -296,6 +297,10 @@ class SystemSweep:
                 found["lyapunov"] = notes[march.GREW] / (span * period)
                 found["n_periods"], found["n_impacts"] = notes[march.PERIODS], notes[march.IMPACTS]
                 found["lyapunov_per_impact"] = notes[march.GREW] / (kept - 1.0)
+                since = _turns(*notes[march.ENDED : march.ENDED + 3]) - notes[march.SINCE] - notes[march.PHASE]
+                cycle, rests = notes[march.PERIODS], own if self.by_stop else sums[:, -1]
+                rested = np.where(cycle > 0.0, rests[march.RESTING], rests[march.LATEST] - rests[march.BEFORE])
+                found["stick_fraction"] = rested / np.where(cycle > 0.0, cycle, since)
         columns = {
             name: np.where(full, values, INDICES[name].fill).T.astype(INDICES[name].dtype)
             for name, values in found.items()

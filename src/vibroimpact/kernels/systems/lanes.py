@@ -10,7 +10,7 @@ from numba import njit
 
 from vibroimpact.kernels.cell import QUIET_FOR, RUNNING
 from vibroimpact.kernels.machine import compiled, next_ticket
-from vibroimpact.kernels.systems.law import begin, bounce
+from vibroimpact.kernels.systems.law import begin, bounce, closed
 from vibroimpact.kernels.systems.leap import LEAPS, leap_half, leap_whole, willing
 from vibroimpact.kernels.systems.march import (
     CHATTERED,
@@ -23,6 +23,7 @@ from vibroimpact.kernels.systems.march import (
     add_all,
     ending,
     happen,
+    rest,
 )
 from vibroimpact.kernels.systems.step import NOTHING, step
 from vibroimpact.kernels.systems.tangent import before, confine, cross, deviate, measure_growth, recur
@@ -56,6 +57,7 @@ def _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room):
         deviate(rows, k)
     if k.thorough and closing:
         confine(rows, k)
+        rest(rows, k, room, note, int(0.0), closing, False)
     _lower(lanes, lane, rows, k.rows)
     _lower(notes, lane, note, len(note))
     return cell
@@ -78,15 +80,17 @@ def _unusual(lanes, lane, notes, rows, note, k, room, window):
     _lift(lanes, lane, rows)
     _lift(notes, lane, note)
     z = int(rows[k.which])
+    shut = closed(rows, k)
     if k.thorough:
         before(rows, k, room)
     struck, closing = happen(rows, k, room)
     if k.thorough:
         _neighbour(rows, k, room, note, z, struck, closing, window)
-    if struck:
-        recorded = add_all(rows, k, room, note, struck, window)
-        if k.thorough and recorded and note[HITS] <= window.total:
-            recur(rows, k, note, z)
+    recorded = add_all(rows, k, room, note, struck, window)
+    if k.thorough:
+        rest(rows, k, room, note, shut, closing, recorded and note[HITS] <= window.total)
+        if recorded and note[HITS] <= window.total:
+            recur(rows, k, note, z, window.total)
     if k.thorough and closing:
         for y in range(k.stops):
             note[CHATTERED] += closing >> y & 1 and room.tail[y] > 0.0

@@ -45,17 +45,18 @@ def release(rows, k, room):
     z, idle = int(rows[k.which]), False
     rows[k.kind + z] = RELEASED
     measure(rows, k, room)
-    closed = _closed(rows, k)
+    shut = closed(rows, k)
     for y in range(k.stops):
-        idle |= closed >> y & 1 and rows[k.held + y * (k.stops + 1)] == 0.0
+        idle |= shut >> y & 1 and rows[k.held + y * (k.stops + 1)] == 0.0
     if idle:  # it may have to hold now
-        return settle(rows, k, room, closed | 1 << z) & ~(closed | 1 << z)
-    hold(rows, k, room, closed)
+        return settle(rows, k, room, shut | 1 << z) & ~(shut | 1 << z)
+    hold(rows, k, room, shut)
     return 0
 
 
 @njit(error_model="numpy", forceinline=True)
-def _closed(rows, k):
+def closed(rows, k):
+    """Return the set of closed stops."""
     found = int(0.0)
     for z in range(k.stops):
         if rows[k.kind + z] >= CLOSED:
@@ -68,8 +69,8 @@ def stalled(rows, k, room):
     """Go on from a stop that is touched without approach, held from here on, or left; return those that close."""
     turns(rows, k, None)
     measure(rows, k, room)
-    closed = _closed(rows, k)
-    return settle(rows, k, room, closed | 1 << int(rows[k.which])) & ~closed
+    shut = closed(rows, k)
+    return settle(rows, k, room, shut | 1 << int(rows[k.which])) & ~shut
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -116,7 +117,7 @@ def strike(rows, k, room):
     z, s = int(rows[k.which]), k.stops
     turns(rows, k, None)
     touching = measure(rows, k, room) | 1 << z
-    closed, struck = _closed(rows, k), int(0.0)  # no literal: it would compile twice what takes it
+    shut, struck = closed(rows, k), int(0.0)  # no literal: it would compile twice what takes it
     cut = rows[k.cut]
     weak = cut < 0.0
     for y in range(s):
@@ -125,11 +126,11 @@ def strike(rows, k, room):
             struck |= 1 << y
             room.speed[y] = max(-room.rate[y], 0.0)
             weak |= room.speed[y] < cut or rows[k.restitution + y] == 0.0
-    beside = closed
+    beside = shut
     for y in range(s):  # touched and at rest to rounding: it takes part
         if touching & ~struck & 1 << y and room.rate[y] <= ROUNDING * room.speed[z]:
             beside |= 1 << y
-    return struck, _collide(rows, k, room, struck, beside, weak) & ~closed
+    return struck, _collide(rows, k, room, struck, beside, weak) & ~shut
 
 
 @njit(error_model="numpy")

@@ -19,12 +19,15 @@ TURN = 2.0 * math.pi
 # whole periods and the stop of the first and of the last impact of the window.
 H, FLIGHT, GRANTED, MADE, HITS, STICKS, GREW = range(7)
 BEGAN, ENDED = 7, 11
-# of a cycle: recorded impacts, periods and stop of the impact that is known, and impacts and periods until it returned
-FROM, SINCE, AT, CHATTERED, IMPACTS, PERIODS = range(15, 21)
+# of a cycle: recorded impacts, periods, phase and stop of the impact that is known, and impacts and periods until it
+# returned
+FROM, SINCE, PHASE, AT, CHATTERED, IMPACTS, PERIODS = range(15, 22)
 # Then of the window's impacts on each stop: how many, the first speed, sums of what the others differ by and of squares
 # of that, the largest speed, sums of cos wt and sin wt, and the energy lost after the window's first impact.
-SUMS, EACH = 21, 8
-COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY = range(EACH)
+# Of its rests, in periods (and of those at any stop, in a block of their own): how long up to now, less the time now
+# while it is closed; up to the last impact, and up to the known one; in a cycle.
+SUMS, EACH = 22, 12
+COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, RESTED, LATEST, BEFORE, RESTING = range(EACH)
 
 
 class Window(NamedTuple):
@@ -110,6 +113,27 @@ def happen(rows, k, room):
     if rows[k.kind + z] >= CLOSED:
         return 0, release(rows, k, room)
     return strike(rows, k, room)
+
+
+@njit(error_model="numpy")
+def rest(rows, k, room, note, before, closing, recorded):
+    """Sum up how long stops have been closed; `before` this event were those of a set."""
+    periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
+    now, any_tail, closed = periods + phase, math.inf, int(0.0)
+    for y in range(k.stops):
+        if rows[k.kind + y] >= CLOSED:
+            closed |= 1 << y
+            any_tail = min(any_tail, room.tail[y] if closing >> y & 1 else 0.0)
+    for y in range(k.stops + 1):
+        at, one = SUMS + y * EACH, 1 << y
+        was, held = (before & one, closed & one) if y < k.stops else (before, closed)
+        if held and not was:
+            tail = room.tail[y] if y < k.stops else any_tail
+            note[at + RESTED] -= now + tail * rows[k.theta] / TURN
+        if was and not held:
+            note[at + RESTED] += now
+        if recorded:
+            note[at + LATEST] = note[at + RESTED] + (now if held else 0.0)
 
 
 @njit(error_model="numpy", forceinline=True)

@@ -19,7 +19,23 @@ import math
 from numba import njit
 
 from vibroimpact.kernels.systems.complementarity import solve
-from vibroimpact.kernels.systems.march import AT, CHATTERED, FROM, GREW, HITS, IMPACTS, PERIODS, SINCE
+from vibroimpact.kernels.systems.march import (
+    AT,
+    BEFORE,
+    CHATTERED,
+    EACH,
+    FROM,
+    GREW,
+    HITS,
+    IMPACTS,
+    LATEST,
+    PERIODS,
+    PHASE,
+    RESTING,
+    SINCE,
+    SUMS,
+    moment,
+)
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.step import CLOSED
 
@@ -139,18 +155,21 @@ def measure_growth(rows, k, note, counted):
 
 
 @njit(error_model="numpy")
-def recur(rows, k, note, z):
+def recur(rows, k, note, z, total):
     """Compare an impact of stop z, just recorded, with the one that is known, or make it the known one.
 
     It has come back if the state is the same within NEAR of V after whole periods: the next impact of a chatter that
     completes is as near, too. Every power of two of impacts the known one is replaced.
     """
     hits, n = note[HITS], k.modes
-    if hits >= 2.0 * note[FROM]:
+    if hits >= 2.0 * note[FROM] and hits < total:
         for j in range(n):
             rows[k.known + j], rows[k.known + n + j] = rows[k.eta + j], rows[k.rate + j]
         rows[k.known + 2 * n], rows[k.known + 2 * n + 1] = rows[k.turn], rows[k.turn + 1]
-        note[FROM], note[SINCE], note[AT] = hits, rows[k.turn + 2], z
+        note[FROM], note[AT] = hits, z
+        note[SINCE], note[PHASE] = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
+        for y in range(k.stops + 1):
+            note[SUMS + y * EACH + BEFORE] = note[SUMS + y * EACH + LATEST]
         note[CHATTERED] = note[IMPACTS] = note[PERIODS] = 0.0
         return
     if z != note[AT] or note[IMPACTS] != 0.0:
@@ -163,3 +182,6 @@ def recur(rows, k, note, z):
     if apart <= NEAR * rows[k.speed] and rows[k.turn + 2] - note[SINCE] > 0.5:
         note[IMPACTS] = -1.0 if note[CHATTERED] > 0.0 else hits - note[FROM]
         note[PERIODS] = round(rows[k.turn + 2] - note[SINCE])
+        for y in range(k.stops + 1):
+            at = SUMS + y * EACH
+            note[at + RESTING] = note[at + LATEST] - note[at + BEFORE]
