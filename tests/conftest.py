@@ -2,6 +2,8 @@
 
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,25 @@ for library in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """Run one more than there are cores: tests of pages, clusters and killed runs wait for others."""
     return (os.cpu_count() or 1) + 1
+
+
+# What compiles the kernels: those of one mass in lanes, and alone; of systems in lanes, and of a single one.
+COMPILING = (
+    "[vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], indices=[name]) for name in ('std', 'lyapunov')]",
+    "vi.simulate(vi.ImpactOscillator())",
+    "vi.parameter_map(vi.models.two_sided_oscillator(), omega=[160.0], sample_impacts=20)",
+    "vi.simulate(vi.models.two_sided_oscillator(), periods=1)",
+)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(config: pytest.Config) -> None:
+    """Compile the kernels once, side by side, before every worker of a whole run does; a second where it is done."""
+    if config.args_source is not pytest.Config.ArgsSource.TESTPATHS:
+        return
+    command = [sys.executable, "-W", "ignore", "-c"]
+    for process in [subprocess.Popen([*command, f"import vibroimpact as vi; {lines}"]) for lines in COMPILING]:
+        process.wait()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
