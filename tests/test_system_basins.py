@@ -254,6 +254,38 @@ def test_a_wrong_request_is_refused_in_one_sentence(axes, message):
         basins(THREE, **axes)
 
 
+def test_a_system_without_stops_is_refused_but_has_a_map():
+    free = of(1.0, 0.1, 1.0, 2.0, [], {1: 1.0})
+    with pytest.raises(ValueError, match="`osc` must have a stop"):
+        attractors(free)
+    sweep = vi.parameter_map(free, omega=[2.0], indices=("n_periods", "max_velocity"), sample_impacts=10)
+    assert sweep["status"].values.tolist() == [Status.NO_IMPACT]
+
+
+@pytest.mark.parametrize(("damping", "name"), [(0.1, "at rest"), (0.0, "no impact")])
+def test_impacts_that_nothing_drives_die_out(damping, name):
+    found = attractors(of(1.0, damping, 1.0, 2.0, [vi.Stop(direction=1, gap=0.5)]))
+    assert [one.name for one in found] == [name]
+
+
+def test_a_mass_adrift_is_where_it_was_left():
+    adrift = of(1.0, 0.0, 0.0, 2.0, [vi.Stop(direction=1, gap=0.5)], {1: 1.0})
+    (one,) = attractors(adrift)
+    after = vi.simulate(adrift, start=one.start, periods=30, samples_per_period=10)
+    assert one.name == "no impact"
+    assert not after.sizes["impact"]
+    assert float(after["clearance"][-1, 0]) > 10.0
+    assert "no impact, it never comes back to a stop" in str(vi.describe(adrift, parameters=[]))
+
+
+def test_a_mode_that_nothing_damps_has_no_attractor():
+    stops = [stop.replace(direction=[float(stop.direction[0]), 0.0]) for stop in TWINS.stops]
+    more = of(np.eye(2), np.diag([0.05, 0.0]), np.diag([1.0, 3.0]), TWINS.omega, stops, {1: [1.0, 0.0]})
+    found = attractors(more, [vi.State([0.01, 0.0], [0.3, 0.0]), vi.State([0.01, 0.1], [0.3, 0.0])])
+    assert {one.kind for one in found} <= {"periodic", "quasi_periodic"}
+    assert sum(one.share for one in found) <= 1.0
+
+
 def test_starts_of_another_size_are_refused():
     with pytest.raises(ValueError, match="`start` must have 2 coordinates"):
         attractors(THREE, [vi.State(0.1)])

@@ -154,15 +154,13 @@ class SystemCells(Cells):
     @property
     def fastest_rate(self) -> Floats:
         """The largest rate in 1/s of free motion or of a harmonic: steps are as short as it asks."""
-        rate: Floats = self["fastest"]
-        return rate
+        return self.block("fastest")[:, 0]
 
     @property
     def slowest_rate(self) -> Floats:
         """The driving rate or the slowest natural one that is not zero, whichever is slower."""
-        squares = self.block("square")
-        slow = np.sqrt(np.where(squares > 0.0, squares, np.inf).min(axis=1))
-        slowest: Floats = np.minimum(self["omega"], slow)
+        squares = np.where(self.block("square") > 0.0, self.block("square"), np.inf)
+        slowest: Floats = np.minimum(self["omega"], np.sqrt(squares.min(axis=1)))
         return slowest
 
     @property
@@ -173,9 +171,8 @@ class SystemCells(Cells):
     def struck(self, numbers: Any) -> SystemCells:
         """Return the cells, each from a numbered impact of those spread over its stops, phases and velocities.
 
-        Number j strikes stop j modulo their number; `striking` puts the resting system there. Where there are several
-        coordinates, its velocities are spread besides, each mode's by up to V over the speed that a unit of its
-        kinetic energy gives the clearance. Without stops the cells stay as they are.
+        Number j strikes stop j modulo their number; `striking` puts the resting system there. The velocities of several
+        coordinates are spread besides, each mode's to as much energy as V takes at the stop. Without stops none is.
         """
         n, s = self.shape.modes, self.shape.stops
         if not s:
@@ -263,8 +260,7 @@ class SystemCells(Cells):
 
         The distance is sqrt(q . M q); a cell whose stops leave no room at that phase stays at rest.
         """
-        angle = 2.0 * math.pi * phase
-        turn = np.array([[math.sin(angle), math.cos(angle), 0.0]])
+        turn = np.array([[math.sin(angle := 2.0 * math.pi * phase), math.cos(angle), 0.0]])
         eta, rate = (np.linalg.solve(self.shapes[0], part) for part in (displacement, velocity))
         clearances = self._clearances(turn, eta[None])[0]
         if (clearances < 0.0).any():
@@ -300,10 +296,9 @@ class SystemCells(Cells):
 
     def _waves(self, turn: Floats) -> tuple[Any, Floats]:
         """Return exp(i h w t) of all orders, and what each stop's motion is of them."""
-        s, m, rows = self.shape.stops, self.shape.harmonics, len(self)
-        wave = (turn[..., 1] + 1j * turn[..., 0]) if turn.ndim > 1 else np.ones(rows, complex)
-        powers = wave[:, None] ** np.arange(1, m + 1)
-        return powers[:, None, :], self.block("motion").reshape(rows, s, m, 2)
+        wave = (turn[..., 1] + 1j * turn[..., 0]) if turn.ndim > 1 else np.ones(len(self), complex)
+        powers = wave[:, None] ** np.arange(1, self.shape.harmonics + 1)
+        return powers[:, None, :], self.block("motion").reshape(len(self), self.shape.stops, self.shape.harmonics, 2)
 
     def __iter__(self) -> Iterator[dict[str, float]]:
         raise TypeError("cells of systems have blocks of numbers, not one row of named ones")

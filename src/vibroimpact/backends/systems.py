@@ -311,7 +311,7 @@ class SystemSweep:
             "span": span,
             "known": np.zeros(len(ends)),
         }
-        if self.layout.thorough:
+        if self.layout.thorough and self.layout.stops:
             # The impact that is known is the first one kept where 2^k - 1 are left out.
             known = full & (notes[march.FROM] == self.window.transient + 1.0)
             stop = notes[march.AT].astype(np.int64)
@@ -340,7 +340,7 @@ def _of_impacts(sums: Floats, first: Floats, span: Floats, h: Floats, by_stop: b
     return {
         "std": np.sqrt(over(count * (variance + (speed - mean) ** 2)) / number) / h,
         "mean_velocity": mean / h,
-        "max_velocity": np.where(count > 0.0, largest, np.nan) / h if by_stop else largest.max(axis=0) / h,
+        "max_velocity": np.where(count > 0.0, largest, np.nan) / h if by_stop else largest.max(axis=0, initial=0.0) / h,
         "impacts_per_period": later / span,
         "dissipation": over(sums[march.ENERGY]) / h**2 / span,
         "impact_phase_spread": np.maximum(

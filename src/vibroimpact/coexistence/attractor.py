@@ -226,8 +226,8 @@ def quiet_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
     """Return an attractor without impacts: the steady motion without a stop, or rest."""
     osc, one = settled.osc, settled[at]
     if isinstance(osc, ImpactSystem):
-        held = settled.status[at] == Status.STUCK_FOREVER
-        start = systems.resting(runner, settled, at) if held else systems.steady_state(osc)
+        ended = settled.status[at] == Status.STUCK_FOREVER or not osc.modal().squares.all()  # at rest, or adrift
+        start = systems.resting(runner, settled, at) if ended else systems.steady_state(osc)
     elif one.motion_class == MotionClass.STUCK_FOREVER:
         start = State(osc.gap)
     elif one.motion_class == MotionClass.AT_REST:

@@ -38,6 +38,7 @@ ROUNDS = 3
 LONGER = 4  # how much each round is longer than the one before
 REPRESENTATIVES = 32  # chaotic initial conditions that are watched for all: as many as fill the lanes
 LATE_OF_SYSTEMS = ImpactWindow((1 << 14) - 1, 1 << 14)  # 32,767 impacts in all
+_LASTING = (MotionClass.PERIODIC, MotionClass.STICKING, MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC)
 NEARLY_ALL = 0.9  # of them rest within 1e5 impacts: chance lets the others not, and all are one attractor
 # Gaps that part groups of chaotic motions, beyond chance in a short sample: of V; impacts per period.
 MEAN_GAP, RATE_GAP = 0.02, 0.02
@@ -175,7 +176,7 @@ def settle(
                     settled.follow(np.flatnonzero(chaotic), fate())
         winds = kind == MotionClass.QUASI_PERIODIC
         if window is not windows[-1] and winds[left].any():
-            again |= winds & ~(window is windows[-2] and _winds_on(runner, settled, winds, windows[-1]))
+            again |= winds & (window is not windows[-2] or not _winds_on(runner, settled, winds, windows[-1]))
         left = np.flatnonzero(again)
         if left.size == 0 or runner.stop.is_set():
             break
@@ -273,6 +274,8 @@ def attracting_kinds(osc: ImpactOscillator | ImpactSystem, outcome: Outcome, kep
     if not driven:
         settles_to[MotionClass.STUCK_FOREVER] = MotionClass.AT_REST
         settles_to[MotionClass.NO_IMPACT] = MotionClass.AT_REST if damped else MotionClass.NO_IMPACT
+        if not forgets(osc):  # what still hits is dying out, even where impacts come back to within 1e-7 V
+            settles_to[[MotionClass.UNDECIDED, *_LASTING]] = settles_to[MotionClass.NO_IMPACT]
     if not attracts(osc):
         settles_to[[MotionClass.PERIODIC, MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC]] = MotionClass.UNDECIDED
     found: NDArray[np.int8] = settles_to[kinds]

@@ -86,6 +86,8 @@ def _clear_of(verdict: Verdict) -> str:
     here, system = next((one for one in verdict.attractors if one.from_rest), None), verdict.oscillator
     if here is None or not system.stops:
         return ""
+    if verdict.kind == "no_impact" and not system.modal().squares.all():
+        return ", it never comes back to a stop"
     if verdict.kind == "no_impact":
         left = dict(zip(system.stop_names, system.cells({}).block("margin")[0].tolist(), strict=True))
         name = min(left, key=lambda stop: left[stop])
