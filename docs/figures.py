@@ -202,6 +202,38 @@ def verdict() -> plt.Figure:
     return vi.plotting.comparison_figure([osc.replace(omega=1.4), osc.replace(omega=2.8)], size=(8.4, 8.8))
 
 
+@vi.family(units={"omega": "rad/s", "gap": "m"})
+def between_stops(omega: float = 0.955, gap: float = 0.7) -> vi.ImpactSystem:
+    """Return two masses, the second one between two stops."""
+    stiffness = np.array([[2.9, -1.6], [-1.6, 1.6]])
+    return vi.ImpactSystem(
+        mass=np.diag([1.1, 0.8]),
+        damping=0.017 * stiffness,
+        stiffness=stiffness,
+        force=vi.Force(omega=omega, harmonics={1: [1.0, 0.0]}),
+        stops=[vi.Stop(direction=[0.0, side], gap=gap, restitution=0.81) for side in (1.0, -1.0)],
+    )
+
+
+def quasi_periodic() -> plt.Figure:
+    """Draw motions of two masses over frequency and gap, and the closed curves that quasi-periodic impacts fill."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4), layout="constrained", width_ratios=(3, 2))
+    axes = {"omega": np.linspace(0.8, 1.1, 80), "gap": np.linspace(0.6, 0.8, 50)}
+    names = ("lyapunov_per_impact", "n_periods", "n_impacts")
+    sweep = vi.parameter_map(between_stops, indices=names, transient_impacts=2000, sample_impacts=2000, **axes)
+    vi.plotting.motion_map(sweep, ax=left)
+    left.set_title("two masses between two stops, from rest")
+    hits = vi.impact_section(between_stops, transient_impacts=2000, sample_impacts=2000)
+    for stop, color in (("stop_1", "#0072b2"), ("stop_2", "#d55e00")):
+        here = hits["stop"].values == stop
+        right.plot(
+            hits["phase"].values[here], hits["velocity"].values[here], ".", color=color, markersize=2, label=stop
+        )
+    right.set(xlabel=r"phase $\psi/T$", ylabel="impact velocity [m/s]", title="omega 0.955, gap 0.7: quasi-periodic")
+    right.legend(frameon=False, markerscale=4)
+    return figure
+
+
 def restitution() -> plt.Figure:
     """Draw what further modes do to the struck mass, to impacts per period and to the rebound of a bar."""
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(11, 3.4), layout="constrained")
@@ -261,6 +293,7 @@ def main() -> None:
         "coexistence": coexistence(),
         "basins-of-two-stops": basins_of_two_stops(),
         "refinement": refinement(),
+        "quasi-periodic": quasi_periodic(),
         "restitution": restitution(),
         "verdict": verdict(),
     }
