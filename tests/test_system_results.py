@@ -87,7 +87,6 @@ def test_a_motion_is_carried_to_every_kind_of_end():
     [
         ({"coordinate": 2}, "`coordinate` must be less than the number of coordinates, 2, got 2"),
         ({"coordinate": -1}, "`coordinate` must be a whole number >= 0"),
-        ({"indices": ["grazing_margin"]}, "`indices` of systems must be of std"),
         ({"backend": "reference"}, "`backend` 'reference' does not take systems"),
     ],
 )
@@ -352,3 +351,45 @@ def test_the_share_of_time_at_rest_is_that_of_the_rests():
         asked = {"omega": [osc.omega], "indices": ("stick_fraction",), "sample_impacts": 400}
         one, own = vi.parameter_map(osc, **asked), vi.parameter_map(one_mass(osc), **asked)
         np.testing.assert_allclose(own["stick_fraction"], one["stick_fraction"], atol=1e-9)
+
+
+def test_the_closest_miss_is_the_least_clearance_between_impacts():
+    """That of the oscillator, and of densely sampled motions of a system, stop by stop."""
+    omega = np.linspace(0.4, 2.9, 60)
+    asked = {
+        "omega": omega,
+        "indices": ("grazing_margin", "n_periods"),
+        "transient_impacts": 1000,
+        "sample_impacts": 99,
+    }
+    osc = vi.ImpactOscillator(damping=0.1, gap=0.3)
+    one, own = vi.parameter_map(osc, **asked), vi.parameter_map(one_mass(osc), **asked)
+    cycles = (one["n_periods"] > 0).values
+    assert cycles.sum() > 20
+    finite = np.isfinite(one["grazing_margin"].values[cycles])
+    assert 3 < finite.sum() < cycles.sum()
+    np.testing.assert_allclose(own["grazing_margin"].values[cycles], one["grazing_margin"].values[cycles], atol=1e-9)
+
+    pair = two_masses()
+    how = {"transient_impacts": 500, "sample_impacts": 60}
+    names = ("grazing_margin", "n_periods")
+    sweep = vi.parameter_map(pair, omega=np.linspace(1.4, 3, 17) * pair.omega, by_stop=True, indices=names, **how)
+    compared = 0
+    for at in np.flatnonzero(sweep["n_periods"].values > 0):
+        here, periods = sweep.isel(omega=at), int(sweep["n_periods"][at])
+        model = pair.replace(omega=float(here["omega"]))
+        motion = vi.simulate(model, periods=300 + periods, samples_per_period=400).isel(
+            time=slice(-400 * periods - 2, None)
+        )
+        clear = motion["clearance"].values
+        hits = np.searchsorted(motion["time"].values, motion["impact_time"].values)
+        for number in range(len(pair.stops)):
+            a, b, c = clear[:-2, number], clear[1:-1, number], clear[2:, number]
+            lows = np.flatnonzero((b < a) & (b < c) & (b > 1e-9))
+            lows = lows[[np.abs(hits - low - 1).min(initial=9) > 2 for low in lows]]
+            vertex = (b - (a - c) ** 2 / (8.0 * (a - 2.0 * b + c)))[lows]  # of the parabola through the three
+            assert float(here["grazing_margin"][number]) == pytest.approx(
+                vertex.min(initial=np.inf), abs=1e-6 * np.ptp(clear)
+            )
+            compared += lows.size > 0
+    assert compared > 2

@@ -142,7 +142,7 @@ def bifurcation_diagram(
     engine = get_backend(backend, time_step=time_step)
     check_known(chosen, engine)
     if not isinstance(made, ImpactOscillator):
-        check_for_systems(chosen, engine)
+        check_for_systems(engine)
     _check_coordinate(coordinate, made)
     measurement = Measurement(window, Tolerances.of(tolerances), indices=chosen)
     request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step)

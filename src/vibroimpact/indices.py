@@ -40,7 +40,7 @@ INDICES: dict[str, Index] = {
         Index("dissipation", "energy lost at the stop per driving period", "J", "E", by_stop=True),
         Index("stick_fraction", "share of time at rest at the stop", "1", "stuck", by_stop=True),
         Index("impact_phase_spread", "spread of the impact phases", "1", "spread", by_stop=True),
-        Index("grazing_margin", "gap left by the closest near-miss", "m", "margin"),
+        Index("grazing_margin", "gap left by the closest near-miss", "m", "margin", by_stop=True),
     )
 }
 

@@ -53,7 +53,7 @@ class _Orbit:
         seconds = in_seconds(osc)
         cells, engine = self.model.cells({}, one_start(self.start)), self.engine
         if not isinstance(osc, ImpactOscillator):
-            check_for_systems((), engine)
+            check_for_systems(engine)
         self._check_cost(window, osc)
         (seen,) = engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
         return seen, seconds

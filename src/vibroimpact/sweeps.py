@@ -163,7 +163,7 @@ def parameter_map(
     checked = check_axes(axes, osc.parameters) if points is None else check_points(points, osc)
     request = Request(osc, checked, measurement, check_start(start), backend, time_step, scattered=points is not None)
     if not isinstance(osc.at(), ImpactOscillator):
-        check_for_systems(measurement.indices, get_backend(backend, time_step=time_step, elsewhere=cluster is not None))
+        check_for_systems(get_backend(backend, time_step=time_step, elsewhere=cluster is not None))
     _check_by_stop(request, refine)
     request.check_cost(STEPS if store is None and cluster is None else STEPS << 10)
     if refine is not None:

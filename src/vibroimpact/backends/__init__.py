@@ -48,15 +48,10 @@ def get_backend(name: str, *, time_step: float | None = None, elsewhere: bool = 
     return backend
 
 
-def check_for_systems(indices: Iterable[str], backend: Backend) -> None:
-    """Refuse for systems a back end that does not take them, and indices that are not known of them yet."""
-    known: frozenset[str] = getattr(backend, "known_of_systems", frozenset())
-    if not known:
+def check_for_systems(backend: Backend) -> None:
+    """Refuse for systems a back end that does not take them."""
+    if not getattr(backend, "takes_systems", False):
         raise ValueError(f"`backend` {backend.name!r} does not take systems; leave it out")
-    for name in indices:
-        if name not in known:
-            listed = ", ".join(index for index in INDICES if index in known)
-            raise ValueError(f"`indices` of systems must be of {listed}, got {name!r}; the others hold for one mass")
 
 
 def check_known(indices: Iterable[str], backend: Backend) -> None:

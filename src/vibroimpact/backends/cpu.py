@@ -108,10 +108,7 @@ class CpuBackend(Backend):
     largest_tile = 4096
     alone = BLOCK
     known_indices = frozenset(INDICES)
-    known_of_systems = frozenset(
-        {"std", "mean_velocity", "max_velocity", "impacts_per_period", "dissipation", "impact_phase_spread"}
-        | {"lyapunov", "lyapunov_per_impact", "n_periods", "n_impacts", "stick_fraction"}
-    )
+    takes_systems = True
 
     def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""

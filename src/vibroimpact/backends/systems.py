@@ -44,9 +44,9 @@ def _steps(cells: SystemCells) -> Floats:
     return REACH / cells.fastest_rate
 
 
-def _layout(cells: SystemCells, thorough: bool = False) -> Layout:
+def _layout(cells: SystemCells, thorough: bool = False, wary: bool = False) -> Layout:
     shape = cells.shape
-    return layout_of(shape.modes, shape.stops, shape.harmonics, shape.coupled, shape.moving, thorough)
+    return layout_of(shape.modes, shape.stops, shape.harmonics, shape.coupled, shape.moving, thorough, wary)
 
 
 def _in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
@@ -261,7 +261,8 @@ class SystemSweep:
 
     def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
         window = measurement.impacts
-        self.layout, self.window, self.by_stop = _layout(cells, measurement.thorough), window, measurement.by_stop
+        self.layout = _layout(cells, measurement.thorough, "grazing_margin" in measurement.indices)
+        self.window, self.by_stop = window, measurement.by_stop
         self.total = march.Window(float(window.transient), float(window.transient + window.keep))
         self.table = _in_steps(cells, measurement.tolerances.chatter, self.layout)
         self.omega = cells["omega"]
@@ -297,6 +298,8 @@ class SystemSweep:
                 found["lyapunov"] = notes[march.GREW] / (span * period)
                 found["n_periods"], found["n_impacts"] = notes[march.PERIODS], notes[march.IMPACTS]
                 found["lyapunov_per_impact"] = notes[march.GREW] / (kept - 1.0)
+                misses = own[march.MISS]
+                found["grazing_margin"] = misses if self.by_stop else misses.min(axis=0)
                 since = _turns(*notes[march.ENDED : march.ENDED + 3]) - notes[march.SINCE] - notes[march.PHASE]
                 cycle, rests = notes[march.PERIODS], own if self.by_stop else sums[:, -1]
                 rested = np.where(cycle > 0.0, rests[march.RESTING], rests[march.LATEST] - rests[march.BEFORE])

@@ -130,7 +130,7 @@ def attractors(
 def check_taken(model: Any, runner: Runner) -> None:
     """Refuse a system without stops, and for one a back end that does not take systems."""
     if isinstance(model, ImpactSystem):
-        check_for_systems((), runner.engine)
+        check_for_systems(runner.engine)
         if not model.stops:
             raise ValueError(
                 f"`osc` must have a stop, got {model!s}: without one there is a single motion, the steady one"

@@ -6,6 +6,8 @@ ends) is done on the cell alone: it is lifted out of its lane and put back.
 
 from __future__ import annotations
 
+import math
+
 from numba import njit
 
 from vibroimpact.kernels.cell import QUIET_FOR, RUNNING
@@ -14,15 +16,19 @@ from vibroimpact.kernels.systems.law import begin, bounce, closed
 from vibroimpact.kernels.systems.leap import LEAPS, leap_half, leap_whole, willing
 from vibroimpact.kernels.systems.march import (
     CHATTERED,
+    EACH,
     GRANTED,
     HITS,
     LOOK,
     MADE,
+    MISS,
     STICKS,
+    SUMS,
     add,
     add_all,
     ending,
     happen,
+    note_misses,
     rest,
 )
 from vibroimpact.kernels.systems.step import NOTHING, step
@@ -55,6 +61,9 @@ def _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room):
     closing = begin(rows, k, room)
     if k.thorough:
         deviate(rows, k)
+    if k.thorough:
+        note[SUMS + MISS :: EACH] = math.inf
+        note_misses(rows, k, note, False)
     if k.thorough and closing:
         confine(rows, k)
         rest(rows, k, room, note, int(0.0), closing, False)
@@ -89,6 +98,8 @@ def _unusual(lanes, lane, notes, rows, note, k, room, window):
     recorded = add_all(rows, k, room, note, struck, window)
     if k.thorough:
         rest(rows, k, room, note, shut, closing, recorded and note[HITS] <= window.total)
+        if struck:
+            note_misses(rows, k, note, window.transient + 1.0 < note[HITS] <= window.total)
         if recorded and note[HITS] <= window.total:
             recur(rows, k, note, z, window.total)
     if k.thorough and closing:

@@ -15,7 +15,8 @@ class Layout(NamedTuple):
     `eta`, `rate` (eta' in steps), `turn` (sin wt, cos wt, whole periods) are the state; `kind` says how each stop is
     left or held; `age` and `made` count the steps flown since an event and made in all; `held` is the inverse of alpha
     M^-1 alpha^T over the closed stops, and `closed` how many there are; `deta` and `drate` are a deviation, `known` is
-    the state (eta, rate, sin wt, cos wt) at an impact to which the motion may return. The others up to `constants` are
+    the state (eta, rate, sin wt, cos wt) at an impact to which the motion may return, and `missed` what the closest
+    near-miss of each stop since the last impact left. The others up to `constants` are
     constant, with the flows of leaps, `halves` and `wholes`, and `driven`, bounds of the loads, of their second
     derivatives and of the stops' accelerations. From `pairs` on it is room to work.
     """
@@ -26,6 +27,7 @@ class Layout(NamedTuple):
     coupled: bool
     moving: bool
     thorough: bool
+    wary: bool
     eta: int
     rate: int
     turn: int
@@ -37,6 +39,7 @@ class Layout(NamedTuple):
     deta: int
     drate: int
     known: int
+    missed: int
     square: int
     damping: int
     load: int
@@ -69,17 +72,19 @@ class Layout(NamedTuple):
     rows: int
 
 
-def layout_of(modes: int, stops: int, harmonics: int, coupled: bool, moving: bool, thorough: bool = False) -> Layout:
+def layout_of(
+    modes: int, stops: int, harmonics: int, coupled: bool, moving: bool, thorough: bool = False, wary: bool = False
+) -> Layout:
     """Return the rows of systems of that many modes, stops and harmonics.
 
     `coupled`: damping is not proportional in some of them; `moving`: so is a stop; `thorough`: a neighbour of each
-    motion is carried along.
+    motion is carried along; `wary`: near-misses are looked for, too.
     """
     n, s, m = modes, stops, harmonics
     flow = n * (FLOW + 4 * m) + 2
     sizes = {
         "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "made": 1, "closed": 1, "held": s * s,
-        "deta": n * thorough, "drate": n * thorough, "known": (2 * n + 2) * thorough,
+        "deta": n * thorough, "drate": n * thorough, "known": (2 * n + 2) * thorough, "missed": s * thorough,
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
         "gap": s, "motion": 2 * m * s, "restitution": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
         "margin": s, "give": s, "driven": 2 * n + s,
@@ -90,4 +95,4 @@ def layout_of(modes: int, stops: int, harmonics: int, coupled: bool, moving: boo
     for name, size in sizes.items():
         places[name] = row
         row += size
-    return Layout(n, s, m, coupled, moving, thorough, **places)
+    return Layout(n, s, m, coupled, moving, thorough, wary, **places)

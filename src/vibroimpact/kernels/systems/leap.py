@@ -25,8 +25,8 @@ from numba import njit
 
 from vibroimpact.kernels.flight import BARELY
 from vibroimpact.kernels.systems.layout import FLOW
-from vibroimpact.kernels.systems.step import OPEN, STRUCK, stop_moves, turned, turns
-from vibroimpact.kernels.vectors import fma, get, put, select
+from vibroimpact.kernels.systems.step import OPEN, STRUCK, fly_apart, miss, stop_moves, turned, turns
+from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 # Before a step come a half, wholes while they are certified, up to so many, and a half again; their lengths in steps.
 # A whole one is two halves: over a half the series holds.
@@ -69,7 +69,7 @@ def _leap(rows, k, wide, first, length, willing):
     s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
     s1, c1 = turned(s, c, get(rows, last, wide), get(rows, last + 1, wide))
     for j in range(n):
-        at = k.flight + 5 * j
+        at = k.pull + 5 * j
         y, y1, p1 = _flown(rows, first, j, k, wide)
         put(rows, at, wide, y1)
         put(rows, at + 1, wide, p1)
@@ -87,7 +87,7 @@ def _leap(rows, k, wide, first, length, willing):
         rest = get(rows, k.driven + 2 * n + z, wide)
         w0 = w1 = 0.0 * rest
         for j in range(n):
-            alpha, at = get(rows, k.alpha + z * n + j, wide), k.flight + 5 * j
+            alpha, at = get(rows, k.alpha + z * n + j, wide), k.pull + 5 * j
             u0 = fma(-alpha, get(rows, k.eta + j, wide), u0)
             u1 = fma(-alpha, get(rows, at, wide), u1)
             rest = fma(abs(alpha), get(rows, at + 2, wide), rest)
@@ -100,6 +100,10 @@ def _leap(rows, k, wide, first, length, willing):
         bend = rest + select(w0 > w1, w0, w1)
         willing = willing & (struck | ((kind == OPEN) & (u0 > 0.0)))
         willing = willing & (u1 > 0.0) & (room > 0.5 * length * length * bend)
+    if k.wary and anywhere(willing):
+        fly_apart(rows, k, wide)
+        for z in range(k.stops):
+            miss(rows, z, length + 0.0 * s, willing, False, k, wide)
     _take(rows, willing, s, s1, c1, first, length, k, wide)
     return willing
 
@@ -109,8 +113,8 @@ def _take(rows, certain, s, s1, c1, first, length, k, wide):
     """Leave the state after a leap where it is certain."""
     for j in range(k.modes):
         y, p = get(rows, k.eta + j, wide), get(rows, k.rate + j, wide)
-        put(rows, k.eta + j, wide, select(certain, get(rows, k.flight + 5 * j, wide), y))
-        put(rows, k.rate + j, wide, select(certain, get(rows, k.flight + 5 * j + 1, wide), p))
+        put(rows, k.eta + j, wide, select(certain, get(rows, k.pull + 5 * j, wide), y))
+        put(rows, k.rate + j, wide, select(certain, get(rows, k.pull + 5 * j + 1, wide), p))
         if k.thorough:
             at = first + j * (FLOW + 4 * k.harmonics)
             y, p = get(rows, k.deta + j, wide), get(rows, k.drate + j, wide)

@@ -25,9 +25,9 @@ FROM, SINCE, PHASE, AT, CHATTERED, IMPACTS, PERIODS = range(15, 22)
 # Then of the window's impacts on each stop: how many, the first speed, sums of what the others differ by and of squares
 # of that, the largest speed, sums of cos wt and sin wt, and the energy lost after the window's first impact.
 # Of its rests, in periods (and of those at any stop, in a block of their own): how long up to now, less the time now
-# while it is closed; up to the last impact, and up to the known one; in a cycle.
-SUMS, EACH = 22, 12
-COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, RESTED, LATEST, BEFORE, RESTING = range(EACH)
+# while it is closed; up to the last impact, and up to the known one; in a cycle. And its closest miss.
+SUMS, EACH = 22, 13
+COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, RESTED, LATEST, BEFORE, RESTING, MISS = range(EACH)
 
 
 class Window(NamedTuple):
@@ -134,6 +134,16 @@ def rest(rows, k, room, note, before, closing, recorded):
             note[at + RESTED] += now
         if recorded:
             note[at + LATEST] = note[at + RESTED] + (now if held else 0.0)
+
+
+@njit(error_model="numpy")
+def note_misses(rows, k, note, counts):
+    """Keep the closest misses since the last impact, if they count, and begin anew."""
+    for y in range(k.stops):
+        at = SUMS + y * EACH + MISS
+        if counts:
+            note[at] = min(note[at], rows[k.missed + y])
+        rows[k.missed + y] = math.inf
 
 
 @njit(error_model="numpy", forceinline=True)

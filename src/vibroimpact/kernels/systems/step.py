@@ -43,6 +43,7 @@ OPEN, STRUCK, RESTING, RELEASED, CLOSED, BALANCED, PASSING = 0.0, 1.0, 2.0, 3.0,
 NOTHING, CONTACT, STALLED = 0.0, 1.0, 2.0  # what ended a step; the last: it is at a stop without approaching it
 
 NEAR = 0.1  # of the rate: by how much it may change on the way to a contact that is solved for
+PARTS = 4  # of a step, in which its rate is asked for a sign, where misses are looked for
 BACK = 1e-12  # steps: a contact that rounding puts further behind is here
 
 
@@ -295,6 +296,33 @@ def _approach(a, x, others, sought):
     return first, select(first, t, x)
 
 
+@njit(error_model="numpy")
+def miss(rows, z, end, flown, held, k, wide):
+    """Keep the least clearance of an open stop on a way that was flown: where its rate rises through zero.
+
+    The rate is looked at four times on the way; its zero is found by the Illinois method.
+    """
+    a, kind = coefficients(_watched(rows, z, held, k, wide)), get(rows, k.kind + z, wide)
+    flown, before = flown & (kind < CLOSED), a[1]
+    for part in range(PARTS):
+        low, high = (part / PARTS) * end, ((part + 1.0) / PARTS) * end
+        _, p1 = valued(a, high)
+        p0, before = before, p1
+        passed = flown & (p0 < 0.0) & (p1 > 0.0)
+        if anywhere(passed):
+            p0, p1, side = select(passed, p0, -1.0), select(passed, p1, 1.0), 0.0 * p1
+            least = get(rows, k.missed + z, wide)
+            for _ in range(8):
+                x = low - p0 * (high - low) / (p1 - p0)
+                y, p = valued(a, x)
+                least = select(passed & (y < least), y, least)
+                rises = p > 0.0
+                p0 = select(rises, select(side > 0.0, 0.5 * p0, p0), p)
+                p1 = select(rises, p, select(side < 0.0, 0.5 * p1, p1))
+                low, high, side = select(rises, low, x), select(rises, x, high), select(rises, 1.0, -1.0)
+            put(rows, k.missed + z, wide, least)
+
+
 @njit(error_model="numpy", forceinline=True)
 def turned(s, c, sine, cosine):
     """Turn (sin wt, cos wt) by an angle, and pull it back to unit length: one Newton step of 1/sqrt."""
@@ -348,6 +376,8 @@ def step(rows, k, wide):
         fly_apart(rows, k, wide)
     x, others, which, sought = _certify(rows, held, k, wide)
     close, end = _approach(load(rows, k.near, wide), x, others, sought)
+    for z in range(k.stops if k.wary else 0):
+        miss(rows, z, end, end > 0.0, held, k, wide)
     move(rows, end, close, k, wide)
     stalled = select(end <= 0.0, STALLED, NOTHING)
     put(rows, k.which, wide, which)
