@@ -263,7 +263,7 @@ def test_initial_conditions_have_the_same_attractors_in_a_list_and_in_a_portrait
 
 def test_a_chaotic_attractor_still_is_so_1e5_impacts_later():
     random = np.random.default_rng(14)
-    oscillators = [random_oscillator(random) for _ in range(30)]
+    oscillators = [random_oscillator(random) for _ in range(60)]
     from_rest = Runner().measure(cells_of(oscillators))
     chaotic = [osc for osc, motion in zip(oscillators, from_rest, strict=True) if motion.kind == "chaotic"]
     assert chaotic

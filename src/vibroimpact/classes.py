@@ -55,8 +55,8 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
     -------
     xarray.Dataset
         `motion` (flags undecided, no_impact, periodic, sticking, chaotic and, of a system of several coordinates,
-        quasi_periodic), `n_periods` and `n_impacts` of its cycle (0
-        where none was found; n_impacts = -1 for complete chatter), and the `status` it was decided from.
+        quasi_periodic), `n_periods` and `n_impacts` of its cycle (0 where none was found; n_impacts = -1 for complete
+        chatter), and the `status` it was decided from.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
     "Quasi-periodic" refers to the window, too. A cycle whose perturbations shrink by less than e over the N impacts
     is called so, and neighbours that part with an exponent of less than ln N / N: beside Neimark-Sacker points of 80
     systems, with 2000 of 7000 impacts left out and judged by exponents over 200 000, 269 of 277 quasi-periodic motions
-    had that name, the others none; so had 38 of 334 that settle, all within 1/N of the unit circle.
+    had that name, 7 none and one that of chaos; so had 38 of 331 that settle.
 
     Examples
     --------
