@@ -299,7 +299,7 @@ class SystemSweep:
                 found["n_periods"], found["n_impacts"] = notes[march.PERIODS], notes[march.IMPACTS]
                 found["lyapunov_per_impact"] = notes[march.GREW] / (kept - 1.0)
                 misses = own[march.MISS]
-                found["grazing_margin"] = misses if self.by_stop else misses.min(axis=0)
+                found["grazing_margin"] = misses if self.by_stop else misses.min(axis=0, initial=math.inf)
                 since = _turns(*notes[march.ENDED : march.ENDED + 3]) - notes[march.SINCE] - notes[march.PHASE]
                 cycle, rests = notes[march.PERIODS], own if self.by_stop else sums[:, -1]
                 rested = np.where(cycle > 0.0, rests[march.RESTING], rests[march.LATEST] - rests[march.BEFORE])
