@@ -66,3 +66,11 @@ def test_a_family_of_systems_has_the_orbits_of_its_values():
         return two_sided(above=width / 2, below=width / 2)
 
     assert vi.find_orbit(slot, n_impacts=2)[0].velocities == vi.find_orbit(two_sided(), n_impacts=2)[0].velocities
+
+
+def test_a_beam_can_move_along_the_orbit_that_it_settles_to_although_rounding_leaves_its_clearance_below_zero():
+    beam = vi.models.cantilever_with_stop()
+    (orbit,) = (one for one in vi.find_orbit(beam, n_impacts=3) if one.stable)
+    hits = vi.impact_section(beam, transient_impacts=2000, sample_impacts=3)
+    assert sorted(orbit.velocities) == pytest.approx(sorted(hits["velocity"].values), rel=1e-9)
+    assert orbit.admissible, orbit.message

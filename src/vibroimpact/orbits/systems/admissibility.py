@@ -24,7 +24,8 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
     """Return why the system cannot move along this orbit; empty if it can.
 
     Each flight is sampled every 0.15 rad of the fastest rate, and every minimum of every clearance between samples is
-    found by power series. A clearance above -1e-12 of its size is none beyond the stop.
+    found by power series. A clearance above -1e-12 of its size is none beyond the stop; that of a stop which the
+    flight leaves or strikes is 0 at its ends, where the equations hold, whatever they leave of it.
     """
     flow, states = cycle.flow, cycle.states(unknown)
     speeds, angles = cycle.speeds(unknown), cycle.angles(unknown)
@@ -41,7 +42,7 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
         if flow.restitution[stop] == 0.0 and flow.clearance(stop, after, begin)[2] < 0.0:
             return f"after impact {i + 1} it comes to rest at {names[stop]!r}"
         start = np.append(after, begin)
-        met = _first_contact(flow, start, duration, cycle.struck_after(i))
+        met = _first_contact(flow, start, duration, stop, cycle.struck_after(i))
         if met is not None:
             angle, other, depth = met
             if depth == 0.0:
@@ -51,13 +52,17 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
     return ""
 
 
-def _first_contact(flow: Flow, start: Floats, duration: float, ending: int) -> tuple[float, int, float] | None:
+def _first_contact(
+    flow: Flow, start: Floats, duration: float, left: int, ending: int
+) -> tuple[float, int, float] | None:
     """Return where a flight first gets beyond a stop: the angle since its impact, the stop, and the depth in m.
 
     A flight that ends on another stop than expected, too, has depth 0 there.
     """
     firsts, found = [], []
     for course in _courses(flow, start, duration):
+        ends = [at for at, stop in ((0, left), (-1, ending)) if stop == course.stop]
+        course.gaps[ends] = np.maximum(course.gaps[ends], 0.0)
         places, depths = np.append(course.places, course.angles), -np.append(course.lowest, course.gaps)
         beyond = depths > ROUNDING * course.size
         if beyond.any():
