@@ -10,8 +10,10 @@ import pytest
 import vibroimpact as vi
 from systems import one_mass
 from systems import system as of
+from vibroimpact.backends import ImpactWindow
 from vibroimpact.backends.reference.systems import LinearSystem, RigidStop, follow
-from vibroimpact.coexistence import attractors, basins
+from vibroimpact.coexistence import attractors, basins, settling
+from vibroimpact.coexistence.measuring import Runner, spread_cells
 from vibroimpact.orbits import same_orbit
 from vibroimpact.orbits.systems import find
 from vibroimpact.status import Status
@@ -331,3 +333,12 @@ def test_a_family_of_systems_has_attractors():
         return two_sided(5.0, 0.8, gap)
 
     assert [one.name for one in attractors(design)] == [one.name for one in attractors(TWINS)]
+
+
+def test_chaos_that_ends_in_a_cycle_is_not_called_quasi_periodic_where_the_exponents_of_both_cancel():
+    # of this start the 32,767 impacts watched are half chaos, half the approach to a cycle: their mean exponent is 0
+    beam, runner = vi.models.clamped_beam_with_stop(), Runner()
+    windows = [ImpactWindow(2047, 2048), settling.LATE_OF_SYSTEMS]
+    settled = settling.settle(runner, beam, spread_cells(beam)[[250]], windows)
+    assert settled[0].name == "period-8 impact-12"
+    assert settled.indices["lyapunov"][0] < 0.0

@@ -7,9 +7,10 @@ resolves, goes where moved releases go (`final.fate_of_release`): all motions ar
 
 Chaos may be a long transient. It is believed if 32 of the chaotic initial conditions, some of each group, are chaotic
 for 1e5 impacts; if nearly all of them rest, all that is chaotic does; else every chaotic one is watched for so long,
-and sorted by where it goes. Those that are still undecided are watched too. For a grid, 256 initial conditions spread
-over the impact surface decide whether chaos lasts, so that what one leads to never depends on the others. With r = 1
-and c = 0 areas are kept and nothing attracts: only that it never hits is decided.
+and sorted by where it goes. Those that are still undecided are watched too. What was chaotic before and seems
+quasi-periodic then may be half chaos and half a cycle: it is watched once more, from there on. For a grid, 256 initial
+conditions spread over the impact surface decide whether chaos lasts, so that what one leads to never depends on the
+others. With r = 1 and c = 0 areas are kept and nothing attracts: only that it never hits is decided.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ ROUNDS = 3
 LONGER = 4  # how much each round is longer than the one before
 REPRESENTATIVES = 32  # chaotic initial conditions that are watched for all: as many as fill the lanes
 LATE_OF_SYSTEMS = ImpactWindow((1 << 14) - 1, 1 << 14)  # 32,767 impacts in all
+AFTER_LATE = ImpactWindow((1 << 15) - 1, 1 << 15)  # the next ones
 _LASTING = (MotionClass.PERIODIC, MotionClass.STICKING, MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC)
 NEARLY_ALL = 0.9  # of them rest within 1e5 impacts: chance lets the others not, and all are one attractor
 # Gaps that part groups of chaotic motions, beyond chance in a short sample: of V; impacts per period.
@@ -148,12 +150,12 @@ def settle(
     settled = Settled.of(osc, cells)
     kind, status = settled.kind, settled.status
     fate = partial(fate_of_release, runner, cells[:1])
-    left = np.arange(len(cells))
+    left, windows = np.arange(len(cells)), list(windows)
     for window in windows:
         before = kind[left], status[left]
         kind[left], status[left] = MotionClass.UNDECIDED, Status.INTERRUPTED
         undecided = len(left)
-        watched = window == late(osc)
+        watched = window == late(osc) or window is AFTER_LATE
         for which, outcome in runner.run(settled.cells[left], window, thrifty(runner) if watched else None):
             settled.note(left[which], outcome, window.keep)
             undecided -= int(np.count_nonzero(kind[left[which]]))
@@ -177,6 +179,11 @@ def settle(
         winds = kind == MotionClass.QUASI_PERIODIC
         if window is not windows[-1] and winds[left].any():
             again |= winds & (window is not windows[-2] or not _winds_on(runner, settled, winds, windows[-1]))
+        mixed = winds[left] & (before[0] == MotionClass.CHAOTIC)
+        if window is windows[-1] and window == LATE_OF_SYSTEMS and mixed.any():
+            windows.append(AFTER_LATE)
+            again[:] = False
+            again[left[mixed]] = True
         left = np.flatnonzero(again)
         if left.size == 0 or runner.stop.is_set():
             break
