@@ -136,7 +136,6 @@ def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
         (f"section {OWN} --start 0.1,0:0,0:0:1", "`--start` must be Q,Q:V,V:T"),
         (f"section {OWN} --start 0.1,a:0,0", "`displacement` must be a finite number, got 'a'"),
         (f"section {OWN} --backend reference", "`backend` 'reference' does not take systems"),
-        (f"map {OWN} --x bar_gap=0:1:3 --indices grazing_margin", "`indices` of systems must be of std"),
         ("section --model two_sided_oscillator -p left_gap=-1", "`stops` 'left' and 'right' overlap"),
         (f"orbit {OWN} --impacts -1", "`n_impacts` must be at least 1 for a system"),
         (f"orbit {OWN} --stops bar,bar", "orbits of several impacts need a guess"),
