@@ -393,3 +393,12 @@ def test_the_closest_miss_is_the_least_clearance_between_impacts():
             )
             compared += lows.size > 0
     assert compared > 2
+
+
+def test_a_map_stop_by_stop_of_a_family_is_drawn_of_one_stop_and_else_asks_for_one():
+    machine, index = vi.family(vi.models.idle_gear), "max_velocity"
+    axes = {"rpm": [600.0, 850.0], "backlash": [5e-5, 1e-4]}
+    sweep = vi.parameter_map(machine, **axes, indices=[index], by_stop=True, transient_impacts=10, sample_impacts=10)
+    vi.plotting.index_contour(sweep.sel(stop="drive"), index)
+    with pytest.raises(ValueError, match=r"sweep\.sel\(stop='drive'\)"):
+        vi.plotting.index_contour(sweep, index)

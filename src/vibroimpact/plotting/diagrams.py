@@ -48,8 +48,10 @@ def check_sweep(argument: str, value: Any, index: str, n_axes: int) -> tuple[xr.
     if len(axes) == n_axes and "point" not in axes:
         check_lengths(argument, field)
         return value, field
-    chosen = ", ".join(f"{axis}={float(field[axis][0]):g}" for axis in axes[n_axes:])
-    hint = f"select one value of the others, for instance sweep.sel({chosen}, method='nearest')"
+    firsts = {axis: field[axis][0].item() for axis in axes[n_axes:]}
+    words = [f"{axis}={first!r}" if isinstance(first, str) else f"{axis}={first:g}" for axis, first in firsts.items()]
+    nearest = [] if "stop" in firsts else ["method='nearest'"]
+    hint = f"select one value of the others, for instance sweep.sel({', '.join([*words, *nearest])})"
     if "point" in axes:
         hint = "draw scattered designs with index_scatter"
     elif len(axes) < n_axes:

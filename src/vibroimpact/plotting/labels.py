@@ -151,7 +151,11 @@ def refused(argument: str, value: Any, allowed: str, hint: str) -> ValueError:
 
 def _selected(dataset: xr.Dataset) -> dict[str, float]:
     """Return the values selected from the axes of a result."""
-    return {str(name): float(coord) for name, coord in dataset.coords.items() if coord.ndim == 0}
+    return {
+        str(name): float(coord)
+        for name, coord in dataset.coords.items()
+        if coord.ndim == 0 and coord.dtype.kind in "biuf"
+    }
 
 
 def _family(dataset: xr.Dataset) -> tuple[str, dict[str, float]] | None:
