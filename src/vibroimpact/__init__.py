@@ -87,7 +87,8 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
-        return getattr(import_module(f"vibroimpact.{_HOMES[name]}"), name)
+        found = globals()[name] = getattr(import_module(f"vibroimpact.{_HOMES[name]}"), name)
+        return found
     if name in ("models", "plotting"):
         return import_module(f"vibroimpact.{name}")
     if name == "__version__":

@@ -388,7 +388,7 @@ def _stops(stops: Any) -> tuple[Stop, ...]:
 
 def _named(stops: Any, n: int) -> tuple[Stop, ...]:
     """Return stops whose directions fit, those without a name called by their place."""
-    found = tuple(stop if stop.name else stop.replace(name=f"stop_{at}") for at, stop in enumerate(_stops(stops), 1))
+    found = tuple(stop if stop.name else stop.called(f"stop_{at}") for at, stop in enumerate(_stops(stops), 1))
     names = [stop.name for stop in found]
     for at, (stop, name) in enumerate(zip(found, map(str, names), strict=True)):
         check_length(f"stops[{at}].direction", stop.direction, n)

@@ -83,6 +83,9 @@ class Settled:
         self.passing[at] = np.fmax(self.passing[at], hit)
         self.kind[at] = attracting_kinds(self.osc, outcome, kept)
         self.status[at] = _plain(outcome["status"], self.kind[at])
+        if not forgets(self.osc):  # a cycle that is not believed has no name
+            unnamed = at[~np.isin(self.kind[at], (MotionClass.PERIODIC, MotionClass.STICKING))]
+            self.indices["n_periods"][unnamed] = self.indices["n_impacts"][unnamed] = 0
 
     def follow(self, at: Counts, fate: Fate) -> None:
         """Let those that have rested go on as moved releases do."""
@@ -269,10 +272,11 @@ def attracting_kinds(osc: ImpactOscillator | ImpactSystem, outcome: Outcome, kep
 
     To the rule of `classify` comes what the model decides: without loss nothing attracts, and without force a mass
     comes to rest, unless it swings on, undamped, just clear of the stop. A system may pass an unstable cycle slowly:
-    one from which neighbours part is not believed.
+    one from which neighbours part is not believed, unless no faster than in proportion, as a mass does that nothing
+    holds or strikes.
     """
     growth = outcome["lyapunov_per_impact"] * kept
-    cycles = outcome["n_periods"] if forgets(osc) else np.where(growth > 0.0, 0, outcome["n_periods"])
+    cycles = outcome["n_periods"] if forgets(osc) else np.where(growth > math.log(kept), 0, outcome["n_periods"])
     kinds = decide(outcome["status"], growth, cycles, outcome["n_impacts"], kept if may_wind(osc) else 0)
     driven, damped, touching = _loads(osc)
     settles_to = np.arange(len(MotionClass), dtype=np.int8)

@@ -205,7 +205,8 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
         here = " (this motion)" if motion.from_rest else ""
         rare = motion.share == 0.0 and not motion.from_rest
         share = "stable, but reached from none of them" if rare else f"{100.0 * motion.share:.3g} %"
-        yield f"{share}: {motion.name}{here}{hit}"
+        lasting = " as far as it was watched" if motion.name in ("chaotic", "quasi-periodic") else ""
+        yield f"{share}: {motion.name}{lasting}{here}{hit}"
     if len(motions) > SHOWN:
         yield f"and {len(motions) - SHOWN} more"
     if motions and undecided >= 1e-9:
