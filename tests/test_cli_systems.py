@@ -53,6 +53,7 @@ def two(tmp_path):
         ("map --model impact_damper --x clearance=5e-3:6e-3:2 --sample-impacts 20", ["total clearance 0.005 to 0.006"]),
         ("describe --model two_sided_oscillator --vary frequency", ["from rest period-1 impact-2", "frequency: down"]),
         ("describe --model two_sided_oscillator --vary frequency --json", ['"system": {', '"kind": "pitchfork"']),
+        (f"map {OWN} --x bar_gap=0.04:0.05:2 --by-stop --sample-impacts 20", ["gap of bar 0.04 to 0.05 m"]),
         (f"map {OWN} --x bar_gap=0.04:0.05:2 --starts 3 --sample-impacts 20", ["3 initial conditions"]),
         (
             "basins --model two_sided_oscillator --x displacement=-1e-3:1e-3:3 --y velocity=0:1:3 --phase 0.2",
@@ -135,6 +136,7 @@ def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
         (f"section {OWN} --start 0.1,0:0", "`displacement` and `velocity` must have as many numbers"),
         (f"section {OWN} --start 0.1,0:0,0:0:1", "`--start` must be Q,Q:V,V:T"),
         (f"section {OWN} --start 0.1,a:0,0", "`displacement` must be a finite number, got 'a'"),
+        ("map --by-stop --x w=1:2:3", "`by_stop` tells the stops of a system apart, and an oscillator has one"),
         (f"section {OWN} --backend reference", "`backend` 'reference' does not take systems"),
         ("section --model two_sided_oscillator -p left_gap=-1", "`stops` 'left' and 'right' overlap"),
         (f"orbit {OWN} --impacts -1", "`n_impacts` must be at least 1 for a system"),

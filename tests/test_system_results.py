@@ -402,3 +402,8 @@ def test_a_map_stop_by_stop_of_a_family_is_drawn_of_one_stop_and_else_asks_for_o
     vi.plotting.index_contour(sweep.sel(stop="drive"), index)
     with pytest.raises(ValueError, match=r"sweep\.sel\(stop='drive'\)"):
         vi.plotting.index_contour(sweep, index)
+
+
+def test_what_names_a_section_of_one_mass_says_what_names_motions_of_systems():
+    with pytest.raises(ValueError, match="motions of a system are named by `classify`"):
+        vi.recognise(vi.impact_section(two_masses(), **SHORT))

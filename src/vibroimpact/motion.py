@@ -324,6 +324,11 @@ def cycle_length(velocity: Floats, phase: Floats, *, tolerance: float = 1e-6, lo
 
 
 def _check(section: xr.Dataset, tolerance: float, longest: int) -> None:
+    if "system" in getattr(section, "attrs", {}):
+        raise ValueError(
+            "`section` must be that of one mass with one stop; motions of a system are named by `classify`, from "
+            "parameter_map with indices=('lyapunov_per_impact', 'n_periods', 'n_impacts')"
+        )
     known = map(str, getattr(section, "variables", ()))
     missing = {"time", "phase", "velocity", "release_time", "status"}.difference(known)
     if missing or "oscillator" not in section.attrs:

@@ -87,8 +87,8 @@ def diagram(options: Options) -> None:
 
 
 @o.with_options(
-    o.MODEL, o.START, o.STARTS, o.X, o.Y, o.MORE_AXES, o.INDICES, o.IMPACTS, o.ENGINE, o.EVERY_IMPACT, o.WORKERS,
-    o.CLUSTER, o.TILE, o.REFINE, o.OUT, o.FIGURE, o.INDEX, o.LEVEL, o.PICTURE,
+    o.MODEL, o.START, o.STARTS, o.X, o.Y, o.MORE_AXES, o.INDICES, o.BY_STOP, o.IMPACTS, o.ENGINE, o.EVERY_IMPACT,
+    o.WORKERS, o.CLUSTER, o.TILE, o.REFINE, o.OUT, o.FIGURE, o.INDEX, o.LEVEL, o.PICTURE,
 )  # fmt: skip
 def parameter_map(options: Options) -> None:
     """Stability map: an index of the impacts over one, two or more parameters.

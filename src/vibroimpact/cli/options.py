@@ -282,6 +282,9 @@ EVERY_IMPACT = _how(
     "early_closing", "", "Compute every impact, even where a closed cycle gives the rest.", table="run",
     flags=("--every-impact",), kind=FLAG, read=lambda given: not given,
 )  # fmt: skip
+BY_STOP = _how(
+    "by_stop", "", "Of a system: indices stop by stop.", table="run", flags=("--by-stop",), kind=FLAG, read=bool
+)
 CLUSTER = _how(
     "cluster", "WHERE", "Compute on a Dask cluster: tcp://HOST:PORT of its scheduler, or local:N processes here."
 )

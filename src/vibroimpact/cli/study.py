@@ -94,6 +94,7 @@ TABLES: dict[str, dict[str, Callable[[str, Any], Any]]] = {
         "section": _one_of("impact", "stroboscopic"),
         "direction": _one_of("fresh", "up", "down"),
         "early_closing": _flag,
+        "by_stop": _flag,
         "starts": _several,
         "coordinate": lambda name, value: whole_number(name, value, 0),
     },
