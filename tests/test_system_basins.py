@@ -342,3 +342,14 @@ def test_chaos_that_ends_in_a_cycle_is_not_called_quasi_periodic_where_the_expon
     settled = settling.settle(runner, beam, spread_cells(beam)[[250]], windows)
     assert settled[0].name == "period-8 impact-12"
     assert settled.indices["lyapunov"][0] < 0.0
+
+
+def test_a_particle_that_nothing_strikes_makes_no_cycle_quasi_periodic():
+    """It drifts, so that neighbours part in proportion to time."""
+    damper = vi.models.two_unit_impact_damper(
+        damping_ratio=0.009943, force=31.66, particle_mass=0.3488, second_particle_mass=0.2646, clearance=0.005515
+    )
+    (found,) = vi.attractors(damper, [vi.State([0.0] * 3, [0.0] * 3)])
+    assert found.name == "period-2 impact-4"
+    section = vi.impact_section(damper, transient_impacts=1000, sample_impacts=9)
+    assert section["velocity"].values[4:8] == pytest.approx(section["velocity"].values[:4], rel=1e-6)

@@ -86,8 +86,8 @@ def parameter_map(
         transient. False computes every impact.
     by_stop : bool
         Of a system: tell the stops apart. `std`, `mean_velocity`, `max_velocity`, `impacts_per_period`, `dissipation`,
-        `stick_fraction` and `impact_phase_spread` get a dim `stop`, of the impacts on each stop within those kept on
-        all; NaN where there are none, but `impacts_per_period`, `dissipation` and `stick_fraction`.
+        `stick_fraction`, `impact_phase_spread` and `grazing_margin` get a dim `stop`, of the impacts, rests and misses
+        at each stop within the impacts kept on all. Without an impact there velocities and phases are NaN.
     tolerances : Tolerances, optional
         Numerical tolerances.
     workers : int, optional

@@ -288,11 +288,12 @@ class SystemSweep:
         """Return what a back end promises of cells that have ended."""
         notes, ends = self.results[done].T, self.ends[done]
         full, h, kept = ends == FILLED, notes[march.H], float(self.window.keep)
-        span = _turns(*notes[march.ENDED : march.ENDED + 3]) - _turns(*notes[march.BEGAN : march.BEGAN + 3])
+        began, ended = (_turns(*notes[at : at + 3]) for at in (march.BEGAN, march.ENDED))
+        span = ended - began
         sums = notes[march.SUMS :].reshape(self.layout.stops + 1, march.EACH, -1).swapaxes(0, 1)
         own = sums[:, :-1]
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = _of_impacts(own, notes[march.BEGAN + 3], span, h, self.by_stop)
+            found = _of_impacts(own, notes[march.STOP], span, h, self.by_stop)
             if self.layout.thorough:
                 period = 2.0 * math.pi / self.omega[done]
                 found["lyapunov"] = notes[march.GREW] / (span * period)
@@ -300,7 +301,7 @@ class SystemSweep:
                 found["lyapunov_per_impact"] = notes[march.GREW] / (kept - 1.0)
                 misses = own[march.MISS]
                 found["grazing_margin"] = misses if self.by_stop else misses.min(axis=0, initial=math.inf)
-                since = _turns(*notes[march.ENDED : march.ENDED + 3]) - notes[march.SINCE] - notes[march.PHASE]
+                since = ended - notes[march.SINCE] - notes[march.PHASE]
                 cycle, rests = notes[march.PERIODS], own if self.by_stop else sums[:, -1]
                 rested = np.where(cycle > 0.0, rests[march.RESTING], rests[march.LATEST] - rests[march.BEFORE])
                 found["stick_fraction"] = rested / np.where(cycle > 0.0, cycle, since)
@@ -319,7 +320,7 @@ class SystemSweep:
             known = full & (notes[march.FROM] == self.window.transient + 1.0)
             stop = notes[march.AT].astype(np.int64)
             columns["first_stop"] = np.where(known, stop, -1)
-            columns["first_phase"] = _turns(*notes[march.BEGAN : march.BEGAN + 3]) % 1.0
+            columns["first_phase"] = began % 1.0
             columns["first_velocity"] = own[march.FIRST, stop, np.arange(len(ends))] / h
         return columns | {
             "status": statuses(counted, ends, self.window),

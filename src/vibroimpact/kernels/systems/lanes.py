@@ -13,7 +13,7 @@ from numba import njit
 from vibroimpact.kernels.cell import QUIET_FOR, RUNNING
 from vibroimpact.kernels.machine import compiled, next_ticket
 from vibroimpact.kernels.systems.law import begin, bounce, closed
-from vibroimpact.kernels.systems.leap import LEAPS, leap_half, leap_whole, willing
+from vibroimpact.kernels.systems.leap import LEAPS, leap_half, leap_whole, may_leap
 from vibroimpact.kernels.systems.march import (
     CHATTERED,
     EACH,
@@ -29,7 +29,7 @@ from vibroimpact.kernels.systems.march import (
     ending,
     happen,
     note_misses,
-    rest,
+    note_rests,
 )
 from vibroimpact.kernels.systems.step import NOTHING, step
 from vibroimpact.kernels.systems.tangent import before, confine, cross, deviate, measure_growth, recur
@@ -66,7 +66,7 @@ def _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room):
         note_misses(rows, k, note, False)
     if k.thorough and closing:
         confine(rows, k)
-        rest(rows, k, room, note, int(0.0), closing, False)
+        note_rests(rows, k, room, note, int(0.0), closing, False)
     _lower(lanes, lane, rows, k.rows)
     _lower(notes, lane, note, len(note))
     return cell
@@ -97,7 +97,7 @@ def _unusual(lanes, lane, notes, rows, note, k, room, window):
         _neighbour(rows, k, room, note, z, struck, closing, window)
     recorded = add_all(rows, k, room, note, struck, window)
     if k.thorough:
-        rest(rows, k, room, note, shut, closing, recorded and note[HITS] <= window.total)
+        note_rests(rows, k, room, note, shut, closing, recorded and note[HITS] <= window.total)
         if struck:
             note_misses(rows, k, note, window.transient + 1.0 < note[HITS] <= window.total)
         if recorded and note[HITS] <= window.total:
@@ -143,7 +143,7 @@ def run_lanes(table, budgets, results, ends, tickets, lanes, owner, notes, ended
             owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room)
     for _ in range(looks):
         for _ in range(LOOK):
-            may = willing(lanes, k, 0)
+            may = may_leap(lanes, k, 0)
             on = leap_half(lanes, k, 0, may)
             for _ in range(LEAPS):
                 if not anywhere(on):

@@ -134,7 +134,7 @@ def _take(rows, certain, s, s1, c1, first, length, k, wide):
 
 
 @njit(error_model="numpy", forceinline=True)
-def willing(rows, k, wide):
+def may_leap(rows, k, wide):
     """Return where leaps may be tried."""
     return get(rows, k.closed, wide) <= 0.0
 

@@ -16,17 +16,17 @@ LOOK = 32  # steps between two looks at whether a cell has ended
 TURN = 2.0 * math.pi
 
 # Numbers of a cell's note: the length of its step, what it is granted, and what it has come to; sin wt, cos wt,
-# whole periods and the stop of the first and of the last impact of the window.
+# whole periods of the first and of the last impact of the window, and the stop of the first.
 H, FLIGHT, GRANTED, MADE, HITS, STICKS, GREW = range(7)
-BEGAN, ENDED = 7, 11
+BEGAN, ENDED, STOP = 7, 10, 13
 # of a cycle: recorded impacts, periods, phase and stop of the impact that is known, and impacts and periods until it
 # returned
-FROM, SINCE, PHASE, AT, CHATTERED, IMPACTS, PERIODS = range(15, 22)
+FROM, SINCE, PHASE, AT, CHATTERED, IMPACTS, PERIODS = range(14, 21)
 # Then of the window's impacts on each stop: how many, the first speed, sums of what the others differ by and of squares
 # of that, the largest speed, sums of cos wt and sin wt, and the energy lost after the window's first impact.
 # Of its rests, in periods (and of those at any stop, in a block of their own): how long up to now, less the time now
 # while it is closed; up to the last impact, and up to the known one; in a cycle. And its closest miss.
-SUMS, EACH = 22, 13
+SUMS, EACH = 21, 13
 COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, RESTED, LATEST, BEFORE, RESTING, MISS = range(EACH)
 
 
@@ -116,7 +116,7 @@ def happen(rows, k, room):
 
 
 @njit(error_model="numpy")
-def rest(rows, k, room, note, before, closing, recorded):
+def note_rests(rows, k, room, note, before, closing, recorded):
     """Sum up how long stops have been closed; `before` this event were those of a set."""
     periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
     now, any_tail, closed = periods + phase, math.inf, int(0.0)
@@ -155,13 +155,14 @@ def add(notes, k, wide, hit, z, v, energy, sine, cosine, periods, window):
     if not anywhere(kept):
         return
     opens, last = kept & (hits == window.transient + 1.0), kept & (hits == window.total)
-    _mark(notes, BEGAN, wide, opens, z, sine, cosine, periods)
-    _mark(notes, ENDED, wide, last, z, sine, cosine, periods)
+    _mark(notes, BEGAN, wide, opens, sine, cosine, periods)
+    put(notes, STOP, wide, select(opens, z, get(notes, STOP, wide)))
+    _mark(notes, ENDED, wide, last, sine, cosine, periods)
     for y in range(k.stops):
         at, own = SUMS + y * EACH, kept & (z == float(y))
         count, first = get(notes, at + COUNT, wide), get(notes, at + FIRST, wide)
-        first = select(count > 0.0, first, v)
-        put(notes, at + FIRST, wide, select(own, first, get(notes, at + FIRST, wide)))
+        first = select(own & (count <= 0.0), v, first)
+        put(notes, at + FIRST, wide, first)
         put(notes, at + COUNT, wide, count + select(own, 1.0, 0.0))
         more = select(own, v - first, 0.0)
         put(notes, at + SUM, wide, get(notes, at + SUM, wide) + more)
@@ -175,12 +176,11 @@ def add(notes, k, wide, hit, z, v, energy, sine, cosine, periods, window):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _mark(notes, at, wide, here, z, sine, cosine, periods):
-    """Leave the time and the stop of an impact."""
+def _mark(notes, at, wide, here, sine, cosine, periods):
+    """Leave the time of an impact."""
     put(notes, at, wide, select(here, sine, get(notes, at, wide)))
     put(notes, at + 1, wide, select(here, cosine, get(notes, at + 1, wide)))
     put(notes, at + 2, wide, select(here, periods, get(notes, at + 2, wide)))
-    put(notes, at + 3, wide, select(here, z, get(notes, at + 3, wide)))
 
 
 @njit(error_model="numpy")

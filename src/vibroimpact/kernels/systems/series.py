@@ -1,6 +1,6 @@
 """Power series of a step: tuples of the derivatives 0 to DEGREE at its beginning, with every operation written out.
 
-A tuple lives in registers, for eight lanes at once; a loop over its places would send it through memory. So these
+A tuple lives in registers, for all lanes at once; a loop over its places would send it through memory. So these
 functions are made of their text, place by place.
 """
 

@@ -10,7 +10,7 @@ from numba import njit
 from vibroimpact.kernels.cell import FILLED, RUNNING, SPENT
 from vibroimpact.kernels.machine import compiled
 from vibroimpact.kernels.systems.law import begin, bounce
-from vibroimpact.kernels.systems.leap import HALF, LEAPS, WHOLE, leap_half, leap_whole, willing
+from vibroimpact.kernels.systems.leap import HALF, LEAPS, WHOLE, leap_half, leap_whole, may_leap
 from vibroimpact.kernels.systems.march import HITS, LOOK, MADE, TURN, add_all, ending, happen, moment
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
 from vibroimpact.kernels.systems.step import CLOSED, NOTHING, fly_apart, move, step, turns
@@ -133,7 +133,7 @@ def seat(rows, k, row, room, seen):
 def follow(rows, spare, k, room, note, seen, window, schedule, most):
     """Follow a cell until its window is full, a buffer is, it ends, or so many steps are made; return why."""
     for number in range(most):
-        may = willing(rows, k, None)
+        may = may_leap(rows, k, None)
         on = _leap(rows, spare, k, seen, schedule, HALF, may)
         for _ in range(LEAPS if on else 0):
             on = on and _leap(rows, spare, k, seen, schedule, WHOLE, on)
