@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -48,8 +49,8 @@ class ModalForm:
         The orders h of all harmonics of force and stops, ascending.
     forces : (H, n) complex array
         f_h.
-    gaps, restitution : (s,) array
-        g and r.
+    gaps, restitution, stiffness, viscosity : (s,) array
+        g; r, NaN of a stop that gives; k and c, zero of a rigid one.
     motions : (s, H) complex array
         d_h.
     omega : float
@@ -74,6 +75,8 @@ class ModalForm:
     forces: Any
     gaps: Floats
     restitution: Floats
+    stiffness: Floats
+    viscosity: Floats
     motions: Any
     omega: float
 
@@ -83,15 +86,24 @@ class ModalForm:
                 value.setflags(write=False)
 
     def replace(self, force: Any, stops: Any) -> ModalForm:
-        """Return the form with the frequency of another force, and the gaps and restitutions of other stops."""
-        gaps, restitution = (np.array([getattr(stop, name) for stop in stops]) for name in ("gap", "restitution"))
-        return replace(self, omega=force.omega, gaps=gaps, restitution=restitution)
+        """Return the form with the frequency of another force, and the numbers of other stops."""
+        return replace(self, omega=force.omega, **numbers_of(stops))
 
     @property
     def mobility(self) -> Floats:
         """G = a M^-1 a^T, (s, s): what unit impulses on the stops change the rates of the clearances by."""
         found: Floats = self.directions @ self.jumps.T
         return found
+
+
+def numbers_of(stops: Any) -> dict[str, Any]:
+    """Return gaps, restitutions, stiffnesses and viscosities of stops."""
+
+    def column(kind: str, none: float) -> Floats:
+        return np.array([none if (value := getattr(stop, kind)) is None else value for stop in stops], np.float64)
+
+    of_rigid, of_giving = {"restitution": column("restitution", math.nan)}, {"viscosity": column("damping", 0.0)}
+    return {"gaps": column("gap", 0.0), "stiffness": column("stiffness", 0.0)} | of_rigid | of_giving
 
 
 def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, stops: Any) -> ModalForm:
@@ -114,8 +126,7 @@ def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, sto
         constant=(none if force.constant is None else force.constant) @ shapes / masses,
         orders=np.array(orders, np.int64),
         forces=forces @ shapes / masses,
-        gaps=np.array([stop.gap for stop in stops]),
-        restitution=np.array([stop.restitution for stop in stops]),
+        **numbers_of(stops),
         motions=np.array([[stop.motion.get(order, 0.0) for order in orders] for stop in stops], np.complex128).reshape(
             len(stops), len(orders)
         ),

@@ -1,9 +1,10 @@
-"""What acts on a system: a periodic force and rigid stops, and how their numbers are checked."""
+"""What acts on a system: a periodic force and stops, and how their numbers are checked."""
 
 from __future__ import annotations
 
 import keyword
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -16,6 +17,9 @@ from vibroimpact.matrices import numbers
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import SMALLEST, invalid, several, unknown, whole_number
 
+SHORTEST = 1e-9  # driving periods: shorter contacts are those of a rigid stop
+STOPS = 5  # at most: an impact is solved among all their sets
+KINDS = "gap", "restitution", "stiffness", "damping"  # of numbers of stops that are parameters
 USUAL = ImpactOscillator.parameters  # of which a system has some, with the same ranges and remedies
 
 
@@ -194,10 +198,17 @@ class Force(ByValue):
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Stop(ByValue):
-    r"""A rigid stop, fixed or moving, in the way of a linear form of the coordinates.
+    r"""A stop, fixed or moving, in the way of a linear form of the coordinates: rigid, or one that gives.
 
-    .. math:: u = g + \sum_h \mathrm{Im}\left(d_h e^{i h \omega t}\right) - a \cdot q \ge 0, \qquad
-              \dot u \to -r \dot u \quad (u = 0,\ \dot u < 0)
+    .. math:: u = g + \sum_h \mathrm{Im}\left(d_h e^{i h \omega t}\right) - a \cdot q
+
+    A rigid one keeps u >= 0, and an impact turns its rate from -v to r v. One with a `stiffness` gives: it pushes back
+    along -a with
+
+    .. math:: F = \max(0,\ k d + c \dot d), \qquad d = -u > 0,
+
+    from where u falls through zero until the force has fallen to zero. It never pulls: where c > 0 it lets go before u
+    is back at zero, and keeps out of the way from there on.
 
     Parameters
     ----------
@@ -207,7 +218,11 @@ class Stop(ByValue):
     gap : float
         g in m; negative means preloaded.
     restitution : float, 0 to 1
-        r, rate of the clearance after an impact over that before it.
+        r of a rigid stop, rate of the clearance after an impact over that before it; 0.8 unless given.
+    stiffness : float, > 0
+        k in N/m, of a stop that gives; None is rigid.
+    damping : float, >= 0
+        c in N s/m, of a stop that gives; zero unless given.
     name : str, optional
         A word that parameters begin with, as in ``bar_gap``; ``stop_1``, ``stop_2``, ... unless given.
     motion : mapping of int to complex, optional
@@ -217,7 +232,8 @@ class Stop(ByValue):
     Raises
     ------
     ValueError
-        The direction is zero, the name is no word, or a number is out of its range.
+        The direction is zero, the name is no word, or a number is out of its range; a stop that gives has a
+        restitution, or a rigid one damping.
 
     Notes
     -----
@@ -228,11 +244,15 @@ class Stop(ByValue):
     --------
     >>> Stop(direction=[0, -1], gap=2e-4, restitution=0.7, name="baffle")
     Stop(direction=[0.0, -1.0], gap=0.0002, restitution=0.7, name='baffle')
+    >>> Stop(direction=1.0, gap=2e-4, stiffness=2e6, damping=40.0).compliant
+    True
     """
 
     direction: Any
     gap: float
-    restitution: float
+    restitution: float | None
+    stiffness: float | None
+    damping: float | None
     name: str | None
     motion: Mapping[int, complex]
 
@@ -241,7 +261,9 @@ class Stop(ByValue):
         *,
         direction: Any,
         gap: float,
-        restitution: float = 0.8,
+        restitution: float | None = None,
+        stiffness: float | None = None,
+        damping: float | None = None,
         name: str | None = None,
         motion: Mapping[int, complex] | None = None,
     ) -> None:
@@ -252,6 +274,10 @@ class Stop(ByValue):
         if not max(map(abs, entries)) >= SMALLEST:
             of = f" of stop {name!r}" if name else ""
             raise ValueError(f"`direction`{of} must not be zero, got {_shown(form)}; a . q = gap is contact")
+        if stiffness is None and damping is not None:
+            raise invalid("damping", damping, "None for a rigid stop", "give a `stiffness` (N/m) to one that gives")
+        if stiffness is not None and restitution is not None:
+            raise invalid("restitution", restitution, "None for a stop with `stiffness`", "give it `damping`")
         moves = {
             order: complex(numbers(f"motion[{order}]", value, 0, np.complex128).item())
             for order, value in _by_order("motion", motion).items()
@@ -259,15 +285,30 @@ class Stop(ByValue):
         vars(self).update(
             direction=form,
             gap=USUAL["gap"].check(gap),
-            restitution=USUAL["restitution"].check(restitution),
+            restitution=None,
+            stiffness=None,
+            damping=None,
             name=name,
             motion=MappingProxyType(moves),
         )
+        given = {"stiffness": stiffness, "damping": damping or 0.0} if stiffness is not None else {}
+        for kind, value in (given or {"restitution": 0.8 if restitution is None else restitution}).items():
+            vars(self)[kind] = USUAL[kind].check(value)
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the constructor by name."""
-        named = {"direction": self.direction, "gap": self.gap, "restitution": self.restitution}
-        return {**named, "name": self.name, "motion": dict(self.motion)}
+        numbered = {kind: getattr(self, kind) for kind in self.kinds}
+        return {"direction": self.direction, **numbered, "name": self.name, "motion": dict(self.motion)}
+
+    @property
+    def compliant(self) -> bool:
+        """Whether it gives."""
+        return self.stiffness is not None
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The numbers of it that are parameters of a system."""
+        return ("gap", "stiffness", "damping") if self.compliant else ("gap", "restitution")
 
     def called(self, name: str) -> Stop:
         """Return a copy of that name: families make stops by the thousands."""
@@ -276,8 +317,48 @@ class Stop(ByValue):
         return found
 
     def replace(self, **changes: Any) -> Stop:
-        """Return a copy with some arguments changed."""
+        """Return a copy with some arguments changed; another kind of stop takes all that it needs."""
         return Stop(**{**self.arguments(), **changes})
+
+
+def several_stops(stops: Any) -> tuple[Stop, ...]:
+    """Return a list of stops that is checked, as a tuple."""
+    found = several("stops", stops, "a list of Stops")
+    for at, stop in enumerate(found):
+        if not isinstance(stop, Stop):
+            raise invalid(f"stops[{at}]", stop, "a Stop", "write Stop(direction=[...], gap=...)")
+    if len(found) > STOPS:
+        raise ValueError(f"`stops` must be at most {STOPS}, got {len(found)}")
+    return found
+
+
+def named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
+    """Return stops whose directions fit, those without a name called by their place."""
+    found = tuple(stop if stop.name else stop.called(f"stop_{at}") for at, stop in enumerate(several_stops(stops), 1))
+    names = [stop.name for stop in found]
+    for at, (stop, name) in enumerate(zip(found, map(str, names), strict=True)):
+        check_length(f"stops[{at}].direction", stop.direction, n)
+        other, _, kind = name.rpartition("_")
+        taken = name in ("omega", "frequency") or (other in names and kind in KINDS)
+        if taken or names.count(name) > 1:
+            owner = "a parameter" if taken else "another stop"
+            raise ValueError(f"`stops[{at}].name` {name!r} is that of {owner}; give each stop a name of its own")
+    return found
+
+
+def warn_of_short_contacts(stops: Sequence[Stop], mass: NDArray[np.float64], period: float) -> None:
+    """Warn of contacts so short that only their restitution matters."""
+    for stop in stops:
+        if stop.stiffness is None or stop.damping is None:
+            continue
+        struck = 1.0 / (stop.direction @ np.linalg.solve(mass, stop.direction))
+        if math.pi * math.sqrt(struck / stop.stiffness) < SHORTEST * period:
+            ratio = 0.5 * stop.damping / math.sqrt(stop.stiffness * struck)
+            warnings.warn(
+                f"a contact with {stop.name!r} takes less than {SHORTEST:g} driving periods; a rigid stop with the "
+                f"restitution of a damping ratio of {ratio:.3g} is the same and faster",
+                stacklevel=4,
+            )
 
 
 def names_of_points(points: Any, count: int) -> tuple[str, ...]:

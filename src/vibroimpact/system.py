@@ -1,4 +1,4 @@
-"""Systems of several coordinates, any periodic force and several rigid stops."""
+"""Systems of several coordinates, any periodic force and several stops."""
 
 from __future__ import annotations
 
@@ -16,21 +16,31 @@ from vibroimpact.cells import Floats
 from vibroimpact.matrices import ROUNDING, matrices, nearest, numbers
 from vibroimpact.modal import ModalForm, modal_form, velocity_scale
 from vibroimpact.oscillator import State, check_names
-from vibroimpact.parameters import Parameter, invalid, several
-from vibroimpact.stops import USUAL, ByValue, Force, Stop, check_length, names_of_points, over_modes
+from vibroimpact.parameters import Parameter, invalid
+from vibroimpact.stops import (
+    USUAL,
+    ByValue,
+    Force,
+    Stop,
+    check_length,
+    named_stops,
+    names_of_points,
+    over_modes,
+    several_stops,
+    warn_of_short_contacts,
+)
 from vibroimpact.system_cells import SystemCells
-
-STOPS = 5  # at most: an impact is solved among all their sets
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class ImpactSystem(ByValue):
-    r"""A linear system of n coordinates under a periodic force, in front of rigid stops.
+    r"""A linear system of n coordinates under a periodic force, in front of stops.
 
     .. math:: M \ddot q + C \dot q + K q = p_0 + \sum_h \mathrm{Im}\left(p_h e^{i h \omega t}\right), \qquad
-              u_j = g_j + \sum_h \mathrm{Im}\left(d_{jh} e^{i h \omega t}\right) - a_j \cdot q \ge 0
+              u_j = g_j + \sum_h \mathrm{Im}\left(d_{jh} e^{i h \omega t}\right) - a_j \cdot q
 
-    At an impact on stop j the rate of its clearance turns from -v to r_j v, and q' changes along M^-1 a_j.
+    A rigid stop keeps u_j >= 0: at an impact the rate of its clearance turns from -v to r_j v, and q' changes along
+    M^-1 a_j. One with a stiffness pushes while u_j < 0, as `Stop` says.
 
     Parameters
     ----------
@@ -55,7 +65,8 @@ class ImpactSystem(ByValue):
     -----
     Symmetry is asked for to 1e-12 of the entries; what is left of rounding is averaged away. Systems are equal if
     all their numbers are. Their parameters (`parameters`, `values`, `replace`) are `omega` or `frequency`, and
-    `<stop>_gap` and `<stop>_restitution` of every stop; `vibroimpact.family` is the way to others.
+    `<stop>_gap` and `<stop>_restitution`, or `<stop>_stiffness` and `<stop>_damping`, of every stop;
+    `vibroimpact.family` is the way to others.
 
     Examples
     --------
@@ -89,8 +100,9 @@ class ImpactSystem(ByValue):
         found = matrices(mass, damping, stiffness)
         for name, value in force.vectors.items():
             check_length(name, value, len(found["mass"]))
-        vars(self).update(found, force=force, stops=_named(stops, len(found["mass"])))
+        vars(self).update(found, force=force, stops=named_stops(stops, len(found["mass"])))
         self._check_room()
+        warn_of_short_contacts(self.stops, self.mass, self.period)
 
     @classmethod
     def from_modes(
@@ -178,7 +190,7 @@ class ImpactSystem(ByValue):
             force=Force(omega=force.omega, harmonics=harmonics, constant=vectors.get("constant")),
             stops=[
                 stop.replace(direction=over_modes(f"stops[{at}].direction", stop.direction, places, table))
-                for at, stop in enumerate(_stops(stops))
+                for at, stop in enumerate(several_stops(stops))
             ],
         )
 
@@ -206,18 +218,17 @@ class ImpactSystem(ByValue):
     def parameters(self) -> Mapping[str, Parameter]:
         """The parameters that an axis may vary, by name."""
         table = {name: USUAL[name] for name in ("omega", "frequency")}
-        for stop in self.stop_names:
-            for kind in ("gap", "restitution"):
-                usual, name = USUAL[kind], f"{stop}_{kind}"
-                words = f"{usual.long_name} of {stop}"
-                table[name] = replace(usual, name=name, long_name=words, symbol=f"{usual.symbol}_{stop}")
+        for stop in self.stops:
+            for kind in stop.kinds:
+                usual, name = USUAL[kind], f"{stop.name}_{kind}"
+                words = f"{usual.long_name} of {stop.name}"
+                table[name] = replace(usual, name=name, long_name=words, symbol=f"{usual.symbol}_{stop.name}")
         return MappingProxyType(table)
 
     @property
     def values(self) -> dict[str, float]:
         """Their values, of the frequency in rad/s."""
-        kinds = ("gap", "restitution")
-        of_stops = {f"{stop.name}_{kind}": getattr(stop, kind) for stop in self.stops for kind in kinds}
+        of_stops = {f"{stop.name}_{kind}": getattr(stop, kind) for stop in self.stops for kind in stop.kinds}
         return {"omega": self.omega, **of_stops}
 
     def replace(self, **changes: float) -> ImpactSystem:
@@ -230,10 +241,7 @@ class ImpactSystem(ByValue):
             given["omega"] = 2.0 * math.pi * given["frequency"]
         values = self.values | given
         force = Force(**{**self.force.arguments(), "omega": values["omega"]})
-        stops = [
-            stop.replace(gap=values[f"{stop.name}_gap"], restitution=values[f"{stop.name}_restitution"])
-            for stop in self.stops
-        ]
+        stops = [stop.replace(**{kind: values[f"{stop.name}_{kind}"] for kind in stop.kinds}) for stop in self.stops]
         made = object.__new__(ImpactSystem)  # of matrices that are checked
         vars(made).update(self.arguments() | {"force": force, "stops": tuple(stops)})
         made._check_room()
@@ -304,17 +312,18 @@ class ImpactSystem(ByValue):
     def initial(self, start: State | None = None) -> tuple[Floats, Floats, float]:
         """Return coordinates, velocities and time of an initial condition that is checked.
 
-        None is at rest at time 0, at q = 0 or, where that is beyond a stop, at the nearest q before all stops, in the
-        norm sqrt(q . M q).
+        None is at rest at time 0, at q = 0 or, where that is beyond a rigid stop, at the nearest q before all of those,
+        in the norm sqrt(q . M q). A stop that gives may be pushed in.
 
         Raises
         ------
         ValueError
-            It has other than n coordinates, or lies beyond stops by more than rounding; they are named.
+            It has other than n coordinates, or lies beyond rigid stops by more than rounding; they are named.
         """
         n = len(self.mass)
         if start is None:
-            q = nearest(self.mass, self._directions, self._bounds(0.0))
+            rigid = self._rigid
+            q = nearest(self.mass, self._directions[rigid], self._bounds(0.0)[rigid])
             if q is None:
                 raise ValueError("the stops leave no room at time 0; give a start at another time")
             return q, np.zeros(n), 0.0
@@ -327,8 +336,8 @@ class ImpactSystem(ByValue):
         size = np.abs(self._directions) @ np.abs(q) + self._reach * (1.0 + abs(start.time) * self.omega)
         over = [
             f"{name!r} by {depth:.3g} m"
-            for name, depth, most in zip(self.stop_names, beyond, n * ROUNDING * size, strict=True)
-            if depth > most
+            for name, depth, most, rigid in zip(self.stop_names, beyond, n * ROUNDING * size, self._rigid, strict=True)
+            if rigid and depth > most
         ]
         if over:
             raise ValueError(f"`start` lies beyond {' and '.join(over)} at time {start.time:g}; start before the stops")
@@ -337,6 +346,10 @@ class ImpactSystem(ByValue):
     @cached_property
     def _directions(self) -> Floats:
         return np.array([stop.direction for stop in self.stops]).reshape(-1, len(self.mass))
+
+    @cached_property
+    def _rigid(self) -> Any:
+        return np.array([not stop.compliant for stop in self.stops], bool)
 
     @cached_property
     def _reach(self) -> Floats:
@@ -352,9 +365,11 @@ class ImpactSystem(ByValue):
 
     def _check_room(self) -> None:
         """Refuse stops whose clearances cannot all be positive or zero at any time."""
-        if all(stop.gap >= 0.0 for stop in self.stops):
+        if all(stop.gap >= 0.0 or stop.compliant for stop in self.stops):
             return  # q = 0 is before all of them where they are farthest
         for (i, one), (j, other) in combinations(enumerate(self.stops), 2):
+            if one.compliant or other.compliant:
+                continue
             ratio = np.abs(one.direction).max() / np.abs(other.direction).max()
             if (np.abs(one.direction + ratio * other.direction) > 1e-12 * np.abs(one.direction)).any():
                 continue
@@ -367,34 +382,11 @@ class ImpactSystem(ByValue):
                     "position is before both; their gaps must have a sum >= 0"
                 )
         most_open = np.array([stop.gap + sum(map(abs, stop.motion.values())) for stop in self.stops])
-        if nearest(self.mass, self._directions, most_open) is None:
+        rigid = self._rigid
+        if nearest(self.mass, self._directions[rigid], most_open[rigid]) is None:
             raise ValueError(f"`stops` {', '.join(self.stop_names)} overlap: no position is before all of them")
 
 
 def _check_force(force: Any) -> None:
     if not isinstance(force, Force):
         raise invalid("force", force, "a Force", "write Force(omega=1.0) for none: it sets the period")
-
-
-def _stops(stops: Any) -> tuple[Stop, ...]:
-    found = several("stops", stops, "a list of Stops")
-    for at, stop in enumerate(found):
-        if not isinstance(stop, Stop):
-            raise invalid(f"stops[{at}]", stop, "a Stop", "write Stop(direction=[...], gap=...)")
-    if len(found) > STOPS:
-        raise ValueError(f"`stops` must be at most {STOPS}, got {len(found)}")
-    return found
-
-
-def _named(stops: Any, n: int) -> tuple[Stop, ...]:
-    """Return stops whose directions fit, those without a name called by their place."""
-    found = tuple(stop if stop.name else stop.called(f"stop_{at}") for at, stop in enumerate(_stops(stops), 1))
-    names = [stop.name for stop in found]
-    for at, (stop, name) in enumerate(zip(found, map(str, names), strict=True)):
-        check_length(f"stops[{at}].direction", stop.direction, n)
-        other, _, kind = name.rpartition("_")
-        taken = name in ("omega", "frequency") or (other in names and kind in ("gap", "restitution"))
-        if taken or names.count(name) > 1:
-            owner = "a parameter" if taken else "another stop"
-            raise ValueError(f"`stops[{at}].name` {name!r} is that of {owner}; give each stop a name of its own")
-    return found

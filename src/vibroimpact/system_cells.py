@@ -13,11 +13,13 @@ import numpy as np
 from vibroimpact.cells import COUNTABLE, Cells, Floats, spread
 from vibroimpact.matrices import nearest
 from vibroimpact.modal import ModalForm, fastest_rate, speed_parts, steady_motion, velocity_scales
+from vibroimpact.stops import KINDS
 
 if TYPE_CHECKING:
     from vibroimpact.oscillator import State
     from vibroimpact.system import ImpactSystem
 
+NUMBERS = "gap", "restitution", "spring", "dashpot"  # the blocks of KINDS; a rigid stop has no spring
 BEYOND = 1e-12  # of the lengths that a clearance is the sum of: so little beyond a stop is rounding
 
 
@@ -25,7 +27,7 @@ BEYOND = 1e-12  # of the lengths that a clearance is the sum of: so little beyon
 class Shape:
     """What all systems of one table share: their numbers of modes, stops and harmonics.
 
-    `coupled`: damping is not proportional in one of them; `moving`: so is a stop.
+    `coupled`: damping is not proportional in one of them; `moving`: a stop moves; `giving`: one gives.
     """
 
     modes: int
@@ -33,6 +35,7 @@ class Shape:
     harmonics: int
     coupled: bool
     moving: bool
+    giving: bool = False
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -40,8 +43,9 @@ class Shape:
         n, s, m = self.modes, self.stops, self.harmonics
         return {
             "eta": n, "rate": n, "turn": 3, "square": n, "damping": n * n, "load": n, "force": 2 * m * n,
-            "alpha": s * n, "jump": s * n, "weight": n, "gap": s, "motion": 2 * m * s, "restitution": s, "omega": 1,
-            "scale": 1, "steady": n + 2 * m * n, "margin": s, "give": s, "fastest": 1, "shapes": n * n, "time": 2,
+            "alpha": s * n, "jump": s * n, "weight": n, "gap": s, "motion": 2 * m * s, "restitution": s,
+            "spring": s, "dashpot": s, "omega": 1, "scale": 1, "steady": n + 2 * m * n, "margin": s, "give": s,
+            "fastest": 1, "shapes": n * n, "time": 2,
         }  # fmt: skip
 
 
@@ -58,7 +62,7 @@ class SystemCells(Cells):
     def of_systems(cls, systems: Iterable[ImpactSystem]) -> SystemCells:
         """Return a cell for each system, at rest, all with as many coordinates and stops.
 
-        What does not depend on gaps and restitutions is computed once for all systems that share it; only the first of
+        What does not depend on the numbers of stops is computed once for all systems that share it; only the first of
         these is kept, and those that stops may push from q = 0.
         """
         known: dict[Any, int] = {}
@@ -69,62 +73,66 @@ class SystemCells(Cells):
                 known[key] = len(known)
                 bases.append(system)
             which.append(known[key])
-            numbers.append([(stop.gap, stop.restitution) for stop in system.stops])
-            if any(stop.gap < 0.0 or stop.motion for stop in system.stops):
+            numbers.append([_numbers(stop) for stop in system.stops])
+            if any((stop.gap < 0.0 or stop.motion) and not stop.compliant for stop in system.stops):
                 pushed[row] = system
         if len({(len(base.mass), len(base.stops)) for base in bases}) > 1:
             raise ValueError("all systems of one family must have as many coordinates and stops; these have others")
-        gaps, bounces = np.moveaxis(np.array(numbers).reshape(len(which), -1, 2), -1, 0)
-        return cls._of_bases(bases, np.array(which), gaps, bounces, pushed.__getitem__)
+        table = np.array(numbers).reshape(len(which), -1, len(NUMBERS))
+        return cls._of_bases(bases, np.array(which), table, pushed.__getitem__)
 
     @classmethod
     def of_points(cls, system: ImpactSystem, points: Mapping[str, Any]) -> SystemCells:
         """Return a cell for each point of a system's own parameters, at rest.
 
-        What depends on the frequency is computed once for each of its values; gaps and restitutions are columns.
+        What depends on the frequency is computed once for each of its values; the numbers of stops are columns.
         """
         number = len(np.atleast_1d(next(iter(points.values()), 0.0)))
         omegas = points.get("omega", 2.0 * math.pi * points["frequency"] if "frequency" in points else None)
         values, which = np.unique(np.full(number, system.omega) if omegas is None else omegas, return_inverse=True)
         variants = [system.replace(omega=float(value)) for value in values]
-        gaps, bounces = (np.empty((number, len(system.stops))) for _ in range(2))
+        table = np.empty((number, len(system.stops), len(NUMBERS)))
         for j, stop in enumerate(system.stops):
-            gaps[:, j] = points.get(f"{stop.name}_gap", stop.gap)
-            bounces[:, j] = points.get(f"{stop.name}_restitution", stop.restitution)
+            table[:, j] = _numbers(stop)
+            for place, kind in enumerate(KINDS):
+                if f"{stop.name}_{kind}" in points:
+                    table[:, j, place] = points[f"{stop.name}_{kind}"]
 
         def there(row: int) -> ImpactSystem:
-            own = {f"{name}_gap": float(gap) for name, gap in zip(system.stop_names, gaps[row], strict=True)}
+            own = {f"{name}_gap": float(gap) for name, gap in zip(system.stop_names, table[row, :, 0], strict=True)}
             return variants[int(which[row])].replace(**own)
 
-        return cls._of_bases(variants, which, gaps, bounces, there)
+        return cls._of_bases(variants, which, table, there)
 
     @classmethod
     def _of_bases(
         cls,
         bases: Sequence[ImpactSystem],
         which: Any,
-        gaps: Floats,
-        bounces: Floats,
+        numbers: Floats,
         there: Callable[[int], ImpactSystem],
     ) -> SystemCells:
-        """Return a cell, at rest, for each row of gaps and restitutions, on the base of that number.
+        """Return a cell, at rest, for each row of the numbers of stops, on the base of that number.
 
         `there` is the system of a row; it is asked for where stops are in the way of q = 0.
         """
         forms = [base.modal() for base in bases]
         highest = max(int(form.orders.max(initial=0)) for form in forms)
         coupled, moving = any(not form.decoupled for form in forms), any(form.motions.any() for form in forms)
-        shape = Shape(len(bases[0].mass), gaps.shape[1], highest, coupled, moving)
+        gaps, springs = numbers[..., 0], numbers[..., KINDS.index("stiffness")]
+        shape = Shape(len(bases[0].mass), gaps.shape[1], highest, coupled, moving, bool(springs.any()))
         rows, *taken = zip(*(_row(form, shape) for form in forms), strict=True)
         cells = cls(np.array(rows)[which], _columns(shape), shape)
         at, (still, swung) = cells.places, (np.array(part)[which] for part in taken)
         left = gaps - still - swung
-        cells.table[:, at["gap"]], cells.table[:, at["restitution"]] = gaps, bounces
+        for place, name in enumerate(NUMBERS):
+            cells.table[:, at[name]] = numbers[..., place]
         cells.table[:, at["margin"]] = np.where(np.isnan(left), -np.inf, left)
         parts = zip(*map(speed_parts, forms), strict=True)
         driven, rate, offset, omega = (np.array(part)[which] for part in parts)
         cells.table[:, at["scale"]] = velocity_scales(driven, rate, offset, omega, gaps)[:, None]
-        closed = (cells._clearances(np.zeros(3), np.zeros_like(cells.block("eta"))) < 0.0).any(axis=1)
+        beyond = cells._clearances(np.zeros(3), np.zeros_like(cells.block("eta"))) < 0.0
+        closed = (beyond & (springs == 0.0)).any(axis=1)
         for row in np.flatnonzero(closed).tolist():
             own = there(row)
             cells.table[row, at["eta"]] = own.modal().inverse @ own.initial()[0]
@@ -206,14 +214,18 @@ class SystemCells(Cells):
         return alpha, jump, (alpha * jump).sum(axis=1)
 
     def _before_stops(self) -> SystemCells:
-        """Return the cells, those beyond a stop moved to the nearest displacement before all of them."""
+        """Return the cells, those beyond a rigid stop moved to the nearest displacement before all of these."""
         table = self.table.copy()
         for row in np.flatnonzero(self.beyond().any(axis=1)).tolist():
-            alpha = self.block("alpha")[row].reshape(self.shape.stops, self.shape.modes)
-            left = self._clearances(self.block("turn"), self.block("eta"))[row]
-            back = nearest(np.diag(self.block("weight")[row]), alpha, left)
+            back = self._back(row, self._clearances(self.block("turn"), self.block("eta"))[row])
             table[row, self.places["eta"]] += 0.0 if back is None else back
         return SystemCells(table, self.columns, self.shape)
+
+    def _back(self, row: int, clearances: Floats) -> Floats | None:
+        """Return the shortest way in front of all rigid stops of a cell."""
+        rigid = self.block("spring")[row] == 0.0
+        alpha = self.block("alpha")[row].reshape(self.shape.stops, self.shape.modes)
+        return nearest(np.diag(self.block("weight")[row]), alpha[rigid], clearances[rigid])
 
     def begun(self, start: State | None) -> SystemCells:
         """Return the cells from an initial condition; None leaves them as they are.
@@ -256,7 +268,7 @@ class SystemCells(Cells):
         return SystemCells(table, self.columns, self.shape)
 
     def carried(self, displacement: Floats, velocity: Floats, phase: float) -> SystemCells:
-        """Return a single cell from a state at a phase; where it lies beyond stops, from the nearest one before them.
+        """Return a single cell from a state at a phase; beyond rigid stops, from the nearest one before them.
 
         The distance is sqrt(q . M q); a cell whose stops leave no room at that phase stays at rest.
         """
@@ -264,20 +276,19 @@ class SystemCells(Cells):
         eta, rate = (np.linalg.solve(self.shapes[0], part) for part in (displacement, velocity))
         clearances = self._clearances(turn, eta[None])[0]
         if (clearances < 0.0).any():
-            alpha = self.block("alpha").reshape(self.shape.stops, self.shape.modes)
-            back = nearest(np.diag(self.block("weight")[0]), alpha, clearances)
+            back = self._back(0, clearances)
             if back is None:
                 return self
             eta = eta + back
         return self._with({"eta": eta, "rate": rate, "turn": turn, "time": (0.0, phase)})
 
     def beyond(self) -> Floats:
-        """Return how far in m each start lies beyond each stop; 0 before it, and where that is rounding."""
+        """Return how far in m each start lies beyond each rigid stop; 0 before it, and where that is rounding."""
         eta = self.block("eta")
         alpha = self.block("alpha").reshape(-1, self.shape.stops, self.shape.modes)
         size = np.abs(self.block("gap")) + (np.abs(alpha) @ np.abs(eta)[..., None])[..., 0]
         depth = -self._clearances(self.block("turn"), eta)
-        return np.where(depth > BEYOND * size, depth, 0.0)
+        return np.where((depth > BEYOND * size) & (self.block("spring") == 0.0), depth, 0.0)
 
     def _clearances(self, turn: Floats, eta: Floats) -> Floats:
         """Return the clearances of all stops at (sin wt, cos wt)."""
@@ -321,8 +332,15 @@ def _columns(shape: Shape) -> tuple[str, ...]:
     return tuple(f"{name}_{place}" for name, size in shape.sizes.items() for place in range(size))
 
 
+def _numbers(stop: Any) -> tuple[float, ...]:
+    """Return the numbers of a stop as NUMBERS has them."""
+    if stop.stiffness is None:
+        return stop.gap, stop.restitution, 0.0, 0.0
+    return stop.gap, 1.0, stop.stiffness, stop.damping
+
+
 def _fixed(system: ImpactSystem) -> tuple[Any, ...]:
-    """Return what all but the gaps and restitutions of a system are known by."""
+    """Return what all but the numbers of its stops is known by."""
     force = system.force
     load = [(order, part.tobytes()) for order, part in force.harmonics.items()]
     stops = [(stop.direction.tobytes(), *stop.motion.items()) for stop in system.stops]
@@ -331,7 +349,7 @@ def _fixed(system: ImpactSystem) -> tuple[Any, ...]:
 
 
 def _row(form: ModalForm, shape: Shape) -> tuple[Floats, Floats, Floats]:
-    """Return a row without what depends on gaps and restitutions, and what steady motion takes of the gaps."""
+    """Return a row without what depends on the numbers of stops, and what steady motion takes of the gaps."""
     n, s, highest = shape.modes, shape.stops, shape.harmonics
     forces, motions = np.zeros((n, highest), complex), np.zeros((s, highest), complex)
     forces[:, form.orders - 1], motions[:, form.orders - 1] = form.forces.T, form.motions
