@@ -20,8 +20,10 @@ from numba import njit
 
 from vibroimpact.kernels.law import COMPLETES, HOLD, SHORT
 from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary
+from vibroimpact.kernels.systems.flow import stop_moves, turns
+from vibroimpact.kernels.systems.layout import CLOSED, OPEN, RELEASED, STRUCK
 from vibroimpact.kernels.systems.rest import NOWHERE, SHORTENED, TOUCH, derivative, derive, hold, measure, settle
-from vibroimpact.kernels.systems.step import CLOSED, CONTACT, OPEN, RELEASED, STRUCK, stop_moves, turns
+from vibroimpact.kernels.systems.step import CONTACT
 from vibroimpact.kernels.vectors import get, put, select
 
 

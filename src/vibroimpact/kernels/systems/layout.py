@@ -8,6 +8,11 @@ from vibroimpact.kernels.systems.series import SIZE
 
 FLOW = 7  # numbers of a mode's flow over a leap, and four for each harmonic
 
+# How a stop is left: its clearance begins with no zero, a single one (just struck), a double one (from rest) or a
+# triple one (let go); or it is closed, held by a force above zero or by one that begins there. Where a zero has a
+# higher order, -x or PASSING + x stands for open or closed on a step up to x in any case.
+OPEN, STRUCK, RESTING, RELEASED, CLOSED, BALANCED, PASSING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
+
 
 class Layout(NamedTuple):
     """Rows of each number of a cell; modes, stops and harmonics 1 to H come first.

@@ -24,8 +24,9 @@ import math
 from numba import njit
 
 from vibroimpact.kernels.flight import BARELY
-from vibroimpact.kernels.systems.layout import FLOW
-from vibroimpact.kernels.systems.step import OPEN, STRUCK, fly_apart, miss, stop_moves, turned, turns
+from vibroimpact.kernels.systems.flow import fly_apart, stop_moves, turned, turns
+from vibroimpact.kernels.systems.layout import FLOW, OPEN, STRUCK
+from vibroimpact.kernels.systems.step import miss
 from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 # Before a step come a half, wholes while they are certified, up to so many, and a half again; their lengths in steps.

@@ -9,7 +9,8 @@ from numba import njit
 
 from vibroimpact.kernels.cell import FILLED, PINNED, QUIET, RUNNING, SPENT
 from vibroimpact.kernels.systems.law import release, stalled, strike
-from vibroimpact.kernels.systems.step import CLOSED, CONTACT
+from vibroimpact.kernels.systems.layout import CLOSED
+from vibroimpact.kernels.systems.step import CONTACT
 from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 LOOK = 32  # steps between two looks at whether a cell has ended

@@ -5,17 +5,9 @@ from __future__ import annotations
 from numba import njit
 
 from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary, solve
+from vibroimpact.kernels.systems.flow import fly_together, stop_moves, turns
+from vibroimpact.kernels.systems.layout import BALANCED, CLOSED, PASSING, RELEASED, RESTING
 from vibroimpact.kernels.systems.series import DEGREE, SIZE
-from vibroimpact.kernels.systems.step import (
-    BALANCED,
-    CLOSED,
-    PASSING,
-    RELEASED,
-    RESTING,
-    fly_together,
-    stop_moves,
-    turns,
-)
 
 SHORTENED = 4  # the highest derivative that most decisions take
 # Less is contact: of the lengths that a clearance is the sum of; and, where these vanish, of V times a step.

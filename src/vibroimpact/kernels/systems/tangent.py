@@ -19,6 +19,7 @@ import math
 from numba import njit
 
 from vibroimpact.kernels.systems.complementarity import solve
+from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.systems.march import (
     AT,
     BEFORE,
@@ -37,7 +38,6 @@ from vibroimpact.kernels.systems.march import (
     moment,
 )
 from vibroimpact.kernels.systems.rest import measure
-from vibroimpact.kernels.systems.step import CLOSED
 
 NEAR = 1e-7  # of V, of the modes' rates and their amplitudes: an impact that comes back so near is the same
 

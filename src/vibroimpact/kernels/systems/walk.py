@@ -9,11 +9,13 @@ from numba import njit
 
 from vibroimpact.kernels.cell import FILLED, RUNNING, SPENT
 from vibroimpact.kernels.machine import compiled
+from vibroimpact.kernels.systems.flow import fly_apart, move, turns
 from vibroimpact.kernels.systems.law import begin, bounce
+from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.systems.leap import HALF, LEAPS, WHOLE, leap_half, leap_whole, may_leap
 from vibroimpact.kernels.systems.march import HITS, LOOK, MADE, TURN, add_all, ending, happen, moment
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
-from vibroimpact.kernels.systems.step import CLOSED, NOTHING, fly_apart, move, step, turns
+from vibroimpact.kernels.systems.step import NOTHING, step
 
 
 class Seen(NamedTuple):

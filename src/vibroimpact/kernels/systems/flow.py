@@ -1,0 +1,178 @@
+"""How a system flies: the derivatives of its modes, free or coupled, and its state after a step."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from vibroimpact.kernels.flight import BARELY
+from vibroimpact.kernels.systems.layout import CLOSED, OPEN
+from vibroimpact.kernels.systems.series import SIZE, evaluate, load, oscillation, plus, store, wave
+from vibroimpact.kernels.vectors import fma, get, put, select
+
+
+@njit(error_model="numpy", forceinline=True)
+def sine_cosine(angle):
+    """Return sin and cos of an angle up to 1.3 radians, by their power series."""
+    z = angle * angle
+    p = fma(z, -1 / 121645100408832000, 1 / 355687428096000)
+    p = fma(z, p, -1 / 1307674368000)
+    p = fma(z, p, 1 / 6227020800)
+    p = fma(z, p, -1 / 39916800)
+    p = fma(z, p, 1 / 362880)
+    p = fma(z, p, -1 / 5040)
+    p = fma(z, p, 1 / 120)
+    p = fma(z, p, -1 / 6)
+    q = fma(z, 1 / 2432902008176640000, -1 / 6402373705728000)
+    q = fma(z, q, 1 / 20922789888000)
+    q = fma(z, q, -1 / 87178291200)
+    q = fma(z, q, 1 / 479001600)
+    q = fma(z, q, -1 / 3628800)
+    q = fma(z, q, 1 / 40320)
+    q = fma(z, q, -1 / 720)
+    q = fma(z, q, 1 / 24)
+    q = fma(z, q, -1 / 2)
+    return fma(angle * z, p, angle), fma(z, q, 1.0)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _harmonic(rows, first, m, k, wide):
+    """Return the series of Im(a e^{i m theta x}) from the rows that hold a and those of (sin, cos) of m wt."""
+    sine, cosine = get(rows, k.pairs + 2 * m, wide), get(rows, k.pairs + 2 * m + 1, wide)
+    re, im = get(rows, first, wide), get(rows, first + 1, wide)
+    theta = (m + 1.0) * get(rows, k.theta, wide)
+    return wave(fma(re, sine, im * cosine), theta * fma(re, cosine, -im * sine), -theta * theta)
+
+
+@njit(error_model="numpy", forceinline=True)
+def driven(rows, start, first, k, wide):
+    """Return a series with the value `start` at all orders 0, and every harmonic from row `first` on."""
+    zero = 0.0 * start
+    b = wave(start, zero, zero)
+    for m in range(k.harmonics):
+        b = plus(b, _harmonic(rows, first + 2 * m, m, k, wide))
+    return b
+
+
+@njit(error_model="numpy", forceinline=True)
+def turns(rows, k, wide):
+    """Leave (sin, cos) of every multiple of wt."""
+    sine, cosine = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
+    a, b = sine, cosine
+    for m in range(k.harmonics):
+        put(rows, k.pairs + 2 * m, wide, a)
+        put(rows, k.pairs + 2 * m + 1, wide, b)
+        a, b = fma(a, cosine, b * sine), fma(b, cosine, -a * sine)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _forced(rows, j, k, wide):
+    """Return the series of the force on mode j."""
+    return driven(rows, get(rows, k.load + j, wide), k.force + 2 * k.harmonics * j, k, wide)
+
+
+@njit(error_model="numpy", forceinline=True)
+def fly_apart(rows, k, wide):
+    """Leave the series of each mode, free of the others."""
+    for j in range(k.modes):
+        own = get(rows, k.square + j, wide), get(rows, k.damping + j * (k.modes + 1), wide)
+        b0, b1 = get(rows, k.eta + j, wide), get(rows, k.rate + j, wide)
+        store(rows, k.flight + j * SIZE, wide, oscillation(b0, b1, *own, _forced(rows, j, k, wide)))
+
+
+@njit(error_model="numpy")
+def fly_together(rows, k, wide, last):
+    """Leave the derivatives of all modes up to `last`, coupled by damping and by closed stops, and the holding forces.
+
+    In flight under proportional damping these are the bits of `fly_apart`: what couples adds zeros.
+    """
+    couple(rows, k, wide, last, True)
+
+
+@njit(error_model="numpy")
+def couple(rows, k, wide, last, loaded):
+    """Leave the derivatives of all modes, of the motion or of its deviation: that has no load, and no stop moves it."""
+    n, s = k.modes, k.stops
+    first, rate = (k.eta, k.rate) if loaded else (k.deta, k.drate)
+    for j in range(n):
+        b0 = get(rows, first + j, wide)
+        put(rows, k.flight + j * SIZE, wide, b0)
+        put(rows, k.flight + j * SIZE + 1, wide, get(rows, rate + j, wide))
+        store(rows, k.pull + j * SIZE, wide, _forced(rows, j, k, wide))
+        if not loaded:
+            store(rows, k.pull + j * SIZE, wide, wave(0.0 * b0, 0.0 * b0, 0.0 * b0))
+    for z in range(s):
+        start = get(rows, k.gap + z, wide)
+        store(rows, k.stop + z * SIZE, wide, driven(rows, start, k.motion + 2 * k.harmonics * z, k, wide))
+        if not loaded:
+            store(rows, k.stop + z * SIZE, wide, wave(0.0 * start, 0.0 * start, 0.0 * start))
+    for o in range(last - 1):
+        for j in range(n):
+            square = get(rows, k.square + j, wide)
+            b = get(rows, k.pull + j * SIZE + o, wide)
+            b = fma(-square, get(rows, k.flight + j * SIZE + o, wide), b)
+            for i in range(n):
+                damping = get(rows, k.damping + j * n + i, wide)
+                b = fma(-damping, get(rows, k.flight + i * SIZE + o + 1, wide), b)
+            put(rows, k.flight + j * SIZE + o + 2, wide, b)
+        for z in range(s):
+            put(rows, k.near + z, wide, clearance(rows, z, o + 2, k, wide))
+        for z in range(s):
+            force = 0.0 * get(rows, k.near + z, wide)
+            for y in range(s):
+                force = fma(-get(rows, k.held + z * s + y, wide), get(rows, k.near + y, wide), force)
+            put(rows, k.hold + z * SIZE + o, wide, force)
+            for j in range(n):
+                at = k.flight + j * SIZE + o + 2
+                b = fma(-get(rows, k.jump + z * n + j, wide), force, get(rows, at, wide))
+                put(rows, at, wide, b)
+
+
+@njit(error_model="numpy", forceinline=True)
+def clearance(rows, z, o, k, wide):
+    """Return the derivative of a clearance of that order, once those of the modes and of the stop are known."""
+    b = get(rows, k.stop + z * SIZE + o, wide)
+    for j in range(k.modes):
+        b = fma(-get(rows, k.alpha + z * k.modes + j, wide), get(rows, k.flight + j * SIZE + o, wide), b)
+    return b
+
+
+@njit(error_model="numpy", forceinline=True)
+def stop_moves(rows, z, sine, cosine, k, wide):
+    """Return where a stop is, as a clearance, and how fast it moves."""
+    u = get(rows, k.gap + z, wide)
+    w = 0.0 * u
+    if k.moving:
+        a, b = sine, cosine
+        for m in range(k.harmonics):
+            first = k.motion + 2 * (k.harmonics * z + m)
+            re, im = get(rows, first, wide), get(rows, first + 1, wide)
+            u = u + fma(re, a, im * b)
+            w = w + (m + 1.0) * get(rows, k.theta, wide) * fma(re, b, -im * a)
+            a, b = fma(a, cosine, b * sine), fma(b, cosine, -a * sine)
+    return u, w
+
+
+@njit(error_model="numpy", forceinline=True)
+def turned(s, c, sine, cosine):
+    """Turn (sin wt, cos wt) by an angle, and pull it back to unit length: one Newton step of 1/sqrt."""
+    s1, c1 = fma(s, cosine, c * sine), fma(c, cosine, -s * sine)
+    pull = fma(-0.5, fma(s1, s1, c1 * c1), 1.5)
+    return s1 * pull, c1 * pull
+
+
+@njit(error_model="numpy", forceinline=True)
+def move(rows, x, close, k, wide):
+    """Carry the state over x, to a contact or not."""
+    for j in range(k.modes):
+        y, p = evaluate(load(rows, k.flight + j * SIZE, wide), x)
+        put(rows, k.eta + j, wide, y)
+        put(rows, k.rate + j, wide, p)
+    s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
+    s1, c1 = turned(s, c, *sine_cosine(get(rows, k.theta, wide) * x))
+    put(rows, k.turn, wide, s1)
+    put(rows, k.turn + 1, wide, c1)
+    begun = select((s < -BARELY) & (s1 >= -BARELY), 1.0, 0.0)
+    put(rows, k.turn + 2, wide, get(rows, k.turn + 2, wide) + begun)
+    for z in range(k.stops):
+        kind = get(rows, k.kind + z, wide)
+        put(rows, k.kind + z, wide, select((x > 0.0) | close, select(kind >= CLOSED, CLOSED, OPEN), kind))
