@@ -35,7 +35,18 @@ _TERMS = 30  # of a series over a leap: 2^31/31! is below rounding
 _ROOM = 4096  # rows of a buffer, which is emptied when it is full
 
 # By which power of a step's length a number is multiplied where time is counted in steps.
-_POWERS = {"rate": 1, "square": 2, "damping": 1, "load": 2, "force": 2, "omega": 1, "scale": 1, "give": -2}
+_POWERS = {
+    "rate": 1,
+    "square": 2,
+    "damping": 1,
+    "load": 2,
+    "force": 2,
+    "omega": 1,
+    "scale": 1,
+    "give": -2,
+    "spring": 2,
+    "dashpot": 1,
+}
 _RENAMED = {"omega": "theta", "scale": "cut"}
 
 
@@ -44,11 +55,10 @@ def _steps(cells: SystemCells) -> Floats:
     return REACH / cells.fastest_rate
 
 
-def _layout(cells: SystemCells, thorough: bool = False, wary: bool = False) -> Layout:
+def _layout(cells: SystemCells, thorough: bool = False, wary: bool = False, forceful: bool = False) -> Layout:
     shape = cells.shape
-    if shape.giving:
-        raise NotImplementedError("motions in front of stops that give are not computed yet")
-    return layout_of(shape.modes, shape.stops, shape.harmonics, shape.coupled, shape.moving, thorough, wary)
+    given = shape.modes, shape.stops, shape.harmonics, shape.coupled, shape.moving
+    return layout_of(*given, thorough, wary, shape.giving, forceful)
 
 
 def _in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
@@ -60,9 +70,16 @@ def _in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
         if first is not None:
             table[:, first : first + size] = cells.block(name) * step ** _POWERS.get(name, 0)
     _prepare_leaps(cells, layout, table)
+    s, grip = layout.stops, np.einsum("ijk,ijk->ij", *(_by_stop(cells, name) for name in ("alpha", "jump")))
+    table[:, layout.hard : layout.hard + s] = table[:, layout.spring : layout.spring + s] * grip / REACH**2
+    table[:, layout.thick : layout.thick + s] = table[:, layout.dashpot : layout.dashpot + s] * grip / REACH
     table[:, layout.speed] = table[:, layout.cut]
     table[:, layout.cut] *= chatter
     return table
+
+
+def _by_stop(cells: SystemCells, name: str) -> Floats:
+    return cells.block(name).reshape(len(cells), cells.shape.stops, cells.shape.modes)
 
 
 def _prepare_leaps(cells: SystemCells, k: Layout, table: Floats) -> None:
@@ -145,7 +162,7 @@ def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]
 
 
 def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
-    k, window = _layout(cell), measurement.window
+    k, window = _layout(cell, forceful=cell.shape.giving), measurement.window
     start_periods, start_phase = cell.block("time")[0].tolist()
     if isinstance(window, ImpactWindow):
         total, wanted = march.Window(float(window.transient), float(window.transient + window.keep)), 0
@@ -158,13 +175,15 @@ def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
     rows, spare, note, room = np.zeros(k.rows), np.zeros(k.rows), np.zeros(_noted(k)), _room(k)
     limit = total.total if isinstance(window, ImpactWindow) else window.skip_periods + wanted / window.per_period + 1.0
     note[: march.MADE] = _budgets(cell, measurement.tolerances, limit)
-    seen = walk.Seen(np.zeros((_ROOM, 6)), np.zeros((wanted, 2 * k.modes)), np.zeros((_ROOM, 5)), np.zeros(3, np.int64))
+    seen = walk.Seen(
+        np.zeros((_ROOM, 10)), np.zeros((wanted, 2 * k.modes)), np.zeros((_ROOM, 5)), np.zeros(3, np.int64)
+    )
     walk.seat(rows, k, _in_steps(cell, measurement.tolerances.chatter, k)[0], room, seen)
-    impacts, rests, end = [], [], RUNNING
+    impacts: list[Floats] = []
+    rests, end = [], RUNNING
     while end == RUNNING:
         end = walk.follow(rows, spare, k, room, note, seen, total, schedule, _STEPS)
-        impacts.append(seen.impacts[: seen.filled[0]].copy())
-        seen.filled[0] = 0
+        _take_impacts(impacts, seen, rows[k.entry : k.entry + k.stops], end != RUNNING)
         if seen.filled[2] + k.stops > _ROOM:  # those still closed stay
             done = seen.rests[: seen.filled[2]]
             open_ones = done[np.isnan(done[:, 3])]
@@ -175,6 +194,17 @@ def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
     state = rows[k.eta : k.eta + k.modes], rows[k.rate : k.rate + k.modes], march.moment(*rows[k.turn : k.turn + 3])[1]
     found = np.concatenate(impacts), np.concatenate(rests)
     return _labelled(cell, window, *found, times, seen, end, note, state)
+
+
+def _take_impacts(impacts: list[Floats], seen: walk.Seen, entries: Floats, ended: bool) -> None:
+    """Move rows of impacts out of their buffer, but for those from the first contact on that still goes on."""
+    number = int(seen.filled[0])
+    goes_on = np.flatnonzero(np.isnan(seen.impacts[:number, 4]))
+    taken = int(goes_on[0]) if len(goes_on) and not ended else number
+    impacts.append(seen.impacts[:taken].copy())
+    seen.impacts[: number - taken] = seen.impacts[taken:number].copy()
+    seen.filled[0] -= taken
+    entries[:] = np.maximum(entries - taken, 0.0)
 
 
 def _labelled(

@@ -6,7 +6,7 @@ from numba import njit
 
 from vibroimpact.kernels.flight import BARELY
 from vibroimpact.kernels.systems.layout import CLOSED, OPEN
-from vibroimpact.kernels.systems.series import SIZE, evaluate, load, oscillation, plus, store, wave
+from vibroimpact.kernels.systems.series import SIZE, evaluate, load, oscillation, plus, plus_times, store, wave
 from vibroimpact.kernels.vectors import fma, get, put, select
 
 
@@ -35,21 +35,21 @@ def sine_cosine(angle):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _harmonic(rows, first, m, k, wide):
+def _harmonic(rows, first, m, pace, k, wide):
     """Return the series of Im(a e^{i m theta x}) from the rows that hold a and those of (sin, cos) of m wt."""
     sine, cosine = get(rows, k.pairs + 2 * m, wide), get(rows, k.pairs + 2 * m + 1, wide)
     re, im = get(rows, first, wide), get(rows, first + 1, wide)
-    theta = (m + 1.0) * get(rows, k.theta, wide)
+    theta = (m + 1.0) * get(rows, k.theta, wide) * pace
     return wave(fma(re, sine, im * cosine), theta * fma(re, cosine, -im * sine), -theta * theta)
 
 
 @njit(error_model="numpy", forceinline=True)
-def driven(rows, start, first, k, wide):
-    """Return a series with the value `start` at all orders 0, and every harmonic from row `first` on."""
+def driven(rows, start, first, pace, k, wide):
+    """Return a series that begins with `start` and has every harmonic from row `first` on, in steps of that pace."""
     zero = 0.0 * start
     b = wave(start, zero, zero)
     for m in range(k.harmonics):
-        b = plus(b, _harmonic(rows, first + 2 * m, m, k, wide))
+        b = plus(b, _harmonic(rows, first + 2 * m, m, pace, k, wide))
     return b
 
 
@@ -65,9 +65,9 @@ def turns(rows, k, wide):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _forced(rows, j, k, wide):
+def _forced(rows, j, pace, k, wide):
     """Return the series of the force on mode j."""
-    return driven(rows, get(rows, k.load + j, wide), k.force + 2 * k.harmonics * j, k, wide)
+    return driven(rows, get(rows, k.load + j, wide), k.force + 2 * k.harmonics * j, pace, k, wide)
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -76,12 +76,12 @@ def fly_apart(rows, k, wide):
     for j in range(k.modes):
         own = get(rows, k.square + j, wide), get(rows, k.damping + j * (k.modes + 1), wide)
         b0, b1 = get(rows, k.eta + j, wide), get(rows, k.rate + j, wide)
-        store(rows, k.flight + j * SIZE, wide, oscillation(b0, b1, *own, _forced(rows, j, k, wide)))
+        store(rows, k.flight + j * SIZE, wide, oscillation(b0, b1, *own, _forced(rows, j, 1.0, k, wide)))
 
 
 @njit(error_model="numpy")
 def fly_together(rows, k, wide, last):
-    """Leave the derivatives of all modes up to `last`, coupled by damping and by closed stops, and the holding forces.
+    """Leave the derivatives of all modes up to `last`, coupled by damping and by stops, and the forces of these.
 
     In flight under proportional damping these are the bits of `fly_apart`: what couples adds zeros.
     """
@@ -90,41 +90,81 @@ def fly_together(rows, k, wide, last):
 
 @njit(error_model="numpy")
 def couple(rows, k, wide, last, loaded):
-    """Leave the derivatives of all modes, of the motion or of its deviation: that has no load, and no stop moves it."""
-    n, s = k.modes, k.stops
+    """Leave the derivatives of all modes, of the motion or of its deviation: that has no load, and no stop moves it.
+
+    They are those over steps of the present pace.
+    """
+    n, s, pace = k.modes, k.stops, get(rows, k.pace, wide)
     first, rate = (k.eta, k.rate) if loaded else (k.deta, k.drate)
     for j in range(n):
         b0 = get(rows, first + j, wide)
         put(rows, k.flight + j * SIZE, wide, b0)
-        put(rows, k.flight + j * SIZE + 1, wide, get(rows, rate + j, wide))
-        store(rows, k.pull + j * SIZE, wide, _forced(rows, j, k, wide))
+        put(rows, k.flight + j * SIZE + 1, wide, pace * get(rows, rate + j, wide))
+        store(rows, k.pull + j * SIZE, wide, _forced(rows, j, pace, k, wide))
         if not loaded:
             store(rows, k.pull + j * SIZE, wide, wave(0.0 * b0, 0.0 * b0, 0.0 * b0))
     for z in range(s):
         start = get(rows, k.gap + z, wide)
-        store(rows, k.stop + z * SIZE, wide, driven(rows, start, k.motion + 2 * k.harmonics * z, k, wide))
+        store(rows, k.stop + z * SIZE, wide, driven(rows, start, k.motion + 2 * k.harmonics * z, pace, k, wide))
         if not loaded:
             store(rows, k.stop + z * SIZE, wide, wave(0.0 * start, 0.0 * start, 0.0 * start))
     for o in range(last - 1):
         for j in range(n):
-            square = get(rows, k.square + j, wide)
-            b = get(rows, k.pull + j * SIZE + o, wide)
+            square = pace * pace * get(rows, k.square + j, wide)
+            b = pace * pace * get(rows, k.pull + j * SIZE + o, wide)
             b = fma(-square, get(rows, k.flight + j * SIZE + o, wide), b)
             for i in range(n):
-                damping = get(rows, k.damping + j * n + i, wide)
+                damping = pace * get(rows, k.damping + j * n + i, wide)
                 b = fma(-damping, get(rows, k.flight + i * SIZE + o + 1, wide), b)
             put(rows, k.flight + j * SIZE + o + 2, wide, b)
+        for z in range(s if k.giving else 0):
+            _push(rows, z, o, k, wide)
         for z in range(s):
             put(rows, k.near + z, wide, clearance(rows, z, o + 2, k, wide))
         for z in range(s):
             force = 0.0 * get(rows, k.near + z, wide)
             for y in range(s):
                 force = fma(-get(rows, k.held + z * s + y, wide), get(rows, k.near + y, wide), force)
-            put(rows, k.hold + z * SIZE + o, wide, force)
-            for j in range(n):
-                at = k.flight + j * SIZE + o + 2
-                b = fma(-get(rows, k.jump + z * n + j, wide), force, get(rows, at, wide))
-                put(rows, at, wide, b)
+            if k.giving:
+                pushes = get(rows, k.spring + z, wide) > 0.0
+                put(rows, k.hold + z * SIZE + o, wide, select(pushes, get(rows, k.hold + z * SIZE + o, wide), force))
+            else:
+                put(rows, k.hold + z * SIZE + o, wide, force)
+            _pull(rows, z, o, force, k, wide)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _pull(rows, z, o, force, k, wide):
+    """Let the derivative of a stop's force act on the modes."""
+    for j in range(k.modes):
+        at = k.flight + j * SIZE + o + 2
+        b = fma(-get(rows, k.jump + z * k.modes + j, wide), force, get(rows, at, wide))
+        put(rows, at, wide, b)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _push(rows, z, o, k, wide):
+    """Leave a derivative of k d + c d' of a stop that gives and is pushed in, and let it act."""
+    pace = get(rows, k.pace, wide)
+    spring, dashpot = pace * pace * get(rows, k.spring + z, wide), pace * get(rows, k.dashpot + z, wide)
+    force = fma(-spring, clearance(rows, z, o, k, wide), -dashpot * clearance(rows, z, o + 1, k, wide))
+    force = select(get(rows, k.kind + z, wide) >= CLOSED, force, 0.0)
+    put(rows, k.hold + z * SIZE + o, wide, force)
+    _pull(rows, z, o, force, k, wide)
+
+
+@njit(error_model="numpy", forceinline=True)
+def clearances(rows, z, pace, k, wide):
+    """Return the series of a stop's clearance from those of the modes."""
+    start = get(rows, k.gap + z, wide)
+    if k.moving:
+        b = driven(rows, start, k.motion + 2 * k.harmonics * z, pace, k, wide)
+    else:
+        b = wave(start, 0.0 * start, 0.0 * start)
+    for j in range(k.modes):
+        alpha = get(rows, k.alpha + z * k.modes + j, wide)
+        b = plus_times(b, -alpha, load(rows, k.flight + j * SIZE, wide))
+    return b
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -161,12 +201,20 @@ def turned(s, c, sine, cosine):
 
 
 @njit(error_model="numpy", forceinline=True)
-def move(rows, x, close, k, wide):
-    """Carry the state over x, to a contact or not."""
+def carry(rows, amplitude, rate, x, k, wide):
+    """Leave the amplitudes and rates of all modes, or of their deviation, after x, from their derivatives."""
     for j in range(k.modes):
         y, p = evaluate(load(rows, k.flight + j * SIZE, wide), x)
-        put(rows, k.eta + j, wide, y)
-        put(rows, k.rate + j, wide, p)
+        put(rows, amplitude + j, wide, y)
+        put(rows, rate + j, wide, p / get(rows, k.pace, wide) if k.giving else p)
+
+
+@njit(error_model="numpy", forceinline=True)
+def move(rows, x, close, k, wide):
+    """Carry the state over a part x of a step of its pace, to a contact or not."""
+    carry(rows, k.eta, k.rate, x, k, wide)
+    if k.giving:
+        x = x * get(rows, k.pace, wide)
     s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
     s1, c1 = turned(s, c, *sine_cosine(get(rows, k.theta, wide) * x))
     put(rows, k.turn, wide, s1)

@@ -13,6 +13,7 @@ from numba import njit
 from vibroimpact.kernels.cell import QUIET_FOR, RUNNING
 from vibroimpact.kernels.machine import compiled, next_ticket
 from vibroimpact.kernels.systems.law import begin, bounce, closed
+from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, NOTHING
 from vibroimpact.kernels.systems.leap import LEAPS, leap_half, leap_whole, may_leap
 from vibroimpact.kernels.systems.march import (
     CHATTERED,
@@ -26,12 +27,14 @@ from vibroimpact.kernels.systems.march import (
     SUMS,
     add,
     add_all,
+    conclude,
     ending,
     happen,
     note_misses,
     note_rests,
 )
-from vibroimpact.kernels.systems.step import NOTHING, step
+from vibroimpact.kernels.systems.push import meet
+from vibroimpact.kernels.systems.step import step
 from vibroimpact.kernels.systems.tangent import before, confine, cross, deviate, measure_growth, recur
 from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
 
@@ -58,6 +61,7 @@ def _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room):
     note[:MADE] = budgets[cell]
     rows[:] = 0.0
     rows[: k.constants] = table[cell]
+    rows[k.pace] = 1.0
     closing = begin(rows, k, room)
     if k.thorough:
         deviate(rows, k)
@@ -105,6 +109,9 @@ def _unusual(lanes, lane, notes, rows, note, k, room, window):
     if k.thorough and closing:
         for y in range(k.stops):
             note[CHATTERED] += closing >> y & 1 and room.tail[y] > 0.0
+    for y in range(k.stops if k.giving or k.forceful else 0):
+        if rows[k.kind + y] < CLOSED:
+            conclude(note, rows, k, None, rows[k.kind + y] < CLOSED, y, window)
     note[STICKS] += rows[k.closed] > 0.0 and window.transient < note[HITS] < window.total
     _lower(lanes, lane, rows, k.constants)
     _lower(notes, lane, note, len(note))
@@ -118,8 +125,23 @@ def _usual(lanes, notes, k, window):
         return
     lost = 0.5 * (1.0 - r) * v * impulse
     sine, cosine, periods = get(lanes, k.turn, 0), get(lanes, k.turn + 1, 0), get(lanes, k.turn + 2, 0)
-    add(notes, k, 0, usual, get(lanes, k.which, 0), v, lost, sine, cosine, periods, window)
+    add(notes, k, 0, usual, get(lanes, k.which, 0), v, lost, impulse, sine, cosine, periods, window)
     put(lanes, k.hit, 0, select(usual, NOTHING, get(lanes, k.hit, 0)))
+
+
+@njit(error_model="numpy", forceinline=True)
+def _usual_contacts(lanes, notes, k, window):
+    """Begin and end the usual contacts with stops that give; they are then no hits any more."""
+    hit, which = get(lanes, k.hit, 0), get(lanes, k.which, 0)
+    if not anywhere(hit == CONTACT):
+        return
+    begins, ends, v = meet(lanes, k, 0, hit == CONTACT)
+    for y in range(k.stops if anywhere(ends) else 0):
+        conclude(notes, lanes, k, 0, ends & (which == float(y)), y, window)
+    if anywhere(begins):
+        now = get(lanes, k.turn, 0), get(lanes, k.turn + 1, 0), get(lanes, k.turn + 2, 0)
+        add(notes, k, 0, begins, which, v, 0.0 * v, 0.0 * v, *now, window)
+    put(lanes, k.hit, 0, select(begins | ends, NOTHING, hit))
 
 
 @njit(error_model="numpy")
@@ -153,6 +175,8 @@ def run_lanes(table, budgets, results, ends, tickets, lanes, owner, notes, ended
             step(lanes, k, 0)
             if not k.thorough:
                 _usual(lanes, notes, k, window)
+                if k.giving:
+                    _usual_contacts(lanes, notes, k, window)
             if anywhere(get(lanes, k.hit, 0) > NOTHING):
                 for lane in range(LANES):
                     if lanes[k.hit * LANES + lane] != NOTHING and owner[lane] >= 0:

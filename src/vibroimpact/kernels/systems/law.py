@@ -21,9 +21,9 @@ from numba import njit
 from vibroimpact.kernels.law import COMPLETES, HOLD, SHORT
 from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary
 from vibroimpact.kernels.systems.flow import stop_moves, turns
-from vibroimpact.kernels.systems.layout import CLOSED, OPEN, RELEASED, STRUCK
+from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, OPEN, RELEASED, STRUCK
+from vibroimpact.kernels.systems.push import attend
 from vibroimpact.kernels.systems.rest import NOWHERE, SHORTENED, TOUCH, derivative, derive, hold, measure, settle
-from vibroimpact.kernels.systems.step import CONTACT
 from vibroimpact.kernels.vectors import get, put, select
 
 
@@ -38,7 +38,8 @@ def begin(rows, k, room):
             size += abs(rows[k.alpha + z * k.modes + j] * rows[k.rate + j])
         if touching >> z & 1 and abs(room.rate[z]) <= ROUNDING * size:
             members |= 1 << z
-    return settle(rows, k, room, members) if members else 0
+    closing = settle(rows, k, room, members) if members else 0
+    return closing | attend(rows, k, room) if k.giving else closing
 
 
 @njit(error_model="numpy")
@@ -58,10 +59,10 @@ def release(rows, k, room):
 
 @njit(error_model="numpy", forceinline=True)
 def closed(rows, k):
-    """Return the set of closed stops."""
+    """Return the set of rigid stops that are closed."""
     found = int(0.0)
     for z in range(k.stops):
-        if rows[k.kind + z] >= CLOSED:
+        if rows[k.kind + z] >= CLOSED and rows[k.spring + z] == 0.0:
             found |= 1 << z
     return found
 
@@ -83,6 +84,8 @@ def bounce(rows, k, wide):
     """
     n, which = k.modes, get(rows, k.which, wide)
     usual = (get(rows, k.hit, wide) == CONTACT) & (get(rows, k.closed, wide) <= 0.0)
+    if k.giving:
+        usual = usual & (get(rows, k.engaged, wide) <= 0.0)
     rate = gram = r = 0.0 * which
     for y in range(k.stops):
         own, gap = which == float(y), get(rows, k.gap + y, wide)
@@ -96,6 +99,8 @@ def bounce(rows, k, wide):
             inverse = inverse + alpha * get(rows, k.jump + y * n + j, wide)
         rate, gram = select(own, w, rate), select(own, inverse, gram)
         r = select(own, get(rows, k.restitution + y, wide), r)
+        if k.giving:
+            own = own & (get(rows, k.spring + y, wide) <= 0.0)
         usual = usual & (own | (u > TOUCH * size + NOWHERE * get(rows, k.speed, wide)))
     usual = usual & (r > 0.0) & (-rate >= get(rows, k.cut, wide))
     impulse = select(usual, -(1.0 + r) * rate / gram, 0.0)

@@ -12,6 +12,7 @@ FLOW = 7  # numbers of a mode's flow over a leap, and four for each harmonic
 # triple one (let go); or it is closed, held by a force above zero or by one that begins there. Where a zero has a
 # higher order, -x or PASSING + x stands for open or closed on a step up to x in any case.
 OPEN, STRUCK, RESTING, RELEASED, CLOSED, BALANCED, PASSING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
+NOTHING, CONTACT, STALLED = 0.0, 1.0, 2.0  # what ended a step; the last: it is at a stop without approaching it
 
 
 class Layout(NamedTuple):
@@ -21,7 +22,10 @@ class Layout(NamedTuple):
     left or held; `age` and `made` count the steps flown since an event and made in all; `held` is the inverse of alpha
     M^-1 alpha^T over the closed stops, and `closed` how many there are; `deta` and `drate` are a deviation, `known` is
     the state (eta, rate, sin wt, cos wt) at an impact to which the motion may return, and `missed` what the closest
-    near-miss of each stop since the last impact left. The others up to `constants` are
+    near-miss of each stop since the last impact left. Of stops that give, `leaving` says which one has let go and is
+    still pushed in, `engaged` counts those and the ones that push, `pace` is the length of a step while they do, as a
+    part of it, and `thrust`, `work`, `pushed`, `peak` and `depth` are impulse, energy taken, time, largest force and
+    penetration of the contact. The others up to `constants` are
     constant, with the flows of leaps, `halves` and `wholes`, and `driven`, bounds of the loads, of their second
     derivatives and of the stops' accelerations. From `pairs` on it is room to work.
     """
@@ -33,6 +37,8 @@ class Layout(NamedTuple):
     moving: bool
     thorough: bool
     wary: bool
+    giving: bool
+    forceful: bool
     eta: int
     rate: int
     turn: int
@@ -45,6 +51,15 @@ class Layout(NamedTuple):
     drate: int
     known: int
     missed: int
+    leaving: int
+    engaged: int
+    pace: int
+    thrust: int
+    work: int
+    pushed: int
+    peak: int
+    depth: int
+    entry: int
     square: int
     damping: int
     load: int
@@ -55,6 +70,10 @@ class Layout(NamedTuple):
     gap: int
     motion: int
     restitution: int
+    spring: int
+    dashpot: int
+    hard: int
+    thick: int
     theta: int
     cut: int
     speed: int
@@ -78,20 +97,31 @@ class Layout(NamedTuple):
 
 
 def layout_of(
-    modes: int, stops: int, harmonics: int, coupled: bool, moving: bool, thorough: bool = False, wary: bool = False
+    modes: int,
+    stops: int,
+    harmonics: int,
+    coupled: bool,
+    moving: bool,
+    thorough: bool = False,
+    wary: bool = False,
+    giving: bool = False,
+    forceful: bool = False,
 ) -> Layout:
     """Return the rows of systems of that many modes, stops and harmonics.
 
     `coupled`: damping is not proportional in some of them; `moving`: so is a stop; `thorough`: a neighbour of each
-    motion is carried along; `wary`: near-misses are looked for, too.
+    motion is carried along; `wary`: near-misses are looked for, too; `giving`: stops give; `forceful`: impulses and
+    largest forces are asked for.
     """
     n, s, m = modes, stops, harmonics
     flow = n * (FLOW + 4 * m) + 2
     sizes = {
         "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "made": 1, "closed": 1, "held": s * s,
         "deta": n * thorough, "drate": n * thorough, "known": (2 * n + 2) * thorough, "missed": s * thorough,
+        "leaving": s, "engaged": 1, "pace": 1, "thrust": s, "work": s, "pushed": s, "peak": s, "depth": s, "entry": s,
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
-        "gap": s, "motion": 2 * m * s, "restitution": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
+        "gap": s, "motion": 2 * m * s, "restitution": s,
+        "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
         "margin": s, "give": s, "driven": 2 * n + s,
         "halves": flow, "wholes": flow, "constants": 0, "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE,
         "stop": s * SIZE, "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1, "rows": 0,
@@ -100,4 +130,4 @@ def layout_of(
     for name, size in sizes.items():
         places[name] = row
         row += size
-    return Layout(n, s, m, coupled, moving, thorough, wary, **places)
+    return Layout(n, s, m, coupled, moving, thorough, wary, giving, forceful, **places)

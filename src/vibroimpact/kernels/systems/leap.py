@@ -137,7 +137,8 @@ def _take(rows, certain, s, s1, c1, first, length, k, wide):
 @njit(error_model="numpy", forceinline=True)
 def may_leap(rows, k, wide):
     """Return where leaps may be tried."""
-    return get(rows, k.closed, wide) <= 0.0
+    may = get(rows, k.closed, wide) <= 0.0
+    return may & (get(rows, k.engaged, wide) <= 0.0) if k.giving else may
 
 
 @njit(error_model="numpy")

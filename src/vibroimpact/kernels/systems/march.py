@@ -9,8 +9,8 @@ from numba import njit
 
 from vibroimpact.kernels.cell import FILLED, PINNED, QUIET, RUNNING, SPENT
 from vibroimpact.kernels.systems.law import release, stalled, strike
-from vibroimpact.kernels.systems.layout import CLOSED
-from vibroimpact.kernels.systems.step import CONTACT
+from vibroimpact.kernels.systems.layout import CLOSED, CONTACT
+from vibroimpact.kernels.systems.push import attend, touch
 from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 LOOK = 32  # steps between two looks at whether a cell has ended
@@ -24,11 +24,13 @@ BEGAN, ENDED, STOP = 7, 10, 13
 # returned
 FROM, SINCE, PHASE, AT, CHATTERED, IMPACTS, PERIODS = range(14, 21)
 # Then of the window's impacts on each stop: how many, the first speed, sums of what the others differ by and of squares
-# of that, the largest speed, sums of cos wt and sin wt, and the energy lost after the window's first impact.
+# of that, the largest speed, sums of cos wt and sin wt, and the energy lost after the window's first impact, the
+# impulse and the largest force.
 # Of its rests, in periods (and of those at any stop, in a block of their own): how long up to now, less the time now
 # while it is closed; up to the last impact, and up to the known one; in a cycle. And its closest miss.
-SUMS, EACH = 21, 13
-COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, RESTED, LATEST, BEFORE, RESTING, MISS = range(EACH)
+SUMS, EACH = 21, 15
+COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, THRUST, PEAK = range(10)
+RESTED, LATEST, BEFORE, RESTING, MISS = range(10, EACH)
 
 
 class Window(NamedTuple):
@@ -99,21 +101,28 @@ def ending(rows, k, room, note, total):
     closed = rows[k.closed]
     if closed >= k.modes and rows[k.age] * rows[k.theta] > TURN:
         return PINNED  # nothing is free to move, and the force has gone through a whole period
-    if closed == 0.0 and _never_again(rows, k, room):
+    if closed == 0.0 and rows[k.engaged] == 0.0 and _never_again(rows, k, room):
         return QUIET
-    return SPENT if rows[k.made] > note[GRANTED] or rows[k.age] > note[FLIGHT] else RUNNING
+    if rows[k.age] > note[FLIGHT]:
+        return PINNED if rows[k.pace] < 1.0 else SPENT
+    return SPENT if rows[k.made] > note[GRANTED] else RUNNING
 
 
 @njit(error_model="numpy")
 def happen(rows, k, room):
     """Make what ended a step, but for the usual impact; return the sets of stops struck, and closed by it."""
-    z = int(rows[k.which])
-    if rows[k.hit] != CONTACT:
-        return 0, stalled(rows, k, room)
-    rows[k.age] = 0.0
-    if rows[k.kind + z] >= CLOSED:
-        return 0, release(rows, k, room)
-    return strike(rows, k, room)
+    z, struck, closing = int(rows[k.which]), int(0.0), int(0.0)
+    if rows[k.hit] == CONTACT:
+        rows[k.age] = 0.0
+    if rows[k.spring + z] > 0.0:
+        struck = touch(rows, k, room)
+    elif rows[k.hit] != CONTACT:
+        closing = stalled(rows, k, room)
+    elif rows[k.kind + z] >= CLOSED:
+        closing = release(rows, k, room)
+    else:
+        struck, closing = strike(rows, k, room)
+    return struck, closing | attend(rows, k, room) if k.giving else closing
 
 
 @njit(error_model="numpy")
@@ -122,7 +131,7 @@ def note_rests(rows, k, room, note, before, closing, recorded):
     periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
     now, any_tail, closed = periods + phase, math.inf, int(0.0)
     for y in range(k.stops):
-        if rows[k.kind + y] >= CLOSED:
+        if rows[k.kind + y] >= CLOSED and rows[k.spring + y] == 0.0:
             closed |= 1 << y
             any_tail = min(any_tail, room.tail[y] if closing >> y & 1 else 0.0)
     for y in range(k.stops + 1):
@@ -148,7 +157,7 @@ def note_misses(rows, k, note, counts):
 
 
 @njit(error_model="numpy", forceinline=True)
-def add(notes, k, wide, hit, z, v, energy, sine, cosine, periods, window):
+def add(notes, k, wide, hit, z, v, energy, impulse, sine, cosine, periods, window):
     """Add a recorded impact of stop z, where there is a hit, to its window's sums, with the energy that it cost."""
     hits = get(notes, HITS, wide) + select(hit, 1.0, 0.0)
     put(notes, HITS, wide, hits)
@@ -174,6 +183,22 @@ def add(notes, k, wide, hit, z, v, energy, sine, cosine, periods, window):
         put(notes, at + SINE, wide, get(notes, at + SINE, wide) + select(own, sine, 0.0))
         lost = select(own, select(opens, 0.0, energy), 0.0)
         put(notes, at + ENERGY, wide, get(notes, at + ENERGY, wide) + lost)
+        pushed = select(own, select(opens, 0.0, impulse), 0.0)
+        put(notes, at + THRUST, wide, get(notes, at + THRUST, wide) + pushed)
+
+
+@njit(error_model="numpy", forceinline=True)
+def conclude(notes, rows, k, wide, over, y, window):
+    """Add what contacts with a stop came to, where they are over, to the window's sums, and begin to count anew."""
+    at, hits = SUMS + y * EACH, get(notes, HITS, wide)
+    kept = over & (hits > window.transient) & (hits < window.total)
+    for number, row in ((ENERGY, k.work), (THRUST, k.thrust)):
+        more = select(kept, get(rows, row + y, wide), 0.0)
+        put(notes, at + number, wide, get(notes, at + number, wide) + more)
+    largest, peak = get(notes, at + PEAK, wide), get(rows, k.peak + y, wide)
+    put(notes, at + PEAK, wide, select(kept & (peak > largest), peak, largest))
+    for row in (k.work, k.thrust, k.pushed, k.peak, k.depth):
+        put(rows, row + y, wide, select(over, 0.0, get(rows, row + y, wide)))
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -194,6 +219,7 @@ def add_all(rows, k, room, note, struck, window):
             for y in range(k.stops):
                 after += room.gram[z, y] * room.impulse[y]
             lost = 0.5 * (v - after) * room.impulse[z]  # -(w- + w+) P/2
-            add(note, k, None, v >= 0.0, float(z), v, lost, rows[turn], rows[turn + 1], rows[turn + 2], window)
+            now = rows[turn], rows[turn + 1], rows[turn + 2]
+            add(note, k, None, v >= 0.0, float(z), v, lost, room.impulse[z], *now, window)
             recorded += 1
     return recorded

@@ -16,7 +16,7 @@ TOUCH, NOWHERE = 1e-12, 1e-15
 
 @njit(error_model="numpy")
 def measure(rows, k, room):
-    """Leave the rates of all clearances and G; return the set of stops in contact, closed ones left out."""
+    """Leave the rates of all clearances and G; return the set of rigid stops in contact, closed ones left out."""
     n, s = k.modes, k.stops
     touching = int(0.0)
     for z in range(s):
@@ -28,7 +28,7 @@ def measure(rows, k, room):
             size += abs(alpha * rows[k.eta + j])
             w -= alpha * rows[k.rate + j]
         room.rate[z] = w
-        if rows[k.kind + z] < CLOSED and u <= TOUCH * size + NOWHERE * rows[k.speed]:
+        if rows[k.kind + z] < CLOSED and rows[k.spring + z] == 0.0 and u <= TOUCH * size + NOWHERE * rows[k.speed]:
             touching |= 1 << z
         for y in range(s):
             total = 0.0
@@ -42,6 +42,7 @@ def measure(rows, k, room):
 def derive(rows, k, last):
     """Leave derivatives of the modes up to `last`, under what is closed; those of clearances follow."""
     turns(rows, k, None)
+    rows[k.pace] = 1.0
     fly_together(rows, k, None, last)
 
 
@@ -80,7 +81,7 @@ def settle(rows, k, room, members):
     derive(rows, k, SHORTENED)
     for z in range(s):
         room.free[z] = derivative(rows, z, 2, k)
-        even |= (abs(room.free[z]) <= ROUNDING * _size(rows, z, 2, k)) << z
+        even |= (abs(room.free[z]) <= ROUNDING * size_of(rows, z, 2, k)) << z
     if even & members:
         return _settle_even(rows, k, room, members)
     chosen = complementary(room, members, s)
@@ -163,10 +164,10 @@ def _leading(rows, z, k, holds):
         if holds:
             value, own = rows[k.hold + z * SIZE + o - 2], 0.0
             for y in range(k.stops):
-                own += abs(rows[k.held + z * k.stops + y]) * _size(rows, y, o, k)
+                own += abs(rows[k.held + z * k.stops + y]) * size_of(rows, y, o, k)
             factor *= max(o - 2, 1)
         else:
-            value, own = derivative(rows, z, o, k), _size(rows, z, o, k)
+            value, own = derivative(rows, z, o, k), size_of(rows, z, o, k)
             factor *= o
         size = max(size, own)
         if order:
@@ -179,11 +180,12 @@ def _leading(rows, z, k, holds):
 
 
 @njit(error_model="numpy")
-def _size(rows, z, o, k):
+def size_of(rows, z, o, k):
     """Return the sum of the sizes of what a derivative of a clearance is the sum of."""
     size = abs(rows[k.stop + z * SIZE + o])
     for j in range(k.modes):
-        size += abs(rows[k.alpha + z * k.modes + j]) * _parts(rows, j, o - 2, k)
+        own = _parts(rows, j, o - 2, k) if o > 1 else abs(rows[k.flight + j * SIZE + o])
+        size += abs(rows[k.alpha + z * k.modes + j]) * own
     return size
 
 

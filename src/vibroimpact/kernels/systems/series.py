@@ -11,12 +11,13 @@ from typing import Any
 
 from numba import njit
 
-from vibroimpact.kernels.vectors import fma, get, put, select
+from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 # A step is at most REACH radians of the fastest rate; what the series leaves out is some REACH^21/21! = 5e-18 of the
 # motion's size.
 DEGREE, REACH = 20, 1.3
 SIZE = DEGREE + 1
+PARTS = 4  # of a way, in which a rate is asked for a sign, where what is least is looked for
 _SHARES = [1.0 / math.factorial(place) for place in range(SIZE)]
 
 
@@ -74,6 +75,21 @@ valued = _written(
     [f"y = a[{DEGREE}]", "p = 0.0 * y", *_lines("p = fma(p, x, y); y = fma(y, x, a[{o}])", range(DEGREE - 1, -1, -1))],
     "y, p",
 )
+# integral from 0 to x: the sum of b_j x^{j+1}/(j+1)!
+integral = _written(
+    "integral",
+    "b, x",
+    [f"y = {1.0 / SIZE!r} * x * b[{DEGREE}]", *_lines("y = {part} * x * (b[{b}] + y)", range(DEGREE, 0, -1))],
+    "y",
+)
+# p b + q b'
+slipped = _written(
+    "slipped",
+    "b, p, q",
+    [],
+    "(" + "".join(f"fma(p, b[{o}], q * b[{o + 1}]), " for o in range(DEGREE)) + f"p * b[{DEGREE}])",
+)
+negated = _written("negated", "b", [], _each("-b[{o}]"))
 # sum of the negative coefficients from the eighth on: a lower bound of their part of the series over 0 <= x <= 1
 tail = _written(
     "tail", "a", ["t = 0.0 * a[8]", *_lines("t = t + select(a[{o}] < 0.0, a[{o}], 0.0)", range(8, SIZE))], "t"
@@ -82,3 +98,28 @@ tail = _written(
 bend = _written(
     "bend", "a", ["t = 2.0 * abs(a[2])", *(f"t = fma(abs(a[{o}]), {o * (o - 1.0)!r}, t)" for o in range(3, SIZE))], "t"
 )
+
+
+@njit(error_model="numpy")
+def trough(a, end, flown, least):
+    """Return the least of a number and of a polynomial where its rate rises through zero on the way to `end`.
+
+    The rate is looked at four times on the way; its zero is found by the Illinois method.
+    """
+    before = a[1]
+    for part in range(PARTS):
+        low, high = (part / PARTS) * end, ((part + 1.0) / PARTS) * end
+        _, p1 = valued(a, high)
+        p0, before = before, p1
+        passed = flown & (p0 < 0.0) & (p1 > 0.0)
+        if anywhere(passed):
+            p0, p1, side = select(passed, p0, -1.0), select(passed, p1, 1.0), 0.0 * p1
+            for _ in range(8):
+                x = low - p0 * (high - low) / (p1 - p0)
+                y, p = valued(a, x)
+                least = select(passed & (y < least), y, least)
+                rises = p > 0.0
+                p0 = select(rises, select(side > 0.0, 0.5 * p0, p0), p)
+                p1 = select(rises, p, select(side < 0.0, 0.5 * p1, p1))
+                low, high, side = select(rises, low, x), select(rises, x, high), select(rises, 1.0, -1.0)
+    return least

@@ -17,29 +17,38 @@ import math
 
 from numba import njit
 
-from vibroimpact.kernels.systems.flow import couple, driven, fly_apart, fly_together, move, turns
-from vibroimpact.kernels.systems.layout import BALANCED, CLOSED, OPEN, PASSING, RELEASED, RESTING, STRUCK
+from vibroimpact.kernels.systems.flow import carry, clearances, couple, fly_apart, fly_together, move, turns
+from vibroimpact.kernels.systems.layout import (
+    BALANCED,
+    CLOSED,
+    CONTACT,
+    NOTHING,
+    OPEN,
+    PASSING,
+    RELEASED,
+    RESTING,
+    STALLED,
+    STRUCK,
+)
+from vibroimpact.kernels.systems.push import account, set_free
 from vibroimpact.kernels.systems.series import (
     DEGREE,
     SIZE,
     bend,
     coefficients,
     either,
-    evaluate,
     load,
     oscillation,
-    plus_times,
+    slipped,
     store,
     tail,
+    trough,
     valued,
     wave,
 )
 from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
-NOTHING, CONTACT, STALLED = 0.0, 1.0, 2.0  # what ended a step; the last: it is at a stop without approaching it
-
 NEAR = 0.1  # of the rate: by how much it may change on the way to a contact that is solved for
-PARTS = 4  # of a step, in which its rate is asked for a sign, where misses are looked for
 BACK = 1e-12  # steps: a contact that rounding puts further behind is here
 
 
@@ -95,18 +104,19 @@ def _reach(q0, q1, q2, cubic, X):
 
 @njit(error_model="numpy", forceinline=True)
 def _watched(rows, z, held, k, wide):
-    """Return the series of a stop's clearance, or where it is closed of the force that holds it."""
-    start = get(rows, k.gap + z, wide)
-    if k.moving:
-        b = driven(rows, start, k.motion + 2 * k.harmonics * z, k, wide)
-    else:
-        b = wave(start, 0.0 * start, 0.0 * start)
-    for j in range(k.modes):
-        alpha = get(rows, k.alpha + z * k.modes + j, wide)
-        b = plus_times(b, -alpha, load(rows, k.flight + j * SIZE, wide))
+    """Return the series of a stop's clearance, or where it is closed of the force that holds it or that it pushes with.
+
+    Of one that has let go and is still pushed in it is that of -k d - c d': it stays away while that is above zero.
+    """
+    b = clearances(rows, z, get(rows, k.pace, wide), k, wide)
     kind = get(rows, k.kind + z, wide)
     if held:
         b = either(kind >= CLOSED, load(rows, k.hold + z * SIZE, wide), b)
+    if held and k.giving:
+        pace = get(rows, k.pace, wide)
+        spring, dashpot = pace * pace * get(rows, k.spring + z, wide), pace * get(rows, k.dashpot + z, wide)
+        away = (kind < CLOSED) & (get(rows, k.leaving + z, wide) > 0.0)
+        b = either(away, slipped(b, spring, dashpot), b)
     # The zeros that it begins with are exact, whatever rounding makes of them.
     let_go = kind == RELEASED
     at_rest = let_go | (kind == RESTING)
@@ -152,29 +162,12 @@ def _approach(a, x, others, sought):
 
 @njit(error_model="numpy")
 def miss(rows, z, end, flown, held, k, wide):
-    """Keep the least clearance of an open stop on a way that was flown: where its rate rises through zero.
-
-    The rate is looked at four times on the way; its zero is found by the Illinois method.
-    """
+    """Keep the least clearance of an open stop on a way that was flown."""
     a, kind = coefficients(_watched(rows, z, held, k, wide)), get(rows, k.kind + z, wide)
-    flown, before = flown & (kind < CLOSED), a[1]
-    for part in range(PARTS):
-        low, high = (part / PARTS) * end, ((part + 1.0) / PARTS) * end
-        _, p1 = valued(a, high)
-        p0, before = before, p1
-        passed = flown & (p0 < 0.0) & (p1 > 0.0)
-        if anywhere(passed):
-            p0, p1, side = select(passed, p0, -1.0), select(passed, p1, 1.0), 0.0 * p1
-            least = get(rows, k.missed + z, wide)
-            for _ in range(8):
-                x = low - p0 * (high - low) / (p1 - p0)
-                y, p = valued(a, x)
-                least = select(passed & (y < least), y, least)
-                rises = p > 0.0
-                p0 = select(rises, select(side > 0.0, 0.5 * p0, p0), p)
-                p1 = select(rises, p, select(side < 0.0, 0.5 * p1, p1))
-                low, high, side = select(rises, low, x), select(rises, x, high), select(rises, 1.0, -1.0)
-            put(rows, k.missed + z, wide, least)
+    flown = flown & (kind < CLOSED)
+    if k.giving:
+        flown = flown & (get(rows, k.leaving + z, wide) <= 0.0)
+    put(rows, k.missed + z, wide, trough(a, end, flown, get(rows, k.missed + z, wide)))
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -187,17 +180,14 @@ def _carry(rows, x, held, k, wide):
             own = get(rows, k.square + j, wide), get(rows, k.damping + j * (k.modes + 1), wide)
             b0, b1 = get(rows, k.deta + j, wide), get(rows, k.drate + j, wide)
             store(rows, k.flight + j * SIZE, wide, oscillation(b0, b1, *own, wave(0.0 * b0, 0.0 * b0, 0.0 * b0)))
-    for j in range(k.modes):
-        y, p = evaluate(load(rows, k.flight + j * SIZE, wide), x)
-        put(rows, k.deta + j, wide, y)
-        put(rows, k.drate + j, wide, p)
+    carry(rows, k.deta, k.drate, x, k, wide)
 
 
 @njit(error_model="numpy")
 def step(rows, k, wide):
     """Make a certified step; leave the state after it, how far it went, which stop ended it and how."""
     turns(rows, k, wide)
-    held = anywhere(get(rows, k.closed, wide) > 0.0)
+    held = anywhere(get(rows, k.closed, wide) > 0.0) or (k.giving and anywhere(get(rows, k.engaged, wide) > 0.0))
     if held or k.coupled:
         fly_together(rows, k, wide, DEGREE)
     else:
@@ -206,12 +196,17 @@ def step(rows, k, wide):
     close, end = _approach(load(rows, k.near, wide), x, others, sought)
     for z in range(k.stops if k.wary else 0):
         miss(rows, z, end, end > 0.0, held, k, wide)
+    if held and (k.giving or k.forceful):
+        account(rows, end, k, wide)
     move(rows, end, close, k, wide)
     stalled = select(end <= 0.0, STALLED, NOTHING)
     put(rows, k.which, wide, which)
     put(rows, k.hit, wide, select(close, CONTACT, stalled))
     if k.thorough:
         _carry(rows, end, held, k, wide)
+    if k.giving:
+        end = end * get(rows, k.pace, wide)
+        set_free(rows, k, wide)
     put(rows, k.passed, wide, end)
     put(rows, k.age, wide, get(rows, k.age, wide) + end)
     put(rows, k.made, wide, get(rows, k.made, wide) + 1.0)

@@ -37,6 +37,7 @@ from vibroimpact.kernels.systems.march import (
     SUMS,
     moment,
 )
+from vibroimpact.kernels.systems.push import stands
 from vibroimpact.kernels.systems.rest import measure
 
 NEAR = 1e-7  # of V, of the modes' rates and their amplitudes: an impact that comes back so near is the same
@@ -63,6 +64,11 @@ def accelerate(rows, k, found):
         found[j] = load - rows[k.square + j] * rows[k.eta + j]
         for i in range(n):
             found[j] -= rows[k.damping + j * n + i] * rows[k.rate + i]
+    for z in range(s if k.giving else 0):
+        if rows[k.kind + z] >= CLOSED and rows[k.spring + z] > 0.0:
+            u, w, _ = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
+            for j in range(n):
+                found[j] += rows[k.jump + z * n + j] * (rows[k.spring + z] * u + rows[k.dashpot + z] * w)
     if rows[k.closed] == 0.0:
         return
     for z in range(s):  # of each clearance, as if nothing were closed

@@ -11,18 +11,20 @@ from vibroimpact.kernels.cell import FILLED, RUNNING, SPENT
 from vibroimpact.kernels.machine import compiled
 from vibroimpact.kernels.systems.flow import fly_apart, move, turns
 from vibroimpact.kernels.systems.law import begin, bounce
-from vibroimpact.kernels.systems.layout import CLOSED
+from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.leap import HALF, LEAPS, WHOLE, leap_half, leap_whole, may_leap
-from vibroimpact.kernels.systems.march import HITS, LOOK, MADE, TURN, add_all, ending, happen, moment
+from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, MADE, TURN, add_all, ending, happen, moment
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
-from vibroimpact.kernels.systems.step import NOTHING, step
+from vibroimpact.kernels.systems.step import step
 
 
 class Seen(NamedTuple):
     """Rows of what is seen, and how many of each are filled.
 
-    Impacts: periods, phase, stop, speed, impulse, whether others were struck at once. Looks: eta, then its rate. Rests:
-    stop, periods and phase of its beginning, and of its end (NaN until then). Time is counted in steps in rates.
+    Impacts: periods, phase, stop, speed, impulse, whether others were struck at once, and of stops that give the
+    largest force, the time, the penetration and the energy taken, NaN until the contact is over. Looks: eta, then its
+    rate. Rests: stop, periods and phase of its beginning, and of its end (NaN until then). Time is counted in steps in
+    rates.
     """
 
     impacts: Any
@@ -43,7 +45,7 @@ class Schedule(NamedTuple):
 @njit(error_model="numpy")
 def _look(rows, k, seen, periods, phase, schedule):
     """Leave the states at the looks that lie within the step just made, which began at that time."""
-    end = rows[k.passed]
+    end, pace = rows[k.passed], rows[k.pace]
     while seen.filled[1] < len(seen.looks):
         number = float(seen.filled[1])
         whole = math.floor(number / schedule.per_period)
@@ -52,8 +54,8 @@ def _look(rows, k, seen, periods, phase, schedule):
         if x >= end:
             return
         for j in range(k.modes):
-            y, p = evaluate(load(rows, k.flight + j * SIZE, None), max(x, 0.0))
-            seen.looks[seen.filled[1], j], seen.looks[seen.filled[1], k.modes + j] = y, p
+            y, p = evaluate(load(rows, k.flight + j * SIZE, None), max(x, 0.0) / pace)
+            seen.looks[seen.filled[1], j], seen.looks[seen.filled[1], k.modes + j] = y, p / pace
         seen.filled[1] += 1
 
 
@@ -100,7 +102,29 @@ def _record(rows, k, room, seen, struck, before, recorded, window):
                 row = seen.impacts[seen.filled[0]]
                 row[0], row[1], row[2] = periods, phase, z
                 row[3], row[4], row[5] = room.speed[z], room.impulse[z], recorded > 1
+                row[6:] = math.nan
                 seen.filled[0] += 1
+                if rows[k.spring + z] > 0.0:
+                    row[4] = math.nan
+                    rows[k.entry + z] = seen.filled[0]
+
+
+@njit(error_model="numpy")
+def _conclude(rows, k, seen):
+    """Leave what contacts that are over came to; one that goes on after its stop let go adds to its row."""
+    for z in range(k.stops):
+        if rows[k.kind + z] < CLOSED and rows[k.pushed + z] > 0.0:
+            if rows[k.entry + z] > 0.0:
+                row = seen.impacts[int(rows[k.entry + z]) - 1]
+                if math.isnan(row[4]):
+                    row[4], row[6:] = 0.0, 0.0
+                row[4] += rows[k.thrust + z]
+                row[6], row[7] = max(row[6], rows[k.peak + z]), row[7] + rows[k.pushed + z]
+                row[8], row[9] = max(row[8], rows[k.depth + z]), row[9] + rows[k.work + z]
+            for first in (k.thrust, k.pushed, k.work, k.peak, k.depth):
+                rows[first + z] = 0.0
+        if rows[k.kind + z] < CLOSED and rows[k.leaving + z] == 0.0:
+            rows[k.entry + z] = 0.0
 
 
 @njit(error_model="numpy")
@@ -117,9 +141,20 @@ def _after_step(rows, k, room, note, seen, window):
         return
     struck, closing = happen(rows, k, room)
     recorded = add_all(rows, k, room, note, struck, window) if struck else 0
+    if k.giving:
+        _conclude(rows, k, seen)
     if recorded:
         _record(rows, k, room, seen, struck, before, recorded, window)
     _note_rests(rows, k, seen, room, closing)
+
+
+@njit(error_model="numpy")
+def _waits(rows, k):
+    """Return whether a contact that was recorded goes on."""
+    waits = False
+    for z in range(k.stops):
+        waits |= rows[k.entry + z] > 0.0 and rows[k.kind + z] >= CLOSED
+    return waits
 
 
 @compiled
@@ -127,6 +162,7 @@ def seat(rows, k, row, room, seen):
     """Put a cell, a row of its constants, where one is followed alone."""
     rows[:] = 0.0
     rows[: k.constants] = row
+    rows[k.pace] = 1.0
     room.tail[:] = 0.0
     _note_rests(rows, k, seen, room, begin(rows, k, room))
 
@@ -145,11 +181,14 @@ def follow(rows, spare, k, room, note, seen, window, schedule, most):
         _look(rows, k, seen, periods, phase, schedule)
         if rows[k.hit] != NOTHING:
             _after_step(rows, k, room, note, seen, window)
-        if note[HITS] >= window.total or (schedule.number > 0.0 and seen.filled[1] >= schedule.number):
+        full = note[HITS] >= window.total
+        if full and _waits(rows, k):
+            full = note[MADE] > note[GRANTED]
+        if full or (schedule.number > 0.0 and seen.filled[1] >= schedule.number):
             return FILLED
         if seen.filled[0] + k.stops > len(seen.impacts) or seen.filled[2] + k.stops > len(seen.rests):
             return RUNNING
-        if number % LOOK == 0:
+        if number % LOOK == 0 and note[HITS] < window.total:
             end = ending(rows, k, room, note, window.total)
             if end != RUNNING and (schedule.number == 0.0 or end == SPENT):
                 return end

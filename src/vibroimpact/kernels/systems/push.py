@@ -1,0 +1,240 @@
+"""Stops that give: when they begin to push and let go, and what their forces come to.
+
+While one is pushed in by d = -u > 0 its force is k d + c d', as long as that is above zero; there the system is as
+linear as in flight. It begins where u falls through zero. Where the force has fallen to zero it lets go: with c > 0
+before u is back at zero, and it would push again if -k d - c d' = k u + c u' fell to zero while u < 0. As long as that
+is above zero nothing can begin, whatever u does, so that it alone is watched until a step ends with u > 0.
+
+A contact is stiff. A step in it is shorter than one in flight by `pace` = 1/(sqrt(1 + sum k G/W^2) + sum c G/W), a
+bound of W over the fastest rate by that of free motion, G = alpha M^-1 alpha^T.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from vibroimpact.kernels.systems.complementarity import ROUNDING
+from vibroimpact.kernels.systems.flow import clearances, stop_moves, turns
+from vibroimpact.kernels.systems.layout import BALANCED, CLOSED, CONTACT, OPEN, PASSING, RELEASED, RESTING, STRUCK
+from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH, derivative, derive, measure, settle, size_of
+from vibroimpact.kernels.systems.series import DEGREE, SIZE, coefficients, integral, load, negated, trough, valued
+from vibroimpact.kernels.vectors import anywhere, get, put, select
+
+SURE = 1e-9  # of k times the lengths that u is the sum of: a damping force above it is no rounding
+EARLY = 0.5  # of a step: so early k d + c d' keeps the sign of its first derivative that is not zero
+# Nodes and weights of Gauss and Legendre on [0, 1]: with eight the square of a rate is integrated to rounding.
+NODES = (
+    (0.019855071751231884, 0.05061426814518813),
+    (0.10166676129318664, 0.11119051722668724),
+    (0.2372337950418355, 0.15685332293894364),
+    (0.4082826787521751, 0.18134189168918100),
+    (0.5917173212478249, 0.18134189168918100),
+    (0.7627662049581645, 0.15685332293894364),
+    (0.8983332387068134, 0.11119051722668724),
+    (0.9801449282487681, 0.05061426814518813),
+)
+
+
+@njit(error_model="numpy")
+def account(rows, end, k, wide):
+    """Add what the stops did over a step that is about to be made: impulse, energy taken, time, and the extremes."""
+    pace = get(rows, k.pace, wide)
+    for z in range(k.stops):
+        pushes = get(rows, k.kind + z, wide) >= CLOSED
+        if not anywhere(pushes):
+            continue
+        force = load(rows, k.hold + z * SIZE, wide)
+        _add(rows, k.thrust + z, wide, pushes, integral(force, end) / pace)
+        _add(rows, k.pushed + z, wide, pushes, end * pace)
+        if not k.giving:
+            continue
+        u = coefficients(clearances(rows, z, pace, k, wide))
+        u1, _ = valued(u, end)
+        square = 0.0 * end
+        for node, weight in NODES:
+            _, rate = valued(u, node * end)
+            square = square + weight * rate * rate
+        work = 0.5 * get(rows, k.spring + z, wide) * (u1 * u1 - u[0] * u[0])
+        _add(rows, k.work + z, wide, pushes, work + get(rows, k.dashpot + z, wide) * square * end / pace)
+        if k.forceful:
+            least = trough(u, end, pushes, select(u[0] < u1, u[0], u1))
+            _raise(rows, k.depth + z, wide, pushes, -least)
+            a = coefficients(negated(force))
+            f1, _ = valued(a, end)
+            least = trough(a, end, pushes, select(a[0] < f1, a[0], f1))
+            _raise(rows, k.peak + z, wide, pushes, -least / (pace * pace))
+
+
+@njit(error_model="numpy", forceinline=True)
+def _add(rows, row, wide, here, more):
+    put(rows, row, wide, get(rows, row, wide) + select(here, more, 0.0))
+
+
+@njit(error_model="numpy", forceinline=True)
+def _raise(rows, row, wide, here, value):
+    largest = get(rows, row, wide)
+    put(rows, row, wide, select(here & (value > largest), value, largest))
+
+
+@njit(error_model="numpy", forceinline=True)
+def set_free(rows, k, wide):
+    """Watch clearances again of stops that let go and are pushed in no more."""
+    if not anywhere(get(rows, k.engaged, wide) > 0.0):
+        return
+    sine, cosine = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
+    for z in range(k.stops):
+        leaving = get(rows, k.leaving + z, wide)
+        u, _, _ = stands(rows, z, sine, cosine, k, wide)
+        free = (leaving > 0.0) & (u > 0.0)
+        put(rows, k.kind + z, wide, select(free, OPEN, get(rows, k.kind + z, wide)))
+        put(rows, k.leaving + z, wide, select(free, 0.0, leaving))
+        put(rows, k.engaged, wide, get(rows, k.engaged, wide) - select(free, 1.0, 0.0))
+
+
+@njit(error_model="numpy", forceinline=True)
+def stands(rows, z, sine, cosine, k, wide):
+    """Return a clearance, its rate, and the sum of the lengths that it is made of."""
+    u, w = stop_moves(rows, z, sine, cosine, k, wide)
+    size = abs(get(rows, k.gap + z, wide))
+    for j in range(k.modes):
+        alpha = get(rows, k.alpha + z * k.modes + j, wide)
+        moved = alpha * get(rows, k.eta + j, wide)
+        u, size = u - moved, size + abs(moved)
+        w = w - alpha * get(rows, k.rate + j, wide)
+    return u, w, size
+
+
+@njit(error_model="numpy", forceinline=True)
+def meet(rows, k, wide, contact):
+    """Begin and end the usual contacts with stops that give; return where they begin, where they end, and the speed.
+
+    Usual is one above the cut while no other stop is closed, touched or pushes. `contact` is where a step ended at one.
+    """
+    which, engaged = get(rows, k.which, wide), get(rows, k.engaged, wide)
+    sine, cosine = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
+    usual = contact & (get(rows, k.closed, wide) <= 0.0)
+    begins, ends = usual & (engaged <= 0.0), usual & (engaged == 1.0)
+    speed = hard = thick = 0.0 * which
+    for z in range(k.stops):
+        here, apart = which == float(z), (which < float(z)) | (which > float(z))
+        u, w, size = stands(rows, z, sine, cosine, k, wide)
+        clear = TOUCH * size + NOWHERE * get(rows, k.speed, wide)
+        kind, spring = get(rows, k.kind + z, wide), get(rows, k.spring + z, wide)
+        dashpot = get(rows, k.dashpot + z, wide)
+        first = here & (spring > 0.0) & (kind < CLOSED) & (-w >= get(rows, k.cut, wide))
+        first = first & ((dashpot <= 0.0) | (-dashpot * w > SURE * spring * size))
+        last = here & (spring > 0.0) & (kind >= CLOSED) & (w > 0.0) & ((dashpot <= 0.0) | (u < -clear))
+        begins, ends = begins & (first | (apart & (u > clear))), ends & (last | (apart & (u > clear)))
+        speed = select(here, -w, speed)
+        hard, thick = select(here, get(rows, k.hard + z, wide), hard), select(here, get(rows, k.thick + z, wide), thick)
+    for z in range(k.stops):
+        here, dashpot = which == float(z), get(rows, k.dashpot + z, wide)
+        pushes = select(dashpot > 0.0, CLOSED, BALANCED)
+        kind = select(here & begins, pushes, select(here & ends, STRUCK, get(rows, k.kind + z, wide)))
+        put(rows, k.kind + z, wide, kind)
+        leaves = here & ends & (dashpot > 0.0)
+        put(rows, k.leaving + z, wide, select(leaves, 1.0, get(rows, k.leaving + z, wide)))
+        engaged = select(here & begins, 1.0, select(here & ends & (dashpot <= 0.0), 0.0, engaged))
+    put(rows, k.engaged, wide, engaged)
+    pace = select(begins, 1.0 / (math.sqrt(1.0 + hard) + thick), select(ends, 1.0, get(rows, k.pace, wide)))
+    put(rows, k.pace, wide, pace)
+    put(rows, k.age, wide, select(begins | ends, 0.0, get(rows, k.age, wide)))
+    return begins, ends, speed
+
+
+@njit(error_model="numpy")
+def touch(rows, k, room):
+    """Leave the speed at which a stop that gives is touched; return the set of it, empty if its contact goes on."""
+    z = int(rows[k.which])
+    measure(rows, k, room)
+    for y in range(k.stops):
+        room.speed[y], room.impulse[y], room.tail[y] = 0.0, 0.0, 0.0
+    begins = rows[k.hit] == CONTACT and rows[k.kind + z] < CLOSED and rows[k.leaving + z] == 0.0 and room.rate[z] < 0.0
+    room.speed[z] = -room.rate[z] if begins else 0.0
+    return int(begins) << z
+
+
+@njit(error_model="numpy")
+def attend(rows, k, room):
+    """Decide of every stop that gives whether it pushes, has let go or is free; return the rigid ones that close by it.
+
+    Where a damper begins or ends to push, accelerations jump, and stops that are closed or left from rest are settled
+    anew.
+    """
+    changed, members, shut = False, int(0.0), int(0.0)
+    for z in range(k.stops):
+        changed |= rows[k.spring + z] > 0.0 and _decide(rows, z, k)
+        kind = rows[k.kind + z]
+        if rows[k.spring + z] == 0.0 and kind != OPEN and kind != STRUCK:
+            members |= 1 << z
+            shut |= int(kind >= CLOSED) << z
+    closing = int(0.0)
+    if changed and members:
+        closing = settle(rows, k, room, members) & ~shut
+        for z in range(k.stops):
+            changed |= rows[k.spring + z] > 0.0 and _decide(rows, z, k)
+    engaged = hard = thick = 0.0
+    for z in range(k.stops):
+        if rows[k.spring + z] > 0.0 and (rows[k.kind + z] >= CLOSED or rows[k.leaving + z] > 0.0):
+            engaged += 1.0
+            hard += rows[k.hard + z] * (rows[k.kind + z] >= CLOSED)
+            thick += rows[k.thick + z] * (rows[k.kind + z] >= CLOSED)
+    rows[k.engaged], rows[k.pace] = engaged, 1.0 / (math.sqrt(1.0 + hard) + thick)
+    return closing
+
+
+@njit(error_model="numpy")
+def _decide(rows, z, k):
+    """Decide how a stop that gives stands; return whether it pushes and did not, or the other way round.
+
+    The first derivatives that are not rounding decide. They are those without its own force: as long as that is zero
+    it does not matter.
+    """
+    kind, c = rows[k.kind + z], rows[k.dashpot + z]
+    pushed = kind >= CLOSED
+    turns(rows, k, None)
+    u, _, size = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
+    clear = TOUCH * size + NOWHERE * rows[k.speed]
+    if u > clear:
+        if pushed or rows[k.leaving + z] > 0.0:
+            rows[k.kind + z], rows[k.leaving + z] = OPEN, 0.0
+        return pushed
+    rows[k.kind + z], rows[k.leaving + z] = OPEN, 0.0
+    derive(rows, k, DEGREE)
+    touched = u >= -clear
+    order, value, lasts = _first(rows, z, k, 1, 1.0, 0.0) if touched else (0, 0.0, 1.0)
+    if touched and value >= 0.0:
+        free = STRUCK if order == 1 else RESTING if order == 2 else RELEASED if order == 3 else -lasts
+        rows[k.kind + z] = free
+        return pushed
+    # of k u + c u', which has one zero less than u after a touch, if c > 0
+    after = (order - 1 if c > 0.0 else order) if touched else 0
+    order, value, lasts = _first(rows, z, k, after, rows[k.spring + z], c)
+    if value > 0.0:
+        away = STRUCK if order == 1 else RESTING if order == 2 else RELEASED if order == 3 else -lasts
+        rows[k.kind + z], rows[k.leaving + z] = OPEN if order == 0 else away, 1.0
+        return pushed
+    several = PASSING + min(lasts, EARLY)
+    rows[k.kind + z] = several if value == 0.0 or order > 1 else BALANCED if order else CLOSED
+    return not pushed
+
+
+@njit(error_model="numpy")
+def _first(rows, z, k, least, p, q):
+    """Return the order from `least` on of the first derivative of p u + q u' that is not rounding, its value, and up to
+    where it surely decides the sign.
+    """
+    order, first, size, leads, factor, others = 0, 0.0, 0.0, 1.0, 1.0, 0.0
+    for o in range(SIZE - 1):
+        factor *= max(o, 1)
+        if o < least:
+            continue
+        value = p * derivative(rows, z, o, k) + q * derivative(rows, z, o + 1, k)
+        size = max(size, p * size_of(rows, z, o, k) + q * size_of(rows, z, o + 1, k))
+        if first != 0.0:
+            others += abs(value) / factor if value * first < 0.0 else 0.0
+        elif abs(value) > ROUNDING * size:
+            order, first, leads = o, value, abs(value) / factor
+    return order, first, leads / max(2.0 * others, leads)
