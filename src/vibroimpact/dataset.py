@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.cells import FASTEST
-from vibroimpact.indices import INDICES
+from vibroimpact.indices import EVERY
 from vibroimpact.oscillator import ImpactOscillator, Model
 from vibroimpact.parameters import Parameter
 from vibroimpact.status import Status
@@ -39,7 +39,12 @@ VARIABLES: dict[str, tuple[str, str, str]] = {
     "count": ("number of samples kept", "1", "N"),
     "clearance": ("clearance to the stop", "m", "u"),
     "impulse": ("impulse of the impact", "N s", "P"),
-} | {index.name: (index.long_name, index.units, index.symbol) for index in INDICES.values()}
+    "energy_lost": ("energy lost at the stop by the impact", "J", "E"),
+    "force": ("force of the stop", "N", "F"),
+    "peak_force": ("largest force of the contact", "N", "F"),
+    "contact_time": ("duration of the contact", "s", "t_c"),
+    "penetration": ("deepest penetration of the contact", "m", "d"),
+} | {index.name: (index.long_name, index.units, index.symbol) for index in EVERY.values()}
 
 SYMBOLS = {entry.symbol: name for name, entry in ImpactOscillator.parameters.items() if not entry.replaces}
 
@@ -83,7 +88,7 @@ def dataset_of(variables: Mapping[str, Any] | None = None, coords: Any = None, a
 
 def missing(index: str, shape: int | tuple[int, ...]) -> NDArray[Any]:
     """Return an array of an index that has no value yet anywhere."""
-    return np.full(shape, INDICES[index].fill, INDICES[index].dtype)
+    return np.full(shape, EVERY[index].fill, EVERY[index].dtype)
 
 
 def impact_speed(dims: str | Sequence[str], data: Any) -> xr.Variable:

@@ -140,7 +140,7 @@ def bifurcation_diagram(
     named = several("indices", indices, "a list of names of indices")
     chosen = check_indices(named) if named else ()
     engine = get_backend(backend, time_step=time_step)
-    check_known(chosen, engine)
+    check_known(chosen, engine, osc.at())
     if not isinstance(made, ImpactOscillator):
         check_for_systems(engine)
     _check_coordinate(coordinate, made)

@@ -1,4 +1,4 @@
-"""The table of indices: the numbers that a sweep gives for each cell."""
+"""The tables of indices: the numbers that a sweep gives for each cell."""
 
 from __future__ import annotations
 
@@ -45,6 +45,17 @@ INDICES: dict[str, Index] = {
 }
 
 
+# What only systems have: forces of their stops.
+FORCES: dict[str, Index] = {
+    index.name: index
+    for index in (
+        Index("mean_force", "mean force of the stop", "N", "mean F", by_stop=True),
+        Index("max_force", "largest force of a stop that gives", "N", "max F", by_stop=True),
+        Index("work_rate", "energy lost at the stop per second", "W", "W", by_stop=True),
+    )
+}
+EVERY = INDICES | FORCES
+
 VELOCITY_INDICES = frozenset(name for name, index in INDICES.items() if index.from_velocities)
 
 ROUNDING = 1e-9  # of what it is a part of: a spread this small is that of a cycle, by rounding
@@ -62,12 +73,12 @@ def shown_spread(spread: float, scale: float) -> float:
 
 def check_indices(names: Iterable[str]) -> tuple[str, ...]:
     """Return the names of indices as a tuple, or raise `ValueError` naming the table."""
-    chosen = several("indices", names, f"names out of {', '.join(INDICES)}")
+    chosen = several("indices", names, f"names out of {', '.join(EVERY)}")
     if not chosen:
-        raise invalid("indices", names, f"names out of {', '.join(INDICES)}", "write for example ('std',)")
+        raise invalid("indices", names, f"names out of {', '.join(EVERY)}", "write for example ('std',)")
     for name in chosen:
-        if not isinstance(name, str) or name not in INDICES:
-            raise unknown("index", name, INDICES)
+        if not isinstance(name, str) or name not in EVERY:
+            raise unknown("index", name, EVERY)
     if len(set(chosen)) < len(chosen):
         raise invalid("indices", chosen, "each index once")
     return chosen

@@ -61,11 +61,12 @@ def _trajectory_of_system(system: ImpactSystem, seen: SystemSamples, seconds: Se
         "displacement": variable("displacement", ("time", "coordinate"), seen.look_displacement),
         "velocity": variable("velocity", ("time", "coordinate"), seen.look_velocity),
         "clearance": variable("clearance", ("time", "stop"), _clearances(system, seen)),
+        **_forces(system, seen),
         "stop": plain_variable("stop", np.array(system.stop_names, str), {"long_name": "stop"}),
         "impact_time": variable("impact_time", "impact", seconds(seen.impact_periods, seen.impact_phase)),
         "impact_velocity": variable("impact_velocity", "impact", seen.impact_velocity),
         "impact_stop": _stops(system, "impact", seen.impact_stop, "stop that is struck"),
-        "impulse": variable("impulse", "impact", seen.impact_impulse),
+        **_contacts(system, seen),
     }
     return found | _rests(system, seen, seconds)
 
@@ -77,12 +78,21 @@ def _impacts_of_system(system: ImpactSystem, seen: SystemSamples, seconds: Secon
         "time": variable("time", "impact", seconds(seen.impact_periods, seen.impact_phase)),
         "phase": variable("phase", "impact", seen.impact_phase),
         "velocity": impact_speed("impact", seen.impact_velocity),
-        "impulse": variable("impulse", "impact", seen.impact_impulse),
+        **_contacts(system, seen),
         "stop": _stops(system, "impact", seen.impact_stop, "stop that is struck"),
         "simultaneous": plain_variable("impact", seen.impact_simultaneous, several),
         **_rests(system, seen, seconds),
         "status": status_variable((), seen.status),
     }
+
+
+def _contacts(system: ImpactSystem, seen: SystemSamples) -> dict[str, Any]:
+    """Return what impacts took, and where stops give the largest force, the duration and the depth of contacts."""
+    found = {"impulse": seen.impact_impulse, "energy_lost": seen.impact_energy}
+    if any(stop.compliant for stop in system.stops):
+        found |= {"peak_force": seen.impact_force, "contact_time": seen.impact_duration}
+        found |= {"penetration": seen.impact_depth}
+    return {name: variable(name, "impact", values) for name, values in found.items()}
 
 
 def _rests(system: ImpactSystem, seen: SystemSamples, seconds: Seconds) -> dict[str, Any]:
@@ -96,6 +106,21 @@ def _rests(system: ImpactSystem, seen: SystemSamples, seconds: Seconds) -> dict[
 def _stops(system: ImpactSystem, dim: str, numbers: Any, long_name: str) -> Any:
     names = np.array(system.stop_names or [""], str)
     return plain_variable(dim, names[numbers], {"long_name": long_name})
+
+
+def _forces(system: ImpactSystem, seen: SystemSamples) -> dict[str, Any]:
+    """Return the forces of stops that give at the looks, NaN of rigid ones."""
+    if not any(stop.compliant for stop in system.stops):
+        return {}
+    found, turn = np.full((len(seen.look_phase), len(system.stops)), np.nan), 2j * np.pi * seen.look_phase
+    depth = -_clearances(system, seen)
+    for at, stop in enumerate(system.stops):
+        if stop.stiffness is None or stop.damping is None:
+            continue
+        moved = sum((1j * order * system.omega * by * np.exp(order * turn)).imag for order, by in stop.motion.items())
+        force = stop.stiffness * depth[:, at] + stop.damping * (seen.look_velocity @ stop.direction - moved)
+        found[:, at] = np.where(depth[:, at] > 0.0, np.maximum(force, 0.0), 0.0)
+    return {"force": variable("force", ("time", "stop"), found)}
 
 
 def _clearances(system: ImpactSystem, seen: SystemSamples) -> Any:

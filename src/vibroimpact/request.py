@@ -26,7 +26,7 @@ from vibroimpact.dataset import (
     status_variable,
     variable,
 )
-from vibroimpact.indices import INDICES
+from vibroimpact.indices import EVERY
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names, one_start
 from vibroimpact.parameters import STEPS, Parameter, check_steps, invalid, positive_number, whole_number
 
@@ -91,7 +91,7 @@ class Request:
 
     def sizes_of(self, name: str) -> dict[str, int]:
         """Numbers along each dimension of a result."""
-        apart = self.measurement.by_stop and name in INDICES and INDICES[name].by_stop
+        apart = self.measurement.by_stop and name in EVERY and EVERY[name].by_stop
         return self.sizes | ({"stop": len(self.stops)} if apart else {})
 
     @property

@@ -7,7 +7,8 @@ from importlib import import_module
 
 from vibroimpact.backends.base import Backend, ImpactWindow, Measurement, Samples, StroboscopicWindow
 from vibroimpact.cells import Cells
-from vibroimpact.indices import INDICES
+from vibroimpact.indices import FORCES, INDICES
+from vibroimpact.oscillator import ImpactOscillator, Model
 from vibroimpact.parameters import unknown
 
 __all__ = [
@@ -54,9 +55,13 @@ def check_for_systems(backend: Backend) -> None:
         raise ValueError(f"`backend` {backend.name!r} does not take systems; leave it out")
 
 
-def check_known(indices: Iterable[str], backend: Backend) -> None:
-    """Refuse indices that a back end does not give."""
+def check_known(indices: Iterable[str], backend: Backend, model: Model) -> None:
+    """Refuse indices that a back end does not give of a model."""
     for name in indices:
+        if name in FORCES and isinstance(model, ImpactOscillator):
+            raise ValueError(f"`{name}` is an index of systems; write the oscillator as an ImpactSystem")
+        if name == "max_force" and not any(stop.compliant for stop in getattr(model, "stops", ())):
+            raise ValueError("`max_force` needs a stop that gives; the force of a rigid one has no largest value")
         if name not in backend.known_indices:
             known = ", ".join(known for known in INDICES if known in backend.known_indices)
             raise ValueError(f"`backend` {backend.name!r} does not give the index {name!r}, only {known}")

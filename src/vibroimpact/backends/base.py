@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.cells import Cells
-from vibroimpact.indices import INDICES, VELOCITY_INDICES
+from vibroimpact.indices import FORCES, INDICES, VELOCITY_INDICES
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 from vibroimpact.system_cells import SystemCells
@@ -79,7 +79,7 @@ class Measurement:
     @property
     def thorough(self) -> bool:
         """Whether sums over impact velocities do not suffice for the indices."""
-        return not VELOCITY_INDICES.issuperset(self.indices)
+        return not (VELOCITY_INDICES | FORCES.keys()).issuperset(self.indices)
 
 
 @dataclass(frozen=True)
@@ -140,9 +140,11 @@ class Samples:
 class SystemSamples:
     """One system's motion as a window saw it; times in whole `periods` plus `phase`.
 
-    `impact_*`: recorded impacts, `stop` by its number, speed in m/s, impulse in N s, and whether other stops were
-    struck at the same instant; `look_*`: coordinates and velocities, one row a look; `rest_*`: which stop closed, when,
-    and when it was let go (NaN if it was not); `last_*`: where it ended, for carrying on.
+    `impact_*`: recorded impacts, `stop` by its number, speed in m/s, impulse in N s, energy lost in J, whether other
+    stops were struck at the same instant, and of stops that give, else NaN, the largest force in N, the time in s and
+    the penetration in m; of a contact that was not over all but the speed is NaN; `look_*`: coordinates and velocities,
+    one row a look; `rest_*`: which stop closed, when, and when it was let go (NaN if it was not); `last_*`: where it
+    ended, for carrying on.
     """
 
     impact_periods: Floats
@@ -150,7 +152,11 @@ class SystemSamples:
     impact_stop: Counts
     impact_velocity: Floats
     impact_impulse: Floats
+    impact_energy: Floats
     impact_simultaneous: NDArray[np.bool_]
+    impact_force: Floats
+    impact_duration: Floats
+    impact_depth: Floats
     look_periods: Floats
     look_phase: Floats
     look_displacement: Floats

@@ -17,7 +17,7 @@ from vibroimpact.backends.base import (
     SystemSamples,
 )
 from vibroimpact.backends.cpu import aligned, ended_as, statuses
-from vibroimpact.indices import INDICES
+from vibroimpact.indices import EVERY
 from vibroimpact.kernels.cell import FILLED, MOST, RUNNING
 from vibroimpact.kernels.systems import lanes, march, walk
 from vibroimpact.kernels.systems.complementarity import Room
@@ -251,7 +251,11 @@ def _labelled(
         impact_stop=impacts[:, 2].astype(np.int64),
         impact_velocity=impacts[:, 3] / h,
         impact_impulse=impacts[:, 4] / h,
+        impact_energy=impacts[:, 9] / h**2,
         impact_simultaneous=impacts[:, 5] > 0.0,
+        impact_force=impacts[:, 6] / h**2,
+        impact_duration=impacts[:, 7] * h,
+        impact_depth=impacts[:, 8],
         look_periods=times[0, : len(looks)],
         look_phase=times[1, : len(looks)],
         look_displacement=looks[:, :n] @ shapes.T,
@@ -293,11 +297,13 @@ class SystemSweep:
 
     def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
         window = measurement.impacts
-        self.layout = _layout(cells, measurement.thorough, "grazing_margin" in measurement.indices)
+        forceful = not {"mean_force", "max_force"}.isdisjoint(measurement.indices)
+        self.layout = _layout(cells, measurement.thorough, "grazing_margin" in measurement.indices, forceful)
         self.window, self.by_stop = window, measurement.by_stop
         self.total = march.Window(float(window.transient), float(window.transient + window.keep))
         self.table = _in_steps(cells, measurement.tolerances.chatter, self.layout)
         self.omega = cells["omega"]
+        self.gives: Any = (cells.block("spring") > 0.0).any(axis=0)
         self.budgets = _budgets(cells, measurement.tolerances, self.total.total)
         self.results, self.ends = np.zeros((len(cells), _noted(self.layout))), np.zeros(len(cells), np.int8)
         self._tickets = np.zeros(1, np.int64)
@@ -316,6 +322,14 @@ class SystemSweep:
             if number:
                 yield ended[:number].copy()
 
+    def _forces(self, sums: Floats, dissipation: Any, seconds: Any, h: Any, period: Any) -> dict[str, Any]:
+        """Return what the stops' forces come to, over seconds and per period."""
+        pushed = sums[march.THRUST] / h / seconds
+        largest = np.where(self.gives[:, None], sums[march.PEAK] / h**2, np.nan)
+        if not self.by_stop:
+            pushed, largest = pushed.sum(axis=0), np.fmax.reduce(largest, axis=0, initial=np.nan)
+        return {"mean_force": pushed, "max_force": largest, "work_rate": dissipation / period}
+
     def outcome(self, done: Counts | slice) -> Outcome:
         """Return what a back end promises of cells that have ended."""
         notes, ends = self.results[done].T, self.ends[done]
@@ -326,8 +340,9 @@ class SystemSweep:
         own = sums[:, :-1]
         with np.errstate(divide="ignore", invalid="ignore"):
             found = _of_impacts(own, notes[march.STOP], span, h, self.by_stop)
+            period = 2.0 * math.pi / self.omega[done]
+            found |= self._forces(own, found["dissipation"], span * period, h, period)
             if self.layout.thorough:
-                period = 2.0 * math.pi / self.omega[done]
                 found["lyapunov"] = notes[march.GREW] / (span * period)
                 found["n_periods"], found["n_impacts"] = notes[march.PERIODS], notes[march.IMPACTS]
                 found["lyapunov_per_impact"] = notes[march.GREW] / (kept - 1.0)
@@ -338,8 +353,7 @@ class SystemSweep:
                 rested = np.where(cycle > 0.0, rests[march.RESTING], rests[march.LATEST] - rests[march.BEFORE])
                 found["stick_fraction"] = rested / np.where(cycle > 0.0, cycle, since)
         columns = {
-            name: np.where(full, values, INDICES[name].fill).T.astype(INDICES[name].dtype)
-            for name, values in found.items()
+            name: np.where(full, values, EVERY[name].fill).T.astype(EVERY[name].dtype) for name, values in found.items()
         }
         counted = {
             "counted": notes[march.HITS],

@@ -309,8 +309,8 @@ def _names(text: str) -> list[str]:
 
 INDICES = _what(
     "indices", "NAMES",
-    f"Comma-separated: {', '.join(indices.INDICES)}; or all. (default: std; of a diagram: none)",
-    table="run", read=_names,
+    f"Comma-separated: {', '.join(indices.INDICES)}; or all; of systems {', '.join(indices.FORCES)}. "
+    "(default: std; of a diagram: none)", table="run", read=_names,
 )  # fmt: skip
 _SECTIONS = (
     "impact: velocity and phase of impacts; stroboscopic: displacement and velocity once per driving period. "

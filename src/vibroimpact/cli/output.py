@@ -195,9 +195,9 @@ def _beneath_boundaries(over: xr.Dataset, index: str) -> dict[str, Any]:
 
 
 def _first_index(dataset: xr.Dataset) -> str:
-    from vibroimpact.indices import INDICES
+    from vibroimpact.indices import EVERY
 
-    return next((name for name in INDICES if name in dataset), "std")
+    return next((name for name in EVERY if name in dataset), "std")
 
 
 def _size(options: Mapping[str, Any]) -> tuple[float, float] | None:

@@ -123,4 +123,4 @@ def check_place(request: Request, workers: int | None, cluster: Client | str | N
         if workers is not None:
             raise ValueError(f"give either `workers` or `cluster`, not both; or cluster='local:{workers}'")
     engine = get_backend(request.backend, time_step=request.time_step, elsewhere=cluster is not None)
-    check_known(request.indices, engine)
+    check_known(request.indices, engine, request.model.at())

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vibroimpact.dataset import bifurcation_name, model_of, unbundle
-from vibroimpact.indices import INDICES, shown_spread, spread_scale
+from vibroimpact.indices import EVERY, shown_spread, spread_scale
 from vibroimpact.motion import cycle_name, listed, recognise, recurrence
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.report.quantities import axis_range, begun, counted, quantity, spaced, span
@@ -250,7 +250,7 @@ def _basins(dataset: xr.Dataset) -> Iterator[str]:
 def _comparison(dataset: xr.Dataset) -> Iterator[str]:
     names = [str(name) for name in dataset["design"].values]
     yield f"{names[0]} and {names[1]}: {' and '.join(map(str, dataset['motion'].values))}"
-    for name in (name for name in (*model_of(dataset).parameters, *INDICES) if name in dataset):
+    for name in (name for name in (*model_of(dataset).parameters, *EVERY) if name in dataset):
         scales = [spread_scale(name, float(speed)) for speed in dataset["max_velocity"].values]
         first, second = map(shown_spread, dataset[name].values.tolist(), scales)
         units = dataset[name].attrs["units"]

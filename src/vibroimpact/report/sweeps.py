@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from vibroimpact.classes import NEEDED, classify
 from vibroimpact.dataset import model_of
-from vibroimpact.indices import INDICES, ROUNDING, spread_scale
+from vibroimpact.indices import EVERY, ROUNDING, spread_scale
 from vibroimpact.motion import MotionClass, cycle_length, decide, may_wind, motion_name, recurrence, refined
 from vibroimpact.report.quantities import axis_range, begun, counted, quantity, spaced, span
 from vibroimpact.status import Status
@@ -39,7 +39,7 @@ def map_sentences(dataset: xr.Dataset) -> Iterator[str]:
         yield begun(dataset, "each from ")
     else:
         yield f"{shape} {cells}{begun(dataset, ' from ')}: {ranges}"
-    for name in (name for name in INDICES if name in dataset):
+    for name in (name for name in EVERY if name in dataset):
         yield _index(dataset[name], axes, model_of(dataset).velocity_scale)
     if "filled_in" in dataset.attrs:
         yield f"{100 * dataset.attrs['fraction_computed']:.3g} % of the cells computed; {dataset.attrs['filled_in']}"

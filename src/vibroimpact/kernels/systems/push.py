@@ -52,12 +52,14 @@ def account(rows, end, k, wide):
             continue
         u = coefficients(clearances(rows, z, pace, k, wide))
         u1, _ = valued(u, end)
-        square = 0.0 * end
-        for node, weight in NODES:
-            _, rate = valued(u, node * end)
-            square = square + weight * rate * rate
-        work = 0.5 * get(rows, k.spring + z, wide) * (u1 * u1 - u[0] * u[0])
-        _add(rows, k.work + z, wide, pushes, work + get(rows, k.dashpot + z, wide) * square * end / pace)
+        damped = pushes & (get(rows, k.dashpot + z, wide) > 0.0)
+        if anywhere(damped):
+            square = 0.0 * end
+            for node, weight in NODES:
+                _, rate = valued(u, node * end)
+                square = square + weight * rate * rate
+            work = 0.5 * get(rows, k.spring + z, wide) * (u1 * u1 - u[0] * u[0])
+            _add(rows, k.work + z, wide, damped, work + get(rows, k.dashpot + z, wide) * square * end / pace)
         if k.forceful:
             least = trough(u, end, pushes, select(u[0] < u1, u[0], u1))
             _raise(rows, k.depth + z, wide, pushes, -least)

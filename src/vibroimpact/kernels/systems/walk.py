@@ -14,6 +14,7 @@ from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.leap import HALF, LEAPS, WHOLE, leap_half, leap_whole, may_leap
 from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, MADE, TURN, add_all, ending, happen, moment
+from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
 from vibroimpact.kernels.systems.step import step
 
@@ -94,6 +95,7 @@ def _note_rests(rows, k, seen, room, closing):
 @njit(error_model="numpy")
 def _record(rows, k, room, seen, struck, before, recorded, window):
     """Leave a row for each stop that was struck hard enough."""
+    measure(rows, k, room)
     periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
     for z in range(k.stops):
         if struck >> z & 1 and room.speed[z] >= rows[k.cut]:
@@ -102,10 +104,10 @@ def _record(rows, k, room, seen, struck, before, recorded, window):
                 row = seen.impacts[seen.filled[0]]
                 row[0], row[1], row[2] = periods, phase, z
                 row[3], row[4], row[5] = room.speed[z], room.impulse[z], recorded > 1
-                row[6:] = math.nan
+                row[6:9], row[9] = math.nan, 0.5 * (room.speed[z] - room.rate[z]) * room.impulse[z]
                 seen.filled[0] += 1
                 if rows[k.spring + z] > 0.0:
-                    row[4] = math.nan
+                    row[4] = row[9] = math.nan
                     rows[k.entry + z] = seen.filled[0]
 
 
