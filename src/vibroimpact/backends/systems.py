@@ -17,123 +17,25 @@ from vibroimpact.backends.base import (
     SystemSamples,
 )
 from vibroimpact.backends.cpu import aligned, ended_as, statuses
+from vibroimpact.backends.system_rows import budgets_of, in_steps, steps_of
 from vibroimpact.indices import EVERY
-from vibroimpact.kernels.cell import FILLED, MOST, RUNNING
+from vibroimpact.kernels.cell import FILLED, RUNNING
 from vibroimpact.kernels.systems import lanes, march, walk
 from vibroimpact.kernels.systems.complementarity import Room
 from vibroimpact.kernels.systems.layout import Layout, layout_of
-from vibroimpact.kernels.systems.leap import HALF, WHOLE
-from vibroimpact.kernels.systems.series import REACH
 from vibroimpact.kernels.vectors import LANES
-from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 from vibroimpact.system_cells import SystemCells
 
 _LOOKS = 200  # at lanes, before Python asks whether to stop
 _STEPS = 1 << 14  # of one cell, as well
-_TERMS = 30  # of a series over a leap: 2^31/31! is below rounding
 _ROOM = 4096  # rows of a buffer, which is emptied when it is full
 
-# By which power of a step's length a number is multiplied where time is counted in steps.
-_POWERS = {
-    "rate": 1,
-    "square": 2,
-    "damping": 1,
-    "load": 2,
-    "force": 2,
-    "omega": 1,
-    "scale": 1,
-    "give": -2,
-    "spring": 2,
-    "dashpot": 1,
-}
-_RENAMED = {"omega": "theta", "scale": "cut"}
 
-
-def _steps(cells: SystemCells) -> Floats:
-    """Return the length of a step of every cell in s."""
-    return REACH / cells.fastest_rate
-
-
-def _layout(cells: SystemCells, thorough: bool = False, wary: bool = False, forceful: bool = False) -> Layout:
+def _layout(cells: SystemCells, *flags: bool) -> Layout:
     shape = cells.shape
     given = shape.modes, shape.stops, shape.harmonics, shape.coupled, shape.moving
-    return layout_of(*given, thorough, wary, shape.giving, forceful)
-
-
-def _in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
-    """Return the engine's rows of every cell, time counted in steps, with the cut at that part of V."""
-    step = _steps(cells)[:, None]
-    table = np.zeros((len(cells), layout.constants))
-    for name, size in cells.shape.sizes.items():
-        first = getattr(layout, _RENAMED.get(name, name), None)
-        if first is not None:
-            table[:, first : first + size] = cells.block(name) * step ** _POWERS.get(name, 0)
-    _prepare_leaps(cells, layout, table)
-    s, grip = layout.stops, np.einsum("ijk,ijk->ij", *(_by_stop(cells, name) for name in ("alpha", "jump")))
-    table[:, layout.hard : layout.hard + s] = table[:, layout.spring : layout.spring + s] * grip / REACH**2
-    table[:, layout.thick : layout.thick + s] = table[:, layout.dashpot : layout.dashpot + s] * grip / REACH
-    table[:, layout.speed] = table[:, layout.cut]
-    table[:, layout.cut] *= chatter
-    return table
-
-
-def _by_stop(cells: SystemCells, name: str) -> Floats:
-    return cells.block(name).reshape(len(cells), cells.shape.stops, cells.shape.modes)
-
-
-def _prepare_leaps(cells: SystemCells, k: Layout, table: Floats) -> None:
-    """Leave the flows of leaps, and bounds of loads and of the stops' accelerations."""
-    n, s, m, number = k.modes, k.stops, k.harmonics, len(cells)
-    square, damping = table[:, k.square : k.square + n], table[:, k.damping : k.damping + n * n : n + 1]
-    load, theta = table[:, k.load : k.load + n], table[:, k.theta, None]
-    force = table[:, k.force : k.force + 2 * m * n].reshape(number, n, m, 2)
-    motion = table[:, k.motion : k.motion + 2 * m * s].reshape(number, s, m, 2)
-    turned = np.arange(1, m + 1) * theta
-    size, swing = np.hypot(force[..., 0], force[..., 1]), np.hypot(motion[..., 0], motion[..., 1])
-    bounds = (np.abs(load) + size.sum(axis=-1), *((part * turned[:, None] ** 2).sum(axis=-1) for part in (size, swing)))
-    table[:, k.driven : k.driven + 2 * n + s] = np.hstack(bounds)
-    coupled = np.count_nonzero(table[:, k.damping : k.damping + n * n], axis=1) > np.count_nonzero(damping, axis=1)
-    zero, one = np.zeros((number, n)), np.ones((number, n))
-    for first, length in ((k.halves, HALF), (k.wholes, WHOLE)):
-        room = np.where(coupled[:, None], 0.0, 1.0 - square * length**2 / 8.0 - damping * length / 2.0)
-        own = [*_over(one, zero, square, damping, length), *_over(zero, one, square, damping, length)]
-        loaded = _over(zero, zero, square, damping, length, load, zero, 0.0)
-        bound = np.where(room > 0.0, 1.0 / np.where(room > 0.0, room, 1.0), np.inf)
-        columns = [own[0], own[2], loaded[0], own[1], own[3], loaded[1], bound]
-        for order in range(m):
-            rate, (re, im) = turned[:, order, None], np.moveaxis(force[:, :, order], -1, 0)
-            sine = _over(zero, zero, square, damping, length, re, -im * rate, rate)
-            cosine = _over(zero, zero, square, damping, length, im, re * rate, rate)
-            columns += [sine[0], cosine[0], sine[1], cosine[1]]
-        flat = np.stack(columns, axis=-1).reshape(number, -1)
-        table[:, first : first + flat.shape[1]] = flat
-        angle = length * theta[:, 0]
-        table[:, first + flat.shape[1]], table[:, first + flat.shape[1] + 1] = np.sin(angle), np.cos(angle)
-
-
-def _over(
-    y: Floats, p: Floats, square: Floats, damping: Floats, x: float, force: Any = 0.0, slope: Any = 0.0, rate: Any = 0.0
-) -> tuple[Floats, Floats]:
-    """Return amplitude and rate after x steps, by the power series, under a force that turns at a rate."""
-    b = [y, p]
-    for _ in range(_TERMS - 1):
-        b.append(force - square * b[-2] - damping * b[-1])
-        force, slope = slope, -(rate**2) * force
-    powers = [x**order / math.factorial(order) for order in range(_TERMS + 1)]
-    amplitude, moved = 0.0 * y, 0.0 * y
-    for order in range(_TERMS, 0, -1):
-        amplitude, moved = amplitude + powers[order] * b[order], moved + powers[order - 1] * b[order]
-    return amplitude + b[0], moved
-
-
-def _budgets(cells: SystemCells, tolerances: Tolerances, total: float) -> Floats:
-    """Return the step, the longest flight in steps and the steps granted of every cell."""
-    step, slowest = _steps(cells), cells.slowest_rate
-    longest = tolerances.flight_periods * 2.0 * math.pi / (slowest * step)
-    granted = tolerances.steps_per_impact * total
-    most = np.maximum(granted, np.minimum(granted * cells.fastest_rate / slowest, MOST))
-    return np.column_stack([step, longest, most])
+    return layout_of(*given, shape.giving, *flags)
 
 
 def _noted(layout: Layout) -> int:
@@ -162,7 +64,7 @@ def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]
 
 
 def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
-    k, window = _layout(cell, forceful=cell.shape.giving), measurement.window
+    k, window = _layout(cell, cell.shape.giving), measurement.window
     start_periods, start_phase = cell.block("time")[0].tolist()
     if isinstance(window, ImpactWindow):
         total, wanted = march.Window(float(window.transient), float(window.transient + window.keep)), 0
@@ -174,16 +76,16 @@ def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
         schedule = walk.Schedule(float(wanted), times[0, 0], times[1, 0], float(window.per_period))
     rows, spare, note, room = np.zeros(k.rows), np.zeros(k.rows), np.zeros(_noted(k)), _room(k)
     limit = total.total if isinstance(window, ImpactWindow) else window.skip_periods + wanted / window.per_period + 1.0
-    note[: march.MADE] = _budgets(cell, measurement.tolerances, limit)
+    note[: march.MADE] = budgets_of(cell, measurement.tolerances, limit)
     seen = walk.Seen(
         np.zeros((_ROOM, 10)), np.zeros((wanted, 2 * k.modes)), np.zeros((_ROOM, 5)), np.zeros(3, np.int64)
     )
-    walk.seat(rows, k, _in_steps(cell, measurement.tolerances.chatter, k)[0], room, seen)
+    walk.seat(rows, k, in_steps(cell, measurement.tolerances.chatter, k)[0], room, seen)
     impacts: list[Floats] = []
     rests, end = [], RUNNING
     while end == RUNNING:
         end = walk.follow(rows, spare, k, room, note, seen, total, schedule, _STEPS)
-        _take_impacts(impacts, seen, rows[k.entry : k.entry + k.stops], end != RUNNING)
+        seen = _take_impacts(impacts, seen, rows[k.entry : k.entry + k.stops], end != RUNNING)
         if seen.filled[2] + k.stops > _ROOM:  # those still closed stay
             done = seen.rests[: seen.filled[2]]
             open_ones = done[np.isnan(done[:, 3])]
@@ -196,7 +98,7 @@ def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
     return _labelled(cell, window, *found, times, seen, end, note, state)
 
 
-def _take_impacts(impacts: list[Floats], seen: walk.Seen, entries: Floats, ended: bool) -> None:
+def _take_impacts(impacts: list[Floats], seen: walk.Seen, entries: Floats, ended: bool) -> walk.Seen:
     """Move rows of impacts out of their buffer, but for those from the first contact on that still goes on."""
     number = int(seen.filled[0])
     goes_on = np.flatnonzero(np.isnan(seen.impacts[:number, 4]))
@@ -205,6 +107,8 @@ def _take_impacts(impacts: list[Floats], seen: walk.Seen, entries: Floats, ended
     seen.impacts[: number - taken] = seen.impacts[taken:number].copy()
     seen.filled[0] -= taken
     entries[:] = np.maximum(entries - taken, 0.0)
+    room = len(seen.impacts)
+    return seen if 2 * seen.filled[0] < room else seen._replace(impacts=np.resize(seen.impacts, (2 * room, 10)))
 
 
 def _labelled(
@@ -218,7 +122,7 @@ def _labelled(
     note: Floats,
     state: tuple[Floats, Floats, float],
 ) -> SystemSamples:
-    n, h, shapes = cell.shape.modes, float(_steps(cell)[0]), cell.shapes[0]
+    n, h, shapes = cell.shape.modes, float(steps_of(cell)[0]), cell.shapes[0]
     looks = seen.looks[: seen.filled[1]]
     if isinstance(window, ImpactWindow):
         turns, filled = impacts[:, 0] + impacts[:, 1], len(impacts) == window.keep
@@ -297,14 +201,15 @@ class SystemSweep:
 
     def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
         window = measurement.impacts
-        forceful = not {"mean_force", "max_force"}.isdisjoint(measurement.indices)
-        self.layout = _layout(cells, measurement.thorough, "grazing_margin" in measurement.indices, forceful)
+        asked = frozenset(measurement.indices)
+        forceful, draining = bool(asked & {"mean_force", "max_force"}), "damper_rate" in asked
+        self.layout = _layout(cells, forceful, measurement.thorough, "grazing_margin" in asked, draining)
         self.window, self.by_stop = window, measurement.by_stop
         self.total = march.Window(float(window.transient), float(window.transient + window.keep))
-        self.table = _in_steps(cells, measurement.tolerances.chatter, self.layout)
+        self.table = in_steps(cells, measurement.tolerances.chatter, self.layout)
         self.omega = cells["omega"]
         self.gives: Any = (cells.block("spring") > 0.0).any(axis=0)
-        self.budgets = _budgets(cells, measurement.tolerances, self.total.total)
+        self.budgets = budgets_of(cells, measurement.tolerances, self.total.total)
         self.results, self.ends = np.zeros((len(cells), _noted(self.layout))), np.zeros(len(cells), np.int8)
         self._tickets = np.zeros(1, np.int64)
 
@@ -322,13 +227,15 @@ class SystemSweep:
             if number:
                 yield ended[:number].copy()
 
-    def _forces(self, sums: Floats, dissipation: Any, seconds: Any, h: Any, period: Any) -> dict[str, Any]:
-        """Return what the stops' forces come to, over seconds and per period."""
+    def _forces(self, notes: Floats, sums: Floats, dissipation: Any, seconds: Any, period: Any) -> dict[str, Any]:
+        """Return what forces and dampers come to, over seconds and per period."""
+        h = notes[march.H]
         pushed = sums[march.THRUST] / h / seconds
         largest = np.where(self.gives[:, None], sums[march.PEAK] / h**2, np.nan)
         if not self.by_stop:
             pushed, largest = pushed.sum(axis=0), np.fmax.reduce(largest, axis=0, initial=np.nan)
-        return {"mean_force": pushed, "max_force": largest, "work_rate": dissipation / period}
+        drained = notes[march.DRAINED] / h**2 / seconds
+        return {"mean_force": pushed, "max_force": largest, "work_rate": dissipation / period, "damper_rate": drained}
 
     def outcome(self, done: Counts | slice) -> Outcome:
         """Return what a back end promises of cells that have ended."""
@@ -341,7 +248,7 @@ class SystemSweep:
         with np.errstate(divide="ignore", invalid="ignore"):
             found = _of_impacts(own, notes[march.STOP], span, h, self.by_stop)
             period = 2.0 * math.pi / self.omega[done]
-            found |= self._forces(own, found["dissipation"], span * period, h, period)
+            found |= self._forces(notes, own, found["dissipation"], span * period, period)
             if self.layout.thorough:
                 found["lyapunov"] = notes[march.GREW] / (span * period)
                 found["n_periods"], found["n_impacts"] = notes[march.PERIODS], notes[march.IMPACTS]

@@ -30,6 +30,7 @@ from vibroimpact.kernels.systems.march import (
     conclude,
     ending,
     happen,
+    note_drain,
     note_misses,
     note_rests,
 )
@@ -92,11 +93,11 @@ def _unusual(lanes, lane, notes, rows, note, k, room, window):
     """Make what ended a lane's step, on the cell alone."""
     _lift(lanes, lane, rows)
     _lift(notes, lane, note)
-    z = int(rows[k.which])
     shut = closed(rows, k)
     if k.thorough:
         before(rows, k, room)
     struck, closing = happen(rows, k, room)
+    z = int(rows[k.which])
     if k.thorough:
         _neighbour(rows, k, room, note, z, struck, closing, window)
     recorded = add_all(rows, k, room, note, struck, window)
@@ -124,6 +125,8 @@ def _usual(lanes, notes, k, window):
     if not anywhere(usual):
         return
     lost = 0.5 * (1.0 - r) * v * impulse
+    if k.draining:
+        note_drain(notes, lanes, k, 0, usual, get(notes, HITS, 0), window)
     sine, cosine, periods = get(lanes, k.turn, 0), get(lanes, k.turn + 1, 0), get(lanes, k.turn + 2, 0)
     add(notes, k, 0, usual, get(lanes, k.which, 0), v, lost, impulse, sine, cosine, periods, window)
     put(lanes, k.hit, 0, select(usual, NOTHING, get(lanes, k.hit, 0)))
@@ -139,6 +142,8 @@ def _usual_contacts(lanes, notes, k, window):
     for y in range(k.stops if anywhere(ends) else 0):
         conclude(notes, lanes, k, 0, ends & (which == float(y)), y, window)
     if anywhere(begins):
+        if k.draining:
+            note_drain(notes, lanes, k, 0, begins, get(notes, HITS, 0), window)
         now = get(lanes, k.turn, 0), get(lanes, k.turn + 1, 0), get(lanes, k.turn + 2, 0)
         add(notes, k, 0, begins, which, v, 0.0 * v, 0.0 * v, *now, window)
     put(lanes, k.hit, 0, select(begins | ends, NOTHING, hit))

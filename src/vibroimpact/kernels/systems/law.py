@@ -39,7 +39,7 @@ def begin(rows, k, room):
         if touching >> z & 1 and abs(room.rate[z]) <= ROUNDING * size:
             members |= 1 << z
     closing = settle(rows, k, room, members) if members else 0
-    return closing | attend(rows, k, room) if k.giving else closing
+    return closing | attend(rows, k, room)[1] if k.giving else closing
 
 
 @njit(error_model="numpy")

@@ -25,7 +25,7 @@ class Layout(NamedTuple):
     near-miss of each stop since the last impact left. Of stops that give, `leaving` says which one has let go and is
     still pushed in, `engaged` counts those and the ones that push, `pace` is the length of a step while they do, as a
     part of it, and `thrust`, `work`, `pushed`, `peak` and `depth` are impulse, energy taken, time, largest force and
-    penetration of the contact. The others up to `constants` are
+    penetration of the contact; `drained` is the energy that dampers took. The others up to `constants` are
     constant, with the flows of leaps, `halves` and `wholes`, and `driven`, bounds of the loads, of their second
     derivatives and of the stops' accelerations. From `pairs` on it is room to work.
     """
@@ -39,6 +39,7 @@ class Layout(NamedTuple):
     wary: bool
     giving: bool
     forceful: bool
+    draining: bool
     eta: int
     rate: int
     turn: int
@@ -60,6 +61,7 @@ class Layout(NamedTuple):
     peak: int
     depth: int
     entry: int
+    drained: int
     square: int
     damping: int
     load: int
@@ -102,16 +104,17 @@ def layout_of(
     harmonics: int,
     coupled: bool,
     moving: bool,
-    thorough: bool = False,
-    wary: bool = False,
     giving: bool = False,
     forceful: bool = False,
+    thorough: bool = False,
+    wary: bool = False,
+    draining: bool = False,
 ) -> Layout:
     """Return the rows of systems of that many modes, stops and harmonics.
 
     `coupled`: damping is not proportional in some of them; `moving`: so is a stop; `thorough`: a neighbour of each
     motion is carried along; `wary`: near-misses are looked for, too; `giving`: stops give; `forceful`: impulses and
-    largest forces are asked for.
+    largest forces are asked for; `draining`: so is what the dampers take.
     """
     n, s, m = modes, stops, harmonics
     flow = n * (FLOW + 4 * m) + 2
@@ -119,6 +122,7 @@ def layout_of(
         "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "made": 1, "closed": 1, "held": s * s,
         "deta": n * thorough, "drate": n * thorough, "known": (2 * n + 2) * thorough, "missed": s * thorough,
         "leaving": s, "engaged": 1, "pace": 1, "thrust": s, "work": s, "pushed": s, "peak": s, "depth": s, "entry": s,
+        "drained": 1,
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
         "gap": s, "motion": 2 * m * s, "restitution": s,
         "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
@@ -130,4 +134,4 @@ def layout_of(
     for name, size in sizes.items():
         places[name] = row
         row += size
-    return Layout(n, s, m, coupled, moving, thorough, wary, giving, forceful, **places)
+    return Layout(n, s, m, coupled, moving, thorough, wary, giving, forceful, draining, **places)

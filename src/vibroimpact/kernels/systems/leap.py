@@ -137,7 +137,7 @@ def _take(rows, certain, s, s1, c1, first, length, k, wide):
 @njit(error_model="numpy", forceinline=True)
 def may_leap(rows, k, wide):
     """Return where leaps may be tried."""
-    may = get(rows, k.closed, wide) <= 0.0
+    may = get(rows, k.closed, wide) <= (-1.0 if k.draining else 0.0)
     return may & (get(rows, k.engaged, wide) <= 0.0) if k.giving else may
 
 

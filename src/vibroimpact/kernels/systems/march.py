@@ -10,11 +10,13 @@ from numba import njit
 from vibroimpact.kernels.cell import FILLED, PINNED, QUIET, RUNNING, SPENT
 from vibroimpact.kernels.systems.law import release, stalled, strike
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT
-from vibroimpact.kernels.systems.push import attend, touch
+from vibroimpact.kernels.systems.push import attend
+from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 LOOK = 32  # steps between two looks at whether a cell has ended
 TURN = 2.0 * math.pi
+PRESSED = 100.0  # driving periods for which a stop was not let go: it will not be
 
 # Numbers of a cell's note: the length of its step, what it is granted, and what it has come to; sin wt, cos wt,
 # whole periods of the first and of the last impact of the window, and the stop of the first.
@@ -23,12 +25,12 @@ BEGAN, ENDED, STOP = 7, 10, 13
 # of a cycle: recorded impacts, periods, phase and stop of the impact that is known, and impacts and periods until it
 # returned
 FROM, SINCE, PHASE, AT, CHATTERED, IMPACTS, PERIODS = range(14, 21)
-# Then of the window's impacts on each stop: how many, the first speed, sums of what the others differ by and of squares
-# of that, the largest speed, sums of cos wt and sin wt, and the energy lost after the window's first impact, the
-# impulse and the largest force.
+# The energy that dampers took within the window. Then of its impacts on each stop: how many, the first speed, sums of
+# what the others differ by and of squares of that, the largest speed, sums of cos wt and sin wt, and the energy lost
+# after the window's first impact, the impulse and the largest force.
 # Of its rests, in periods (and of those at any stop, in a block of their own): how long up to now, less the time now
 # while it is closed; up to the last impact, and up to the known one; in a cycle. And its closest miss.
-SUMS, EACH = 21, 15
+DRAINED, SUMS, EACH = 21, 22, 15
 COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, THRUST, PEAK = range(10)
 RESTED, LATEST, BEFORE, RESTING, MISS = range(10, EACH)
 
@@ -103,9 +105,9 @@ def ending(rows, k, room, note, total):
         return PINNED  # nothing is free to move, and the force has gone through a whole period
     if closed == 0.0 and rows[k.engaged] == 0.0 and _never_again(rows, k, room):
         return QUIET
-    if rows[k.age] > note[FLIGHT]:
-        return PINNED if rows[k.pace] < 1.0 else SPENT
-    return SPENT if rows[k.made] > note[GRANTED] else RUNNING
+    if rows[k.age] > note[FLIGHT] or rows[k.made] > note[GRANTED]:
+        return PINNED if rows[k.pace] < 1.0 and rows[k.age] * rows[k.theta] > PRESSED * TURN else SPENT
+    return RUNNING
 
 
 @njit(error_model="numpy")
@@ -115,14 +117,21 @@ def happen(rows, k, room):
     if rows[k.hit] == CONTACT:
         rows[k.age] = 0.0
     if rows[k.spring + z] > 0.0:
-        struck = touch(rows, k, room)
+        touching = measure(rows, k, room)
+        for y in range(k.stops):  # a rigid one at the same place comes first, whatever their order
+            if rows[k.hit] == CONTACT and not struck and touching >> y & 1 and room.rate[y] < 0.0:
+                rows[k.which] = y
+                struck, closing = strike(rows, k, room)
     elif rows[k.hit] != CONTACT:
         closing = stalled(rows, k, room)
     elif rows[k.kind + z] >= CLOSED:
         closing = release(rows, k, room)
     else:
         struck, closing = strike(rows, k, room)
-    return struck, closing | attend(rows, k, room) if k.giving else closing
+    if k.giving:
+        began, more = attend(rows, k, room)
+        return struck | began, closing | more
+    return struck, closing
 
 
 @njit(error_model="numpy")
@@ -188,6 +197,15 @@ def add(notes, k, wide, hit, z, v, energy, impulse, sine, cosine, periods, windo
 
 
 @njit(error_model="numpy", forceinline=True)
+def note_drain(notes, rows, k, wide, hit, before, window):
+    """Add what dampers took since the last recorded impact, the number `before` of them, where there is another."""
+    kept = hit & (before > window.transient) & (before < window.total)
+    more = get(rows, k.drained, wide)
+    put(notes, DRAINED, wide, get(notes, DRAINED, wide) + select(kept, more, 0.0))
+    put(rows, k.drained, wide, select(hit, 0.0, more))
+
+
+@njit(error_model="numpy", forceinline=True)
 def conclude(notes, rows, k, wide, over, y, window):
     """Add what contacts with a stop came to, where they are over, to the window's sums, and begin to count anew."""
     at, hits = SUMS + y * EACH, get(notes, HITS, wide)
@@ -212,7 +230,7 @@ def _mark(notes, at, wide, here, sine, cosine, periods):
 @njit(error_model="numpy")
 def add_all(rows, k, room, note, struck, window):
     """Add an unusual impact, stop by stop; weak ones are not recorded."""
-    recorded, turn = 0, k.turn
+    recorded, turn, before = 0, k.turn, note[HITS]
     for z in range(k.stops):
         if struck >> z & 1 and room.speed[z] >= rows[k.cut]:
             v, after = room.speed[z], -room.speed[z]
@@ -222,4 +240,6 @@ def add_all(rows, k, room, note, struck, window):
             now = rows[turn], rows[turn + 1], rows[turn + 2]
             add(note, k, None, v >= 0.0, float(z), v, lost, room.impulse[z], *now, window)
             recorded += 1
+    if k.draining:
+        note_drain(note, rows, k, None, recorded > 0, before, window)
     return recorded

@@ -17,9 +17,28 @@ from numba import njit
 
 from vibroimpact.kernels.systems.complementarity import ROUNDING
 from vibroimpact.kernels.systems.flow import clearances, stop_moves, turns
-from vibroimpact.kernels.systems.layout import BALANCED, CLOSED, CONTACT, OPEN, PASSING, RELEASED, RESTING, STRUCK
+from vibroimpact.kernels.systems.layout import (
+    BALANCED,
+    CLOSED,
+    NOTHING,
+    OPEN,
+    PASSING,
+    RELEASED,
+    RESTING,
+    STRUCK,
+)
 from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH, derivative, derive, measure, settle, size_of
-from vibroimpact.kernels.systems.series import DEGREE, SIZE, coefficients, integral, load, negated, trough, valued
+from vibroimpact.kernels.systems.series import (
+    DEGREE,
+    SIZE,
+    coefficients,
+    evaluate,
+    integral,
+    load,
+    negated,
+    trough,
+    valued,
+)
 from vibroimpact.kernels.vectors import anywhere, get, put, select
 
 SURE = 1e-9  # of k times the lengths that u is the sum of: a damping force above it is no rounding
@@ -69,6 +88,21 @@ def account(rows, end, k, wide):
             _raise(rows, k.peak + z, wide, pushes, -least / (pace * pace))
 
 
+@njit(error_model="numpy")
+def drain(rows, end, k, wide):
+    """Add the energy that dampers take over a step that is about to be made."""
+    pace, total = get(rows, k.pace, wide), 0.0 * end
+    for node, weight in NODES:
+        for j in range(k.modes):
+            _, rate = evaluate(load(rows, k.flight + j * SIZE, wide), node * end)
+            put(rows, k.pull + j, wide, rate)
+        for j in range(k.modes):
+            share = weight * get(rows, k.weight + j, wide) * get(rows, k.pull + j, wide)
+            for i in range(k.modes):
+                total = total + share * get(rows, k.damping + j * k.modes + i, wide) * get(rows, k.pull + i, wide)
+    put(rows, k.drained, wide, get(rows, k.drained, wide) + total * end / pace)
+
+
 @njit(error_model="numpy", forceinline=True)
 def _add(rows, row, wide, here, more):
     put(rows, row, wide, get(rows, row, wide) + select(here, more, 0.0))
@@ -92,6 +126,9 @@ def set_free(rows, k, wide):
         free = (leaving > 0.0) & (u > 0.0)
         put(rows, k.kind + z, wide, select(free, OPEN, get(rows, k.kind + z, wide)))
         put(rows, k.leaving + z, wide, select(free, 0.0, leaving))
+        # What ended the step was then -k d - c d' falling to zero with u > 0, where nothing begins.
+        mistaken = free & (get(rows, k.which, wide) == float(z))
+        put(rows, k.hit, wide, select(mistaken, NOTHING, get(rows, k.hit, wide)))
         put(rows, k.engaged, wide, get(rows, k.engaged, wide) - select(free, 1.0, 0.0))
 
 
@@ -147,29 +184,23 @@ def meet(rows, k, wide, contact):
 
 
 @njit(error_model="numpy")
-def touch(rows, k, room):
-    """Leave the speed at which a stop that gives is touched; return the set of it, empty if its contact goes on."""
-    z = int(rows[k.which])
-    measure(rows, k, room)
-    for y in range(k.stops):
-        room.speed[y], room.impulse[y], room.tail[y] = 0.0, 0.0, 0.0
-    begins = rows[k.hit] == CONTACT and rows[k.kind + z] < CLOSED and rows[k.leaving + z] == 0.0 and room.rate[z] < 0.0
-    room.speed[z] = -room.rate[z] if begins else 0.0
-    return int(begins) << z
-
-
-@njit(error_model="numpy")
 def attend(rows, k, room):
-    """Decide of every stop that gives whether it pushes, has let go or is free; return the rigid ones that close by it.
+    """Decide of every stop that gives whether it pushes, has let go or is free.
 
-    Where a damper begins or ends to push, accelerations jump, and stops that are closed or left from rest are settled
-    anew.
+    Return those that were free and push, with their speeds left, and the rigid ones that close by it. Where a damper
+    begins or ends to push, accelerations jump, and stops that are closed or left from rest are settled anew.
     """
-    changed, members, shut = False, int(0.0), int(0.0)
+    changed, members, shut, began = False, int(0.0), int(0.0), int(0.0)
+    measure(rows, k, room)
     for z in range(k.stops):
-        changed |= rows[k.spring + z] > 0.0 and _decide(rows, z, k)
         kind = rows[k.kind + z]
-        if rows[k.spring + z] == 0.0 and kind != OPEN and kind != STRUCK:
+        if rows[k.spring + z] > 0.0:
+            free = kind < CLOSED and rows[k.leaving + z] == 0.0
+            changed |= _decide(rows, z, k)
+            if free and rows[k.kind + z] >= CLOSED:
+                began |= 1 << z
+                room.speed[z], room.impulse[z], room.tail[z] = max(-room.rate[z], 0.0), 0.0, 0.0
+        elif kind != OPEN and kind != STRUCK:
             members |= 1 << z
             shut |= int(kind >= CLOSED) << z
     closing = int(0.0)
@@ -184,7 +215,7 @@ def attend(rows, k, room):
             hard += rows[k.hard + z] * (rows[k.kind + z] >= CLOSED)
             thick += rows[k.thick + z] * (rows[k.kind + z] >= CLOSED)
     rows[k.engaged], rows[k.pace] = engaged, 1.0 / (math.sqrt(1.0 + hard) + thick)
-    return closing
+    return began, closing
 
 
 @njit(error_model="numpy")

@@ -30,7 +30,7 @@ from vibroimpact.kernels.systems.layout import (
     STALLED,
     STRUCK,
 )
-from vibroimpact.kernels.systems.push import account, set_free
+from vibroimpact.kernels.systems.push import account, drain, set_free
 from vibroimpact.kernels.systems.series import (
     DEGREE,
     SIZE,
@@ -198,6 +198,8 @@ def step(rows, k, wide):
         miss(rows, z, end, end > 0.0, held, k, wide)
     if held and (k.giving or k.forceful):
         account(rows, end, k, wide)
+    if k.draining:
+        drain(rows, end, k, wide)
     move(rows, end, close, k, wide)
     stalled = select(end <= 0.0, STALLED, NOTHING)
     put(rows, k.which, wide, which)

@@ -1,0 +1,259 @@
+"""The engine in front of stops that give: closed forms, balances of energy and momentum, limits and hard cases."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+
+FEW = {"transient_impacts": 0, "sample_impacts": 8}
+
+
+def oscillator(*stops, mass=1.0, stiffness=1.0, damping=0.1, omega=1.3, force=1.0, constant=None):
+    load = vi.Force(omega=omega, harmonics={1: force}, constant=constant)
+    return vi.ImpactSystem(mass=mass, stiffness=stiffness, damping=damping, force=load, stops=stops)
+
+
+def spring(k, c=0.0, gap=0.3, direction=1.0, **more):
+    return vi.Stop(direction=direction, gap=gap, stiffness=k, damping=c, **more)
+
+
+def section(system, **how):
+    return vi.impact_section(system, **(FEW | how))
+
+
+def kelvin_voigt(z, rate):
+    """Restitution and duration of a contact let go where its force is zero (SYSTEMS.md)."""
+    damped = rate * math.sqrt(1.0 - z * z)
+    duration = (math.pi - math.atan2(2.0 * z * math.sqrt(1.0 - z * z), 1.0 - 2.0 * z * z)) / damped
+    return math.exp(-z * rate * duration), duration
+
+
+@pytest.mark.parametrize(("k", "rounding"), [(3.0, 1e-14), (1e2, 1e-14), (1e5, 1e-13), (1e9, 1e-11)])
+@pytest.mark.parametrize("z", [0.0, 0.05, 0.2, 0.7, 0.95])
+def test_a_free_mass_rebounds_as_kelvin_and_voigt_say(z, k, rounding):
+    mass = 2.5
+    stop = spring(k, 2.0 * z * math.sqrt(k * mass), gap=0.5)
+    back = vi.Stop(direction=-1.0, gap=0.5, restitution=1.0, name="back")
+    system = oscillator(stop, back, mass=mass, stiffness=0.0, damping=0.0, force=0.0)
+    seen = section(system, start=vi.State(0.0, 1.0), sample_impacts=3)
+    r, duration = kelvin_voigt(z, math.sqrt(k / mass))
+    v = seen["velocity"].values
+    np.testing.assert_allclose(v[1], r, rtol=rounding)
+    np.testing.assert_allclose(seen["contact_time"][0], duration, rtol=rounding)
+    np.testing.assert_allclose(seen["impulse"][0], mass * (1.0 + r), rtol=rounding)
+    np.testing.assert_allclose(seen["energy_lost"][0], 0.5 * mass * (1.0 - r * r), rtol=10 * rounding, atol=1e-13)
+    assert seen["stop"].values.tolist() == ["stop_1", "back", "stop_1"]
+
+
+def test_the_restitution_of_twenty_percent_damping_is_the_value_of_fifty_digits():
+    seen = section(
+        oscillator(spring(1.0, 0.4, gap=0.0), spring(1.0, 0.4, 1.0, -1.0), stiffness=0.0, damping=0.0, force=0.0),
+        start=vi.State(-0.5, 1.0),
+    )
+    assert seen["velocity"].values[1] == pytest.approx(0.571740027585, rel=1e-11)
+
+
+def test_an_undamped_contact_is_half_a_sine():
+    k, mass, v = 40.0, 2.5, 0.7
+    system = oscillator(spring(k, gap=0.0), mass=mass, stiffness=0.0, damping=0.0, force=0.0, constant=0.0)
+    seen = vi.simulate(system, start=vi.State(-1.0, v), periods=1.0)
+    assert float(seen["impulse"][0]) == pytest.approx(2.0 * mass * v, rel=1e-14)
+    assert float(seen["peak_force"][0]) == pytest.approx(v * math.sqrt(k * mass), rel=1e-14)
+    assert float(seen["penetration"][0]) == pytest.approx(v * math.sqrt(mass / k), rel=1e-14)
+    assert float(seen["contact_time"][0]) == pytest.approx(math.pi * math.sqrt(mass / k), rel=1e-14)
+    assert float(seen["energy_lost"][0]) == 0.0
+    assert float(seen["force"].max()) <= float(seen["peak_force"][0])
+
+
+def test_an_overdamped_contact_presses_hardest_at_the_touch_and_lets_go_pushed_in():
+    k, c, v = 1.0, 10.0, 1.0
+    system = oscillator(spring(k, c, gap=0.0), stiffness=0.0, damping=0.0, force=0.0)
+    seen = vi.simulate(system, start=vi.State(-1.0, v), periods=3.0, samples_per_period=2000)
+    fast, slow = (-c - math.sqrt(c * c - 4.0 * k)) / 2.0, (-c + math.sqrt(c * c - 4.0 * k)) / 2.0
+    # d = v (exp(slow t) - exp(fast t))/(slow - fast), and d'' = 0 where the force is zero.
+    duration = math.log((fast / slow) ** 2) / (slow - fast)
+    assert float(seen["contact_time"][0]) == pytest.approx(duration, rel=1e-12)
+    assert float(seen["peak_force"][0]) == pytest.approx(c * v, rel=1e-14)
+    after = seen["time"].values > 1.0 + duration
+    assert (seen["force"].values[after] == 0.0).all()
+    assert seen["displacement"].values[after][0] > 0.0
+
+
+def test_the_half_periods_of_a_free_bilinear_oscillator_are_those_of_its_two_springs():
+    k, extra = 2.0, 7.0
+    system = oscillator(spring(extra, gap=0.0), stiffness=k, damping=0.0, force=0.0)
+    seen = section(system, start=vi.State(-1.0, 0.0), sample_impacts=6)
+    period = math.pi / math.sqrt(k) + math.pi / math.sqrt(k + extra)
+    np.testing.assert_allclose(np.diff(seen["time"]), period, rtol=1e-14)
+    np.testing.assert_allclose(seen["velocity"], math.sqrt(k), rtol=1e-14)
+
+
+def test_unforced_motion_loses_what_dampers_and_stops_take():
+    k, g = 1.7, 0.4
+    stops = spring(60.0, 0.8, g), spring(30.0, 0.0, g, -1.0)
+    system = oscillator(*stops, stiffness=k, damping=0.03, force=0.0, constant=0.2)
+    how = {"start": vi.State(0.0, 20.0), "transient_impacts": 2, "sample_impacts": 31}
+    seen, names = section(system, **how), ["work_rate", "damper_rate"]
+    index = vi.parameter_map(system, omega=[1.3], indices=names, **how).isel(omega=0)
+    first, last = (float(seen["velocity"][at]) for at in (0, -1))
+    assert seen["stop"].values[0] == seen["stop"].values[-1]  # the same displacement
+    span = float(seen["time"][-1] - seen["time"][0])
+    lost = 0.5 * (first**2 - last**2)
+    assert float(index["work_rate"] + index["damper_rate"]) * span == pytest.approx(lost, rel=1e-12)
+    assert float(index["work_rate"]) * span == pytest.approx(float(seen["energy_lost"][:-1].sum()), rel=1e-12)
+
+
+@pytest.mark.parametrize("omega", [0.9, 1.1, 1.9, 2.4])
+def test_over_a_cycle_the_force_works_as_much_as_stops_and_dampers_take(omega):
+    stops = spring(50.0, 0.9, 0.3, name="a"), spring(20.0, 0.4, 0.5, -1.0, name="b")
+    system = oscillator(*stops, damping=0.2, omega=omega)
+    names = ["n_periods", "n_impacts", "work_rate", "damper_rate", "mean_force", "dissipation"]
+    how = {"indices": names, "transient_impacts": 3000, "sample_impacts": 1 + 2 * 3 * 4 * 5 * 7}
+    index = vi.parameter_map(system, omega=[omega], **how).isel(omega=0)
+    cycle = int(index["n_periods"])
+    assert cycle > 0 and 840 % int(index["n_impacts"]) == 0
+    start = settled(system, 500)
+    seen = vi.simulate(system, start=start, periods=cycle, samples_per_period=2**14)
+    place, turn = seen["displacement"].values[:-1, 0], omega * seen["time"].values[:-1]
+    assert abs(seen["displacement"].values[-1, 0] - place[0]) < 1e-12
+    # Of a periodic displacement whose second derivative jumps a mean of samples is right to their spacing cubed.
+    power = -omega * np.mean(np.cos(turn) * place)
+    assert float(index["work_rate"] + index["damper_rate"]) == pytest.approx(power, rel=1e-10)
+    assert float(index["dissipation"]) == pytest.approx(float(index["work_rate"]) * system.period, rel=1e-14)
+    # Momentum: what the stops push on average is what the spring pulls on average.
+    each = vi.parameter_map(system, omega=[omega], by_stop=True, **(how | {"indices": ["mean_force"]}))
+    forces = each["mean_force"].isel(omega=0).values
+    assert forces.sum() == pytest.approx(float(index["mean_force"]), rel=1e-13)
+    assert forces[0] - forces[1] == pytest.approx(-np.mean(place), abs=1e-9 * forces.max())
+
+
+def settled(system, periods):
+    seen = vi.simulate(system, periods=periods, samples_per_period=1)
+    return vi.State(seen["displacement"].values[-1].tolist(), seen["velocity"].values[-1].tolist())
+
+
+def test_the_force_of_a_rigid_stop_that_is_held_counts():
+    """A mass at rest between sticks: the mean force is what load and spring leave, sticks and impacts together."""
+    stop = vi.Stop(direction=1.0, gap=0.1, restitution=0.0, name="wall")
+    system = oscillator(stop, damping=0.2, omega=0.4)
+    how = {"indices": ["mean_force", "n_periods"], "transient_impacts": 500, "sample_impacts": 400}
+    index = vi.parameter_map(system, omega=[0.4], **how).isel(omega=0)
+    seen = vi.simulate(system, start=settled(system, 100), periods=int(index["n_periods"]), samples_per_period=2**15)
+    assert seen.sizes["stick"] > 0
+    mean = np.mean(seen["displacement"].values[:-1, 0])
+    assert float(index["mean_force"]) == pytest.approx(-mean, rel=1e-7)
+
+
+@pytest.mark.parametrize("z", [0.0, 0.1, 0.4])
+def test_the_stiffer_the_stop_the_nearer_the_motion_is_to_that_of_a_rigid_one(z):
+    def settled_speed(*stops):
+        system = oscillator(*stops, damping=0.3, omega=2.2)
+        return float(section(system, transient_impacts=400, sample_impacts=1)["velocity"][0])
+
+    rigid = settled_speed(vi.Stop(direction=1.0, gap=0.2, restitution=kelvin_voigt(z, 1.0)[0]))
+    stiff = 10.0 ** np.arange(3, 10)
+    apart = [abs(settled_speed(spring(k, 2.0 * z * math.sqrt(k), 0.2)) - rigid) for k in stiff]
+    slope = np.polyfit(np.log(stiff), np.log(apart), 1)[0]
+    assert slope < -0.45
+    assert apart[-1] < 1e-3 * rigid
+
+
+def test_lanes_and_walk_have_the_same_bits():
+    stops = spring(80.0, 0.7, 0.1), vi.Stop(direction=-1.0, gap=0.2, restitution=0.7), spring(400.0, 0.0, 0.25, -0.5)
+    system, omegas = oscillator(*stops), np.linspace(0.5, 3.0, 37)
+    how = {"transient_impacts": 50, "sample_impacts": 60}
+    sweep = vi.parameter_map(system, omega=omegas, indices=["max_velocity", "max_force"], **how)
+    for omega, fastest, force in zip(omegas, sweep["max_velocity"].values, sweep["max_force"].values, strict=True):
+        seen = section(system.replace(omega=omega), **how)
+        assert seen["velocity"].values.max(initial=-1.0) == fastest or math.isnan(fastest)
+        assert math.isnan(force) or np.nanmax(seen["peak_force"].values[:-1]) == pytest.approx(force, rel=1e-12)
+
+
+def test_order_of_stops_and_sides_do_not_matter():
+    matrices = {"mass": [[1.0, 0.1], [0.1, 0.7]], "stiffness": [[3.0, -1.0], [-1.0, 2.0]], "damping": np.eye(2) * 0.1}
+    stops = [
+        spring(50.0, 0.5, 0.2, [1.0, 0.0], name="a"),
+        spring(70.0, 0.0, 0.3, [0.0, -1.0], name="b"),
+        vi.Stop(direction=[1.0, -1.0], gap=0.4, restitution=0.6, name="c"),
+    ]
+    force = vi.Force(omega=1.7, harmonics={1: [1.0, 0.3j]})
+    one = section(vi.ImpactSystem(**matrices, force=force, stops=stops), sample_impacts=40)
+    other = section(vi.ImpactSystem(**matrices, force=force, stops=stops[::-1]), sample_impacts=40)
+    turned = vi.ImpactSystem(
+        **matrices,
+        force=vi.Force(omega=1.7, harmonics={1: [-1.0, -0.3j]}),
+        stops=[stop.replace(direction=-stop.direction) for stop in stops],
+    )
+    mirrored = section(turned, sample_impacts=40)
+    for seen in (other, mirrored):
+        assert seen["stop"].values.tolist() == one["stop"].values.tolist()
+        np.testing.assert_allclose(seen["velocity"], one["velocity"], rtol=1e-11)
+        np.testing.assert_allclose(seen["impulse"], one["impulse"], rtol=1e-11)
+
+
+@pytest.mark.parametrize("c", [0.0, 1.5])
+def test_the_exponent_is_how_neighbours_part(c):
+    """A damper that begins to push makes the acceleration jump, and the tangent with it."""
+    system = oscillator(spring(100.0, c, 0.1), damping=0.05, omega=2.6, stiffness=1.0)
+    how = {"transient_impacts": 400, "sample_impacts": 300}
+    exponent = vi.parameter_map(system, omega=[2.6], indices=["lyapunov_per_impact"], **how).lyapunov_per_impact.item()
+    base = settled(system, 600)
+    grown, steps, size = 0.0, 300, 1e-8
+    state, other = np.array([base.displacement[0], base.velocity[0]]), None
+    other = state + np.array([size, 0.0])
+    for _ in range(steps):
+        state, other = (advance(system, point) for point in (state, other))
+        apart = np.linalg.norm(other - state)
+        grown += math.log(apart / size)
+        other = state + (other - state) * (size / apart)
+    per_period = grown / steps
+    index = vi.parameter_map(system, omega=[2.6], indices=["lyapunov", "impacts_per_period"], **how).isel(omega=0)
+    assert exponent == pytest.approx(
+        float(index["lyapunov"] / index["impacts_per_period"]) * system.period, rel=0.05, abs=0.02
+    )
+    assert per_period == pytest.approx(float(index["lyapunov"]) * system.period, abs=0.05)
+
+
+def advance(system, point):
+    seen = vi.simulate(system, start=vi.State([point[0]], [point[1]]), periods=1, samples_per_period=1)
+    return np.array([seen["displacement"].values[-1, 0], seen["velocity"].values[-1, 0]])
+
+
+def test_a_weight_on_a_spring_stays_there_and_the_motion_says_so():
+    system = oscillator(spring(100.0, 2.0, 0.0), stiffness=0.0, damping=0.0, force=0.1, constant=5.0)
+    seen = section(system)
+    assert vi.Status(int(seen["status"])) == vi.Status.STUCK_FOREVER
+    rest = vi.simulate(system, periods=400, samples_per_period=8)["displacement"].values[-8:, 0]
+    assert np.abs(rest - 0.05).max() < 2e-3
+
+
+@pytest.mark.parametrize(("gap", "names"), [(0.3, {"wall"}), (0.2, {"wall", "soft"}), (0.4, {"wall"})])
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_spring_at_or_behind_a_rigid_stop_is_never_pushed(gap, names, first):
+    stops = [vi.Stop(direction=1.0, gap=0.3, restitution=0.7, name="wall"), spring(5.0, 0.1, gap, name="soft")]
+    seen = section(oscillator(*stops[:: -1 if first else 1]), sample_impacts=60)
+    assert set(seen["stop"].values.tolist()) == names
+    assert np.nanmax(seen["penetration"].values, initial=0.0) <= 0.1 + 1e-12
+
+
+def test_a_start_inside_is_pushed_out_and_counted_by_no_impact():
+    system = oscillator(spring(50.0, 1.0, 0.0), stiffness=1.0, force=0.0)
+    seen = vi.simulate(system, start=vi.State(0.5, 0.0), periods=1)
+    assert seen["force"].values[0, 0] == pytest.approx(25.0, rel=1e-14)
+    assert seen["displacement"].values.min() < 0.0
+
+
+def test_a_graze_of_a_spring_changes_nothing():
+    """Undriven and undamped, from rest at -g: the mass turns exactly at the stop."""
+    system = oscillator(spring(1000.0, 3.0, 0.5), damping=0.0, force=0.0, omega=1.0)
+    seen = vi.simulate(system, start=vi.State(-0.5, 0.0), periods=10.0)
+    np.testing.assert_allclose(seen["displacement"][:, 0], -0.5 * np.cos(seen["time"]), atol=1e-12)
+
+
+def test_what_only_systems_or_springs_have_is_refused_elsewhere():
+    with pytest.raises(ValueError, match="`work_rate` is an index of systems"):
+        vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], indices=["work_rate"])
+    with pytest.raises(ValueError, match="`max_force` needs a stop that gives"):
+        vi.parameter_map(oscillator(vi.Stop(direction=1.0, gap=0.1)), omega=[2.0], indices=["max_force"])
