@@ -113,7 +113,8 @@ def test_over_a_cycle_the_force_works_as_much_as_stops_and_dampers_take(omega):
     how = {"indices": names, "transient_impacts": 3000, "sample_impacts": 1 + 2 * 3 * 4 * 5 * 7}
     index = vi.parameter_map(system, omega=[omega], **how).isel(omega=0)
     cycle = int(index["n_periods"])
-    assert cycle > 0 and 840 % int(index["n_impacts"]) == 0
+    assert cycle > 0
+    assert 840 % int(index["n_impacts"]) == 0
     start = settled(system, 500)
     seen = vi.simulate(system, start=start, periods=cycle, samples_per_period=2**14)
     place, turn = seen["displacement"].values[:-1, 0], omega * seen["time"].values[:-1]
@@ -138,7 +139,7 @@ def test_the_force_of_a_rigid_stop_that_is_held_counts():
     """A mass at rest between sticks: the mean force is what load and spring leave, sticks and impacts together."""
     stop = vi.Stop(direction=1.0, gap=0.1, restitution=0.0, name="wall")
     system = oscillator(stop, damping=0.2, omega=0.4)
-    how = {"indices": ["mean_force", "n_periods"], "transient_impacts": 500, "sample_impacts": 400}
+    how = {"indices": ["mean_force", "n_periods"], "transient_impacts": 500, "sample_impacts": 401}
     index = vi.parameter_map(system, omega=[0.4], **how).isel(omega=0)
     seen = vi.simulate(system, start=settled(system, 100), periods=int(index["n_periods"]), samples_per_period=2**15)
     assert seen.sizes["stick"] > 0
