@@ -4,7 +4,7 @@ import numpy as np
 
 import vibroimpact as vi
 from vibroimpact import Status
-from vibroimpact.backends.reference.systems import LinearSystem, RigidStop
+from vibroimpact.backends.reference.systems import CompliantStop, LinearSystem, RigidStop
 
 M = [[2.0, 0.5], [0.5, 1.0]]
 C = [[0.3, -0.1], [-0.1, 0.2]]
@@ -102,7 +102,12 @@ def impacts(model, sample, transient=0, **how):
 def linear(model):
     """Return a system as the witness takes it."""
     load = np.zeros(len(model.mass)) if model.force.constant is None else model.force.constant
-    stops = tuple(RigidStop(stop.direction, stop.gap, stop.restitution, dict(stop.motion)) for stop in model.stops)
+    stops = tuple(
+        CompliantStop(stop.direction, stop.gap, stop.stiffness, stop.damping, dict(stop.motion))
+        if stop.compliant
+        else RigidStop(stop.direction, stop.gap, stop.restitution, dict(stop.motion))
+        for stop in model.stops
+    )
     matrices = model.mass, model.damping, model.stiffness
     return LinearSystem(*matrices, model.omega, load, dict(model.force.harmonics), stops)
 

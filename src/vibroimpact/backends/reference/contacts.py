@@ -73,15 +73,18 @@ def impact_law(coupling: Floats, restitution: Floats, rates: Floats) -> tuple[Fl
     return best[1] + 0.0, best[2]
 
 
-def held_closed(eq: Equations, x: Floats, touched: list[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the stops that push, and all that stay closed, of those touched with a rate of zero.
+def held_closed(
+    eq: Equations, x: Floats, touched: list[int], springs: tuple[int, ...] = ()
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return the rigid stops that push, and all that stay closed, of those touched with a rate of zero.
 
     Complementarity of forces and accelerations, 0 <= lambda and u'' >= 0; where both vanish their derivatives decide,
     as they do for the motion a moment later. A stop whose clearance stays zero without a force stays closed, too.
+    `springs` are the compliant stops that push: their forces are given.
     """
     best: tuple[int, tuple[int, ...], tuple[int, ...]] | None = None
     for pushing in subsets(touched):
-        phase = eq.phase(pushing)
+        phase = eq.phase(pushing, springs)
         if phase.singular:
             continue
         signs = []

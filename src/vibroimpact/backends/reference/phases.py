@@ -1,4 +1,4 @@
-"""Motion of a linear system between two events, while a given set of its stops is held closed.
+"""Motion of a linear system between two events, while given stops are held closed and others push as springs do.
 
 A phase is one linear system with constant coefficients, X' = A X, in
 
@@ -7,7 +7,9 @@ A phase is one linear system with constant coefficients, X' = A X, in
 with a length l that makes the entries alike. The clearances u are carried beside the coordinates, because g - a.q would
 lose its leading digits near contact. Held stops have u = u' = 0, and their forces are rows of X as well:
 
-    M q'' + C q' + K q = p - sum_j a_j lambda_j,    u_j'' = d_j'' - a_j . q'' = 0    for each held stop j.
+    M q'' + C q' + K q = p - sum_j a_j lambda_j,    u_j'' = d_j'' - a_j . q'' = 0    for each held stop j,
+
+and so are those of compliant stops, lambda_j = -k_j u_j - c_j u_j' while one pushes.
 
 Its matrix exponential needs no steady state: k = 0 and resonance are like all else. It is summed as a series, because
 what is small must be right relative to its own size in a chatter, and a Pade approximant is right relative to its norm.
@@ -31,6 +33,9 @@ from vibroimpact.backends.reference.flight import sine_cosine
 Floats = NDArray[np.float64]
 Which = NDArray[np.intp]
 Real = NDArray[Any]  # of double or extended precision
+Watch = tuple[int, int]  # what is watched until it falls through zero, and of which stop
+
+CLEARANCE, FORCE, SLACK, DEEP = range(4)  # u, lambda, k u + c u', -u
 
 STRIDE = 0.1  # radians of the fastest rate between two points of a block
 ROOT = 8  # the root of BLOCK
@@ -52,21 +57,43 @@ class RigidStop:
         The linear form a of the coordinates.
     gap : float
         Clearance at q = 0, in m.
-    restitution : float
-        Ratio r of the speeds after and before an impact, 0 to 1.
+    restitution : float, or function of float
+        Ratio r of the speeds after and before an impact, 0 to 1, or what returns it at a speed in m/s.
     motion : dict of int to complex
         Harmonics of the stop's own motion, in m.
     """
 
     direction: Floats
     gap: float
-    restitution: float
+    restitution: float | Callable[[float], float]
+    motion: dict[int, complex] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class CompliantStop:
+    """A stop that gives: from where u falls through zero it pushes with F = max(0, -k u - c u') until F is zero.
+
+    Where c > 0 that is before u is back at zero. It then keeps out of the way, but for pushing again if k u + c u'
+    falls through zero before u has risen above it.
+
+    Parameters
+    ----------
+    direction, gap, motion
+        Those of a `RigidStop`.
+    stiffness, damping : float
+        k > 0 in N/m and c >= 0 in N s/m.
+    """
+
+    direction: Floats
+    gap: float
+    stiffness: float
+    damping: float = 0.0
     motion: dict[int, complex] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class LinearSystem:
-    """M q'' + C q' + K q = p0 + Im(sum_h p_h exp(i h w t)), with rigid stops.
+    """M q'' + C q' + K q = p0 + Im(sum_h p_h exp(i h w t)), with stops.
 
     Parameters
     ----------
@@ -78,7 +105,7 @@ class LinearSystem:
         Constant force in N.
     harmonics : dict of int to complex array, shape (n,)
         Harmonics of the force in N.
-    stops : tuple of RigidStop
+    stops : tuple of RigidStop and CompliantStop
         Any number.
     """
 
@@ -88,7 +115,7 @@ class LinearSystem:
     omega: float
     constant: Floats
     harmonics: dict[int, NDArray[np.complex128]]
-    stops: tuple[RigidStop, ...]
+    stops: tuple[RigidStop | CompliantStop, ...]
 
 
 class Equations:
@@ -99,7 +126,10 @@ class Equations:
         self.period = 2.0 * math.pi / self.omega
         self.n, self.s = len(self.mass), len(system.stops)
         self.directions = np.array([stop.direction for stop in system.stops], float).reshape(self.s, self.n)
-        self.restitution = np.array([stop.restitution for stop in system.stops], float)
+        self.laws = [stop.restitution if isinstance(stop, RigidStop) else 0.0 for stop in system.stops]
+        springs = [(s.stiffness, s.damping) if isinstance(s, CompliantStop) else (0.0, 0.0) for s in system.stops]
+        self.springs, self.dampers = np.array(springs, float).reshape(self.s, 2).T
+        self.gives = self.springs > 0.0
         self.orders = sorted({*system.harmonics, *(h for stop in system.stops for h in stop.motion)})
         still = np.zeros(self.n)
         waves = [np.asarray(system.harmonics.get(h, still), complex) for h in self.orders]
@@ -123,7 +153,10 @@ class Equations:
         bends = -np.column_stack([np.zeros(self.s), moves.real * self.rates**2, moves.imag * self.rates**2])
         none = np.zeros((self.s, 2 * self.n + 2 * self.s))
         self.bending = np.column_stack([none, bends / self.length]) - self.directions @ self.acceleration
-        self.phases: dict[tuple[int, ...], Phase] = {}
+        self.slack = np.zeros_like(self.bending)  # k u + c u': minus the force of a compliant stop
+        own = np.arange(self.s)
+        self.slack[own, 2 * self.n + own], self.slack[own, 2 * self.n + self.s + own] = self.springs, self.dampers
+        self.phases: dict[tuple[tuple[int, ...], tuple[int, ...]], Phase] = {}
 
     def basis(self, phase: float) -> Floats:
         """Return 1, sin hwt, cos hwt at a phase in [0, 1)."""
@@ -137,24 +170,31 @@ class Equations:
         moving: Floats = (sines * self.rates) @ basis[1 + h :] - (cosines * self.rates) @ basis[1 : 1 + h]
         return moving
 
-    def phase(self, held: tuple[int, ...]) -> Phase:
-        """Return the phase in which these stops are held closed, made once."""
-        if held not in self.phases:
-            self.phases[held] = Phase(self, held)
-        return self.phases[held]
+    def restitution(self, rates: Floats) -> Floats:
+        """Return r of every stop, whose clearance has that rate before an impact."""
+        speeds = np.maximum(-rates, 0.0)
+        found = [law(float(v)) if callable(law) else law for law, v in zip(self.laws, speeds, strict=True)]
+        return np.array(found, float)
+
+    def phase(self, held: tuple[int, ...], pushing: tuple[int, ...] = ()) -> Phase:
+        """Return the phase in which rigid stops are held closed and compliant ones push, made once."""
+        if (held, pushing) not in self.phases:
+            self.phases[held, pushing] = Phase(self, held, pushing)
+        return self.phases[held, pushing]
 
 
 class Phase:
-    """Motion with a set of stops held closed; `rows` of the clearances of the others and of the forces of these."""
+    """Motion while some stops are held closed and some push; `rows` of what may be watched of every stop."""
 
-    def __init__(self, eq: Equations, held: tuple[int, ...]) -> None:
+    def __init__(self, eq: Equations, held: tuple[int, ...], pushing: tuple[int, ...]) -> None:
         n, s, size = eq.n, eq.s, eq.acceleration.shape[1]
-        self.held, index = held, list(held)
+        self.held, self.pushing, index, springs = held, pushing, list(held), list(pushing)
         square = eq.coupling[np.ix_(index, index)]
         self.singular = bool(index) and np.linalg.cond(square) > 1.0 / BALANCE
         self.force = np.zeros((s, size))  # lambda, a row per stop
+        self.force[springs] = -eq.slack[springs]
         if index and not self.singular:
-            self.force[index] = np.linalg.solve(square, -eq.bending[index])
+            self.force[index] = np.linalg.solve(square, -(eq.bending + eq.coupling @ self.force)[index])
         self.bending = eq.bending + eq.coupling @ self.force
         self.bending[index] = 0.0
         matrix = np.zeros((size, size))
@@ -167,13 +207,13 @@ class Phase:
         matrix[b + 1 : b + 1 + h, b + 1 + h :] = np.diag(eq.rates)
         matrix[b + 1 + h :, b + 1 : b + 1 + h] = -np.diag(eq.rates)
         self.matrix = matrix
-        self.fastest = max(eq.fastest, float(np.abs(np.linalg.eigvals(matrix[:u, :u])).max()))
+        self.fastest = max(eq.fastest, float(np.abs(np.linalg.eigvals(matrix[:b, :b])).max()))
         self.stride = STRIDE / self.fastest
         self.tick = ROUNDING * eq.period  # by which an event may be early or late
         self.powers = np.arange(TERMS)
         clearances = np.eye(size)[u:v]
-        values = np.array([self.force[j] if j in held else clearances[j] for j in range(s)]).reshape(s, size)
-        self.rows = np.stack([values, values @ matrix, values @ matrix @ matrix], axis=1)  # (stops, 3, size)
+        values = np.stack([clearances, self.force, eq.slack, -clearances])  # in the order of the kinds of a Watch
+        self.rows = np.stack([values, values @ matrix, values @ matrix @ matrix], axis=2)  # (kinds, stops, 3, size)
 
     def moved(self, x: Floats, time: float) -> Floats:
         """Return X at a time >= 0 after x."""
@@ -183,7 +223,7 @@ class Phase:
         return moved
 
     def series(self, x: Floats) -> Floats:
-        """Return the coefficients of the powers of time in X, shape (TERMS, size)."""
+        """Return the coefficients of the powers of time in X, shape (TERMS, size); x may have columns."""
         found = [x]
         for k in range(1, TERMS):
             found.append(self.matrix @ found[-1] / k)
@@ -225,15 +265,16 @@ class Phase:
         lasts = (order + 1) * max(value, 0.0) / (2.0 * bound) if bound > 0.0 else math.inf
         return float(min(self.stride, lasts))
 
-    def next_event(self, x: Floats, watched: dict[int, float], longest: float) -> tuple[float, Floats, list[int]]:
-        """Return time, X and the stops whose clearance or force falls through zero first; none within a block.
+    def next_event(self, x: Floats, watched: dict[Watch, float], longest: float) -> tuple[float, Floats, list[Watch]]:
+        """Return time, X and what falls through zero first, of which stops; nothing within a block.
 
-        `watched` holds the stops to look at, each with a time up to which it is surely positive.
+        `watched` holds what to look at, each with a time up to which it is surely positive.
         """
         states = np.concatenate([x[None], self.block @ x])
         count = min(BLOCK, math.ceil(longest / self.stride))
         index = list(watched)
-        value, rate, bend = np.einsum("tk,mok->omt", states, self.rows[index]) if index else np.zeros((3, 0, BLOCK + 1))
+        kinds, stops = np.array(index, int).reshape(-1, 2).T
+        value, rate, bend = np.einsum("tk,mok->omt", states, self.rows[kinds, stops])
         fastest = np.maximum(np.abs(rate[:, :-1]), np.abs(rate[:, 1:]))
         sharpest = np.maximum(np.abs(bend[:, :-1]), np.abs(bend[:, 1:]))
         near = np.minimum(value[:, :-1], value[:, 1:]) <= self.stride * (fastest + self.stride * sharpest)

@@ -1,108 +1,45 @@
-"""The witness for systems of several coordinates and rigid stops: one motion, event by event, slow and plain.
+"""The witness for systems of several coordinates and stops: one motion, event by event, slow and plain.
 
-Flights and closed phases are exact (`phases`), the first event is bracketed on a grid that is dense against the fastest
-rate, and impacts and closed stops obey complementarity, solved by trying every subset (`contacts`).
+All phases are exact (`phases`), the first event is bracketed on a grid that is dense against the fastest rate, impacts
+and closed stops obey complementarity, solved by trying every subset (`contacts`), and what compliant stops do while
+they push is integrated (`pushes`).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vibroimpact.backends.reference.contacts import held_closed, impact_law
-from vibroimpact.backends.reference.phases import DEPTH, Equations, Floats, LinearSystem, Phase, RigidStop, Which
+from vibroimpact.backends.reference.events import Event, Moment, Trajectory
+from vibroimpact.backends.reference.phases import (
+    CLEARANCE,
+    DEEP,
+    DEPTH,
+    FORCE,
+    SLACK,
+    CompliantStop,
+    Equations,
+    Floats,
+    LinearSystem,
+    Phase,
+    RigidStop,
+    Watch,
+    Which,
+)
+from vibroimpact.backends.reference.pushes import pushes
 
-__all__ = ["Event", "LinearSystem", "Moment", "RigidStop", "Trajectory", "follow"]
+__all__ = ["CompliantStop", "Event", "LinearSystem", "Moment", "RigidStop", "Trajectory", "follow"]
 
 TOUCH = 1e-13  # of a clearance's terms: one this small is contact
 CUT = 1e-10  # of the fastest impact so far: chatter below it is closed
 SHORT = 1e-6  # radians of the fastest rate: the rest of a chatter this short ends as the geometric series says
 HOLD = 1e-3  # of the cut: an impact this slow under a pressing force is held
 EVENTS = 1000  # per impact asked for, those too weak to be recorded included
-
-
-@dataclass(frozen=True)
-class Moment:
-    """A state: coordinates, velocities, clearances and their rates, at the time (periods + phase) T."""
-
-    periods: float
-    phase: float
-    displacement: Floats
-    velocity: Floats
-    clearance: Floats
-    rate: Floats
-
-    def later(self, turns: float) -> tuple[float, float]:
-        """Return periods and phase so many driving periods later."""
-        phase = self.phase + turns
-        whole = math.floor(phase)
-        return self.periods + whole, phase - whole
-
-
-@dataclass(frozen=True)
-class Event:
-    """What happened to one stop, and when.
-
-    Parameters
-    ----------
-    kind : "impact", "stick" or "release"
-        The stop is struck; it closes for a while; it opens.
-    time, phase : float
-        In s, and (t mod T)/T.
-    stop : int
-        Its index.
-    velocity, impulse : float
-        Of an impact: the closing speed just before it in m/s, > 0, and the impulse of this stop in N s.
-    impulses : tuple of float
-        Of an impact: those of all stops at this instant; a closed stop has one, too.
-    simultaneous : bool
-        Whether other stops are struck at the same instant; each has its own event.
-    closed : tuple of int
-        The stops that were closed just before.
-    """
-
-    kind: Literal["impact", "stick", "release"]
-    time: float
-    phase: float
-    stop: int
-    velocity: float = 0.0
-    impulse: float = 0.0
-    impulses: tuple[float, ...] = ()
-    simultaneous: bool = False
-    closed: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True)
-class Trajectory:
-    """One motion: its events in order, its end, the stops closed then, and why it ended.
-
-    `ended` is "impacts" (as many as asked for), "time", or "events" (too many too weak to be recorded).
-    """
-
-    events: tuple[Event, ...]
-    end: Moment
-    closed: tuple[int, ...]
-    ended: Literal["impacts", "time", "events"]
-    pieces: tuple[tuple[float, Phase, Floats], ...] = field(repr=False)
-
-    @property
-    def impacts(self) -> tuple[Event, ...]:
-        """The impacts alone."""
-        return tuple(event for event in self.events if event.kind == "impact")
-
-    def at(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        """Return displacements and velocities at times in s, shape (times, n); just after an impact at its instant."""
-        begins = np.array([begin for begin, _, _ in self.pieces])
-        n = len(self.end.displacement)
-        found = np.empty((np.size(times), 2 * n))
-        for row, time in zip(found, np.ravel(times), strict=True):
-            begin, phase, x = self.pieces[max(int(np.searchsorted(begins, time, side="right")) - 1, 0)]
-            row[:] = phase.moved(x, time - begin)[: 2 * n]
-        return found[:, :n], found[:, n:]
 
 
 def follow(
@@ -122,11 +59,11 @@ def follow(
     system : LinearSystem
         Matrices, forces and stops.
     displacement, velocity : array, shape (n,)
-        The state at `time`, in front of every stop or touching it.
+        The state at `time`, in front of every rigid stop or touching it.
     time : float
         In s.
     impacts : int
-        Impacts to be recorded.
+        Impacts to be recorded, contacts with compliant stops to their end.
     most_periods : float
         Driving periods to follow at most.
     cut : float, optional
@@ -141,7 +78,7 @@ def follow(
     Raises
     ------
     ValueError
-        The state lies beyond a stop, or stops squeeze a mass between them.
+        The state lies beyond a rigid stop, or such stops squeeze a mass between them.
 
     Notes
     -----
@@ -161,7 +98,8 @@ def follow(
     ended: Literal["impacts", "time", "events"] = "events"
     for _ in range(EVENTS * (impacts + 1)):
         walk.meet()
-        if walk.recorded >= impacts:
+        walk.full = walk.recorded >= impacts
+        if walk.full and not walk.in_contact:
             ended = "impacts"
             break
         if walk.turns >= last:
@@ -183,10 +121,13 @@ class _Walk:
         self.cut, self.fastest = cut, 0.0
         self.closed: tuple[int, ...] = ()  # all that stay closed, and those of them that push
         self.held: tuple[int, ...] = ()
+        self.pushing: tuple[int, ...] = ()  # compliant stops that push, and those that let go and are still pushed in
+        self.away: tuple[int, ...] = ()
+        self.contacts: dict[int, int | None] = {}  # of these, the index of their event if it is recorded
         self.events: list[Event] = []
         self.pieces: list[tuple[float, Phase, Floats]] = []
-        self.recorded = 0
-        if (clearance < -self._touch()).any():
+        self.recorded, self.full = 0, False
+        if (clearance < -self._touch())[~eq.gives].any():
             raise ValueError(f"the state lies beyond a stop: clearances {clearance.tolist()}")
 
     @property
@@ -198,6 +139,11 @@ class _Walk:
     def time(self) -> float:
         """Time in s."""
         return float(self.turns * self.eq.period)
+
+    @property
+    def in_contact(self) -> bool:
+        """Whether a contact that is recorded goes on."""
+        return any(self.contacts[j] is not None for j in self.pushing)
 
     def _touch(self) -> Floats:
         reach = np.abs(self.eq.places).sum(axis=1) + np.abs(self.eq.directions) @ np.abs(self.at.displacement)
@@ -215,10 +161,12 @@ class _Walk:
 
     def meet(self) -> None:
         """Settle all that happens at this instant: impacts, then which stops are closed."""
-        before, late = self.closed, 0.0
+        before, late, gives = self.closed, 0.0, self.eq.gives
         for _ in range(EVENTS):
-            touching = np.flatnonzero(self.at.clearance <= self._touch())
+            clearance, touch = self.at.clearance, self._touch()
+            touching = np.flatnonzero((clearance <= touch) & ~(gives & (clearance < -touch)))
             self._close_gaps(touching[self.at.rate[touching] <= 0.0])
+            touching = touching[~gives[touching]]
             struck = [int(j) for j in touching if self.at.rate[j] < 0.0]
             if not struck:
                 break
@@ -228,13 +176,50 @@ class _Walk:
             else:
                 late = tail
                 break
-        resting = [int(j) for j in touching if self.at.rate[j] == 0.0]
-        self.held, self.closed = held_closed(self.eq, self._vector(), resting)
+        self._settle([int(j) for j in touching if self.at.rate[j] == 0.0])
+        self._begin_contacts()
         for j in sorted({*before} - {*self.closed}):
             self._note("release", j)
         for j in sorted({*self.closed} - {*before}):
             turns = self.at.later(late / self.eq.period)
             self._note("stick", j, time=float(sum(turns) * self.eq.period), phase=float(turns[1]))
+
+    def _settle(self, resting: list[int]) -> None:
+        """Decide which compliant stops push, and which of the rigid ones at rest stay closed."""
+        eq, x, signs = self.eq, self._vector(), {}
+        for _ in range(eq.s + 1):
+            self.held, self.closed = held_closed(eq, x, resting, self.pushing)
+            phase, before = eq.phase(self.held, self.pushing), self.pushing
+            signs = {int(j): self._pushes(int(j), phase, x) for j in np.flatnonzero(eq.gives)}
+            self.pushing = tuple(j for j, sign in signs.items() if sign > 0)
+            if self.pushing == before:
+                break
+        self.away = tuple(j for j, sign in signs.items() if sign < 0)
+
+    def _pushes(self, j: int, phase: Phase, x: Floats) -> int:
+        """Return 1 if a compliant stop pushes from now on, -1 if it has let go and is still pushed in, 0 if it is free.
+
+        The first derivative that does not vanish decides; it is the same with the stop's own force and without.
+        """
+        clear, touch = self.at.clearance[j], self._touch()[j]
+        if clear >= -touch:
+            nears = clear <= touch and self.at.rate[j] <= 0.0
+            return int(nears and phase.leading(phase.rows[CLEARANCE, j, 0], x)[1] < 0.0)
+        return 1 if phase.leading(self.eq.slack[j], x)[1] < 0.0 else -1
+
+    def _begin_contacts(self) -> None:
+        """Write down the contacts that begin now, and forget those that are over."""
+        self.contacts = {j: index for j, index in self.contacts.items() if j in self.pushing or j in self.away}
+        new = [j for j in self.pushing if j not in self.contacts]
+        struck = [j for j in new if self.at.clearance[j] == 0.0 > self.at.rate[j]]
+        self.fastest = max(self.fastest, *(-float(self.at.rate[j]) for j in struck), 0.0)
+        for j in new:
+            speed = float(-self.at.rate[j])
+            counts = j in struck and speed >= self._cut() and not self.full
+            self.contacts[j] = len(self.events) if counts else None
+            if counts:
+                self.recorded += 1
+                self._note("impact", j, velocity=speed, simultaneous=len(struck) > 1, closed=self.closed)
 
     def _close_gaps(self, stops: Which) -> None:
         """Set the clearances of stops to zero, the coordinates with them."""
@@ -255,7 +240,8 @@ class _Walk:
     def _strike(self, struck: list[int], contact: list[int]) -> None:
         """Let the stops in contact push: those struck, and those closed."""
         eq, at = self.eq, self.at
-        after, parts = impact_law(eq.coupling[np.ix_(contact, contact)], eq.restitution[contact], at.rate[contact])
+        law = eq.restitution(at.rate)[contact]
+        after, parts = impact_law(eq.coupling[np.ix_(contact, contact)], law, at.rate[contact])
         impulses = np.zeros(eq.s)
         impulses[contact] = parts
         rate = at.rate + eq.coupling @ impulses
@@ -265,13 +251,14 @@ class _Walk:
         speeds = {j: float(-at.rate[j]) for j in struck}
         self.fastest = max(self.fastest, *speeds.values())
         for j, speed in speeds.items():
-            if speed >= self._cut():
+            if speed >= self._cut() and not self.full:
                 self.recorded += 1
                 self._note(
                     "impact",
                     j,
                     velocity=speed,
                     impulse=float(impulses[j]),
+                    energy_lost=float(impulses[j] * (speed - rate[j]) / 2.0),
                     impulses=tuple(impulses.tolist()),
                     simultaneous=len(struck) > 1,
                     closed=tuple(k for k in self.closed if at.rate[k] == 0.0),
@@ -287,21 +274,21 @@ class _Walk:
         as much as a stop that is held from now on. None: the impact rebounds.
         """
         eq, cut = self.eq, self._cut()
-        speed = max(-self.at.rate[j] for j in struck)
-        if speed >= cut or any(eq.restitution[j] == 1.0 for j in struck):
+        speed, law = max(-self.at.rate[j] for j in struck), eq.restitution(self.at.rate)
+        if speed >= cut or any(law[j] == 1.0 for j in struck):
             return None
         slow = [int(j) for j in touching if abs(self.at.rate[j]) <= cut]
         rate = self.at.rate.copy()
         rate[slow] = 0.0
         x = self._vector(rate)
-        held, _ = held_closed(eq, x, slow)
+        held, _ = held_closed(eq, x, slow, self.pushing)
         if not {*struck} <= {*held}:
             return None
         tails = []
         for j in struck:
-            phase = eq.phase(tuple(k for k in held if k != j))
+            phase = eq.phase(tuple(k for k in held if k != j), self.pushing)
             pressing, change = -float(phase.bending[j] @ x), abs(float(phase.bending[j] @ phase.matrix @ x))
-            r = eq.restitution[j]
+            r = law[j]
             tail = 2.0 * r * -self.at.rate[j] / ((1.0 - r) * pressing) if pressing > 0.0 else math.inf
             tails.append(tail if tail * change < 0.5 * pressing and tail * phase.fastest < SHORT else math.inf)
         late = max(tails)
@@ -321,35 +308,47 @@ class _Walk:
 
     def move(self, longest: float) -> None:
         """Move to the next event, or to the end of a block of the grid."""
-        eq, phase, x = self.eq, self.eq.phase(self.held), self._vector()
+        eq, phase, x = self.eq, self.eq.phase(self.held, self.pushing), self._vector()
         self.pieces.append((self.time, phase, x))
-        watched = {}
-        touching = self.at.clearance <= self._touch()
-        for j in range(eq.s):
-            if j in self.closed and j not in self.held:
-                continue
-            sure = 0.0
-            if j in self.held:
-                order, value = phase.leading(phase.force[j], x)
-                if 0 < order < DEPTH:
-                    sure = phase.surely_positive(phase.force[j], x, order, value)
-            elif touching[j]:
-                row = phase.rows[j, 0]
-                order, value = 1, float(self.at.rate[j])
-                if value == 0.0:
-                    order, value = phase.leading(phase.bending[j], x)
-                    order += 2
-                sure = phase.surely_positive(row, x, order, value)
-            watched[j] = sure
-        time, end, met = phase.next_event(x, watched, longest)
+        time, end, met = phase.next_event(x, self._watched(phase, x), longest)
+        if self.in_contact:
+            for j, push in pushes(phase, x, time).items():
+                index = self.contacts[j]
+                if index is not None:
+                    self.events[index] = self.events[index].after(push)
         n, s = eq.n, eq.s
         q, v, u, w = np.split(end[: 2 * n + 2 * s], [n, 2 * n, 2 * n + s])
-        u[[j for j in met if j not in self.held]] = 0.0
+        u[[j for kind, j in met if kind != SLACK and (kind != FORCE or eq.dampers[j] == 0.0)]] = 0.0
         u[list(self.closed)] = w[list(self.closed)] = 0.0
         self.at = Moment(*self.at.later(time / eq.period), q, v, u, w)
         closed = np.array(self.closed, int)
         self._close_gaps(closed)
         self._match_rates(closed)
+
+    def _watched(self, phase: Phase, x: Floats) -> dict[Watch, float]:
+        """Return what may fall through zero next, of which stops, and up to when each is surely positive."""
+        watched = {}
+        touching = self.at.clearance <= self._touch()
+        for j in range(self.eq.s):
+            if j in self.closed and j not in self.held:
+                continue
+            if j in self.away:
+                watched[DEEP, j] = 0.0
+            forced = j in self.held or j in self.pushing
+            kind = FORCE if forced else SLACK if j in self.away else CLEARANCE
+            row, sure = phase.rows[kind, j, 0], 0.0
+            if kind != CLEARANCE:
+                order, value = phase.leading(row, x)
+                if 0 < order < DEPTH:
+                    sure = phase.surely_positive(row, x, order, value)
+            elif touching[j]:
+                order, value = 1, float(self.at.rate[j])
+                if value == 0.0:
+                    order, value = phase.leading(phase.bending[j], x)
+                    order += 2
+                sure = phase.surely_positive(row, x, order, value)
+            watched[kind, j] = sure
+        return watched
 
 
 def _solved(square: Floats, right: Floats) -> Floats:

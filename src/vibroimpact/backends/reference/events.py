@@ -1,0 +1,111 @@
+"""What a motion is reported as: its events in order, and its states at any time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vibroimpact.backends.reference.phases import Floats, Phase
+from vibroimpact.backends.reference.pushes import Push
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A state: coordinates, velocities, clearances and their rates, at the time (periods + phase) T."""
+
+    periods: float
+    phase: float
+    displacement: Floats
+    velocity: Floats
+    clearance: Floats
+    rate: Floats
+
+    def later(self, turns: float) -> tuple[float, float]:
+        """Return periods and phase so many driving periods later."""
+        phase = self.phase + turns
+        whole = math.floor(phase)
+        return self.periods + whole, phase - whole
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happened to one stop, and when.
+
+    Parameters
+    ----------
+    kind : "impact", "stick" or "release"
+        The stop is struck, or begins to push; it closes for a while; it opens.
+    time, phase : float
+        In s, and (t mod T)/T.
+    stop : int
+        Its index.
+    velocity, impulse : float
+        Of an impact: the closing speed just before it in m/s, > 0, and the impulse of this stop in N s.
+    energy_lost, peak_force, penetration, contact_time : float
+        Of an impact: the energy lost at this stop in J, and of a compliant one the largest force in N, the deepest
+        penetration in m and the duration in s of the contact, so far if it goes on.
+    impulses : tuple of float
+        Of an impact: those of all stops at this instant; a closed stop has one, too.
+    simultaneous : bool
+        Whether other stops are struck at the same instant; each has its own event.
+    closed : tuple of int
+        The stops that were closed just before.
+    """
+
+    kind: Literal["impact", "stick", "release"]
+    time: float
+    phase: float
+    stop: int
+    velocity: float = 0.0
+    impulse: float = 0.0
+    energy_lost: float = 0.0
+    peak_force: float = 0.0
+    penetration: float = 0.0
+    contact_time: float = 0.0
+    impulses: tuple[float, ...] = ()
+    simultaneous: bool = False
+    closed: tuple[int, ...] = ()
+
+    def after(self, push: Push) -> Event:
+        """Return the event with what the stop has done since."""
+        return replace(
+            self,
+            impulse=self.impulse + push.impulse,
+            energy_lost=self.energy_lost + push.energy_lost,
+            peak_force=max(self.peak_force, push.peak_force),
+            penetration=max(self.penetration, push.penetration),
+            contact_time=self.contact_time + push.contact_time,
+        )
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """One motion: its events in order, its end, the stops closed then, and why it ended.
+
+    `ended` is "impacts" (as many as asked for), "time", or "events" (too many too weak to be recorded).
+    """
+
+    events: tuple[Event, ...]
+    end: Moment
+    closed: tuple[int, ...]
+    ended: Literal["impacts", "time", "events"]
+    pieces: tuple[tuple[float, Phase, Floats], ...] = field(repr=False)
+
+    @property
+    def impacts(self) -> tuple[Event, ...]:
+        """The impacts alone."""
+        return tuple(event for event in self.events if event.kind == "impact")
+
+    def at(self, times: ArrayLike) -> tuple[Floats, Floats]:
+        """Return displacements and velocities at times in s, shape (times, n); just after an impact at its instant."""
+        begins = np.array([begin for begin, _, _ in self.pieces])
+        n = len(self.end.displacement)
+        found = np.empty((np.size(times), 2 * n))
+        for row, time in zip(found, np.ravel(times), strict=True):
+            begin, phase, x = self.pieces[max(int(np.searchsorted(begins, time, side="right")) - 1, 0)]
+            row[:] = phase.moved(x, time - begin)[: 2 * n]
+        return found[:, :n], found[:, n:]
