@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from vibroimpact import models, plotting
+    from vibroimpact import contact, models, plotting
     from vibroimpact.classes import classify
     from vibroimpact.coexistence import attractors, basins
     from vibroimpact.continuation import boundary_curves, continue_boundary, continue_orbit, switch_branch
@@ -63,6 +63,7 @@ __all__ = [
     "boundary_curves",
     "classify",
     "compare",
+    "contact",
     "continue_boundary",
     "continue_orbit",
     "describe",
@@ -89,7 +90,7 @@ def __getattr__(name: str) -> Any:
     if name in _HOMES:
         found = globals()[name] = getattr(import_module(f"vibroimpact.{_HOMES[name]}"), name)
         return found
-    if name in ("models", "plotting"):
+    if name in ("contact", "models", "plotting"):
         return import_module(f"vibroimpact.{name}")
     if name == "__version__":
         from importlib.metadata import version

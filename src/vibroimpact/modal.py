@@ -50,7 +50,7 @@ class ModalForm:
     forces : (H, n) complex array
         f_h.
     gaps, restitution, stiffness, viscosity : (s,) array
-        g; r, NaN of a stop that gives; k and c, zero of a rigid one.
+        g; r, NaN of a stop that gives or whose r is a law; k and c, zero of a rigid one.
     motions : (s, H) complex array
         d_h.
     omega : float
@@ -102,7 +102,7 @@ def numbers_of(stops: Any) -> dict[str, Any]:
     def column(kind: str, none: float) -> Floats:
         return np.array([none if (value := getattr(stop, kind)) is None else value for stop in stops], np.float64)
 
-    of_rigid, of_giving = {"restitution": column("restitution", math.nan)}, {"viscosity": column("damping", 0.0)}
+    of_rigid, of_giving = {"restitution": column("ratio", math.nan)}, {"viscosity": column("damping", 0.0)}
     return {"gaps": column("gap", 0.0), "stiffness": column("stiffness", 0.0)} | of_rigid | of_giving
 
 

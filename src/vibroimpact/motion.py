@@ -77,7 +77,7 @@ _NAMES = {
     MotionClass.BUDGET: "not followed to the end",
 }
 # The kind that a status alone decides, by status; the first four decide nothing.
-_BY_STATUS = np.array([0, 0, 0, 0, 1, 1, 6, 7, 9, 10], dtype=np.int8)
+_BY_STATUS = np.array([0, 0, 0, 0, 1, 1, 6, 7, 9, 10, 9], dtype=np.int8)
 
 
 def decide(

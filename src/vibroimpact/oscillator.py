@@ -42,6 +42,10 @@ _TABLE = (
     ),
     Parameter("gap", "gap", "m", "g", hint="give the clearance in m; negative means preloaded against the stop"),
 )  # fmt: skip
+_AS_SYSTEM = (
+    "write ImpactSystem(mass=m, damping=c, stiffness=k, force=Force(omega=w, harmonics={1: f}), "
+    "stops=[Stop(direction=1.0, gap=g, restitution=law)]), which takes laws"
+)
 PARAMETERS = tuple(parameter.name for parameter in _TABLE if parameter.replaces is None)
 
 
@@ -116,6 +120,8 @@ class ImpactOscillator:
         **misnamed: Any,
     ) -> None:
         check_names(self.parameters, misnamed)
+        if callable(restitution):
+            raise invalid("restitution", restitution, "a number here", _AS_SYSTEM)
         _check_one("omega", omega, "frequency", frequency)
         _check_one("damping", damping, "damping_ratio", damping_ratio)
         check = {name: parameter.check for name, parameter in self.parameters.items()}

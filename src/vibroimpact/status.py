@@ -18,6 +18,7 @@ class Status(IntEnum):
     DECAYING = 7
     BUDGET = 8
     INTERRUPTED = 9
+    INVALID_RESTITUTION = 10
 
     @property
     def word(self) -> str:
@@ -46,6 +47,7 @@ _SENTENCES = {
     Status.DECAYING: "unforced impacts decay for ever; give an `amplitude` or sample fewer impacts",
     Status.BUDGET: "a flight or the whole motion exceeded its budget; raise `flight_periods` or `steps_per_impact`",
     Status.INTERRUPTED: "the sweep was stopped before this cell was finished; run it again",
+    Status.INVALID_RESTITUTION: "a law of restitution gave no number from 0 to 1 at the speed of an impact; limit it",
 }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import keyword
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibroimpact.by_value import ByValue, shown
+from vibroimpact.contact import Law, law_of
 from vibroimpact.matrices import numbers
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import SMALLEST, invalid, several, unknown, whole_number
@@ -21,66 +23,6 @@ SHORTEST = 1e-9  # driving periods: shorter contacts are those of a rigid stop
 STOPS = 5  # at most: an impact is solved among all their sets
 KINDS = "gap", "restitution", "stiffness", "damping"  # of numbers of stops that are parameters
 USUAL = ImpactOscillator.parameters  # of which a system has some, with the same ranges and remedies
-
-
-class ByValue:
-    """Equal, hashed, shown and pickled by the arguments that make it."""
-
-    def arguments(self) -> dict[str, Any]:
-        """Return the arguments of the constructor by name."""
-        raise NotImplementedError
-
-    def plain(self) -> dict[str, Any]:
-        """Return the arguments as numbers, texts, lists and dictionaries."""
-        return {name: _listed(value) for name, value in self.arguments().items()}
-
-    def __eq__(self, other: object) -> bool:
-        return type(self) is type(other) and _plain(self.arguments()) == _plain(other.arguments())
-
-    def __hash__(self) -> int:
-        return hash((type(self).__name__, _plain(self.arguments())))
-
-    def __repr__(self) -> str:
-        given = {name: value for name, value in self.arguments().items() if value is not None}
-        shown = (f"{name}={_shown(value)}" for name, value in given.items() if not isinstance(value, Mapping) or value)
-        return f"{type(self).__name__}({', '.join(shown)})"
-
-    def __reduce__(self) -> Any:
-        return _made, (type(self), self.arguments())
-
-
-def _made(kind: Any, arguments: dict[str, Any]) -> Any:
-    return kind(**arguments)
-
-
-def _listed(value: Any) -> Any:
-    """Return a value without arrays; of complex ones two, the real and the imaginary parts."""
-    if isinstance(value, ByValue):
-        return value.plain()
-    if isinstance(value, Mapping):
-        return {str(key): _listed(part) for key, part in value.items()}
-    if isinstance(value, tuple):
-        return [_listed(part) for part in value]
-    if np.iscomplexobj(value):
-        return [np.asarray(value).real.tolist(), np.asarray(value).imag.tolist()]
-    return value.tolist() if isinstance(value, np.ndarray) else value
-
-
-def _plain(value: Any) -> Any:
-    """Return a value without arrays and mappings, for comparisons."""
-    if isinstance(value, np.ndarray):
-        return value.shape, tuple(value.ravel().tolist())
-    if isinstance(value, Mapping):
-        return frozenset((key, _plain(entry)) for key, entry in value.items())
-    return tuple(map(_plain, value)) if isinstance(value, (tuple, list)) else value
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, np.ndarray):
-        return f"[{', '.join(map(_shown, value.tolist()))}]"
-    if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{key!r}: {_shown(entry)}' for key, entry in value.items())}}}"
-    return repr(value.real if isinstance(value, complex) and not value.imag else value)
 
 
 def vector(name: str, value: Any, kind: type = np.float64) -> Any:
@@ -217,8 +159,9 @@ class Stop(ByValue):
         below, ``[1, -1]`` the first from overtaking the second.
     gap : float
         g in m; negative means preloaded.
-    restitution : float, 0 to 1
-        r of a rigid stop, rate of the clearance after an impact over that before it; 0.8 unless given.
+    restitution : float, 0 to 1, or Law or function
+        r of a rigid stop, rate of the clearance after an impact over that before it; 0.8 unless given. A law of
+        `vibroimpact.contact`, or a Python function of the speed in m/s that numba can compile, returns it for each.
     stiffness : float, > 0
         k in N/m, of a stop that gives; None is rigid.
     damping : float, >= 0
@@ -246,11 +189,14 @@ class Stop(ByValue):
     Stop(direction=[0.0, -1.0], gap=0.0002, restitution=0.7, name='baffle')
     >>> Stop(direction=1.0, gap=2e-4, stiffness=2e6, damping=40.0).compliant
     True
+    >>> from vibroimpact.contact import hunt_crossley
+    >>> Stop(direction=1.0, gap=2e-4, restitution=hunt_crossley(damping=0.2)).kinds
+    ('gap',)
     """
 
     direction: Any
     gap: float
-    restitution: float | None
+    restitution: float | Law | None
     stiffness: float | None
     damping: float | None
     name: str | None
@@ -261,7 +207,7 @@ class Stop(ByValue):
         *,
         direction: Any,
         gap: float,
-        restitution: float | None = None,
+        restitution: float | Law | Callable[[float], float] | None = None,
         stiffness: float | None = None,
         damping: float | None = None,
         name: str | None = None,
@@ -273,7 +219,7 @@ class Stop(ByValue):
         entries = form.tolist() if isinstance(form, np.ndarray) else form.values()
         if not max(map(abs, entries)) >= SMALLEST:
             of = f" of stop {name!r}" if name else ""
-            raise ValueError(f"`direction`{of} must not be zero, got {_shown(form)}; a . q = gap is contact")
+            raise ValueError(f"`direction`{of} must not be zero, got {shown(form)}; a . q = gap is contact")
         if stiffness is None and damping is not None:
             raise invalid("damping", damping, "None for a rigid stop", "give a `stiffness` (N/m) to one that gives")
         if stiffness is not None and restitution is not None:
@@ -292,12 +238,12 @@ class Stop(ByValue):
             motion=MappingProxyType(moves),
         )
         given = {"stiffness": stiffness, "damping": damping or 0.0} if stiffness is not None else {}
-        for kind, value in (given or {"restitution": 0.8 if restitution is None else restitution}).items():
-            vars(self)[kind] = USUAL[kind].check(value)
+        for kind, value in (given or {"restitution": 0.8 if restitution is None else law_of(restitution)}).items():
+            vars(self)[kind] = value if isinstance(value, Law) else USUAL[kind].check(value)
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the constructor by name."""
-        numbered = {kind: getattr(self, kind) for kind in self.kinds}
+        numbered = {kind: getattr(self, kind) for kind in (*self.kinds, *(["restitution"] if self.law else []))}
         return {"direction": self.direction, **numbered, "name": self.name, "motion": dict(self.motion)}
 
     @property
@@ -308,7 +254,21 @@ class Stop(ByValue):
     @property
     def kinds(self) -> tuple[str, ...]:
         """The numbers of it that are parameters of a system."""
-        return ("gap", "stiffness", "damping") if self.compliant else ("gap", "restitution")
+        return ("gap", "stiffness", "damping") if self.compliant else ("gap",) if self.law else ("gap", "restitution")
+
+    @property
+    def law(self) -> Law | None:
+        """The law of restitution of a rigid stop; None where it is a number."""
+        return self.restitution if isinstance(self.restitution, Law) else None
+
+    @property
+    def ratio(self) -> float | None:
+        """The restitution of a rigid stop where it is the same at all speeds."""
+        return self.law.constant if self.law else self.restitution  # type: ignore[return-value]
+
+    def rebound(self, v: Any) -> Any:
+        """Return r of a rigid stop at impacts of speeds v in m/s."""
+        return self.law(v) if self.law else self.ratio
 
     def called(self, name: str) -> Stop:
         """Return a copy of that name: families make stops by the thousands."""

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from vibroimpact.by_value import ByValue
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import ROUNDING, matrices, nearest, numbers
 from vibroimpact.modal import ModalForm, modal_form, velocity_scale
@@ -19,7 +20,6 @@ from vibroimpact.oscillator import State, check_names
 from vibroimpact.parameters import Parameter, invalid
 from vibroimpact.stops import (
     USUAL,
-    ByValue,
     Force,
     Stop,
     check_length,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.cells import COUNTABLE, Cells, Floats, spread
+from vibroimpact.contact import KNOWN
 from vibroimpact.matrices import nearest
 from vibroimpact.modal import ModalForm, fastest_rate, speed_parts, steady_motion, velocity_scales
 from vibroimpact.stops import KINDS
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from vibroimpact.oscillator import State
     from vibroimpact.system import ImpactSystem
 
-NUMBERS = "gap", "restitution", "spring", "dashpot"  # the blocks of KINDS; a rigid stop has no spring
+# The blocks of KINDS, a rigid stop has no spring; then the mark of a law, whose number stands for a restitution.
+NUMBERS = "gap", "restitution", "spring", "dashpot", "law"
 BEYOND = 1e-12  # of the lengths that a clearance is the sum of: so little beyond a stop is rounding
 
 
@@ -44,8 +46,8 @@ class Shape:
         return {
             "eta": n, "rate": n, "turn": 3, "square": n, "damping": n * n, "load": n, "force": 2 * m * n,
             "alpha": s * n, "jump": s * n, "weight": n, "gap": s, "motion": 2 * m * s, "restitution": s,
-            "spring": s, "dashpot": s, "omega": 1, "scale": 1, "steady": n + 2 * m * n, "margin": s, "give": s,
-            "fastest": 1, "shapes": n * n, "time": 2,
+            "spring": s, "dashpot": s, "law": s, "omega": 1, "scale": 1, "steady": n + 2 * m * n, "margin": s,
+            "give": s, "fastest": 1, "shapes": n * n, "time": 2,
         }  # fmt: skip
 
 
@@ -334,9 +336,12 @@ def _columns(shape: Shape) -> tuple[str, ...]:
 
 def _numbers(stop: Any) -> tuple[float, ...]:
     """Return the numbers of a stop as NUMBERS has them."""
-    if stop.stiffness is None:
-        return stop.gap, stop.restitution, 0.0, 0.0
-    return stop.gap, 1.0, stop.stiffness, stop.damping
+    if stop.stiffness is not None:
+        return stop.gap, 1.0, stop.stiffness, stop.damping, 0.0
+    if stop.ratio is not None:
+        return stop.gap, stop.ratio, 0.0, 0.0, 0.0
+    KNOWN.setdefault(stop.law.mark, stop.law)
+    return stop.gap, stop.law.number, 0.0, 0.0, stop.law.mark
 
 
 def _fixed(system: ImpactSystem) -> tuple[Any, ...]:

@@ -24,7 +24,7 @@ from vibroimpact.backends.base import (
 from vibroimpact.cells import Cells
 from vibroimpact.indices import EVERY, INDICES
 from vibroimpact.kernels.advance import LOOK, TRACE
-from vibroimpact.kernels.cell import DYING, FILLED, MOST, PINNED, QUIET, RUNNING, SPENT, Cell
+from vibroimpact.kernels.cell import DYING, FILLED, LAWLESS, MOST, PINNED, QUIET, RUNNING, SPENT, Cell
 from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.flight import REACH
@@ -327,4 +327,5 @@ def ended_as(end: int, impacts: float | bool) -> Status:
         PINNED: Status.STUCK_FOREVER,
         DYING: Status.DECAYING,
         SPENT: Status.BUDGET,
+        LAWLESS: Status.INVALID_RESTITUTION,
     }.get(end, Status.OK)

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.backends.base import Floats
+from vibroimpact.contact import KNOWN
 from vibroimpact.kernels.cell import MOST
+from vibroimpact.kernels.restitution import address_of
 from vibroimpact.kernels.systems.layout import Layout
 from vibroimpact.kernels.systems.leap import HALF, WHOLE
 from vibroimpact.kernels.systems.series import REACH
@@ -46,6 +48,8 @@ def in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
         first = getattr(layout, _RENAMED.get(name, name), None)
         if first is not None:
             table[:, first : first + size] = cells.block(name) * step ** _POWERS.get(name, 0)
+    _address_laws(layout, table)
+    table[:, layout.tick] = step[:, 0]
     _prepare_leaps(cells, layout, table)
     s, grip = layout.stops, np.einsum("ijk,ijk->ij", *(_by_stop(cells, name) for name in ("alpha", "jump")))
     table[:, layout.hard : layout.hard + s] = table[:, layout.spring : layout.spring + s] * grip / REACH**2
@@ -53,6 +57,13 @@ def in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
     table[:, layout.speed] = table[:, layout.cut]
     table[:, layout.cut] *= chatter
     return table
+
+
+def _address_laws(k: Layout, table: Floats) -> None:
+    """Put the addresses of laws of restitution in the place of their marks."""
+    laws = table[:, k.law : k.law + k.stops]
+    for mark in np.unique(laws[laws != 0.0]).tolist():
+        laws[laws == mark] = address_of(mark, KNOWN[mark].rule)
 
 
 def _by_stop(cells: SystemCells, name: str) -> Floats:

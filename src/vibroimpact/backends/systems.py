@@ -53,7 +53,7 @@ def _room(layout: Layout) -> Room:
     return Room(
         np.zeros((s, s)),
         np.zeros((s, s + 1)),
-        *(np.zeros(s) for _ in range(6)),
+        *(np.zeros(s) for _ in range(7)),
         *(np.zeros(layout.modes) for _ in range(3)),
     )
 

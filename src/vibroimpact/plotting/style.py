@@ -48,6 +48,7 @@ STATUS_COLORS: dict[Status, str] = {
     Status.DECAYING: "#4f4f4f",
     Status.BUDGET: "#cc3d3d",
     Status.INTERRUPTED: "#f2a7a0",
+    Status.INVALID_RESTITUTION: "#8a2f6b",
 }
 
 STYLE: Any = {

@@ -83,7 +83,7 @@ class View:
         found = np.full((3, len(time)), np.nan)
         for wall in self.walls:
             here = simulation["impact_stop"].values == wall.name
-            moves, r = self.place(wall, time[here], rate=True), self.system.stops[wall.number].restitution
+            moves, r = self.place(wall, time[here], rate=True), self.system.stops[wall.number].rebound(speed[here])
             found[0, here] = self.place(wall, time[here])
             found[1, here] = moves + speed[here] / wall.ratio
             found[2, here] = moves - r * speed[here] / wall.ratio

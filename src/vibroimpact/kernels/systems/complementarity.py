@@ -16,8 +16,8 @@ ROUNDING = 1e-13  # relative: a smaller rate, force or acceleration may be zero
 
 
 class Room(NamedTuple):
-    """Arrays to solve in, one entry a stop, and what an impact was: speeds, impulses durations of chatter; of
-    the modes accelerations before and after, and by what the rates jumped.
+    """Arrays to solve in, one entry a stop, and what an impact was: speeds, impulses, durations of chatter, d(r v)/dv;
+    of the modes accelerations before and after, and by what the rates jumped.
     """
 
     gram: Any
@@ -28,6 +28,7 @@ class Room(NamedTuple):
     speed: Any
     impulse: Any
     tail: Any
+    rebound: Any
     before: Any
     after: Any
     jumped: Any

@@ -153,7 +153,8 @@ def _usual_contacts(lanes, notes, k, window):
 def _ended(lanes, lane, notes, rows, note, k, room, window):
     """Return why the cell in a lane ends here, or RUNNING; an ended one's note is left."""
     hits, age, made = notes[HITS * LANES + lane], lanes[k.age * LANES + lane], lanes[k.made * LANES + lane]
-    if hits < window.total and made <= notes[GRANTED * LANES + lane] and age <= QUIET_FOR:
+    lawful = lanes[k.lawless * LANES + lane] == 0.0
+    if lawful and hits < window.total and made <= notes[GRANTED * LANES + lane] and age <= QUIET_FOR:
         return RUNNING
     _lift(lanes, lane, rows)
     _lift(notes, lane, note)

@@ -12,6 +12,11 @@ stops at rest those are closed for which 0 <= lambda, u'' >= 0, lambda u'' = 0, 
 A weak impact (below the cut) completes its chatter after t1 = 2 r v/((1 - r) a), a = -u'' with all that is closed, if
 u'' stays below zero that long. All its impulses act along alpha, so that meanwhile the other coordinates move as if the
 stop were closed, but for u(t) itself, which ends where it began: it is closed at once where t1 is short.
+
+With a law r(v) the flights of a chatter take 2 v_i/a, v_{i+1} = r(v_i) v_i. Where r falls from 1 as 1 - A v^p the sum
+over the speeds is the integral of dv/(1 - r) = v/((1 - p)(1 - r)), so that 1 - r + v r' stands for 1 - r. For p >= 1 it
+diverges: the law of Hunt and Crossley, with p = 1 and A = 2 D/3, lets the speed fall as exp(-D a t/3), in ever more
+impacts, and ends at no time. Such a chatter is held from the cut on.
 """
 
 from __future__ import annotations
@@ -19,12 +24,15 @@ from __future__ import annotations
 from numba import njit
 
 from vibroimpact.kernels.law import COMPLETES, HOLD, SHORT
+from vibroimpact.kernels.restitution import restitution
 from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary
 from vibroimpact.kernels.systems.flow import stop_moves, turns
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, OPEN, RELEASED, STRUCK
 from vibroimpact.kernels.systems.push import attend
 from vibroimpact.kernels.systems.rest import NOWHERE, SHORTENED, TOUCH, derivative, derive, hold, measure, settle
 from vibroimpact.kernels.vectors import get, put, select
+
+ENDLESS = 0.1  # of 1 - r: with less of (1 - p)(1 - r) a chatter is taken to end at no time
 
 
 @njit(error_model="numpy")
@@ -80,7 +88,7 @@ def stalled(rows, k, room):
 def bounce(rows, k, wide):
     """Make the usual impact, of one stop while none is closed; return where it is made, its speed, impulse and r.
 
-    Usual is an impact above the cut with r > 0 in which no other stop is touched.
+    Usual is an impact above the cut with a number r > 0 in which no other stop is touched.
     """
     n, which = k.modes, get(rows, k.which, wide)
     usual = (get(rows, k.hit, wide) == CONTACT) & (get(rows, k.closed, wide) <= 0.0)
@@ -98,7 +106,7 @@ def bounce(rows, k, wide):
             w = w - alpha * get(rows, k.rate + j, wide)
             inverse = inverse + alpha * get(rows, k.jump + y * n + j, wide)
         rate, gram = select(own, w, rate), select(own, inverse, gram)
-        r = select(own, get(rows, k.restitution + y, wide), r)
+        r = select(own & (get(rows, k.law + y, wide) <= 0.0), get(rows, k.restitution + y, wide), r)
         if k.giving:
             own = own & (get(rows, k.spring + y, wide) <= 0.0)
         usual = usual & (own | (u > TOUCH * size + NOWHERE * get(rows, k.speed, wide)))
@@ -128,15 +136,19 @@ def strike(rows, k, room):
     cut = rows[k.cut]
     weak = cut < 0.0
     for y in range(s):
-        room.speed[y], room.impulse[y], room.tail[y] = 0.0, 0.0, 0.0
+        room.speed[y], room.impulse[y], room.tail[y], room.rebound[y] = 0.0, 0.0, 0.0, 0.0
         if touching >> y & 1 and (room.rate[y] < 0.0 or y == z):
             struck |= 1 << y
             room.speed[y] = max(-room.rate[y], 0.0)
-            weak |= room.speed[y] < cut or rows[k.restitution + y] == 0.0
+            room.free[y], room.rebound[y] = restitution(rows, y, room.speed[y], k)
+            weak |= room.speed[y] < cut or room.free[y] == 0.0
     beside = shut
     for y in range(s):  # touched and at rest to rounding: it takes part
         if touching & ~struck & 1 << y and room.rate[y] <= ROUNDING * room.speed[z]:
             beside |= 1 << y
+    for y in range(s):
+        if beside & ~struck & 1 << y:
+            _, room.rebound[y] = restitution(rows, y, ROUNDING * room.speed[z], k)
     return struck, _collide(rows, k, room, struck, beside, weak) & ~shut
 
 
@@ -152,7 +164,7 @@ def _collide(rows, k, room, struck, beside, weak):
     involved = struck | beside
     for y in range(s):
         if struck >> y & 1:
-            r = _bounce(rows, y, k, room)
+            r = _bounce(rows, y, k, room, room.free[y])
             room.free[y] = -(1.0 + r) * room.speed[y]
         else:
             room.free[y] = 0.0
@@ -179,15 +191,16 @@ def _collide(rows, k, room, struck, beside, weak):
 
 
 @njit(error_model="numpy")
-def _bounce(rows, z, k, room):
+def _bounce(rows, z, k, room, r):
     """Return the restitution of an impact: zero where it completes a chatter, whose duration is left."""
-    r, v, cut = rows[k.restitution + z], room.speed[z], rows[k.cut]
-    if v >= cut or r == 1.0 or r == 0.0:
+    v, cut, elastic = room.speed[z], rows[k.cut], r == 1.0 and room.rebound[z] == 1.0
+    if v >= cut or elastic or r == 0.0:
         return r
     push, change = -derivative(rows, z, 2, k), derivative(rows, z, 3, k)
-    duration = 2.0 * r / (1.0 - r) * v  # times push
+    less = (1.0 - r) + (room.rebound[z] - r)  # (1 - p)(1 - r) where r is 1 - A v^p
+    duration = 2.0 * r / less * v if less > ENDLESS * (1.0 - r) else 0.0  # times push
     complete = duration < SHORT * push and duration * max(change, 0.0) < COMPLETES * push * push
     if push > 0.0 and (complete or v < HOLD * cut):
-        room.tail[z] = min(duration / push, SHORT)
+        room.tail[z], room.rebound[z] = min(duration / push, SHORT), 0.0
         return 0.0
     return r

@@ -22,12 +22,13 @@ class Layout(NamedTuple):
     left or held; `age` and `made` count the steps flown since an event and made in all; `held` is the inverse of alpha
     M^-1 alpha^T over the closed stops, and `closed` how many there are; `deta` and `drate` are a deviation, `known` is
     the state (eta, rate, sin wt, cos wt) at an impact to which the motion may return, and `missed` what the closest
-    near-miss of each stop since the last impact left. Of stops that give, `leaving` says which one has let go and is
-    still pushed in, `engaged` counts those and the ones that push, `pace` is the length of a step while they do, as a
-    part of it, and `thrust`, `work`, `pushed`, `peak` and `depth` are impulse, energy taken, time, largest force and
-    penetration of the contact; `drained` is the energy that dampers took. The others up to `constants` are
-    constant, with the flows of leaps, `halves` and `wholes`, and `driven`, bounds of the loads, of their second
-    derivatives and of the stops' accelerations. From `pairs` on it is room to work.
+    near-miss of each stop since the last impact left; `lawless` says that a law of restitution failed. Of stops that
+    give, `leaving` says which one has let go and is still pushed in, `engaged` counts those and the ones that push,
+    `pace` is the length of a step while they do, as a part of it, and `thrust`, `work`, `pushed`, `peak` and `depth`
+    are impulse, energy taken, time, largest force and penetration of the contact; `drained` is the energy that dampers
+    took. The others up to `constants` are constant, with the addresses of laws of restitution (`law`, 0 where it is a
+    number), the length of a step in s (`tick`), the flows of leaps, `halves` and `wholes`, and `driven`, bounds of the
+    loads, of their second derivatives and of the stops' accelerations. From `pairs` on it is room to work.
     """
 
     modes: int
@@ -48,6 +49,7 @@ class Layout(NamedTuple):
     made: int
     closed: int
     held: int
+    lawless: int
     deta: int
     drate: int
     known: int
@@ -72,6 +74,8 @@ class Layout(NamedTuple):
     gap: int
     motion: int
     restitution: int
+    law: int
+    tick: int
     spring: int
     dashpot: int
     hard: int
@@ -119,12 +123,12 @@ def layout_of(
     n, s, m = modes, stops, harmonics
     flow = n * (FLOW + 4 * m) + 2
     sizes = {
-        "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "made": 1, "closed": 1, "held": s * s,
+        "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "made": 1, "closed": 1, "held": s * s, "lawless": 1,
         "deta": n * thorough, "drate": n * thorough, "known": (2 * n + 2) * thorough, "missed": s * thorough,
         "leaving": s, "engaged": 1, "pace": 1, "thrust": s, "work": s, "pushed": s, "peak": s, "depth": s, "entry": s,
         "drained": 1,
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
-        "gap": s, "motion": 2 * m * s, "restitution": s,
+        "gap": s, "motion": 2 * m * s, "restitution": s, "law": s, "tick": 1,
         "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
         "margin": s, "give": s, "driven": 2 * n + s,
         "halves": flow, "wholes": flow, "constants": 0, "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE,

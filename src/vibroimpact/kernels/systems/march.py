@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from numba import njit
 
-from vibroimpact.kernels.cell import FILLED, PINNED, QUIET, RUNNING, SPENT
+from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, QUIET, RUNNING, SPENT
 from vibroimpact.kernels.systems.law import release, stalled, strike
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT
 from vibroimpact.kernels.systems.push import attend
@@ -98,6 +98,8 @@ def _farthest(y, p, load, damping):
 @njit(error_model="numpy")
 def ending(rows, k, room, note, total):
     """Return why a cell ends here, or RUNNING."""
+    if rows[k.lawless] > 0.0:
+        return LAWLESS
     if note[HITS] >= total:
         return FILLED
     closed = rows[k.closed]

@@ -6,10 +6,11 @@ after, and P the impulses of the stops that act (a set A of them, G over it, R t
     deta+ = deta- + (p- - p+) dt,
     dp+ = dp- + (a- - a+) dt - jump^T dP,   G dP = -(1 + R) dw,   dw = -alpha (dp- + a- dt) + d'' dt,
 
-d'' the accelerations of the stops; of one that stays closed dw = -alpha (dp- + (a- - a+) dt) and R = 0, so that its
-clearance does not move. It is the saltation of M. A. Aizerman and F. R. Gantmakher, J. Appl. Math. Mech. 22 (1958)
-1065, for several stops. A stop that closes takes from a deviation what would move its clearance; where all is closed
-nothing is left, and the exponent is minus infinity. A stop that lets go takes nothing: the acceleration is continuous.
+d'' the accelerations of the stops, and R = d(r v)/dv where restitution is a law r(v); of one that stays closed dw =
+-alpha (dp- + (a- - a+) dt) and R = 0, so that its clearance does not move. It is the saltation of M. A. Aizerman and
+F. R. Gantmakher, J. Appl. Math. Mech. 22 (1958) 1065, for several stops. A stop that closes takes from a deviation what
+would move its clearance; where all is closed nothing is left, and the exponent is minus infinity. A stop that lets go
+takes nothing: the acceleration is continuous.
 """
 
 from __future__ import annotations
@@ -102,14 +103,14 @@ def cross(rows, k, room, z):
         du -= rows[k.alpha + z * n + j] * rows[k.deta + j]
     dt = du / room.speed[z]
     for y in range(s):
-        bounced, held = rows[k.restitution + y], rows[k.kind + y] >= CLOSED and room.speed[y] == 0.0
+        held = rows[k.kind + y] >= CLOSED and room.speed[y] == 0.0
         if held or room.impulse[y] > 0.0:
             active |= 1 << y
         dw = 0.0 if held else _load(rows, k.motion + 2 * k.harmonics * y, 0.0, 2, k) * dt
         for j in range(n):
             change = room.before[j] - room.after[j] if held else room.before[j]
             dw -= rows[k.alpha + y * n + j] * (rows[k.drate + j] + change * dt)
-        room.free[y] = dw if held or room.tail[y] > 0.0 else (1.0 + bounced) * dw
+        room.free[y] = dw if held else (1.0 + room.rebound[y]) * dw
     solve(room, active, s)
     for j in range(n):
         rows[k.deta + j] += room.jumped[j] * dt

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from vibroimpact.kernels.cell import FILLED, RUNNING, SPENT
+from vibroimpact.kernels.cell import FILLED, LAWLESS, RUNNING, SPENT
 from vibroimpact.kernels.machine import compiled
 from vibroimpact.kernels.systems.flow import fly_apart, move, turns
 from vibroimpact.kernels.systems.law import begin, bounce
@@ -183,6 +183,8 @@ def follow(rows, spare, k, room, note, seen, window, schedule, most):
         _look(rows, k, seen, periods, phase, schedule)
         if rows[k.hit] != NOTHING:
             _after_step(rows, k, room, note, seen, window)
+        if rows[k.lawless] > 0.0:
+            return LAWLESS
         full = note[HITS] >= window.total
         if full and _waits(rows, k):
             full = note[MADE] > note[GRANTED]

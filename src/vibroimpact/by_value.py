@@ -1,0 +1,69 @@
+"""Things that are what they are made of: two with the same arguments are one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+
+class ByValue:
+    """Equal, hashed, shown and pickled by the arguments that make it."""
+
+    def arguments(self) -> dict[str, Any]:
+        """Return the arguments of the constructor by name."""
+        raise NotImplementedError
+
+    def plain(self) -> dict[str, Any]:
+        """Return the arguments as numbers, texts, lists and dictionaries."""
+        return {name: _listed(value) for name, value in self.arguments().items()}
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and _plain(self.arguments()) == _plain(other.arguments())
+
+    def __hash__(self) -> int:
+        return hash((type(self).__name__, _plain(self.arguments())))
+
+    def __repr__(self) -> str:
+        given = {name: value for name, value in self.arguments().items() if value is not None}
+        told = (f"{name}={shown(value)}" for name, value in given.items() if not isinstance(value, Mapping) or value)
+        return f"{type(self).__name__}({', '.join(told)})"
+
+    def __reduce__(self) -> Any:
+        return _made, (type(self), self.arguments())
+
+
+def _made(kind: Any, arguments: dict[str, Any]) -> Any:
+    return kind(**arguments)
+
+
+def _listed(value: Any) -> Any:
+    """Return a value without arrays; of complex ones two, the real and the imaginary parts."""
+    if isinstance(value, ByValue):
+        return value.plain()
+    if isinstance(value, Mapping):
+        return {str(key): _listed(part) for key, part in value.items()}
+    if isinstance(value, tuple):
+        return [_listed(part) for part in value]
+    if np.iscomplexobj(value):
+        return [np.asarray(value).real.tolist(), np.asarray(value).imag.tolist()]
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _plain(value: Any) -> Any:
+    """Return a value without arrays and mappings, for comparisons."""
+    if isinstance(value, np.ndarray):
+        return value.shape, tuple(value.ravel().tolist())
+    if isinstance(value, Mapping):
+        return frozenset((key, _plain(entry)) for key, entry in value.items())
+    return tuple(map(_plain, value)) if isinstance(value, (tuple, list)) else value
+
+
+def shown(value: Any) -> str:
+    """Return a value as an argument is written, arrays as lists."""
+    if isinstance(value, np.ndarray):
+        return f"[{', '.join(map(shown, value.tolist()))}]"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{key!r}: {shown(entry)}' for key, entry in value.items())}}}"
+    return repr(value.real if isinstance(value, complex) and not value.imag else value)

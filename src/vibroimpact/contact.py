@@ -1,0 +1,375 @@
+"""Laws of restitution: what part of its speed an impact leaves, as a function of that speed.
+
+Each is computed by one plain Python function of a speed, a number and an order, 0 for r and 1 for dr/dv. Here it is
+called as it is; the engine compiles it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from vibroimpact.by_value import ByValue, shown
+from vibroimpact.cells import Floats
+from vibroimpact.fingerprint import fingerprint
+from vibroimpact.matrices import numbers
+from vibroimpact.parameters import invalid, real_number
+
+Rule = Callable[[float, float, int], float]
+
+TRIED = np.logspace(-9.0, 2.0, 111)  # speeds in m/s at which a function is tried when it is made a law
+NEAR = 3e-4  # of a speed: the distance of a difference, whose rounding is some 1e-12 of r/v
+SERIES = 0.05  # of D v: below it a power series has the digits that the formula loses
+KNOWN: dict[float, Law] = {}  # by their marks, which stand in tables of numbers
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class Law(ByValue):
+    """A law of restitution r(v) of a rigid stop; the functions of `vibroimpact.contact` make it.
+
+    Called with speeds in m/s (the `velocity` of impacts) it returns r; `slope` returns dr/dv in s/m. Two laws are equal
+    if they are made of equal arguments; Python functions are, if their bytecode, constants and captured values are.
+
+    Raises
+    ------
+    ValueError
+        A speed is below zero.
+
+    Examples
+    --------
+    >>> law = hunt_crossley(damping=0.4)
+    >>> law
+    hunt_crossley(damping=0.4)
+    >>> law([0.0, 1.0, 2.5]).round(6).tolist(), round(law.slope(2.5), 6)
+    ([1.0, 0.788539, 0.593624], -0.100536)
+    """
+
+    kind: str
+    given: Mapping[str, Any]
+    rule: Callable[[Callable[[Any], Any]], Rule]  # made by a compiler of functions
+    number: float
+    constant: float | None  # r, if it is the same at all speeds
+    mark: float  # a whole number below 2^53; of laws that differ in their number alone, the same
+
+    def __init__(self, kind: str, given: Mapping[str, Any]) -> None:
+        rule, number, constant = _MAKERS[kind](**given)
+        marked = (kind,) if number else (kind, *map(str, given), *map(_marked, given.values()))
+        vars(self).update(
+            kind=kind,
+            given=MappingProxyType(dict(given)),
+            rule=rule,
+            number=number,
+            constant=constant,
+            mark=float(int(fingerprint(marked)[:13], 16)),
+        )
+
+    def __call__(self, v: Any) -> Any:
+        """Return r at speeds v in m/s."""
+        return self._over(v, 0)
+
+    def slope(self, v: Any) -> Any:
+        """Return dr/dv in s/m at speeds v in m/s."""
+        return self._over(v, 1)
+
+    def _over(self, v: Any, order: int) -> Any:
+        speeds = np.asarray(v, np.float64)
+        if not (speeds >= 0.0).all():
+            raise invalid("v", v, "speeds >= 0")
+        rule = self.rule(lambda function: function)
+        found: Floats = np.array([float(rule(speed, self.number, order)) for speed in speeds.ravel().tolist()])
+        return found.reshape(speeds.shape) if speeds.ndim else float(found[0])
+
+    def arguments(self) -> dict[str, Any]:
+        """Return the arguments of the constructor by name."""
+        return {"kind": self.kind, "given": dict(self.given)}
+
+    def plain(self) -> dict[str, Any]:
+        """Return the law as numbers and texts: of a Python function its name and a table of its values."""
+        if self.kind != "function":
+            return {"law": self.kind, **{name: _listed(value) for name, value in self.given.items()}}
+        name = getattr(self.given["function"], "__name__", "function")
+        return {"law": name, "mark": self.mark, "speeds": TRIED.tolist(), "values": self(TRIED).tolist()}
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Law) and (self.mark, self.number) == (other.mark, other.number)
+
+    def __hash__(self) -> int:
+        return hash((self.mark, self.number))
+
+    def __repr__(self) -> str:
+        if self.kind == "function":
+            return str(self.plain()["law"])
+        return f"{self.kind}({', '.join(f'{name}={shown(value)}' for name, value in self.given.items())})"
+
+
+def hunt_crossley(*, damping: float) -> Law:
+    r"""Return the restitution of contacts whose damping grows with their penetration, F = k d^n (1 + D d').
+
+    .. math:: D v (1 + r) = \ln\frac{1 + D v}{1 - r D v}
+
+    It falls from 1 at rest, r = 1 - 2 D v/3 + ..., to 1/(D v), whatever k, n and the masses.
+
+    Parameters
+    ----------
+    damping : float, >= 0
+        D in s/m. Measured restitutions fall as r = 1 - alpha v at small speeds: D = 3 alpha/2, with alpha from 0.08 to
+        0.32 s/m for steel, bronze or ivory.
+
+    Returns
+    -------
+    Law
+        r(v), exact to 1e-13 at any D v, with its derivative.
+
+    Raises
+    ------
+    ValueError
+        D is below zero or no number.
+
+    Notes
+    -----
+    As r = 1 at rest, bounces under a steady push a die out with rate D a/3, but end at no time (see the page on
+    restitution).
+
+    References
+    ----------
+    K. H. Hunt and F. R. E. Crossley, Coefficient of restitution interpreted as damping in vibroimpact, Journal of
+    Applied Mechanics 42 (1975) 440-445; the equation, for n = 3/2: D. W. Marhefka and D. E. Orin, IEEE Transactions on
+    Systems, Man, and Cybernetics A 29 (1999) 566-572.
+
+    Examples
+    --------
+    >>> round(hunt_crossley(damping=1.0)(1.0), 14)
+    0.59362426004004
+    """
+    return Law("hunt_crossley", {"damping": damping})
+
+
+def kelvin_voigt(*, damping_ratio: float) -> Law:
+    r"""Return the restitution of a spring and a damper that let go where their force has fallen to zero.
+
+    .. math:: r = \exp\left(-\frac{2 \zeta \arccos \zeta}{\sqrt{1 - \zeta^2}}\right)
+
+    and, by continuation, with arcosh and the root of zeta^2 - 1 above 1. It does not depend on the speed, and is the
+    limit of a stop with `stiffness` as that grows at a fixed damping ratio.
+
+    Parameters
+    ----------
+    damping_ratio : float, >= 0
+        zeta = c/(2 sqrt(k m)) of the contact, m the struck mass.
+
+    Returns
+    -------
+    Law
+        r, the same at all speeds.
+
+    Raises
+    ------
+    ValueError
+        The ratio is below zero or no number.
+
+    Notes
+    -----
+    The force k d + c d' is zero after w_d t = 2 arccos(zeta). The common exp(-pi zeta/sqrt(1 - zeta^2)) lets go
+    where the penetration is zero: by then the damper pulls.
+
+    References
+    ----------
+    T. Schwager and T. Poschel, Coefficient of restitution and linear-dashpot model revisited, Granular Matter 9 (2007)
+    465-469.
+
+    Examples
+    --------
+    >>> round(kelvin_voigt(damping_ratio=0.2)(3.0), 12)
+    0.571740027585
+    """
+    return Law("kelvin_voigt", {"damping_ratio": damping_ratio})
+
+
+def piecewise(speeds: Any, values: Any) -> Law:
+    """Return a measured restitution: a smooth curve through a table, constant outside it.
+
+    Parameters
+    ----------
+    speeds : sequence of float, >= 0
+        Two or more in m/s, ascending.
+    values : sequence of float, 0 to 1
+        r at each of them.
+
+    Returns
+    -------
+    Law
+        r(v) with its derivative: cubics that rise and fall with the table and never beyond it, once continuously
+        differentiable between the first and the last speed.
+
+    Raises
+    ------
+    ValueError
+        The lists differ in length, speeds do not ascend, or a value is out of its range.
+
+    References
+    ----------
+    F. N. Fritsch and J. Butland, A method for constructing local monotone piecewise cubic interpolants, SIAM Journal on
+    Scientific and Statistical Computing 5 (1984) 300-304: SciPy's `PchipInterpolator`.
+
+    Examples
+    --------
+    >>> law = piecewise(speeds=[0.1, 0.5, 2.0], values=[0.9, 0.8, 0.6])
+    >>> law([0.01, 0.5, 1.0, 5.0]).round(4).tolist()
+    [0.9, 0.8, 0.7117, 0.6]
+    """
+    return Law("piecewise", {"speeds": speeds, "values": values})
+
+
+def law_of(given: Any) -> Any:
+    """Return the law that a Python function, or what `Law.plain` returns, stands for; all else as it is.
+
+    A function is one of the speed alone, in Python that numba compiles. Its derivative is a difference, good to 1e-9 of
+    r/v where the function is smooth. From its `plain` form it is found again if it is known here; else the table of its
+    values stands for it.
+
+    Raises
+    ------
+    ValueError
+        It fails, or returns no number from 0 to 1, at one of 111 speeds from 1e-9 to 100 m/s.
+
+    Examples
+    --------
+    >>> law_of(lambda v: 0.9 / (1.0 + v))(0.5)
+    0.6
+    >>> law_of(lambda v: 0.9 - v)
+    Traceback (most recent call last):
+    ValueError: `restitution` must be a law that returns numbers from 0 to 1, got -0.0999... at a speed of 1 m/s; ...
+    """
+    if isinstance(given, Mapping):
+        own = {name: value for name, value in given.items() if name not in ("law", "mark")}
+        return KNOWN.get(given.get("mark", 0.0)) or Law("piecewise" if "mark" in given else given["law"], own)
+    if isinstance(given, Law) or not callable(given):
+        return given
+    return Law("function", {"function": given})
+
+
+def _hunt_crossley(damping: Any) -> tuple[Any, float, float | None]:
+    """With x = D v and y = r x the law is x - ln(1 + x) = -y - ln(1 - y); the unknown is L = -ln(1 - y)."""
+    number = real_number("damping", damping, "a number >= 0")
+    if number < 0.0:
+        raise invalid("damping", damping, "a number >= 0")
+    return lambda compiled: _of_hunt_crossley, number, None if number else 1.0
+
+
+def _power_series(terms: int) -> tuple[float, ...]:
+    """Return the coefficients of r in powers of x = D v, by y y' (1 + x) = x (1 - y), y = x r."""
+    found, before = [1.0], 1.0
+    for order in range(1, terms):
+        product = -found[-1] - before  # of r and (x r)'
+        inner = sum(found[j] * found[order - j] for j in range(1, order))
+        found.append(product / (order + 2.0) - 0.5 * inner)
+        before = product
+    return tuple(found)
+
+
+_POWERS = _power_series(14)
+
+
+def _of_hunt_crossley(v: float, damping: float, order: int) -> float:
+    x, r, slope = damping * v, 0.0, 0.0
+    if x < SERIES:
+        for j in range(len(_POWERS)):
+            slope = slope * x + r
+            r = r * x + _POWERS[len(_POWERS) - 1 - j]
+        return damping * slope if order else r
+    wanted = x - math.log1p(x)
+    log = wanted + math.sqrt(2.0 * wanted)  # above the root of a convex function
+    for _ in range(60):
+        y = -math.expm1(-log)
+        change = (log - y - wanted) / y
+        log -= change
+        if abs(change) <= 1e-15 * log:
+            break
+    r = -math.expm1(-log) / x
+    return damping * (1.0 + r) * (math.exp(-log) - r) / ((1.0 + x) * r * x) if order else r
+
+
+def _kelvin_voigt(damping_ratio: Any) -> tuple[Any, float, float | None]:
+    zeta = real_number("damping_ratio", damping_ratio, "a number >= 0")
+    if zeta < 0.0:
+        raise invalid("damping_ratio", damping_ratio, "a number >= 0")
+    root = math.sqrt(abs((1.0 - zeta) * (1.0 + zeta)))
+    half = math.atan2(root, zeta) if zeta < 1.0 else math.asinh(root)  # of the contact, times w_d
+    constant = math.exp(-2.0 * zeta * (half / root if root else 1.0))
+    return lambda compiled: lambda v, number, order: 0.0 if order else constant, 0.0, constant
+
+
+def _piecewise(speeds: Any, values: Any) -> tuple[Any, float, float | None]:
+    from scipy.interpolate import PchipInterpolator
+
+    knots, heights = numbers("speeds", speeds, 1), numbers("values", values, 1)
+    if len(knots) != len(heights) or len(knots) < 2:
+        raise ValueError(f"`speeds` and `values` must be as many, at least two, got {len(knots)} and {len(heights)}")
+    if knots[0] < 0.0 or not (np.diff(knots) > 0.0).all():
+        raise invalid("speeds", knots.tolist(), "ascending numbers >= 0")
+    if heights.min() < 0.0 or heights.max() > 1.0:
+        raise invalid("values", heights.tolist(), "numbers from 0 to 1")
+    cubics = np.ascontiguousarray(PchipInterpolator(knots, heights).c.T)
+    last, edges = len(knots) - 2, (float(heights[0]), float(heights[-1]))
+
+    def of_table(v: float, number: float, order: int) -> float:
+        if v < knots[0] or v >= knots[last + 1]:
+            return 0.0 if order else edges[0] if v < knots[0] else edges[1]
+        low, high = 0, last
+        while low < high:
+            middle = (low + high + 1) // 2
+            low, high = (middle, high) if v >= knots[middle] else (low, middle - 1)
+        x, (a, b, c, d) = v - knots[low], cubics[low]
+        slope, r = (3.0 * a * x + 2.0 * b) * x + c, ((a * x + b) * x + c) * x + d
+        return float(slope if order else min(max(r, 0.0), 1.0))
+
+    return lambda compiled: of_table, 0.0, None
+
+
+def _function(function: Any) -> tuple[Any, float, float | None]:
+    for v in TRIED.tolist():
+        try:
+            r = float(function(v))
+        except Exception as error:
+            raise ValueError(f"`restitution` fails at a speed of {v:.3g} m/s: {error}") from error
+        if not 0.0 <= r <= 1.0:
+            raise ValueError(
+                f"`restitution` must be a law that returns numbers from 0 to 1, got {r!r} at a speed of {v:.3g} m/s; "
+                "limit what it returns by min and max"
+            )
+
+    def rule(compiled: Callable[[Any], Any]) -> Rule:
+        at = compiled(function)
+
+        def of_function(v: float, number: float, order: int) -> float:
+            if order == 0:
+                return float(at(v))
+            v = max(v, 1e-300)
+            step = NEAR * v
+            near, far = at(v + step) - at(v - step), at(v + 2.0 * step) - at(v - 2.0 * step)
+            return float((8.0 * near - far) / (12.0 * step))
+
+        return of_function
+
+    return rule, 0.0, None
+
+
+_MAKERS: dict[str, Callable[..., tuple[Any, float, float | None]]] = {
+    "hunt_crossley": _hunt_crossley,
+    "kelvin_voigt": _kelvin_voigt,
+    "piecewise": _piecewise,
+    "function": _function,
+}
+
+
+def _marked(value: Any) -> Any:
+    return value if callable(value) else np.asarray(value, np.float64)
+
+
+def _listed(value: Any) -> Any:
+    return np.asarray(value, np.float64).tolist()

@@ -1,0 +1,74 @@
+"""Laws of restitution that any function gives: compiled to C, and called where the table of a cell says.
+
+Kernels are kept on disk and the addresses of functions are those of one process, so that an address is a number of a
+cell as others are: below 2^53 it is exact.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import cfunc, float64, int64, njit, types
+from numba.core.errors import NumbaError
+from numba.extending import intrinsic
+
+_COMPILED: dict[float, Any] = {}  # by the marks of laws: what is called must not go away
+
+
+@intrinsic
+def _called(typingctx: Any, address: Any, v: Any, number: Any, order: Any) -> Any:
+    """Return what the C function double(double, double, long) at an address returns."""
+
+    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        double, long = ir.DoubleType(), ir.IntType(64)
+        kind = ir.FunctionType(double, [double, double, long]).as_pointer()
+        place = builder.inttoptr(builder.fptoui(values[0], long), kind)
+        return builder.call(place, values[1:])
+
+    return types.float64(types.float64, types.float64, types.float64, types.int64), codegen
+
+
+@njit(error_model="numpy")
+def restitution(rows, z, v, k):
+    """Return r of a stop at a speed in steps, and d(r v)/dv; `lawless` notes that a law gave no number from 0 to 1."""
+    number = rows[k.restitution + z]
+    if rows[k.law + z] == 0.0:
+        return number, number
+    speed = max(v / rows[k.tick], 1e-300)  # not every law can be asked at rest
+    r = _called(rows[k.law + z], speed, number, 0)
+    slope = _called(rows[k.law + z], speed, number, 1)
+    if not 0.0 <= r <= 1.0:
+        rows[k.lawless] = 1.0
+        return 0.0, 0.0
+    return r, r + speed * slope
+
+
+def address_of(mark: float, rule: Callable[[Callable[[Any], Any]], Any]) -> float:
+    """Return the address of a law, which is compiled when it is first asked for; 0.1 to 0.5 s.
+
+    Raises
+    ------
+    ValueError
+        Numba cannot compile it.
+    """
+    if mark not in _COMPILED:
+        compiled = njit(error_model="numpy")
+        inner = compiled(rule(compiled))
+
+        def guarded(v, number, order):
+            try:
+                return inner(v, number, order)
+            except Exception:
+                return math.nan
+
+        try:
+            _COMPILED[mark] = cfunc(float64(float64, float64, int64), error_model="numpy")(guarded)
+        except NumbaError as error:
+            raise ValueError(
+                "`restitution` is a function that numba cannot compile; write it with numbers and `math` alone, and "
+                f"numba.njit before functions that it calls: {error}"
+            ) from error
+    return float(_COMPILED[mark].address)
