@@ -107,7 +107,8 @@ def attracts(osc: ImpactOscillator | ImpactSystem) -> bool:
     """Return whether impacts or damping shrink areas, without which nothing is attracted."""
     if isinstance(osc, ImpactSystem):
         form = osc.modal()
-        return bool(np.trace(form.damping) > 0.0 or (form.restitution < 1.0).any())
+        takes = any(stop.law or (stop.ratio or 0.0) < 1.0 for stop in osc.stops if not stop.compliant)
+        return bool(takes or np.trace(form.damping) > 0.0 or form.viscosity.any())
     return osc.damping > 0.0 or osc.restitution < 1.0
 
 

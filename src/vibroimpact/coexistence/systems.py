@@ -60,9 +60,9 @@ class Seen:
 
     def energy(self, system: ImpactSystem) -> float:
         """Return the energy lost at the stops per driving period in J, (1 - r^2) v^2 / (2 a . M^-1 a) per impact."""
-        form = system.modal()
-        each = 0.5 * (1.0 - form.restitution**2) / np.diag(form.mobility)
-        return float((each[self.stops] * self.velocities**2).sum()) / self.whole
+        ratios = np.array([system.stops[at].rebound(v) for at, v in zip(self.stops, self.velocities, strict=True)])
+        each = 0.5 * (1.0 - ratios**2) / np.diag(system.modal().mobility)[self.stops]
+        return float((each * self.velocities**2).sum()) / self.whole
 
 
 def alike(one: Any, other: Any) -> bool:

@@ -13,11 +13,15 @@ quadratic of S. W. Shaw and P. J. Holmes, J. Sound Vib. 90 (1983) 129-155.
 
 Where L has a null vector of its own, a free motion of the cycle's length, which the stop does not feel, can be added
 to every solution: orbits are not isolated, or the force drives that motion and there are none.
+
+Under a law r(v) each solution is one of the closed form at the r that the law gives for its velocity: a root of
+law(v(r)) - r along the solutions over r, bracketed between RATIOS values of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -30,12 +34,57 @@ Curve = Callable[[float], float]
 EPS = float(np.finfo(np.float64).eps)
 VANISHED = 1e-13  # relative: rounding
 POLISHES = 60
+RATIOS = 65  # of a law, at which solutions are compared; more cost 1 ms each
 
 
 def one_impact(cycle: Cycle) -> tuple[list[Floats], str]:
     """Return the unknowns of all orbits with the one impact of a cycle, by their phases, and why there are none."""
     flow, (stop,) = cycle.flow, cycle.stops
-    matrix, sides = _equations(cycle, stop)
+    if flow.laws[stop] is None:
+        return _at_ratio(cycle, float(flow.restitution[stop]))
+    ratios = np.linspace(0.0, 1.0, RATIOS)
+    several, found = [_at_ratio(cycle, float(r))[0] for r in ratios], []
+    for (low, before), (high, after) in pairwise(zip(ratios.tolist(), several, strict=True)):
+        for one in before:
+            other = _nearest(after, one[0])
+            if other is None:
+                continue
+            rises = _beyond(cycle, high, other) > 0.0
+            if (_beyond(cycle, low, one) > 0.0) != rises:
+                found += _under_law(cycle, [low, high], np.unwrap([one[0], other[0]]), rises)
+    return found, "" if found else _at_ratio(cycle, 0.5)[1] or _nowhere(cycle)
+
+
+def _nearest(unknowns: list[Floats], angle: float) -> Floats | None:
+    """Return the solution at the nearest driving angle."""
+    return min(unknowns, key=lambda unknown: 1.0 - np.cos(unknown[0] - angle), default=None)
+
+
+def _beyond(cycle: Cycle, r: float, unknown: Floats) -> float:
+    """Return what the law gives for the velocity of a solution, less the restitution that it was found at."""
+    flow, (stop,) = cycle.flow, cycle.stops
+    rate = flow.clearance(stop, unknown[1:], flow.drive(unknown[0]))[1]
+    return flow.rebound(stop, rate)[0] - r
+
+
+def _under_law(cycle: Cycle, ratios: list[float], angles: Floats, rises: bool) -> list[Floats]:
+    """Return the solution under the law between two values of r, on the branch between two angles, by bisection."""
+    found = None
+    while ratios[1] - ratios[0] > EPS:
+        middle = 0.5 * (ratios[0] + ratios[1])
+        found = _nearest(_at_ratio(cycle, middle)[0], float(angles.mean()))
+        if found is None:
+            return []
+        end = int((_beyond(cycle, middle, found) > 0.0) == rises)
+        ratios[end], angles[end] = middle, found[0]
+        angles = np.unwrap(angles)
+    return [] if found is None else [found]
+
+
+def _at_ratio(cycle: Cycle, r: float) -> tuple[list[Floats], str]:
+    """Return the unknowns at one restitution."""
+    flow, (stop,) = cycle.flow, cycle.stops
+    matrix, sides = _equations(cycle, stop, r)
     left, sizes, right = np.linalg.svd(matrix)
     steepest = 1.0 + cycle.length * float(np.linalg.norm(flow.matrix, 2))
     rank = int((sizes > 16.0 * EPS * steepest * sizes[0]).sum())
@@ -55,7 +104,7 @@ def one_impact(cycle: Cycle) -> tuple[list[Floats], str]:
     return found, "" if found else _nowhere(cycle)
 
 
-def _equations(cycle: Cycle, stop: int) -> tuple[Floats, Floats]:
+def _equations(cycle: Cycle, stop: int, r: float) -> tuple[Floats, Floats]:
     """Return L and C."""
     flow, n = cycle.flow, cycle.flow.n
     grown, driven = flow.over(cycle.length)
@@ -63,7 +112,7 @@ def _equations(cycle: Cycle, stop: int) -> tuple[Floats, Floats]:
     near = np.linalg.norm(beta / flow.units)
     matrix = np.zeros((2 * n + 2, 2 * n + 1))
     matrix[: 2 * n, : 2 * n] = -grown - (2.0 * np.eye(2 * n) if cycle.images else 0.0)
-    matrix[n : 2 * n, -1] = (1.0 + flow.restitution[stop]) * beta
+    matrix[n : 2 * n, -1] = (1.0 + r) * beta
     matrix[: 2 * n, -1] += grown[:, n:] @ matrix[n : 2 * n, -1]
     matrix[-2, n:] = *-beta, 1.0
     matrix[-1, :n] = beta / flow.units / near

@@ -94,7 +94,7 @@ class Cycle:
             matrix[i] = -(flow.beta[stop] / flow.units) @ slope[:n]
             matrix[i, i] += float(flow.bounds[stop] @ flow.turning @ z)
             after = flow.struck(stop, x, z)
-            slope = flow.reflection(stop) @ slope
+            slope = flow.reflection(stop, x, z) @ slope
             slope[:, i] += flow.kicked(stop, x, z) - flow.rate(after, z)
             grown, driven = flow.over(angles[i + 1] - angles[i])
             x, slope = after + grown @ after + driven @ z, slope + grown @ slope

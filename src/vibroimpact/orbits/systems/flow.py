@@ -7,7 +7,8 @@ drive z = (1, sin h theta, ..., cos h theta, ...) over all orders h:
     x' = A x + F z,    z' = W z,    b - beta . y = clearance,    b = bounds z,
 
 where each clearance is divided by the length of its direction in modes, sqrt(a . M^-1 a), so that |beta| = 1. Then
-an impact of restitution r turns y' to y' - (1 + r) v beta, with v = beta . y' - b' its velocity.
+an impact of restitution r turns y' to y' - (1 + r) v beta, with v = beta . y' - b' its velocity. Where r is a law of v,
+derivatives take R = d(r v)/dv in its place.
 
 Over a flight of length tau the state becomes x(tau) = Phi x(0) + Psi z(0). Both are blocks of one matrix exponential
 (C. F. Van Loan, IEEE Trans. Automat. Control 23 (1978) 395-404): no steady state is used, which a free mass or an
@@ -45,6 +46,7 @@ class Flow:
     def __init__(self, system: ImpactSystem) -> None:
         form = system.modal()
         n, self.omega, self.restitution = len(form.squares), form.omega, form.restitution
+        self.laws = [None if stop.ratio is not None else stop.law for stop in system.stops]
         roots, self.orders = np.sqrt(form.masses), form.orders.astype(float)
         rates = np.sqrt(form.squares) / self.omega
         self.units = np.maximum(rates, 1.0)
@@ -112,24 +114,31 @@ class Flow:
             float(bound @ (self.turning @ turned) - beta @ rate[self.n :]),
         )
 
+    def rebound(self, stop: int, closing: float) -> tuple[float, float]:
+        """Return r and R of an impact at which the clearance over its length has that rate."""
+        law, r = self.laws[stop], float(self.restitution[stop])
+        if law is None:
+            return r, r
+        v = max(-closing * float(self.lengths[stop]) * self.omega, 0.0)
+        return law(v), law(v) + v * law.slope(v)
+
     def struck(self, stop: int, x: Floats, z: Floats) -> Floats:
         """Return the state just after an impact."""
-        found = x.copy()
-        found[self.n :] += (1.0 + self.restitution[stop]) * self.clearance(stop, x, z)[1] * self.beta[stop]
+        found, closing = x.copy(), self.clearance(stop, x, z)[1]
+        found[self.n :] += (1.0 + self.rebound(stop, closing)[0]) * closing * self.beta[stop]
         return found
 
-    def reflection(self, stop: int) -> Floats:
+    def reflection(self, stop: int, x: Floats, z: Floats) -> Floats:
         """Return the derivative of the state after an impact by the one before it, at a fixed time."""
-        found = np.eye(2 * self.n)
-        found[self.n :, self.n :] -= (1.0 + self.restitution[stop]) * np.outer(self.beta[stop], self.beta[stop])
+        found, factor = np.eye(2 * self.n), 1.0 + self.rebound(stop, self.clearance(stop, x, z)[1])[1]
+        found[self.n :, self.n :] -= factor * np.outer(self.beta[stop], self.beta[stop])
         return found
 
     def kicked(self, stop: int, x: Floats, z: Floats) -> Floats:
         """Return the derivative of the state after an impact by the driving angle, at a fixed state before it."""
         found, bound = np.zeros(2 * self.n), self.bounds[stop]
-        found[self.n :] = (
-            (1.0 + self.restitution[stop]) * float(bound @ self.turning @ self.turning @ z) * self.beta[stop]
-        )
+        factor = 1.0 + self.rebound(stop, self.clearance(stop, x, z)[1])[1]
+        found[self.n :] = factor * float(bound @ self.turning @ self.turning @ z) * self.beta[stop]
         return found
 
     def saltation(self, stop: int, x: Floats, z: Floats) -> Floats:
@@ -137,16 +146,18 @@ class Flow:
 
         In (y, y') it is, with the damping D and u'' of the clearance just before the impact,
 
-        .. math:: \begin{pmatrix} \Gamma & 0 \\ (1 + r)(D \beta - \beta u''/v)\beta^T & \Gamma \end{pmatrix}, \qquad
-                  \Gamma = 1 - (1 + r) \beta \beta^T,
+        .. math:: \begin{pmatrix} \Gamma(r) & 0 \\
+                  ((1 + r) D \beta - (1 + R) \beta u''/v)\beta^T & \Gamma(R) \end{pmatrix}, \qquad
+                  \Gamma(r) = 1 - (1 + r) \beta \beta^T,
 
-        whose determinant is r^2, also for moving stops.
+        whose determinant is r R, also for moving stops.
         """
-        n, beta, factor = self.n, self.beta[stop], 1.0 + self.restitution[stop]
+        n, beta = self.n, self.beta[stop]
         _, closing, bend = self.clearance(stop, x, z)
+        r, slope = self.rebound(stop, closing)
         bent = bend / -closing if closing else math.inf
-        reflected = np.eye(n) - factor * np.outer(beta, beta)
+        moved, turned = (np.eye(n) - (1.0 + factor) * np.outer(beta, beta) for factor in (r, slope))
         with np.errstate(invalid="ignore"):
-            below = factor * np.outer(self.damping @ beta - bent * beta, beta) / self.units
-        found: Floats = np.block([[self.units[:, None] * reflected / self.units, np.zeros((n, n))], [below, reflected]])
+            below = np.outer((1.0 + r) * (self.damping @ beta) - (1.0 + slope) * bent * beta, beta) / self.units
+        found: Floats = np.block([[self.units[:, None] * moved / self.units, np.zeros((n, n))], [below, turned]])
         return found

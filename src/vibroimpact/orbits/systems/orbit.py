@@ -17,6 +17,7 @@ from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.symmetry import mirror
 from vibroimpact.oscillator import Model, State
+from vibroimpact.stops import Stop
 from vibroimpact.system import ImpactSystem
 
 
@@ -144,10 +145,11 @@ class SystemOrbit:
 
     @property
     def determinant(self) -> float:
-        """Determinant of the cycle's Jacobian, exp(-tr(M^-1 C) n T) times r^2 of each impact."""
-        restitution = dict(zip(self.system.stop_names, self.system.modal().restitution.tolist(), strict=True))
+        """Determinant of the cycle's Jacobian, exp(-tr(M^-1 C) n T) times r d(r v)/dv of each impact."""
+        stops = dict(zip(self.system.stop_names, self.system.stops, strict=True))
         lost = math.exp(-float(np.trace(self.system.modal().damping)) * self.period)
-        return math.prod((restitution[stop] ** 2 for stop in self.stops), start=lost)
+        struck = zip((stops[name] for name in self.stops), self.velocities, strict=True)
+        return math.prod((_shrinks(stop, v) for stop, v in struck), start=lost)
 
     @property
     def period(self) -> float:
@@ -166,6 +168,12 @@ class SystemOrbit:
 
 
 AnyOrbit = Orbit | SystemOrbit
+
+
+def _shrinks(stop: Stop, v: float) -> float:
+    """Return r d(r v)/dv of an impact."""
+    r = float(stop.rebound(v))
+    return r * (r + v * stop.law.slope(v)) if stop.law else r * r
 
 
 def solution_of(orbit: SystemOrbit, flow: Flow) -> tuple[Floats, Floats]:
@@ -197,6 +205,7 @@ def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:
         stops = np.append(stops, [cycle.images[stop] for stop in cycle.stops])
     turns = angles / TURN - math.floor(angles[0] / TURN)
     lengths = flow.lengths[stops]
+    ratios = np.array([flow.rebound(*at)[0] for at in zip(stops, -speeds, strict=True)])
     state = flow.physical @ unknown[p:]
     message = objection(cycle, unknown, system.stop_names)
     return SystemOrbit(
@@ -205,7 +214,7 @@ def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:
         stops=tuple(system.stop_names[stop] for stop in stops),
         turns=tuple(turns.tolist()),
         velocities=tuple((speeds * lengths * flow.omega).tolist()),
-        impulses=tuple(((1.0 + flow.restitution[stops]) * speeds * flow.omega / lengths).tolist()),
+        impulses=tuple(((1.0 + ratios) * speeds * flow.omega / lengths).tolist()),
         start=State(state[: flow.n].tolist(), state[flow.n :].tolist(), float(turns[0]) * system.period),
         multipliers=multipliers,
         half_multipliers=halves,

@@ -1,0 +1,321 @@
+"""Motions under laws of restitution: bounces replayed by hand, chatter, exponents, orbits, sweeps, stores, files."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import vibroimpact as vi
+from systems import a_random_system, linear, two_masses
+from vibroimpact.backends.reference.systems import follow
+from vibroimpact.contact import hunt_crossley, kelvin_voigt, law_of, piecewise
+from vibroimpact.dataset import model_of
+from vibroimpact.orbits.systems.flow import Flow
+
+HUNT = hunt_crossley(damping=0.3)
+
+
+def power(v):
+    return 1.0 - 0.5 * min(v, 1.0) ** 0.2
+
+
+def growing(v):
+    return 0.5 + 0.3 * v / (1.0 + v)
+
+
+LAWS = [HUNT, piecewise([0.05, 0.3, 1.0, 2.5], [0.9, 0.8, 0.5, 0.45]), law_of(power), law_of(growing)]
+
+
+def ball(r, **changes):
+    """Return a free mass that a constant force presses on a stop, a = 3 m/s^2."""
+    given = {
+        "mass": 2.0,
+        "force": vi.Force(omega=0.7, constant=6.0),
+        "stops": [vi.Stop(direction=1.0, gap=0.0, restitution=r)],
+    }
+    return vi.ImpactSystem(**{**given, "stiffness": 0.0} | changes)
+
+
+def chain(r, **changes):
+    K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+    stops = [vi.Stop(direction=[0, 0, 1], gap=0.5, restitution=r)]
+    force = vi.Force(omega=0.9, harmonics={1: [1.0, 0.0, 0.0]})
+    return vi.ImpactSystem(
+        **{"mass": np.eye(3), "damping": 0.02 * K, "stiffness": K, "force": force, "stops": stops} | changes
+    )
+
+
+def dropped(system, speed, number):
+    start = vi.State(-(speed**2) / 6.0, 0.0)
+    return vi.impact_section(system, start=start, transient_impacts=0, sample_impacts=number)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_a_bouncing_mass_is_replayed_by_hand(law):
+    speed, time = 2.0, 2.0 / 3.0
+    seen = dropped(ball(law), speed, 25)
+    for at in range(25):
+        assert seen["velocity"].values[at] == pytest.approx(speed, rel=1e-12)
+        assert seen["time"].values[at] == pytest.approx(time, rel=1e-12)
+        assert seen["impulse"].values[at] == pytest.approx(2.0 * (1.0 + law(speed)) * speed, rel=1e-12)
+        speed = law(speed) * speed
+        time += 2.0 * speed / 3.0
+
+
+@pytest.mark.parametrize("law", [lambda v: 0.7, piecewise([1.0, 2.0], [0.7, 0.7])])
+def test_a_constant_law_moves_as_its_number(law):
+    same, number = (vi.impact_section(chain(r), transient_impacts=0, sample_impacts=40) for r in (law, 0.7))
+    for name in ("time", "velocity", "impulse"):
+        assert same[name].values == pytest.approx(number[name].values, rel=1e-12), name
+
+
+def test_the_law_of_kelvin_and_voigt_is_its_number_bit_for_bit():
+    law = kelvin_voigt(damping_ratio=0.2)
+    same, number = (vi.impact_section(chain(r), sample_impacts=40) for r in (law, law.constant))
+    for name in ("time", "velocity", "impulse"):
+        assert same[name].values.tolist() == number[name].values.tolist()
+
+
+@pytest.mark.parametrize("cut", [1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("law", LAWS[2:], ids=str)
+def test_a_chatter_ends_when_the_sum_of_its_flights_does(law, cut):
+    speed, time = 2.0, 2.0 / 3.0
+    while speed > 1e-13:
+        speed *= law(speed)
+        time += 2.0 * speed / 3.0
+    if law == LAWS[2]:  # 1 - A v^p, p = 0.2: the integral of dv/(1 - r)
+        time += 2.0 / 3.0 * speed**0.8 / (0.8 * 0.5)
+    tolerances = vi.Tolerances(chatter=cut)
+    seen = vi.simulate(ball(law), start=vi.State(-2.0 / 3.0, 0.0), periods=2, tolerances=tolerances)
+    assert seen["stick_time"].values == pytest.approx([time], rel=max(10.0 * cut, 1e-12))
+
+
+def test_bounces_of_hunt_and_crossley_fall_exponentially_and_never_end():
+    seen = dropped(ball(HUNT), 0.2, 3000)
+    v, t = seen["velocity"].values, seen["time"].values
+    assert seen.sizes["stick"] == 0
+    rate = np.log(v[-1000] / v[-1]) / (t[-1] - t[-1000])
+    assert rate == pytest.approx(0.3 * 3.0 / 3.0, rel=1e-2)
+    n = np.arange(3000)
+    assert v[2000:] == pytest.approx(1.0 / (1.0 / v[0] + 2.0 * 0.3 / 3.0 * n[2000:]), rel=0.02)
+
+
+def test_an_endless_chatter_is_held_below_the_cut():
+    begin = vi.State(0.0, 1e-11)
+    seen = vi.impact_section(ball(HUNT), start=begin, sample_impacts=10)
+    assert vi.Status(int(seen["status"])) == vi.Status.STUCK_FOREVER
+    elastic = vi.simulate(ball(lambda v: 1.0), start=begin, periods=1e-9)
+    assert elastic.sizes["stick"] == 0
+
+
+@pytest.mark.parametrize("law", LAWS[:2], ids=str)
+def test_the_exponent_is_that_of_neighbouring_motions(law):
+    system = chain(law)
+    period = system.period
+    settled = vi.simulate(system, periods=600, samples_per_period=1)
+    x = np.concatenate([settled["displacement"].values[-1], settled["velocity"].values[-1]])
+
+    def later(x):
+        seen = vi.simulate(system, start=vi.State(x[:3].tolist(), x[3:].tolist()), periods=1, samples_per_period=1)
+        return np.concatenate([seen["displacement"].values[-1], seen["velocity"].values[-1]])
+
+    step = 1e-5
+    columns = [
+        (8 * (later(x + d) - later(x - d)) - (later(x + 2 * d) - later(x - 2 * d))) / (12 * step)
+        for d in step * np.eye(6)
+    ]
+    radius = max(abs(np.linalg.eigvals(np.array(columns).T)))
+    found = vi.parameter_map(system, omega=[0.9], indices="lyapunov", transient_impacts=500, sample_impacts=3000)
+    assert float(found["lyapunov"].item()) == pytest.approx(math.log(radius) / period, abs=2.0 / (3000 * period))
+    (orbit,) = (orbit for orbit in vi.find_orbit(system) if orbit.stable and orbit.admissible)
+    assert orbit.spectral_radius == pytest.approx(radius, rel=1e-7)
+    assert orbit.determinant == pytest.approx(np.prod(orbit.multipliers).real, rel=1e-9)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_orbits_of_one_impact_satisfy_their_law(law):
+    system = chain(law)
+    found = vi.find_orbit(system)
+    assert found
+    for orbit in found:
+        (same,) = (
+            o
+            for o in vi.find_orbit(chain(law(orbit.velocities[0])))
+            if abs(o.velocities[0] - orbit.velocities[0]) < 1e-9
+        )
+        assert orbit.phases[0] == pytest.approx(same.phases[0], abs=1e-12)
+    settled = vi.impact_section(system, transient_impacts=2000, sample_impacts=20)
+    stable = [orbit for orbit in found if orbit.stable and orbit.admissible]
+    for orbit in stable[:1]:
+        assert settled["velocity"].values == pytest.approx(orbit.velocities[0], rel=1e-9)
+
+
+def test_an_orbit_is_continued_under_a_law():
+    branch = vi.continue_orbit(vi.find_orbit(chain(HUNT))[0], "omega", (0.85, 0.95))
+    for orbit in (branch.orbits[0], branch.orbits[-1]):
+        (same,) = (o for o in vi.find_orbit(orbit.system) if abs(o.velocities[0] - orbit.velocities[0]) < 1e-6)
+        assert orbit.velocities[0] == pytest.approx(same.velocities[0], rel=1e-9)
+
+
+def test_saltation_is_the_derivative_of_an_impact():
+    flow = Flow(two_masses(stops=[vi.Stop(direction=[0.5, 1.0], gap=0.05, restitution=HUNT, motion={1: 0.01})]))
+    rng = np.random.default_rng(1)
+    x, angle = rng.standard_normal(4), 0.7
+    z = flow.drive(angle)
+    x[:2] *= flow.bounds[0] @ z / (flow.beta[0] @ (x[:2] / flow.units))  # contact
+    x[2:] *= np.sign(-flow.clearance(0, x, z)[1])
+
+    def over(x):
+        """Return the state some time after the impact."""
+
+        def gap(s):
+            return flow.clearance(0, flow.fly(x, angle - 0.05, s), flow.drive(s))[0]
+
+        hit = brentq(gap, angle - 0.05, angle + 0.05, xtol=1e-15)
+        return flow.fly(flow.struck(0, flow.fly(x, angle - 0.05, hit), flow.drive(hit)), hit, angle + 0.05)
+
+    before = flow.fly(x, angle, angle - 0.05)
+    step = 1e-4
+    columns = [
+        (8 * (over(before + d) - over(before - d)) - over(before + 2 * d) + over(before - 2 * d)) / (12 * step)
+        for d in step * np.eye(4)
+    ]
+    flight = np.eye(4) + flow.over(0.05)[0]
+    assert flight @ flow.saltation(0, x, z) @ flight == pytest.approx(np.array(columns).T, abs=1e-8)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_lanes_and_the_walk_agree_under_a_law(law):
+    stops = [
+        vi.Stop(direction=[0, 1], gap=0.05, restitution=law, name="bar"),
+        vi.Stop(direction=[0.5, -1], gap=0.02, name="baffle"),
+    ]
+    system = two_masses(stops=stops)
+    omega = np.linspace(6.0, 9.0, 21)
+    maps = vi.parameter_map(
+        system,
+        omega=omega,
+        indices="mean_velocity",
+        transient_impacts=5,
+        sample_impacts=30,
+    )
+    for at in (0, 7, 20):
+        seen = vi.impact_section(system.replace(omega=omega[at]), transient_impacts=5, sample_impacts=30)
+        assert seen["velocity"].values.mean() == pytest.approx(maps["mean_velocity"].values[at], rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_random_systems_with_laws_move_as_the_witness_does(seed):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 5))
+    model = a_random_system(rng, n, s=int(rng.integers(1, 4)))
+    stops = [stop.replace(restitution=(*LAWS, 0.6)[rng.integers(5)]) for stop in model.stops]
+    model = vi.ImpactSystem(**model.arguments() | {"stops": stops})
+    seen = follow(linear(model), *model.initial()[:2], impacts=8, cut=1e-9 * model.velocity_scale, most_periods=200)
+    found = vi.impact_section(model, transient_impacts=0, sample_impacts=max(len(seen.impacts), 1))
+    names = list(model.stop_names)
+    assert [names.index(name) for name in found["stop"].values[:8]] == [event.stop for event in seen.impacts[:8]]
+    for name in ("velocity", "time", "impulse"):
+        known = [getattr(event, name) for event in seen.impacts[:8]]
+        assert found[name].values[:8] == pytest.approx(known, rel=1e-7, abs=1e-9), name
+
+
+def fails_fast(v):
+    return 0.5 if v < 150.0 else 1.5
+
+
+def test_a_law_that_fails_in_a_run_ends_the_cell_with_a_status():
+    sound, broken = vi.State(-1.0, 0.0), vi.State(-1.0, 300.0)
+    for start, ended in ((sound, False), (broken, True)):
+        seen = vi.impact_section(ball(fails_fast), start=start, transient_impacts=0, sample_impacts=5)
+        assert (vi.Status(int(seen["status"])) == vi.Status.INVALID_RESTITUTION) == ended
+        for names in ("std", ("std", "lyapunov")):
+            found = vi.parameter_map(
+                ball(fails_fast),
+                stop_1_gap=[0.0, 0.1],
+                start=start,
+                indices=names,
+                transient_impacts=0,
+                sample_impacts=5,
+            )
+            assert (found["status"].values == vi.Status.INVALID_RESTITUTION).all() == ended
+            assert np.isnan(found["std"].values).all() == ended
+
+
+def test_a_law_that_numba_cannot_compile_is_refused_in_words():
+    with pytest.raises(ValueError, match="numba cannot compile"):
+        dropped(ball(lambda v: [0.5, open][0] if v < 1e9 else 0.1), 1.0, 3)
+
+
+@vi.family
+def dampers(damping=0.1, slope=0.2):
+    r = hunt_crossley(damping=damping)
+    stops = [
+        vi.Stop(direction=[0, 1], gap=0.05, restitution=r, name="bar"),
+        vi.Stop(direction=[0.5, -1], gap=0.02, restitution=piecewise([0.1, 1.0], [0.9, 0.9 - slope])),
+    ]
+    return two_masses(stops=stops)
+
+
+STUDY = {
+    "damping": np.array([0.0, 0.05, 0.2, 1.0]),
+    "slope": np.array([0.1, 0.5]),
+    "transient_impacts": 10,
+    "sample_impacts": 40,
+}
+
+
+def test_a_family_gives_each_design_its_own_law():
+    found = vi.parameter_map(dampers, **STUDY)
+    for i, damping in enumerate(STUDY["damping"]):
+        one = vi.parameter_map(
+            dampers.at(damping=damping, slope=0.5), omega=[8.0], transient_impacts=10, sample_impacts=40
+        )
+        assert float(one["std"].item()) == float(found["std"][i, 1])
+    assert len(np.unique(found["std"])) == 8
+
+
+def test_a_store_goes_on_with_the_same_law_and_refuses_another(tmp_path):
+    def swept(most):
+        system = ball(lambda v: most / (1.0 + v))
+        return vi.parameter_map(
+            system,
+            stop_1_gap=[0.0, 0.1],
+            start=vi.State(-1.0),
+            sample_impacts=5,
+            transient_impacts=0,
+            store=tmp_path / "a.zarr",
+        )
+
+    first = swept(0.5).load()
+    assert first.equals(swept(0.5).load())
+    with pytest.raises((ValueError, OSError), match="another study|numbers"):
+        swept(0.6)
+
+
+def test_a_file_keeps_the_law(tmp_path):
+    for at, law in enumerate(LAWS):
+        seen = dropped(ball(law), 1.0, 5)
+        again = vi.load(vi.save(seen, tmp_path / f"{at}.nc"))
+        assert again.equals(seen)
+        assert model_of(again) == ball(law)
+
+
+def test_systems_with_laws_are_pickled_with_them():
+    for law in LAWS:
+        copy = pickle.loads(pickle.dumps(ball(law)))
+        assert copy == ball(law)
+        assert dropped(copy, 1.0, 5).equals(dropped(ball(law), 1.0, 5))
+
+
+def test_a_cluster_computes_the_same_bits():
+    pytest.importorskip("distributed")
+    system, study = (
+        ball(LAWS[3]),
+        {"stop_1_gap": np.linspace(0.0, 0.3, 8), "start": vi.State(-1.0), "transient_impacts": 0, "sample_impacts": 5},
+    )
+    here = vi.parameter_map(system, **study)
+    there = vi.parameter_map(system, cluster="local:1", tile=4, **study)
+    assert here["std"].values.tolist() == there["std"].values.tolist()
