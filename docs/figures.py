@@ -273,6 +273,22 @@ def _rebound(n: int, r: float) -> float:
     return -float(vi.simulate(bar, start=coming, periods=1)["velocity"][-1, 0])
 
 
+def laws() -> plt.Figure:
+    """Draw laws of restitution over the speed of the impact."""
+    figure, ax = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
+    speeds, table = np.logspace(-2, 1, 300), ([0.05, 0.2, 0.6, 2.0, 5.0], [0.86, 0.8, 0.68, 0.52, 0.45])
+    for damping, line in ((0.12, "-"), (0.48, "--")):
+        law = vi.contact.hunt_crossley(damping=damping)
+        ax.semilogx(speeds, law(speeds), line, color="C0", label=f"Hunt and Crossley, D = {damping:g} s/m")
+    viscous = vi.contact.kelvin_voigt(damping_ratio=0.2)
+    ax.semilogx(speeds, viscous(speeds), color="C1", label=r"Kelvin and Voigt, $\zeta$ = 0.2")
+    ax.semilogx(speeds, vi.contact.piecewise(*table)(speeds), color="C2", label="a table")
+    ax.plot(*table, "o", color="C2", markersize=4)
+    ax.set(xlabel="speed of the impact [m/s]", ylabel="restitution", ylim=(0, 1.02), xlim=(speeds[0], speeds[-1]))
+    ax.legend(frameon=False, loc="lower left")
+    return figure
+
+
 def main() -> None:
     """Draw all pictures into docs/images/."""
     IMAGES.mkdir(exist_ok=True)
@@ -295,6 +311,7 @@ def main() -> None:
         "refinement": refinement(),
         "quasi-periodic": quasi_periodic(),
         "restitution": restitution(),
+        "laws": laws(),
         "verdict": verdict(),
     }
     for name, figure in pictures.items():
