@@ -29,7 +29,8 @@ BEYOND = 1e-12  # of the lengths that a clearance is the sum of: so little beyon
 class Shape:
     """What all systems of one table share: their numbers of modes, stops and harmonics.
 
-    `coupled`: damping is not proportional in one of them; `moving`: a stop moves; `giving`: one gives.
+    `coupled`: damping is not proportional in one of them; `moving`: a stop moves; `giving`: one gives; `rigid`: one
+    does not.
     """
 
     modes: int
@@ -38,6 +39,7 @@ class Shape:
     coupled: bool
     moving: bool
     giving: bool = False
+    rigid: bool = True
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -122,7 +124,15 @@ class SystemCells(Cells):
         highest = max(int(form.orders.max(initial=0)) for form in forms)
         coupled, moving = any(not form.decoupled for form in forms), any(form.motions.any() for form in forms)
         gaps, springs = numbers[..., 0], numbers[..., KINDS.index("stiffness")]
-        shape = Shape(len(bases[0].mass), gaps.shape[1], highest, coupled, moving, bool(springs.any()))
+        shape = Shape(
+            len(bases[0].mass),
+            gaps.shape[1],
+            highest,
+            coupled,
+            moving,
+            bool(springs.any()),
+            bool((springs == 0.0).any()),
+        )
         rows, *taken = zip(*(_row(form, shape) for form in forms), strict=True)
         cells = cls(np.array(rows)[which], _columns(shape), shape)
         at, (still, swung) = cells.places, (np.array(part)[which] for part in taken)

@@ -35,7 +35,7 @@ _ROOM = 4096  # rows of a buffer, which is emptied when it is full
 def _layout(cells: SystemCells, *flags: bool) -> Layout:
     shape = cells.shape
     given = shape.modes, shape.stops, shape.harmonics, shape.coupled, shape.moving
-    return layout_of(*given, shape.giving, *flags)
+    return layout_of(*given, shape.giving, shape.rigid, *flags)
 
 
 def _noted(layout: Layout) -> int:

@@ -6,7 +6,18 @@ from numba import njit
 
 from vibroimpact.kernels.flight import BARELY
 from vibroimpact.kernels.systems.layout import CLOSED, OPEN
-from vibroimpact.kernels.systems.series import SIZE, evaluate, load, oscillation, plus, plus_times, store, wave
+from vibroimpact.kernels.systems.series import (
+    SIZE,
+    evaluate,
+    load,
+    oscillation,
+    plus,
+    plus_times,
+    slipped,
+    store,
+    times,
+    wave,
+)
 from vibroimpact.kernels.vectors import fma, get, put, select
 
 
@@ -108,25 +119,27 @@ def couple(rows, k, wide, last, loaded):
         store(rows, k.stop + z * SIZE, wide, driven(rows, start, k.motion + 2 * k.harmonics * z, pace, k, wide))
         if not loaded:
             store(rows, k.stop + z * SIZE, wide, wave(0.0 * start, 0.0 * start, 0.0 * start))
+    for z in range(s if k.giving else 0):
+        put(rows, k.near + s + z, wide, clearance(rows, z, 0, k, wide))
     for o in range(last - 1):
         for j in range(n):
-            square = pace * pace * get(rows, k.square + j, wide)
             b = pace * pace * get(rows, k.pull + j * SIZE + o, wide)
-            b = fma(-square, get(rows, k.flight + j * SIZE + o, wide), b)
-            for i in range(n):
+            b = fma(-pace * pace * get(rows, k.square + j, wide), get(rows, k.flight + j * SIZE + o, wide), b)
+            for i in range(0 if k.coupled else j, n if k.coupled else j + 1):
                 damping = pace * get(rows, k.damping + j * n + i, wide)
                 b = fma(-damping, get(rows, k.flight + i * SIZE + o + 1, wide), b)
             put(rows, k.flight + j * SIZE + o + 2, wide, b)
         for z in range(s if k.giving else 0):
-            _push(rows, z, o, k, wide)
-        for z in range(s):
+            _push(rows, z, o, pace, k, wide)
+        for z in range(s if k.rigid else 0):
             put(rows, k.near + z, wide, clearance(rows, z, o + 2, k, wide))
-        for z in range(s):
+        for z in range(s if k.rigid else 0):
             force = 0.0 * get(rows, k.near + z, wide)
             for y in range(s):
                 force = fma(-get(rows, k.held + z * s + y, wide), get(rows, k.near + y, wide), force)
             if k.giving:
                 pushes = get(rows, k.spring + z, wide) > 0.0
+                force = select(pushes, 0.0, force)
                 put(rows, k.hold + z * SIZE + o, wide, select(pushes, get(rows, k.hold + z * SIZE + o, wide), force))
             else:
                 put(rows, k.hold + z * SIZE + o, wide, force)
@@ -143,24 +156,56 @@ def _pull(rows, z, o, force, k, wide):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _push(rows, z, o, k, wide):
+def _push(rows, z, o, pace, k, wide):
     """Leave a derivative of k d + c d' of a stop that gives and is pushed in, and let it act."""
-    pace = get(rows, k.pace, wide)
-    spring, dashpot = pace * pace * get(rows, k.spring + z, wide), pace * get(rows, k.dashpot + z, wide)
-    force = fma(-spring, clearance(rows, z, o, k, wide), -dashpot * clearance(rows, z, o + 1, k, wide))
-    force = select(get(rows, k.kind + z, wide) >= CLOSED, force, 0.0)
+    u, w = get(rows, k.near + k.stops + z, wide), clearance(rows, z, o + 1, k, wide)
+    put(rows, k.near + k.stops + z, wide, w)
+    spring, dashpot = _engaged(rows, z, pace, k, wide)
+    force = -fma(spring, u, dashpot * w)
     put(rows, k.hold + z * SIZE + o, wide, force)
     _pull(rows, z, o, force, k, wide)
 
 
 @njit(error_model="numpy", forceinline=True)
-def clearances(rows, z, pace, k, wide):
-    """Return the series of a stop's clearance from those of the modes."""
+def _engaged(rows, z, pace, k, wide):
+    """Return stiffness and damping of a stop where it pushes, in steps of that pace."""
+    pushes = get(rows, k.kind + z, wide) >= CLOSED
+    spring, dashpot = get(rows, k.spring + z, wide), get(rows, k.dashpot + z, wide)
+    return select(pushes, pace * pace * spring, 0.0), select(pushes, pace * dashpot, 0.0)
+
+
+@njit(error_model="numpy", forceinline=True)
+def fly_alone(rows, k, wide):
+    """Leave the series of a single mode and the forces of stops that all give: they are springs and dampers of it."""
+    pace = get(rows, k.pace, wide)
+    square, damping = pace * pace * get(rows, k.square, wide), pace * get(rows, k.damping, wide)
+    load = times(_forced(rows, 0, pace, k, wide), pace * pace)
+    for z in range(k.stops):
+        spring, dashpot = _engaged(rows, z, pace, k, wide)
+        jump, alpha = get(rows, k.jump + z, wide), get(rows, k.alpha + z, wide)
+        stands = _standing(rows, z, pace, k, wide)
+        load = plus_times(load, jump, slipped(stands, spring, dashpot))
+        square, damping = fma(jump * alpha, spring, square), fma(jump * alpha, dashpot, damping)
+    b0, b1 = get(rows, k.eta, wide), pace * get(rows, k.rate, wide)
+    store(rows, k.flight, wide, oscillation(b0, b1, square, damping, load))
+    for z in range(k.stops):
+        spring, dashpot = _engaged(rows, z, pace, k, wide)
+        store(rows, k.hold + z * SIZE, wide, slipped(clearances(rows, z, pace, k, wide), -spring, -dashpot))
+
+
+@njit(error_model="numpy", forceinline=True)
+def _standing(rows, z, pace, k, wide):
+    """Return the series of where a stop is."""
     start = get(rows, k.gap + z, wide)
     if k.moving:
-        b = driven(rows, start, k.motion + 2 * k.harmonics * z, pace, k, wide)
-    else:
-        b = wave(start, 0.0 * start, 0.0 * start)
+        return driven(rows, start, k.motion + 2 * k.harmonics * z, pace, k, wide)
+    return wave(start, 0.0 * start, 0.0 * start)
+
+
+@njit(error_model="numpy", forceinline=True)
+def clearances(rows, z, pace, k, wide):
+    """Return the series of a stop's clearance from those of the modes."""
+    b = _standing(rows, z, pace, k, wide)
     for j in range(k.modes):
         alpha = get(rows, k.alpha + z * k.modes + j, wide)
         b = plus_times(b, -alpha, load(rows, k.flight + j * SIZE, wide))

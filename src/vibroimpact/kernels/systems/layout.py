@@ -39,6 +39,7 @@ class Layout(NamedTuple):
     thorough: bool
     wary: bool
     giving: bool
+    rigid: bool
     forceful: bool
     draining: bool
     eta: int
@@ -109,6 +110,7 @@ def layout_of(
     coupled: bool,
     moving: bool,
     giving: bool = False,
+    rigid: bool = True,
     forceful: bool = False,
     thorough: bool = False,
     wary: bool = False,
@@ -117,7 +119,8 @@ def layout_of(
     """Return the rows of systems of that many modes, stops and harmonics.
 
     `coupled`: damping is not proportional in some of them; `moving`: so is a stop; `thorough`: a neighbour of each
-    motion is carried along; `wary`: near-misses are looked for, too; `giving`: stops give; `forceful`: impulses and
+    motion is carried along; `wary`: near-misses are looked for, too; `giving`: stops give; `rigid`: some do not;
+    `forceful`: impulses and
     largest forces are asked for; `draining`: so is what the dampers take.
     """
     n, s, m = modes, stops, harmonics
@@ -138,4 +141,4 @@ def layout_of(
     for name, size in sizes.items():
         places[name] = row
         row += size
-    return Layout(n, s, m, coupled, moving, thorough, wary, giving, forceful, draining, **places)
+    return Layout(n, s, m, coupled, moving, thorough, wary, giving, rigid, forceful, draining, **places)

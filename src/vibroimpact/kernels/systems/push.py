@@ -35,7 +35,7 @@ from vibroimpact.kernels.systems.series import (
     evaluate,
     integral,
     load,
-    negated,
+    times,
     trough,
     valued,
 )
@@ -62,30 +62,36 @@ def account(rows, end, k, wide):
     pace = get(rows, k.pace, wide)
     for z in range(k.stops):
         pushes = get(rows, k.kind + z, wide) >= CLOSED
-        if not anywhere(pushes):
-            continue
-        force = load(rows, k.hold + z * SIZE, wide)
-        _add(rows, k.thrust + z, wide, pushes, integral(force, end) / pace)
-        _add(rows, k.pushed + z, wide, pushes, end * pace)
-        if not k.giving:
-            continue
-        u = coefficients(clearances(rows, z, pace, k, wide))
-        u1, _ = valued(u, end)
         damped = pushes & (get(rows, k.dashpot + z, wide) > 0.0)
         if anywhere(damped):
-            square = 0.0 * end
-            for node, weight in NODES:
-                _, rate = valued(u, node * end)
-                square = square + weight * rate * rate
-            work = 0.5 * get(rows, k.spring + z, wide) * (u1 * u1 - u[0] * u[0])
-            _add(rows, k.work + z, wide, damped, work + get(rows, k.dashpot + z, wide) * square * end / pace)
-        if k.forceful:
-            least = trough(u, end, pushes, select(u[0] < u1, u[0], u1))
-            _raise(rows, k.depth + z, wide, pushes, -least)
-            a = coefficients(negated(force))
-            f1, _ = valued(a, end)
-            least = trough(a, end, pushes, select(a[0] < f1, a[0], f1))
-            _raise(rows, k.peak + z, wide, pushes, -least / (pace * pace))
+            _take(rows, z, damped, end, pace, k, wide)
+        if k.forceful and anywhere(pushes):
+            force = load(rows, k.hold + z * SIZE, wide)
+            _add(rows, k.thrust + z, wide, pushes, integral(force, end) / pace)
+            _add(rows, k.pushed + z, wide, pushes, end * pace)
+            _raise(rows, k.peak + z, wide, pushes, _largest(times(force, 1.0 / (pace * pace)), end, pushes))
+            depth = times(clearances(rows, z, pace, k, wide), -1.0)
+            _raise(rows, k.depth + z, wide, pushes, _largest(depth, end, pushes))
+
+
+@njit(error_model="numpy", forceinline=True)
+def _take(rows, z, damped, end, pace, k, wide):
+    """Add the energy that a stop with a damper takes, k d^2/2 and the integral of c d'^2."""
+    u, square = coefficients(clearances(rows, z, pace, k, wide)), 0.0 * end
+    u1, _ = valued(u, end)
+    for node, weight in NODES:
+        _, rate = valued(u, node * end)
+        square = square + weight * rate * rate
+    work = 0.5 * get(rows, k.spring + z, wide) * (u1 * u1 - u[0] * u[0])
+    _add(rows, k.work + z, wide, damped, work + get(rows, k.dashpot + z, wide) * square * end / pace)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _largest(series, end, here):
+    """Return the largest value of a series on the way to `end`."""
+    a = coefficients(times(series, -1.0))
+    last, _ = valued(a, end)
+    return -trough(a, end, here, select(a[0] < last, a[0], last))
 
 
 @njit(error_model="numpy")
@@ -117,11 +123,11 @@ def _raise(rows, row, wide, here, value):
 @njit(error_model="numpy", forceinline=True)
 def set_free(rows, k, wide):
     """Watch clearances again of stops that let go and are pushed in no more."""
-    if not anywhere(get(rows, k.engaged, wide) > 0.0):
-        return
     sine, cosine = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
     for z in range(k.stops):
         leaving = get(rows, k.leaving + z, wide)
+        if not anywhere(leaving > 0.0):
+            continue
         u, _, _ = stands(rows, z, sine, cosine, k, wide)
         free = (leaving > 0.0) & (u > 0.0)
         put(rows, k.kind + z, wide, select(free, OPEN, get(rows, k.kind + z, wide)))

@@ -89,7 +89,7 @@ slipped = _written(
     [],
     "(" + "".join(f"fma(p, b[{o}], q * b[{o + 1}]), " for o in range(DEGREE)) + f"p * b[{DEGREE}])",
 )
-negated = _written("negated", "b", [], _each("-b[{o}]"))
+times = _written("times", "b, t", [], _each("t * b[{o}]"))
 # sum of the negative coefficients from the eighth on: a lower bound of their part of the series over 0 <= x <= 1
 tail = _written(
     "tail", "a", ["t = 0.0 * a[8]", *_lines("t = t + select(a[{o}] < 0.0, a[{o}], 0.0)", range(8, SIZE))], "t"

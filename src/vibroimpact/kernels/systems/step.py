@@ -17,7 +17,7 @@ import math
 
 from numba import njit
 
-from vibroimpact.kernels.systems.flow import carry, clearances, couple, fly_apart, fly_together, move, turns
+from vibroimpact.kernels.systems.flow import carry, clearances, couple, fly_alone, fly_apart, fly_together, move, turns
 from vibroimpact.kernels.systems.layout import (
     BALANCED,
     CLOSED,
@@ -112,11 +112,11 @@ def _watched(rows, z, held, k, wide):
     kind = get(rows, k.kind + z, wide)
     if held:
         b = either(kind >= CLOSED, load(rows, k.hold + z * SIZE, wide), b)
-    if held and k.giving:
+    leaving = get(rows, k.leaving + z, wide) > 0.0
+    if k.giving and anywhere(leaving):
         pace = get(rows, k.pace, wide)
         spring, dashpot = pace * pace * get(rows, k.spring + z, wide), pace * get(rows, k.dashpot + z, wide)
-        away = (kind < CLOSED) & (get(rows, k.leaving + z, wide) > 0.0)
-        b = either(away, slipped(b, spring, dashpot), b)
+        b = either(leaving & (kind < CLOSED), slipped(b, spring, dashpot), b)
     # The zeros that it begins with are exact, whatever rounding makes of them.
     let_go = kind == RELEASED
     at_rest = let_go | (kind == RESTING)
@@ -188,7 +188,9 @@ def step(rows, k, wide):
     """Make a certified step; leave the state after it, how far it went, which stop ended it and how."""
     turns(rows, k, wide)
     held = anywhere(get(rows, k.closed, wide) > 0.0) or (k.giving and anywhere(get(rows, k.engaged, wide) > 0.0))
-    if held or k.coupled:
+    if held and k.modes == 1 and not k.rigid:
+        fly_alone(rows, k, wide)
+    elif held or k.coupled:
         fly_together(rows, k, wide, DEGREE)
     else:
         fly_apart(rows, k, wide)
