@@ -290,3 +290,39 @@ def test_a_closed_rigid_stop_bears_what_a_stop_that_gives_hands_on():
     assert (*seen.end.displacement, *seen.end.velocity) == pytest.approx((0.0, 0.5, 0.0, -1.5), abs=1e-13)
     assert seen.closed == (0,)
     assert all(event.kind != "release" for event in seen.events)
+
+
+# The elastic bar
+
+BAR = {"modulus": 210e9, "density": 7800.0, "speed": 0.1, "gap": 5e-5}
+WAVE = 2.0 * math.sqrt(BAR["density"] / BAR["modulus"])  # there and back over its length of 1 m
+
+
+def elastic_bar(nodes, stop):
+    """Return a free bar with a stop at its last node.
+
+    Masses are half consistent and half lumped: the speed of waves errs by the fourth power of an element's length.
+    """
+    links, size = 2 * np.eye(nodes) - np.eye(nodes, k=1) - np.eye(nodes, k=-1), 1.0 / (nodes - 1)
+    links[0, 0] = links[-1, -1] = 1.0
+    lumped = np.diag([0.5, *[1.0] * (nodes - 2), 0.5])
+    return system(BAR["density"] * size * (lumped - links / 12), 0 * links, BAR["modulus"] / size * links, 1e4, [stop])
+
+
+@pytest.mark.parametrize("gives", [False, True])
+def test_an_elastic_bar_stays_for_a_wave_there_and_back_and_leaves_with_its_whole_speed(gives):
+    # With 100 nodes contact and speed are 0.13 % and 0.64 % off at the rigid stop, 0.09 % and 0.41 % at the other one.
+    errors = []
+    for nodes in (10, 20, 40):
+        last = np.eye(nodes)[-1]
+        stop = spring(last, BAR["gap"], 3 * nodes * BAR["modulus"]) if gives else wall(last, BAR["gap"], 0.0)
+        bar, turns = elastic_bar(nodes, stop), 1.2e-3 * 1e4 / (2 * math.pi)
+        seen = follow(bar, np.zeros(nodes), np.full(nodes, BAR["speed"]), most_periods=turns)
+        hit, end = seen.events[0], seen.events[-1].time + seen.events[-1].contact_time
+        assert hit.time == pytest.approx(BAR["gap"] / BAR["speed"], rel=1e-12)
+        assert {event.kind for event in seen.events} == ({"impact"} if gives else {"impact", "stick", "release"})
+        mass = bar.mass.sum(axis=0)
+        speed = -(mass @ seen.end.velocity) / mass.sum()
+        errors.append((abs(end - hit.time - WAVE) / WAVE, abs(speed - BAR["speed"]) / BAR["speed"]))
+    assert np.max(errors[2]) < (0.006 if gives else 0.015)
+    assert all(after < before for one, other in pairwise(errors) for before, after in zip(one, other, strict=True))

@@ -84,7 +84,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One motion: its events in order, its end, the stops closed then, and why it ended.
+    """One motion: its events in order, its end, the stops that are closed and that push then, and why it ended.
 
     `ended` is "impacts" (as many as asked for), "time", or "events" (too many too weak to be recorded).
     """
@@ -92,6 +92,7 @@ class Trajectory:
     events: tuple[Event, ...]
     end: Moment
     closed: tuple[int, ...]
+    pushing: tuple[int, ...]
     ended: Literal["impacts", "time", "events"]
     pieces: tuple[tuple[float, Phase, Floats], ...] = field(repr=False)
 

@@ -106,7 +106,7 @@ def follow(
             ended = "time"
             break
         walk.move((last - walk.turns) * walk.eq.period)
-    return Trajectory(tuple(walk.events), walk.at, walk.closed, ended, tuple(walk.pieces))
+    return Trajectory(tuple(walk.events), walk.at, walk.closed, walk.pushing, ended, tuple(walk.pieces))
 
 
 class _Walk:
@@ -143,7 +143,7 @@ class _Walk:
     @property
     def in_contact(self) -> bool:
         """Whether a contact that is recorded goes on."""
-        return any(self.contacts[j] is not None for j in self.pushing)
+        return any(index is not None for index in self.contacts.values())
 
     def _touch(self) -> Floats:
         reach = np.abs(self.eq.places).sum(axis=1) + np.abs(self.eq.directions) @ np.abs(self.at.displacement)
