@@ -194,31 +194,27 @@ def test_order_of_stops_and_sides_do_not_matter():
         np.testing.assert_allclose(seen["impulse"], one["impulse"], rtol=1e-11)
 
 
-@pytest.mark.parametrize("c", [0.0, 1.5])
-def test_the_exponent_is_how_neighbours_part(c):
-    """A damper that begins to push makes the acceleration jump, and the tangent with it."""
-    system = oscillator(spring(100.0, c, 0.1), damping=0.05, omega=2.6, stiffness=1.0)
-    how = {"transient_impacts": 400, "sample_impacts": 300}
-    exponent = vi.parameter_map(system, omega=[2.6], indices=["lyapunov_per_impact"], **how).lyapunov_per_impact.item()
-    base = settled(system, 600)
-    grown, steps, size = 0.0, 300, 1e-8
-    state, other = np.array([base.displacement[0], base.velocity[0]]), None
-    other = state + np.array([size, 0.0])
-    for _ in range(steps):
-        state, other = (advance(system, point) for point in (state, other))
-        apart = np.linalg.norm(other - state)
-        grown += math.log(apart / size)
-        other = state + (other - state) * (size / apart)
-    per_period = grown / steps
-    index = vi.parameter_map(system, omega=[2.6], indices=["lyapunov", "impacts_per_period"], **how).isel(omega=0)
-    assert exponent == pytest.approx(
-        float(index["lyapunov"] / index["impacts_per_period"]) * system.period, rel=0.05, abs=0.02
-    )
-    assert per_period == pytest.approx(float(index["lyapunov"]) * system.period, abs=0.05)
+@pytest.mark.parametrize(("omega", "c"), [(0.9, 0.9), (1.1, 0.0), (1.9, 0.9), (2.4, 2.5)])
+def test_the_exponent_of_a_cycle_is_that_of_its_multipliers(omega, c):
+    """A damper that begins to push makes the acceleration jump, and the deviation with it."""
+    system = oscillator(spring(50.0, c, 0.3), spring(20.0, 0.4, 0.5, -1.0), damping=0.2, omega=omega)
+    how = {"indices": ["lyapunov", "n_periods"], "transient_impacts": 3000, "sample_impacts": 8001}
+    index = vi.parameter_map(system, omega=[omega], **how).isel(omega=0)
+    cycle, size = int(index["n_periods"]), 1e-5
+    assert cycle > 0
+    begin = settled(system, 1000)
+    centre = np.array([begin.displacement[0], begin.velocity[0]])
+    columns = [
+        (advance(system, centre + step, cycle) - advance(system, centre - step, cycle)) / (2.0 * size)
+        for step in size * np.eye(2)
+    ]
+    radius = np.abs(np.linalg.eigvals(np.transpose(columns))).max()
+    assert float(index["lyapunov"]) == pytest.approx(math.log(radius) / (cycle * system.period), rel=2e-3)
 
 
-def advance(system, point):
-    seen = vi.simulate(system, start=vi.State([point[0]], [point[1]]), periods=1, samples_per_period=1)
+def advance(system, point, periods):
+    start = vi.State([point[0]], [point[1]])
+    seen = vi.simulate(system, start=start, periods=periods, samples_per_period=1)
     return np.array([seen["displacement"].values[-1, 0], seen["velocity"].values[-1, 0]])
 
 
