@@ -254,3 +254,36 @@ def test_what_only_systems_or_springs_have_is_refused_elsewhere():
         vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], indices=["work_rate"])
     with pytest.raises(ValueError, match="`max_force` needs a stop that gives"):
         vi.parameter_map(oscillator(vi.Stop(direction=1.0, gap=0.1)), omega=[2.0], indices=["max_force"])
+
+
+def bar(nodes, **stop):
+    """A steel bar of 1 m, 50 micrometres in front of a stop at its end, of lumped masses and springs."""
+    modulus, density = 210e9, 7800.0
+    step = 1.0 / (nodes - 1)
+    mass = np.full(nodes, density * step)
+    mass[[0, -1]] /= 2.0
+    stiffness = np.zeros((nodes, nodes))
+    for left in range(nodes - 1):
+        stiffness[left : left + 2, left : left + 2] += modulus / step * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    end = [vi.Stop(direction=np.eye(nodes)[-1], gap=5e-5, name="wall", **stop)]
+    force = vi.Force(omega=2.0 * math.pi / 1.2e-3)
+    return vi.ImpactSystem(mass=np.diag(mass), stiffness=stiffness, force=force, stops=end), mass
+
+
+@pytest.mark.parametrize("stop", ["rigid, r = 0", "gives"])
+def test_an_elastic_bar_stays_for_its_wave_and_leaves_with_its_whole_speed(stop):
+    """Contact lasts 2 L sqrt(rho/E); nearer to one per cent, and nearer yet, with more nodes."""
+    speed, wave, off = 0.1, 2.0 * math.sqrt(7800.0 / 210e9), []
+    for nodes in (25, 50, 100):
+        kind = {"restitution": 0.0} if stop.startswith("rigid") else {"stiffness": 20.0 * 210e9 * nodes}
+        system, mass = bar(nodes, **kind)
+        start = vi.State(np.zeros(nodes).tolist(), np.full(nodes, speed).tolist())
+        seen = vi.simulate(system, start=start, periods=1, samples_per_period=50)
+        assert float(seen["impact_time"][0]) == pytest.approx(5e-4, rel=1e-12)
+        ended = np.append(seen["release_time"], seen["impact_time"] + seen["contact_time"] if "force" in seen else [])
+        rebound = -(mass @ seen["velocity"].values[-1]) / mass.sum()
+        off.append((abs((ended.max() - 5e-4) / wave - 1.0), abs(rebound / speed - 1.0)))
+    contact, rebound = np.transpose(off)
+    assert contact[-1] < min(contact[0], 0.01)  # a stop that gives rattles at the length of an element
+    assert (np.diff(rebound) < 0.0).all()
+    assert rebound[-1] < (0.01 if stop == "gives" else 0.015)

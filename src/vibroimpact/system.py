@@ -45,7 +45,7 @@ class ImpactSystem(ByValue):
     Parameters
     ----------
     mass : (n, n) array_like
-        M in kg, symmetric and positive definite; a number for one coordinate, as the other matrices. n is at most 12.
+        M in kg, symmetric and positive definite; a number for one coordinate, as the other matrices. n is at most 128.
     damping : (n, n) array_like
         C in N s/m, zero unless given; its symmetric part is positive semidefinite, the skew one (gyroscopic) is free.
     stiffness : (n, n) array_like

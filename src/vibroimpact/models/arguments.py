@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, ParamSpec, TypeVar
 
-from vibroimpact.matrices import COORDINATES
 from vibroimpact.oscillator import ImpactOscillator, check_names
 from vibroimpact.parameters import Parameter, invalid, whole_number
 
@@ -71,7 +70,7 @@ _BEAMS = [
     _positive("density", "density", "kg/m^3", "steel has 7800 kg/m^3"),
     _place("force_at", "force"),
     _place("stop_at", "stop"),
-    Parameter("modes", "number of modes", "1", "modes", 1.0, float(COORDINATES)),
+    Parameter("modes", "number of modes", "1", "modes", 1.0, 12.0),
 ]
 _TUBES = [
     _positive("outer_diameter", "outer diameter", "m"),
