@@ -102,6 +102,14 @@ def test_the_derivative_of_a_function_is_good_to_a_billionth(function, slope):
         assert law.slope(v) == pytest.approx(slope(v), abs=1e-9 * max(function(v), 1e-300) * max(1.0, v) / v)
 
 
+def test_a_table_cannot_be_changed_after_it_was_given():
+    speeds, values = [0.1, 0.5], np.array([0.9, 0.8])
+    law = piecewise(speeds, values)
+    values[1] = speeds[1] = 0.3
+    assert law == piecewise([0.1, 0.5], [0.9, 0.8])
+    assert repr(law) == "piecewise(speeds=(0.1, 0.5), values=(0.9, 0.8))"
+
+
 def test_laws_are_what_they_are_made_of():
     laws = [hunt_crossley(damping=0.4), kelvin_voigt(damping_ratio=0.4), piecewise(**TABLE), law_of(softening)]
     for at, law in enumerate(laws):
@@ -129,8 +137,8 @@ def test_a_function_is_known_by_its_code_and_the_values_that_it_uses():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: hunt_crossley(damping=-1.0), "`damping` must be a number >= 0, got -1"),
-        (lambda: kelvin_voigt(damping_ratio=math.nan), "`damping_ratio` must be a number >= 0, got nan"),
+        (lambda: hunt_crossley(damping=-1.0), "`damping` must be a finite number >= 0, got -1"),
+        (lambda: kelvin_voigt(damping_ratio=math.nan), "`damping_ratio` must be a finite number >= 0, got nan"),
         (lambda: piecewise([0.1], [0.5]), "as many, at least two"),
         (lambda: piecewise([0.1, 0.2], [0.5]), "as many, at least two, got 2 and 1"),
         (lambda: piecewise([0.2, 0.1], [0.5, 0.4]), "`speeds` must be ascending numbers >= 0"),

@@ -1,8 +1,10 @@
 """Motions under laws of restitution: bounces replayed by hand, chatter, exponents, orbits, sweeps, stores, files."""
 
+import functools
 import math
 import pickle
 
+import numba
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -244,9 +246,19 @@ def test_a_law_that_fails_in_a_run_ends_the_cell_with_a_status():
             assert np.isnan(found["std"].values).all() == ended
 
 
+def test_a_function_that_numba_has_compiled_is_taken_as_it_is():
+    def falls(v):
+        return 0.9 / (1.0 + v)
+
+    own, plain = (dropped(ball(law), 1.0, 8) for law in (numba.njit(falls), falls))
+    assert own["velocity"].values.tolist() == plain["velocity"].values.tolist()
+    assert law_of(numba.njit(falls)) == law_of(falls)
+
+
 def test_a_law_that_numba_cannot_compile_is_refused_in_words():
-    with pytest.raises(ValueError, match="numba cannot compile"):
-        dropped(ball(lambda v: [0.5, open][0] if v < 1e9 else 0.1), 1.0, 3)
+    for law in (lambda v: [0.5, open][0] if v < 1e9 else 0.1, functools.partial(min, 0.5)):
+        with pytest.raises(ValueError, match="numba cannot compile"):
+            dropped(ball(law), 1.0, 3)
 
 
 @vi.family

@@ -2,6 +2,11 @@
 
 Each is computed by one plain Python function of a speed, a number and an order, 0 for r and 1 for dr/dv. Here it is
 called as it is; the engine compiles it.
+
+>>> import vibroimpact as vi
+>>> stop = vi.Stop(direction=1.0, gap=1e-3, restitution=vi.contact.hunt_crossley(damping=0.2))
+>>> round(stop.law(1.5), 6)
+0.83287
 """
 
 from __future__ import annotations
@@ -10,7 +15,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,14 +23,24 @@ from vibroimpact.by_value import ByValue, shown
 from vibroimpact.cells import Floats
 from vibroimpact.fingerprint import fingerprint
 from vibroimpact.matrices import numbers
-from vibroimpact.parameters import invalid, real_number
+from vibroimpact.parameters import Parameter, invalid
 
 Rule = Callable[[float, float, int], float]
+Compiler = Callable[[Any], Any]
 
 TRIED = np.logspace(-9.0, 2.0, 111)  # speeds in m/s at which a function is tried when it is made a law
 NEAR = 3e-4  # of a speed: the distance of a difference, whose rounding is some 1e-12 of r/v
 SERIES = 0.05  # of D v: below it a power series has the digits that the formula loses
 KNOWN: dict[float, Law] = {}  # by their marks, which stand in tables of numbers
+
+
+class _Made(NamedTuple):
+    """What computes a law: a rule, made by a compiler and by what reads a table; its number, or r; and its table."""
+
+    rule: Callable[[Compiler, Callable[[float, int], float]], Rule]
+    number: float = 0.0
+    constant: float | None = None
+    table: Any = None
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -51,22 +66,27 @@ class Law(ByValue):
 
     kind: str
     given: Mapping[str, Any]
-    rule: Callable[[Callable[[Any], Any]], Rule]  # made by a compiler of functions
-    number: float
-    constant: float | None  # r, if it is the same at all speeds
-    mark: float  # a whole number below 2^53; of laws that differ in their number alone, the same
+    made: _Made
+    code: float  # a mark of what is compiled, a whole number below 2^53
+    mark: float  # and of the law, but for its number
 
     def __init__(self, kind: str, given: Mapping[str, Any]) -> None:
-        rule, number, constant = _MAKERS[kind](**given)
-        marked = (kind,) if number else (kind, *map(str, given), *map(_marked, given.values()))
-        vars(self).update(
-            kind=kind,
-            given=MappingProxyType(dict(given)),
-            rule=rule,
-            number=number,
-            constant=constant,
-            mark=float(int(fingerprint(marked)[:13], 16)),
-        )
+        made = _MAKERS[kind](**given)
+        kept = {name: value if callable(value) else _kept(value) for name, value in given.items()}
+        own = _mark((kind, *kept.values()))
+        code = own if kind == "function" else _mark(kind)
+        mark = code if made.number else own
+        vars(self).update(kind=kind, given=MappingProxyType(kept), made=made, code=code, mark=mark)
+
+    @property
+    def constant(self) -> float | None:
+        """r, if it is the same at all speeds."""
+        return self.made.constant
+
+    @property
+    def number(self) -> float:
+        """The number that its rule takes."""
+        return self.made.number
 
     def __call__(self, v: Any) -> Any:
         """Return r at speeds v in m/s."""
@@ -80,7 +100,8 @@ class Law(ByValue):
         speeds = np.asarray(v, np.float64)
         if not (speeds >= 0.0).all():
             raise invalid("v", v, "speeds >= 0")
-        rule = self.rule(lambda function: function)
+        table = self.made.table
+        rule = self.made.rule(lambda function: function, lambda number, at: float(table[at]))
         found: Floats = np.array([float(rule(speed, self.number, order)) for speed in speeds.ravel().tolist()])
         return found.reshape(speeds.shape) if speeds.ndim else float(found[0])
 
@@ -91,7 +112,7 @@ class Law(ByValue):
     def plain(self) -> dict[str, Any]:
         """Return the law as numbers and texts: of a Python function its name and a table of its values."""
         if self.kind != "function":
-            return {"law": self.kind, **{name: _listed(value) for name, value in self.given.items()}}
+            return {"law": self.kind, **self.given}
         name = getattr(self.given["function"], "__name__", "function")
         return {"law": name, "mark": self.mark, "speeds": TRIED.tolist(), "values": self(TRIED).tolist()}
 
@@ -241,9 +262,9 @@ def law_of(given: Any) -> Any:
     --------
     >>> law_of(lambda v: 0.9 / (1.0 + v))(0.5)
     0.6
-    >>> law_of(lambda v: 0.9 - v)
+    >>> law_of(lambda v: 2.0)
     Traceback (most recent call last):
-    ValueError: `restitution` must be a law that returns numbers from 0 to 1, got -0.0999... at a speed of 1 m/s; ...
+    ValueError: `restitution` must be from 0 to 1, got 2.0 at a speed of 1e-09 m/s; limit what it returns by min and max
     """
     if isinstance(given, Mapping):
         own = {name: value for name, value in given.items() if name not in ("law", "mark")}
@@ -253,12 +274,10 @@ def law_of(given: Any) -> Any:
     return Law("function", {"function": given})
 
 
-def _hunt_crossley(damping: Any) -> tuple[Any, float, float | None]:
+def _hunt_crossley(damping: Any) -> _Made:
     """With x = D v and y = r x the law is x - ln(1 + x) = -y - ln(1 - y); the unknown is L = -ln(1 - y)."""
-    number = real_number("damping", damping, "a number >= 0")
-    if number < 0.0:
-        raise invalid("damping", damping, "a number >= 0")
-    return lambda compiled: _of_hunt_crossley, number, None if number else 1.0
+    number = Parameter("damping", "damping", low=0.0).check(damping)
+    return _Made(lambda compiled, entry: _of_hunt_crossley, number, None if number else 1.0)
 
 
 def _power_series(terms: int) -> tuple[float, ...]:
@@ -294,17 +313,15 @@ def _of_hunt_crossley(v: float, damping: float, order: int) -> float:
     return damping * (1.0 + r) * (math.exp(-log) - r) / ((1.0 + x) * r * x) if order else r
 
 
-def _kelvin_voigt(damping_ratio: Any) -> tuple[Any, float, float | None]:
-    zeta = real_number("damping_ratio", damping_ratio, "a number >= 0")
-    if zeta < 0.0:
-        raise invalid("damping_ratio", damping_ratio, "a number >= 0")
+def _kelvin_voigt(damping_ratio: Any) -> _Made:
+    zeta = Parameter("damping_ratio", "damping ratio", low=0.0).check(damping_ratio)
     root = math.sqrt(abs((1.0 - zeta) * (1.0 + zeta)))
     half = math.atan2(root, zeta) if zeta < 1.0 else math.asinh(root)  # of the contact, times w_d
     constant = math.exp(-2.0 * zeta * (half / root if root else 1.0))
-    return lambda compiled: lambda v, number, order: 0.0 if order else constant, 0.0, constant
+    return _Made(lambda compiled, entry: lambda v, number, order: 0.0 if order else constant, constant=constant)
 
 
-def _piecewise(speeds: Any, values: Any) -> tuple[Any, float, float | None]:
+def _piecewise(speeds: Any, values: Any) -> _Made:
     from scipy.interpolate import PchipInterpolator
 
     knots, heights = numbers("speeds", speeds, 1), numbers("values", values, 1)
@@ -314,24 +331,31 @@ def _piecewise(speeds: Any, values: Any) -> tuple[Any, float, float | None]:
         raise invalid("speeds", knots.tolist(), "ascending numbers >= 0")
     if heights.min() < 0.0 or heights.max() > 1.0:
         raise invalid("values", heights.tolist(), "numbers from 0 to 1")
-    cubics = np.ascontiguousarray(PchipInterpolator(knots, heights).c.T)
-    last, edges = len(knots) - 2, (float(heights[0]), float(heights[-1]))
+    cubics = PchipInterpolator(knots, heights).c.T
+    return _Made(_of_table, table=np.concatenate([[len(knots)], heights[[0, -1]], knots, cubics.ravel()]))
+
+
+def _of_table(compiled: Compiler, entry: Callable[[float, int], float]) -> Rule:
+    """The table: how many speeds, r at the ends, the speeds, then the coefficients of each cubic, its cube first."""
 
     def of_table(v: float, number: float, order: int) -> float:
-        if v < knots[0] or v >= knots[last + 1]:
-            return 0.0 if order else edges[0] if v < knots[0] else edges[1]
-        low, high = 0, last
+        last = int(entry(number, 0)) - 1
+        if v < entry(number, 3) or v >= entry(number, 3 + last):
+            return 0.0 if order else entry(number, 1 if v < entry(number, 3) else 2)
+        low, high = 0, last - 1
         while low < high:
             middle = (low + high + 1) // 2
-            low, high = (middle, high) if v >= knots[middle] else (low, middle - 1)
-        x, (a, b, c, d) = v - knots[low], cubics[low]
-        slope, r = (3.0 * a * x + 2.0 * b) * x + c, ((a * x + b) * x + c) * x + d
-        return float(slope if order else min(max(r, 0.0), 1.0))
+            low, high = (middle, high) if v >= entry(number, 3 + middle) else (low, middle - 1)
+        x, r, slope = v - entry(number, 3 + low), 0.0, 0.0
+        for power in range(4):
+            slope = slope * x + r
+            r = r * x + entry(number, 4 + last + 4 * low + power)
+        return slope if order else min(max(r, 0.0), 1.0)
 
-    return lambda compiled: of_table, 0.0, None
+    return of_table
 
 
-def _function(function: Any) -> tuple[Any, float, float | None]:
+def _function(function: Any) -> _Made:
     for v in TRIED.tolist():
         try:
             r = float(function(v))
@@ -339,11 +363,11 @@ def _function(function: Any) -> tuple[Any, float, float | None]:
             raise ValueError(f"`restitution` fails at a speed of {v:.3g} m/s: {error}") from error
         if not 0.0 <= r <= 1.0:
             raise ValueError(
-                f"`restitution` must be a law that returns numbers from 0 to 1, got {r!r} at a speed of {v:.3g} m/s; "
+                f"`restitution` must be from 0 to 1, got {r!r} at a speed of {v:.3g} m/s; "
                 "limit what it returns by min and max"
             )
 
-    def rule(compiled: Callable[[Any], Any]) -> Rule:
+    def rule(compiled: Compiler, entry: Any) -> Rule:
         at = compiled(function)
 
         def of_function(v: float, number: float, order: int) -> float:
@@ -356,10 +380,10 @@ def _function(function: Any) -> tuple[Any, float, float | None]:
 
         return of_function
 
-    return rule, 0.0, None
+    return _Made(rule)
 
 
-_MAKERS: dict[str, Callable[..., tuple[Any, float, float | None]]] = {
+_MAKERS: dict[str, Callable[..., _Made]] = {
     "hunt_crossley": _hunt_crossley,
     "kelvin_voigt": _kelvin_voigt,
     "piecewise": _piecewise,
@@ -367,9 +391,10 @@ _MAKERS: dict[str, Callable[..., tuple[Any, float, float | None]]] = {
 }
 
 
-def _marked(value: Any) -> Any:
-    return value if callable(value) else np.asarray(value, np.float64)
+def _mark(value: Any) -> float:
+    return float(int(fingerprint(value)[:13], 16))
 
 
-def _listed(value: Any) -> Any:
-    return np.asarray(value, np.float64).tolist()
+def _kept(value: Any) -> Any:
+    found = np.asarray(value, np.float64).tolist()
+    return tuple(found) if isinstance(found, list) else found

@@ -60,10 +60,13 @@ def in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
 
 
 def _address_laws(k: Layout, table: Floats) -> None:
-    """Put the addresses of laws of restitution in the place of their marks."""
-    laws = table[:, k.law : k.law + k.stops]
+    """Put the addresses of laws of restitution in the place of their marks, and those of their tables."""
+    laws, numbers = (table[:, first : first + k.stops] for first in (k.law, k.restitution))
     for mark in np.unique(laws[laws != 0.0]).tolist():
-        laws[laws == mark] = address_of(mark, KNOWN[mark].rule)
+        law, here = KNOWN[mark], laws == mark
+        laws[here] = address_of(law.code, law.made.rule)
+        if law.made.table is not None:
+            numbers[here] = law.made.table.ctypes.data
 
 
 def _by_stop(cells: SystemCells, name: str) -> Floats:

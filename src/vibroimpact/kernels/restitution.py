@@ -15,7 +15,7 @@ from numba import cfunc, float64, int64, njit, types
 from numba.core.errors import NumbaError
 from numba.extending import intrinsic
 
-_COMPILED: dict[float, Any] = {}  # by the marks of laws: what is called must not go away
+_COMPILED: dict[float, Any] = {}  # by the marks of what was compiled: what is called must not go away
 
 
 @intrinsic
@@ -29,6 +29,22 @@ def _called(typingctx: Any, address: Any, v: Any, number: Any, order: Any) -> An
         return builder.call(place, values[1:])
 
     return types.float64(types.float64, types.float64, types.float64, types.int64), codegen
+
+
+@intrinsic
+def _read(typingctx: Any, address: Any, index: Any) -> Any:
+    """Return a number of a table at an address."""
+
+    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        place = builder.inttoptr(builder.fptoui(values[0], ir.IntType(64)), ir.DoubleType().as_pointer())
+        return builder.load(builder.gep(place, [values[1]]))
+
+    return types.float64(types.float64, types.int64), codegen
+
+
+@njit(error_model="numpy")
+def _entry(address, index):
+    return _read(address, index)
 
 
 @njit(error_model="numpy")
@@ -46,29 +62,32 @@ def restitution(rows, z, v, k):
     return r, r + speed * slope
 
 
-def address_of(mark: float, rule: Callable[[Callable[[Any], Any]], Any]) -> float:
-    """Return the address of a law, which is compiled when it is first asked for; 0.1 to 0.5 s.
+def address_of(code: float, rule: Callable[[Callable[[Any], Any], Any], Any]) -> float:
+    """Return the address of what computes a law, which is compiled when it is first asked for; 0.1 to 0.5 s.
 
     Raises
     ------
     ValueError
         Numba cannot compile it.
     """
-    if mark not in _COMPILED:
-        compiled = njit(error_model="numpy")
-        inner = compiled(rule(compiled))
-
-        def guarded(v, number, order):
-            try:
-                return inner(v, number, order)
-            except Exception:
-                return math.nan
-
+    if code not in _COMPILED:
         try:
-            _COMPILED[mark] = cfunc(float64(float64, float64, int64), error_model="numpy")(guarded)
-        except NumbaError as error:
+            inner = _compiled(rule(_compiled, _entry))
+
+            def guarded(v, number, order):
+                try:
+                    return inner(v, number, order)
+                except Exception:
+                    return math.nan
+
+            _COMPILED[code] = cfunc(float64(float64, float64, int64), error_model="numpy")(guarded)
+        except (NumbaError, TypeError) as error:
             raise ValueError(
                 "`restitution` is a function that numba cannot compile; write it with numbers and `math` alone, and "
                 f"numba.njit before functions that it calls: {error}"
             ) from error
-    return float(_COMPILED[mark].address)
+    return float(_COMPILED[code].address)
+
+
+def _compiled(function: Any) -> Any:
+    return function if hasattr(function, "py_func") else njit(error_model="numpy")(function)
