@@ -14,6 +14,7 @@ from systems import a_random_system, linear, two_masses
 from vibroimpact.backends.reference.systems import follow
 from vibroimpact.contact import hunt_crossley, kelvin_voigt, law_of, piecewise
 from vibroimpact.dataset import model_of
+from vibroimpact.orbits.systems.events import Event
 from vibroimpact.orbits.systems.flow import Flow
 
 HUNT = hunt_crossley(damping=0.3)
@@ -185,7 +186,7 @@ def test_saltation_is_the_derivative_of_an_impact():
         for d in step * np.eye(4)
     ]
     flight = np.eye(4) + flow.over(0.05)[0]
-    assert flight @ flow.saltation(0, x, z) @ flight == pytest.approx(np.array(columns).T, abs=1e-8)
+    assert flight @ flow.saltation(Event(0), x, z) @ flight == pytest.approx(np.array(columns).T, abs=1e-8)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=str)

@@ -247,7 +247,7 @@ def of_system(system: ImpactSystem, one: Measured, seen: systems.Seen) -> Attrac
         Impacts(seen.phases, seen.velocities) if repeats else None,
         seen.start,
         seen.orbit.lyapunov if seen.orbit else one.indices["lyapunov"],
-        seen.energy(system),
+        seen.energy,
     )
     names = tuple(system.stop_names[stop] for stop in seen.stops) if repeats else ()
     return replace(found, stops=names, orbit=seen.orbit)

@@ -28,10 +28,8 @@ from vibroimpact.coexistence.measuring import Runner, carried
 from vibroimpact.coexistence.settling import Settled
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits.orbit import Impacts, same_orbit
-from vibroimpact.orbits.systems import SystemOrbit, find
-from vibroimpact.orbits.systems.cycle import Cycle
-from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.orbits.systems.orbit import solution_of
+from vibroimpact.orbits.systems import SystemOrbit, ended, find_near
+from vibroimpact.orbits.systems.orbit import cycle_of
 from vibroimpact.oscillator import State
 from vibroimpact.system import ImpactSystem
 
@@ -46,23 +44,23 @@ TIED = 1e-9  # of the hardest hit: hits as hard as that are as hard
 class Seen:
     """The impacts of a cycle from its hardest on, or a sample of a motion that does not repeat.
 
-    `orbit` is the cycle solved for, or None; `start` a state on it; `tolerance` how near its members come; `whole` the
-    driving periods that it takes.
+    `lost` is the energy in J that each takes; `orbit` the cycle solved for, or None; `start` a state on it; `tolerance`
+    how near its members come; `whole` the driving periods that it takes.
     """
 
     phases: Floats
     velocities: Floats
     stops: Counts
+    lost: Floats
     start: State
     whole: float
     tolerance: float = SAME
     orbit: SystemOrbit | None = None
 
-    def energy(self, system: ImpactSystem) -> float:
-        """Return the energy lost at the stops per driving period in J, (1 - r^2) v^2 / (2 a . M^-1 a) per impact."""
-        ratios = np.array([system.stops[at].rebound(v) for at, v in zip(self.stops, self.velocities, strict=True)])
-        each = 0.5 * (1.0 - ratios**2) / np.diag(system.modal().mobility)[self.stops]
-        return float((each * self.velocities**2).sum()) / self.whole
+    @property
+    def energy(self) -> float:
+        """Energy lost at the stops per driving period in J."""
+        return float(np.nansum(self.lost)) / self.whole
 
 
 def alike(one: Any, other: Any) -> bool:
@@ -148,28 +146,28 @@ def follow(runner: Runner, settled: Settled, at: int) -> Seen:
     n, cycle = _smallest(seen, slice(first, last), n)
     phases, speeds, stops = seen.impact_phase[cycle], speeds[cycle], seen.impact_stop[cycle]
     plain = p > 0 and not len(seen.rest_stop) and not seen.impact_simultaneous.any()
-    orbit = _solved(system, n, stops, turns[cycle], speeds) if plain and len(stops) <= SOLVED else None
+    lost, end = seen.impact_energy[cycle], ended(system, seen)
+    orbit = _solved(system, n, stops, turns[cycle], speeds, end) if plain and len(stops) <= SOLVED else None
     if orbit is None:
-        start = _state(system, _sampled(runner, settled, at, ImpactWindow(settling, first + 1)))
-        return Seen(phases, speeds, stops, start, float(n), _by_growth(settled, at, n * system.period))
+        start = ended(system, _sampled(runner, settled, at, ImpactWindow(settling, first + 1)))
+        return Seen(phases, speeds, stops, lost, start, float(n), _by_growth(settled, at, n * system.period))
     numbers = np.array([system.stop_names.index(stop) for stop in orbit.stops])
     start = _state_of(system, carried(system, orbit.start), orbit.start.time)
-    return Seen(
-        np.array(orbit.phases), np.array(orbit.velocities), numbers, start, float(n), _by_derivative(orbit), orbit
-    )
+    phases, speeds = np.array(orbit.phases), np.array(orbit.velocities)
+    return Seen(phases, speeds, numbers, lost, start, float(n), _by_derivative(orbit), orbit)
 
 
 def sample(runner: Runner, settled: Settled, at: int, window: ImpactWindow) -> Seen:
     """Return a sample of a motion that does not repeat."""
     seen = _sampled(runner, settled, at, window)
     turns = seen.impact_periods + seen.impact_phase
-    state = _state(settled.osc, seen)
-    return Seen(seen.impact_phase, seen.impact_velocity, seen.impact_stop, state, float(turns[-1] - turns[0]))
+    state, whole = ended(settled.osc, seen), float(turns[-1] - turns[0])
+    return Seen(seen.impact_phase, seen.impact_velocity, seen.impact_stop, seen.impact_energy, state, whole)
 
 
 def resting(runner: Runner, settled: Settled, at: int) -> State:
     """Return where an initial condition that ends without impacts comes to stay."""
-    return _state(settled.osc, _sampled(runner, settled, at, ImpactWindow(0, 1 << 20)))
+    return ended(settled.osc, _sampled(runner, settled, at, ImpactWindow(0, 1 << 20)))
 
 
 def steady_state(system: ImpactSystem) -> State:
@@ -189,11 +187,6 @@ def _sampled(runner: Runner, settled: Settled, at: int, window: ImpactWindow) ->
     (seen,) = runner.samples(settled.cells[at : at + 1], window)
     found: Any = seen
     return found  # type: ignore[no-any-return]
-
-
-def _state(system: Any, seen: SystemSamples) -> State:
-    """Return where a sampled motion ended."""
-    return State(seen.last_displacement, seen.last_velocity, seen.last_phase * system.period)
 
 
 def _state_of(system: ImpactSystem, cell: Any, time: float) -> State:
@@ -218,12 +211,14 @@ def _smallest(seen: SystemSamples, cycle: slice, n: int) -> tuple[int, slice]:
     return n, cycle
 
 
-def _solved(system: ImpactSystem, n: int, stops: Counts, turns: Floats, speeds: Floats) -> SystemOrbit | None:
-    """Return the stable orbit that Newton's method reaches from the impacts of a cycle, if it is that cycle."""
+def _solved(
+    system: ImpactSystem, n: int, stops: Counts, turns: Floats, speeds: Floats, end: State
+) -> SystemOrbit | None:
+    """Return the stable orbit that Newton's method reaches from a cycle's impacts or a state, if it is that cycle."""
     names = [system.stop_names[stop] for stop in stops]
     times = ((turns - math.floor(turns[0])) * system.period).tolist()
     impacts = Impacts(turns % 1.0, speeds)
-    for orbit in find(system, n_periods=n, stops=names, near=times):
+    for orbit in find_near(system, n, names, times, end):
         if orbit.stable and orbit.admissible and same_orbit(orbit, impacts, tolerance=NEAR):
             return orbit
     return None
@@ -231,9 +226,8 @@ def _solved(system: ImpactSystem, n: int, stops: Counts, turns: Floats, speeds: 
 
 def _by_derivative(orbit: SystemOrbit) -> float:
     """Return how far from a cycle one may be that comes back within 1e-7 V."""
-    flow = Flow(orbit.system)
-    cycle = Cycle(flow, orbit.n_periods, tuple(orbit.system.stop_names.index(stop) for stop in orbit.stops))
-    jacobian = cycle.monodromy(np.concatenate(solution_of(orbit, flow)))
+    cycle, unknown = cycle_of(orbit)
+    jacobian = cycle.monodromy(unknown)
     smallest = float(np.linalg.svd(np.eye(len(jacobian)) - jacobian, compute_uv=False)[-1])
     return min(max(SAME, SAME / smallest if smallest else FARTHEST), FARTHEST)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Generator, Iterable, Iterator
 from functools import partial
 from typing import Any
 
@@ -18,7 +19,7 @@ from vibroimpact.continuation.following import (
     check_share,
     follow,
 )  # fmt: skip
-from vibroimpact.continuation.points import Point, Solution, between
+from vibroimpact.continuation.points import Point, Solution, between, lost_contact
 from vibroimpact.continuation.results import Branch, course
 from vibroimpact.continuation.system import system_of
 from vibroimpact.orbits.equations import Floats
@@ -92,6 +93,10 @@ def continue_orbit(
     the parameter leaves the system symmetric; a pitchfork is the period doubling of its half map [3]_. Where two stops
     would be struck at one instant, orbits become inadmissible without a special point. A mode without damping that no
     impact excites has multipliers on the unit circle, and no Neimark-Sacker point is seen beside it.
+
+    At a graze of a stop that gives a contact is born or lost, and the branch goes on with it; it ends where no impact
+    is left. Without damping of the stop multipliers go on, too: the graze is marked, and is no bifurcation. With
+    damping the force jumps at contact, and so do the multipliers at the graze: the branch may turn back there.
 
     References
     ----------
@@ -169,35 +174,55 @@ def walk(
     Where no test along it falls by half, steps are up to `strides` times as long.
     """
     along = direction * system.tangent(x, np.eye(len(x))[-1])
-    here = Point(system, x, along)
-    way = Way([here])
-    for step, there in _dense(system, here, follow(system, x, along, strides * longest), longest):
+    way = Way([Point(system, x, along)])
+    while True:
+        graze = yield from _walk_to_graze(way, longest, virtual, strides)
+        here = way.points[-1]
+        turned = math.copysign(1.0, graze.on_branch[-1] - here.x[-1]) if graze is not None else 0.0
+        further = graze.system.beyond(graze.x, turned) if graze is not None else None
+        if further is None:
+            break
+        way.points.append(Point(*further))
+    yield way
+
+
+def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Generator[Way, None, Solution | None]:
+    """Yield, point by point, a branch to its end or to a graze beyond which other equations hold, and return that."""
+    here = way.points[-1]
+    system = here.system
+    for step, there in _dense(system, here, follow(system, here.x, here.tangent, strides * longest), longest):
         if step.end == "lost" or not system.in_order(step.x):
             way.end = "lost" if step.end == "lost" else "impacts_merge"
-            break
+            graze = None if step.end == "lost" else lost_contact(here, there)
+            if graze is not None:
+                way.end = "grazing"
+                way.special.append(graze)
+            return graze
         halved = _halved(here, there)
         if halved is not None:
             way.special.append(halved)
             way.end = halved.kind
-            break
+            return None
         for special in between(here, there):
+            way.special.append(special)
+            if special.system.soft:
+                way.end = "grazing"
+                return special
             part = special.on_branch
             way.points.append(Point(system, part, system.tangent(part, here.tangent)))
-            way.special.append(special)
             if special.kind == "grazing" and here.clear and not virtual:
                 way.end = "grazing"
-                yield way
-                return
+                return None
         if not virtual and here.clear and not there.clear:
             way.end = "inadmissible"
-            break
+            return None
         way.points.append(there)
         here = there
         way.end = step.end or "budget"
         if step.end or len(way.points) > MOST_POINTS:
-            break
+            return None
         yield way
-    yield way
+    return None
 
 
 def _dense(system: Equations, here: Point, steps: Iterable[Step], longest: float) -> Iterator[tuple[Step, Point]]:

@@ -187,6 +187,19 @@ class Equations(ABC):
         """Return the unknown of the branch that a bifurcation lies on."""
         return np.concatenate([x[: self.size], x[self.inner :]])
 
+    def gives_at(self, where: int) -> bool:
+        """Whether an impact is a contact of a stop that gives, which ends before anything else happens."""
+        return False
+
+    @property
+    def soft(self) -> bool:
+        """Whether the condition is a graze of a stop that gives, beyond which the branch goes on."""
+        return False
+
+    def beyond(self, x: Floats, way: float) -> tuple[Equations, Floats, Floats] | None:
+        """Return the equations on which a branch goes on beyond a graze, a solution and its tangent, if it does so."""
+        return None
+
     def touch(self, x: Floats) -> float:
         """Return the turns at which the orbit grazes; NaN for other conditions."""
         if self.condition == LAST_IMPACT:

@@ -43,9 +43,9 @@ def _seeds(model: Model, n: int) -> Iterator[_Seed]:
             yield _Seed("", float(z[1]), partial(make_orbit, model, Cycle(n, 1), z))
         return
     for cycle in systems.cycles_of_one_impact(made, n):
-        for unknown in systems.one_impact(cycle)[0]:
-            how, speed = (cycle.stops, cycle.images), float(cycle.velocities(unknown)[0])
-            yield _Seed(how, speed, partial(systems.make_orbit, model, cycle, unknown))
+        for own, unknown in systems.of_one_impact(cycle)[0]:
+            how, speed = (own.stops, own.images), float(own.velocities(unknown)[0])
+            yield _Seed(how, speed, partial(systems.make_orbit, model, own, unknown))
 
 
 def on_line(
@@ -66,7 +66,7 @@ def on_line(
                 continue
             system, solved = system_of(orbit, (parameter,), (range,))
             for way in both_ways(partial(walk, system, system.pack(solved), longest, False), look):
-                rows = [[*system.values(p.x), system.velocities(p.x)[0]] for p in way.points]
+                rows = [[*p.system.values(p.x), p.system.velocities(p.x)[0]] for p in way.points]
                 covered[seed.how].append(np.array(rows))
                 yield from (special.bifurcation(parameter) for special in way.special)
 

@@ -29,21 +29,14 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.continuation.following import (
-    BRANCH,
-    DOUBLING,
-    FOLD,
-    LAST_IMPACT,
-    TORUS,
-    TOUCH,
-    Equations,
-    Nearest,
-)  # fmt: skip
+from vibroimpact.continuation.following import BRANCH, DOUBLING, FOLD, LAST_IMPACT, TORUS, TOUCH, Equations, Nearest
+from vibroimpact.continuation.grazes import gaining, losing
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.systems.admissibility import nearest_of
 from vibroimpact.orbits.systems.cycle import Cycle
+from vibroimpact.orbits.systems.events import GRAZE, LET_GO, Event
 from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.orbits.systems.orbit import SystemOrbit, make_orbit, solution_of
+from vibroimpact.orbits.systems.orbit import SystemOrbit, cycle_of, make_orbit
 from vibroimpact.orbits.systems.symmetry import mirror
 
 NOISE = 1e-12  # a test nearer to zero is rounding: that of a mode which nothing damps, for example
@@ -67,13 +60,13 @@ class Modes(Equations):
 
     @property
     def size(self) -> int:
-        """Turns of the impacts and the state before the first."""
-        return len(self.cycle.stops) + len(self.basis)
+        """Turns of the events and the state before the first."""
+        return len(self.cycle.events) + len(self.basis)
 
     @property
     def impacts(self) -> int:
-        """Those of half a cycle that is mirrored, else all."""
-        return len(self.cycle.stops)
+        """Events of half a cycle that is mirrored, else all; of stops that give, the ends of contacts, too."""
+        return len(self.cycle.events)
 
     @property
     def kind(self) -> str:
@@ -84,6 +77,11 @@ class Modes(Equations):
         """Return turns and scaled state of driving angles and a state in the coordinates."""
         p = self.impacts
         return np.concatenate([z[:p] / TURN, np.linalg.solve(self.basis, z[p:])])
+
+    def scaled_at(self, unknown: Floats, values: list[float]) -> Floats:
+        """Return turns and scaled state of a cycle's unknown at some values of the parameters."""
+        p, turned = self.impacts, self._at(self.inside(values))[1]
+        return np.concatenate([unknown[:p] / TURN, np.linalg.solve(turned, unknown[p:])])
 
     @cached_property
     def _known(self) -> Any:
@@ -102,7 +100,7 @@ class Modes(Equations):
         found: tuple[Cycle, Floats] = self._known(tuple(values))
         return found
 
-    def _solved(self, x: Floats) -> tuple[Cycle, Floats]:
+    def solved(self, x: Floats) -> tuple[Cycle, Floats]:
         """Return the cycle there, and its own unknown."""
         p, (cycle, turned) = self.impacts, self._at(self.inside(self.values(x)))
         return cycle, np.concatenate([TURN * x[:p], turned @ x[p : self.size]])
@@ -150,7 +148,7 @@ class Modes(Equations):
         return found
 
     def _linear(self, x: Floats) -> tuple[Floats, Floats]:
-        p, (cycle, unknown) = self.impacts, self._solved(x)
+        p, (cycle, unknown) = self.impacts, self.solved(x)
         turned = self._at(self.inside(self.values(x)))[1]
         misses, matrix = cycle.linearised(unknown)
         matrix = np.hstack([TURN * matrix[:, :p], matrix[:, p:] @ turned])
@@ -165,31 +163,76 @@ class Modes(Equations):
         return self._linearised(x)[1]
 
     def _conditions(self, x: Floats) -> Floats:
-        cycle, unknown = self._solved(x)
+        cycle, unknown = self.solved(x)
         if self.condition == LAST_IMPACT:
             return cycle.speeds(unknown)[[self.where]] / self.scale
         if self.condition == TOUCH:
-            begin, at = unknown[self.where], TURN * x[self.inner - 1]
-            after = cycle.flow.struck(
-                cycle.stops[self.where], cycle.states(unknown)[self.where], cycle.flow.drive(begin)
-            )
-            touching = cycle.flow.clearance(self.stop, cycle.flow.fly(after, begin, at), cycle.flow.drive(at))
-            return np.array(touching[:2]) / self.scale
+            flow, begin, at = cycle.flow, unknown[self.where], TURN * x[self.inner - 1]
+            event, pushing = cycle.events[self.where], cycle.phases[self.where + 1]
+            after = flow.struck(event.stop, cycle.states(unknown)[self.where], flow.drive(begin))
+            there = flow.fly(after, begin, at, pushing)
+            return np.array(flow.touching(self.stop, there, flow.drive(at), pushing)) / self.scale
         return np.array([_TESTS[self.condition](cycle.multipliers(unknown))])
 
     def is_own(self, x: Floats) -> bool:
         """Whether a touch is inside its flight, and multipliers whose product is 1 are a complex pair, no real ones."""
         if self.condition != TORUS:
             return self.condition != TOUCH or self.in_order(x)
-        cycle, unknown = self._solved(x)
+        cycle, unknown = self.solved(x)
         nearest = min(combinations(cycle.multipliers(unknown), 2), key=lambda pair: abs(1.0 - pair[0] * pair[1]))
         return nearest[0].imag != 0.0
 
+    def bounded(
+        self, condition: str, x: Floats, where: int = 0, touch: float = 0.0, stop: int = 0
+    ) -> tuple[Equations, Floats]:
+        """Return these equations with a condition more; a contact that a stop which gives loses becomes a graze."""
+        event = self.cycle.events[where]
+        if condition != LAST_IMPACT or not self.gives_at(where):
+            return super().bounded(condition, x, where, touch, stop)
+        events = (*self.cycle.events[:where], Event(event.stop, GRAZE), *self.cycle.events[where + 2 :])
+        x = np.concatenate([x[:where], [0.5 * (x[where] + x[where + 1])], x[where + 2 :]])
+        return replace(self, cycle=replace(self.cycle, events=events), condition=condition, where=where), x
+
+    def on_branch(self, x: Floats) -> Floats:
+        """Return the unknown of the branch that a bifurcation lies on: there a graze is a contact without duration."""
+        x, at = super().on_branch(x), self.where
+        return np.insert(x, at + 1, x[at]) if self.soft and self.condition == LAST_IMPACT else x
+
+    def gives_at(self, where: int) -> bool:
+        """Whether an impact is a contact of a stop that gives, which ends before anything else happens."""
+        return self.cycle.events[where + 1 : where + 2] == (Event(self.cycle.events[where].stop, LET_GO),)
+
+    @property
+    def soft(self) -> bool:
+        """Whether the condition is a graze of a stop that gives, beyond which the branch goes on."""
+        gives = self.cycle.flow.gives
+        if self.condition == TOUCH:
+            return bool(gives[self.stop])
+        return self.condition == LAST_IMPACT and self.cycle.events[self.where].kind == GRAZE
+
+    def beyond(self, x: Floats, way: float) -> tuple[Equations, Floats, Floats] | None:
+        """Return the equations beyond a graze of a stop that gives, a solution and its tangent; None if there are none.
+
+        A contact is born or lost there. `way` is the sign in which the parameter goes on.
+        """
+        if not self.soft:
+            return None
+        system = replace(self, condition=BRANCH, where=0, stop=0)
+        cycle, unknown = self.solved(x)
+        if self.condition == TOUCH:
+            return gaining(system, cycle, self.where, self.stop, x, way)
+        less = losing(cycle, unknown, self.where)
+        if less is None:
+            return None
+        system = replace(system, cycle=less[0])
+        found = np.concatenate([system.scaled_at(less[1], self.values(x)), x[self.inner :]])
+        return system, found, system.tangent(found, way * np.eye(len(found))[-1])
+
     def sizes(self, x: Floats) -> Floats:
         """Return by how much each unknown must change to change the flights by something of order one."""
-        p, cycle = self.impacts, self._solved(x)[0]
+        p, cycle = self.impacts, self.solved(x)[0]
         slowest = float(np.abs(self.speeds(x)).min())
-        turns, states = 1.0 / cycle.flow.fastest, np.full(len(self.basis), min(1.0, max(slowest, LEAST)))
+        turns, states = 1.0 / cycle.fastest, np.full(len(self.basis), min(1.0, max(slowest, LEAST)))
         return np.concatenate([np.full(p, turns), states, np.full(self.inner - self.size, turns), self.reach])
 
     def reaching(self, x: Floats) -> Modes:
@@ -210,26 +253,26 @@ class Modes(Equations):
 
     def orbit(self, x: Floats) -> SystemOrbit:
         """Return the orbit of a solution."""
-        return make_orbit(self.model_at(x), *self._solved(x))
+        return make_orbit(self.model_at(x), *self.solved(x))
 
     def velocities(self, x: Floats) -> Floats:
         """Return the velocities of the impacts in m/s."""
-        cycle, unknown = self._solved(x)
+        cycle, unknown = self.solved(x)
         return cycle.velocities(unknown)
 
     def speeds(self, x: Floats) -> Floats:
         """Return the velocities of the impacts, over the lengths of their stops' directions, in parts of the size."""
-        cycle, unknown = self._solved(x)
+        cycle, unknown = self.solved(x)
         return cycle.speeds(unknown) / self.scale
 
     def nearest(self, x: Floats) -> Nearest:
         """Return where the system comes closest to any stop between impacts."""
-        flight, angle, margin, stop, beside = nearest_of(*self._solved(x))
+        flight, angle, margin, stop, beside = nearest_of(*self.solved(x))
         return Nearest(flight, angle / TURN, margin, stop, beside)
 
     def tests(self, x: Floats) -> dict[str, float]:
         """Return the tests of period doublings (of pitchforks) and Neimark-Sacker points."""
-        cycle, unknown = self._solved(x)
+        cycle, unknown = self.solved(x)
         multipliers = cycle.multipliers(unknown)
         found = {condition: _TESTS[condition](multipliers) for condition in (DOUBLING, TORUS)}
         return {condition: value if abs(value) > NOISE else NOISE for condition, value in found.items()}
@@ -251,21 +294,21 @@ class Modes(Equations):
         half = self._half()
         if half is None:
             return None
-        (cycle, unknown), p, h = self._solved(x), self.impacts, self.impacts // 2
+        (cycle, unknown), p, h = self.solved(x), self.impacts, self.impacts // 2
         state = half.sign * cycle.states(unknown)[h] - unknown[p:]
         return np.append(x[h:p] - x[:h] - half.length / TURN, state / self.scale)
 
     def _half(self) -> Cycle | None:
         """Return half of the cycle, if it may be the double or the broken symmetry of one."""
         cycle, p = self.cycle, self.impacts
-        first, second = cycle.stops[: p // 2], cycle.stops[p // 2 :]
+        first, second = cycle.events[: p // 2], cycle.events[p // 2 :]
         if cycle.images or p % 2:
             return None
         if cycle.n_periods % 2 == 0:
-            return replace(cycle, n_periods=cycle.n_periods // 2, stops=first) if first == second else None
+            return replace(cycle, n_periods=cycle.n_periods // 2, events=first) if first == second else None
         images = self._images
-        if images and second == tuple(images[stop] for stop in first):
-            return replace(cycle, stops=first, images=images)
+        if images and second == tuple(event.in_mirror(images) for event in first):
+            return replace(cycle, events=first, images=images)
         return None
 
     @cached_property
@@ -274,13 +317,13 @@ class Modes(Equations):
 
     def half(self, x: Floats) -> tuple[Equations, Floats]:
         """Return the bifurcation at which such halves coincide, and their mean."""
-        half, (cycle, unknown), p, h = self._half(), self._solved(x), self.impacts, self.impacts // 2
+        half, (cycle, unknown), p, h = self._half(), self.solved(x), self.impacts, self.impacts // 2
         assert half is not None
         turns = 0.5 * (x[:h] + x[h:p] - half.length / TURN)
         mean = 0.5 * (unknown[p:] + half.sign * cycle.states(unknown)[h])
-        turned = self._at(self.inside(self.values(x)))[1]
-        start = np.concatenate([turns, np.linalg.solve(turned, mean), x[self.size :]])
-        return replace(self, cycle=half, condition=DOUBLING), start
+        system = replace(self, cycle=half, condition=DOUBLING)
+        scaled = system.scaled_at(np.append(TURN * turns, mean), self.values(x))
+        return system, np.append(scaled, x[self.size :])
 
     def doubled(self, z: Floats) -> tuple[Equations, Floats, Floats]:
         """Return the equations of two rounds, the orbit traversed twice, and how the rounds separate.
@@ -289,9 +332,9 @@ class Modes(Equations):
         """
         cycle, p = self.cycle, self.impacts
         if cycle.images:
-            twice = replace(cycle, stops=(*cycle.stops, *(cycle.images[stop] for stop in cycle.stops)), images=())
+            twice = cycle.whole(z)[0]
         else:
-            twice = replace(cycle, n_periods=2 * cycle.n_periods, stops=cycle.stops * 2)
+            twice = replace(cycle, n_periods=2 * cycle.n_periods, events=cycle.events * 2)
         system = replace(self, cycle=twice)
         x = system.pack(np.concatenate([z[:p], z[:p] + cycle.length, z[p:]]))
         return system, x, np.append(np.linalg.svd(system.flights_jacobian(x))[2][-1], 0.0)
@@ -335,15 +378,14 @@ def modes_of(
 
     A symmetric orbit is followed with those of half a cycle, as long as the parameters leave the symmetry.
     """
-    system, flow = orbit.system, Flow(orbit.system)
     images = images_along(orbit.model, names, ranges) if orbit.symmetric else ()
-    p = len(orbit.stops) // (2 if images else 1)
-    angles, state = solution_of(orbit, flow)
-    stops = tuple(system.stop_names.index(stop) for stop in orbit.stops[:p])
+    cycle, unknown = cycle_of(orbit)
+    flow, p = cycle.flow, len(cycle.events) // (2 if images else 1)
+    angles, state = np.split(unknown, [len(cycle.events)])
     scale = float(np.abs(state).max())
     made = Modes(
         model=orbit.model,
-        cycle=Cycle(flow, orbit.n_periods, stops, images),
+        cycle=replace(cycle, events=cycle.events[:p], images=images),
         names=names,
         ranges=ranges,
         basis=flow.physical * scale,

@@ -138,6 +138,17 @@ def between(a: Point, b: Point) -> list[Solution]:
     return sorted(found, key=lambda special: float((special.on_branch - a.x) @ (b.x - a.x)))
 
 
+def lost_contact(a: Point, b: Point) -> Solution | None:
+    """Return the graze between two points at which a stop that gives loses a contact: beyond, its velocity is negative.
+
+    None if impacts get out of order for another reason.
+    """
+    at = int(np.argmin(b.speeds))
+    if b.speeds[at] >= 0.0 or a.speeds[at] <= 0.0 or not a.system.gives_at(at):
+        return None
+    return _located(LAST_IMPACT, a, b)
+
+
 def _located(condition: str, a: Point, b: Point) -> Solution | None:
     """Solve for the bifurcation between two points; while Newton's method leaves the interval, halve it."""
     system = a.system

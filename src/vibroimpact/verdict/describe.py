@@ -208,8 +208,9 @@ def describe(
     Of a system a verdict says what holds for any number of coordinates and stops: the motion from rest, what strikes
     each stop, the energy lost, multipliers or exponent, the motions that the initial conditions of `attractors` lead
     to, and, of a periodic motion that does not rest at a stop, the nearest fold, period doubling, Neimark-Sacker point,
-    pitchfork and graze along each parameter, followed in steps of 2 % of its range or up to 8 % far from them. There is
-    no advice. A second and two more per parameter; half a minute where the motion is chaotic.
+    pitchfork and graze along each parameter, followed in steps of 2 % of its range or up to 8 % far from them. At a
+    graze of a stop that gives the motion gains or loses a contact; it goes on, and smoothly if the stop has no damping.
+    There is no advice. A second and two more per parameter; half a minute where the motion is chaotic.
 
     Examples
     --------

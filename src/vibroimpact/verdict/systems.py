@@ -82,7 +82,7 @@ def _motion(verdict: Verdict) -> Iterator[str]:
 
 
 def _clear_of(verdict: Verdict) -> str:
-    """Return how far a motion without impacts stays from which stop, or which stops it rests at."""
+    """Return how far a motion without impacts stays from which stop, or which it rests at or is pressed into."""
     here, system = next((one for one in verdict.attractors if one.from_rest), None), verdict.oscillator
     if here is None or not system.stops:
         return ""
@@ -94,8 +94,9 @@ def _clear_of(verdict: Verdict) -> str:
         return f", at least {report.quantity(left[name], 'm', 3)} clear of {name}"
     q, left = here.start.displacement, system.clearances(here.start.displacement, here.start.time).tolist()
     sizes = [abs(stop.gap) + float(np.abs(stop.direction) @ np.abs(q)) for stop in system.stops]
-    at = [name for name, gap, size in zip(system.stop_names, left, sizes, strict=True) if gap <= TOUCHING * size]
-    return f", at rest at {listed(at)}" if at else ""
+    at = [stop for stop, gap, size in zip(system.stops, left, sizes, strict=True) if gap <= TOUCHING * size]
+    rigid, giving = ([stop.name for stop in at if stop.compliant is gives] for gives in (False, True))
+    return (f", at rest at {listed(rigid)}" if rigid else "") + (f", pressed into {listed(giving)}" if giving else "")
 
 
 def _hits(verdict: Verdict) -> Iterator[str]:
@@ -127,6 +128,19 @@ def _hits(verdict: Verdict) -> Iterator[str]:
     elif orbit is not None:
         most = next(at for at, kick in enumerate(orbit.impulses) if kick >= (1.0 - TOUCHING) * max(orbit.impulses))
         yield f"largest impulse {report.quantity(orbit.impulses[most], 'N s', 4)} on {orbit.stops[most]}"
+        yield from _pressed(orbit)
+
+
+def _pressed(orbit: Any) -> Iterator[str]:
+    """Yield how hard, how long and how deep the hardest contact with a stop that gives is."""
+    pressed = [pair for pair in zip(orbit.contacts, orbit.stops, strict=True) if pair[0].peak_force > 0.0]
+    if pressed:
+        contact, stop = max(pressed, key=lambda pair: pair[0].peak_force)
+        force, time, depth = (
+            report.quantity(value, unit, 4)
+            for value, unit in ((contact.peak_force, "N"), (contact.contact_time, "s"), (contact.penetration, "m"))
+        )
+        yield f"largest force {force} on {stop}, which pushes for {time} and is pressed in by {depth}"
 
 
 def _energy(verdict: Verdict) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Whether a system can move along an orbit: the clearances of all stops between its impacts."""
+"""Whether a system can move along an orbit: the clearances and forces of all stops between its events."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from vibroimpact.cells import Floats
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import STRIDE, TURN
 from vibroimpact.orbits.systems.cycle import Cycle
+from vibroimpact.orbits.systems.events import PUSH_AGAIN, Pushing
 from vibroimpact.orbits.systems.flow import Flow
 
-MOST_SAMPLES = 1 << 16  # in a flight
+MOST_SAMPLES = 1 << 16  # in a leg
 FEWEST_SAMPLES = 16
 TERMS = 14  # of a power series over one stride: 0.15^14/14! is below rounding
 BISECTIONS = 60
@@ -23,44 +24,49 @@ BISECTIONS = 60
 def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
     """Return why the system cannot move along this orbit; empty if it can.
 
-    Each flight is sampled every 0.15 rad of the fastest rate, and every minimum of every clearance between samples is
-    found by power series. A clearance above -1e-12 of its size is none beyond the stop; that of a stop which the
-    flight leaves or strikes is 0 at its ends, where the equations hold, whatever they leave of it.
+    Each leg is sampled every 0.15 rad of the fastest rate, and every minimum between samples of every clearance, and of
+    the force of every stop that pushes, is found by power series. One above -1e-12 of its size is none beyond; that of
+    a stop whose event the leg begins or ends with is 0 there, where the equations hold, whatever they leave of it.
     """
     flow, states = cycle.flow, cycle.states(unknown)
-    speeds, angles = cycle.speeds(unknown), cycle.angles(unknown)
-    for i, (stop, speed) in enumerate(zip(cycle.stops, speeds, strict=True)):
-        if speed < -ROUNDING * np.abs(states[0]).max():
-            velocity = speed * flow.lengths[stop] * flow.omega
-            return f"impact {i + 1} would have velocity {velocity:.3g} m/s, away from {names[stop]!r}"
-    for i, stop in enumerate(cycle.stops):
-        duration, begin = float(angles[i + 1] - angles[i]), flow.drive(angles[i])
-        if duration * flow.fastest > STRIDE * MOST_SAMPLES:
-            turns = duration * flow.fastest / TURN
-            return f"the flight after impact {i + 1} takes {turns:.2g} periods of the fastest mode: it was not checked"
-        after = flow.struck(stop, states[i], begin)
-        if flow.restitution[stop] == 0.0 and flow.clearance(stop, after, begin)[2] < 0.0:
-            return f"after impact {i + 1} it comes to rest at {names[stop]!r}"
-        start = np.append(after, begin)
-        met = _first_contact(flow, start, duration, stop, cycle.struck_after(i))
+    speeds, angles, size = cycle.speeds(unknown), cycle.angles(unknown), np.abs(states[0]).max()
+    for i, (event, speed) in enumerate(zip(cycle.events, speeds, strict=True)):
+        name, number = names[event.stop], sum(at <= i for at in cycle.impacts)
+        if speed < -ROUNDING * size:
+            velocity = speed * flow.lengths[event.stop] * flow.omega
+            return f"impact {number} would have velocity {velocity:.3g} m/s, away from {name!r}"
+        if event.kind == PUSH_AGAIN and flow.clearance(event.stop, states[i], flow.drive(angles[i]))[0] > 0.0:
+            return f"after impact {number} {name!r} would push again before it is touched"
+    for i, event in enumerate(cycle.events):
+        pushing, number = cycle.phases[i + 1], sum(at <= i for at in cycle.impacts)
+        duration, begin, fastest = float(angles[i + 1] - angles[i]), flow.drive(angles[i]), flow.phase(pushing).fastest
+        if duration * fastest > STRIDE * MOST_SAMPLES:
+            turns = duration * fastest / TURN
+            return f"the flight after impact {number} takes {turns:.2g} periods of the fastest mode: it was not checked"
+        after = flow.struck(event.stop, states[i], begin)
+        if flow.restitution[event.stop] == 0.0 and flow.clearance(event.stop, after, begin, pushing)[2] < 0.0:
+            return f"after impact {number} it comes to rest at {names[event.stop]!r}"
+        leg = Leg(flow, np.append(after, begin), duration, pushing)
+        met = _first_beyond(leg, event.stop, cycle.event_after(i).stop)
         if met is not None:
             angle, other, depth = met
             if depth == 0.0:
-                return f"the impact after impact {i + 1} would strike {names[other]!r} at the same time"
+                return f"the impact after impact {number} would strike {names[other]!r} at the same time"
             phase = (angles[i] + angle) / TURN % 1.0
-            return f"after impact {i + 1} it would penetrate {names[other]!r}, by {depth:.3g} m at phase {phase:.6g}"
+            if other in pushing:
+                return f"after impact {number} {names[other]!r} would let go earlier, at phase {phase:.6g}"
+            how = "touch {} before it is to, {:.3g} m deep" if flow.gives[other] else "penetrate {}, by {:.3g} m"
+            return f"after impact {number} it would {how.format(repr(names[other]), depth)} at phase {phase:.6g}"
     return ""
 
 
-def _first_contact(
-    flow: Flow, start: Floats, duration: float, left: int, ending: int
-) -> tuple[float, int, float] | None:
-    """Return where a flight first gets beyond a stop: the angle since its impact, the stop, and the depth in m.
+def _first_beyond(leg: Leg, left: int, ending: int) -> tuple[float, int, float] | None:
+    """Return where a leg first gets beyond a stop, or pulls at one: the angle since its begin, the stop, the depth.
 
-    A flight that ends on another stop than expected, too, has depth 0 there.
+    A leg that ends on another stop than expected, too, has depth 0 there.
     """
     firsts, found = [], []
-    for course in _courses(flow, start, duration):
+    for course in courses(leg):
         ends = [at for at, stop in ((0, left), (-1, ending)) if stop == course.stop]
         course.gaps[ends] = np.maximum(course.gaps[ends], 0.0)
         places, depths = np.append(course.places, course.angles), -np.append(course.lowest, course.gaps)
@@ -68,35 +74,47 @@ def _first_contact(
         if beyond.any():
             deepest = int(np.argmax(depths))
             firsts.append(float(places[beyond].min()))
-            found.append((float(places[deepest]), course.stop, float(depths[deepest] * flow.lengths[course.stop])))
+            found.append((float(places[deepest]), course.stop, float(depths[deepest] * leg.flow.lengths[course.stop])))
         elif course.stop != ending and course.gaps[-1] <= ROUNDING * course.size and course.closing:
-            firsts.append(duration)
-            found.append((duration, course.stop, 0.0))
+            firsts.append(leg.duration)
+            found.append((leg.duration, course.stop, 0.0))
     return found[int(np.argmin(firsts))] if found else None
 
 
 def nearest_of(cycle: Cycle, unknown: Floats) -> tuple[int, float, float, int, float]:
-    """Return where an orbit comes closest to a stop between impacts, and how close others are at the impacts.
+    """Return where an orbit comes closest to a stop, or to being let go, between events, and how close at the events.
 
-    They are the flight, the driving angle and the clearance over its size (infinite where no clearance has a minimum),
-    the stop, and the least clearance over its size of another stop than the struck one at an impact.
+    They are the leg, the driving angle and the clearance over its size (infinite where none has a minimum), the stop,
+    and the least clearance over its size at an event of another stop than its own.
     """
     flow, states, angles = cycle.flow, cycle.states(unknown), cycle.angles(unknown)
     nearest, beside = (0, math.nan, math.inf, 0), math.inf
-    for i, stop in enumerate(cycle.stops):
+    for i, event in enumerate(cycle.events):
         begin = flow.drive(angles[i])
-        start = np.append(flow.struck(stop, states[i], begin), begin)
-        for course in _courses(flow, start, float(angles[i + 1] - angles[i]), stop):
+        start = np.append(flow.struck(event.stop, states[i], begin), begin)
+        for course in courses(Leg(flow, start, float(angles[i + 1] - angles[i]), cycle.phases[i + 1]), event.stop):
             if len(course.lowest) and course.lowest.min() / course.size < nearest[2]:
                 at = int(np.argmin(course.lowest))
                 nearest = i, float(angles[i] + course.places[at]), float(course.lowest[at] / course.size), course.stop
-            if course.stop != cycle.struck_after(i):
+            if course.stop != cycle.event_after(i).stop:
                 beside = min(beside, float(course.gaps[-1] / course.size))
     return *nearest, beside
 
 
-class _Course(NamedTuple):
-    """The clearance of a stop over its length during a flight: samples, its minima between them, and its size."""
+class Leg(NamedTuple):
+    """A part of a motion between two events: its state and drive just after the first, and the stops that push."""
+
+    flow: Flow
+    start: Floats
+    duration: float
+    pushing: Pushing = ()
+
+
+class Course(NamedTuple):
+    """What must stay above zero for a stop during a leg: samples, minima between them, and the clearance's size.
+
+    It is the clearance over its length; for a stop that pushes, its force over stiffness and length.
+    """
 
     stop: int
     angles: Floats
@@ -107,32 +125,53 @@ class _Course(NamedTuple):
     closing: bool
 
 
-def _courses(flow: Flow, start: Floats, duration: float, struck: int = -1) -> Iterator[_Course]:
-    """Yield the course of each clearance; of a stop `struck` at r = 0 its rise from rest is no minimum."""
-    angles, states = sampled(flow, start, duration)
-    for stop, row in enumerate(_derivatives(flow)):
-        gaps, rates = row[:2] @ states
+def courses(leg: Leg, struck: int = -1) -> Iterator[Course]:
+    """Yield the course of each stop; of one `struck` at r = 0 its rise from rest is no minimum.
+
+    A stop that has let go and is still pressed in, u < 0, stays away from what moves as long as its force would pull.
+    """
+    flow, n = leg.flow, 2 * leg.flow.n
+    angles, states = sampled(leg)
+    for stop, row in enumerate(clearances(flow, leg.pushing)):
+        lag = flow.lag(stop)
+        pull, gaps, rates = pulls(row, lag), row[0] @ states, row[1] @ states
+        parts = row[0][:, None] * states
+        size = float(max(np.abs(parts[:n].sum(axis=0)).max(), np.abs(parts[n:].sum(axis=0)).max()))
         if stop == struck and flow.restitution[stop] == 0.0:
             rates[0] = 0.0
-        parts = row[0][:, None] * states
-        size = float(max(np.abs(parts[: 2 * flow.n].sum(axis=0)).max(), np.abs(parts[2 * flow.n :].sum(axis=0)).max()))
-        turning = np.flatnonzero((rates[:-1] < 0.0) & (rates[1:] >= 0.0))
-        offsets, lowest = _minima(row @ states[:, turning], float(angles[1]))
-        yield _Course(stop, angles, gaps, angles[turning] + offsets, lowest, size, bool(rates[-1] < 0.0))
+        closing = bool(rates[-1] < 0.0)
+        if stop in leg.pushing:
+            forces = -(pull[0] @ states)
+            places, lowest = turning_points(-pull, states, angles, -(pull[1] @ states))
+            yield Course(stop, angles, forces, places, lowest, size, closing)
+            continue
+        places, lowest = turning_points(row, states, angles, rates)
+        if lag:
+            gaps = np.maximum(gaps, pull[0] @ states)
+            others, least = turning_points(pull, states, angles, pull[1] @ states)
+            pressed = np.interp(others, angles, row[0] @ states) < 0.0
+            places, lowest = np.append(places, others[pressed]), np.append(lowest, least[pressed])
+        yield Course(stop, angles, gaps, places, lowest, size, closing)
 
 
-def sampled(flow: Flow, start: Floats, duration: float) -> tuple[Floats, Floats]:
-    """Return angles since the start of a flight, and the states and drives (columns) there."""
-    number = max(FEWEST_SAMPLES, math.ceil(duration * flow.fastest / STRIDE))
-    step = duration / number
-    grown, driven = flow.over(step)
-    n, size = 2 * flow.n, len(start)
+def turning_points(series: Floats, states: Floats, angles: Floats, slopes: Floats) -> tuple[Floats, Floats]:
+    """Return where what power series of the states describe has minima between samples, and their values."""
+    turning = np.flatnonzero((slopes[:-1] < 0.0) & (slopes[1:] >= 0.0))
+    offsets, lowest = _minima(series @ states[:, turning], float(angles[1]))
+    return angles[turning] + offsets, lowest
+
+
+def sampled(leg: Leg) -> tuple[Floats, Floats]:
+    """Return angles since the start of a leg, and the states and drives (columns) there."""
+    flow, n, size = leg.flow, 2 * leg.flow.n, len(leg.start)
+    number = max(FEWEST_SAMPLES, math.ceil(leg.duration * flow.phase(leg.pushing).fastest / STRIDE))
+    step = leg.duration / number
+    grown, driven = flow.over(step, leg.pushing)
     power = np.eye(size)
     power[:n, :n] += grown
     power[:n, n:] = driven
-    sine, cosine = np.diag(np.sin(flow.orders * step)), np.diag(np.cos(flow.orders * step))
-    power[n + 1 :, n + 1 :] = np.block([[cosine, sine], [-sine, cosine]])
-    states = start[:, None]
+    power[n:, n:] = flow.rotation(step)
+    states = leg.start[:, None]
     while states.shape[1] <= number:
         states = np.hstack([states, power @ states])
         power = power @ power
@@ -140,13 +179,21 @@ def sampled(flow: Flow, start: Floats, duration: float) -> tuple[Floats, Floats]
     return angles, states[:, : number + 1]
 
 
-def _derivatives(flow: Flow) -> Floats:
+def clearances(flow: Flow, pushing: Pushing) -> Floats:
     """Return the coefficients of the power series of each clearance as linear forms of state and drive."""
-    whole = np.block([[flow.matrix, flow.load], [np.zeros(flow.load.T.shape), flow.turning]])
+    phase = flow.phase(pushing)
+    whole = np.block([[phase.matrix, phase.load], [np.zeros(phase.load.T.shape), flow.turning]])
     found = np.zeros((len(flow.beta), TERMS, len(whole)))
     found[:, 0] = np.hstack([-flow.beta / flow.units, np.zeros_like(flow.beta), flow.bounds])
     for j in range(1, TERMS):
         found[:, j] = found[:, j - 1] @ whole / j
+    return found
+
+
+def pulls(row: Floats, lag: float) -> Floats:
+    """Return the series of (u + l u')/(1 + l), which is zero where the force is, from that of u."""
+    rates = row[1:] * np.arange(1.0, len(row))[:, None]
+    found: Floats = (row[:-1] + lag * rates) / (1.0 + lag)
     return found
 
 

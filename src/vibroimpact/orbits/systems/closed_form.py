@@ -39,7 +39,7 @@ RATIOS = 65  # of a law, at which solutions are compared; more cost 1 ms each
 
 def one_impact(cycle: Cycle) -> tuple[list[Floats], str]:
     """Return the unknowns of all orbits with the one impact of a cycle, by their phases, and why there are none."""
-    flow, (stop,) = cycle.flow, cycle.stops
+    flow, ((stop, _),) = cycle.flow, cycle.events
     if flow.laws[stop] is None:
         return _at_ratio(cycle, float(flow.restitution[stop]))
     ratios = np.linspace(0.0, 1.0, RATIOS)
@@ -62,7 +62,7 @@ def _nearest(unknowns: list[Floats], angle: float) -> Floats | None:
 
 def _beyond(cycle: Cycle, r: float, unknown: Floats) -> float:
     """Return what the law gives for the velocity of a solution, less the restitution that it was found at."""
-    flow, (stop,) = cycle.flow, cycle.stops
+    flow, ((stop, _),) = cycle.flow, cycle.events
     rate = flow.clearance(stop, unknown[1:], flow.drive(unknown[0]))[1]
     return flow.rebound(stop, rate)[0] - r
 
@@ -83,12 +83,12 @@ def _under_law(cycle: Cycle, ratios: list[float], angles: Floats, rises: bool) -
 
 def _at_ratio(cycle: Cycle, r: float) -> tuple[list[Floats], str]:
     """Return the unknowns at one restitution."""
-    flow, (stop,) = cycle.flow, cycle.stops
+    flow, ((stop, _),) = cycle.flow, cycle.events
     matrix, sides = _equations(cycle, stop, r)
     left, sizes, right = np.linalg.svd(matrix)
-    steepest = 1.0 + cycle.length * float(np.linalg.norm(flow.matrix, 2))
+    steepest = 1.0 + cycle.length * float(np.linalg.norm(flow.phase().matrix, 2))
     rank = int((sizes > 16.0 * EPS * steepest * sizes[0]).sum())
-    size = cycle.length * float(np.linalg.norm(flow.load)) + float(np.linalg.norm(flow.bounds[stop]))
+    size = cycle.length * float(np.linalg.norm(flow.phase().load)) + float(np.linalg.norm(flow.bounds[stop]))
     nulls, negligible = left[:, rank:].T @ sides, VANISHED * size
     if rank < matrix.shape[1]:
         driven = np.linalg.svd(nulls, compute_uv=False)[1] > negligible  # more than one condition on the phase
@@ -203,7 +203,7 @@ def _not_isolated(cycle: Cycle, null: Floats, driven: bool) -> str:
         if driven:
             return "undamped, without loss and in resonance: impact velocities grow without bound"
         return "without loss: impacts of any velocity repeat, so orbits are not isolated"
-    drifting = float(np.linalg.norm(flow.matrix @ x)) <= 1e-8 * float(np.linalg.norm(x))
+    drifting = float(np.linalg.norm(flow.phase().matrix @ x)) <= 1e-8 * float(np.linalg.norm(x))
     if drifting:
         free = "a free mass or rigid-body motion, which the stop does not feel,"
         return f"{free} {'is driven away by the load' if driven else 'can be anywhere: orbits are not isolated'}"
@@ -222,6 +222,6 @@ def _at_any_phase(cycle: Cycle, hits: bool) -> str:
 
 def _nowhere(cycle: Cycle) -> str:
     flow = cycle.flow
-    if not (flow.load[:, 1:].any() or flow.bounds[:, 1:].any()):
+    if not (flow.push[:, 1:].any() or flow.bounds[:, 1:].any()):
         return "unforced: impacts and damping dissipate energy, and nothing supplies it"
     return f"no velocity > 0 returns to itself after {_what(cycle)}"

@@ -1,16 +1,17 @@
-r"""The equations of an orbit with given impacts, for Newton's method, and its stability.
+r"""The equations of an orbit with given events, for Newton's method, and its stability.
 
-Unknown are the driving angles theta_1 ... theta_p of the impacts of one cycle, on stops that are given, and the state
-x_1 just before the first. From there flights and impacts give the states x_i before the others and x_{p+1} after a
-cycle of length Theta, at theta_1 + Theta. An orbit has
+Unknown are the driving angles theta_1 ... theta_p of the events of one cycle, of stops that are given, and the state
+x_1 just before the first, an impact. From there flights, contacts and impacts give the states x_i before the others and
+x_{p+1} after a cycle of length Theta, at theta_1 + Theta. An orbit has
 
-    x_{p+1} = s x_1,    clearance of the struck stop = 0 at theta_1 ... theta_p,
+    x_{p+1} = s x_1,    level of the event = 0 at theta_1 ... theta_p,
 
-with Theta = 2 pi n and s = 1. In a symmetric system, where with q(t) also -q(t + T/2) is a motion, there are orbits
-that are mirrored after half their length: Theta = pi n, n odd, and s = -1, with the impacts of half a cycle.
+with Theta = 2 pi n and s = 1. The level is the clearance where contact begins, and the force over the stiffness where a
+stop that gives lets go or pushes again. In a symmetric system, where with q(t) also -q(t + T/2) is a motion, there are
+orbits that are mirrored after half their length: Theta = pi n, n odd, and s = -1, with the events of half a cycle.
 
-The derivatives are exact: with x' just before (-) and after (+) an impact, and Gamma and k the derivatives of the state
-after it by the state before it and by time,
+The derivatives are exact: with x' just before (-) and after (+) an event, and Gamma and k the derivatives of the state
+after it by the state before it and by time (1 and 0 but for impacts on rigid stops),
 
     dx_{i+1} = Phi_i (Gamma_i dx_i + (k_i - x'_i+) dtheta_i) + x'_{i+1}- dtheta_{i+1}.
 
@@ -20,28 +21,32 @@ Multipliers are those of the product of flows and saltation matrices; for a mirr
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event, Pushing
 from vibroimpact.orbits.systems.flow import Flow
 
 
 @dataclass(frozen=True, eq=False)
 class Cycle:
-    """The impacts of one cycle, or of half of one that is mirrored, and its equations.
+    """The events of one cycle, or of half of one that is mirrored, and its equations.
 
-    `stops` are struck one after the other; `images` of all stops in the mirror make it half of a cycle of `n_periods`.
-    The unknown is an array of p angles and 2n numbers of the state before the first impact.
+    `events` follow one another, and the stops `pushing` push just before the first; `images` of all stops in the mirror
+    make it half of a cycle of `n_periods`. The unknown is an array of p angles and 2n numbers of the state before the
+    first event.
     """
 
     flow: Flow
     n_periods: int
-    stops: tuple[int, ...]
+    events: tuple[Event, ...]
     images: tuple[int, ...] = ()
+    pushing: Pushing = ()
 
     @property
     def sign(self) -> float:
@@ -53,64 +58,106 @@ class Cycle:
         """Driving angle of the cycle, or of half of it."""
         return TURN * self.n_periods * (0.5 if self.images else 1.0)
 
-    def struck_after(self, i: int) -> int:
-        """Return the stop that flight i ends on."""
-        following = (*self.stops, self.images[self.stops[0]] if self.images else self.stops[0])
-        return following[i + 1]
+    @property
+    def impacts(self) -> list[int]:
+        """Which events are impacts."""
+        return [at for at, event in enumerate(self.events) if event.kind in (IMPACT, GRAZE)]
+
+    @property
+    def stops(self) -> tuple[int, ...]:
+        """The stops struck or touched, one after the other."""
+        return tuple(self.events[at].stop for at in self.impacts)
+
+    @cached_property
+    def phases(self) -> list[Pushing]:
+        """The stops that push before each event, and after the last."""
+        found = [self.pushing]
+        for event in self.events:
+            found.append(event.then(found[-1], self.flow.gives.tolist()))
+        return found
+
+    @property
+    def fastest(self) -> float:
+        """The largest rate, per unit of the driving angle, at which anything changes in the cycle."""
+        return max(self.flow.phase(pushing).fastest for pushing in self.phases)
+
+    def event_after(self, i: int) -> Event:
+        """Return the event that leg i ends with."""
+        first = self.events[0]
+        return (*self.events, first.in_mirror(self.images) if self.images else first)[i + 1]
 
     def angles(self, unknown: Floats) -> Floats:
-        """Return the driving angles of the impacts, and of the first one of the next cycle."""
-        p = len(self.stops)
+        """Return the driving angles of the events, and of the first one of the next cycle."""
+        p = len(self.events)
         return np.append(unknown[:p], unknown[0] + self.length)
 
+    def whole(self, unknown: Floats) -> tuple[Cycle, Floats]:
+        """Return the cycle that this is half of, and its unknown."""
+        p, later = len(self.events), tuple(event.in_mirror(self.images) for event in self.events)
+        found = replace(self, events=self.events + later, images=())
+        return found, np.concatenate([unknown[:p], unknown[:p] + self.length, unknown[p:]])
+
+    def rotated(self, unknown: Floats, first: int) -> tuple[Cycle, Floats]:
+        """Return the same cycle from another event on, and its unknown."""
+        p, events = len(self.events), self.events
+        later = tuple(event.in_mirror(self.images) for event in events[:first]) if self.images else events[:first]
+        found = replace(self, events=events[first:] + later, pushing=self.phases[first])
+        angles = np.append(unknown[first:p], unknown[:first] + self.length)
+        return found, np.append(angles, self.states(unknown)[first])
+
     def states(self, unknown: Floats) -> list[Floats]:
-        """Return the states just before the impacts, and before the first one of the next cycle."""
-        found, angles = [unknown[len(self.stops) :]], self.angles(unknown)
-        for i, stop in enumerate(self.stops):
-            after = self.flow.struck(stop, found[-1], self.flow.drive(angles[i]))
-            found.append(self.flow.fly(after, angles[i], angles[i + 1]))
+        """Return the states just before the events, and before the first one of the next cycle."""
+        found, angles = [unknown[len(self.events) :]], self.angles(unknown)
+        for i, event in enumerate(self.events):
+            after = self.flow.struck(event.stop, found[-1], self.flow.drive(angles[i]))
+            found.append(self.flow.fly(after, angles[i], angles[i + 1], self.phases[i + 1]))
         return found
 
     def speeds(self, unknown: Floats) -> Floats:
-        """Return the velocities of the impacts over the lengths of their stops' directions, by the driving angle."""
+        """Return the velocities at the events over the lengths of their stops' directions, by the driving angle.
+
+        Those of events that are no impacts are infinite.
+        """
         flow, states = self.flow, self.states(unknown)
-        drives = [flow.drive(angle) for angle in unknown[: len(self.stops)]]
-        return np.array([-flow.clearance(*at)[1] for at in zip(self.stops, states, drives, strict=False)])
+        found = np.full(len(self.events), math.inf)
+        for at in self.impacts:
+            found[at] = -flow.clearance(self.events[at].stop, states[at], flow.drive(unknown[at]))[1]
+        return found
 
     def velocities(self, unknown: Floats) -> Floats:
         """Return the velocities of the impacts in m/s."""
-        found: Floats = self.speeds(unknown) * self.flow.lengths[list(self.stops)] * self.flow.omega
+        found: Floats = self.speeds(unknown)[self.impacts] * self.flow.lengths[list(self.stops)] * self.flow.omega
         return found
 
     def linearised(self, unknown: Floats) -> tuple[Floats, Floats]:
-        """Return the misses and their derivative: clearances at the impacts, then by how much the cycle is open."""
-        flow, p, n = self.flow, len(self.stops), self.flow.n
+        """Return the misses and their derivative: the levels at the events, then by how much the cycle is open."""
+        flow, p, n = self.flow, len(self.events), self.flow.n
         angles, x = self.angles(unknown), unknown[p:]
         slope = np.hstack([np.zeros((2 * n, p)), np.eye(2 * n)])
         misses, matrix = np.zeros(p + 2 * n), np.zeros((p + 2 * n, p + 2 * n))
-        for i, stop in enumerate(self.stops):
-            z = flow.drive(angles[i])
-            misses[i] = flow.clearance(stop, x, z)[0]
-            matrix[i] = -(flow.beta[stop] / flow.units) @ slope[:n]
-            matrix[i, i] += float(flow.bounds[stop] @ flow.turning @ z)
-            after = flow.struck(stop, x, z)
-            slope = flow.reflection(stop, x, z) @ slope
-            slope[:, i] += flow.kicked(stop, x, z) - flow.rate(after, z)
-            grown, driven = flow.over(angles[i + 1] - angles[i])
+        for i, event in enumerate(self.events):
+            z, pushing = flow.drive(angles[i]), self.phases[i + 1]
+            misses[i], row, rise = flow.level(event, x, z)
+            matrix[i] = row @ slope
+            matrix[i, i] += rise
+            after = flow.struck(event.stop, x, z)
+            slope = flow.reflection(event.stop, x, z) @ slope
+            slope[:, i] += flow.kicked(event.stop, x, z) - flow.rate(after, z, pushing)
+            grown, driven = flow.over(angles[i + 1] - angles[i], pushing)
             x, slope = after + grown @ after + driven @ z, slope + grown @ slope
-            slope[:, (i + 1) % p] += flow.rate(x, flow.drive(angles[i + 1]))
+            slope[:, (i + 1) % p] += flow.rate(x, flow.drive(angles[i + 1]), pushing)
         misses[p:] = x - self.sign * unknown[p:]
         matrix[p:] = slope
         matrix[p:, p:] -= self.sign * np.eye(2 * n)
         return misses, matrix
 
     def monodromy(self, unknown: Floats) -> Floats:
-        """Return the Jacobian of the cycle from just before its first impact, in scaled modes."""
+        """Return the Jacobian of the cycle from just before its first event, in scaled modes."""
         flow, angles = self.flow, self.angles(unknown)
         found: Floats = self.sign * np.eye(2 * flow.n)
-        for i, (stop, x) in enumerate(zip(self.stops, self.states(unknown), strict=False)):
-            found = flow.saltation(stop, x, flow.drive(angles[i])) @ found
-            found = found + flow.over(angles[i + 1] - angles[i])[0] @ found
+        for i, (event, x) in enumerate(zip(self.events, self.states(unknown), strict=False)):
+            found = flow.saltation(event, x, flow.drive(angles[i]), self.phases[i]) @ found
+            found = found + flow.over(angles[i + 1] - angles[i], self.phases[i + 1])[0] @ found
         return found
 
     def multipliers(self, unknown: Floats) -> tuple[complex, ...]:

@@ -13,15 +13,22 @@ derivatives take R = d(r v)/dv in its place.
 Over a flight of length tau the state becomes x(tau) = Phi x(0) + Psi z(0). Both are blocks of one matrix exponential
 (C. F. Van Loan, IEEE Trans. Automat. Control 23 (1978) 395-404): no steady state is used, which a free mass or an
 undamped mode in resonance would not have.
+
+While stops that give push, each adds (k u + c u') beta to y'', with k and c over the length squared in the units of
+angle: A and F are others. The exponential is then taken in coordinates whose first ones are the directions of these
+stops, the stiffest first, each displacement times its own rate: there a stop of any stiffness leaves the others' terms
+unrounded, and the exponent is as large as the fastest rate, not as its square.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from vibroimpact.cells import Floats
+from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event, Pushing
 from vibroimpact.system import ImpactSystem
 
 TERMS = 18  # 1/19! is below rounding
@@ -40,73 +47,117 @@ def growth(matrix: Floats) -> Floats:
     return found
 
 
+class Phase(NamedTuple):
+    """The law x' = matrix x + load z while some stops push, and that of turned x and z over `sizes`, for exponentials.
+
+    `fastest` is the largest rate, per unit of the driving angle, at which anything changes.
+    """
+
+    matrix: Floats
+    load: Floats
+    whole: Floats
+    sizes: Floats
+    fastest: float
+    turned: Floats | None = None
+    back: Floats | None = None
+
+
+def _first_order(elastic: Floats, viscous: Floats, units: Floats) -> Floats:
+    """Return the matrix of y'' = -elastic y - viscous y' for the state (units y, y')."""
+    return np.block([[np.zeros_like(elastic), np.diag(units)], [-elastic / units, -viscous]])
+
+
 class Flow:
-    """The flights and impacts of one system in scaled modes."""
+    """The flights, contacts and impacts of one system in scaled modes."""
 
     def __init__(self, system: ImpactSystem) -> None:
         form = system.modal()
-        n, self.omega, self.restitution = len(form.squares), form.omega, form.restitution
+        self.n, self.omega, self.restitution = len(form.squares), form.omega, form.restitution
+        self.gives = form.stiffness > 0.0
         self.laws = [None if stop.ratio is not None else stop.law for stop in system.stops]
         roots, self.orders = np.sqrt(form.masses), form.orders.astype(float)
-        rates = np.sqrt(form.squares) / self.omega
-        self.units = np.maximum(rates, 1.0)
+        self.rates = np.sqrt(form.squares) / self.omega
+        self.units = np.maximum(self.rates, 1.0)
         self.damping = roots[:, None] * form.damping / roots / self.omega
-        self.matrix = np.zeros((2 * n, 2 * n))
-        self.matrix[:n, n:] = np.diag(self.units)
-        self.matrix[n:, :n] = -np.diag(rates**2 / self.units)
-        self.matrix[n:, n:] = -self.damping
         harmonic = [form.forces.T.real, form.forces.T.imag]
-        load = np.column_stack([form.constant, *harmonic]) * roots[:, None] / self.omega**2
-        self.load = np.vstack([np.zeros_like(load), load])
+        self.push = np.column_stack([form.constant, *harmonic]) * roots[:, None] / self.omega**2
         towards = form.directions / roots
         self.lengths = np.linalg.norm(towards, axis=1)
         self.beta = towards / self.lengths[:, None]
+        self.stiffness = form.stiffness * (self.lengths / self.omega) ** 2
+        self.viscosity = form.viscosity * self.lengths**2 / self.omega
         self.bounds = np.column_stack([form.gaps, form.motions.real, form.motions.imag]) / self.lengths[:, None]
-        self.turning = np.zeros((load.shape[1],) * 2)
+        self.turning = np.zeros((self.push.shape[1],) * 2)
         first = 1 + np.arange(len(self.orders))
         self.turning[first, first + len(self.orders)] = self.orders
         self.turning[first + len(self.orders), first] = -self.orders
         to_displacement, to_rate = form.shapes / roots / self.units, self.omega * form.shapes / roots
-        self.physical = np.block([[to_displacement, np.zeros((n, n))], [np.zeros((n, n)), to_rate]])
-
-    @property
-    def n(self) -> int:
-        """Number of coordinates."""
-        return len(self.units)
-
-    @property
-    def fastest(self) -> float:
-        """The largest rate, per unit of the driving angle, at which anything changes."""
-        return float(max(self.units.max(), np.abs(self.damping).sum(axis=1).max(), self.orders.max(initial=1.0)))
+        none = np.zeros((self.n, self.n))
+        self.physical = np.block([[to_displacement, none], [none, to_rate]])
+        self._phases: dict[Pushing, Phase] = {}
 
     def drive(self, angle: float) -> Floats:
         """Return z at a driving angle."""
         return np.concatenate([[1.0], np.sin(self.orders * angle), np.cos(self.orders * angle)])
 
-    def over(self, angle: float) -> tuple[Floats, Floats]:
-        """Return Phi - 1 and Psi of a flight over an angle."""
-        sizes = np.linalg.norm(self.load, axis=0)
+    def phase(self, pushing: Pushing = ()) -> Phase:
+        """Return the law while some stops push."""
+        if pushing not in self._phases:
+            self._phases[pushing] = self._phase(pushing)
+        return self._phases[pushing]
+
+    def _phase(self, pushing: Pushing) -> Phase:
+        n, stiff = self.n, sorted(pushing, key=lambda stop: -self.stiffness[stop])
+        turn, along = np.linalg.qr(self.beta[stiff].T, mode="complete") if stiff else (np.eye(n), np.zeros((n, 0)))
+        elastic, viscous = turn.T @ np.diag(self.rates**2) @ turn, turn.T @ self.damping @ turn
+        push = turn.T @ self.push
+        for stop, row in zip(stiff, along.T, strict=True):
+            k, c, bound = self.stiffness[stop], self.viscosity[stop], self.bounds[stop]
+            elastic, viscous = elastic + k * np.outer(row, row), viscous + c * np.outer(row, row)
+            push = push + np.outer(row, k * bound + c * bound @ self.turning)
+        units = np.sqrt(np.maximum(np.diag(elastic), 1.0)) if stiff else self.units
+        matrix, load = _first_order(elastic, viscous, units), np.vstack([np.zeros_like(push), push])
+        whole, sizes = self._whole(matrix, load)
+        fastest = float(max(units.max(), np.abs(viscous).sum(axis=1).max(), self.orders.max(initial=1.0)))
+        if not stiff:
+            return Phase(matrix, load, whole, sizes, fastest)
+        none = np.zeros((n, n))
+        turned = np.block([[units[:, None] * turn.T / self.units, none], [none, turn.T]])
+        back = np.block([[self.units[:, None] * turn / units, none], [none, turn]])
+        return Phase(back @ matrix @ turned, back @ load, whole, sizes, fastest, turned, back)
+
+    def _whole(self, matrix: Floats, load: Floats) -> tuple[Floats, Floats]:
+        """Return the law of state and drive as one matrix, and the sizes that the drive is divided by in it."""
+        sizes = np.linalg.norm(load, axis=0)
         pairs = np.hypot(*sizes[1:].reshape(2, -1))  # sine and cosine of one order have one scale
         sizes = np.concatenate([sizes[:1], pairs, pairs])
         sizes[sizes == 0.0] = 1.0
-        whole = np.block([[self.matrix, self.load / sizes], [np.zeros(self.load.T.shape), self.turning]])
-        grown = growth(whole * angle)
-        return grown[: 2 * self.n, : 2 * self.n], grown[: 2 * self.n, 2 * self.n :] * sizes
+        return np.block([[matrix, load / sizes], [np.zeros(load.T.shape), self.turning]]), sizes
 
-    def fly(self, x: Floats, begin: float, end: float) -> Floats:
+    def over(self, angle: float, pushing: Pushing = ()) -> tuple[Floats, Floats]:
+        """Return Phi - 1 and Psi of a flight over an angle."""
+        phase, n = self.phase(pushing), 2 * self.n
+        grown = growth(phase.whole * angle)
+        moved, driven = grown[:n, :n], grown[:n, n:] * phase.sizes
+        if phase.back is None or phase.turned is None:
+            return moved, driven
+        return phase.back @ moved @ phase.turned, phase.back @ driven
+
+    def fly(self, x: Floats, begin: float, end: float, pushing: Pushing = ()) -> Floats:
         """Return the state at the angle `end` of a flight that has the state x at `begin`."""
-        grown, driven = self.over(end - begin)
+        grown, driven = self.over(end - begin, pushing)
         found: Floats = x + grown @ x + driven @ self.drive(begin)
         return found
 
-    def rate(self, x: Floats, z: Floats) -> Floats:
+    def rate(self, x: Floats, z: Floats, pushing: Pushing = ()) -> Floats:
         """Return x'."""
-        found: Floats = self.matrix @ x + self.load @ z
+        phase = self.phase(pushing)
+        found: Floats = phase.matrix @ x + phase.load @ z
         return found
 
-    def clearance(self, stop: int, x: Floats, z: Floats) -> tuple[float, float, float]:
+    def clearance(self, stop: int, x: Floats, z: Floats, pushing: Pushing = ()) -> tuple[float, float, float]:
         """Return the clearance of a stop over its length, and its first two derivatives."""
-        beta, rate = self.beta[stop], self.rate(x, z)
+        beta, rate = self.beta[stop], self.rate(x, z, pushing)
         bound, turned = self.bounds[stop], self.turning @ z
         return (
             float(bound @ z - beta @ (x[: self.n] / self.units)),
@@ -115,7 +166,11 @@ class Flow:
         )
 
     def rebound(self, stop: int, closing: float) -> tuple[float, float]:
-        """Return r and R of an impact at which the clearance over its length has that rate."""
+        """Return r and R of an impact at which the clearance over its length has that rate; -1, which changes nothing,
+        where contact with a stop that gives begins.
+        """
+        if self.gives[stop]:
+            return -1.0, -1.0
         law, r = self.laws[stop], float(self.restitution[stop])
         if law is None:
             return r, r
@@ -141,23 +196,66 @@ class Flow:
         found[self.n :] = factor * float(bound @ self.turning @ self.turning @ z) * self.beta[stop]
         return found
 
-    def saltation(self, stop: int, x: Floats, z: Floats) -> Floats:
-        r"""Return the saltation matrix of an impact; infinite at a graze.
+    def lag(self, stop: int) -> float:
+        """Return c/k of a stop: the rate of the clearance counts so much in its force; 0 of a rigid one."""
+        return float(self.viscosity[stop] / self.stiffness[stop]) if self.gives[stop] else 0.0
 
-        In (y, y') it is, with the damping D and u'' of the clearance just before the impact,
+    def rotation(self, angle: float) -> Floats:
+        """Return by what z is multiplied over an angle."""
+        sine, cosine = np.diag(np.sin(self.orders * angle)), np.diag(np.cos(self.orders * angle))
+        found = np.eye(1 + 2 * len(self.orders))
+        found[1:, 1:] = np.block([[cosine, sine], [-sine, cosine]])
+        return found
+
+    def watched(self, event: Event) -> tuple[Floats, Floats]:
+        """Return the linear forms of state and drive whose sum is zero at an event.
+
+        It is the clearance u where contact begins, and (u + l u')/(1 + l), whose sign is that of a pull, where the
+        force does.
+        """
+        beta, bound, lag = self.beta[event.stop], self.bounds[event.stop], self.lag(event.stop)
+        share = 0.0 if event.kind in (IMPACT, GRAZE) else lag / (1.0 + lag)
+        row = np.concatenate([-(1.0 - share) * beta / self.units, -share * beta])
+        return row, (1.0 - share) * bound + share * bound @ self.turning
+
+    def level(self, event: Event, x: Floats, z: Floats) -> tuple[float, Floats, float]:
+        """Return what is zero at an event, and its derivatives by the state and by the driving angle."""
+        row, bound = self.watched(event)
+        return float(bound @ z + row @ x), row, float(bound @ self.turning @ z)
+
+    def touching(self, stop: int, x: Floats, z: Floats, pushing: Pushing = ()) -> tuple[float, float]:
+        """Return what is zero where a leg grazes a stop, and its rate: u, or the pull of one that pushes."""
+        u, rate, bend = self.clearance(stop, x, z, pushing)
+        lag = self.lag(stop)
+        return ((u + lag * rate) / (1.0 + lag), (rate + lag * bend) / (1.0 + lag)) if stop in pushing else (u, rate)
+
+    def saltation(self, event: Event, x: Floats, z: Floats, pushing: Pushing = ()) -> Floats:
+        r"""Return the saltation matrix of an event; infinite at a graze of a rigid stop.
+
+        In (y, y') that of an impact is, with the damping D and u'' of the clearance just before it,
 
         .. math:: \begin{pmatrix} \Gamma(r) & 0 \\
                   ((1 + r) D \beta - (1 + R) \beta u''/v)\beta^T & \Gamma(R) \end{pmatrix}, \qquad
                   \Gamma(r) = 1 - (1 + r) \beta \beta^T,
 
-        whose determinant is r R, also for moving stops.
+        whose determinant is r R, also for moving stops. Where a stop that gives is touched, the force jumps to c v:
+        the lower left block is :math:`-c \beta \beta^T`, for every v > 0, and the others are those of 1. Where the
+        force is zero nothing jumps.
         """
-        n, beta = self.n, self.beta[stop]
-        _, closing, bend = self.clearance(stop, x, z)
+        n, stop = self.n, event.stop
+        beta, found = self.beta[stop], np.eye(2 * n)
+        if self.gives[stop]:
+            if event.kind == IMPACT:
+                found[n:, :n] = -self.viscosity[stop] * np.outer(beta, beta) / self.units
+            return found
+        damping = -self.phase(pushing).matrix[n:, n:]
+        _, closing, bend = self.clearance(stop, x, z, pushing)
         r, slope = self.rebound(stop, closing)
         bent = bend / -closing if closing else math.inf
         moved, turned = (np.eye(n) - (1.0 + factor) * np.outer(beta, beta) for factor in (r, slope))
         with np.errstate(invalid="ignore"):
-            below = np.outer((1.0 + r) * (self.damping @ beta) - (1.0 + slope) * bent * beta, beta) / self.units
-        found: Floats = np.block([[self.units[:, None] * moved / self.units, np.zeros((n, n))], [below, turned]])
+            below = (1.0 + r) * (damping @ beta) - (1.0 + slope) * bent * beta
+            found[n:, :n] = np.outer(below, beta) / self.units
+        found[:n, :n] = self.units[:, None] * moved / self.units
+        found[n:, n:] = turned
         return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
@@ -11,7 +12,7 @@ from vibroimpact.orbits.search import Orbits
 from vibroimpact.orbits.systems.orbit import SystemOrbit
 from vibroimpact.orbits.systems.search import find
 from vibroimpact.orbits.systems.symmetry import mirror
-from vibroimpact.oscillator import Model
+from vibroimpact.oscillator import Model, State
 from vibroimpact.parameters import invalid
 
 TRANSIENT = 2000  # impacts of the motion from rest before those that Newton's method starts from
@@ -58,5 +59,20 @@ def settled(model: Model, n_periods: int, n_impacts: int, transient: int = TRANS
     if len(turns) <= n_impacts or abs(turns[-1] - turns[0] - n_periods) > SAME * n_periods:
         return []
     stops = [system.stop_names[at] for at in seen.impact_stop[:-1]]
-    times = (turns[:-1] * system.period).tolist()
-    return list(find(model, n_periods=n_periods, stops=stops, near=times))
+    return list(find_near(model, n_periods, stops, (turns[:-1] * system.period).tolist(), ended(system, seen)))
+
+
+def ended(system: Any, seen: Any) -> State:
+    """Return where a sampled motion ended."""
+    return State(seen.last_displacement, seen.last_velocity, seen.last_phase * system.period)
+
+
+def find_near(
+    model: Model, n_periods: int, stops: Sequence[str], times: Sequence[float], state: State
+) -> Orbits[SystemOrbit]:
+    """Return the orbit that a motion has settled to, by the times of its impacts, or by a state where contacts last."""
+    near = state if any(stop.compliant for stop in model.at().stops) else times
+    try:
+        return find(model, n_periods=n_periods, stops=stops, near=near)
+    except ValueError:  # the motion does not repeat these impacts
+        return Orbits(outcome="none", message="the motion does not repeat these impacts")

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from vibroimpact.cells import Floats
 from vibroimpact.motion import cycle_name
@@ -13,7 +14,9 @@ from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.orbit import Orbit, value_of
 from vibroimpact.orbits.systems.admissibility import objection
+from vibroimpact.orbits.systems.contacts import Contact, contacts_of
 from vibroimpact.orbits.systems.cycle import Cycle
+from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.symmetry import mirror
 from vibroimpact.oscillator import Model, State
@@ -23,7 +26,7 @@ from vibroimpact.system import ImpactSystem
 
 @dataclass(frozen=True)
 class SystemOrbit:
-    """A period-n impact-p motion, stable or not, of a system with rigid stops.
+    """A period-n impact-p motion, stable or not, of a system with stops that are rigid or give.
 
     Parameters
     ----------
@@ -32,13 +35,13 @@ class SystemOrbit:
     n_periods : int, >= 1
         Driving periods in a cycle.
     stops : tuple of str
-        Names of the stops that are struck, in the order of time.
+        Names of the stops that are struck, in the order of time. On a stop that gives, contact begins.
     turns : tuple of float
         Times of these impacts in driving periods, the first in [0, 1).
     velocities : tuple of float
         Rates at which clearances close just before contact, in m/s.
     impulses : tuple of float
-        Impulses of the impacts in N s.
+        Impulses of the impacts in N s: of a stop that gives, the integral of its force over the contact.
     start : State
         Coordinates, their rates and time just before the first impact.
     multipliers : tuple of 2n complex
@@ -51,6 +54,14 @@ class SystemOrbit:
         Why it is inadmissible; empty if it is admissible.
     family : family, optional
         The family, at its own values, that the system was made by.
+    events : tuple of (float, str, str)
+        Times in driving periods, kinds and stops of all that happens in a cycle: each "impact", and of stops that give
+        "let_go", where the force has fallen to zero, and "push_again", where it rises before contact is lost.
+    pushing : tuple of str
+        Stops that push just before the first impact.
+    contacts : tuple of Contact
+        Of each impact the `impulse` in N s, and on a stop that gives `contact_time` in s, for which it pushes,
+        `peak_force` in N, `penetration` in m, and the energy `lost` at the stop in J; NaN on a rigid one.
 
     Examples
     --------
@@ -75,6 +86,9 @@ class SystemOrbit:
     admissible: bool = True
     message: str = ""
     family: Model | None = field(default=None, repr=False, compare=False)
+    events: tuple[tuple[float, str, str], ...] = ()
+    pushing: tuple[str, ...] = ()
+    contacts: tuple[Contact, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -102,15 +116,18 @@ class SystemOrbit:
         images, why = mirror(self.system)
         if why:
             raise ValueError(f"the orbit has no twin: its system is {why}")
-        names, start, half = self.system.stop_names, self.start, 0.5 * self.system.period
-        first = self.turns[0] + 0.5
+        start, half, first = self.start, 0.5 * self.system.period, self.turns[0] + 0.5
+        image = dict(zip(self.system.stop_names, (self.system.stop_names[at] for at in images), strict=True))
+        later = first % 1.0 - self.turns[0]
         place, rate = (tuple(-number for number in part) for part in (start.displacement, start.velocity))
         state = State(place, rate, start.time + (half if first < 1.0 else -half))
         return replace(
             self,
-            stops=tuple(names[images[names.index(stop)]] for stop in self.stops),
-            turns=tuple(turn + first % 1.0 - self.turns[0] for turn in self.turns),
+            stops=tuple(image[stop] for stop in self.stops),
+            turns=tuple(turn + later for turn in self.turns),
             start=state,
+            events=tuple((turn + later, kind, image[stop]) for turn, kind, stop in self.events),
+            pushing=tuple(image[stop] for stop in self.pushing),
         )
 
     @property
@@ -145,11 +162,36 @@ class SystemOrbit:
 
     @property
     def determinant(self) -> float:
-        """Determinant of the cycle's Jacobian, exp(-tr(M^-1 C) n T) times r d(r v)/dv of each impact."""
-        stops = dict(zip(self.system.stop_names, self.system.stops, strict=True))
-        lost = math.exp(-float(np.trace(self.system.modal().damping)) * self.period)
-        struck = zip((stops[name] for name in self.stops), self.velocities, strict=True)
-        return math.prod((_shrinks(stop, v) for stop, v in struck), start=lost)
+        """Determinant of the cycle's Jacobian: exp(-tr(M^-1 C) t) of each leg, with the damping c a a^T of the stops
+        that push in it, times r d(r v)/dv of each impact on a rigid one.
+        """
+        flow, (cycle, unknown) = Flow(self.system), cycle_of(self)
+        form = self.system.modal()
+        rates = form.viscosity * np.diag(form.mobility)
+        lost = float(np.trace(form.damping)) * self.period
+        for duration, pushing in zip(np.diff(cycle.angles(unknown)), cycle.phases[1:], strict=True):
+            lost += float(rates[list(pushing)].sum()) * duration / flow.omega
+        struck = zip((self.system.stops[stop] for stop in cycle.stops), self.velocities, strict=True)
+        return math.prod((_shrinks(stop, v) for stop, v in struck), start=math.exp(-lost))
+
+    def motion(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Return displacements, velocities and accelerations at times in s, each of shape (times, n).
+
+        Examples
+        --------
+        The rms acceleration over a cycle of a mass with a spring behind its gap:
+
+        >>> import vibroimpact as vi
+        >>> stop = vi.Stop(direction=1, gap=0.2, stiffness=100.0, damping=1.0)
+        >>> force = vi.Force(omega=2.0, harmonics={1: 1.0})
+        >>> system = vi.ImpactSystem(mass=1.0, damping=0.05, stiffness=1.0, force=force, stops=[stop])
+        >>> (orbit,) = (orbit for orbit in vi.find_orbit(system) if orbit.stable)
+        >>> _, _, acceleration = orbit.motion(np.linspace(0.0, orbit.period, 4000, endpoint=False))
+        >>> round(float(np.sqrt(np.mean(acceleration**2))), 2)
+        2.38
+        """
+        cycle, unknown = cycle_of(self)
+        return moved(cycle, unknown, np.asarray(times, float) * self.system.force.omega)
 
     @property
     def period(self) -> float:
@@ -171,54 +213,82 @@ AnyOrbit = Orbit | SystemOrbit
 
 
 def _shrinks(stop: Stop, v: float) -> float:
-    """Return r d(r v)/dv of an impact."""
+    """Return r d(r v)/dv of an impact; 1 where contact with a stop that gives begins."""
+    if stop.compliant:
+        return 1.0
     r = float(stop.rebound(v))
     return r * (r + v * stop.law.slope(v)) if stop.law else r * r
 
 
+def cycle_of(orbit: SystemOrbit) -> tuple[Cycle, Floats]:
+    """Return the whole cycle of an orbit, and its unknown."""
+    flow, names = Flow(orbit.system), orbit.system.stop_names
+    events = tuple(Event(names.index(stop), kind) for _, kind, stop in orbit.events)
+    pushing = tuple(sorted(names.index(stop) for stop in orbit.pushing))
+    return Cycle(flow, orbit.n_periods, events, (), pushing), np.concatenate(solution_of(orbit, flow))
+
+
 def solution_of(orbit: SystemOrbit, flow: Flow) -> tuple[Floats, Floats]:
-    """Return the driving angles of the impacts of an orbit, and the state before the first one."""
+    """Return the driving angles of the events of an orbit, and the state before the first one."""
     state = np.append(orbit.start.displacement, orbit.start.velocity)
-    return TURN * np.array(orbit.turns), np.linalg.solve(flow.physical, state)
+    return TURN * np.array([turn for turn, _, _ in orbit.events]), np.linalg.solve(flow.physical, state)
+
+
+def moved(cycle: Cycle, unknown: Floats, angles: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return displacements, velocities and accelerations along a whole cycle at driving angles."""
+    flow, ends = cycle.flow, cycle.angles(unknown)
+    states, n = cycle.states(unknown), cycle.flow.n
+    found = np.empty((3, len(angles), n))
+    for row, angle in enumerate(unknown[0] + (angles - unknown[0]) % cycle.length):
+        i = min(int(np.searchsorted(ends, angle, side="right")) - 1, len(cycle.events) - 1)
+        after, pushing = flow.struck(cycle.events[i].stop, states[i], flow.drive(ends[i])), cycle.phases[i + 1]
+        x = flow.fly(after, ends[i], angle, pushing)
+        rate = flow.rate(x, flow.drive(angle), pushing)
+        found[:2, row] = (flow.physical @ x).reshape(2, n)
+        found[2, row] = flow.omega * (flow.physical @ rate)[n:]
+    return found[0], found[1], found[2]
 
 
 def at_first_contact(orbit: SystemOrbit) -> SystemOrbit:
     """Return the steady motion that an orbit is whose impacts all have velocity 0, as one impact a driving period."""
     flow = Flow(orbit.system)
     angles, state = solution_of(orbit, flow)
-    cycle = Cycle(flow, 1, (orbit.system.stop_names.index(orbit.stops[0]),))
+    stop = orbit.system.stop_names.index(orbit.stops[0])
+    cycle = Cycle(flow, 1, (Event(stop, GRAZE if flow.gives[stop] else IMPACT),))
     return make_orbit(orbit.model, cycle, np.append(angles[:1], state))
 
 
 def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:
     """Return the orbit of a solution of a cycle's equations, of a system or of the family that makes it."""
     system: ImpactSystem = model.at()
-    flow, p = cycle.flow, len(cycle.stops)
-    angles, speeds, stops = unknown[:p], cycle.speeds(unknown), np.array(cycle.stops)
-    grazing = np.abs(speeds) <= ROUNDING * np.abs(unknown[p:]).max()
-    speeds = np.where(grazing, 0.0, speeds)
-    multipliers = (complex(math.inf), *(0j for _ in unknown[p + 1 :])) if grazing.any() else cycle.multipliers(unknown)
+    flow, p, names = cycle.flow, len(cycle.events), system.stop_names
+    message = objection(cycle, unknown, names)
     halves: tuple[complex, ...] = ()
+    speeds = cycle.speeds(unknown)
+    speeds[np.abs(speeds) <= ROUNDING * np.abs(unknown[p:]).max()] = 0.0
+    rigid = any(not flow.gives[cycle.events[at].stop] for at in np.flatnonzero(speeds == 0.0))
+    multipliers = (complex(math.inf), *(0j for _ in unknown[p + 1 :])) if rigid else cycle.multipliers(unknown)
     if cycle.images:
         halves, multipliers = multipliers, tuple(value * value for value in multipliers)
-        angles, speeds = np.append(angles, angles + cycle.length), np.tile(speeds, 2)
-        stops = np.append(stops, [cycle.images[stop] for stop in cycle.stops])
-    turns = angles / TURN - math.floor(angles[0] / TURN)
-    lengths = flow.lengths[stops]
-    ratios = np.array([flow.rebound(*at)[0] for at in zip(stops, -speeds, strict=True)])
-    state = flow.physical @ unknown[p:]
-    message = objection(cycle, unknown, system.stop_names)
+        speeds, (cycle, unknown) = np.tile(speeds, 2), cycle.whole(unknown)
+    contacts = contacts_of(cycle, unknown, speeds)
+    angles, state = unknown[: len(cycle.events)], flow.physical @ unknown[len(cycle.events) :]
+    velocities = speeds[cycle.impacts] * flow.lengths[list(cycle.stops)] * flow.omega
+    turns = (angles / TURN - math.floor(angles[0] / TURN)).tolist()
     return SystemOrbit(
         system=system,
         n_periods=cycle.n_periods,
-        stops=tuple(system.stop_names[stop] for stop in stops),
-        turns=tuple(turns.tolist()),
-        velocities=tuple((speeds * lengths * flow.omega).tolist()),
-        impulses=tuple(((1.0 + ratios) * speeds * flow.omega / lengths).tolist()),
-        start=State(state[: flow.n].tolist(), state[flow.n :].tolist(), float(turns[0]) * system.period),
+        stops=tuple(names[stop] for stop in cycle.stops),
+        turns=tuple(turns[at] for at in cycle.impacts),
+        velocities=tuple(velocities.tolist()),
+        impulses=tuple(contact.impulse for contact in contacts),
+        start=State(state[: flow.n].tolist(), state[flow.n :].tolist(), turns[0] * system.period),
         multipliers=multipliers,
         half_multipliers=halves,
         admissible=not message,
         message=message,
         family=None if model is system else model,
+        events=tuple((turn, kind, names[stop]) for turn, (stop, kind) in zip(turns, cycle.events, strict=True)),
+        pushing=tuple(names[stop] for stop in cycle.pushing),
+        contacts=contacts,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,17 +12,21 @@ from vibroimpact.motion import cycle_name
 from vibroimpact.orbits import equations
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.orbit import SAME, true_cycle
-from vibroimpact.orbits.search import CLOSE, IMPACTS, MOST, SINGULAR, Orbits, Solved
+from vibroimpact.orbits.search import IMPACTS, Orbits
 from vibroimpact.orbits.systems.closed_form import one_impact
 from vibroimpact.orbits.systems.cycle import Cycle
+from vibroimpact.orbits.systems.events import struck
 from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.orbits.systems.orbit import SystemOrbit, make_orbit, solution_of
+from vibroimpact.orbits.systems.newton import from_angles, solve, with_releases
+from vibroimpact.orbits.systems.one_contact import one_contact
+from vibroimpact.orbits.systems.orbit import SystemOrbit, cycle_of, make_orbit
 from vibroimpact.orbits.systems.symmetry import mirror
-from vibroimpact.oscillator import Model, check_model
+from vibroimpact.orbits.systems.trace import cycle_from
+from vibroimpact.oscillator import Model, State, check_model
 from vibroimpact.parameters import choice, invalid, real_number, several, truth, whole_number
 from vibroimpact.system import ImpactSystem
 
-Near = SystemOrbit | Sequence[float] | None
+Near = SystemOrbit | State | Sequence[float] | None
 
 
 def find(
@@ -45,9 +50,9 @@ def find(
         for itself, once per cycle; of symmetric motions one of each pair.
     symmetric : bool
         Take motions that are mirrored, q -> -q, after half a cycle (n odd); `stops` are those of half a cycle.
-    near : SystemOrbit or sequence of float, optional
-        Initial guess, needed for several impacts: an orbit of this or another system, or the times of the impacts in
-        s. Not used for one impact on fixed `stops`, where all solutions are known in closed form.
+    near : SystemOrbit, State or sequence of float, optional
+        Initial guess, needed for several impacts: an orbit of this or another system, a state near it, or the times of
+        the impacts in s. For one impact only a state is used: there all solutions are known without a guess.
 
     Returns
     -------
@@ -64,12 +69,16 @@ def find(
 
     Notes
     -----
-    With one impact all orbits are found, for any number of coordinates and harmonics, moving stops and singular
-    stiffness; orbits that are not isolated are reported in `message`, not listed. Of a stop whose restitution is a law,
-    two orbits may be missed whose r differ by less than 1/64; it takes 0.2 s. Velocities and phases are accurate to
-    about 1e-14 times the condition of the equations, but to some 1e-16 times the number of periods of the fastest mode
-    where that is larger. Multipliers are those of the product of flows and saltation matrices [1]_. A system is
-    symmetric if the load has odd harmonics only and each stop has its mirror image. About 2 ms per orbit.
+    With one impact on a rigid stop all orbits are found, for any number of coordinates and harmonics, moving stops and
+    singular stiffness; orbits that are not isolated are reported in `message`, not listed. Of a stop whose restitution
+    is a law, two orbits may be missed whose r differ by less than 1/64; it takes 0.2 s. Velocities and phases are
+    accurate to about 1e-14 times the condition of the equations, but to some 1e-16 times the number of periods of the
+    fastest mode where that is larger. Multipliers are those of the product of flows and saltation matrices [1]_. A
+    system is symmetric if the load has odd harmonics only and each stop has its mirror image. About 2 ms per orbit.
+
+    On a stop that gives, an impact is where contact begins, and one contact leaves one equation, for its duration: its
+    roots are bracketed on a grid, and pairs closer than that are missed. It takes some 0.2 s. Times of several impacts
+    are a guess only where contacts are about half a turn of a mass on the stop's spring; a state does better.
 
     References
     ----------
@@ -106,28 +115,37 @@ def find(
         sequences = [tuple(names.index(choice("stops", name, names)) for name in given)]
     if any(not 1 <= len(sequence) <= IMPACTS for sequence in sequences) or not sequences:
         raise invalid("stops", stops, f"1 to {IMPACTS} stops to strike")
-    flow = Flow(system)
-    cycles = [Cycle(flow, n_periods, sequence, images if symmetric else ()) for sequence in sequences]
-    if len(sequences[0]) == 1:
-        return _in_closed_form(model, cycles)
-    guess = _guess(cycles[0], near)
-    return _from(model, cycles[0], guess, images)
+    flow, mirrored = Flow(system), images if symmetric else ()
+    if len(sequences[0]) == 1 and not isinstance(near, State):
+        return _of_one(model, [Cycle(flow, n_periods, struck(sequence), mirrored) for sequence in sequences])
+    return _from(model, *_guess(flow, n_periods, sequences[0], mirrored, near), images)
 
 
 def cycles_of_one_impact(system: ImpactSystem, n_periods: int) -> list[Cycle]:
-    """Return the cycles with one impact on each stop, and those with one on each of a pair that is mirrored."""
+    """Return the cycles with one impact on each stop, and those with one on each of a pair that is mirrored.
+
+    Where a stop gives, contact begins, and when it ends is to be found.
+    """
     flow, images = Flow(system), mirror(system)[0] if n_periods % 2 else ()
-    cycles = [Cycle(flow, n_periods, (stop,)) for stop in range(len(system.stops))]
-    return cycles + [Cycle(flow, n_periods, (at,), images) for at, image in enumerate(images) if at < image]
+    cycles = [Cycle(flow, n_periods, struck((stop,))) for stop in range(len(system.stops))]
+    return cycles + [Cycle(flow, n_periods, struck((at,)), images) for at, image in enumerate(images) if at < image]
 
 
-def _in_closed_form(model: Model, cycles: Iterable[Cycle]) -> Orbits[SystemOrbit]:
+def of_one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
+    """Return all orbits with the one impact of a cycle, as solutions of their equations, and why there are none."""
+    if cycle.flow.gives[cycle.events[0].stop]:
+        return one_contact(cycle)
+    unknowns, why = one_impact(cycle)
+    return [(cycle, unknown) for unknown in unknowns], why
+
+
+def _of_one(model: Model, cycles: Iterable[Cycle]) -> Orbits[SystemOrbit]:
     orbits, reasons = [], []
     for cycle in cycles:
-        unknowns, why = one_impact(cycle)
-        orbits += [make_orbit(model, cycle, unknown) for unknown in unknowns]
+        solutions, why = of_one_impact(cycle)
+        orbits += [make_orbit(model, *solution) for solution in solutions]
         if why:
-            reasons.append(f"{model.at().stop_names[cycle.stops[0]]}: {why}")
+            reasons.append(f"{model.at().stop_names[cycle.events[0].stop]}: {why}")
     return _sorted(orbits) if orbits else Orbits(outcome="none", message="; ".join(reasons))
 
 
@@ -139,60 +157,38 @@ def _sorted(orbits: Iterable[SystemOrbit]) -> Orbits[SystemOrbit]:
     return Orbits(found, outcome="inadmissible", message=found[0].message)
 
 
-def _guess(cycle: Cycle, near: Near) -> Floats:
-    """Return the unknown that Newton's method starts from."""
-    p, flow = len(cycle.stops), cycle.flow
-    if isinstance(near, SystemOrbit):
-        angles, x = solution_of(near, flow) if len(near.system.mass) == flow.n else (TURN * np.array(near.turns), None)
-        angles = angles[: len(angles) // 2] if cycle.images and near.symmetric else angles
-    elif near is None:
+def _guess(
+    flow: Flow, n_periods: int, stops: tuple[int, ...], images: tuple[int, ...], near: Near
+) -> tuple[Cycle, Floats]:
+    """Return the cycle and the unknown that Newton's method starts from."""
+    length = TURN * n_periods * (0.5 if images else 1.0)
+    if isinstance(near, SystemOrbit) and len(near.system.mass) == flow.n:
+        cycle, unknown = cycle_of(near)
+        state = cycle.flow.physical @ unknown[len(cycle.events) :]
+        p = len(cycle.events) // (2 if images and near.symmetric else 1)
+        cycle = replace(cycle, flow=flow, n_periods=n_periods, events=cycle.events[:p], images=images)
+        if cycle.stops == stops:
+            return cycle, np.append(unknown[:p], np.linalg.solve(flow.physical, state))
+    elif isinstance(near, State):
+        x = np.linalg.solve(flow.physical, np.append(near.displacement, near.velocity))
+        found = cycle_from(flow, n_periods, x, near.time * flow.omega, stops)
+        if found is None:
+            raise invalid("near", near, f"a state from which these stops are struck in {n_periods} periods")
+        return replace(found[0], images=()), found[1]
+    if near is None:
         raise invalid("near", near, "an orbit or the times of the impacts", "orbits of several impacts need a guess")
+    if isinstance(near, SystemOrbit):
+        angles = TURN * np.array(near.turns[: near.n_impacts // (2 if images and near.symmetric else 1)])
     else:
         times = [real_number(f"near[{i}]", time) for i, time in enumerate(several("near", near, "an orbit or times"))]
-        angles, x = flow.omega * np.array(times), None
-    if len(angles) != p:
-        raise invalid("near", near, f"one time for each of the {p} stops struck")
-    if not (np.diff(np.append(angles, angles[0] + cycle.length)) > 0.0).all():
-        raise invalid("near", near, f"times in order, within {cycle.length / flow.omega:.6g} s")
-    return from_angles(cycle, angles) if x is None else np.append(angles, x)
-
-
-def from_angles(cycle: Cycle, angles: Floats) -> Floats:
-    """Return the unknown with the state that comes nearest to an orbit with impacts at these angles.
-
-    At fixed angles the misses are linear in the state.
-    """
-    unknown = np.append(angles, np.zeros(2 * cycle.flow.n))
-    misses, matrix = cycle.linearised(unknown)
-    unknown[len(angles) :] = -np.linalg.lstsq(matrix[:, len(angles) :], misses, rcond=None)[0]
-    return unknown
-
-
-def solve(cycle: Cycle, start: Floats) -> Solved:
-    """Return the solution that damped Newton's method reaches: steps are halved while they raise the misses."""
-    p, unknown = len(cycle.stops), np.array(start, dtype=float)
-    size = float(np.abs(unknown[p:]).max()) or 1.0
-    columns = np.append(np.ones(p), np.full(len(unknown) - p, size))
-    misses, matrix = cycle.linearised(unknown)
-    for _ in range(MOST):
-        scaled = matrix * columns / size
-        if not np.isfinite(scaled).all():
-            break
-        correction = np.linalg.lstsq(scaled, misses / size, rcond=None)[0]
-        largest, part = float(np.abs(correction).max()), 1.0
-        while part > 1e-3:
-            trial = unknown - part * columns * correction
-            left, slope = cycle.linearised(trial)
-            in_order = bool((np.diff(cycle.angles(trial)) > 0.0).all())
-            if largest < CLOSE or (in_order and np.abs(left).max() < np.abs(misses).max()):
-                break
-            part *= 0.5
-        else:
-            break
-        unknown, misses, matrix = trial, left, slope
-        if largest < CLOSE:
-            return Solved(unknown, in_order, bool(np.linalg.cond(scaled) > SINGULAR))
-    return Solved(unknown, False, bool(not np.isfinite(matrix).all() or np.linalg.cond(matrix * columns / size) > 1e6))
+        angles = flow.omega * np.array(times)
+    if len(angles) != len(stops):
+        raise invalid("near", near, f"one time for each of the {len(stops)} stops struck")
+    if not (np.diff(np.append(angles, angles[0] + length)) > 0.0).all():
+        raise invalid("near", near, f"times in order, within {length / flow.omega:.6g} s")
+    events, angles = with_releases(flow, stops, angles, angles[0] + length)
+    cycle = Cycle(flow, n_periods, events, images)
+    return cycle, from_angles(cycle, angles)
 
 
 def _from(model: Model, cycle: Cycle, start: Floats, images: tuple[int, ...]) -> Orbits[SystemOrbit]:
@@ -215,11 +211,11 @@ def _from(model: Model, cycle: Cycle, start: Floats, images: tuple[int, ...]) ->
 
 def halved(cycle: Cycle, unknown: Floats, images: tuple[int, ...]) -> tuple[Cycle, Floats]:
     """Return half of a cycle and its unknown, if the mirror makes the second half of the first, else both unchanged."""
-    p = len(cycle.stops)
-    half = Cycle(cycle.flow, cycle.n_periods, cycle.stops[: p // 2], images)
+    p = len(cycle.events)
+    half = replace(cycle, events=cycle.events[: p // 2], images=images)
     if cycle.images or not images or p % 2 or cycle.n_periods % 2 == 0:
         return cycle, unknown
-    if cycle.stops[p // 2 :] != tuple(images[stop] for stop in half.stops):
+    if cycle.events[p // 2 :] != tuple(event.in_mirror(images) for event in half.events):
         return cycle, unknown
     x, mirrored, angles = unknown[p:], cycle.states(unknown)[p // 2], unknown[:p]
     apart = np.abs(angles[p // 2 :] - angles[: p // 2] - half.length).max()

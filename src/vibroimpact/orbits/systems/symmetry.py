@@ -14,7 +14,7 @@ def mirror(system: ImpactSystem) -> tuple[tuple[int, ...], str]:
     """Return the stop that each one becomes in the mirror, and why the system is not symmetric, if it is not.
 
     The load must have odd harmonics only and no constant. Stops must face each other in pairs with equal gaps and
-    restitutions, whose motions are those half a period apart.
+    restitutions, or stiffness and damping, whose motions are those half a period apart.
 
     Examples
     --------
@@ -52,6 +52,11 @@ def _is_image(stop: Stop, other: Stop) -> bool:
     ]
     return bool(
         stop.restitution == other.restitution
+        and stop.compliant == other.compliant
+        and all(
+            abs((own or 0.0) * ratio**2 - (its or 0.0)) <= SAME * (its or 0.0)
+            for own, its in ((stop.stiffness, other.stiffness), (stop.damping, other.damping))
+        )
         and (np.abs(stop.direction + ratio * other.direction) <= near).all()
         and max(map(abs, [stop.gap - ratio * other.gap, *motions])) <= SAME * reach
     )

@@ -1,0 +1,79 @@
+"""What the impacts of a cycle do to the stops: impulses, and of stops that give forces, depths and losses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from vibroimpact.cells import Floats
+from vibroimpact.orbits.systems.admissibility import Leg, clearances, pulls, sampled, turning_points
+from vibroimpact.orbits.systems.cycle import Cycle
+from vibroimpact.orbits.systems.events import IMPACT
+
+NODES = 8  # of Gauss-Legendre quadrature over one stride of the samples: exact to rounding
+
+
+class Contact(NamedTuple):
+    """One impact: its impulse (N s), and of a stop that gives for how long it pushes (s), how hard (N), how deep it is
+    pressed in (m) and the energy that it takes (J), else NaN.
+    """
+
+    impulse: float
+    contact_time: float = math.nan
+    peak_force: float = math.nan
+    penetration: float = math.nan
+    lost: float = math.nan
+
+
+def contacts_of(cycle: Cycle, unknown: Floats, speeds: Floats) -> tuple[Contact, ...]:
+    """Return what each impact of a cycle does, from the speeds at its events."""
+    flow, found = cycle.flow, []
+    for at in cycle.impacts:
+        stop = cycle.events[at].stop
+        if flow.gives[stop]:
+            found.append(_pressed(cycle, unknown, at))
+        else:
+            impulse = (1.0 + flow.rebound(stop, -speeds[at])[0]) * speeds[at] * flow.omega / flow.lengths[stop]
+            found.append(Contact(float(impulse)))
+    return tuple(found)
+
+
+def _pressed(cycle: Cycle, unknown: Floats, at: int) -> Contact:
+    """Return the sums over the legs of one contact."""
+    flow, begun = cycle.flow, cycle.events[at].stop
+    time = impulse = lost = force = depth = 0.0
+    for stop, leg in _legs(cycle, unknown, at):
+        if stop not in leg.pushing:
+            continue
+        time, row = time + leg.duration, clearances(flow, leg.pushing)[stop]
+        pull, (angles, states) = pulls(row, flow.lag(stop)), sampled(leg)
+        nodes, weights = np.polynomial.legendre.leggauss(NODES)
+        nodes, weights = 0.5 * angles[1] * (nodes + 1.0), 0.5 * angles[1] * weights
+        slopes = row[1:] * np.arange(1.0, len(row))[:, None]
+        pulled, rates = (np.polynomial.polynomial.polyval(nodes, series @ states[:, :-1]) for series in (pull, slopes))
+        impulse -= float((pulled @ weights).sum())
+        lost += float(((pulled * rates) @ weights).sum())
+        force = max(force, *-(pull[0] @ states), *-turning_points(pull, states, angles, pull[1] @ states)[1])
+        depth = max(depth, *-(row[0] @ states), *-turning_points(row, states, angles, row[1] @ states)[1])
+    length, omega = float(flow.lengths[begun]), flow.omega
+    unit = float(flow.stiffness[begun]) * (1.0 + flow.lag(begun)) * omega  # of impulses over the length
+    impulse, force = unit * impulse / length, unit * omega * force / length
+    return Contact(impulse, time / omega, float(force), float(length * depth), unit * omega * lost)
+
+
+def _legs(cycle: Cycle, unknown: Floats, at: int) -> Iterator[tuple[int, Leg]]:
+    """Yield the legs from an impact to the next one on the same stop, and the stop, which is mirrored in the mirror."""
+    flow, p = cycle.flow, len(cycle.events)
+    states, angles, stop = cycle.states(unknown), cycle.angles(unknown), cycle.events[at].stop
+    for i in range(at, at + p):
+        if i == p and cycle.images:
+            stop = cycle.images[stop]
+        event = cycle.events[i % p]
+        if i > at and event == (stop, IMPACT):
+            return
+        begin = flow.drive(angles[i % p])
+        start = np.append(flow.struck(event.stop, states[i % p], begin), begin)
+        yield stop, Leg(flow, start, float(angles[i % p + 1] - angles[i % p]), cycle.phases[i % p + 1])

@@ -1,0 +1,347 @@
+"""Orbits of systems with stops that give: against published points, an independent integrator, and rigid stops."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import vibroimpact as vi
+from vibroimpact.continuation import continue_boundary, continue_orbit, switch_branch
+from vibroimpact.orbits.systems import find
+
+KELVIN_VOIGT = 0.571740027585  # restitution of z = 0.2, let go where the force is zero
+
+
+@vi.family
+def two_masses(omega=0.75):
+    """Return M. Krack and J. Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), a one-sided spring."""
+    spring = vi.Stop(direction=[1, 0], gap=1.0, stiffness=100.0, name="spring")
+    springs = np.array([[1.0, -1.0], [-1.0, 2.0]])
+    force = vi.Force(omega=omega, harmonics={1: [0.0, 0.1j]})
+    return vi.ImpactSystem(mass=np.eye(2), damping=0.03 * springs, stiffness=springs, force=force, stops=[spring])
+
+
+def bilinear(stiffness=100.0, damping=1.0, **changes):
+    """Return one mass in front of a stop that gives."""
+    stops = [vi.Stop(direction=1, gap=0.2, stiffness=stiffness, damping=damping, name="above")]
+    force = vi.Force(omega=2.0, harmonics={1: 1.0})
+    return vi.ImpactSystem(**{"mass": 1.0, "damping": 0.05, "stiffness": 1.0, "force": force, "stops": stops} | changes)
+
+
+@vi.family
+def between(omega=3.0, below=0.1, damping=0.0, gap=0.1, stiffness=30.0):
+    """Return one mass between two stops that give."""
+    stops = [
+        vi.Stop(direction=1, gap=gap, stiffness=stiffness, damping=damping, name="above"),
+        vi.Stop(direction=-1, gap=below, stiffness=stiffness, damping=damping, name="below"),
+    ]
+    return bilinear(stops=stops, force=vi.Force(omega=omega, harmonics={1: 1.0}))
+
+
+@vi.family
+def mixed(omega=2.0, damping=1.0):
+    """Return one mass between a stop that gives and a rigid one."""
+    stops = [
+        vi.Stop(direction=1, gap=0.2, stiffness=100.0, damping=damping, name="above"),
+        vi.Stop(direction=-1, gap=0.4, restitution=0.7, name="below"),
+    ]
+    return bilinear(stops=stops, force=vi.Force(omega=omega, harmonics={1: 1.0}))
+
+
+def chain_on_two_stops():
+    """Return two masses whose stops push at once for a part of the cycle."""
+    springs = np.array([[2.0, -1.0], [-1.0, 1.5]])
+    stops = [
+        vi.Stop(direction=[1, 0], gap=0.1, stiffness=40.0, damping=0.5, name="first"),
+        vi.Stop(direction=[0, 1], gap=0.2, stiffness=60.0, damping=0.8, name="second"),
+    ]
+    return vi.ImpactSystem(
+        mass=np.eye(2),
+        damping=0.1 * springs,
+        stiffness=springs,
+        force=vi.Force(omega=1.2, harmonics={1: [1.0, 0.5]}, constant=[0.1, 0.0]),
+        stops=stops,
+    )
+
+
+def specials(branch, kind):
+    return sorted(point.value for point in branch.special if point.kind == kind)
+
+
+def of_one_stop(found):
+    return next(orbit for orbit in found if orbit.stable)
+
+
+# Published and closed-form values
+
+
+@pytest.fixture(scope="module")
+def branch():
+    return continue_orbit(find(two_masses)[0], "omega", (0.6, 0.8))
+
+
+def test_two_masses_on_a_one_sided_spring_double_and_fold_where_it_is_known(branch):
+    assert specials(branch, "period_doubling") == pytest.approx([0.7387830254, 0.7555861594], abs=1e-10)
+    assert specials(branch, "fold") == pytest.approx([0.7556273526], abs=1e-10)
+    assert max(point.residual for point in branch.special) < 1e-12
+
+
+def test_two_masses_on_a_one_sided_spring_have_a_neimark_sacker_point(branch):
+    (point,) = (point for point in branch.special if point.kind == "neimark_sacker")
+    first, second = point.orbit.multipliers[:2]
+    assert abs(first) == pytest.approx(1.0, abs=1e-12)
+    assert first == second.conjugate()
+    assert first.imag > 0.1
+    assert point.value == pytest.approx(0.6186068742670, abs=1e-11)
+
+
+def test_two_masses_on_a_one_sided_spring_swing_farthest_where_it_is_known():
+    # There the constant part counts half: sqrt(q_0^2/2 + sum |q_h|^2/2) of the displacement.
+    found = continue_orbit(find(two_masses.replace(omega=0.754))[0], "omega", (0.7525, 0.7552), step=0.02)
+    swings = []
+    for orbit in found.orbits:
+        displacement, _, _ = orbit.motion(np.linspace(0.0, orbit.period, 512, endpoint=False))
+        swings.append(math.hypot(displacement[:, 0].std(), displacement[:, 0].mean() / math.sqrt(2.0)))
+    at = int(np.argmax(swings))
+    assert swings[at] == pytest.approx(0.97951, abs=1e-5)
+    assert found.orbits[at].value("omega") == pytest.approx(0.75399, abs=2e-4)
+
+
+def test_a_contact_is_born_where_the_motion_without_stops_swings_as_far_as_the_gap(branch):
+    (point,) = (point for point in branch.special if point.kind == "grazing")
+    system, omega = two_masses.at(), point.value
+    dynamic = system.stiffness - omega**2 * system.mass + 1j * omega * system.damping
+    assert abs(np.linalg.solve(dynamic, [0.0, 0.1])[0]) == pytest.approx(1.0, abs=1e-13)
+    assert point.orbit.velocities == (0.0,)
+    free = np.block([[np.zeros((2, 2)), np.eye(2)], [-system.stiffness, -system.damping]])
+    expected = np.exp(np.linalg.eigvals(free).real * point.orbit.period)
+    assert sorted(np.abs(point.orbit.multipliers)) == pytest.approx(sorted(expected), abs=1e-12)  # nothing jumps
+
+
+def test_without_damping_multipliers_go_on_beyond_a_graze():
+    begin = of_one_stop(find(between.replace(below=1.4, gap=0.2, omega=2.0, stiffness=100.0), stops="above"))
+    found = continue_orbit(begin, "below", (1.0, 1.5))
+    (graze,) = (point for point in found.special if point.kind == "grazing")
+    born = next(
+        orbit for orbit in found.orbits if orbit.n_impacts == 2 and abs(orbit.value("below") - graze.value) < 1e-5
+    )
+    assert sum(begin.multipliers) == pytest.approx(sum(graze.orbit.multipliers), abs=1e-9)
+    assert {orbit.n_impacts for orbit in found.orbits} == {1, 2}
+    assert all(orbit.admissible for orbit in found.orbits)
+    assert 0.0 < min(born.velocities) < 0.02
+
+
+# An independent integrator
+
+
+def integrated(orbit, state, time, duration, pushing=()):
+    """Return the state of a system of one or two stops that give after a duration, by a Runge-Kutta method."""
+    system, n = orbit.system, len(orbit.system.mass)
+    k = np.array([stop.stiffness or 0.0 for stop in system.stops])
+    c = np.array([stop.damping or 0.0 for stop in system.stops])
+    r = np.array([stop.restitution or 0.0 for stop in system.stops])
+    a, gaps = np.array([stop.direction for stop in system.stops]), np.array([stop.gap for stop in system.stops])
+    constant = 0.0 if system.force.constant is None else system.force.constant
+    end, pushing = time + duration, set(pushing)
+
+    def rate(t, x):
+        q, v = np.split(x, 2)
+        depth, speed = a @ q - gaps, a @ v
+        force = sum(((k[j] * depth[j] + c[j] * speed[j]) * a[j] for j in pushing), np.zeros(n))
+        driven = sum((np.imag(p * np.exp(1j * h * system.force.omega * t)) for h, p in system.force.harmonics.items()))
+        return np.concatenate([v, np.linalg.solve(system.mass, constant + driven - force - system.damping @ v
+                                                  - system.stiffness @ q)])  # fmt: skip
+
+    while time < end:
+        events = []
+        for j in range(len(k)):
+
+            def level(t, x, j=j, pushes=j in pushing):
+                depth, speed = a[j] @ x[:n] - gaps[j], a[j] @ x[n:]
+                return k[j] * depth + c[j] * speed if pushes else -depth
+
+            level.terminal, level.direction = True, -1
+            events.append(level)
+        found = solve_ivp(rate, (time, end), state, events=events, rtol=1e-12, atol=1e-14, method="DOP853")
+        time, state = found.t[-1], found.y[:, -1]
+        for j, times in enumerate(found.t_events):
+            if times.size and k[j]:
+                pushing ^= {j}
+            elif times.size:
+                kick = (1.0 + r[j]) * (a[j] @ state[n:]) / (a[j] @ np.linalg.solve(system.mass, a[j]))
+                state[n:] -= kick * np.linalg.solve(system.mass, a[j])
+    return state
+
+
+@pytest.mark.parametrize(
+    ("system", "stops"),
+    [
+        (bilinear(), 1),
+        (bilinear(damping=0.0), 1),
+        (mixed.at(), 2),
+        (chain_on_two_stops(), 2),
+        (two_masses.at(omega=0.73), 1),
+    ],
+    ids=["bilinear", "elastic", "mixed", "two at once", "two masses"],
+)
+def test_an_orbit_returns_to_itself_and_its_multipliers_are_those_of_a_runge_kutta_method(system, stops):
+    orbit = of_one_stop(vi.find_orbit(system, n_impacts=stops))
+    assert orbit.admissible, orbit.message
+    names = system.stop_names
+    turn, pushing = _before_a_contact(orbit)
+    begin, pushing = turn * system.period, [names.index(stop) for stop in pushing]
+    state = np.concatenate([part[0] for part in orbit.motion([begin])[:2]])
+    assert integrated(orbit, state, begin, orbit.period, pushing) == pytest.approx(state, abs=1e-9)
+    step, moved = 1e-5, []
+    for nudge in step * np.eye(len(state)):
+        there, back = (integrated(orbit, state + sign * nudge, begin, orbit.period, pushing) for sign in (1, -1))
+        moved.append((there - back) / (2.0 * step))
+    expected = np.linalg.eigvals(np.array(moved).T)
+    for multiplier in orbit.multipliers:
+        assert np.abs(expected - multiplier).min() < 2e-6
+    assert np.prod(orbit.multipliers).real == pytest.approx(orbit.determinant, abs=1e-12)
+
+
+def _before_a_contact(orbit):
+    """Return turns in the middle of the longest leg, and the stops that push there."""
+    turns = [turn for turn, _, _ in orbit.events]
+    lengths = np.diff([*turns, turns[0] + orbit.n_periods])
+    longest, pushing = int(np.argmax(lengths)), set(orbit.pushing)
+    for _, kind, stop in orbit.events[: longest + 1]:
+        gives = next(each.compliant for each in orbit.system.stops if each.name == stop)
+        pushing = pushing - {stop} if kind == "let_go" or not gives else pushing | {stop}
+    return turns[longest] + 0.5 * lengths[longest], pushing
+
+
+def test_two_stops_push_at_once_in_the_chain():
+    orbit = of_one_stop(vi.find_orbit(chain_on_two_stops(), n_impacts=2))
+    assert orbit.stops == ("second", "first")
+    assert orbit.pushing == ("first",)
+    assert [kind for _, kind, _ in orbit.events] == ["impact", "let_go", "let_go", "impact"]
+
+
+# The engine, and balances
+
+
+def test_the_motion_from_rest_settles_to_the_orbit_with_its_impulses_forces_times_and_depths():
+    orbit = of_one_stop(vi.find_orbit(mixed, n_impacts=2))
+    hits = vi.impact_section(mixed.at(), transient_impacts=2000, sample_impacts=4)
+    for stop, velocity, impulse, contact in zip(
+        orbit.stops, orbit.velocities, orbit.impulses, orbit.contacts, strict=True
+    ):
+        mine = np.flatnonzero(np.isclose(hits["velocity"].values, velocity, rtol=1e-9))
+        assert mine.size, stop
+        assert hits["impulse"].values[mine] == pytest.approx(impulse, rel=1e-9)
+        assert contact.impulse == impulse
+    assert math.isnan(orbit.contacts[orbit.stops.index("below")].peak_force)
+
+
+@pytest.mark.parametrize("system", [bilinear(), mixed.at(), chain_on_two_stops()], ids=["one", "mixed", "two at once"])
+def test_over_a_cycle_the_force_does_the_work_that_dampers_and_stops_take(system):
+    orbit = of_one_stop(vi.find_orbit(system, n_impacts=len(system.stops)))
+    lost = sum(
+        contact.lost if stop.compliant else 0.5 * (1.0 - stop.restitution**2) / (1.0 + stop.restitution) * speed * kick
+        for contact, speed, kick, stop in (
+            (contact, speed, kick, next(each for each in system.stops if each.name == name))
+            for contact, speed, kick, name in zip(
+                orbit.contacts, orbit.velocities, orbit.impulses, orbit.stops, strict=True
+            )
+        )
+    )
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    turns = [turn for turn, _, _ in orbit.events]
+    gained = 0.0
+    for begin, end in zip(turns, [*turns[1:], turns[0] + orbit.n_periods], strict=True):
+        times = system.period * (0.5 * (end - begin) * (nodes + 1.0) + begin)
+        _, velocity, _ = orbit.motion(times)
+        constant = 0.0 if system.force.constant is None else system.force.constant
+        load = constant + np.sin(np.outer(times, [system.force.omega])) * system.force.harmonics[1].real
+        power = (velocity * load).sum(axis=1) - np.einsum("ti,ij,tj->t", velocity, system.damping, velocity)
+        gained += 0.5 * (end - begin) * system.period * float(weights @ power)
+    assert gained == pytest.approx(lost, abs=1e-11)
+
+
+# Rigid stops
+
+
+def test_an_ever_stiffer_stop_tends_to_the_rigid_one_as_the_root_of_its_stiffness():
+    rigid = of_one_stop(find(bilinear(stops=[vi.Stop(direction=1, gap=0.2, restitution=KELVIN_VOIGT)])))
+    apart, turned = [], []
+    for stiffness in (1e3, 1e5, 1e7, 1e9):
+        orbit = of_one_stop(find(bilinear(stiffness, 0.4 * math.sqrt(stiffness))))
+        apart.append(abs(orbit.velocities[0] - rigid.velocities[0]))
+        turned.append(abs(sum(orbit.multipliers) - sum(rigid.multipliers)))
+        assert np.prod(orbit.multipliers).real == pytest.approx(orbit.determinant, rel=1e-10)
+    assert apart[-1] < 1e-3
+    assert turned[-1] < 1e-3
+    assert np.array(apart[:-1]) / apart[1:] == pytest.approx(10.0, rel=0.15)
+
+
+def test_the_closed_form_of_a_rigid_stop_stays_beside_a_stop_that_gives():
+    alone = vi.Stop(direction=1, gap=0.2, restitution=0.7, name="bar")
+    far, near = (vi.Stop(direction=-1, gap=gap, stiffness=50.0, name="spring") for gap in (5.0, 0.5))
+    orbit = of_one_stop(find(bilinear(stops=[alone])))
+    beside = of_one_stop(find(bilinear(stops=[alone, far]), stops="bar"))
+    assert beside.velocities == orbit.velocities
+    assert beside.admissible
+    blocked = find(bilinear(stops=[alone, near]), stops="bar")
+    assert [found.admissible for found in blocked] == [False] * len(blocked)
+    assert "would touch 'spring' before it is to" in blocked.message
+
+
+# Symmetry
+
+
+@pytest.fixture(scope="module")
+def symmetric():
+    (orbit,) = find(between, stops="above", symmetric=True)
+    return continue_orbit(orbit, "omega", (1.8, 3.2), step=0.05)
+
+
+def test_between_two_equal_springs_twins_are_born_at_a_pitchfork(symmetric):
+    (point,) = (point for point in symmetric.special if point.kind == "pitchfork")
+    assert min(abs(value + 1.0) for value in point.orbit.half_multipliers) < 1e-10
+    twin = switch_branch(point)
+    assert not twin.symmetric
+    assert twin.n_periods == 1
+    assert twin.velocities[0] != pytest.approx(twin.velocities[1], rel=1e-6)
+    assert twin.twin.stops == twin.stops[::-1]
+    back = find(twin.twin.system, stops=twin.twin.stops, near=twin.twin)
+    assert back[0].velocities == pytest.approx(twin.twin.velocities, rel=1e-9)
+
+
+def test_a_curve_of_pitchforks_is_followed_over_the_gap(symmetric):
+    (point,) = (point for point in symmetric.special if point.kind == "pitchfork")
+    curve = continue_boundary(point, ("omega", "stiffness"), ((2.0, 2.3), (25.0, 35.0)), step=0.1)
+    assert curve.kind == "pitchfork"
+    assert max(curve.residuals) < 1e-10
+
+
+# Guesses and refusals
+
+
+def test_a_state_near_an_orbit_of_several_contacts_is_a_guess():
+    orbit = of_one_stop(vi.find_orbit(chain_on_two_stops(), n_impacts=2))
+    displacement, velocity, _ = orbit.motion([0.0])
+    state = vi.State(displacement[0] * 1.001, velocity[0], 0.0)
+    (found,) = find(chain_on_two_stops(), stops=orbit.stops, near=state)
+    assert found.velocities == pytest.approx(orbit.velocities, rel=1e-9)
+    with pytest.raises(ValueError, match="a state from which these stops are struck"):
+        find(chain_on_two_stops(), stops=orbit.stops * 2, near=state)
+
+
+def test_times_of_contacts_are_a_guess_where_each_is_half_a_swing_on_its_spring():
+    orbit = of_one_stop(vi.find_orbit(mixed, n_impacts=2))
+    times = [turn * orbit.system.period + 0.01 for turn in orbit.turns]
+    (found,) = find(mixed, stops=orbit.stops, near=times)
+    assert found.velocities == pytest.approx(orbit.velocities, rel=1e-9)
+
+
+def test_equal_springs_on_both_sides_are_mirror_images_and_others_are_not():
+    assert find(between, stops="above", symmetric=True)
+    above = vi.Stop(direction=1, gap=0.1, stiffness=30.0, name="above")
+    other = bilinear(stops=[above, vi.Stop(direction=-1, gap=0.1, stiffness=31.0, name="below")])
+    assert "no stop is the mirror image" in find(other, stops="above", symmetric=True).message
+    twice = vi.Stop(direction=-2, gap=0.2, stiffness=7.5, name="below")
+    assert find(bilinear(stops=[above, twice]), stops="above", symmetric=True)
