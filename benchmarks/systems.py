@@ -19,6 +19,7 @@ Results = dict[str, Any]
 CELLS = 64  # of a sweep, four rounds of lanes; frequencies within 2 %
 K, C = np.array([[2.0, -1.0], [-1.0, 2.0]]), 0.05
 GAP, RESTITUTION, OMEGA = 0.5, 0.7, 0.95
+SPRING, BEAT, SLACK = 100.0, 2.6, 0.1  # of a one-sided spring: its stiffness, and the force's frequency; its gap
 
 
 def one_mass(omega: float = 2.8) -> vi.ImpactSystem:
@@ -36,6 +37,13 @@ def two_masses() -> vi.ImpactSystem:
     ]
     force = vi.Force(omega=OMEGA, harmonics={1: [1.0, 0.0]})
     return vi.ImpactSystem(mass=np.eye(2), damping=C * K, stiffness=K, force=force, stops=stops)
+
+
+def one_sided_spring(gap: float = SLACK, omega: float = BEAT) -> vi.ImpactSystem:
+    """Return one mass on a spring in front of another one: piecewise linear."""
+    stops = [vi.Stop(direction=1, gap=gap, stiffness=SPRING)]
+    force = vi.Force(omega=omega, harmonics={1: 1.0})
+    return vi.ImpactSystem(mass=1.0, damping=0.1, stiffness=1.0, force=force, stops=stops)
 
 
 def equal_modes(n: int) -> vi.ImpactSystem:
@@ -86,6 +94,38 @@ def orbit_of_heyoka(impacts: int) -> Job:
     return job
 
 
+def spring_of_heyoka(contacts: int) -> Job:
+    """Return the job of one orbit of the mass and its one-sided spring, with a terminal event for each of its ends."""
+    x, u = heyoka.make_vars("x", "u")
+    push, found = SPRING * (x - SLACK), [0]
+
+    def touch(ta: Any, direction: int) -> bool:
+        found[0] += ta.pars[0] == 0.0
+        ta.pars[0] = 1.0
+        return found[0] < contacts
+
+    def let_go(ta: Any, direction: int) -> bool:
+        ta.pars[0] = 0.0
+        return True
+
+    rising, falling = heyoka.event_direction.positive, heyoka.event_direction.negative
+    events = [
+        heyoka.t_event(x - SLACK, callback=touch, direction=rising),
+        heyoka.t_event(x - SLACK, callback=let_go, direction=falling),
+    ]
+    force = heyoka.sin(BEAT * heyoka.time) - x - 0.1 * u - heyoka.par[0] * push
+    ta = heyoka.taylor_adaptive([(x, u), (u, force)], [0.0] * 2, t_events=events, pars=[0.0])
+
+    def job() -> int:
+        ta.time, ta.pars[0], found[0] = 0.0, 0.0, 0
+        ta.state[:] = 0.0
+        ta.reset_cooldowns()
+        ta.propagate_until(1e12)
+        return found[0]
+
+    return job
+
+
 def map_seconds(model: Any, **axes: Any) -> float:
     """Return the seconds of a map of 1000 impacts a cell on all cores."""
     begin = time.perf_counter()
@@ -100,11 +140,13 @@ def measure(effort: Effort) -> Results:
         "one mass": sweep(one_mass(), effort.impacts),
         "one mass, its own engine": sweep(vi.ImpactOscillator(omega=2.8), effort.impacts),
         "two masses, two stops": sweep(two_masses(), effort.impacts),
+        "one-sided spring": sweep(one_sided_spring(), effort.impacts),
         **{f"{n} equal modes": sweep(equal_modes(n), effort.impacts) for n in (1, 2, 4, 8)},
         **{f"cantilever, modes: {n}": sweep(beam, effort.impacts) for n, beam in cantilever.items()},
     }
     if heyoka:
         jobs["two masses, heyoka"] = orbit_of_heyoka(effort.orbit_impacts)
+        jobs["one-sided spring, heyoka"] = spring_of_heyoka(effort.orbit_impacts)
     for job in jobs.values():
         job()
     cost = interleaved(jobs, effort.rounds)
@@ -115,10 +157,12 @@ def measure(effort: Effort) -> Results:
         "cost": {name: median(found) for name, found in cost.items()},
         "over_one_mass": ratio(cost["one mass"], cost["one mass, its own engine"]),
         "heyoka_over_ours": ratio(cost["two masses, heyoka"], cost["two masses, two stops"]) if heyoka else None,
+        "heyoka_over_spring": ratio(cost["one-sided spring, heyoka"], cost["one-sided spring"]) if heyoka else None,
         "cantilever_4_over_1": ratio(cost["cantilever, modes: 4"], cost["cantilever, modes: 1"]),
         "modes_8_over_1": ratio(cost["8 equal modes"], cost["1 equal modes"]),
         "damper_map_seconds": map_seconds(vi.family(damper_of), **damper),
         "two_sided_map_seconds": map_seconds(vi.family(two_sided_of), **gaps),
+        "spring_map_seconds": map_seconds(vi.family(one_sided_spring), **gaps),
         "points": points,
     }
 

@@ -171,13 +171,13 @@ def run_lanes(table, budgets, results, ends, tickets, lanes, owner, notes, ended
             owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room)
     for _ in range(looks):
         for _ in range(LOOK):
-            may = may_leap(lanes, k, 0)
-            on = leap_half(lanes, k, 0, may)
+            on = leapt = leap_half(lanes, k, 0, may_leap(lanes, k, 0))
             for _ in range(LEAPS):
                 if not anywhere(on):
                     break
                 on = leap_whole(lanes, k, 0, on)
-            leap_half(lanes, k, 0, may)
+            if anywhere(leapt):
+                leap_half(lanes, k, 0, leapt)
             step(lanes, k, 0)
             if not k.thorough:
                 _usual(lanes, notes, k, window)

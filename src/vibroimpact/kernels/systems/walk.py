@@ -173,11 +173,11 @@ def seat(rows, k, row, room, seen):
 def follow(rows, spare, k, room, note, seen, window, schedule, most):
     """Follow a cell until its window is full, a buffer is, it ends, or so many steps are made; return why."""
     for number in range(most):
-        may = may_leap(rows, k, None)
-        on = _leap(rows, spare, k, seen, schedule, HALF, may)
+        on = leapt = _leap(rows, spare, k, seen, schedule, HALF, may_leap(rows, k, None))
         for _ in range(LEAPS if on else 0):
             on = on and _leap(rows, spare, k, seen, schedule, WHOLE, on)
-        _leap(rows, spare, k, seen, schedule, HALF, may)
+        if leapt:
+            _leap(rows, spare, k, seen, schedule, HALF, leapt)
         periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
         step(rows, k, None)
         _look(rows, k, seen, periods, phase, schedule)
