@@ -99,10 +99,9 @@ def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
 
 
 def _take_impacts(impacts: list[Floats], seen: walk.Seen, entries: Floats, ended: bool) -> walk.Seen:
-    """Move rows of impacts out of their buffer, but for those from the first contact on that still goes on."""
+    """Move rows of impacts out of their buffer, but for those from the first contact on that may still go on."""
     number = int(seen.filled[0])
-    goes_on = np.flatnonzero(np.isnan(seen.impacts[:number, 4]))
-    taken = int(goes_on[0]) if len(goes_on) and not ended else number
+    taken = number if ended else int(entries[entries > 0.0].min(initial=number + 1.0)) - 1
     impacts.append(seen.impacts[:taken].copy())
     seen.impacts[: number - taken] = seen.impacts[taken:number].copy()
     seen.filled[0] -= taken

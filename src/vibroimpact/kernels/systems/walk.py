@@ -125,14 +125,21 @@ def _conclude(rows, k, seen):
                 row[8], row[9] = max(row[8], rows[k.depth + z]), row[9] + rows[k.work + z]
             for first in (k.thrust, k.pushed, k.work, k.peak, k.depth):
                 rows[first + z] = 0.0
-        if rows[k.kind + z] < CLOSED and rows[k.leaving + z] == 0.0:
-            rows[k.entry + z] = 0.0
+
+
+@njit(error_model="numpy", forceinline=True)
+def _in_contact(rows, z, k):
+    """Return whether a stop that gives pushes, or may push again before it is free."""
+    return rows[k.kind + z] >= CLOSED or rows[k.leaving + z] > 0.0
 
 
 @njit(error_model="numpy")
 def _after_step(rows, k, room, note, seen, window):
     """Make what ended a step, and record it."""
     before = note[HITS]
+    for z in range(k.stops if k.giving else 0):
+        if not _in_contact(rows, z, k):
+            rows[k.entry + z] = 0.0
     usual, v, impulse, _ = bounce(rows, k, None)
     note[MADE] = rows[k.made]
     if usual:
@@ -155,7 +162,7 @@ def _waits(rows, k):
     """Return whether a contact that was recorded goes on."""
     waits = False
     for z in range(k.stops):
-        waits |= rows[k.entry + z] > 0.0 and rows[k.kind + z] >= CLOSED
+        waits |= rows[k.entry + z] > 0.0 and _in_contact(rows, z, k)
     return waits
 
 
