@@ -14,7 +14,7 @@ from matplotlib.collections import LineCollection
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.style import BLUE, DOTS, GREEN, INK, RED, RINGS, Floats, on_axes
-from vibroimpact.plotting.systems import View, color_of, draw_walls, view_of
+from vibroimpact.plotting.systems import View, color_of, draw_forces, draw_walls, view_of
 from vibroimpact.status import Status
 from vibroimpact.system import ImpactSystem
 
@@ -46,12 +46,12 @@ def check_result(argument: str, value: Any, maker: str, needed: Mapping[str, Dim
         )
 
 
-def legend(ax: Axes, dataset: xr.Dataset) -> None:
-    """Draw the legend, which says how a motion ended unless it simply filled its window."""
+def legend(ax: Axes, dataset: xr.Dataset, *above: Axes) -> None:
+    """Draw the legend of axes and those above, which says how a motion ended unless it simply filled its window."""
     status = ended(dataset)
     if status is not None and not status.has_indices:
         ax.plot([], [], linestyle="none", label=style.outcome(status))
-    style.legend_below(ax)
+    style.legend_below(ax, [handle for each in (*above, ax) for handle in each.get_legend_handles_labels()[0]])
 
 
 def ended(dataset: xr.Dataset) -> Status | None:
@@ -179,7 +179,7 @@ class _Motion:
         """Draw the stops and return the limits of the axis of y."""
         if isinstance(self.model, ImpactOscillator) or self.view is None:
             return _stop(ax, self.line[1], self.model, upright=upright)  # type: ignore[arg-type]
-        return draw_walls(ax, self.view, self.line[1], time, upright=upright)
+        return draw_walls(ax, self.view, self.line[1], self.line[0], upright=upright)
 
 
 def _started(simulation: xr.Dataset, coordinate: int | None, stop: str | None) -> _Motion:
@@ -201,7 +201,9 @@ def _started(simulation: xr.Dataset, coordinate: int | None, stop: str | None) -
         y, rate = simulation["displacement"], simulation["velocity"]
         impacts = np.full_like(speeds, osc.gap), speeds, -osc.restitution * speeds
     states = simulation["time"].values, y.values, rate.values
-    return _Motion(model, view, y, rate, impacts, _broken_orbit(states, (times, *impacts)))
+    told = np.isfinite(impacts[0]) | (True if view is None else view.broken(simulation))
+    line = _broken_orbit(states, tuple(part[told] for part in (times, *impacts)))
+    return _Motion(model, view, y, rate, impacts, line)
 
 
 @on_axes
@@ -211,7 +213,9 @@ def time_history(
     """Draw displacement against time, with the stop, the impacts on it and the sticks.
 
     The line includes the instants of impact, so that it reaches the stop where the mass does. Of a system, a coordinate
-    or the clearance of a stop is drawn with all stops that act on it alone, and impacts are coloured by stop.
+    or the clearance of a stop is drawn with all stops that act on it alone, and impacts are coloured by stop. How far
+    it goes into a stop that gives is shaded; a new figure shows the forces of such stops below, and behind each contact
+    a box as long as it lasts and as high as its largest force.
 
     Parameters
     ----------
@@ -230,7 +234,7 @@ def time_history(
     >>> ax.get_xlabel()
     'time $t$ [s]'
     """
-    motion = _started(simulation, coordinate, stop)
+    motion, own = _started(simulation, coordinate, stop), ax is None
     ax = style.new_axes(ax, (8.0, 3.8), labels.title(simulation))
     t, y, _ = motion.line
     whole = ~np.isnan(y)
@@ -244,8 +248,14 @@ def time_history(
     for place, sticks, name in motion.rests(simulation):
         draw_sticks(ax, sticks, place, name, 4)
     ax.set_xlim(float(simulation["time"][0]), float(simulation["time"][-1]))
-    labels.label_axes(ax, simulation["time"], motion.y)
-    legend(ax, simulation)
+    if own and isinstance(motion.model, ImpactSystem) and "force" in simulation:
+        labels.label_axis(ax.yaxis, motion.y)
+        below = style.panel_below(ax, 1.9)
+        draw_forces(below, motion.model, simulation)
+        legend(below, simulation, ax)
+    else:
+        labels.label_axes(ax, simulation["time"], motion.y)
+        legend(ax, simulation)
     return ax
 
 
@@ -258,7 +268,8 @@ def phase_portrait(
     The line is broken at each impact; a thin dashed line joins arrival (y' = v) and departure (y' = -r v). Between
     samples it follows the cubic through the states at either end. Of a system, a coordinate or the clearance of a stop
     is drawn against its rate, with all stops that act on it alone; a stop that moves is drawn where it is farthest, and
-    the line is broken where other stops are struck.
+    the line is broken where other rigid stops are struck. No velocity jumps at a stop that gives: how deep the motion
+    goes is shaded.
 
     Parameters
     ----------
@@ -283,7 +294,7 @@ def phase_portrait(
     for here, color, text in motion.groups(simulation):
         place, before, after = (part[here] for part in motion.impacts)
         ends = zip(place, before, after, strict=True)
-        jumps = [[(at, arrives), (at, leaves)] for at, arrives, leaves in ends]
+        jumps = [[(at, arrives), (at, leaves)] for at, arrives, leaves in ends if leaves != arrives]
         thin: dict[str, Any] = {
             "colors": color,
             "linewidths": 0.8,
@@ -291,8 +302,9 @@ def phase_portrait(
             "zorder": 3,
             "alpha": 0.6,
         }
-        ax.add_collection(LineCollection(jumps, label=text, **thin), autolim=False)
-        ax.plot(place, before, **DOTS, color=color, markersize=3, zorder=4)
+        if jumps:
+            ax.add_collection(LineCollection(jumps, label=text, **thin), autolim=False)
+        ax.plot(place, before, **DOTS, color=color, markersize=3, zorder=4, label="" if jumps else text)
     for place, _, name in motion.rests(simulation):
         name = name.removesuffix(" (at rest at the stop)")
         ax.plot([place], [0.0], "s", color=GREEN, markersize=7, markeredgewidth=0, label=name, zorder=5)

@@ -72,6 +72,15 @@ STYLE: Any = {
 
 DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0}
 RINGS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "white"}
+# Behind a rigid stop, and behind one that gives, where motions go; the line where contact begins.
+BEHIND: dict[bool, dict[str, Any]] = {
+    False: {"facecolor": "#ededed", "edgecolor": "#c4c4c4", "hatch": "////", "linewidth": 0.0},
+    True: {"facecolor": "#f7f7f7", "edgecolor": "#e2e2e2", "hatch": "//", "linewidth": 0.0},
+}
+FACE: dict[bool, dict[str, Any]] = {
+    False: {"color": "#555555", "linewidth": 1.2},
+    True: {"color": "#8a8a8a", "linewidth": 1.0, "linestyle": (0, (4, 2))},
+}
 LETTERS = 15.0  # of a legend, per inch of the figure
 LEGEND_LINE = 0.17  # inches per line of a legend
 OWN: WeakSet[Figure] = WeakSet()  # figures that the package made
@@ -123,6 +132,19 @@ def new_axes(ax: Axes | None, size: tuple[float, float], title: str = "", projec
     return fresh
 
 
+def panel_below(ax: Axes, inches: float) -> Axes:
+    """Return axes of that height under those of a figure of the package's own, over the same x."""
+    figure: Any = ax.get_figure(root=True)
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + inches)
+    upper, lower = figure.add_gridspec(2, 1, height_ratios=(height, inches))
+    ax.set_subplotspec(upper)
+    ax.tick_params(labelbottom=False)
+    with mpl.rc_context(STYLE):
+        below: Axes = figure.add_subplot(lower, sharex=ax)
+    return below
+
+
 def broken(title: str, room: float) -> str:
     """Return a title in two lines if it has more characters than fit into one."""
     if letters(title) <= room:
@@ -153,11 +175,11 @@ def view(values: Floats, size: float, least: float = 1e-6) -> tuple[float, float
     return 0.5 * (low + high) - half, 0.5 * (low + high) + half
 
 
-def draw_stop(ax: Axes, gap: float, beyond: float, *, upright: bool, label: str = "") -> None:
+def draw_stop(ax: Axes, gap: float, beyond: float, *, upright: bool, label: str = "", gives: bool = False) -> None:
     """Shade the room behind the stop, from the gap to the axis limit `beyond`; a legend explains it by its label."""
     span, line = (ax.axvspan, ax.axvline) if upright else (ax.axhspan, ax.axhline)
-    span(gap, beyond, facecolor="#ededed", edgecolor="#c4c4c4", hatch="////", linewidth=0.0, zorder=1.5, label=label)
-    line(gap, color="#555555", linewidth=1.2, zorder=1.6)
+    span(gap, beyond, **BEHIND[gives], zorder=1.5, label=label)
+    line(gap, **FACE[gives], zorder=1.6)
 
 
 # Legends

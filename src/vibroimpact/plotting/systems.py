@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
+from matplotlib.colors import to_rgba
+from matplotlib.patches import Rectangle
 
 from vibroimpact.parameters import choice, invalid, whole_number
 from vibroimpact.plotting import labels, style
-from vibroimpact.plotting.style import INK, RED, Floats
+from vibroimpact.plotting.style import INK, RED, Floats, Mask
 from vibroimpact.system import ImpactSystem
 
 STOPS = (RED, "#e69f00", "#7a3dd8", "#0b7a75", "#7a5230")  # impacts on each, in the order of the system
@@ -27,6 +30,7 @@ class Wall:
     name: str
     number: int
     ratio: float  # of its direction to the form drawn
+    gives: bool
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class View:
         for number, stop in enumerate(self.system.stops):
             ratio = float(stop.direction[at] / self.form[at])
             if ratio and np.abs(stop.direction - ratio * self.form).max() <= PARALLEL * np.abs(stop.direction).max():
-                found.append(Wall(str(stop.name), number, ratio))
+                found.append(Wall(str(stop.name), number, ratio, stop.compliant))
         return found
 
     def _moved(self, number: int, time: Floats, *, rate: bool = False) -> Floats:
@@ -78,16 +82,26 @@ class View:
         )
 
     def impacts(self, simulation: xr.Dataset) -> tuple[Floats, Floats, Floats]:
-        """Return y and its rates before and after each impact; NaN for stops that do not act on y alone."""
+        """Return y and its rates before and after each impact; NaN for stops that do not act on y alone.
+
+        Where a contact with a stop that gives begins no rate jumps.
+        """
         time, speed = simulation["impact_time"].values, simulation["impact_velocity"].values
         found = np.full((3, len(time)), np.nan)
         for wall in self.walls:
             here = simulation["impact_stop"].values == wall.name
-            moves, r = self.place(wall, time[here], rate=True), self.system.stops[wall.number].rebound(speed[here])
+            moves = self.place(wall, time[here], rate=True)
+            r = -1.0 if wall.gives else self.system.stops[wall.number].rebound(speed[here])
             found[0, here] = self.place(wall, time[here])
             found[1, here] = moves + speed[here] / wall.ratio
             found[2, here] = moves - r * speed[here] / wall.ratio
         return found[0], found[1], found[2]
+
+    def broken(self, simulation: xr.Dataset) -> Mask:
+        """Return the impacts at which the line through y and its rate is broken: those on rigid stops."""
+        rigid = [str(stop.name) for stop in self.system.stops if not stop.compliant]
+        found: Mask = np.isin(simulation["impact_stop"].values, rigid)
+        return found
 
     def labelled(self, dataset: xr.Dataset, *, rate: bool = False) -> xr.DataArray:
         """Return y, or its rate, over the time or the periods of a result, with name, unit and symbol."""
@@ -141,7 +155,7 @@ def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) 
     """Draw the stops that act on y alone and return the limits of its axis.
 
     Over time a moving stop is drawn as it moves; upright, in a portrait, where it comes to be farthest. Arrows point to
-    those too far off.
+    those too far off. Of a stop that gives, what the motion enters is shaded in its colour.
     """
     low, high = style.view(y, style.magnitude(y, 1e-300))
     span = high - low
@@ -155,18 +169,20 @@ def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) 
     reached = np.append(y, [outermost for _, _, outermost in near])
     low, high = style.view(reached, style.magnitude(reached, 1e-300))
     room = 0.12 * (high - low)
-    for wall, _, outermost in near:
-        above = wall.ratio > 0.0
-        low, high = (low, max(high, outermost + room)) if above else (min(low, outermost - room), high)
+    deepest = {wall.name: _deepest(wall, y, place, outermost) for wall, place, outermost in near}
+    for wall, _, _ in near:
+        end = deepest[wall.name]
+        low, high = (low, max(high, end + room)) if wall.ratio > 0.0 else (min(low, end - room), high)
     for wall, place, outermost in near:
         beyond = high if wall.ratio > 0.0 else low
         if view.moves(wall) and not upright:
-            look: dict[str, Any] = {"facecolor": "#ededed", "edgecolor": "#c4c4c4", "hatch": "////", "linewidth": 0.0}
-            ax.fill_between(time, place, beyond, zorder=1.5, **look)
-            ax.plot(time, place, color="#555555", linewidth=1.2, zorder=1.6)
+            ax.fill_between(time, place, beyond, zorder=1.5, **style.BEHIND[wall.gives])
+            ax.plot(time, place, **style.FACE[wall.gives], zorder=1.6)
         else:
-            style.draw_stop(ax, outermost, beyond, upright=upright)
-        _name(ax, wall.name, 0.5 * (outermost + beyond), upright=upright)
+            style.draw_stop(ax, outermost, beyond, upright=upright, gives=wall.gives)
+        if wall.gives:
+            _shade(ax, wall, (time, y, place), color_of(view.system, wall.name), upright=upright)
+        _name(ax, wall.name, 0.5 * (deepest[wall.name] + beyond), upright=upright)
     for wall, _, outermost in far:
         above = wall.ratio > 0.0
         arrow = r"$\downarrow$" if upright == above else r"$\uparrow$"
@@ -174,6 +190,44 @@ def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) 
               upright=upright)  # fmt: skip
         low, high = (low, high + 0.5 * room) if above else (low - 0.5 * room, high)
     return low, high
+
+
+def draw_forces(ax: Axes, system: ImpactSystem, simulation: xr.Dataset) -> None:
+    """Draw the forces of stops that give over time, each contact before a box of its duration and largest force."""
+    for stop in (stop for stop in system.stops if stop.compliant):
+        hits = simulation.isel(impact=np.flatnonzero(simulation["impact_stop"] == stop.name))
+        begins, length, peak = (hits[name].values for name in ("impact_time", "contact_time", "peak_force"))
+        # Where contact begins the force jumps from zero to c v.
+        touch: Floats = float(stop.damping or 0.0) * hits["impact_velocity"].values
+        time = np.concatenate([simulation["time"].values, begins, begins, begins + length])
+        force = np.concatenate([simulation["force"].sel(stop=stop.name).values, 0.0 * touch, touch, 0.0 * touch])
+        order, color = np.argsort(time, kind="stable")[: np.isfinite(time).sum()], color_of(system, str(stop.name))
+        ax.plot(time[order], force[order], color=color, linewidth=1.2, zorder=3, label=f"force of {stop.name}")
+        boxes = [Rectangle((at, 0.0), long, most) for at, long, most in zip(begins, length, peak, strict=True)]
+        look: dict[str, Any] = {"facecolor": to_rgba(color, 0.2), "edgecolor": to_rgba(color, 0.5), "linewidth": 0.8}
+        ax.add_collection(PatchCollection(boxes, **look, zorder=2))
+    ax.set_ylim(bottom=0.0)
+    labels.label_axes(ax, simulation["time"], simulation["force"])
+
+
+def _deepest(wall: Wall, y: Floats, place: Floats, outermost: float) -> float:
+    """Return how far the motion reaches into a stop that gives; of a rigid one where it stands."""
+    if not wall.gives:
+        return outermost
+    reached = np.append(y[np.isfinite(y)], outermost)
+    return float(reached.max() if wall.ratio > 0.0 else reached.min())
+
+
+def _shade(ax: Axes, wall: Wall, line: tuple[Floats, Floats, Floats], color: str, *, upright: bool) -> None:
+    """Shade where the motion is inside a stop that gives."""
+    time, y, place = line
+    inside = (y - place) * np.sign(wall.ratio) >= 0.0
+    look: dict[str, Any] = {"facecolor": color, "alpha": 0.2, "linewidth": 0.0, "zorder": 1.7}
+    if not upright:
+        ax.fill_between(time, place, y, where=inside, label=f"penetration of {wall.name}", **look)
+    elif inside.any():
+        ends = place[inside], y[inside]
+        ax.axvspan(min(map(np.min, ends)), max(map(np.max, ends)), label=f"penetration of {wall.name}", **look)
 
 
 def _name(ax: Axes, text: str, middle: float, *, upright: bool) -> None:

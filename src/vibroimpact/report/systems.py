@@ -42,7 +42,10 @@ def system_sentence(section: xr.Dataset, period: float) -> str:
 
 
 def each_stop(dataset: xr.Dataset) -> Iterator[str]:
-    """Yield a line for each stop of a system's motion that is struck or closed, and how many impacts were several."""
+    """Yield a line for each stop of a system's motion that is struck or closed, and how many impacts were several.
+
+    Of stops that give it holds the largest force, the longest contact and the deepest.
+    """
     whole = "impact_stop" in dataset
     struck, speed = dataset["impact_stop" if whole else "stop"], dataset["impact_velocity" if whole else "velocity"]
     closed, impulse = dataset["stick_stop"].values, dataset["impulse"].values
@@ -52,7 +55,9 @@ def each_stop(dataset: xr.Dataset) -> Iterator[str]:
         if here.any():
             hardest = quantity(float(speed.values[here].max()), "m/s", 4)
             parts.append(f"up to {hardest} and {quantity(float(impulse[here].max()), 'N s', 4)}")
-        if whole:
+        if contacts := list(_contacts(dataset.isel(impact=np.flatnonzero(here)))):
+            parts += contacts
+        elif whole:
             least = float(dataset["clearance"].sel(stop=name).min())
             parts.append(f"clearance at least {quantity(least, 'm', 4)}")
         if rests:
@@ -60,6 +65,13 @@ def each_stop(dataset: xr.Dataset) -> Iterator[str]:
         yield f"  {name}: {', '.join(parts)}"
     if "simultaneous" in dataset and (several := int(dataset["simultaneous"].sum())):
         yield f"  {counted(several, 'impact')} with other stops struck at the same instant"
+
+
+def _contacts(impacts: xr.Dataset) -> Iterator[str]:
+    """Yield the largest force, the longest contact and the deepest of impacts on one stop, if it gives."""
+    most = {"peak_force": "force up to", "contact_time": "contacts of up to", "penetration": "pushed in by up to"}
+    for name in (name for name in most if name in impacts and impacts[name].notnull().any()):
+        yield f"{most[name]} {quantity(float(impacts[name].max()), impacts[name].attrs['units'], 4)}"
 
 
 def coordinates(dataset: xr.Dataset) -> list[Any]:
