@@ -15,7 +15,9 @@ KELVIN_VOIGT = 0.571740027585  # restitution of z = 0.2, let go where the force 
 
 @vi.family
 def two_masses(omega=0.75):
-    """Return M. Krack and J. Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), a one-sided spring."""
+    """Return the one-sided spring of NLvib (M. Krack and J. Gross, Harmonic Balance for Nonlinear Vibration Problems,
+    Springer 2019).
+    """
     spring = vi.Stop(direction=[1, 0], gap=1.0, stiffness=100.0, name="spring")
     springs = np.array([[1.0, -1.0], [-1.0, 2.0]])
     force = vi.Force(omega=omega, harmonics={1: [0.0, 0.1j]})
@@ -235,6 +237,49 @@ def test_the_motion_from_rest_settles_to_the_orbit_with_its_impulses_forces_time
         assert hits["impulse"].values[mine] == pytest.approx(impulse, rel=1e-9)
         assert contact.impulse == impulse
     assert math.isnan(orbit.contacts[orbit.stops.index("below")].peak_force)
+
+
+def a_random_mixed_system(rng):
+    """Return a damped system of one to three coordinates whose first stop gives, as others may."""
+    n = int(rng.integers(1, 4))
+    mass, stiffness = (spread @ spread.T / n for spread in rng.standard_normal((2, n, n)))
+    stiffness += 0.3 * np.eye(n)
+    stops = []
+    for at in range(int(rng.integers(1, 4))):
+        where = {"direction": rng.standard_normal(n), "gap": rng.uniform(0.05, 0.6)}
+        moved = {"motion": {1: complex(*(0.05 * rng.standard_normal(2)))}} if rng.random() < 0.3 else {}
+        springy = {"stiffness": 10.0 ** rng.uniform(0.5, 5.0), "damping": float(rng.choice([0.0, 0.1, 3.0]))}
+        bouncy = {"restitution": rng.uniform(0.3, 0.9)}
+        stops.append(vi.Stop(**where, **moved, **(springy if at == 0 or rng.random() < 0.5 else bouncy)))
+    force = vi.Force(omega=rng.uniform(0.5, 3.0), harmonics={1: rng.standard_normal(n)})
+    return vi.ImpactSystem(
+        mass=mass + np.eye(n), damping=0.15 * stiffness, stiffness=stiffness, force=force, stops=stops
+    )
+
+
+def test_what_random_motions_settle_to_is_an_orbit_with_the_same_velocities_and_impulses():
+    rng, repeating = np.random.default_rng(17), 0
+    for _ in range(40):
+        system = a_random_mixed_system(rng)
+        hits = vi.impact_section(system, transient_impacts=1500, sample_impacts=12)
+        if hits.sizes["impact"] < 12:
+            continue
+        turns = hits["time"].values / system.period
+        for p in range(1, 5):
+            n = round(turns[10] - turns[10 - p])
+            if n and abs(turns[10] - turns[10 - p] - n) < 1e-8 and abs(turns[9] - turns[9 - p] - n) < 1e-8:
+                break
+        else:
+            continue
+        repeating += 1
+        found = vi.find_orbit(system, n_periods=n, n_impacts=p)
+        orbit = next(one for one in found if one.stable and one.admissible)
+        for name in ("velocity", "impulse"):
+            expected = np.sort(hits[name].values[-1 - p : -1])
+            own = np.sort(orbit.velocities if name == "velocity" else orbit.impulses)
+            assert own == pytest.approx(expected, rel=1e-6), system
+        assert np.prod(orbit.multipliers).real == pytest.approx(orbit.determinant, abs=1e-9)
+    assert repeating >= 15
 
 
 @pytest.mark.parametrize("system", [bilinear(), mixed.at(), chain_on_two_stops()], ids=["one", "mixed", "two at once"])

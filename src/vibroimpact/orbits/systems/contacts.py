@@ -55,7 +55,7 @@ def _pressed(cycle: Cycle, unknown: Floats, at: int) -> Contact:
         slopes = row[1:] * np.arange(1.0, len(row))[:, None]
         pulled, rates = (np.polynomial.polynomial.polyval(nodes, series @ states[:, :-1]) for series in (pull, slopes))
         impulse -= float((pulled @ weights).sum())
-        lost += float(((pulled * rates) @ weights).sum())
+        lost += float(((pulled * rates) @ weights).sum()) if flow.lag(stop) else 0.0
         force = max(force, *-(pull[0] @ states), *-turning_points(pull, states, angles, pull[1] @ states)[1])
         depth = max(depth, *-(row[0] @ states), *-turning_points(row, states, angles, row[1] @ states)[1])
     length, omega = float(flow.lengths[begun]), flow.omega

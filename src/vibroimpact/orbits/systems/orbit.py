@@ -188,7 +188,7 @@ class SystemOrbit:
         >>> (orbit,) = (orbit for orbit in vi.find_orbit(system) if orbit.stable)
         >>> _, _, acceleration = orbit.motion(np.linspace(0.0, orbit.period, 4000, endpoint=False))
         >>> round(float(np.sqrt(np.mean(acceleration**2))), 2)
-        2.38
+        2.54
         """
         cycle, unknown = cycle_of(self)
         return moved(cycle, unknown, np.asarray(times, float) * self.system.force.omega)

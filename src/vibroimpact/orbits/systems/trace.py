@@ -46,7 +46,7 @@ def cycle_from(
     None if it does not, or not nearly as long after as Newton's method may mend.
     """
     met: list[Met] = []
-    pushing, last, left = pressed(flow, x, flow.drive(angle)), angle + TURN * (n_periods + 1), -1
+    pushing, last, left = pressed(flow, x, flow.drive(angle)), angle + TURN * (2 * n_periods + 1), -1
     while sum(each.event.kind == IMPACT for each in met) <= len(stops):
         if angle > last or len(met) > MOST:
             return None
@@ -86,7 +86,7 @@ def _next(flow: Flow, x: Floats, angle: float, longest: float, pushing: Pushing,
         if not len(ends) or ends.min() - step >= first:
             continue
         end, level = float(ends.min()), _level(leg, course.stop)
-        begin = max((np.ceil(end / step) - 1.0) * step, 0.0)
+        begin = float(course.angles[int(np.searchsorted(course.angles, end)) - 1])
         at = _crossing(level, begin, end)
         if at < first:
             first, which = at, course.stop
