@@ -39,6 +39,7 @@ class Picture:
 
 PICTURES = {
     "two_sided_oscillator": Picture("mass"),
+    "bilinear_oscillator": Picture("mass"),
     "base_excited_oscillator": Picture("mass over table"),
     "unbalanced_machine": Picture("housing"),
     "bouncing_ball": Picture("ball over its table", [1.0], start=vi.find_orbit(vi.models.bouncing_ball())[0].start),
@@ -96,8 +97,9 @@ def draw(name: str, given: Picture) -> plt.Figure:
     every = scale * np.concatenate([shown, *(wall for _, _, wall in found)])
     room = 0.12 * np.ptp(every)
     low, high = every.min() - room, every.max() + room
-    for _, factor, wall in found:
-        ax.fill_between(times * time, scale * wall, high if factor > 0 else low, color=WALL, alpha=0.6, linewidth=0)
+    for stop, factor, wall in found:
+        dense = 0.25 if stop == "spring" else 0.6
+        ax.fill_between(times * time, scale * wall, high if factor > 0 else low, color=WALL, alpha=dense, linewidth=0)
         ax.plot(times * time, scale * wall, color="#777777", linewidth=1.0)
     for (text, row), color in zip(given.beside.items(), (GREEN,), strict=False):
         ax.plot(times * time, scale * motion["displacement"].values @ row, "--", color=color, linewidth=1.2, label=text)

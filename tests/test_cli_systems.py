@@ -145,7 +145,10 @@ def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
         (f"orbit {OWN} --near 0.1", "`--near` of a system goes with `--stops`: a time in s for each of them"),
         (f"orbit {OWN} --stops bat", "unknown `stops` 'bat'; choose from bar, baffle"),
         ("orbit --stops bar", "`--stops` goes with a system"),
-        ("section --model bouncing", "unknown model 'bouncing'; choose from base_excited_oscillator, bouncing_ball"),
+        (
+            "section --model bouncing",
+            "unknown model 'bouncing'; choose from base_excited_oscillator, bilinear_oscillator",
+        ),
     ],
 )
 def test_what_a_system_has_not_is_refused_in_one_line(run, command, words):

@@ -19,11 +19,17 @@ from vibroimpact.models.beams import (
     pinned_beam_with_stop,
 )
 from vibroimpact.models.free_masses import bouncing_ball, idle_gear, impact_pair
-from vibroimpact.models.one_mass import base_excited_oscillator, two_sided_oscillator, unbalanced_machine
+from vibroimpact.models.one_mass import (
+    base_excited_oscillator,
+    bilinear_oscillator,
+    two_sided_oscillator,
+    unbalanced_machine,
+)
 from vibroimpact.models.tubes import clamped_tube_in_supports, tube_in_supports
 
 __all__ = [
     "base_excited_oscillator",
+    "bilinear_oscillator",
     "bouncing_ball",
     "cantilever_with_stop",
     "clamped_beam_with_stop",

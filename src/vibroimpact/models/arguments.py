@@ -35,6 +35,8 @@ _MACHINES = [
     Parameter("left_gap", "gap to the left stop", "m", "left_gap"),
     Parameter("right_gap", "gap to the right stop", "m", "right_gap"),
     _not_negative("amplitude", "amplitude of the driving motion", "m"),
+    _positive("stop_stiffness", "stiffness of the stop", "N/m"),
+    _not_negative("stop_damping", "damping of the stop", "N s/m"),
     _not_negative("base_acceleration", "amplitude of the base acceleration", "m/s^2"),
     _not_negative("unbalance", "unbalance", "kg m", "it is the rotating mass times its eccentricity"),
     _positive("rpm", "rotational speed", "1/min"),

@@ -1,4 +1,4 @@
-"""One mass on a spring: between two stops, on a shaken base, under an unbalance."""
+"""One mass on a spring: between two stops, before one that gives, on a shaken base, under an unbalance."""
 
 from __future__ import annotations
 
@@ -80,6 +80,79 @@ def two_sided_oscillator(
             Stop(direction=-1.0, gap=left_gap, restitution=restitution, name="left"),
             Stop(direction=1.0, gap=right_gap, restitution=restitution, name="right"),
         ],
+    )
+
+
+@checked
+def bilinear_oscillator(
+    *,
+    mass: float = 1.0,
+    stiffness: float = 4e3,
+    damping_ratio: float = 0.02,
+    force: float = 4.0,
+    frequency: float = 7.0,
+    gap: float = 1e-3,
+    stop_stiffness: float = 1.2e5,
+    stop_damping: float = 20.0,
+) -> ImpactSystem:
+    r"""Return a mass on a spring before a stop that gives: a rig with a beam as stop, a fender, a snubber.
+
+    Sketch: a wall, spring and damper, the mass; before it, at a gap, a second spring and damper on a wall.
+
+    .. math:: m \ddot x + c \dot x + k x + \max(0,\ k_s d + c_s \dot d) = F \sin \omega t, \qquad d = x - g > 0
+
+    Parameters
+    ----------
+    mass : float, > 0
+        m in kg.
+    stiffness : float, > 0
+        k in N/m.
+    damping_ratio : float, >= 0
+        c / (2 sqrt(k m)).
+    force : float, >= 0
+        F in N.
+    frequency : float, > 0
+        Driving frequency in Hz.
+    gap : float
+        g in m; negative means preloaded.
+    stop_stiffness : float, > 0
+        k_s in N/m; of a clamped beam that is met at its tip, 3 E I/L^3.
+    stop_damping : float, >= 0
+        c_s in N s/m.
+
+    Returns
+    -------
+    ImpactSystem
+        The coordinate is x; stop `spring`.
+
+    Raises
+    ------
+    ValueError
+        A number is out of its range.
+
+    Notes
+    -----
+    Left out: the mass of the stop, which makes the first instant of contact an impact, and its own vibration after it.
+
+    References
+    ----------
+    S. W. Shaw and P. J. Holmes, A periodically forced piecewise linear oscillator, Journal of Sound and Vibration 90,
+    1983.
+    J. Ing, E. Pavlovskaia, M. Wiercigroch and S. Banerjee, Experimental study of impact oscillator with one-sided
+    elastic constraint, Philosophical Transactions of the Royal Society A 366, 2008.
+
+    Examples
+    --------
+    >>> rig = bilinear_oscillator(stop_stiffness=6e4)
+    >>> (rig.natural_frequencies / (2 * math.pi)).round(2).tolist(), rig.stops[0].stiffness
+    ([10.07], 60000.0)
+    """
+    return ImpactSystem(
+        mass=mass,
+        damping=2.0 * damping_ratio * math.sqrt(stiffness * mass),
+        stiffness=stiffness,
+        force=Force(frequency=frequency, harmonics={1: force}),
+        stops=[Stop(direction=1.0, gap=gap, stiffness=stop_stiffness, damping=stop_damping, name="spring")],
     )
 
 
