@@ -289,6 +289,14 @@ def laws() -> plt.Figure:
     return figure
 
 
+def compliant() -> plt.Figure:
+    """Draw two settled periods of a rig with a beam as stop, and the force of the beam."""
+    rig = vi.models.bilinear_oscillator()
+    still = vi.simulate(rig, periods=300, samples_per_period=1).isel(time=-1)
+    start = vi.State(still["displacement"].values.round(8), still["velocity"].values.round(8))
+    return vi.plotting.time_history(vi.simulate(rig, start=start, periods=2, samples_per_period=1000)).get_figure()
+
+
 def main() -> None:
     """Draw all pictures into docs/images/."""
     IMAGES.mkdir(exist_ok=True)
@@ -312,6 +320,7 @@ def main() -> None:
         "quasi-periodic": quasi_periodic(),
         "restitution": restitution(),
         "laws": laws(),
+        "compliant": compliant(),
         "verdict": verdict(),
     }
     for name, figure in pictures.items():
