@@ -390,3 +390,19 @@ def test_equal_springs_on_both_sides_are_mirror_images_and_others_are_not():
     assert "no stop is the mirror image" in find(other, stops="above", symmetric=True).message
     twice = vi.Stop(direction=-2, gap=0.2, stiffness=7.5, name="below")
     assert find(bilinear(stops=[above, twice]), stops="above", symmetric=True)
+
+
+def test_a_verdict_tells_how_hard_how_long_and_how_deep_the_hardest_contact_is():
+    told = str(vi.describe(bilinear(), parameters=[]))
+    (orbit,) = find(bilinear())
+    (contact,) = orbit.contacts
+    assert f"largest force {contact.peak_force:.4g} N on above, which pushes for {contact.contact_time:.4g} s" in told
+    assert f"pressed in by {contact.penetration:.4g} m" in told
+
+
+def test_a_mass_that_never_leaves_a_spring_is_not_said_to_rest():
+    spring = vi.Stop(direction=1, gap=-0.3, stiffness=100.0, damping=1.0, name="above")
+    held = bilinear(stops=[spring], force=vi.Force(omega=2.0, harmonics={1: 0.1}))
+    told = str(vi.describe(held, parameters=[]))
+    assert "pressed into above" in told
+    assert "at rest at" not in told
