@@ -44,6 +44,17 @@ def test_every_example_of_a_page_gives_what_it_shows(page):
     assert failures("\n".join(blocks(page, "python")), page.name, {}) == ""
 
 
+def test_known_cases_are_met_as_closely_as_their_page_says():
+    page, names = DOCS / "cases.md", {}
+    exec(doctest.script_from_examples("".join(blocks(page, "python"))), names)
+    rows = re.findall(r"^\| (.+) \| .+ \| (.+) \| (.+) \| (.+) \| `(.+)` \|$", page.read_text(), re.MULTILINE)
+    assert len(rows) > 15
+    for case, known, ours, apart, line in rows:
+        value = eval(line, names)
+        assert abs(value - float(known)) <= float(apart), case
+        assert abs(value - float(ours)) <= float(apart), case
+
+
 @pytest.mark.parametrize("name", MODULES)
 def test_every_docstring_example_gives_what_it_shows(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
