@@ -48,7 +48,8 @@ check-oldest check-newest: $(STAMP)
 	NUMBA_CACHE_DIR=$(CURDIR)/build/$@/numba build/$@/bin/python -m pytest -n auto --dist worksteal $(WARNINGS) $(TELLING:%=tests/test_%.py)
 
 fuzz: $(STAMP)
-	FUZZ=40 $(BIN)/python -m pytest -n auto tests/test_fuzz.py tests/test_hostile_files.py tests/test_advice.py
+	FUZZ=40 $(BIN)/python -m pytest -n auto tests/test_fuzz.py tests/test_hostile_files.py tests/test_advice.py \
+	  tests/test_compliant_random.py
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks.run
