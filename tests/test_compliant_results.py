@@ -196,6 +196,9 @@ def test_a_map_of_forces_is_told_stored_and_drawn(run, tmp_path):
     each = vi.load(tmp_path / "each.zarr")
     assert each["max_force"].sel(stop="wall").isnull().all()
     assert each["max_force"].sel(stop="buffer").notnull().all()
+    assert run("plot each.zarr --stop buffer --out buffer.png")[0] == 0
+    _, _, (complaint,) = run("plot each.zarr --stop bat --out bat.png")
+    assert "unknown `--stop` 'bat'; choose from buffer, wall" in complaint
     assert run(f"map {OWN} {plane} --out whole.nc")[0] == 0
     assert vi.load(tmp_path / "whole.nc")["max_force"].attrs["units"] == "N"
     assert run("plot whole.nc --index work_rate --out map.png")[0] == 0
@@ -207,6 +210,7 @@ def test_a_map_of_forces_is_told_stored_and_drawn(run, tmp_path):
         (f"section {OWN} -p buffer_stiffness=0", "`buffer_stiffness` must be a finite number > 0, got 0"),
         (f"section {OWN} -p buffer_damping=-1", "`buffer_damping` must be"),
         (f"section {OWN} -p buffer_restitution=0.5", "unknown parameter 'buffer_restitution'"),
+        (f"map {OWN} --x omega=1:2:3 --by-stop --out map.png", "a figure shows one stop; with --by-stop write data"),
         ("map --x omega=1:2:3 --indices max_force", "`max_force` is an index of systems"),
         (
             "map --model two_sided_oscillator --x frequency=20:30:3 --indices max_force",

@@ -111,6 +111,10 @@ def parameter_map(options: Options) -> None:
     study = options.study()
     if not study.axes:
         raise WrongRequest("a map needs an axis; for example --x omega=0.025:5:200")
+    if study.given.get("by_stop") and output.is_figure(options):
+        raise WrongRequest(
+            "a figure shows one stop; with --by-stop write data, then `vibroimpact plot FILE --stop NAME`"
+        )
     stored = files.is_store(options)
     resumed = stored and files.store_exists(options)
     if not resumed:

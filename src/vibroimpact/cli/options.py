@@ -385,7 +385,7 @@ FIGURE_KIND = _output(
 )  # fmt: skip
 SHOWN = (
     _output("coordinate", "N", "Of a system: the coordinate that a figure of one motion shows. (default: 0)"),
-    _output("stop", "NAME", "Of a system: the stop whose clearance a figure of one motion shows instead."),
+    _output("stop", "NAME", "Of a system: the stop whose clearance, or whose map of `--by-stop`, a figure shows."),
 )
 INDEX = _output("index", "NAME", "Index that a figure shows. (default: the first of a sweep, none of a diagram)")
 LEVEL = _output("level", "X", "Contour level at which the boundary is drawn, in the unit of the index.")

@@ -12,6 +12,7 @@ import typer
 from vibroimpact.cli import Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import number
 from vibroimpact.figures import DOTS, EXPONENTS, INCHES, KINDS, check_dpi, check_size, kinds_of
+from vibroimpact.parameters import choice
 from vibroimpact.progress import Meter, speed
 
 if TYPE_CHECKING:
@@ -149,7 +150,9 @@ def draw(dataset: xr.Dataset, options: Mapping[str, Any], over: xr.Dataset | Non
         from vibroimpact.files import load
 
         return plotting.diagram_with_index(dataset, load(options["sweep"]), index=options.get("index") or "std")
-    index = options.get("index")
+    index, stop = options.get("index"), options.get("stop")
+    if stop is not None and dataset.attrs.get("function") == "parameter_map" and "stop" in dataset.dims:
+        dataset = dataset.sel(stop=choice("--stop", stop, dataset["stop"].values.tolist()))
     kind = options.get("figure") or _kind_for(index, plotting.default_kind(dataset))
     if kind not in plotting.KINDS:
         raise ValueError(f"unknown `--kind` {kind!r}; choose from {', '.join(plotting.KINDS)}")
