@@ -130,6 +130,8 @@ def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
         ("describe --model bouncing_ball --vary gap", "unknown parameter 'gap'; choose from mass, amplitude"),
         (f"compare old.toml new.toml {OWN} --out both.png", "a figure of compare takes one mass with one stop only"),
         (f"diagram {OWN} --x bar_gap=0.04:0.05:2 --coordinate 2", "`coordinate` must be less than the number of"),
+        (f"simulate {OWN} --stop bar", "`--stop` needs a figure; add for example --out figure.png"),
+        (f"section {OWN} --coordinate 1 --out it.csv", "`--coordinate` needs a figure"),
         (f"section {OWN} -p gap=0.1", "unknown parameter 'gap'; choose from omega, frequency, bar_gap"),
         (f"section {OWN} -p bar_restitution=2", "`bar_restitution` must be between 0 and 1, got 2"),
         (f"section {OWN} --start 0.1", "`start` must have 2 coordinates"),

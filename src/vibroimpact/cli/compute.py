@@ -56,6 +56,9 @@ def section(options: Options) -> None:
 
 def _motion(function: str, study: Study, options: Options) -> None:
     output.check(options, function)
+    for shown in ("coordinate", "stop"):
+        if options[shown] is not None and not output.is_figure(options):
+            raise WrongRequest(f"`--{shown}` needs a figure; add for example --out figure.png")
     began = perf_counter()
     with refusing():
         dataset = _call(function, study)
