@@ -45,6 +45,7 @@ PICTURES = {
     "bouncing_ball": Picture("ball over its table", [1.0], start=vi.find_orbit(vi.models.bouncing_ball())[0].start),
     "impact_pair": Picture("mass", [1.0]),
     "idle_gear": Picture("idle gear in its backlash", unit="µm", within=True),
+    "gear_pair": Picture("teeth in their backlash", unit="µm", within=True),
     "impact_damper": Picture("particle", [0.0, 1.0], {"structure": [1.0, 0.0]}),
     "two_unit_impact_damper": Picture("first particle", [0.0, 1.0, 0.0], {"structure": [1.0, 0.0, 0.0]}),
     "tuned_mass_damper": Picture("absorber", [0.0, 1.0], {"bridge": [1.0, 0.0]}),
@@ -97,8 +98,8 @@ def draw(name: str, given: Picture) -> plt.Figure:
     every = scale * np.concatenate([shown, *(wall for _, _, wall in found)])
     room = 0.12 * np.ptp(every)
     low, high = every.min() - room, every.max() + room
-    for stop, factor, wall in found:
-        dense = 0.25 if stop == "spring" else 0.6
+    for _, factor, wall in found:
+        dense = 0.25 if name in ("bilinear_oscillator", "gear_pair") else 0.6  # stops that give
         ax.fill_between(times * time, scale * wall, high if factor > 0 else low, color=WALL, alpha=dense, linewidth=0)
         ax.plot(times * time, scale * wall, color="#777777", linewidth=1.0)
     for (text, row), color in zip(given.beside.items(), (GREEN,), strict=False):

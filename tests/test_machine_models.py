@@ -273,6 +273,18 @@ def test_an_idle_gear_strikes_with_its_inertia_over_the_radius_squared():
     assert front == pytest.approx([0.1e-3, 0.1e-3], rel=1e-12)
 
 
+def test_the_teeth_of_a_gear_pair_rest_on_the_flank_that_drives_and_swing_there_as_a_spring():
+    pair = models.gear_pair(transmission_error=0.0, mesh_damping_ratio=0.0, backlash=1e-4, torque=20.0)
+    mass, push = pair.mass.item(), 20.0 / 0.05
+    assert mass == pytest.approx(1.0 / (0.05**2 / 2e-3 + 0.05**2 / 2e-3), rel=1e-15)
+    # Let go 1 um off the flank that drives, it falls on it and is caught by a half sine about its static deflection.
+    seen = vi.impact_section(pair, start=vi.State(49e-6, 0.0), transient_impacts=0, sample_impacts=3)
+    speed, static = math.sqrt(2.0 * push / mass * 1e-6), push / 2e8
+    assert set(seen["stop"].values) == {"drive"}
+    assert seen["velocity"].values == pytest.approx(speed, rel=1e-9)
+    assert seen["penetration"].values[0] == pytest.approx(static + math.hypot(static, speed * (mass / 2e8) ** 0.5))
+
+
 # Structures
 
 

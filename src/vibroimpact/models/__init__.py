@@ -18,7 +18,7 @@ from vibroimpact.models.beams import (
     clamped_pinned_beam_with_stop,
     pinned_beam_with_stop,
 )
-from vibroimpact.models.free_masses import bouncing_ball, idle_gear, impact_pair
+from vibroimpact.models.free_masses import bouncing_ball, gear_pair, idle_gear, impact_pair
 from vibroimpact.models.one_mass import (
     base_excited_oscillator,
     bilinear_oscillator,
@@ -35,6 +35,7 @@ __all__ = [
     "clamped_beam_with_stop",
     "clamped_pinned_beam_with_stop",
     "clamped_tube_in_supports",
+    "gear_pair",
     "idle_gear",
     "impact_damper",
     "impact_pair",

@@ -52,6 +52,12 @@ _GEARS = [
     _positive("order", "engine order", "1", "it is the number of excitations per revolution, 2 for four cylinders"),
     _not_negative("angular_acceleration", "amplitude of the angular acceleration", "rad/s^2"),
     _not_negative("drag_torque", "mean drag torque", "N m"),
+    _positive("second_inertia", "moment of inertia of the driven gear", "kg m^2"),
+    _positive("second_base_radius", "base radius of the driven gear", "m"),
+    _not_negative("torque", "mean torque", "N m"),
+    _positive("mesh_stiffness", "stiffness of the teeth in mesh", "N/m"),
+    _not_negative("mesh_damping_ratio", "damping ratio of the mesh", "1"),
+    _not_negative("transmission_error", "amplitude of the static transmission error", "m"),
     _not_negative("rotational_damping", "rotational damping", "N m s/rad"),
 ]
 _DAMPERS = [

@@ -1,4 +1,4 @@
-"""One mass without a spring among moving stops: a bouncing ball, an impact pair, an idle gear."""
+"""One mass without a spring among moving stops: a bouncing ball, an impact pair, an idle gear, a pair of gears."""
 
 from __future__ import annotations
 
@@ -233,6 +233,83 @@ def idle_gear(
         stops=_between(
             "drive", "coast", base_radius, backlash, base_radius * angular_acceleration / omega**2, restitution
         ),
+    )
+
+
+@checked
+def gear_pair(
+    *,
+    inertia: float = 2e-3,
+    second_inertia: float = 2e-3,
+    base_radius: float = 0.05,
+    second_base_radius: float = 0.05,
+    backlash: float = 0.1e-3,
+    torque: float = 20.0,
+    mesh_stiffness: float = 2e8,
+    mesh_damping_ratio: float = 0.05,
+    transmission_error: float = 2e-6,
+    frequency: float = 3000.0,
+) -> ImpactSystem:
+    r"""Return a loaded pair of spur gears whose teeth give, and part in their backlash where the mesh resonates.
+
+    Sketch: two gears, a mean torque on either; between their teeth a spring and damper on each flank, backlash between.
+
+    .. math:: m \ddot x = T/r_1 - F_{drive} + F_{coast}, \qquad x = r_1 \theta_1 - r_2 \theta_2, \qquad
+              \frac{1}{m} = \frac{r_1^2}{J_1} + \frac{r_2^2}{J_2}
+
+    Each flank pushes with max(0, k d + c d') where it is pressed in by d = ±(x - e sin wt) - j/2 > 0.
+
+    Parameters
+    ----------
+    inertia, second_inertia : float, > 0
+        J_1 of the driving gear and J_2 of the driven one in kg m^2.
+    base_radius, second_base_radius : float, > 0
+        r_1 and r_2 in m.
+    backlash : float, > 0
+        j in m along the line of action.
+    torque : float, >= 0
+        T in N m, mean torque on the driving gear.
+    mesh_stiffness : float, > 0
+        k in N/m of the teeth in mesh, its mean over the mesh cycle.
+    mesh_damping_ratio : float, >= 0
+        c / (2 sqrt(k m)).
+    transmission_error : float, >= 0
+        e in m, amplitude of the static transmission error at the mesh frequency.
+    frequency : float, > 0
+        Of the mesh in Hz: teeth times revolutions per second.
+
+    Returns
+    -------
+    ImpactSystem
+        The coordinate is x in m, the dynamic transmission error; stops `drive` and `coast` are the flanks.
+
+    Raises
+    ------
+    ValueError
+        A number is out of its range.
+
+    Notes
+    -----
+    Left out: that the stiffness changes as teeth enter and leave the mesh, and that shafts and bearings give.
+
+    References
+    ----------
+    A. Kahraman and R. Singh, Non-linear dynamics of a spur gear pair, Journal of Sound and Vibration 142, 1990.
+
+    Examples
+    --------
+    >>> pair = gear_pair(torque=30.0)
+    >>> float(pair.mass[0, 0].round(6)), pair.force.constant.round(6).tolist()  # kg and N along the line of action
+    (0.4, [600.0])
+    """
+    mass = 1.0 / (base_radius**2 / inertia + second_base_radius**2 / second_inertia)
+    damping = 2.0 * mesh_damping_ratio * math.sqrt(mesh_stiffness * mass)
+    flanks = _between("drive", "coast", -1.0, backlash, -transmission_error, 0.0)
+    return ImpactSystem(
+        mass=mass,
+        stiffness=0.0,
+        force=Force(frequency=frequency, constant=torque / base_radius),
+        stops=[flank.replace(restitution=None, stiffness=mesh_stiffness, damping=damping) for flank in flanks],
     )
 
 
