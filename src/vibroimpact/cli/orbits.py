@@ -165,14 +165,28 @@ def orbits_json(found: Orbits[Any], model: Model) -> dict[str, Any]:
     }
 
 
+SUMMED = "name", "stable", "trace", "determinant"
+
+
 def _plain(orbit: Orbit | SystemOrbit) -> dict[str, Any]:
     content = {key: value for key, value in vars(orbit).items() if key not in ("oscillator", "system", "family")}
     for key in {"multipliers", "half_multipliers"} & set(content):
         content[key] = [[z.real, z.imag] for z in content[key]]
     if "start" in content:
         content["start"] = asdict(content["start"])
-    content |= {key: getattr(orbit, key) for key in ("name", "stable", "trace", "determinant")}
-    return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in content.items()}
+    if "contacts" in content:
+        content["contacts"] = [contact._asdict() for contact in content["contacts"]]
+    found: dict[str, Any] = _without_nan(content | {key: getattr(orbit, key) for key in SUMMED})
+    return found
+
+
+def _without_nan(value: Any) -> Any:
+    """Return plain content with None in the place of NaN."""
+    if isinstance(value, dict):
+        return {key: _without_nan(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_without_nan(entry) for entry in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 def _sentence(found: Orbits[Any]) -> str:
