@@ -100,7 +100,7 @@ def spring_of_heyoka(contacts: int) -> Job:
     push, found = SPRING * (x - SLACK), [0]
 
     def touch(ta: Any, direction: int) -> bool:
-        found[0] += ta.pars[0] == 0.0
+        found[0] += int(ta.pars[0] == 0.0)
         ta.pars[0] = 1.0
         return found[0] < contacts
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from systems import impacts, linear, one_mass, outcome, system, two_masses
+from systems import a_random_system, impacts, linear, one_mass, outcome, system, two_masses
 from vibroimpact import Status
 from vibroimpact.backends.reference.systems import follow
 
@@ -192,6 +192,19 @@ def test_a_ball_bounces_once_a_period_at_its_fixed_point(gamma):
     hits = impacts(ball(gamma, r), 200, transient=400, start=begun)
     assert hits["velocity"].values == pytest.approx(flight + table, rel=1e-12)
     assert hits["phase"].values == pytest.approx(phase, abs=1e-12)
+
+
+def test_energy_never_grows_at_ten_thousand_impacts():
+    rng, seen = np.random.default_rng(10), 0
+    while seen < 10_000:
+        model = a_random_system(rng, int(rng.integers(1, 5)), int(rng.integers(1, 4)))
+        if (model.clearances(np.zeros(len(model.mass))) < 0.0).any():
+            continue
+        hits = impacts(model, 200)
+        lost, most = hits["energy_lost"].values, hits["velocity"].values * hits["impulse"].values
+        assert (lost >= -1e-12 * most).all()
+        assert (lost <= 0.5 * (1.0 + 1e-12) * most).all()
+        seen += len(lost)
 
 
 # One coordinate and one stop, at random.

@@ -22,7 +22,7 @@ from vibroimpact.backends.base import (
     looks_status,
 )
 from vibroimpact.cells import Cells
-from vibroimpact.indices import EVERY, INDICES
+from vibroimpact.indices import INDICES
 from vibroimpact.kernels.advance import LOOK, TRACE
 from vibroimpact.kernels.cell import DYING, FILLED, LAWLESS, MOST, PINNED, QUIET, RUNNING, SPENT, Cell
 from vibroimpact.kernels.closing import LONGEST
@@ -107,7 +107,7 @@ class CpuBackend(Backend):
     smallest_tile = 64  # two rounds of lanes
     largest_tile = 4096
     alone = BLOCK
-    known_indices = frozenset(EVERY)
+    known_indices = frozenset(INDICES)
     takes_systems = True
 
     def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
