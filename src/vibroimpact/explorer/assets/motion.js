@@ -38,7 +38,7 @@ window.Motion = (() => {
     portrait: phase("portrait", "Phase portrait", (plot, motion, color, first) => {
       plot.line(motion.displacement, motion.velocity, color, first ? 1.4 : 1.2, 0, motion.turn);
     }),
-    poincare: phase("poincare", "Poincaré map: once per driving period", (plot, motion, color) => plot.dots(motion.looks_y, motion.looks_v, color)),
+    poincare: phase("poincare", "Poincaré map: once a driving period", (plot, motion, color) => plot.dots(motion.looks_y, motion.looks_v, color)),
     impact_map: new Plot("impact_map", {
       title: "Impact map: phase and impact velocity", x: "phase of the driving period", y: "impact velocity [m/s]",
       paint: (plot) => each((motion, color) => plot.dots(motion.phases, motion.speeds, color)),
