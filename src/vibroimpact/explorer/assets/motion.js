@@ -40,7 +40,7 @@ window.Motion = (() => {
     }),
     poincare: phase("poincare", "Poincaré map: once a driving period", (plot, motion, color) => plot.dots(motion.looks_y, motion.looks_v, color)),
     impact_map: new Plot("impact_map", {
-      title: "Impact map: phase and impact velocity", x: "phase of the driving period", y: "impact velocity [m/s]",
+      title: "Impact map: phase and velocity", x: "phase of the driving period", y: "impact velocity [m/s]",
       paint: (plot) => each((motion, color) => plot.dots(motion.phases, motion.speeds, color)),
     }),
   };
