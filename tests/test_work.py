@@ -74,9 +74,10 @@ def test_memory_is_taken_once_a_tile_and_never_by_an_impact():
     assert many == few
 
 
-def test_a_first_map_waits_for_neither_zarr_nor_dask():
+@pytest.mark.parametrize("sweep", ["parameter_map", "bifurcation_diagram"])
+def test_a_first_sweep_waits_for_no_library_that_it_does_without(sweep):
     code = (
-        "import sys, vibroimpact as vi; vi.parameter_map(vi.ImpactOscillator(), omega=[2.8], sample_impacts=10); "
-        "print('heavy:', {'zarr', 'dask.array', 'distributed', 'matplotlib'} & set(sys.modules))"
+        f"import sys, vibroimpact as vi; vi.{sweep}(vi.ImpactOscillator(), omega=[2.8], sample_impacts=10); "
+        "print('heavy:', {'zarr', 'dask.base', 'pint', 'distributed', 'matplotlib'} & set(sys.modules))"
     )
     assert "heavy: set()" in subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout

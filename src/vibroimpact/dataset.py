@@ -82,8 +82,15 @@ def plain_variable(dims: str | Sequence[str], data: Any, attrs: dict[str, Any]) 
 def dataset_of(variables: Mapping[str, Any] | None = None, coords: Any = None, attrs: Any = None) -> xr.Dataset:
     """Return labelled variables as one dataset."""
     import xarray as xr
+    from pandas import Index
 
-    return xr.Dataset(variables, coords, attrs)
+    def indexed(name: str, column: Any) -> Any:
+        """Return an axis of numbers as xarray holds it; it would import Dask and pint to ask if it is one of theirs."""
+        if not isinstance(column, xr.Variable) or column.dims != (name,) or column.dtype.kind not in "iuf":
+            return column
+        return xr.IndexVariable(name, Index(column.values), column.attrs, fastpath=True)
+
+    return xr.Dataset(variables, {name: indexed(name, column) for name, column in dict(coords or {}).items()}, attrs)
 
 
 def missing(index: str, shape: int | tuple[int, ...]) -> NDArray[Any]:

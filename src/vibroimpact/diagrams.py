@@ -185,7 +185,7 @@ def bifurcation_diagram(
         for which, result in run_sweep(engine, cells[where], over, threads, Event()):
             for name in chosen:
                 table[name][where[which]] = result[name]
-    return dataset.isel({_along(section): slice(0, max(int(dataset["count"].max()), 1))})
+    return dataset.isel({_along(section): slice(0, max(int(dataset["count"].values.max()), 1))})
 
 
 def _check_coordinate(coordinate: int, made: Any) -> None:
