@@ -1,18 +1,26 @@
-"""Settings of the documentation; `make docs` builds it, with warnings as errors and without the network."""
+"""Settings of the documentation: `make docs` builds all of it, `make check` without running gallery and notebooks."""
 
 from importlib.metadata import version as version_of
 from typing import Any
 
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.util.math import get_node_equation_number
 
 project = "vibroimpact"
 author = "The vibroimpact developers"
 release = version = version_of("vibroimpact")
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
+extensions = [
+    "myst_parser",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx_design",
+]
 exclude_patterns = ["_build"]
-myst_enable_extensions = ["dollarmath", "colon_fence"]
+templates_path = ["_templates"]
+myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
 autodoc_typehints = "none"
 numpydoc_show_class_members = False
@@ -20,16 +28,20 @@ numpydoc_show_class_members = False
 html_theme = "pydata_sphinx_theme"
 html_math_renderer = "mathml"
 html_title = "vibroimpact"
-html_sidebars = {"**": []}
 html_show_sphinx = False
-html_theme_options = {"show_toc_level": 2, "navigation_with_keys": False, "secondary_sidebar_items": ["page-toc"]}
+html_show_sourcelink = False
+html_theme_options = {
+    "show_toc_level": 2,
+    "navigation_with_keys": False,
+    "secondary_sidebar_items": ["page-toc"],
+    "header_links_before_dropdown": 6,
+}
 
 
 def _formula(node: nodes.Element, as_block: bool) -> str:
     # Without a mathematical font, browsers set dots invisibly close to their letter; primes stand clear.
     tex = node.astext().replace(r"\ddot y", "y''").replace(r"\dot y", "y'")
-    mathml: str = tex2mathml(tex, as_block=as_block)
-    return f"<p>{mathml}</p>" if as_block else mathml
+    return str(tex2mathml(tex, as_block=as_block))
 
 
 def _inline(page: Any, node: nodes.math) -> None:
@@ -38,7 +50,10 @@ def _inline(page: Any, node: nodes.math) -> None:
 
 
 def _block(page: Any, node: nodes.math_block) -> None:
-    page.body.append(_formula(node, as_block=True))
+    page.body.append(page.starttag(node, "div", CLASS="math"))
+    if node["number"]:
+        page.body.append(f'<span class="eqno">({get_node_equation_number(page, node)})</span>')
+    page.body.append(f"{_formula(node, as_block=True)}</div>")
     raise nodes.SkipNode
 
 

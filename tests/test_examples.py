@@ -11,7 +11,7 @@ import pytest
 from fenced import ROOT, blocks, commands
 from vibroimpact.cli import main
 
-SHELL_PAGES = [ROOT / "README.md", ROOT / "docs" / "cli.md"]
+SHELL_PAGES = [ROOT / "README.md", ROOT / "docs" / "reference" / "cli.md"]
 
 
 @pytest.fixture(autouse=True)
@@ -39,7 +39,7 @@ def test_first_orbit_names_the_motion(capsys):
 
 def test_the_verdict_on_the_tube_is_the_one_in_the_documentation(capsys):
     runpy.run_path(str(ROOT / "examples" / "tube_in_support.py"), run_name="__main__")
-    (told,) = blocks(ROOT / "docs" / "example.md", "text")
+    (told,) = blocks(ROOT / "docs" / "guide" / "hardest.md", "text")
     # Where a narrow chaotic band ends hangs on the processor's rounding; the rest must not.
     assert without_bands(capsys.readouterr().out) == without_bands(told)
 

@@ -236,7 +236,7 @@ def test_an_axis_of_a_billion_points_is_refused_before_it_is_made(monkeypatch):
 
 
 def test_every_key_of_a_study_file_is_on_the_page_of_the_command_line(write):
-    page = ROOT / "docs" / "cli.md"
+    page = ROOT / "docs" / "reference" / "cli.md"
     keys = {name: set(checks) for name, checks in TABLES.items()} | {"oscillator": set(vi.ImpactOscillator.parameters)}
     rows = table(page, "| table | key")
     documented = {name: {word for owner, words, *_ in rows if owner == name for word in words.split()} for name in keys}

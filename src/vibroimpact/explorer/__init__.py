@@ -67,7 +67,8 @@ def explore(
 
     Notes
     -----
-    Nothing is loaded from the internet. Pages share the machine's cores; at most 64 may be open. See docs/explorer.md.
+    Nothing is loaded from the internet. Pages share the machine's cores; at most 64 may be open. See
+    docs/guide/explorer.md.
     """
     server, address = make_server(store, port=port, host=host)
     print(f"Explorer at {address} (stop with Ctrl-C)", flush=True)
