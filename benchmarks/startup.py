@@ -18,6 +18,7 @@ DIAGRAM = (
     "import numpy as np, vibroimpact as vi; "
     "vi.bifurcation_diagram(vi.ImpactOscillator(), omega=np.linspace(0.05, 5, 1000))"
 )
+BYTECODE = {"PYTHONDONTWRITEBYTECODE": ""}  # written by the first of them, as an installer does
 DESCRIBE = ("-m", "vibroimpact", "describe", "-p", "omega=2.6")
 
 
@@ -25,7 +26,7 @@ def measure(effort: Effort) -> dict[str, float | None]:
     """Return seconds of whole processes, the start of Python included."""
 
     def seconds(*arguments: str, **environment: str) -> float:
-        return median(child(*arguments, **environment)[0] for _ in range(effort.rounds))
+        return median(child(*arguments, **BYTECODE, **environment)[0] for _ in range(effort.rounds))
 
     empty: list[float] = []
     for _ in range(effort.cold_starts):
