@@ -26,6 +26,8 @@ demo: $(STAMP)
 	$(BIN)/vibroimpact reproduce --out demo --overwrite
 	@echo "The report lies at $(CURDIR)/demo/report.html"
 
+# Tests start hundreds of processes; without bytecode each of them compiles the package's source anew.
+test: export PYTHONDONTWRITEBYTECODE =
 test: $(STAMP)
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
