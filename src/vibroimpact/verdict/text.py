@@ -68,8 +68,8 @@ def stopped(verdict: Verdict) -> str:
 
 
 def _wrapped(head: str, line: str) -> Iterator[str]:
-    """Yield a line, broken where it is too long but not between a number and its unit."""
-    kept = re.sub(r"(?<=\d) (?=%|[a-zA-Z/]+\b)", _TIED, line)
+    """Yield a line, broken where it is too long but not between a number and its unit, nor within N s/m."""
+    kept = re.sub(r"(?<=\d) (?=%|[a-zA-Z/]+\b)|(?<=\bN) (?=s\b)", _TIED, line)
     for part in textwrap.wrap(kept, WIDTH, initial_indent=head, subsequent_indent=" " * (MARGIN + 2)):
         yield part.replace(_TIED, " ")
 
