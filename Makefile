@@ -36,7 +36,7 @@ check: $(STAMP)
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/sphinx-build -W --keep-going --quiet -b html docs docs/_build/html
+	$(BIN)/sphinx-build -W --keep-going --quiet -b html -D plot_gallery=0 docs docs/_build/check
 
 # A fresh environment in build/, resolved anew; what it holds is printed before the tests that meet most dependencies.
 check-oldest: EDGE = python3.11 --resolution lowest-direct
@@ -64,5 +64,5 @@ figures: $(STAMP)
 	$(BIN)/python docs/figures.py
 
 clean:
-	rm -rf .venv demo docs/_build build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv demo docs/_build docs/gallery docs/reference/api/generated build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find src tests benchmarks examples docs tools -name __pycache__ -type d -prune -exec rm -rf {} +

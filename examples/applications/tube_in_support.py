@@ -1,10 +1,12 @@
-"""Which clearance and which pump speeds keep a heat-exchanger tube from rattling hard against its support.
+"""
+A tube in its support
+=====================
+
+Which clearance and which pump speeds keep a heat-exchanger tube from rattling hard against its support?
 
 The tube's first bending mode (2.1 kg, 18 Hz, 1 % damping) is shaken with 5 N by a pump that runs at 600 to
 2400 rpm, once a revolution. A support bar stands beside it, 0.5 mm away as drawn; steel on steel gives back
 some 0.7 of the speed. Hits above 50 mm/s are taken to be the ones that wear the tube through.
-
-Run it: python tube_in_support.py. It prints a verdict and draws tube_in_support.png.
 
 What the model leaves out: the support is hard (a contact lasts no time; right while it is much shorter than the
 period of the mode), the restitution is one number, and there is one mode, moving in one direction, with a stop
@@ -129,7 +131,8 @@ def main() -> None:
     osc = tube()
     hits, up, down = hardest_hits(osc), pass_through(osc, "up"), pass_through(osc, "down")
     print("\n".join(verdict(osc, hits, up, down)))
-    draw(osc, hits, up, down).savefig("tube_in_support.png", dpi=120)
+    draw(osc, hits, up, down)
+    plt.show()
 
 
 if __name__ == "__main__":

@@ -1,6 +1,9 @@
-"""One orbit of the default oscillator: what it does in time, and what it settles to.
+"""
+A first orbit
+=============
 
-Run it: python first_orbit.py. It prints the motion and draws first_orbit.png.
+Seven numbers make an oscillator; what is left out has a default, all dimensionless. Followed in time, then named: two
+unequal impacts per driving period.
 """
 
 import matplotlib.pyplot as plt
@@ -12,7 +15,10 @@ orbit = vi.simulate(osc, periods=12)
 settled = vi.impact_section(osc, sample_impacts=200)
 print(vi.recognise(settled).sentence(osc.period))
 
+# %%
+# In time and in the phase plane, both with the stop.
+
 figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), layout="constrained")
 vi.plotting.time_history(orbit, ax=left)
 vi.plotting.phase_portrait(orbit, ax=right)
-figure.savefig("first_orbit.png", dpi=120)
+plt.show()
