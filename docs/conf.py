@@ -18,12 +18,16 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
+    "sphinxcontrib.bibtex",
 ]
 exclude_patterns = ["_build"]
 templates_path = ["_templates"]
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
 autodoc_typehints = "none"
+bibtex_bibfiles = ["references.bib"]
+bibtex_default_style = "unsrt"
+numfig = True
 numpydoc_show_class_members = False
 
 sphinx_gallery_conf = {

@@ -17,7 +17,7 @@ def separations(osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Fl
     r"""Return ln of the factor by which neighbours have parted since the first of some impacts, after each later one.
 
     A deviation :math:`(\delta y, \delta\dot y)` obeys the homogeneous equation in flight; at an impact with speed v
-    before it and accelerations :math:`a_-, a_+` before and after, it takes the saltation (method, equation 5; P. C.
+    before it and accelerations :math:`a_-, a_+` before and after, it takes the saltation (theory, equation 5.1; P. C.
     Müller, Chaos, Solitons & Fractals 5, 1671 (1995), for exponents of systems with jumps)
 
     .. math:: \delta y \to -r\,\delta y, \qquad

@@ -2,7 +2,7 @@
 
 With b_j the j-th derivative of the gap u at x = 0, the equation of motion differentiates to
 b_{j+2} = -C b_{j+1} - K b_j + e_j, where e_0 = G - A s, e_1 = -A th c, e_{j+2} = -Q e_j (the constant G enters e_0
-alone; method, equation 2). One formula serves every damping, and driving at w = w_n; nothing is divided.
+alone; theory, equation 2.1). One formula serves every damping, and driving at w = w_n; nothing is divided.
 
 A deviation (du, dp) at a common time obeys the homogeneous equation; how it crosses a contact is in `law`.
 

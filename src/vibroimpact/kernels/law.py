@@ -4,18 +4,18 @@ All that depends on the contact law, here Newton's v -> r v, stands in this file
 neighbours of an orbit cross it, how long a chatter lasts, and the energy lost at the stop.
 
 Neighbours at a common time do not hit at the same time: with p the rate of the gap just before an impact and a-, a+ its
-second derivatives just before and after, saltation (method, equation 5) takes a deviation (du, dp) to
+second derivatives just before and after, saltation (theory, eq. 5.1) takes a deviation (du, dp) to
 
     du -> -r du,    dp -> (a+ + r a-)/p du - r dp.
 
-Over a closed cycle of n periods and p impacts the determinant is r^(2p) exp(-c n T / m) (equation 6). Saltation is due
+Over a closed cycle of n periods and p impacts the determinant is r^(2p) exp(-c n T / m) (eq. 5.2). Saltation is due
 to M. A. Aizerman and F. R. Gantmakher, "On the stability of periodic motions", J. Appl. Math. Mech. 22 (1958) 1065; for
 Lyapunov exponents of systems with jumps see P. C. Müller, "Calculation of Lyapunov exponents for dynamic systems with
 discontinuities", Chaos, Solitons & Fractals 5 (1995) 1671, and R. I. Leine and H. Nijmeijer, "Dynamics and
 Bifurcations of Non-Smooth Mechanical Systems", Springer (2004).
 
 An impact of speed v under a pressing acceleration a = A s - G > 0 starts a complete chatter (infinitely many
-impacts in finite time) that to leading order ends after t1 = 2 r v / ((1 - r) a) (equation 4). It is taken as complete
+impacts in finite time) that to leading order ends after t1 = 2 r v / ((1 - r) a) (eq. 4.2). It is taken as complete
 only if t1 is well before the release, when the force lets go: C. Budd and F. Dux, "Chattering and related behaviour in
 impact oscillators", Phil. Trans. R. Soc. Lond. A 347 (1994) 365-389.
 """

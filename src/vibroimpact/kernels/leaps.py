@@ -8,7 +8,7 @@ f = G - A sin wt and M its largest value there, or 0. With t = (1 - e^{-Cx})/(1 
 v = (1 - t) u0 + t u1 - q t (1 - t), q = M ((e^{CX} - 1)/C)^2 / 2. Then v'' + C v' = M e^{2C(X - x)} >= M, so that where
 v >= 0 the difference d = u - v has d'' + C d' + K d <= 0, and it vanishes at both ends. An equation whose solutions
 cannot vanish twice within X, as (K - C^2/4) X^2 < pi^2, has a Green's function of one sign (Sturm): d >= 0. And v > 0
-inside where sqrt(u0) + sqrt(u1) > sqrt(q) (method, equation 2a), for any damping, and from the stop itself (u0 = 0).
+inside where sqrt(u0) + sqrt(u1) > sqrt(q) (theory, equation 2.2), for any damping, and from the stop itself (u0 = 0).
 
 A leap that is not certified changes nothing. None is made over a least gap (the rate rises through zero): near-misses
 are looked for in full steps.

@@ -17,7 +17,7 @@ m u'' + c u' + k u = k g - f sin(w t). With the response q to a unit kick,
 E is the divided difference of exp(tau x) over the two rates of free motion and nu, so no term is infinite where two of
 the three coincide, and a short flight is as accurate as a long one.
 
-Stability follows from the product over all flights of the flow and the impact's saltation matrix (method, equation 5),
+Stability follows from the product over all flights of the flow and the impact's saltation matrix (theory, eq. 5.1),
 
     [ -r, 0; (a+ + r a-)/v, -r ],   a-, a+ = y'' just before and after the impact of velocity v
 

@@ -95,7 +95,7 @@ def find_orbit(
     .. [1] S. W. Shaw and P. J. Holmes, "A periodically forced piecewise linear oscillator", J. Sound Vib. 90 (1983)
        129-155: the closed form for one impact.
     .. [2] P. C. Müller, "Calculation of Lyapunov exponents for dynamic systems with discontinuities", Chaos, Solitons
-       & Fractals 5 (1995) 1671-1681: saltation (method, equation 5).
+       & Fractals 5 (1995) 1671-1681: saltation (theory, equation 5.1).
     .. [3] M. di Bernardo, C. J. Budd, A. R. Champneys and P. Kowalczyk, "Piecewise-smooth Dynamical Systems",
        Springer (2008), chapter 2.
 

@@ -13,7 +13,7 @@ u'' = g'' + w + sum alpha D eta', and w = sum alpha (L eta - f) lies near its ch
     u'' <= B = max|g''| + max(w0, w1) + sum |alpha| ((L M + max|f''|) X^2/8 + D max|eta'|),
 
 and u lies above its chord less B x (X - x)/2. That is above zero on the way where sqrt(u0) + sqrt(u1) > X sqrt(B/2)
-(method, equation 2a), after an impact with u0 = 0. A leap is certified where it is so for every stop; one that is not
+(theory, equation 2.2), after an impact with u0 = 0. A leap is certified where it is so for every stop; one that is not
 changes nothing. No stop may be closed.
 """
 
