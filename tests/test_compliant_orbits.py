@@ -14,13 +14,13 @@ KELVIN_VOIGT = 0.571740027585  # restitution of z = 0.2, let go where the force 
 
 
 @vi.family
-def two_masses(omega=0.75):
+def two_masses(omega=0.75, gap=1.0, push=0.1):
     """Return the one-sided spring of NLvib (M. Krack and J. Gross, Harmonic Balance for Nonlinear Vibration Problems,
     Springer 2019).
     """
-    spring = vi.Stop(direction=[1, 0], gap=1.0, stiffness=100.0, name="spring")
+    spring = vi.Stop(direction=[1, 0], gap=gap, stiffness=100.0, name="spring")
     springs = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    force = vi.Force(omega=omega, harmonics={1: [0.0, 0.1j]})
+    force = vi.Force(omega=omega, harmonics={1: [0.0, push * 1j]})
     return vi.ImpactSystem(mass=np.eye(2), damping=0.03 * springs, stiffness=springs, force=force, stops=[spring])
 
 
@@ -361,6 +361,45 @@ def test_a_curve_of_pitchforks_is_followed_over_the_gap(symmetric):
     curve = continue_boundary(point, ("omega", "stiffness"), ((2.0, 2.3), (25.0, 35.0)), step=0.1)
     assert curve.kind == "pitchfork"
     assert max(curve.residuals) < 1e-10
+
+
+@pytest.mark.parametrize("number", range(5))
+def test_every_boundary_is_a_ray_of_force_over_gap(branch, number):
+    # Motion in units of the gap depends on the force over the gap alone.
+    point = branch.special[number]
+    curve = continue_boundary(point, ("gap", "push"), ((0.5, 2.0), (0.05, 0.2)), step=0.05)
+    assert curve.kind == point.kind
+    ratios = [orbit.value("push") / orbit.value("gap") for orbit in curve.orbits]
+    assert ratios == pytest.approx([0.1] * len(ratios), rel=1e-11)
+    gaps = [orbit.value("gap") for orbit in curve.orbits]
+    assert (min(gaps), max(gaps)) == pytest.approx((0.5, 2.0))
+
+
+@pytest.mark.parametrize("kind", ["neimark_sacker", "fold"])
+def test_a_boundary_passes_through_the_special_points_of_a_branch_beside(branch, kind):
+    point = next(point for point in branch.special if point.kind == kind)
+    curve = continue_boundary(point, ("omega", "gap"), ((0.6, 0.8), (0.9, 1.1)), step=0.05)
+    beside = min(curve.orbits, key=lambda orbit: abs(orbit.value("gap") - 0.95))
+    model, omega = two_masses.replace(gap=beside.value("gap")), beside.value("omega")
+    start = find(model.replace(omega=omega - 0.002), near=beside)[0]
+    crossing = continue_orbit(start, "omega", (omega - 0.004, omega + 0.002))
+    assert min(abs(value - omega) for value in specials(crossing, kind)) < 1e-10
+
+
+def test_the_boundaries_of_a_plane_are_found_without_a_guess():
+    @vi.family
+    def one(gap=0.05, push=1.0):
+        stops = [vi.Stop(direction=1, gap=gap, stiffness=100.0, damping=1.0, name="above")]
+        return bilinear(stops=stops, force=vi.Force(omega=2.45, harmonics={1: push}))
+
+    curves = vi.boundary_curves(one, ("gap", "push"), ((0.02, 0.1), (0.4, 1.5)), n_periods=(1,), lines=2, step=0.2)
+    rays = {curve.kind: [orbit.value("gap") / orbit.value("push") for orbit in curve.orbits] for curve in curves}
+    steady = abs(1.0 / (1.0 - 2.45**2 + 0.05j * 2.45))
+    assert rays["grazing"] == pytest.approx([steady] * len(rays["grazing"]), rel=1e-12)
+    (doubling,) = (
+        point for point in continue_orbit(find(one)[0], "gap", (0.04, 0.06)).special if point.kind == "period_doubling"
+    )
+    assert rays["period_doubling"] == pytest.approx([doubling.value] * len(rays["period_doubling"]), rel=1e-10)
 
 
 # Guesses and refusals

@@ -35,8 +35,8 @@ TERMS = 18  # 1/19! is below rounding
 
 
 def growth(matrix: Floats) -> Floats:
-    """Return exp(`matrix`) - 1, accurate also where that is small: a Taylor series, then squared as often as needed."""
-    size = float(np.abs(matrix).sum(axis=0).max(initial=0.0))
+    """Return exp(`matrix`) - 1 of one or many, accurate where that is small: a Taylor series, squared as is needed."""
+    size = float(np.abs(matrix).sum(axis=-2).max(initial=0.0))
     squarings = max(0, math.frexp(size)[1])
     part = matrix * 0.5**squarings
     found: Floats = part / TERMS
@@ -96,9 +96,10 @@ class Flow:
         self.physical = np.block([[to_displacement, none], [none, to_rate]])
         self._phases: dict[Pushing, Phase] = {}
 
-    def drive(self, angle: float) -> Floats:
-        """Return z at a driving angle."""
-        return np.concatenate([[1.0], np.sin(self.orders * angle), np.cos(self.orders * angle)])
+    def drive(self, angle: float | Floats) -> Floats:
+        """Return z at a driving angle, or a row for each of many."""
+        turned = np.multiply.outer(angle, self.orders)
+        return np.concatenate([np.ones((*turned.shape[:-1], 1)), np.sin(turned), np.cos(turned)], axis=-1)
 
     def phase(self, pushing: Pushing = ()) -> Phase:
         """Return the law while some stops push."""
@@ -134,11 +135,11 @@ class Flow:
         sizes[sizes == 0.0] = 1.0
         return np.block([[matrix, load / sizes], [np.zeros(load.T.shape), self.turning]]), sizes
 
-    def over(self, angle: float, pushing: Pushing = ()) -> tuple[Floats, Floats]:
-        """Return Phi - 1 and Psi of a flight over an angle."""
+    def over(self, angle: float | Floats, pushing: Pushing = ()) -> tuple[Floats, Floats]:
+        """Return Phi - 1 and Psi of a flight over an angle, or of flights over many."""
         phase, n = self.phase(pushing), 2 * self.n
-        grown = growth(phase.whole * angle)
-        moved, driven = grown[:n, :n], grown[:n, n:] * phase.sizes
+        grown = growth(phase.whole * np.asarray(angle)[..., None, None])
+        moved, driven = grown[..., :n, :n], grown[..., :n, n:] * phase.sizes
         if phase.back is None or phase.turned is None:
             return moved, driven
         return phase.back @ moved @ phase.turned, phase.back @ driven
@@ -200,11 +201,15 @@ class Flow:
         """Return c/k of a stop: the rate of the clearance counts so much in its force; 0 of a rigid one."""
         return float(self.viscosity[stop] / self.stiffness[stop]) if self.gives[stop] else 0.0
 
-    def rotation(self, angle: float) -> Floats:
-        """Return by what z is multiplied over an angle."""
-        sine, cosine = np.diag(np.sin(self.orders * angle)), np.diag(np.cos(self.orders * angle))
-        found = np.eye(1 + 2 * len(self.orders))
-        found[1:, 1:] = np.block([[cosine, sine], [-sine, cosine]])
+    def rotation(self, angle: float | Floats) -> Floats:
+        """Return by what z is multiplied over an angle, or over many."""
+        turned = np.multiply.outer(angle, self.orders)
+        found = np.zeros((*turned.shape[:-1], 1 + 2 * len(self.orders), 1 + 2 * len(self.orders)))
+        sine = 1 + np.arange(len(self.orders))
+        cosine = sine + len(self.orders)
+        found[..., 0, 0] = 1.0
+        found[..., sine, sine] = found[..., cosine, cosine] = np.cos(turned)
+        found[..., sine, cosine], found[..., cosine, sine] = np.sin(turned), -np.sin(turned)
         return found
 
     def watched(self, event: Event) -> tuple[Floats, Floats]:

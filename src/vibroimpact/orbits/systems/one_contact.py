@@ -5,11 +5,11 @@ the state x where contact begins follows from 2n equations, and
 
     u = 0 where it begins,    force = 0 where it ends
 
-are trigonometric polynomials in its driving angle. All angles at which the first holds and u falls are known, as in
-`closed_form`; along each the force at the end is a function of tau, and where it changes sign Newton's method for the
-orbit begins. So no guess is needed, and unstable orbits are found, too. Durations are looked at on a grid, finer than a
-tenth of a radian of the fastest rate in contact up to one turn of it, then ever coarser: pairs of orbits between two of
-them are missed, as are contacts in which a stop pushes for many such turns.
+are trigonometric polynomials in its driving angle. At the angles at which the first holds and u falls the force at the
+end is a function of tau, and where it changes sign Newton's method for the orbit begins. So no guess is needed, and
+unstable orbits are found, too. Durations are looked at on a grid, finer than a tenth of a radian of the fastest rate in
+contact up to one turn of it, then ever coarser, and angles on one of 256 a turn: pairs of orbits between two of either
+are missed (of angles those that are about to graze), as are contacts in which a stop pushes for many such turns.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from vibroimpact.cells import Floats
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.systems.admissibility import Leg, courses
-from vibroimpact.orbits.systems.closed_form import roots
 from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.events import IMPACT, LET_GO, Event
 from vibroimpact.orbits.systems.newton import solve
@@ -31,6 +30,7 @@ FINE = 0.1  # radians of the fastest rate in contact
 COARSE = 1.03  # ratio of durations beyond one turn of it
 NEAR = 0.5  # radians: angles at neighbouring durations that belong together
 SAME = 1e-8  # of the orbit's size
+ANGLES = 256  # a turn of the highest order at which contact may begin
 
 
 def one_contact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
@@ -75,9 +75,8 @@ def _durations(cycle: Cycle, stop: int) -> Floats:
 def _starts(cycle: Cycle, stop: int) -> Iterator[Floats]:
     """Yield where Newton's method begins: between durations at which the force at the end changes sign."""
     before: list[tuple[float, float, Floats]] = []
-    last = 0.0
-    for duration in _durations(cycle, stop).tolist():
-        here = _contacts(cycle, stop, duration)
+    durations = _durations(cycle, stop)
+    for last, duration, here in zip([0.0, *durations], durations, _contacts(cycle, stop, durations), strict=False):
         for angle, level, x in here:
             near = [other for other in before if abs((other[0] - angle + 0.5 * TURN) % TURN - 0.5 * TURN) < NEAR]
             for old, was, y in sorted(near, key=lambda other: abs(np.sin(0.5 * (other[0] - angle))))[:1]:
@@ -87,27 +86,35 @@ def _starts(cycle: Cycle, stop: int) -> Iterator[Floats]:
                     begin = old + share * turned
                     end = begin + last + share * (duration - last)
                     yield np.concatenate([[begin, end], y + share * (x - y)])
-        before, last = here, duration
+        before = here
 
 
-def _contacts(cycle: Cycle, stop: int, duration: float) -> list[tuple[float, float, Floats]]:
-    """Return the angles at which contacts of a duration begin, their forces' levels at the end, and the states."""
+def _contacts(cycle: Cycle, stop: int, durations: Floats) -> list[list[tuple[float, float, Floats]]]:
+    """Return the angles at which contacts of each duration begin, their forces' levels at the end, and the states."""
     flow, n = cycle.flow, 2 * cycle.flow.n
-    grown, driven = flow.over(duration, (stop,))
-    flown, blown = flow.over(cycle.length - duration)
-    turned = flow.rotation(duration)
+    grown, driven = flow.over(durations, (stop,))
+    flown, blown = flow.over(cycle.length - durations)
+    turned = flow.rotation(durations)
     whole, load = grown + flown + flown @ grown, driven + flown @ driven + blown @ turned
-    try:
-        state = np.linalg.solve((cycle.sign - 1.0) * np.eye(n) - whole, load)
-    except np.linalg.LinAlgError:
-        return []
-    end = state + grown @ state + driven
-    (begins, bound), (ends, force) = map(flow.watched, cycle.events)
-    touching, level = begins @ state + bound, ends @ end + force @ turned
-    rate = -flow.beta[stop] @ state[flow.n :] + flow.bounds[stop] @ flow.turning
-    found = []
-    for angle in roots(flow.orders, touching):
+    states = _solutions((cycle.sign - 1.0) * np.eye(n) - whole, load)
+    ends = states + grown @ states + driven
+    (begin, bound), (end, force) = map(flow.watched, cycle.events)
+    rates = -flow.beta[stop] @ states[:, flow.n :] + flow.bounds[stop] @ flow.turning
+    levels = end @ ends + force @ turned
+    angles = np.linspace(0.0, TURN, ANGLES * int(flow.orders.max(initial=1.0)) + 1)
+    heights = (begin @ states + bound) @ flow.drive(angles).T
+    found: list[list[tuple[float, float, Floats]]] = [[] for _ in durations]
+    for i, j in np.argwhere((heights[:, :-1] < 0.0) != (heights[:, 1:] < 0.0)).tolist():
+        low, high = heights[i, j : j + 2]
+        angle = angles[j] + low / (low - high) * (angles[j + 1] - angles[j])
         z = flow.drive(angle)
-        if rate @ z < 0.0:
-            found.append((angle, float(level @ z), state @ z))
+        if rates[i] @ z < 0.0:
+            found[i].append((float(angle), float(levels[i] @ z), states[i] @ z))
     return found
+
+
+def _solutions(matrices: Floats, loads: Floats) -> Floats:
+    """Return the solutions of many linear equations, NaN where there is none."""
+    singular = np.linalg.det(matrices) == 0.0
+    found = np.linalg.solve(np.where(singular[:, None, None], np.eye(matrices.shape[-1]), matrices), loads)
+    return np.where(singular[:, None, None], np.nan, found)
