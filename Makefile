@@ -36,7 +36,8 @@ check: $(STAMP)
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/sphinx-build -W --keep-going --quiet -b html -D plot_gallery=0 docs docs/_build/check
+	$(BIN)/sphinx-build -W --keep-going --quiet -b html -D plot_gallery=0 -D nb_execution_mode=off docs docs/_build/check
+	$(BIN)/python -m pytest --quiet tests/test_docs_built.py
 
 # A fresh environment in build/, resolved anew; what it holds is printed before the tests that meet most dependencies.
 check-oldest: EDGE = python3.11 --resolution lowest-direct

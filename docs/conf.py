@@ -12,7 +12,7 @@ author = "The vibroimpact developers"
 release = version = version_of("vibroimpact")
 
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "numpydoc",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
@@ -20,13 +20,16 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "sphinxcontrib.bibtex",
 ]
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "gallery/**.ipynb"]
 templates_path = ["_templates"]
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
 autodoc_typehints = "none"
 bibtex_bibfiles = ["references.bib"]
 bibtex_default_style = "unsrt"
+nb_execution_mode = "cache"  # `make check` turns it off
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
 numfig = True
 numpydoc_show_class_members = False
 

@@ -101,6 +101,16 @@ def bars(ax, part):
     return np.array(collection.get_segments())
 
 
+def test_interactive_mode_that_a_notebook_turns_on_with_its_first_figure_stays_on(monkeypatch):
+    import matplotlib.pyplot as plt
+
+    with mpl.rc_context({"interactive": False}):
+        monkeypatch.setattr(plt, "draw_if_interactive", lambda: mpl.interactive(True))  # as a back end that is loaded
+        plotting.time_history(bouncing())
+        assert mpl.is_interactive()
+    plt.close("all")
+
+
 def test_the_time_history_reaches_the_stop_at_every_impact_and_shades_what_lies_behind(ax):
     assert plotting.time_history(bouncing(), ax) is ax
     x, y = ax.lines[0].get_data()

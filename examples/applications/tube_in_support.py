@@ -132,6 +132,8 @@ def main() -> None:
     hits, up, down = hardest_hits(osc), pass_through(osc, "up"), pass_through(osc, "down")
     print("\n".join(verdict(osc, hits, up, down)))
     draw(osc, hits, up, down)
+    assert abs(float(up.max()) - 0.134) < 0.001  # m/s
+    assert abs(float(down.max()) - 0.077) < 0.001
     plt.show()
 
 

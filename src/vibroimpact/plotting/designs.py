@@ -175,6 +175,7 @@ def comparison_figure(
     import matplotlib.pyplot as plt
 
     oscillators, names, differing = _designs(designs, several("names", names, "two names"))
+    style.load_back_end()
     with mpl.rc_context(style.STYLE):
         figure, axes = plt.subplots(3, 2, figsize=check_size(size), layout="constrained")
     for column, (osc, name, texts) in enumerate(zip(oscillators, names, differing, strict=True)):

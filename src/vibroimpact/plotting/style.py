@@ -116,6 +116,13 @@ def on_axes(draw: Draw) -> Draw:
     return draw
 
 
+def load_back_end() -> None:
+    """Have pyplot load its back end: a notebook's turns interactive mode on, which a context would undo."""
+    import matplotlib.pyplot as plt
+
+    plt.draw_if_interactive()  # type: ignore[no-untyped-call]
+
+
 def new_axes(ax: Axes | None, size: tuple[float, float], title: str = "", projection: str | None = None) -> Axes:
     """Return `ax`, or the axes of a new pyplot figure in the package's style; global settings do not change."""
     if isinstance(ax, Axes):
@@ -124,6 +131,7 @@ def new_axes(ax: Axes | None, size: tuple[float, float], title: str = "", projec
         raise invalid("ax", ax, "axes of matplotlib", "plt.subplots() makes some")
     import matplotlib.pyplot as plt
 
+    load_back_end()
     with mpl.rc_context(STYLE):
         figure = plt.figure(figsize=size, layout="constrained")
         OWN.add(figure)
