@@ -2,6 +2,7 @@
 
 import doctest
 import importlib
+import json
 import pkgutil
 import re
 
@@ -64,6 +65,29 @@ def test_known_cases_are_met_as_closely_as_their_page_says():
         value = eval(line, names)
         assert abs(value - float(known)) <= float(apart), case
         assert abs(value - float(ours)) <= float(apart), case
+
+
+def test_speeds_that_pages_state_are_those_of_the_last_benchmark():
+    run = json.loads((ROOT / "benchmarks" / "results" / "latest.json").read_text())
+    chaotic = {each["name"]: each["cost"]["chaotic"] for each in run["contenders"] if each["cost"]}
+    targets = {each["what"]: each["measured"] for each in run["targets"]}
+    readme, compared = (
+        " ".join(page.read_text().split()) for page in (ROOT / "README.md", DOCS / "about" / "comparison.md")
+    )
+
+    def some(ratio):
+        return f"some {float(f'{ratio:.2g}'):,.0f} times"
+
+    assert f"{chaotic['ours, one core']['ns']:.0f} ns on one core" in readme
+    assert f"{chaotic['ours, all cores']['ns']:.0f} ns on two" in readme
+    assert f"take {targets['the five maps, two cores, closing']:.1f} s" in readme
+    for name in ("the paper's scheme", "heyoka, one orbit", "SciPy DOP853, one orbit"):
+        assert some(chaotic[name]["ratio"]) in readme, name
+    ratios = [chaotic[name]["ratio"] for name in ("heyoka, one orbit", "heyoka, batch", "SciPy DOP853, one orbit")]
+    ratios += [
+        targets[f"heyoka / ours, {what}"] for what in ("two masses and two stops", "one mass and a one-sided spring")
+    ]
+    assert [ratio for ratio in ratios if some(ratio) not in compared] == []
 
 
 @pytest.mark.parametrize("name", MODULES)
