@@ -179,3 +179,23 @@ def test_a_verdict_that_is_stopped_holds_what_was_found():
     assert not verdict.complete
     assert verdict.boundaries == ()
     assert "stopped" in str(verdict)
+
+
+def test_an_orbit_of_two_units_ends_where_both_are_struck_at_once():
+    # Which comes first decides what the other one meets: there the motion jumps, and the orbit does not go on.
+    model = vi.models.two_unit_impact_damper()
+    verdict = vi.describe(model, parameters=["omega"])
+    low, high = (edge.value for edge in verdict.boundaries)
+    assert [edge.kind for edge in verdict.boundaries] == ["impacts_merge"] * 2
+    found = vi.continue_orbit(verdict.orbit, "omega", (0.999 * low, 1.001 * high))
+    for orbit, value, inwards in ((found.orbits[0], low, 1e-6), (found.orbits[-1], high, -1e-6)):
+        assert orbit.value("omega") == pytest.approx(value, rel=1e-10)
+        half = 0.5 * orbit.system.period
+        displacement, velocity, _ = orbit.motion(np.array([half]))
+        start = vi.State(displacement=displacement[0], velocity=velocity[0], time=half)
+        inside = model.replace(omega=value * (1.0 + inwards))
+        section = vi.impact_section(inside, start=start, transient_impacts=4000, sample_impacts=9)
+        apart = np.diff(section["time"].values) / inside.at().period
+        i = int(np.argmin(apart))
+        assert 0.0 < apart[i] < 1e-3
+        assert section["stop"].values[i] != section["stop"].values[i + 1]

@@ -29,6 +29,7 @@ from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 
 ONE_HALF = 1e-6  # halves of a doubled orbit that differ by less are one orbit
+SHARP = 30  # halvings of a step: impacts are apart by more than rounding still
 
 
 def continue_orbit(
@@ -197,6 +198,8 @@ def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Gen
             if graze is not None:
                 way.end = "grazing"
                 way.special.append(graze)
+            elif way.end == "impacts_merge":
+                way.points.append(_last_in_order(here, there))
             return graze
         halved = _halved(here, there)
         if halved is not None:
@@ -245,6 +248,17 @@ def _inside(a: Point, b: Point, longest: float) -> list[Point]:
         return []
     middle = Point(a.system, found, a.system.tangent(found, a.tangent, jacobian))
     return [*_inside(a, middle, longest), middle, *_inside(middle, b, longest)]
+
+
+def _last_in_order(inside: Point, outside: Point) -> Point:
+    """Return the last point between two at which the impacts follow one another in their order."""
+    low, high = inside.x, outside.x
+    for _ in range(SHARP):
+        found, made, _ = inside.system.newton(0.5 * (low + high), high - low)
+        if not made:
+            break
+        low, high = (found, high) if inside.system.in_order(found) else (low, found)
+    return inside if low is inside.x else Point(inside.system, low, inside.system.tangent(low, inside.tangent))
 
 
 def _halved(a: Point, b: Point) -> Solution | None:

@@ -49,6 +49,7 @@ BOUNDARIES = {  # in words
     "none": "none",
     "neimark_sacker": "Neimark-Sacker point",
     "pitchfork": "pitchfork",
+    "impacts_merge": "two stops are struck at once",
 }
 ONSETS = {  # of others, beside a motion without impacts
     "from_some": "lasting impacts from some initial conditions",
@@ -69,9 +70,9 @@ class Edge:
         -1 for smaller values, +1 for larger ones.
     kind : str
         "period_doubling", "period_halving" (the orbit ends where it was born, at a period doubling of another),
-        "fold", "grazing", "neimark_sacker" and "pitchfork" (of systems), "end_of_sticking", "first_contact" and
-        "lift_off" (of a motion without impacts), "pressed_for_ever", "change" (another class of motion, found by
-        bisection), or "none" within the range.
+        "fold", "grazing", "neimark_sacker", "pitchfork" and "impacts_merge" (of systems), "end_of_sticking",
+        "first_contact" and "lift_off" (of a motion without impacts), "pressed_for_ever", "change" (another class of
+        motion, found by bisection), or "none" within the range.
     value : float
         The parameter there; NaN for "none".
     change : float
@@ -79,7 +80,7 @@ class Edge:
     of : str
         What the change is relative to, where that is not the present value: "f/k" for a gap smaller than that.
     half_width : float
-        0 where `value` solves the boundary's own equation (to some 1e-12); else it lies within this of `value`.
+        0 where `value` solves the boundary's own equation (to some 1e-11); else it lies within this of `value`.
     beyond : str
         The motion just beyond, followed across; empty where none was found.
     beyond_at : float
@@ -266,8 +267,17 @@ def _exact(present: Present, side: Found) -> Found | None:
         return None  # the branch runs where its equations have no meaning
 
 
+def _start_of(orbit: Any) -> Start:
+    """Return an impact of an orbit, no graze if it has another, as what to carry across a boundary."""
+    hit = 0 if min(orbit.velocities) > 0.0 else int(np.argmax(orbit.velocities))
+    return Start(0.0, orbit.velocities[hit], orbit.phases[hit])
+
+
 def bifurcation(orbit: Any, side: Found, longest: float = STEP) -> Found | None:
-    """Follow the orbit until it folds, doubles or grazes, in steps of at most `longest` near such points."""
+    """Follow the orbit until it folds, doubles, grazes or strikes two stops at once.
+
+    Steps are at most `longest` near such points.
+    """
     system, z = system_of(orbit, (side.range.name,), ((side.range.low, side.range.high),))
     way = None
     for way in walk(system, system.pack(z), longest, False, side.direction, STRIDES):
@@ -275,13 +285,16 @@ def bifurcation(orbit: Any, side: Found, longest: float = STEP) -> Found | None:
             at = special.orbit
             if at.admissible:
                 value = special.system.values(special.x)[0]
-                hit = 0 if min(at.velocities) > 0.0 else int(np.argmax(at.velocities))
-                start = Start(0.0, at.velocities[hit], at.phases[hit])
                 kind = "period_halving" if at.n_periods < orbit.n_periods else special.kind
-                return replace(side, kind=kind, value=value, start=start)
+                return replace(side, kind=kind, value=value, start=_start_of(at))
         if len(way.points) * orbit.n_impacts > MOST:
             return None
-    return side if way is not None and way.end == "range" else None
+    if way is None or way.end not in ("range", "impacts_merge"):
+        return None
+    if way.end == "range":
+        return side
+    last = way.points[-1]
+    return replace(side, kind="impacts_merge", value=last.system.values(last.x)[0], start=_start_of(last.orbit))
 
 
 def _end_of_sticking(present: Present, side: Found) -> Found:

@@ -192,7 +192,7 @@ def _boundaries(verdict: Verdict) -> Iterator[str]:
             yield f"{down.parameter}: none from {down.searched_to:.4g} to {up.searched_to:.4g}"
     if any(edge.found for edge in edges):
         yield (
-            "these solve the equations of the orbit from rest, to some 1e-12; two of one kind that lie nearer to each "
+            "these solve the equations of the orbit from rest, to some 1e-11; two of one kind that lie nearer to each "
             "other than the steps along it, 2 to 8 % of a range, may both be missed"
         )
     if not edges and verdict.complete and verdict.orbit is not None:
