@@ -1,6 +1,8 @@
 """Settings of the documentation: `make docs` builds all of it, `make check` without running gallery and notebooks."""
 
+import hashlib
 from importlib.metadata import version as version_of
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -10,6 +12,11 @@ from sphinx.util.math import get_node_equation_number
 project = "vibroimpact"
 author = "The vibroimpact developers"
 release = version = version_of("vibroimpact")
+
+# Programs and notebooks run again where they, or the package, have changed.
+_DOCS = Path(__file__).parent
+_SOURCES = sorted((_DOCS.parent / "src").rglob("*.py"))
+_RAN = _DOCS / "_build" / "ran" / hashlib.sha256(b"".join(path.read_bytes() for path in _SOURCES)).hexdigest()[:12]
 
 extensions = [
     "myst_nb",
@@ -28,6 +35,7 @@ autodoc_typehints = "none"
 bibtex_bibfiles = ["references.bib"]
 bibtex_default_style = "unsrt"
 nb_execution_mode = "cache"  # `make check` turns it off
+nb_execution_cache_path = str(_RAN)
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
 numfig = True
@@ -40,6 +48,7 @@ sphinx_gallery_conf = {
     "backreferences_dir": "gallery/used",
     "doc_module": ("vibroimpact",),
     "abort_on_example_error": True,
+    "run_stale_examples": not _RAN.exists(),
     "download_all_examples": False,
     "show_signature": False,
     "write_computation_times": False,
