@@ -4,7 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.set-up
 TELLING := storage stores plotting_maps explorer_controls cli cluster
 
-.PHONY: help demo test check check-oldest check-newest fuzz bench docs figures clean
+.PHONY: help demo test check check-oldest check-newest fuzz bench docs figures dist clean
 
 help:
 	@echo "make demo     the paper's whole study as one HTML report in demo/"
@@ -16,6 +16,7 @@ help:
 	@echo "make bench    how fast the engine is on this machine, beside others"
 	@echo "make docs     the documentation, in docs/_build/html/"
 	@echo "make figures  draw again the pictures of README and documentation"
+	@echo "make dist     build wheel and source archive, and try the wheel alone"
 	@echo "make clean    remove what make made"
 
 $(STAMP): pyproject.toml tools/bootstrap.py
@@ -63,6 +64,9 @@ docs: $(STAMP)
 
 figures: $(STAMP)
 	$(BIN)/python docs/figures.py
+
+dist: $(STAMP)
+	$(BIN)/python tools/dist.py
 
 clean:
 	rm -rf .venv demo docs/_build docs/gallery docs/reference/api/generated build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

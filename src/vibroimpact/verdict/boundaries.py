@@ -289,12 +289,10 @@ def bifurcation(orbit: Any, side: Found, longest: float = STEP) -> Found | None:
                 return replace(side, kind=kind, value=value, start=_start_of(at))
         if len(way.points) * orbit.n_impacts > MOST:
             return None
-    if way is None or way.end not in ("range", "impacts_merge"):
-        return None
-    if way.end == "range":
-        return side
-    last = way.points[-1]
-    return replace(side, kind="impacts_merge", value=last.system.values(last.x)[0], start=_start_of(last.orbit))
+    if way is not None and way.end == "impacts_merge":
+        last = way.points[-1]
+        return replace(side, kind=way.end, value=last.system.values(last.x)[0], start=_start_of(last.orbit))
+    return side if way is not None and way.end == "range" else None
 
 
 def _end_of_sticking(present: Present, side: Found) -> Found:
