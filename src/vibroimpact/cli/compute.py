@@ -77,9 +77,9 @@ def diagram(options: Options) -> None:
       vibroimpact diagram --x omega=0.01:5:1000 --out diagram.png
       vibroimpact diagram --x omega=2:3:400 --direction up --sample-impacts 200
       vibroimpact diagram --x gap=-0.5:0.5:200 -p w=0.9 --section stroboscopic
-      vibroimpact diagram --x w=2:3:400 --indices std --index std --out std.png
+      vibroimpact diagram --x w=2:3:400 --index std --out std.png
     """
-    study = options.study()
+    study = _with_index(options)
     if len(study.axes) != 1:
         got = " and ".join(study.axes) or "none"
         raise WrongRequest(f"a diagram needs exactly one axis, got {got}; for example --x omega=0.025:5:200")
@@ -111,7 +111,7 @@ def parameter_map(options: Options) -> None:
     needed = output.NEEDS.get(options["figure"] or "", ()) if output.is_figure(options) else ()
     if needed and options["indices"] is None:  # those the figure is drawn from
         options = options.with_values(indices=",".join(needed))
-    study = options.study()
+    study = _with_index(options)
     if not study.axes:
         raise WrongRequest("a map needs an axis; for example --x omega=0.025:5:200")
     if study.given.get("by_stop") and output.is_figure(options):
@@ -131,6 +131,15 @@ def parameter_map(options: Options) -> None:
         from vibroimpact.execution.threads import GRACE
 
         _sweep("parameter_map", Meter("map", patience=GRACE), study, options, **study.axes, **more)
+
+
+def _with_index(options: Options) -> Study:
+    """Return the study of a sweep; the index that its figure shows is among those computed."""
+    study, index = options.study(), options["index"]
+    computed = study.given.get("indices", ())
+    if index is None or index in computed:
+        return study
+    return options.with_values(indices=",".join([*computed, index])).study()
 
 
 @o.with_options(

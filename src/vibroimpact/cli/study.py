@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from vibroimpact.cli import WrongRequest, refusing
 from vibroimpact.cli.options import ENDS
+from vibroimpact.cli.units import without_unit
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.parameters import (
@@ -251,8 +252,12 @@ class _Reader:
         found |= {name_of(model, key): (key, value) for key, value in typed.items()}
         for key in [key for name, (key, _) in found.items() if name not in parameters]:
             self.refuse(table, key, parameters)
+
+        def checked(parameter: Parameter, value: Any) -> Any:
+            return check(parameter, without_unit(parameter, value))
+
         known = [(name, *given) for name, given in found.items() if name in parameters]
-        return {name: self.check(table, key, check, parameters[name], value) for name, key, value in known}
+        return {name: self.check(table, key, checked, parameters[name], value) for name, key, value in known}
 
     def entries(self, table: str, entries: Mapping[str, Any]) -> dict[str, Any]:
         """Return the checked entries of a table."""

@@ -1,0 +1,93 @@
+"""Values with units on the command line and in study files, and what follows from other options."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from vibroimpact.cli.study import make_study
+from vibroimpact.cli.units import without_unit
+
+OF = vi.ImpactOscillator.parameters
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "value"),
+    [
+        ("omega", "1500rpm", 50.0 * np.pi),
+        ("omega", "25 Hz", 50.0 * np.pi),
+        ("omega", "25 rad/s", 25.0),
+        ("frequency", "1500rpm", 25.0),
+        ("gap", "-0.5mm", -0.5e-3),
+        ("gap", "1e-3km", 1.0),
+        ("mass", "2.1 kg", 2.1),
+        ("stiffness", "3 kN/mm", 3e6),
+        ("damping", "5 N s/m", 5.0),
+        ("restitution", "80%", 0.8),
+        ("damping_ratio", "2 %", 0.02),
+    ],
+)
+def test_a_value_may_have_a_unit(name, text, value):
+    assert without_unit(OF[name], text) == pytest.approx(value, rel=1e-15)
+    made = make_study({"oscillator": {name: text}}).model
+    assert getattr(made, name) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize("plain", ["2", "1e-3", "-.5", "abc", "", "nan", 0.5, None])
+def test_what_has_no_unit_stays_as_it_is(plain):
+    assert without_unit(OF["gap"], plain) == plain
+
+
+def test_the_first_end_of_a_range_is_in_the_unit_of_the_second():
+    axes = make_study({"axes": {"gap": {"from": 0.5, "to": "2mm", "points": 4}}}).axes
+    assert axes["gap"] == pytest.approx([0.5e-3, 1e-3, 1.5e-3, 2e-3])
+    axes = make_study({"axes": {"omega": {"from": "600rpm", "to": "20Hz", "points": 2}}}).axes
+    assert axes["omega"] == pytest.approx([20.0 * np.pi, 40.0 * np.pi])
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("gap=3s", "`gap` must be a number, or one with a unit that can be turned into m, got '3s'"),
+        ("omega=3furlong", "turned into rad/s"),
+        ("restitution=2mm", "without a unit, or in %"),
+    ],
+)
+def test_a_unit_of_something_else_is_refused_in_a_line(run, given, words):
+    code, told, complaints = run(f"section -p {given}")
+    assert (code, told, len(complaints)) == (2, [], 1)
+    assert words in complaints[0]
+
+
+def test_pint_is_imported_only_where_a_unit_is_written():
+    code = (
+        "import sys; from vibroimpact.cli.study import make_study; make_study({'oscillator': {'gap': GAP}}); "
+        "print('pint' in sys.modules)"
+    )
+    for gap, imported in (("0.5", "False"), ("'5mm'", "True")):
+        command = [sys.executable, "-c", code.replace("GAP", gap)]
+        assert subprocess.run(command, capture_output=True, text=True).stdout.strip() == imported
+
+
+def test_a_frequency_and_a_damping_ratio_are_axes(run):
+    assert run("map --x frequency=24:30rpm:2 --y damping_ratio=1%:2%:2 --sample-impacts 20 -o a.nc")[0] == 0
+    sweep = vi.load("a.nc")
+    assert sweep["frequency"].values == pytest.approx([0.4, 0.5])
+    assert sweep["damping_ratio"].values == pytest.approx([0.01, 0.02])
+
+
+def test_the_index_of_a_figure_is_computed(run, tmp_path):
+    for command in ("map --x w=2:3:4 --index lyapunov", "diagram --x w=2:3:4 --index max_velocity"):
+        assert run(f"{command} --sample-impacts 50 -o a.png --overwrite")[0] == 0
+    assert run("map --x w=2:3:4 --indices std --index lyapunov --sample-impacts 50 -o a.nc")[0] == 0
+    assert {"std", "lyapunov"} <= set(vi.load("a.nc"))
+
+
+def test_the_last_of_repeated_values_wins(run, tmp_path):
+    assert run("section -p w=0.7 -p omega=2 -p w=0.9 --sample-impacts 10 --sample-impacts 20 -o a.nc")[0] == 0
+    section = vi.load("a.nc")
+    assert json.loads(section.attrs["oscillator"])["omega"] == 0.9
+    assert section.sizes["impact"] == 20
