@@ -40,7 +40,7 @@ def received():
 @pytest.fixture
 def controls(received):
     explorer = Idle(received)
-    yield Controls(explorer, received.append)
+    yield Controls(explorer)
     explorer._work.pool.close()
 
 
@@ -139,8 +139,8 @@ def test_the_start_in_the_menu_is_the_one_of_the_view(controls):
 
 
 @pytest.fixture
-def commands(controls):
-    return Commands(controls.explorer, controls)
+def commands(controls, received):
+    return Commands(controls.explorer, controls, received.append)
 
 
 def test_a_typed_number_is_taken_as_typed_and_a_slid_one_with_the_digits_that_a_slider_tells_apart(commands, controls):
@@ -206,3 +206,8 @@ def test_every_key_does_what_the_help_says(commands, controls):
     assert after("redo").x_range == (0.025, 5.0)
     commands.run("along 2.5 2")
     assert explorer.view.osc.mass == 2.5
+
+
+def test_the_kind_of_file_that_is_asked_for_is_passed_on(commands, received):
+    commands.run("export png 3")
+    assert received == ["png"]

@@ -410,30 +410,93 @@ def test_cells_that_hit_from_other_initial_conditions_are_hatched(tab):
     assert 0.05 < tab.evaluate(stripes, hatched) < 0.4
 
 
-CONTRAST = """(element) => {
-  const numbers = (color) => color.match(/[\\d.]+/g).map(Number);
-  const light = ([r, g, b]) => [r, g, b].map((one) => one / 255)
+# What is written, with its contrast against what lies behind it, through all shadow trees; menus are opened first.
+CONTRASTS = """() => {
+  const numbers = (color) => { const [r, g, b, a = 1] = color.match(/[\\d.]+/g).map(Number); return [r, g, b, a]; };
+  const light = (color) => color.slice(0, 3).map((one) => one / 255)
     .map((one) => (one <= 0.04045 ? one / 12.92 : ((one + 0.055) / 1.055) ** 2.4))
     .reduce((sum, one, at) => sum + one * [0.2126, 0.7152, 0.0722][at], 0);
-  let below = element, back = [0, 0, 0, 0];
-  for (; below && back[3] === 0; below = below.assignedSlot || below.parentElement || below.getRootNode().host) {
-    back = numbers(getComputedStyle(below).backgroundColor);
-    if (back.length === 3) back.push(1);
-  }
-  const [dark, bright] = [light(numbers(getComputedStyle(element).color)), light(back)].sort((a, b) => a - b);
-  return (bright + 0.05) / (dark + 0.05); }"""
+  const ratio = (one, other) => {
+    const [low, high] = [light(one), light(other)].sort((a, b) => a - b);
+    return (high + 0.05) / (low + 0.05);
+  };
+  const behind = (element) => {
+    for (let one = element; one; one = one.assignedSlot || one.parentElement || one.getRootNode().host) {
+      const color = numbers(getComputedStyle(one).backgroundColor);
+      if (color[3] > 0) return color;
+    }
+    return [255, 255, 255, 1];
+  };
+  const found = [];
+  const look = (root) => {
+    for (const element of root.querySelectorAll("*")) {
+      if (element.shadowRoot) look(element.shadowRoot);
+      const own = [...element.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim());
+      const typed = element.matches("input:not([type=range]):not([type=checkbox])");
+      const text = typed ? element.value : own ? element.textContent.trim() : "";
+      const seen = element.checkVisibility() || element.matches("option");
+      if (!text || element.matches("style, script") || !seen) continue;
+      const style = getComputedStyle(element);
+      found.push([text, ratio(numbers(style.color), behind(element)), Number(style.opacity)]);
+    }
+  };
+  for (const menu of document.querySelectorAll("details")) menu.open = true;
+  document.querySelector("#tip").hidden = false;
+  const { ink, paper } = Plots.LOOK;
+  document.querySelector("#tip").innerHTML = `tip <b style="color:${ink}; background:${paper}">of plots</b>`;
+  document.querySelector("#message").textContent = "message";
+  document.querySelector("#message").classList.add("shown");
+  document.querySelector("#help").showModal();
+  look(document);
+  return found; }"""
 
 
-def test_words_of_menus_and_buttons_stand_out(tab):
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_all_that_is_written_stands_out_in_light_and_dark(tab, scheme):
     from vibroimpact.explorer.controls import EXPORTS
 
+    tab.emulate_media(color_scheme=scheme)
+    load(tab, f"{SI}&pin=2.1,4.75,26860,5,120,0.7,0.0008", side=64)
+    until(tab, "document.getElementById('others').textContent !== ''")
+    found = tab.evaluate(CONTRASTS)
+    assert {label for label, _ in EXPORTS} <= {text for text, _, _ in found}
+    assert {"↶ Undo", "of plots", "message", "at rest", "here", "0.0005"} <= {text for text, _, _ in found}
+    assert len(found) > 150
+    assert [one for one in found if one[1] < 4.5 or one[2] < 1.0] == []  # WCAG 2.1, 1.4.3, level AA
+    paper = tab.evaluate("[...Motion.plots.history.pen.getImageData(1, 1, 1, 1).data]")
+    assert (paper[0] > 128) is (scheme == "light")
+
+
+def test_plots_follow_the_system_from_light_to_dark_at_once(tab):
     load(tab, side=64)
-    tab.locator(".buttons").get_by_text("Export").click()
-    words = [label for label, _ in EXPORTS] + ["Undo", "Pin point", "Copy link"]
-    for seen in [*(tab.locator("header").get_by_text(label).first for label in words), tab.locator("h1")]:
-        seen.wait_for(state="visible")
-        assert seen.evaluate(CONTRAST) > 4.5  # WCAG 2.1, 1.4.3
-        assert seen.bounding_box()["height"] < 36  # one line
+    picture = "document.getElementById('portrait').toDataURL()"
+    light = tab.evaluate(picture)
+    tab.emulate_media(color_scheme="dark")
+    until(tab, f"{picture} !== {light!r}")
+    assert tab.evaluate("Motion.plots.portrait.pen.getImageData(1, 1, 1, 1).data[0]") < 64
+    tab.emulate_media(color_scheme="light")
+    until(tab, f"{picture} === {light!r}")
+
+
+@pytest.mark.parametrize("width", [390, 768, 1024, 1600])
+def test_the_page_fits_the_width_of_a_phone_a_tablet_and_a_screen(tab, width):
+    tab.set_viewport_size({"width": width, "height": 844})
+    load(tab, SI, side=64)
+    assert tab.evaluate("document.documentElement.scrollWidth") == width
+    boxes = [tab.locator(f"#{name}").bounding_box() for name in ("plane", "point", "controls")]
+    columns = len({box["x"] for box in boxes})
+    assert columns == {390: 1, 768: 1, 1024: 2, 1600: 3}[width]
+    for canvas in tab.locator("main canvas").all():
+        box = canvas.bounding_box()
+        assert box["width"] > 140
+        assert box["height"] > 50
+    beyond = """[...document.querySelectorAll("body *")].filter((one) => one.checkVisibility() && one.id !== "message")
+      .map((one) => [one.tagName, one.id, one.getBoundingClientRect()])
+      .filter(([, , { left, right, width }]) => width && (left < -1 || right > innerWidth + 1))
+      .map(([tag, id]) => tag + id)"""
+    assert tab.evaluate(beyond) == []
+    header = tab.locator("header").bounding_box()
+    assert header["height"] < (130 if width < 768 else 80)
 
 
 @pytest.mark.parametrize(("item", "name", "holds"), [("Python lines (.py)", "view.py", b"parameter_map"),
@@ -441,9 +504,11 @@ def test_words_of_menus_and_buttons_stand_out(tab):
                                                      ("Picture (.png)", "view.png", b"PNG")])  # fmt: skip
 def test_exports_are_files(tab, item, name, holds):
     load(tab)
-    tab.locator(".buttons").get_by_text("Export").click()
+    tab.focus("#export summary")
+    tab.keyboard.press("Enter")
     with tab.expect_download() as waiting:
-        tab.get_by_text(item).click()
+        tab.get_by_role("button", name=item).press("Enter")
+    assert not tab.get_by_role("button", name=item).is_visible()
     assert waiting.value.suggested_filename == name
     with open(waiting.value.path(), "rb") as file:
         assert holds in file.read()

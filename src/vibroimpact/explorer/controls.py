@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from bokeh.layouts import column, row
-from bokeh.models import Button, Checkbox, Div, Dropdown, InlineStyleSheet, Select
+from bokeh.models import Button, Checkbox, Div, InlineStyleSheet, Select
 
 from vibroimpact.explorer.address import BY_NAME, PRESETS, Preset, case_of, ranges_for
 from vibroimpact.explorer.point import Other
@@ -23,16 +23,17 @@ EXPORTS = (
     ("Study file (.toml)", "toml"), ("Python lines (.py)", "py"),
 )  # fmt: skip
 _WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 0}
-_TIGHT = (
-    ":host{font-size:12px} .bk-input{height:24px;min-height:24px;padding:1px 5px;font-size:12px}"
+_COLORS = (
+    ":host{font-size:12px} .bk-input,.bk-btn{background-color:var(--paper)!important;color:var(--ink)!important;"
+    "border-color:var(--edge)!important} .bk-btn:hover{background-color:var(--hover)!important}"
+)
+_TIGHT = _COLORS + (
+    " .bk-input{height:24px;min-height:24px;padding:1px 5px;font-size:12px}"
     " .bk-input-group>label,.bk-input-group>.bk-label{margin:0;font-size:12px}"
 )
-_BAR = (
-    ":host{font-size:12px} .bk-btn{padding:3px 9px;font-size:12px;white-space:nowrap}"
-    " :host{--menu-width:max-content}"  # of Export
-)
+_BAR = _COLORS + (" .bk-btn{padding:3px 9px;font-size:12px;white-space:nowrap}")
 _ABOUT = (
-    "<p style='font-size:11.5px;color:#5b6470;margin:6px 0'>Click a point of the plane to see its motion. Drag "
+    "<p style='font-size:11.5px;color:var(--soft);margin:6px 0'>Click a point of the plane to see its motion. Drag "
     "to move, scroll to zoom. Choose a case above; Help explains terms and keys.</p>"
 )
 
@@ -44,11 +45,9 @@ class Controls:
     ----------
     explorer : Explorer
         The session.
-    export : callable
-        Gets the kind of file that is asked for.
     """
 
-    def __init__(self, explorer: Explorer, export: Callable[[str], Any]) -> None:
+    def __init__(self, explorer: Explorer) -> None:
         self.explorer = explorer
         self._quiet = False
         self._tight, self._bar = InlineStyleSheet(css=_TIGHT), InlineStyleSheet(css=_BAR)
@@ -60,7 +59,7 @@ class Controls:
         self.preset.on_change("value", self._to_preset)
         self.about = Div(text="", sizing_mode="stretch_width", margin=(2, 2, 0, 2))
         self.column = self._controls()
-        self.buttons = self._buttons(export)
+        self.buttons = self._buttons()
 
     # ---- making them
 
@@ -104,7 +103,7 @@ class Controls:
             **_WIDE,
         )
 
-    def _buttons(self, export: Callable[[str], Any]) -> Any:
+    def _buttons(self) -> Any:
         explorer = self.explorer
         style: dict[str, Any] = {"margin": (2, 3, 2, 0), "stylesheets": [self._bar]}
         made: list[Any] = []
@@ -114,9 +113,7 @@ class Controls:
         ):  # fmt: skip
             made.append(Button(label=label, name=f"button_{name}", **style))
             made[-1].on_click(lambda act=act: act())
-        made.append(Dropdown(label="Export", menu=list(EXPORTS), name="menu_export", **style))
-        made[-1].on_click(lambda event: export(event.item))
-        return row(*made, margin=0)
+        return row(*made, margin=0, styles={"flex-wrap": "wrap"})
 
     # ---- what a person did
 
@@ -219,7 +216,7 @@ class Controls:
 
 def _description(case: Preset) -> str:
     return (
-        f"<div style='font-size:11.5px;line-height:1.35;color:#3c4450'><p style='margin:6px 0 3px'>"
+        f"<div style='font-size:11.5px;line-height:1.35;color:var(--soft)'><p style='margin:6px 0 3px'>"
         f"<b>{case.title}.</b> {case.source}</p>"
         f"<p style='margin:0'><b>Idealised:</b> {case.idealised}</p></div>"
     )
@@ -242,11 +239,13 @@ class Commands:
         The session.
     controls : Controls
         They hold the range of each parameter.
+    export : callable
+        Gets the kind of file that is asked for.
     """
 
-    def __init__(self, explorer: Explorer, controls: Controls) -> None:
+    def __init__(self, explorer: Explorer, controls: Controls, export: Callable[[str], Any]) -> None:
         self.last = -1  # the serial number of the last message
-        self._explorer, self._controls = explorer, controls
+        self._explorer, self._controls, self._export = explorer, controls, export
         self._simple: dict[str, Callable[[], Any]] = {
             "undo": explorer.undo,
             "redo": explorer.redo,
@@ -280,6 +279,8 @@ class Commands:
                 self._simple[command]()
             elif command in self._placed:
                 self._placed[command](*map(float, arguments))
+            elif command == "export":
+                self._export(" ".join(arguments))
             elif command in self._named and arguments[:1] and arguments[0] in NAMES:
                 self._named[command](arguments[0], " ".join(arguments[1:]))
 

@@ -43,8 +43,8 @@ class Page:
         self._serial = count()
         self._sent: list[dict[str, Any]] = []
         self.plane, self.point, self.line = PlaneView(), PointView(), LineView()
-        self.controls = Controls(self.explorer, self.export)
-        self.commands = Commands(self.explorer, self.controls)
+        self.controls = Controls(self.explorer)
+        self.commands = Commands(self.explorer, self.controls, self.export)
         self.mail = TextInput(value="", name="mail")
         self.command = TextInput(value="", name="command")
         self.command.on_change("value", lambda attr, old, new: self.commands.run(new))

@@ -26,6 +26,7 @@ from tornado.netutil import bind_sockets
 from tornado.web import ErrorHandler, RequestHandler
 
 from vibroimpact.explorer.address import from_query
+from vibroimpact.explorer.controls import EXPORTS
 from vibroimpact.explorer.page import ROOTS, Page
 from vibroimpact.explorer.plane import Plane
 from vibroimpact.explorer.point import compute_point
@@ -264,6 +265,7 @@ def page_file() -> tuple[str, str]:
         .render(
             page_css=_asset("page.css"),
             help_html=_asset("help.html"),
+            exports=EXPORTS,
             parameters=[(name, parameter_label(name)) for name in NAMES],
             bokeh_version=version("bokeh"),
             roots=list(ROOTS),

@@ -280,7 +280,7 @@ def numbers_table(point: Point, pins: list[Point]) -> str:
         if len(set(values)) > 1:
             rows.append(_row(parameter_label(name, units=False), [f"{value:.5g}" for value in values], unit(name)))
     head = "" if not pins else "<tr><th></th>" + "".join(
-        f"<td style='color:{color};font-weight:bold'>{name}</td>"
+        f"<td style='border-bottom:3px solid {color}'>{name}</td>"
         for name, color in zip(["here", *LETTERS[: len(pins)]], COLORS, strict=False)
     ) + "<td></td></tr>"  # fmt: skip
     half = (len(rows) + 1) // 2

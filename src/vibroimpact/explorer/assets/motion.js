@@ -2,7 +2,7 @@
 window.Motion = (() => {
   "use strict";
   const byId = (id) => document.getElementById(id);
-  const { Plot, MARGINS, quantity, power_of } = window.Plots;
+  const { Plot, LOOK, MARGINS, dark, quantity, power_of } = window.Plots;
   const motions = [], order = [1, 2, 0];  // the present motion lies on top
   let facts = { gap: 0, period: 1, force: 0, low: -1, begin: [], end: [], colors: [] };
   let line = { x: [], y: [], here: 0, color: "#000" };
@@ -46,7 +46,7 @@ window.Motion = (() => {
   };
   const below = new Plot("line", {
     x: "", y: "impact velocity [m/s]", title: "Impacts of the motion from rest", fixed: MARGINS, still: true,
-    paint: (plot) => { plot.dots(line.x, line.y, "#222", 1.6); plot.rule("x", line.here, line.color, [6, 4]); },
+    paint: (plot) => { plot.dots(line.x, line.y, LOOK.ink, 1.6); plot.rule("x", line.here, line.color, [6, 4]); },
   });
 
   // ---- the mass against its stop
@@ -70,7 +70,7 @@ window.Motion = (() => {
     const side = 13, left = 96, right = width - 130, middle = height / 2;
     const x = left + (at - facts.low) * (right - left) / Math.max(facts.gap - facts.low, 1e-300);
     const trace = (color, wide, path) => { pen.strokeStyle = pen.fillStyle = color; pen.lineWidth = wide; pen.beginPath(); path(); pen.stroke(); };
-    trace("#5b6470", 1.3, () => {
+    trace(LOOK.soft, 1.3, () => {
       pen.moveTo(12, 6); pen.lineTo(12, height - 6);
       pen.moveTo(12, middle);
       const from = 20, to = x - 2 * side;
@@ -78,12 +78,12 @@ window.Motion = (() => {
       pen.lineTo(to, middle);
     });
     pen.fillStyle = "#0072b2"; pen.fillRect(x - 2 * side, middle - side, 2 * side, 2 * side);
-    pen.fillStyle = "#444"; pen.fillRect(right, 4, 3, height - 8);
-    trace("#999", 1, () => { for (let i = 4; i < height - 4; i += 6) { pen.moveTo(right + 3, i + 5); pen.lineTo(right + 9, i); } });
+    pen.fillStyle = LOOK.frame; pen.fillRect(right, 4, 3, height - 8);
+    trace(LOOK.soft, 1, () => { for (let i = 4; i < height - 4; i += 6) { pen.moveTo(right + 3, i + 5); pen.lineTo(right + 9, i); } });
     const push = facts.force * Math.sin(2 * Math.PI * time / facts.period) * 26, tip = x - side + push, above = middle - side - 4;
     trace("#d55e00", 2, () => { pen.moveTo(x - side, above); pen.lineTo(tip, above); });
     if (Math.abs(push) > 3) { pen.beginPath(); pen.moveTo(tip + 4 * Math.sign(push), above); pen.lineTo(tip, above - 4); pen.lineTo(tip, above + 4); pen.fill(); }
-    pen.fillStyle = "#222"; pen.font = "12px Arial, sans-serif";
+    pen.fillStyle = LOOK.ink; pen.font = "12px Arial, sans-serif";
     const { x: [, last], y: [lowest, highest] } = plots.history.home, most = Math.max(Math.abs(lowest), Math.abs(highest));
     pen.fillText(`t = ${quantity(time, "s", 4, power_of(last))}`, right + 18, middle - 3);
     pen.fillText(`y = ${quantity(at, "m", 3, power_of(most))}`, right + 18, middle + 13);
@@ -107,6 +107,7 @@ window.Motion = (() => {
   };
   byId("play").addEventListener("click", play);
   window.addEventListener("resize", draw_mass);
+  dark.addEventListener("change", draw_mass);
 
   // ---- what the server sends
   const takes = {

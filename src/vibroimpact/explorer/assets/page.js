@@ -39,7 +39,13 @@
 
   read.last = -1;
 
-  // ---- link, help, keys
+  // ---- export, link, help, keys
+  const menu = byId("export");
+  menu.addEventListener("click", ({ target }) => {
+    if (target instanceof HTMLButtonElement) { command(`export ${target.value}`); menu.open = false; }
+  });
+  menu.addEventListener("keydown", ({ key }) => { if (key === "Escape") { menu.open = false; menu.firstElementChild.focus(); } });
+  document.addEventListener("click", ({ target }) => { if (!menu.contains(target)) menu.open = false; });
   byId("copy").addEventListener("click", async () => {
     write();
     try { await navigator.clipboard.writeText(location.href); say("Link copied."); }

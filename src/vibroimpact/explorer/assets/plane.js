@@ -1,7 +1,7 @@
 // The plane: a picture of a value for every pair of two parameters, and what lies over it.
 window.Plane = (() => {
   "use strict";
-  const { Plot, MARGINS, quantity } = window.Plots;
+  const { Plot, LOOK, MARGINS, quantity } = window.Plots;
   const INK = "#222", REST = 150, HOVER = 60;  // ms after the last turn of the wheel, before the server is told; before the text
   let picture = null, curves = { lengths: [], places: [], colors: [], words: [] }, pending = null;
   let marks = { x: 0, y: 0, along: "x", pins: [] };
@@ -43,7 +43,7 @@ window.Plane = (() => {
   };
   const paint = (plot) => {
     const { pen } = plot;
-    pen.fillStyle = "#eef0f2";
+    pen.fillStyle = LOOK.empty;
     pen.fillRect(plot.left, plot.top, plot.width, plot.height);
     if (picture) {
       const { x, y } = picture, left = plot.px(x[0]), top = plot.py(y[1]);
@@ -62,7 +62,7 @@ window.Plane = (() => {
     plot.rule(marks.along === "x" ? "y" : "x", marks.along === "x" ? marks.y : marks.x, "#fff", [6, 4]);
     for (const [x, y, color, letter] of marks.pins) {
       disc(pen, plot.px(x), plot.py(y), 8.5, color, "#fff", 1.5);
-      Object.assign(pen, { fillStyle: "#fff", textAlign: "center", textBaseline: "middle", font: "bold 11px Arial, sans-serif" });
+      Object.assign(pen, { fillStyle: "#000", textAlign: "center", textBaseline: "middle", font: "bold 11px Arial, sans-serif" });
       pen.fillText(letter, plot.px(x), plot.py(y) + 0.5);
     }
     for (const [color, width] of [["#fff", 4], [INK, 1.8]]) cross(pen, plot.px(marks.x), plot.py(marks.y), color, width);
@@ -78,7 +78,7 @@ window.Plane = (() => {
     bar() {
       const { pen, top, height } = this, { scale: colors, ticks, low, high } = picture, left = this.left + this.width + 6, step = height / colors.length;
       colors.forEach((color, number) => { pen.fillStyle = color; pen.fillRect(left, top + height - (number + 1) * step, 10, step + 0.6); });
-      Object.assign(pen, { fillStyle: INK, textAlign: "left", textBaseline: "middle" });
+      Object.assign(pen, { fillStyle: LOOK.ink, textAlign: "left", textBaseline: "middle" });
       for (const [value, word] of ticks) {
         const y = top + height * (high - value) / (high - low);
         pen.fillRect(left + 10, y - 0.5, 3, 1);

@@ -2,8 +2,17 @@
 // few milliseconds, so that the motion is there with the click.
 window.Plots = (() => {
   "use strict";
-  const INK = "#222", FRAME = "#555", GRID = "#e8e8e8", STEPS = [1, 2, 5, 10];
+  const STEPS = [1, 2, 5, 10];
   const UNIT = /^(.*?)(?: \[(.*)\])?$/;  // of an axis label: what it is, its unit
+  // The page's colours, in which plots are drawn; they change with the system's wish for dark or light.
+  const LOOK = {}, plots = new Set(), dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const dress = () => {
+    const style = getComputedStyle(document.documentElement);
+    for (const name of ["ink", "soft", "frame", "grid", "paper", "wall", "stripes", "empty"]) LOOK[name] = style.getPropertyValue(`--${name}`);
+    for (const plot of plots) plot.draw();
+  };
+  dress();
+  dark.addEventListener("change", dress);
   const minus = (text) => text.replace(/-/g, "−");
 
   // Units with a prefix as the package's figures have them: 0.1 to 100 of it; powers of ten before others.
@@ -47,6 +56,7 @@ window.Plots = (() => {
       this.place = this.canvas.parentElement.appendChild(document.createElement("output"));
       this.home = { x: [0, 1], y: [0, 1] };
       this.reset();
+      plots.add(this);
       new ResizeObserver(() => this.draw()).observe(this.canvas);
       this.listen();
     }
@@ -152,7 +162,7 @@ window.Plots = (() => {
       const [w, h] = [Math.round(wide * ratio), Math.round(high * ratio)];
       if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
       pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-      pen.fillStyle = "#fff";
+      pen.fillStyle = LOOK.paper;
       pen.fillRect(0, 0, wide, high);
       const letter = window.innerWidth >= 1700 ? 13 : 11;
       pen.font = `${letter}px Arial, Helvetica, sans-serif`;
@@ -173,7 +183,7 @@ window.Plots = (() => {
       pen.clip();
       this.paint(this);
       if (this.held && this.held.box && this.held.now) {
-        Object.assign(pen, { strokeStyle: INK, lineWidth: 1, fillStyle: "rgba(255, 255, 255, .3)" });
+        Object.assign(pen, { strokeStyle: LOOK.ink, lineWidth: 1, fillStyle: "rgba(255, 255, 255, .3)" });
         const box = [this.held.x, this.held.y, this.held.now[0] - this.held.x, this.held.now[1] - this.held.y];
         pen.fillRect(...box);
         pen.strokeRect(...box);
@@ -188,16 +198,16 @@ window.Plots = (() => {
         const [, name, unit = ""] = text.match(UNIT), scaled = scaled_unit(unit, power);
         return `${name}${base ? ` − ${minus(String(base))}${power && unit ? ` ${unit}` : ""}` : ""}${scaled ? ` [${scaled}]` : ""}`;
       };
-      stroke(GRID, () => {
+      stroke(LOOK.grid, () => {
         for (const x of columns.at) { pen.moveTo(sharp(this.px(x)), top); pen.lineTo(sharp(this.px(x)), bottom); }
         for (const y of rows.at) { pen.moveTo(left, sharp(this.py(y))); pen.lineTo(left + width, sharp(this.py(y))); }
       });
-      stroke(FRAME, () => {
+      stroke(LOOK.frame, () => {
         pen.moveTo(sharp(left), top); pen.lineTo(sharp(left), sharp(bottom)); pen.lineTo(left + width, sharp(bottom));
         for (const x of columns.at) { pen.moveTo(sharp(this.px(x)), bottom); pen.lineTo(sharp(this.px(x)), bottom + 5); }
         for (const y of rows.at) { pen.moveTo(left, sharp(this.py(y))); pen.lineTo(left - 5, sharp(this.py(y))); }
       });
-      pen.fillStyle = INK;
+      pen.fillStyle = LOOK.ink;
       pen.textAlign = "center";
       pen.textBaseline = "top";
       for (const x of columns.at) pen.fillText(columns.word(x), this.px(x), bottom + 7);
@@ -241,7 +251,7 @@ window.Plots = (() => {
     // Small triangles that point down at the places along a height.
     marks(x, y, color) {
       const { pen } = this, b = this.py(y);
-      Object.assign(pen, { fillStyle: color, strokeStyle: "#fff", lineWidth: 1 });
+      Object.assign(pen, { fillStyle: color, strokeStyle: LOOK.paper, lineWidth: 1 });
       pen.beginPath();
       let last = -Infinity;
       for (const one of x) {
@@ -284,9 +294,9 @@ window.Plots = (() => {
       pen.beginPath();
       pen.rect(x, this.top, right - x, bottom - this.top);
       pen.clip();
-      pen.fillStyle = "#e2e2e2";
+      pen.fillStyle = LOOK.wall;
       pen.fillRect(x, this.top, right - x, bottom - this.top);
-      Object.assign(pen, { strokeStyle: "#b8b8b8", lineWidth: 1 });
+      Object.assign(pen, { strokeStyle: LOOK.stripes, lineWidth: 1 });
       pen.beginPath();
       const tall = bottom - this.top;
       for (let a = x - tall - ((x - tall) % 6); a < right; a += 6) { pen.moveTo(a, bottom); pen.lineTo(a + tall, this.top); }
@@ -298,5 +308,5 @@ window.Plots = (() => {
   // pixels beside the plane and beside the diagram below it, whose axes stand over each other
   const MARGINS = [62, 66];
 
-  return { Plot, MARGINS, minus, quantity, power_of };
+  return { Plot, LOOK, MARGINS, dark, minus, quantity, power_of };
 })();
