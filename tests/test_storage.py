@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -104,15 +105,17 @@ def test_a_zarr_store_is_format_3_and_its_root_holds_result_variables_only(tmp_p
 
 def test_csv_of_a_map_has_a_row_a_cell_and_statuses_in_words(tmp_path):
     path = vi.save(sweep(), tmp_path / "map.csv")
-    table = pd.read_csv(path, comment="#")
+    table = pd.read_csv(path)
     assert list(table.columns) == ["omega", "mass", "std", "status"]
     assert len(table) == 6
     assert table.status.tolist() == ["closed", "closed", "ok", "sticking", "ok", "no_impact"]
-    assert "# omega: angular driving frequency [rad/s]" in path.read_text().splitlines()
+    labels = json.loads((tmp_path / "map.csv.json").read_text())
+    assert labels["columns"]["omega"] == {"meaning": "angular driving frequency", "units": "rad/s"}
+    assert labels["provenance"]["oscillator"]["damping"] == 0.01
 
 
 def test_csv_of_a_diagram_has_a_row_an_impact_and_one_for_a_cell_without_impacts(tmp_path):
-    table = pd.read_csv(vi.save(diagram(), tmp_path / "diagram.csv"), comment="#")
+    table = pd.read_csv(vi.save(diagram(), tmp_path / "diagram.csv"))
     assert table.omega.tolist() == [1.0, 1.0, 2.0, 3.0]
     assert table.velocity.tolist()[:3] == [1.0, 2.0, 3.0]
     assert np.isnan(table.velocity[3])
@@ -120,7 +123,7 @@ def test_csv_of_a_diagram_has_a_row_an_impact_and_one_for_a_cell_without_impacts
 
 
 def test_csv_of_a_simulation_says_what_each_row_records(tmp_path):
-    table = pd.read_csv(vi.save(simulation(), tmp_path / "orbit.csv"), comment="#")
+    table = pd.read_csv(vi.save(simulation(), tmp_path / "orbit.csv"))
     assert table.record.tolist() == ["impact"] * 2 + ["stick"] + ["time"] * 3
     assert table.impact_velocity.dropna().tolist() == [1.0, 0.5]
     assert table.displacement.dropna().tolist() == [-1.0, -0.5, 0.0]
@@ -206,7 +209,7 @@ def result():
 @pytest.mark.parametrize("kind", RESULTS)
 def test_every_value_of_every_variable_reaches_the_csv(tmp_path, kind, result):
     dataset = result(kind)
-    table = pd.read_csv(vi.save(dataset, tmp_path / "result.csv"), comment="#", low_memory=False)
+    table = pd.read_csv(vi.save(dataset, tmp_path / "result.csv"), low_memory=False)
     for name, held in dataset.variables.items():
         column = table[name].dropna()
         told = {value if isinstance(value, str) else f"{value:.12g}" for value in column.tolist()}
@@ -240,7 +243,7 @@ def test_a_stored_map_has_its_variables_in_the_order_of_the_map_in_memory(tmp_pa
 
 def test_csv_of_a_branch_says_of_each_row_whether_it_is_an_orbit_a_multiplier_or_a_special_point(tmp_path, result):
     dataset = result("branch")
-    table = pd.read_csv(vi.save(dataset, tmp_path / "branch.csv"), comment="#")
+    table = pd.read_csv(vi.save(dataset, tmp_path / "branch.csv"))
     assert table.record.value_counts().to_dict() == {
         "point x impact": dataset.sizes["point"],
         "point x multiplier": 2 * dataset.sizes["point"],
@@ -255,14 +258,14 @@ def test_csv_of_a_branch_says_of_each_row_whether_it_is_an_orbit_a_multiplier_or
 
 def test_csv_leaves_out_padding_but_no_cell_without_a_value(tmp_path, result):
     dataset = result("basins and their attractors")
-    table = pd.read_csv(vi.save(dataset, tmp_path / "basins.csv"), comment="#")
+    table = pd.read_csv(vi.save(dataset, tmp_path / "basins.csv"))
     points = table[table.record == "attractor_id x point"]
     assert len(points) == int(np.isfinite(dataset["point_velocity"]).sum())
-    assert len(pd.read_csv(vi.save(sweep()[["std"]], tmp_path / "std.csv"), comment="#")) == sweep()["std"].size
+    assert len(pd.read_csv(vi.save(sweep()[["std"]], tmp_path / "std.csv"))) == sweep()["std"].size
 
 
 def test_csv_of_a_motion_without_impacts_tells_its_status(tmp_path):
-    table = pd.read_csv(vi.save(never_hits(), tmp_path / "none.csv"), comment="#")
+    table = pd.read_csv(vi.save(never_hits(), tmp_path / "none.csv"))
     assert table.status.dropna().tolist() == ["no_impact"]
 
 
@@ -313,7 +316,7 @@ def test_an_existing_output_is_kept_unless_overwriting_is_allowed(tmp_path, endi
     vi.save(sweep(2.0), path, overwrite=True)
     if ending in (".zarr", ".nc"):
         assert vi.load(path)["std"][0, 0] == 2.0
-    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    assert names(tmp_path) == [path.name]
 
 
 def test_a_folder_that_is_no_store_is_never_replaced(tmp_path):
@@ -354,7 +357,8 @@ def test_a_write_that_breaks_off_leaves_what_was_there_and_nothing_else(tmp_path
 
 
 def names(folder: Path) -> list[str]:
-    return sorted(entry.name for entry in folder.iterdir())
+    """Return the names in a folder, but for the labels beside a table."""
+    return sorted(entry.name for entry in folder.iterdir() if not entry.name.endswith(".csv.json"))
 
 
 def test_an_old_store_comes_back_if_the_new_one_cannot_be_moved(tmp_path, monkeypatch):

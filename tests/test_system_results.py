@@ -230,7 +230,7 @@ def test_a_result_is_loaded_as_it_was_saved_without_a_warning(recwarn, tmp_path,
 def test_a_table_of_impacts_names_the_stop_of_each(tmp_path):
     pandas = pytest.importorskip("pandas")
     hits = vi.impact_section(two_masses(), **SHORT)
-    table = pandas.read_csv(vi.save(hits, tmp_path / "hits.csv"), comment="#")
+    table = pandas.read_csv(vi.save(hits, tmp_path / "hits.csv"))
     rows = table[table["stop"].isin(two_masses().stop_names)]
     assert rows["stop"].tolist() == hits["stop"].values.tolist()
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from vibroimpact.cells import Tiling
 from vibroimpact.dataset import check_attributes
-from vibroimpact.formats import WRITERS, in_order
+from vibroimpact.formats import WRITERS, in_order, write_labels
 from vibroimpact.parameters import check_fits, invalid, truth
 
 if TYPE_CHECKING:
@@ -59,10 +59,10 @@ def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
 
     Notes
     -----
-    A `.csv` starts with lines ``# name: meaning [unit]``; ``pandas.read_csv(path, comment="#")`` reads it. Then comes
-    one row per cell, impact, sample or time. Where a result has variables over dimensions that do not nest, a first
-    column `record` names the dimensions of each row, such as `time` or `point x impact`; variables over fewer of them
-    are repeated in each row. Padding is left out; statuses, kinds and other codes are written as words.
+    A `.csv` has one row per cell, impact, sample or time, as ``pandas.read_csv(path)`` reads it; what its columns mean,
+    their units and where it comes from stand beside it, as `NAME.csv.json`. Where a result has variables over
+    dimensions that do not nest, a first column `record` names the dimensions of each row, such as `time` or `point x
+    impact`; variables over fewer of them are repeated. Padding is left out; statuses, kinds and other codes are words.
 
     Examples
     --------
@@ -84,6 +84,9 @@ def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
     target = check_output(path, overwrite=overwrite)
     with replacing(target, overwrite=overwrite) as part:
         WRITERS[target.suffix.lower()](dataset, part)
+    if target.suffix.lower() == ".csv":
+        with replacing(_labels(target), overwrite=overwrite) as part:
+            write_labels(dataset, part)
     return target
 
 
@@ -199,6 +202,11 @@ def _restored(dataset: xr.Dataset) -> xr.Dataset:
     return in_order(dataset)
 
 
+def _labels(table: Path) -> Path:
+    """Return the name of the file beside a table that says what its columns mean."""
+    return table.with_name(f"{table.name}.json")
+
+
 def check_output(
     path: str | os.PathLike[str], *, overwrite: bool = False, endings: Sequence[str] = DATA_ENDINGS
 ) -> Path:
@@ -216,6 +224,8 @@ def check_output(
     target, shown, overwrite = _path("out", path), repr(str(path)), truth("overwrite", overwrite)
     if target.suffix.lower() not in endings:
         raise ValueError(f"`out` must end in {', '.join(endings[:-1])} or {endings[-1]}, got {shown}")
+    if target.suffix.lower() == ".csv":
+        check_output(_labels(target), overwrite=overwrite, endings=(".json",))
     if not target.parent.is_dir():
         raise FileNotFoundError(f"`out` {shown}: its folder does not exist; create {str(target.parent)!r} first")
     if not os.access(target.parent, os.W_OK | os.X_OK):

@@ -66,12 +66,25 @@ def in_order(dataset: xr.Dataset) -> xr.Dataset:
 def _write_csv(dataset: xr.Dataset, part: Path) -> None:
     tables = {" x ".join(dims) or "result": _table(dataset, dims) for dims in _outermost(dataset)}
     with part.open("w", encoding="utf-8", newline="") as file:
-        for name, value in dataset.attrs.items():
-            file.write(f"# {name}: {' '.join(str(value).splitlines())}\n")
-        for name in dict.fromkeys(column for table in tables.values() for column in table.columns):
-            attrs = dataset[name].attrs if name in dataset.variables else {}
-            file.write(f"# {name}: {attrs.get('long_name', 'number')} [{attrs.get('units', '1')}]\n")
         _joined(tables).to_csv(file, index=False)
+
+
+def write_labels(dataset: xr.Dataset, part: Path) -> None:
+    """Write what a table cannot hold, as JSON: what its columns mean, in which units, and where it comes from."""
+    columns = {
+        str(name): {"meaning": v.attrs.get("long_name", "number"), "units": v.attrs.get("units", "1")}
+        for name, v in dataset.variables.items()
+    }
+    content = {"columns": columns, "provenance": {str(name): _parsed(value) for name, value in dataset.attrs.items()}}
+    part.write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _parsed(value: Any) -> Any:
+    """Return an attribute as plain numbers, texts, lists and dictionaries."""
+    try:
+        return json.loads(value)
+    except (TypeError, ValueError):
+        return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _outermost(dataset: xr.Dataset) -> list[tuple[str, ...]]:
