@@ -87,3 +87,18 @@ def test_periods_that_cannot_be_counted_are_refused():
     late = vi.State(0.0, 1.0, time=1e18)
     with pytest.raises(ValueError, match=r"`start` must have a time of less than 2\^53 driving periods.*got 1e\+18"):
         vi.stroboscopic_section(vi.ImpactOscillator(), start=late)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [vi.ImpactOscillator(omega=0.9, gap=0.1), vi.ImpactOscillator(omega=0.2), vi.models.two_sided_oscillator()],
+    ids=["knocks", "sticks", "between stops"],
+)
+def test_a_motion_of_which_periods_are_skipped_is_the_end_of_the_whole_one(model):
+    whole = vi.simulate(model, periods=33, samples_per_period=20)
+    late = vi.simulate(model, periods=3, skip_periods=30, samples_per_period=20)
+    assert late["time"].values.tolist() == whole["time"].values[600:].tolist()
+    np.testing.assert_allclose(late["displacement"], whole["displacement"][600:], rtol=0, atol=1e-12)
+    hits = whole["impact_time"].values
+    assert late["impact_time"].values.tolist() == hits[hits >= late["time"].values[0]].tolist()
+    assert (late["release_time"].values >= late["time"].values[0]).all()

@@ -83,6 +83,7 @@ def simulate(
     *,
     start: State | None = None,
     periods: float = 20,
+    skip_periods: int = 0,
     samples_per_period: int = 200,
     backend: str = "cpu",
     time_step: float | None = None,
@@ -101,6 +102,8 @@ def simulate(
         Initial condition; None is at rest at min(0, gap) at time 0.
     periods : float, > 0
         How long, in driving periods T = 2 pi / omega.
+    skip_periods : int, >= 0
+        Driving periods that pass before, and are left out.
     samples_per_period : int, >= 1
         Displacements and velocities given a period; impacts are found exactly, whatever this is.
     backend : str
@@ -142,11 +145,22 @@ def simulate(
     orbit = _Orbit(osc, start, backend, time_step, tolerances)
     length = positive_number("periods", periods)
     density = whole_number("samples_per_period", samples_per_period, 1)
-    window = StroboscopicWindow(0, int(np.floor(length * density + 1e-9)) + 1, None, density)
+    skipped = whole_number("skip_periods", skip_periods, 0)
+    window = StroboscopicWindow(skipped, int(np.floor(length * density + 1e-9)) + 1, None, density)
     seen, seconds = orbit.samples(window)
     found = trajectory_of(seen, seconds, orbit.made) | {"status": status_variable((), seen.status)}
     coords = {"time": found.pop("time")}
-    return dataset_of(found, coords, orbit.provenance("simulate", periods=length, samples_per_period=density))
+    asked = {"periods": length, "skip_periods": skipped, "samples_per_period": density}
+    motion = dataset_of(found, coords, orbit.provenance("simulate", **asked))
+    return _since(motion, motion["time"].values[:1]) if skipped else motion
+
+
+def _since(motion: xr.Dataset, first: Floats) -> xr.Dataset:
+    """Return a motion without the impacts, and the sticks, that were over when it was first looked at."""
+    over = {"impact": motion["impact_time"].values}
+    if "release_time" in motion:
+        over["stick"] = np.nan_to_num(motion["release_time"].values, nan=np.inf)
+    return motion.isel({dim: ends >= first if len(first) else ends < 0.0 for dim, ends in over.items()})
 
 
 def measure_orbit(

@@ -250,6 +250,7 @@ PERIODS = (
 )
 DURATION = (
     _sampling("periods", "N", "Driving periods to compute. (default: 20)"),
+    _sampling("skip_periods", "N", "Driving periods that pass before. (default: 0)"),
     _sampling("samples_per_period", "N", "Samples per driving period. (default: 200)"),
 )
 OTHERS = replace(
@@ -258,9 +259,7 @@ OTHERS = replace(
 ON_STOP = Option(
     "stop", "NAME", "Of a system: the stop that the impacts strike; the only one need not be named.", "Axes"
 )
-START_PHASE = Option(
-    "phase", "PHI", "Phase of all initial states, with displacement. (default: 0)", "Axes", table="sampling"
-)
+START_PHASE = Option("phase", "PHI", "Phase of states, with displacement. (default: 0)", "Axes", table="sampling")
 
 # How it is computed
 

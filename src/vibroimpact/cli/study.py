@@ -60,6 +60,10 @@ def _count(name: str, value: Any) -> int:
     return whole_number(name, value, 1)
 
 
+def _none_or_more(name: str, value: Any) -> int:
+    return whole_number(name, value, 0)
+
+
 def _several(name: str, value: Any) -> int:
     return whole_number(name, value, 2)
 
@@ -84,7 +88,13 @@ def _coordinates(name: str, value: Any) -> Any:
 
 
 TABLES: dict[str, dict[str, Callable[[str, Any], Any]]] = {
-    "sampling": {**_part_of(Sampling), "phase": phase_number, "periods": positive_number, "samples_per_period": _count},
+    "sampling": {
+        **_part_of(Sampling),
+        "phase": phase_number,
+        "periods": positive_number,
+        "skip_periods": _none_or_more,
+        "samples_per_period": _count,
+    },
     "start": {"displacement": _coordinates, "velocity": _coordinates, "time": real_number},
     "tolerances": _part_of(Tolerances),
     "run": {
@@ -97,7 +107,7 @@ TABLES: dict[str, dict[str, Callable[[str, Any], Any]]] = {
         "early_closing": _flag,
         "by_stop": _flag,
         "starts": _several,
-        "coordinate": lambda name, value: whole_number(name, value, 0),
+        "coordinate": _none_or_more,
     },
 }
 
