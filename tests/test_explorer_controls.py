@@ -11,7 +11,7 @@ from vibroimpact.explorer.address import BY_NAME, PRESETS
 from vibroimpact.explorer.controls import Commands, Controls
 from vibroimpact.explorer.point import Other
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import NAMES, View
+from vibroimpact.explorer.state import View
 from vibroimpact.oscillator import ImpactOscillator, State
 
 MOVED = View(
@@ -59,7 +59,7 @@ def test_widgets_show_all_of_a_view(controls):
         controls.explorer.view = view
         controls.show_view(view)
         assert shown(controls) == replace(view, case="")
-        assert list(controls.rows()) == list(NAMES)
+        assert list(controls.rows()) == list(controls.explorer.view.osc.values)
         for value, low, high in controls.rows().values():
             assert low <= value <= high
 

@@ -12,12 +12,14 @@ import pytest
 
 import vibroimpact as vi
 from vibroimpact.backends.cpu import CpuBackend
-from vibroimpact.explorer.files import KINDS, export, open_study, python_lines, study_file
+from vibroimpact.explorer.files import KINDS, export, python_lines, study_file
+from vibroimpact.explorer.limits import FINEST, granted
 from vibroimpact.explorer.plane import OTHERS, SIDES, Curves, Plane, bands, find_curves, lattice, positions
 from vibroimpact.explorer.point import Other, compute_point
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.shades import name_of, shades
-from vibroimpact.explorer.state import FINEST, View, granted
+from vibroimpact.explorer.state import View
+from vibroimpact.explorer.stored import open_study
 from vibroimpact.explorer.views import PlaneView, PointView, one_turn
 from vibroimpact.explorer.work import Pool, Urgency
 from vibroimpact.motion import MotionClass

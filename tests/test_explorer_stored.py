@@ -7,10 +7,11 @@ import pytest
 import xarray as xr
 
 import vibroimpact as vi
-from vibroimpact.explorer.files import export, open_study
+from vibroimpact.explorer.files import export
+from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.shades import shades
-from vibroimpact.explorer.state import FINEST
+from vibroimpact.explorer.stored import open_study
 from vibroimpact.oscillator import ImpactOscillator
 
 OMEGA, MASS = np.linspace(1.9, 2.1, 6), np.linspace(0.9, 1.1, 5)

@@ -15,10 +15,11 @@ import pytest
 import vibroimpact as vi
 from vibroimpact.explorer import plane, session, work
 from vibroimpact.explorer.files import export
+from vibroimpact.explorer.limits import FINEST, granted
 from vibroimpact.explorer.plane import SIDES, Plane, bands, compute_line, find_curves
 from vibroimpact.explorer.point import find_others
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import FINEST, View, granted
+from vibroimpact.explorer.state import View
 from vibroimpact.explorer.work import Clock, Pool, Urgency
 from vibroimpact.oscillator import ImpactOscillator
 

@@ -25,7 +25,7 @@ from vibroimpact import parameters, request
 from vibroimpact.cli import Ended, main
 from vibroimpact.cli.files import sentences_of_store
 from vibroimpact.execution.store import SweepStore
-from vibroimpact.explorer.files import open_study
+from vibroimpact.explorer.stored import open_study
 from vibroimpact.guard import GuardedStore, unpacked_size
 
 OSC = vi.ImpactOscillator()

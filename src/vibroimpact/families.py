@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import inspect
 import sys
+import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from importlib.util import module_from_spec, spec_from_file_location
 from itertools import chain
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, overload
 
@@ -14,7 +17,7 @@ import numpy as np
 
 from vibroimpact.cells import Cells
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model, check_names
-from vibroimpact.parameters import Parameter, invalid
+from vibroimpact.parameters import Parameter, invalid, unknown
 from vibroimpact.system import ImpactSystem
 from vibroimpact.system_cells import SystemCells
 
@@ -63,12 +66,22 @@ class Family:
         given = self.values | self._checked(values)
         try:
             made = self.function(**given)
-        except (ValueError, ArithmeticError, ImportError) as error:
+        except Exception as error:
             where = ", ".join(f"{name}={value:g}" for name, value in given.items())
-            raise ValueError(f"{self} fails at {where}: {error}") from error
-        if not isinstance(made, (ImpactOscillator, ImpactSystem, Model)):  # the slow question last
-            raise invalid(f"{self}(...)", made, "a model", "return an ImpactOscillator or an ImpactSystem")
+            told = isinstance(error, (ValueError, ArithmeticError, ImportError))  # by their text alone
+            words = error if told else f"{type(error).__name__}: {error}"
+            raise ValueError(f"{self} fails at {where}: {words}{self._place(error)}") from error
+        if not isinstance(made, (ImpactOscillator, ImpactSystem, Model)) or isinstance(made, type):  # the slow one last
+            hint = f"return an ImpactOscillator or an ImpactSystem{self._place()}"
+            raise invalid(f"{self}(...)", made, "a model", hint)
         return made.at()
+
+    def _place(self, error: BaseException | None = None) -> str:
+        """Return the file and line of the function, or of what failed in its file; nothing of ready-made models."""
+        code = getattr(inspect.unwrap(self.function), "__code__", None)
+        if code is None or self.function.__module__.startswith("vibroimpact."):
+            return ""
+        return f" ({_line_in(code.co_filename, error) or f'{Path(code.co_filename).name}, line {code.co_firstlineno}'})"
 
     def cells(self, points: Mapping[str, Any], start: State | None = None) -> Cells:
         """Return one cell per point: the function is called at each of them."""
@@ -164,3 +177,72 @@ def _family(function: Callable[..., Any], units: Mapping[str, str]) -> Family:
     made = Family(function, parameters, values)
     check_model(made)
     return made
+
+
+# ---- models by name
+
+
+def load_model(place: Any) -> Model:
+    """Return the model or family NAME of `FILE.py:NAME`, or a ready-made one by its name.
+
+    The file is run. It may import what lies beside it.
+
+    Raises
+    ------
+    ValueError
+        The file cannot be run, or NAME is no model; the message tells the line.
+    """
+    if str(place).isidentifier():
+        return ready_made(str(place))
+    file, _, name = str(place).rpartition(":")
+    path = Path(file)
+    if not (file.endswith(".py") and name.isidentifier()):
+        raise invalid("model", place, "FILE.py:NAME such as tube.py:shaker", "or name a ready-made one: bouncing_ball")
+    if not path.is_file():
+        raise ValueError(f"`model` {place!r} cannot be loaded; there is no file {file!r}")
+    spec: Any = spec_from_file_location(path.stem, path)
+    module = module_from_spec(spec)
+    sys.path.insert(0, str(path.resolve().parent))
+    sys.modules.setdefault(path.stem, module)
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        line = _line_in(str(path), error)
+        what = f"{type(error).__name__}: {getattr(error, 'msg', error)}"
+        raise ValueError(f"`model` {place!r} cannot be loaded; {what}{f' ({line})' * bool(line)}") from error
+    return _model_in(module, name, place)
+
+
+def _model_in(module: Any, name: str, place: Any) -> Model:
+    """Return the model of that name in a module, once it has been made at its own values."""
+    found = {key: value for key, value in vars(module).items() if isinstance(value, Model)}
+    models = {key: value for key, value in found.items() if not isinstance(value, type)}
+    wanted = vars(module).get(name)
+    if name not in models:
+        code = getattr(wanted, "__code__", None)
+        if code is not None:
+            line = f"{Path(code.co_filename).name}, line {code.co_firstlineno}"
+            raise ValueError(f"`model` {place!r} is a function; write @vibroimpact.family above it ({line})")
+        hint = "" if models else "write @vibroimpact.family above a function"
+        raise unknown("model", name, models or ["none"], f"{hint} (in {Path(module.__file__).name})".strip())
+    models[name].at()
+    return models[name]
+
+
+def _line_in(file: str, error: BaseException | None) -> str:
+    """Return the last line of a file at which an error came up, as "tube.py, line 12"; "" where it has none."""
+    if error is None:
+        return ""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == Path(file)]
+    if isinstance(error, SyntaxError) and error.filename and Path(error.filename).name == Path(file).name:
+        lines.append(error.lineno)
+    return f"{Path(file).name}, line {lines[-1]}" if lines else ""
+
+
+def ready_made(name: str) -> Family:
+    """Return a model of `vibroimpact.models` as a family."""
+    from vibroimpact import models
+
+    if name not in models.__all__:
+        raise unknown("model", name, models.__all__, "or give FILE.py:NAME")
+    return _family(getattr(models, name), {})

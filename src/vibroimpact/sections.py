@@ -177,23 +177,26 @@ def measure_orbit(
 ) -> tuple[dict[str, float], dict[str, Floats], int]:
     """Return the indices and the status of one orbit, and all that a picture of it needs, from one run.
 
-    The indices are bit for bit those of `parameter_map`, within `tolerances`. The orbit is followed within `patience`
-    for so many driving periods; it has what `simulate` gives, and `impact_phase` in [0, 1). Its samples lie at
-    multiples of 1 / `samples_per_period` of phase, the first of them at or just after the start. The number of the
-    first one of phase 0, on the stroboscopic section, comes third.
+    The indices are bit for bit those of `parameter_map`, within `tolerances`; a system is run twice. The orbit is
+    followed within `patience` for so many driving periods; it has what `simulate` gives, and `impact_phase` in [0, 1).
+    Its samples lie at multiples of 1 / `samples_per_period` of phase, the first of them at or just after the start.
+    The number of the first one of phase 0, on the stroboscopic section, comes third.
     """
-    cell = osc.cells({}, one_start(start))
-    begin = float(cell["phase"][0])
+    cell: Any = osc.cells({}, one_start(start))
+    of, engine = osc.at(), get_backend("cpu")
+    single = isinstance(of, ImpactOscillator)
+    begin = float(cell["phase"][0]) if single else float(cell.block("time")[0, 1])
     first = math.ceil(begin * samples_per_period)
     first += first / samples_per_period < begin
     phase = (first % samples_per_period) / samples_per_period
     asked = ImpactWindow(transient_impacts, sample_impacts)
     window = StroboscopicWindow(0, periods * samples_per_period, phase, samples_per_period)
-    measured, seen = get_backend("cpu").follow(
-        cell, Measurement(asked, tolerances, indices=indices), Measurement(window, patience)
-    )
+    measure, record = Measurement(asked, tolerances, indices=indices), Measurement(window, patience)
+    if single:
+        measured, seen = engine.follow(cell, measure, record)
+    else:
+        measured, (seen,) = engine.indices(cell, measure), engine.samples(cell, record)
     found = {name: float(measured[name][0]) for name in (*indices, "status")}
-    of = the_oscillator(osc)
     recorded = {name: values.values for name, values in trajectory_of(seen, in_seconds(of), of).items()}
     return found, recorded | {"impact_phase": seen.impact_phase}, -first % samples_per_period
 

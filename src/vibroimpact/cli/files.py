@@ -8,6 +8,7 @@ import shutil
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -109,6 +110,7 @@ def reproduce(options: Options) -> None:
         "store", "STORE", "A saved map over two or more parameters, .zarr or .nc, to open.", flags=(), kind=o.PATH
     ),
     o.Option("port", "N", "Port to listen on; 0 is any free port. (default: the first free one from 5006)"),
+    replace(o.USER_MODEL, help="What to show: a model of your own (its file is run), or a ready-made one.", panel=None),
     o.Option("no_browser", "", "Print the address, and open nothing.", kind=o.FLAG),
     o.Option("host", "ADDRESS", "Address to listen on, for access from the network. (default: 127.0.0.1)"),
 )  # fmt: skip
@@ -121,13 +123,21 @@ def explore(options: Options) -> None:
     For example:
 
       vibroimpact explore
+      vibroimpact explore --model tube.py:shaker
       vibroimpact explore map.zarr --port 8080 --no-browser
     """
     with refusing(OSError):
         from vibroimpact.explorer import explore as serve
 
+        model, name = None, ""
+        if options["model"] is not None:
+            from vibroimpact.families import load_model
+
+            model, name = load_model(options["model"]), Path(options["model"]).name
         serve(
             options["store"],
+            model=model,
+            name=name,
             port=options.number("port"),
             host=options["host"] or "127.0.0.1",
             browser=not options["no_browser"],

@@ -5,11 +5,9 @@ from __future__ import annotations
 import inspect
 import math
 import re
-import sys
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -200,7 +198,11 @@ def make_study(
         own["run"] = {key: value for key, value in own["run"].items() if key != "starts"}
     if "starts" in typed.get("run", ()):
         own["start"] = {}
-    model = load_model(document["model"]) if "model" in document else ImpactOscillator()
+    model: Model = ImpactOscillator()
+    if "model" in document:
+        from vibroimpact.families import load_model
+
+        model = load_model(document["model"])
 
     values = reader.values("oscillator", model, Parameter.check, own["oscillator"], typed.get("oscillator", {}))
     if not reader.faults:
@@ -354,42 +356,3 @@ def span_values(parameter: Parameter, span: Mapping[str, Any], least: int = 1) -
     if reader.faults:
         raise ValueError("\n".join(reader.faults))
     return np.linspace(low, high, points)
-
-
-def load_model(place: Any) -> Model:
-    """Return the model or family NAME of `FILE.py:NAME`, or a ready-made one by its name.
-
-    The file may import what lies beside it.
-    """
-    if str(place).isidentifier():
-        return _ready_made(str(place))
-    file, _, name = str(place).rpartition(":")
-    path = Path(file)
-    if not (file.endswith(".py") and name.isidentifier()):
-        raise invalid("model", place, "FILE.py:NAME such as tube.py:shaker", "or name a ready-made one: bouncing_ball")
-    if not path.is_file():
-        raise ValueError(f"`model` {place!r} cannot be loaded; there is no file {file!r}")
-    spec: Any = spec_from_file_location(path.stem, path)
-    module = module_from_spec(spec)
-    sys.path.insert(0, str(path.resolve().parent))
-    sys.modules.setdefault(path.stem, module)
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise ValueError(f"`model` {place!r} cannot be loaded; {type(error).__name__}: {error}") from error
-    models = {
-        key: value for key, value in vars(module).items() if isinstance(value, Model) and not isinstance(value, type)
-    }
-    if name not in models:
-        raise unknown("model", name, models or ["none"], "" if models else "write @vibroimpact.family above a function")
-    return models[name]
-
-
-def _ready_made(name: str) -> Model:
-    """Return a model of `vibroimpact.models` as a family."""
-    from vibroimpact import models
-    from vibroimpact.families import family
-
-    if name not in models.__all__:
-        raise unknown("model", name, models.__all__, "or give FILE.py:NAME")
-    return family(getattr(models, name))

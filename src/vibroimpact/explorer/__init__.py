@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from vibroimpact.explorer.session import Explorer
     from vibroimpact.explorer.state import View
+    from vibroimpact.oscillator import Model
 
 __all__ = ["Explorer", "View", "explore"]
 
@@ -41,6 +42,8 @@ def __getattr__(name: str) -> Any:
 def explore(
     store: str | os.PathLike[str] | None = None,
     *,
+    model: Model | None = None,
+    name: str = "",
     port: int | None = None,
     host: str = "127.0.0.1",
     browser: bool = True,
@@ -51,6 +54,10 @@ def explore(
     ----------
     store : path, optional
         A stored sweep over two or more parameters to show first: a `.zarr` folder or an `.nc` file.
+    model : ImpactOscillator, ImpactSystem or family, optional
+        What to show first, in place of one mass with one stop.
+    name : str
+        What links call the model; `str(model)` unless given.
     port : int, 0 to 65535, optional
         The port to listen on; None is the first free one from 5006, 0 any free one.
     host : str
@@ -61,7 +68,7 @@ def explore(
     Raises
     ------
     ValueError
-        `store` cannot be shown, or `port` is in use or out of range.
+        `store` or `model` cannot be shown, or `port` is in use or out of range.
     ImportError
         The extra `[web]` is not installed.
 
@@ -70,7 +77,7 @@ def explore(
     Nothing is loaded from the internet. Pages share the machine's cores; at most 64 may be open. See
     docs/guide/explorer.md.
     """
-    server, address = make_server(store, port=port, host=host)
+    server, address = make_server(store, model=model, name=name, port=port, host=host)
     print(f"Explorer at {address} (stop with Ctrl-C)", flush=True)
     if browser:
         server.io_loop.call_later(0.1, lambda: webbrowser.open(address))
@@ -83,21 +90,32 @@ def explore(
 
 
 def make_server(
-    store: str | os.PathLike[str] | None = None, *, port: int | None = None, host: str = "127.0.0.1"
+    store: str | os.PathLike[str] | None = None,
+    *,
+    model: Model | None = None,
+    name: str = "",
+    port: int | None = None,
+    host: str = "127.0.0.1",
 ) -> tuple[BaseServer, str]:
     """Return a server that listens, and its address; `explore` runs it."""
     if importlib.util.find_spec("bokeh") is None:
         raise ImportError("the explorer needs the extra [web]; install it with: pip install 'vibroimpact[web]'")
     from vibroimpact.explorer.address import PRESETS
+    from vibroimpact.explorer.models import Find, only_known, opened
     from vibroimpact.explorer.server import Tabs, listen
 
     address = check_host(host)
     view, stored = PRESETS[0].view, None
+    find: Find = only_known
+    if store is not None and model is not None:
+        raise ValueError("give either `store` or `model`, not both")
+    if model is not None:
+        view, find = opened(model, name)
     if store is not None:
-        from vibroimpact.explorer.files import open_study
+        from vibroimpact.explorer.stored import open_study
 
         view, stored = open_study(store)
-    tabs = Tabs(view, stored)
+    tabs = Tabs(view, stored, find)
     logging.getLogger("bokeh").setLevel(logging.ERROR)
     logging.getLogger("tornado.access").setLevel(logging.ERROR)
     fault: OSError | None = None

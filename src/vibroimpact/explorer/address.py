@@ -9,14 +9,26 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
-from vibroimpact.explorer.state import CHOICES, MODEL, NAMES, TABLE, Range, View, no_number
-from vibroimpact.oscillator import State
+from vibroimpact.explorer.limits import Range, parts_of
+from vibroimpact.explorer.models import Find, first_view, only_known, usual_range
+from vibroimpact.explorer.state import CHOICES, View, no_number, table
+from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.parameters import invalid, unknown
 
 LONGEST = 2000  # characters
 MOST = 40  # entries
-SYMBOLS = {TABLE[name].symbol: name for name in NAMES}
-KEYS = (*SYMBOLS, "x", "y", *(choice.key for choice in CHOICES.values()), "start", "pin")
+KEYS = ("model", "x", "y", *(choice.key for choice in CHOICES.values()), "start", "pin")  # beside the parameters
+
+
+def keys(model: Model) -> dict[str, str]:
+    """Return names of a model's parameters by their keys in an address: symbols where they serve."""
+    symbols = [parameter.symbol for parameter in table(model).values()]
+    found = {}
+    for name, parameter in table(model).items():
+        short = parameter.symbol
+        key = short if short.isidentifier() and symbols.count(short) == 1 and short not in KEYS else name
+        found[f"{key}_" if key in KEYS else key] = name
+    return found
 
 
 def to_query(view: View) -> str:
@@ -28,22 +40,26 @@ def to_query(view: View) -> str:
     >>> to_query(View())
     'm=1&c=0.01&k=1&f=1&w=2&r=0.8&g=0&x=w,0.025,5&y=m,0.1,5&index=std'
     """
-    pairs = [(symbol, _number(getattr(view.osc, name))) for symbol, name in SYMBOLS.items()]
+    names = keys(view.osc)
+    pairs = [("model", view.model)] if view.model else []
+    pairs += [(key, _number(view.osc.values[name])) for key, name in names.items()]
     for axis in ("x", "y"):
-        symbol, ends = TABLE[getattr(view, axis)].symbol, getattr(view, f"{axis}_range")
-        pairs.append((axis, f"{symbol},{_numbers(ends)}"))
+        key = next(key for key, name in names.items() if name == getattr(view, axis))
+        pairs.append((axis, f"{key},{_numbers(getattr(view, f'{axis}_range'))}"))
     for name, choice in CHOICES.items():
         value = getattr(view, name)
         if name == "index" or value != getattr(View, name):
             pairs += [(choice.key, text) for text, known in choice.texts.items() if known == value]
     if view.start is not None:
-        pairs.append(("start", _numbers((view.start.displacement, view.start.velocity, view.start.time))))
-    pairs += [("pin", _numbers(getattr(pin, name) for name in NAMES)) for pin in view.pins]
-    return urlencode(pairs, safe=",")
+        pairs.append(("start", _numbers(parts_of(view.start))))
+    pairs += [("pin", _numbers(pin.values.values())) for pin in view.pins]
+    return urlencode(pairs, safe=",:")
 
 
-def from_query(query: str) -> View:
+def from_query(query: str, find: Find = only_known) -> View:
     """Return the view that the query of a web address describes; of a repeated entry other than `pin` the last counts.
+
+    `find` returns the model of a name; no file is run for a link.
 
     Raises
     ------
@@ -62,19 +78,23 @@ def from_query(query: str) -> View:
         pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=bool(query), max_num_fields=MOST)
     except ValueError as error:
         raise ValueError("the address must read name=value&name=value; copy the link again") from error
+    model = find(dict(pairs).get("model", ""))
+    names = keys(model)
     for name, _ in pairs:
-        if name not in KEYS:
-            raise unknown("part of a view", name if len(name) <= 40 else name[:37] + "...", sorted(KEYS))
-    return _view(dict(pairs), [text for name, text in pairs if name == "pin"])
+        if name not in KEYS and name not in names:
+            raise unknown("part of a view", name if len(name) <= 40 else name[:37] + "...", sorted((*names, *KEYS)))
+    return _view(model, names, dict(pairs), [text for name, text in pairs if name == "pin"])
 
 
-def _view(given: dict[str, str], pins: list[str]) -> View:
-    content: dict[str, Any] = {
-        "osc": MODEL(**{name: _float(symbol, given[symbol]) for symbol, name in SYMBOLS.items() if symbol in given})
-    }
+def _view(model: Model, names: dict[str, str], given: dict[str, str], pins: list[str]) -> View:
+    osc = model.replace(**{name: _float(key, given[key]) for key, name in names.items() if key in given})
+    content: dict[str, Any] = {"osc": osc}
+    if called := given.get("model"):
+        first = first_view(osc, called)
+        content |= {name: getattr(first, name) for name in ("x", "y", "x_range", "y_range", "model", "index")}
     for axis in ("x", "y"):
         if axis in given:
-            content[axis], content[f"{axis}_range"] = _axis(axis, given[axis])
+            content[axis], content[f"{axis}_range"] = _axis(axis, given[axis], names)
     for name, choice in CHOICES.items():
         text = given.get(choice.key)
         if text is not None and text not in choice.texts:
@@ -82,19 +102,26 @@ def _view(given: dict[str, str], pins: list[str]) -> View:
         if text is not None:
             content[name] = choice.texts[text]
     if "start" in given:
-        content["start"] = State(*_floats("start", given["start"], 3))
+        content["start"] = _start(given["start"], osc.at())
     if pins:
-        content["pins"] = tuple(MODEL(**dict(zip(NAMES, _floats("pin", pin, len(NAMES)), strict=True))) for pin in pins)
+        values = [_floats("pin", pin, len(names)) for pin in pins]
+        content["pins"] = tuple(model.replace(**dict(zip(table(model), one, strict=True))) for one in values)
     return View(**content)
 
 
-def _axis(axis: str, text: str) -> tuple[str, tuple[float, float]]:
+def _start(text: str, made: Any) -> State:
+    number = 0 if isinstance(made, ImpactOscillator) else len(made.mass)
+    *parts, time = _floats("start", text, 2 * max(number, 1) + 1)
+    return State(parts[:number], parts[number:], time) if number else State(parts[0], parts[1], time)
+
+
+def _axis(axis: str, text: str, names: dict[str, str]) -> tuple[str, tuple[float, float]]:
     symbol, _, ends = text.partition(",")
-    if symbol not in SYMBOLS:
-        allowed = f"symbol,from,to with one of the symbols {', '.join(SYMBOLS)}"
-        raise invalid(axis, text, allowed, f"for example {axis}=w,0.025,5")
+    if symbol not in names:
+        allowed = f"symbol,from,to with one of the symbols {', '.join(names)}"
+        raise invalid(axis, text, allowed, f"for example {axis}={next(iter(names))},0.025,5")
     low, high = _floats(axis, ends, 2)
-    return SYMBOLS[symbol], (low, high)
+    return names[symbol], (low, high)
 
 
 def _floats(name: str, text: str, count: int) -> list[float]:
@@ -140,7 +167,7 @@ def _preset(case: dict[str, Any], base: dict[str, Any]) -> Preset:
     ranges = {name: (low, high) for name, (_, low, high) in numbers.items()}
     x, y = case["x"], case["y"]
     view = View(
-        osc=MODEL(**{name: value for name, (value, _, _) in numbers.items()}),
+        osc=ImpactOscillator(**{name: value for name, (value, _, _) in numbers.items()}),
         x=x,
         y=y,
         x_range=ranges[x],
@@ -160,18 +187,23 @@ BY_NAME = {preset.name: preset for preset in PRESETS}
 def case_of(view: View) -> Preset | None:
     """Return the case that a view began with, or shows as it is."""
     same = (preset for preset in PRESETS if _content(preset.view) == _content(view))
+    if view.model:
+        return None
     return BY_NAME.get(view.case) or next(same, None)
 
 
 def ranges_for(view: View) -> dict[str, Range]:
     """Return how far each slider reaches: its case's ranges, widened to hold the view's point and plane.
 
-    Without a case those of the one whose sliders hold the point best: the most parameters, the first of equals.
+    Of one mass without a case those of the one whose sliders hold the point best: the most parameters, the first of
+    equals. Of other models such as suit the values.
     """
-    case = case_of(view) or max(PRESETS, key=lambda preset: _held(view, preset.ranges))
-    ranges = dict(case.ranges)
+    values = view.osc.values
+    ranges = {name: usual_range(parameter, values[name], view.made) for name, parameter in view.table.items()}
+    if not view.model:
+        ranges |= (case_of(view) or max(PRESETS, key=lambda preset: _held(view, preset.ranges))).ranges
     for name, (low, high) in ranges.items():
-        value = getattr(view.osc, name)
+        value = values[name]
         ranges[name] = (min(low, value), max(high, value))
     for name, (low, high) in ((view.x, view.x_range), (view.y, view.y_range)):
         ranges[name] = (min(ranges[name][0], low), max(ranges[name][1], high))
@@ -179,8 +211,8 @@ def ranges_for(view: View) -> dict[str, Range]:
 
 
 def _content(view: View) -> tuple[Any, ...]:
-    return view.osc, *view.plane_key, view.index
+    return view.model, view.osc, *view.plane_key, view.index
 
 
 def _held(view: View, ranges: dict[str, Range]) -> int:
-    return sum(low <= getattr(view.osc, name) <= high for name, (low, high) in ranges.items())
+    return sum(low <= view.osc.values[name] <= high for name, (low, high) in ranges.items())

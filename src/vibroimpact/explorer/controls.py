@@ -9,15 +9,19 @@ from typing import Any
 from bokeh.layouts import column, row
 from bokeh.models import Button, Checkbox, Div, InlineStyleSheet, Select
 
+from vibroimpact import models
 from vibroimpact.explorer.address import BY_NAME, PRESETS, Preset, case_of, ranges_for
+from vibroimpact.explorer.limits import Range, allowed_range
+from vibroimpact.explorer.models import first_view
 from vibroimpact.explorer.point import Other
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import CHOICES, MOTION, NAMES, Range, View, allowed_range, rounded, symbol
+from vibroimpact.explorer.state import CHOICES, MOTION, View, parameter_label, rounded, symbol
 from vibroimpact.indices import INDICES
 
 MOST_OTHERS = 12  # offered as initial conditions
 NUDGE = 1.0 / 64.0  # of the plane, per arrow key
 ZOOM = 0.5
+DECADES = 100.0  # end over end from which a slider is logarithmic
 EXPORTS = (
     ("Picture (.png)", "png"), ("Plane's data (.nc)", "nc"), ("Point's motion (.csv)", "csv"),
     ("Study file (.toml)", "toml"), ("Python lines (.py)", "py"),
@@ -55,6 +59,8 @@ class Controls:
         self.ranges: dict[str, Range] = ranges_for(explorer.view)
         self._reach: dict[str, Range] = {}  # of sliders, lately
         cases = [("", "Choose a case …"), *((preset.name, preset.title) for preset in PRESETS)]
+        names = [explorer.view.model] * (explorer.view.model not in ("", *models.__all__)) + list(models.__all__)
+        cases += [(f"model:{name}", f"Model: {name.replace('_', ' ')}") for name in names]
         self.preset = self._menu("preset", "", cases)
         self.preset.on_change("value", self._to_preset)
         self.about = Div(text="", sizing_mode="stretch_width", margin=(2, 2, 0, 2))
@@ -74,7 +80,7 @@ class Controls:
         return Checkbox(label=label, active=False, name=f"tick_{name}", margin=(2, 4, 0, 4), stylesheets=[self._tight])
 
     def _controls(self) -> Any:
-        names = [(name, f"{name} {symbol(name)}") for name in NAMES]
+        names = self._names()
         self.x, self.y = self._menu("x", "x axis", names), self._menu("y", "y axis", names)
         self.start = self._menu("start", "initial condition", [("rest", "at rest")])
         self.menus = {
@@ -83,8 +89,11 @@ class Controls:
                 "index": _index_options(),
                 "samples": [(text, text) for text in CHOICES["samples"].texts],
                 "line": [("x", "x axis"), ("y", "y axis")],
+                "coordinate": [("0", "towards the stop")],
+                "stop": [("0", "at all stops")],
             }.items()
         }
+        self._of_system = row(self.menus["coordinate"], self.menus["stop"], **_WIDE)
         self.ticks = {name: self._tick(name, CHOICES[name].label) for name in ("log", "boundaries", "settled")}
         for axis in (self.x, self.y):
             axis.on_change("value", self._to_axes)
@@ -97,11 +106,16 @@ class Controls:
             row(self.x, self.y, **_WIDE),
             self.menus["index"],
             row(self.menus["samples"], self.menus["line"], **_WIDE),
+            self._of_system,
             self.start,
             *self.ticks.values(),
             self.about,
             **_WIDE,
         )
+
+    def _names(self) -> list[tuple[str, str]]:
+        table = self.explorer.view.table
+        return [(name, f"{name} {symbol(one)}" if one.symbol != name else name) for name, one in table.items()]
 
     def _buttons(self) -> Any:
         explorer = self.explorer
@@ -128,12 +142,16 @@ class Controls:
         view, x, y = self.explorer.view, self.x.value, self.y.value
         if x == y:  # the other axis takes the place of the one chosen
             x, y = (x, view.x) if x != view.x else (view.y, y)
-        if {x, y} <= set(NAMES):
+        if {x, y} <= set(view.table):
             self.explorer.set_axes(x, y, self.axis_range(x), self.axis_range(y))
         self.show_view(self.explorer.view)
 
     def _to_preset(self, attr: str, old: str, new: str) -> None:
         if not self._quiet:
+            with contextlib.suppress(ValueError):
+                if new.startswith("model:"):
+                    name = new.removeprefix("model:")
+                    self.explorer.show(first_view(self.explorer.find(name), name))
             if new in BY_NAME:
                 self.explorer.show(BY_NAME[new].view)
             self.show_view(self.explorer.view)
@@ -152,13 +170,22 @@ class Controls:
 
     def axis_range(self, name: str) -> Range:
         """Return the range of a parameter along an axis: its slider's, without a zero that is not allowed."""
-        return allowed_range(name, self.ranges[name])
+        return allowed_range(self.explorer.view.table[name], self.ranges[name])
 
     # ---- what the session answers
 
     def fit(self, view: View) -> None:
         """Let the sliders reach as far as suits a view."""
         self._case, self.ranges, self._reach = case_of(view), ranges_for(view), {}
+        with self._silently():
+            self.x.options = self.y.options = self._names()
+            toward = [("0", "towards the stop"), *((str(one), f"coordinate {one}") for one in view.coordinates)]
+            self.menus["coordinate"].options = toward
+            self.menus["stop"].options = [
+                ("0", "at all stops"),
+                *((str(at), f"at {name}") for at, name in enumerate(view.stops, 1)),
+            ]
+            self._of_system.visible = bool(view.stops)
 
     @contextlib.contextmanager
     def _silently(self) -> Iterator[None]:
@@ -171,17 +198,18 @@ class Controls:
     def show_view(self, view: View) -> None:
         """Put every widget where the view has it."""
         case = case_of(view)
-        if case != self._case:
+        if case != self._case or list(self.ranges) != list(view.table):
             self.fit(view)
         with self._silently():
+            chosen = f"model:{view.model}" if view.model else case.name if case else ""
             menus = [(menu, str(getattr(view, name))) for name, menu in self.menus.items()]
-            for widget, value in ((self.x, view.x), (self.y, view.y), (self.preset, case.name if case else ""), *menus):
+            for widget, value in ((self.x, view.x), (self.y, view.y), (self.preset, chosen), *menus):
                 if widget.value != value:
                     widget.value = value
             for name, tick in self.ticks.items():
                 if tick.active != getattr(view, name):
                     tick.active = getattr(view, name)
-            text = _ABOUT if case is None else _description(case)
+            text = _about(view) if case is None else _description(case)
             if self.about.text != text:
                 self.about.text = text
         self.show_others(self.explorer.others)
@@ -189,13 +217,23 @@ class Controls:
     def rows(self) -> dict[str, tuple[float, float, float]]:
         """Return every parameter as it is now, and the ends of its slider."""
         rows = {}
-        for name in NAMES:
-            value, (low, high) = getattr(self.explorer.view.osc, name), self.ranges[name]
+        for name, value in self.explorer.view.osc.values.items():
+            low, high = self.ranges[name]
             if not low <= value <= high:  # ends that made room for a value stay as long as one is beyond its range
                 low, high = self._reach.get(name, (low, high))
             self._reach[name] = min(low, value), max(high, value)
             rows[name] = (value, *self._reach[name])
         return rows
+
+    def labels(self) -> list[tuple[str, str, bool]]:
+        """Return the parameters in order: their names, labels with units, and whether sliders are logarithmic."""
+        table = self.explorer.view.table
+        return [(name, parameter_label(parameter), self.logarithmic(name)) for name, parameter in table.items()]
+
+    def logarithmic(self, name: str) -> bool:
+        """Whether the range of a parameter spans decades."""
+        low, high = self.ranges[name]
+        return low > 0.0 and high >= DECADES * low
 
     def show_others(self, others: list[Other]) -> None:
         """Offer the motions that coexist as initial conditions of the point's motion."""
@@ -212,6 +250,16 @@ class Controls:
                 self.start.options = options
             if self.start.value != chosen:
                 self.start.value = chosen
+
+
+def _about(view: View) -> str:
+    """Return what to do, and what the page cannot do for a system."""
+    if not view.stops:
+        return _ABOUT
+    return _ABOUT.replace(
+        "</p>",
+        " Colours speak of all stops together; plots show one displacement, and as walls the stops in its way.</p>",
+    )
 
 
 def _description(case: Preset) -> str:
@@ -281,14 +329,15 @@ class Commands:
                 self._placed[command](*map(float, arguments))
             elif command == "export":
                 self._export(" ".join(arguments))
-            elif command in self._named and arguments[:1] and arguments[0] in NAMES:
+            elif command in self._named and arguments[:1] and arguments[0] in self._explorer.view.table:
                 self._named[command](arguments[0], " ".join(arguments[1:]))
 
     def _slide(self, name: str, text: str) -> None:
         """Take a slider's place, with no more digits than its steps distinguish."""
         value, (low, high) = float(text), self._controls.ranges[name]
         low, high = min(low, value), max(high, value)
-        self._explorer.set_parameter(name, min(max(rounded(value, (low, high)), low), high))
+        kept = float(f"{value:.4g}") if self._controls.logarithmic(name) else rounded(value, (low, high))
+        self._explorer.set_parameter(name, min(max(kept, low), high))
 
     def _along(self, value: float) -> None:
         parameter, ends = self._explorer.view.along

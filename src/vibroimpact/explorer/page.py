@@ -14,6 +14,7 @@ from bokeh.models import TextInput
 from vibroimpact.explorer.address import to_query
 from vibroimpact.explorer.controls import Commands, Controls
 from vibroimpact.explorer.files import KINDS, export
+from vibroimpact.explorer.models import Find, only_known
 from vibroimpact.explorer.plane import Plane
 from vibroimpact.explorer.session import Explorer, Message
 from vibroimpact.explorer.state import View
@@ -70,14 +71,15 @@ class Page:
         view: View,
         message: str = "",
         stored: Callable[[View], Plane | None] | None = None,
+        find: Find = only_known,
     ) -> None:
         """Fill the document of a tab with a view and perhaps a message.
 
         `in_turn` may be called from any thread, and calls a function when the document may be changed, or never if the
-        tab is gone; `stored` is as for `Explorer`.
+        tab is gone; `stored` and `find` are as for `Explorer`.
         """
         self._in_turn = in_turn
-        self.explorer.view, self.explorer.stored = view, stored
+        self.explorer.view, self.explorer.stored, self.explorer.find = view, stored, find
         self.controls.fit(view)
         self._apply([("view", view), *([("message", message)] if message else [])])
         models = (self.controls.preset, self.controls.buttons, self.controls.column, self.mail, self.command)
@@ -140,7 +142,7 @@ class Page:
         self.line.show_view(view, self.view)
         self.view.add("address", query=to_query(view))
         self.controls.show_view(view)
-        self.view.add("rows", heard=self.commands.last, values=self.controls.rows())
+        self.view.add("rows", heard=self.commands.last, labels=self.controls.labels(), values=self.controls.rows())
         self.view.send()
 
     def _show_others(self, others: Any) -> None:

@@ -11,17 +11,19 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.explorer.state import FINEST, Range, View, granted
+from vibroimpact.explorer.limits import FINEST, Range, granted
+from vibroimpact.explorer.state import View
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import Orbit
-from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.oscillator import ImpactOscillator, Model, State
 
 Floats = NDArray[np.float64]
 Places = NDArray[np.int64]  # of cells along an axis of the finest lattice
 KeepGoing = Callable[[], bool]
 
 SIDES = (64, 128, 256)  # of the lattices; each contains the one before
+COARSER = (16, 32)  # before them, of systems: a cell of three modes takes some milliseconds
 BAND, USUAL = 2048, 500  # cells per job, about, with so many impacts per cell; fewer where more are sampled
 TRANSIENT = 100  # impacts left out
 TRIED = (2, 5, 17)  # initial conditions in turn, rest among them, of cells without impact from rest: until one hits
@@ -38,7 +40,7 @@ RESOLUTION = 10_000  # velocities that a diagram distinguishes, up to the larges
 def lattice(side: int) -> Places:
     """Return which of the finest cells along an axis belong to a lattice of `side`."""
     stride = FINEST // side
-    return np.arange(stride // 2 - (side < FINEST and stride > 2), FINEST, stride)
+    return np.arange(0x55 & (stride - 1), FINEST, stride)  # 1, 1, 5, 5 of strides 2, 4, 8, 16: each holds the coarser
 
 
 def positions(low: float, high: float, cells: Places) -> Floats:
@@ -46,10 +48,15 @@ def positions(low: float, high: float, cells: Places) -> Floats:
     return np.asarray(low + (cells + 0.5) * ((high - low) / FINEST), dtype=np.float64)
 
 
-def bands(side: int, samples: int = USUAL) -> list[tuple[Places, Places]]:
+def sides(view: View) -> tuple[int, ...]:
+    """Return the lattices of a view in turn."""
+    return SIDES if isinstance(view.made, ImpactOscillator) else (*COARSER, *SIDES)
+
+
+def bands(side: int, samples: int = USUAL, first: int = SIDES[0]) -> list[tuple[Places, Places]]:
     """Return the cells that a lattice adds to the one before, as rectangles small enough for a job."""
-    here, most = lattice(side), BAND * USUAL / max(samples, USUAL)
-    if side == SIDES[0]:
+    here, most = lattice(side), BAND * USUAL / max(samples, USUAL) * (1 if first == SIDES[0] else 1 / 16)
+    if side == first:
         parts = [(here, here)]
     else:
         old = lattice(side // 2)
@@ -63,7 +70,7 @@ def bands(side: int, samples: int = USUAL) -> list[tuple[Places, Places]]:
 
 
 def compute_cells(
-    osc: ImpactOscillator,
+    osc: Model,
     samples: int,
     stiff: float,
     axes: dict[str, Any],
@@ -221,6 +228,8 @@ def _velocities(view: View, parameter: str, values: Floats) -> Floats:
         **axis,
     )
     found = diagram["velocity"].values
+    if view.stop:
+        found = np.where(diagram["stop"].values == view.stop - 1, found, np.nan)
     return np.pad(found, ((0, 0), (0, IMPACTS - found.shape[1])), constant_values=np.nan)
 
 

@@ -6,16 +6,19 @@ import math
 import threading
 from collections.abc import Hashable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import vibroimpact as vi
+from vibroimpact.explorer.limits import granted, stiffness
 from vibroimpact.explorer.plane import TRANSIENT, KeepGoing
-from vibroimpact.explorer.state import View, granted, stiffness
+from vibroimpact.explorer.shown import Shown, shown
+from vibroimpact.explorer.state import View
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.motion import MotionClass, decide, motion_name
-from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.plotting.ticks import quantity
 from vibroimpact.sections import measure_orbit
 from vibroimpact.status import Status
@@ -32,6 +35,7 @@ FAINT = 1e-6  # of the largest velocity: slower impacts are not drawn
 RECORDED = (
     "time", "displacement", "velocity", "impact_time", "impact_velocity", "stick_time", "release_time",
 )  # fmt: skip
+OF_STOPS = ("impact_stop", "stick_stop")  # numbers of stops; one mass has one
 REMEMBERED = 16  # motions per page
 START_IMPACTS = 2000  # of an initial condition, for which a budget is granted
 
@@ -40,7 +44,9 @@ START_IMPACTS = 2000  # of an initial condition, for which a budget is granted
 class Point:
     """What the page shows of a point."""
 
-    osc: ImpactOscillator
+    osc: Model
+    made: Any  # the oscillator or system that it is
+    shown: Shown
     name: str
     sentence: str
     n_periods: int
@@ -54,59 +60,82 @@ class Point:
 
     @property
     def size(self) -> float:
-        """The static deflection or the gap, whichever is larger, in m: a scale for axes."""
-        return max(self.osc.amplitude / self.osc.stiffness, abs(self.osc.gap)) or 1.0
+        """The static deflection or the gap of one mass, whichever is larger, or alike in m: a scale for axes."""
+        return self.made.velocity_scale / _slowest(self.made) or 1.0
 
 
-def compute_point(view: View, osc: ImpactOscillator | None = None) -> Point:
+def _slowest(made: Any) -> float:
+    """Return the slowest natural rate that is not zero; of free masses that of driving."""
+    if isinstance(made, ImpactOscillator):
+        return made.natural_frequency
+    rates = made.natural_frequencies
+    return float(rates[rates > 1e-2 * made.omega].min(initial=made.omega))
+
+
+def compute_point(view: View, model: Model | None = None) -> Point:
     """Return what the page shows of the view's point, or of another one that starts from rest.
 
     One run of one orbit is measured and recorded. Only where its record is too short does a second one go on from it.
     """
-    start = view.start if osc is None else None
-    osc = osc or view.osc
-    ratio = osc.omega / osc.natural_frequency
+    start = view.start if model is None else None
+    model = model or view.osc
+    osc = model.at()
+    seen = shown(osc, view.coordinate, view.stop)
+    ratio = osc.omega / _slowest(osc)
     lead = max(20, int(LEAD * min(ratio, 1.0)))
     looks = max(20, min(int(LOOKS * ratio), MOST_LOOKS))
     density = min(max(60, math.ceil(24 / ratio)), HISTORY)  # samples per period
     found, orbit, section = measure_orbit(
-        osc,
+        model,
         start=start,
         indices=tuple(INDICES),
         transient_impacts=TRANSIENT,
         sample_impacts=view.samples,
         periods=lead + looks,
         samples_per_period=density,
-        tolerances=granted(stiffness(osc), TRANSIENT + view.samples),
-        patience=granted(stiffness(osc), lead + looks),
+        tolerances=granted(stiffness(model), TRANSIENT + view.samples),
+        patience=granted(stiffness(model), lead + looks),
     )
+    orbit = _projected(osc, seen, orbit)
     status, indices = Status(int(found.pop("status"))), found
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
     kind = MotionClass(int(decide(status, view.samples * indices["lyapunov_per_impact"], n, p)))
 
-    impact_map = _impact_map(osc, start, orbit, n, repeats=0 < n <= looks or not status.has_indices)
+    impact_map = _impact_map(osc, start, orbit, n, 0 < n <= looks or not status.has_indices, view.stop - 1)
     length = max(2.0, min(40.0, HISTORY / density)) * osc.period
-    shown, settled = None, view.settled
+    parts, settled = None, view.settled
     if settled:
-        shown = _settled(osc, orbit, lead * osc.period, length, n, status.has_indices)
-        begin = _hardest(osc, impact_map) if shown is None and status.has_indices else None
+        parts = _settled(osc, seen, orbit, lead * osc.period, length, n, status.has_indices)
+        begin = _hardest(osc, impact_map) if parts is None and status.has_indices else None
         if begin is not None:  # the budget ended the record before a long enough part of it was settled
-            shown = _carried_on(osc, begin, length, density)
-        settled = shown is not None
+            parts = _carried_on(osc, seen, begin, length, density)
+        settled = parts is not None
     return Point(
-        osc=osc,
+        osc=model,
+        made=osc,
+        shown=seen,
         name=motion_name(kind, n, p),
         sentence=sentence(osc, kind, status, indices, start, TRANSIENT + view.samples),
         n_periods=n,
         settled=settled,
         indices=indices,
-        **(shown or _beginning(osc, start, orbit, length)),
+        **(parts or _beginning(osc, seen, start, orbit, length)),
         impact_map=impact_map,
         poincare={name: orbit[name][section + lead * density :: density] for name in ("displacement", "velocity")},
     )
 
 
-def _settled(osc: ImpactOscillator, orbit: Columns, lead: float, length: float, n: int, hits: bool) -> Parts | None:
+def _projected(osc: Any, seen: Shown, orbit: dict[str, Any]) -> Columns:
+    """Return an orbit with the displacement that is shown, and numbers of stops for their names."""
+    if isinstance(osc, ImpactOscillator):
+        counts = {"impact_stop": "impact_time", "stick_stop": "stick_time"}
+        return orbit | {name: np.zeros(len(orbit[of]), int) for name, of in counts.items()}
+    number = {name: at for at, name in enumerate(osc.stop_names)}
+    stops = {name: np.array([number.get(one, -1) for one in orbit[name].tolist()], int) for name in OF_STOPS}
+    return orbit | stops | {name: seen.of(orbit[name]) for name in ("displacement", "velocity")}
+
+
+def _settled(osc: Any, seen: Shown, orbit: Columns, lead: float, length: float, n: int, hits: bool) -> Parts | None:
     """Return the end of an orbit as if it began in the first period, from a hard impact on.
 
     Of a cycle that is the hardest one; of a motion that does not repeat, the hardest of the last 64 before the end.
@@ -121,26 +150,28 @@ def _settled(osc: ImpactOscillator, orbit: Columns, lead: float, length: float, 
     last = last if n else last[:64]
     if hits and len(last):
         begin = float(hit_time[last[int(orbit["impact_velocity"][last].argmax())]])
-    return _parts(osc, orbit, begin, begin + length, math.floor(begin / osc.period) * osc.period)
+    return _parts(osc, seen, orbit, begin, begin + length, math.floor(begin / osc.period) * osc.period)
 
 
-def _beginning(osc: ImpactOscillator, start: State | None, orbit: Columns, length: float) -> Parts:
+def _beginning(osc: Any, seen: Shown, start: State | None, orbit: Columns, length: float) -> Parts:
     """Return an orbit from its start on."""
     begin = 0.0 if start is None else start.time
     end = max([begin, *orbit["time"][-1:]])
-    return _parts(osc, orbit, begin, min(begin + length, end), start=start)
+    return _parts(osc, seen, orbit, begin, min(begin + length, end), start=start)
 
 
-def _carried_on(osc: ImpactOscillator, begin: State, length: float, density: int) -> Parts:
+def _carried_on(osc: Any, seen: Shown, begin: State, length: float, density: int) -> Parts:
     """Return what follows an impact, from a run of its own."""
     periods = length / osc.period
     limits = granted(stiffness(osc), math.ceil(periods))
     orbit = vi.simulate(osc, start=begin, periods=periods, samples_per_period=density, tolerances=limits)
-    return _beginning(osc, begin, {name: orbit[name].values for name in RECORDED}, length)
+    followed = {name: orbit[name].values for name in RECORDED}
+    return _beginning(osc, seen, begin, _projected(osc, seen, followed), length)
 
 
 def _parts(
-    osc: ImpactOscillator,
+    osc: Any,
+    seen: Shown,
     orbit: Columns,
     begin: float,
     end: float,
@@ -155,29 +186,42 @@ def _parts(
     within, hit = (time >= begin) & (time <= end), (hit_time >= begin) & (hit_time <= end)
     time, y, v, hit_time, hit_speed = time[within], y[within], v[within], hit_time[hit], hit_speed[hit]
     if start is not None:
-        time, y, v = np.append(start.time, time), np.append(start.displacement, y), np.append(start.velocity, v)
-    seen = np.flatnonzero(hit_speed > FAINT * float(hit_speed.max(initial=0.0)))[:HISTORY]
-    hit_time, hit_speed = hit_time[seen], hit_speed[seen]
-    between, stop = _away_from(time, hit_time, 1e-9 * osc.period), np.full(len(hit_time), osc.gap)
-    all_time = np.concatenate([time[between], hit_time, hit_time])
+        place, speed = (seen.of(np.array(part, float)) for part in (start.displacement, start.velocity))
+        time, y, v = np.append(start.time, time), np.append(place, y), np.append(speed, v)
+    hard = np.flatnonzero(hit_speed > FAINT * float(hit_speed.max(initial=0.0)))[:HISTORY]
+    hit_time, hit_speed, struck = hit_time[hard], hit_speed[hard], orbit["impact_stop"][hit][hard]
+    between = _away_from(time, hit_time, 1e-9 * osc.period)
+    sides = [(time[between], y[between], v[between]), *_sides(seen, hit_time, hit_speed, struck)]
+    all_time, places, speeds = (np.concatenate(part) for part in zip(*sides, strict=True))
     order = np.argsort(all_time, kind="stable")
     left = np.where(np.isnan(release), end, release).clip(max=end)
     rested = (left > begin) & (stick < end)
     return {
-        "history": {
-            "time": all_time[order] - shift,
-            "displacement": np.concatenate([y[between], stop, stop])[order],
-            "velocity": np.concatenate([v[between], hit_speed, -osc.restitution * hit_speed])[order],
+        "history": {"time": all_time[order] - shift, "displacement": places[order], "velocity": speeds[order]},
+        "impacts": {"time": hit_time - shift, "velocity": hit_speed, "stop": struck},
+        "rests": {
+            "begin": stick[rested].clip(min=begin) - shift, "end": left[rested] - shift,
+            "stop": orbit["stick_stop"][rested],
         },
-        "impacts": {"time": hit_time - shift, "velocity": hit_speed},
-        "rests": {"begin": stick[rested].clip(min=begin) - shift, "end": left[rested] - shift},
-    }
+    }  # fmt: skip
 
 
-def _hardest(osc: ImpactOscillator, impact_map: Columns) -> State | None:
-    """Return the hardest of the last impacts as a state to continue from."""
+def _sides(seen: Shown, time: Floats, speed: Floats, stop: Floats) -> list[tuple[Floats, Floats, Floats]]:
+    """Return time, displacement and velocity of both sides of impacts at the walls in the way of what is shown."""
+    sides = []
+    for wall in seen.walls:
+        here = np.flatnonzero(stop == wall.number)
+        place, moving, closing = wall.at(time[here]), wall.velocity(time[here]), speed[here] / wall.scale
+        sides.append((time[here], place, moving + closing))
+        if wall.restitution is not None:
+            sides.append((time[here], place, moving - wall.restitution * closing))
+    return sides
+
+
+def _hardest(osc: Any, impact_map: Columns) -> State | None:
+    """Return the hardest of the last impacts of one mass as a state to continue from."""
     velocity, phase = (impact_map[name][:-65:-1] for name in ("velocity", "phase"))
-    if not len(velocity):
+    if not len(velocity) or not isinstance(osc, ImpactOscillator):
         return None
     at = int(velocity.argmax())
     return State(osc.gap, float(velocity[at]), float(phase[at]) * osc.period)
@@ -192,8 +236,17 @@ def _away_from(time: Floats, events: Floats, width: float) -> NDArray[np.bool_]:
     return np.asarray(nearest > width)
 
 
-def _impact_map(osc: ImpactOscillator, start: State | None, orbit: Columns, n_periods: int, repeats: bool) -> Columns:
-    """Return phase and velocity of the impacts after a transient; of a cycle those of the recorded orbit suffice."""
+def _impact_map(
+    osc: Any, start: State | None, orbit: Columns, n_periods: int, repeats: bool, stop: int = -1
+) -> Columns:
+    """Return phase and velocity of the impacts after a transient; of a cycle those of the recorded orbit suffice.
+
+    Those of a system are those recorded, at one stop or, -1, at all.
+    """
+    if not isinstance(osc, ImpactOscillator):
+        hit = {name: orbit[f"impact_{name}"][TRANSIENT:] for name in ("phase", "velocity", "stop")}
+        at = np.flatnonzero((hit["stop"] == stop) | (stop < 0))[:IMPACTS]
+        return {name: hit[name][at] for name in ("phase", "velocity")}
     time = orbit["impact_time"]
     cycle = int(np.searchsorted(time, time[-1] - n_periods * osc.period)) if len(time) else 0
     last = slice(min(TRANSIENT, cycle), TRANSIENT + IMPACTS)  # at least the impacts of one cycle
@@ -248,9 +301,9 @@ class Motions:
         self._known: dict[Hashable, Point] = {}
         self._lock = threading.Lock()
 
-    def of(self, view: View, osc: ImpactOscillator | None = None) -> Point:
+    def of(self, view: View, osc: Model | None = None) -> Point:
         """Return the motion at the view's point, or at another one that starts from rest."""
-        key = view.point_key if osc is None else (osc, None, view.settled, view.samples)
+        key = view.point_key if osc is None else (osc, None, *view.point_key[2:])
         with self._lock:
             known = self._known.get(key)
         if known is None:
@@ -263,7 +316,7 @@ class Motions:
 
 
 def sentence(
-    osc: ImpactOscillator,
+    osc: Any,
     kind: MotionClass,
     status: Status,
     indices: dict[str, float],
@@ -275,9 +328,7 @@ def sentence(
     return f"{origin}: {_settled_motion(osc, kind, status, indices, impacts)}"
 
 
-def _settled_motion(
-    osc: ImpactOscillator, kind: MotionClass, status: Status, indices: dict[str, float], impacts: int
-) -> str:
+def _settled_motion(osc: Any, kind: MotionClass, status: Status, indices: dict[str, float], impacts: int) -> str:
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
     name, peak = motion_name(kind, n, p), f"largest impact velocity {quantity(indices['max_velocity'], 'm/s', 3)}"
     often = "once per period" if n <= 1 else f"once in {n} periods"
@@ -295,9 +346,11 @@ def _settled_motion(
         return f"{name} over {impacts} impacts, {peak}; perturbations double in {_periods(doubling)}."
     if kind.stored == MotionClass.NO_IMPACT:
         words = "no impact" if status == Status.NO_IMPACT else status.sentence.split(";")[0]
-        reach, gap = (quantity(length, "m", 3) for length in (osc.steady_amplitude, osc.gap))
-        swings = f"; the steady swing of {reach} stays short of the gap of {gap}"
-        return f"{words}{swings if osc.steady_amplitude < osc.gap else ''}."
+        swings = ""
+        if isinstance(osc, ImpactOscillator) and osc.steady_amplitude < osc.gap:
+            reach, gap = (quantity(length, "m", 3) for length in (osc.steady_amplitude, osc.gap))
+            swings = f"; the steady swing of {reach} stays short of the gap of {gap}"
+        return f"{words}{swings}."
     known = f", {peak}" if math.isfinite(indices["max_velocity"]) else ""
     reason = f"no cycle in {impacts} impacts, and chaos is not certain" if status.has_indices else status.sentence
     return f"undecided{known}: {reason.split(';')[0]}; sample more impacts."
@@ -326,7 +379,7 @@ def index_rows(point: Point) -> list[tuple[str, str, str]]:
     hits = math.isfinite(point.indices["max_velocity"])
     for name, value in point.indices.items():
         value = value if hits else math.nan
-        index, scale = INDICES[name], spread_scale(name, point.osc.velocity_scale)
+        index, scale = INDICES[name], spread_scale(name, point.made.velocity_scale)
         rows.append((index.long_name, index_text(name, shown_spread(value, scale)), plain(index.units)))
     return rows
 

@@ -27,10 +27,11 @@ from tornado.web import ErrorHandler, RequestHandler
 
 from vibroimpact.explorer.address import from_query
 from vibroimpact.explorer.controls import EXPORTS
+from vibroimpact.explorer.models import Find, only_known
 from vibroimpact.explorer.page import ROOTS, Page
 from vibroimpact.explorer.plane import Plane
 from vibroimpact.explorer.point import compute_point
-from vibroimpact.explorer.state import NAMES, View, parameter_label
+from vibroimpact.explorer.state import View
 from vibroimpact.explorer.work import Pool
 
 if TYPE_CHECKING:
@@ -56,16 +57,18 @@ class Tabs:
     ----------
     view : View
         What a tab shows whose address names nothing.
-    stored : callable, optional
+    stored, find : callable, optional
         As for `Explorer`.
     """
 
-    def __init__(self, view: View, stored: Callable[[View], Plane | None] | None) -> None:
-        self._view, self._stored = view, stored
+    def __init__(
+        self, view: View, stored: Callable[[View], Plane | None] | None = None, find: Find = only_known
+    ) -> None:
+        self._view, self._stored, self._find = view, stored, find
         self._pool = Pool()
         self.open: set[object] = set()  # their websockets
         self._maker = ThreadPoolExecutor(1, thread_name_prefix="explorer-page")  # the server answers meanwhile
-        compute_point(View())  # compiles or loads what the first click needs
+        compute_point(view)  # compiles or loads what the first click needs
 
     async def enter(self, tab: object) -> Page | None:
         """Return a page for a tab that has joined; None if too many are open, or if it has left meanwhile."""
@@ -82,11 +85,11 @@ class Tabs:
         view, message = self._view, ""
         if query:
             try:
-                view = from_query(query)
+                view = from_query(query, self._find)
             except ValueError as error:
                 message = f"This link cannot be shown: {error}. The default view is shown instead."
         in_turn = functools.partial(IOLoop.current().add_callback, session.with_document_locked)
-        page.open(session.document, in_turn, view, message, self._stored)
+        page.open(session.document, in_turn, view, message, self._stored, self._find)
 
     def leave(self, tab: object) -> None:
         """Forget a tab; after the last one give memory back that arrays had."""
@@ -266,7 +269,6 @@ def page_file() -> tuple[str, str]:
             page_css=_asset("page.css"),
             help_html=_asset("help.html"),
             exports=EXPORTS,
-            parameters=[(name, parameter_label(name)) for name in NAMES],
             bokeh_version=version("bokeh"),
             roots=list(ROOTS),
             token=TOKEN,

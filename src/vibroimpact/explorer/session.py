@@ -8,9 +8,11 @@ from dataclasses import replace
 from typing import Any
 
 from vibroimpact.explorer import work
+from vibroimpact.explorer.limits import Range, with_axes, with_ranges
+from vibroimpact.explorer.models import Find, only_known
 from vibroimpact.explorer.plane import Curves, KeepGoing, Line, Plane, compute_line, find_curves
 from vibroimpact.explorer.point import Motions, Other, Point, find_others
-from vibroimpact.explorer.state import MOST_PINS, Range, View, rounded, typed_number, with_ranges
+from vibroimpact.explorer.state import MOST_PINS, View, rounded, typed_number
 from vibroimpact.explorer.work import Clock, Job, Pool, Refinement, Urgency, Work
 
 Message = tuple[str, Any]
@@ -38,6 +40,8 @@ class Explorer:
         ("pins", list of Point) and ("message", str).
     stored : callable, optional
         Given a view, returns a `Plane` taken from a stored sweep, or None.
+    find : callable, optional
+        Returns the model of a name, as links have it.
 
     Notes
     -----
@@ -53,8 +57,9 @@ class Explorer:
         pool: Pool | None = None,
         listener: Callable[[list[Message]], None] | None = None,
         stored: Callable[[View], Plane | None] | None = None,
+        find: Find = only_known,
     ) -> None:
-        self.view = view or View()
+        self.view, self.find = view or View(), find
         self.plane: Plane | None = None  # of this view: None until its first lattice is complete
         self.point: Point | None = None  # of this view, too
         self.line: Line | None = None
@@ -108,7 +113,7 @@ class Explorer:
 
     def set_parameter(self, name: str, value: Any) -> bool:
         """Change one parameter, as typed or slid; where it is refused, the view is sent again."""
-        changed = self._show(lambda view: _moved(view, {name: typed_number(name, value)}), name)
+        changed = self._show(lambda view: _moved(view, {name: typed_number(view.table[name], value)}), name)
         if not changed:
             self._send(("view", self.view))
         return changed
@@ -130,8 +135,14 @@ class Explorer:
         return changed
 
     def set_axes(self, x: str, y: str, x_range: Range, y_range: Range) -> bool:
-        """Vary other parameters along the plane's axes."""
-        return self.set("axes", x=x, y=y, x_range=x_range, y_range=y_range)
+        """Vary other parameters along the plane's axes, as far as it can be computed."""
+        try:
+            view, message = with_axes(self.view, {x: x_range, y: y_range})
+        except ValueError as error:
+            view, message = self.view, str(error)
+        if message:
+            self._send(("message", f"Shown as far as possible: {message}"))
+        return self.show(view, "axes")
 
     def follow(self, other: Other | None) -> bool:
         """Start the point's motion on another attractor; None starts it from rest."""

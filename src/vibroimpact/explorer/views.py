@@ -10,10 +10,11 @@ from bokeh.models import ColumnDataSource
 
 from vibroimpact.cells import FASTEST
 from vibroimpact.coexistence.measuring import SPREAD
+from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.plane import FOLLOWED, ONLY_OTHERS, OTHERS, TRANSIENT, Curves, Line, Plane
 from vibroimpact.explorer.point import Other, Point, index_rows, plain
 from vibroimpact.explorer.shades import name_of, shades
-from vibroimpact.explorer.state import FINEST, NAMES, View, parameter_label, symbol, unit
+from vibroimpact.explorer.state import View, parameter_label, symbol, table, unit
 from vibroimpact.indices import INDICES
 from vibroimpact.plotting.style import BLUE, BOUNDARY_COLORS, GREEN, RED, STATUS_COLORS
 from vibroimpact.plotting.style import view as limits
@@ -73,8 +74,8 @@ class PlaneView:
             "plane_home",
             x=view.x_range,
             y=view.y_range,
-            labels=[parameter_label(name) for name in both],
-            symbols=[symbol(name) for name in both],
+            labels=[parameter_label(view.table[name]) for name in both],
+            symbols=[symbol(view.table[name]) for name in both],
         )
         pins = zip(view.pins, PINS, LETTERS, strict=False)
         update.add(
@@ -82,7 +83,7 @@ class PlaneView:
             x=view.osc_value("x"),
             y=view.osc_value("y"),
             along=view.line,
-            pins=[(getattr(pin, view.x), getattr(pin, view.y), color, letter) for pin, color, letter in pins],
+            pins=[(pin.values[view.x], pin.values[view.y], color, letter) for pin, color, letter in pins],
         )
 
     def show_plane(self, plane: Plane) -> None:
@@ -183,17 +184,17 @@ class PointView:
     def show_point(self, point: Point) -> None:
         """Draw the present motion."""
         self._point = point
-        update, osc = self.updates["point"], point.osc
+        update, made = self.updates["point"], point.made
         update.add("motion_0", slot=0, **_motion(point))
-        y = point.history["displacement"]
+        reached = np.concatenate([point.history["displacement"], *_places(point), [0.0]])
         update.add(
             "facts",
-            gap=osc.gap,
-            period=osc.period,
-            force=1.0 if osc.amplitude else 0.0,
-            low=min(float(y.min()) if y.size else osc.gap, osc.gap - 1e-12 * (abs(osc.gap) or 1.0)),
-            begin=point.rests["begin"].tolist(),
-            end=point.rests["end"].tolist(),
+            period=made.period,
+            single=point.shown.direction is None,  # one mass, and then whether a force drives it
+            force=1.0 if point.shown.direction is None and made.amplitude else 0.0,
+            label=point.shown.label,
+            low=float(reached.min()),
+            high=float(reached.max()),
             colors=COLORS,
         )
         self._frame(update)
@@ -225,14 +226,15 @@ class PointView:
     def _frame(self, update: Update) -> None:
         """Fit the axes to what is drawn, without zooming into rounding."""
         assert self._point is not None
-        drawn, osc = [self._point, *self._pins], self._point.osc
+        drawn, made = [self._point, *self._pins], self._point.made
         y = np.concatenate([point.history["displacement"] for point in drawn])
         v = np.concatenate([point.history["velocity"] for point in drawn])
         speeds = np.concatenate([point.impact_map["velocity"] for point in drawn])
-        y_limits, v_limits = limits(np.append(y, osc.gap), self._point.size), limits(v, osc.velocity_scale or 1.0)
+        y_limits = limits(np.concatenate([y, *_places(self._point)]), self._point.size)
+        v_limits = limits(v, made.velocity_scale or 1.0)
         time = self._point.history["time"]
-        begin, last = (float(time[0]), float(time[-1])) if time.size else (0.0, osc.period)
-        shown = max(SHOWN_PERIODS, 2 * min(self._point.n_periods, 16)) * osc.period
+        begin, last = (float(time[0]), float(time[-1])) if time.size else (0.0, made.period)
+        shown = max(SHOWN_PERIODS, 2 * min(self._point.n_periods, 16)) * made.period
         most = float(speeds.max(initial=0.0)) or 1.0
         update.add(
             "home",
@@ -275,10 +277,11 @@ def numbers_table(point: Point, pins: list[Point]) -> str:
         values = [value for _, value, _ in row]
         units = units if any(map(str.isdigit, "".join(values))) else ""
         rows.append(_row(SHORT.get(long_name, long_name), values, units, long_name))
-    for name in NAMES:
-        values = [getattr(one.osc, name) for one in points]
+    for name, parameter in table(point.osc).items():
+        values = [one.osc.values[name] for one in points]
         if len(set(values)) > 1:
-            rows.append(_row(parameter_label(name, units=False), [f"{value:.5g}" for value in values], unit(name)))
+            label = parameter_label(parameter, units=False)
+            rows.append(_row(label, [f"{value:.5g}" for value in values], unit(parameter)))
     head = "" if not pins else "<tr><th></th>" + "".join(
         f"<td style='border-bottom:3px solid {color}'>{name}</td>"
         for name, color in zip(["here", *LETTERS[: len(pins)]], COLORS, strict=False)
@@ -296,22 +299,35 @@ def _row(label: str, values: list[str], units: str, title: str = "") -> str:
 def _motion(point: Point | None) -> dict[str, Any]:
     """Return the columns of a motion's plots, laid end to end since each array costs a message; None is nothing."""
     if point is None:
-        return {"gap": 0.0, "begin": 0.0, "turn": 0, "lengths": {}, "values": []}
+        return {"walls": [], "begin": 0.0, "turn": 0, "lengths": {}, "values": []}
     time = point.history["time"]
     begin = float(time[0]) if time.size else 0.0
+    hits, rests = point.impacts, point.rests
     columns = {
         "time": time - begin,
         "displacement": point.history["displacement"],
         "velocity": point.history["velocity"],
-        "hits": point.impacts["time"] - begin,
+        "hits": hits["time"] - begin,
+        "hit_places": point.shown.places(hits["stop"], hits["time"]),
+        "rest_begin": rests["begin"] - begin,
+        "rest_end": rests["end"] - begin,
+        "rest_places": point.shown.places(rests["stop"], rests["begin"]),
         "looks_y": point.poincare["displacement"],
         "looks_v": point.poincare["velocity"],
         "phases": point.impact_map["phase"],
         "speeds": point.impact_map["velocity"],
     }
+    for number, wall in enumerate(point.shown.walls):
+        columns[f"wall_{number}"] = wall.at(time if wall.motion.size else time[:1])
     lengths = {name: len(values) for name, values in columns.items()}
     values = np.concatenate(list(columns.values())).astype(np.float32)
-    return {"gap": point.osc.gap, "begin": begin, "turn": one_turn(point), "lengths": lengths, "values": values}
+    walls = [(wall.side, wall.name) for wall in point.shown.walls]
+    return {"walls": walls, "begin": begin, "turn": one_turn(point), "lengths": lengths, "values": values}
+
+
+def _places(point: Point) -> list[Any]:
+    """Return where the walls are during the history."""
+    return [wall.at(point.history["time"] if wall.motion.size else np.zeros(1)) for wall in point.shown.walls]
 
 
 def one_turn(point: Point) -> int:
@@ -319,7 +335,7 @@ def one_turn(point: Point) -> int:
     time = point.history["time"]
     if not (point.settled and point.n_periods and time.size):
         return int(time.size)
-    after = int(np.searchsorted(time, time[0] + point.n_periods * point.osc.period, "right"))
+    after = int(np.searchsorted(time, time[0] + point.n_periods * point.made.period, "right"))
     return min(after + 1, time.size)
 
 
@@ -332,8 +348,8 @@ class LineView:
     def show_view(self, view: View, update: Update) -> None:
         """Put range and label where the view has them."""
         parameter, ends = view.along
-        update.add("line_home", x=ends, label=parameter_label(parameter))
-        update.add("line", here=getattr(view.osc, parameter), color=BLUE)
+        update.add("line_home", x=ends, label=parameter_label(view.table[parameter]))
+        update.add("line", here=view.osc.values[parameter], color=BLUE)
 
     def show(self, line: Line) -> None:
         """Draw a diagram."""

@@ -16,7 +16,7 @@ from functools import partial
 from itertools import count
 
 from vibroimpact.execution.threads import worker_count
-from vibroimpact.explorer.plane import SIDES, KeepGoing, Plane, bands
+from vibroimpact.explorer.plane import KeepGoing, Plane, bands, sides
 
 Job = Callable[[], None]
 
@@ -279,6 +279,7 @@ class Refinement:
         self.plane, self._work, self._show, self._hatch, self._late = plane, work, show, hatch, late
         self._stamp, self._begun = work.renew("plane"), time.monotonic()
         self._spent, self._left = 0.0, 0
+        self._sides = sides(plane.view)
         self._queue(0)
 
     @property
@@ -288,9 +289,10 @@ class Refinement:
 
     def _queue(self, level: int) -> None:
         jobs: list[Callable[[KeepGoing], bool]]
-        if level < len(SIDES):
+        if level < len(self._sides):
             urgency = Urgency.COARSE if level == 0 else Urgency.FINE
-            jobs = [partial(self.plane.fill, *part) for part in bands(SIDES[level], self.plane.view.samples)]
+            rectangles = bands(self._sides[level], self.plane.view.samples, self._sides[0])
+            jobs = [partial(self.plane.fill, *part) for part in rectangles]
         else:
             urgency, self._spent = Urgency.HATCH, 0.0
             jobs = [partial(self.plane.try_others, places) for places in self.plane.quiet()]
@@ -319,11 +321,11 @@ class Refinement:
             complete = self.wanted and not self._left
         if not filled:
             if self._give_up():
-                self._late() if level < len(SIDES) else self._end_hatch(complete=False)
-        elif complete and level == len(SIDES):
+                self._late() if level < len(self._sides) else self._end_hatch(complete=False)
+        elif complete and level == len(self._sides):
             self._end_hatch(complete=True)
         elif complete:
-            self.plane.side, self.plane.seconds = SIDES[level], time.monotonic() - self._begun
+            self.plane.side, self.plane.seconds = self._sides[level], time.monotonic() - self._begun
             self._show(self.plane)
             self._queue(level + 1)
 

@@ -1,10 +1,10 @@
-// The motion at the point: four plots, the mass against its stop, and the diagram along a line below the plane.
+// The motion at the point: four plots, the mass between its stops, and the diagram along a line below the plane.
 window.Motion = (() => {
   "use strict";
   const byId = (id) => document.getElementById(id);
   const { Plot, LOOK, MARGINS, dark, quantity, power_of } = window.Plots;
   const motions = [], order = [1, 2, 0];  // the present motion lies on top
-  let facts = { gap: 0, period: 1, force: 0, low: -1, begin: [], end: [], colors: [] };
+  let facts = { period: 1, single: true, force: 0, label: "displacement y", low: -1, high: 0, colors: [] };
   let line = { x: [], y: [], here: 0, color: "#000" };
   let playing = false, clock = 0, before = 0;
   const each = (draw) => { for (const slot of order) if (motions[slot]) draw(motions[slot], facts.colors[slot], slot === 0); };
@@ -20,18 +20,26 @@ window.Motion = (() => {
   // ---- the plots
   const phase = (name, title, draw) => new Plot(name, {
     title, x: "displacement y [m]", y: "velocity [m/s]",
-    paint: (plot) => { plot.stop(facts.gap, false); each((motion, color, first) => draw(plot, motion, color, first)); },
+    paint: (plot) => { draw_walls(plot, false); each((motion, color, first) => draw(plot, motion, color, first)); },
   });
+  // What lies behind the stops that stay where they are, and the others' places over time.
+  const draw_walls = (plot, across) => {
+    if (!motions[0]) return;
+    for (const { side, place } of motions[0].walls) {
+      if (place.length === 1) plot.stop(place[0], across, side);
+      else if (across) plot.line(motions[0].time, place, LOOK.soft, 1.4, ...seen(motions[0].time, plot.range.x));
+    }
+  };
   const plots = {
     history: new Plot("history", {
       title: "Time history", x: "time [s]", y: "displacement y [m]",
       paint: (plot) => {
-        plot.stop(facts.gap, true);
+        draw_walls(plot, true);
         each((motion, color, first) => {
           plot.line(motion.time, motion.displacement, color, first ? 1.4 : 1.2, ...seen(motion.time, plot.range.x));
-          plot.marks(motion.hits, motion.gap, color);
+          plot.marks(motion.hits, motion.hit_places, color);
         });
-        plot.bars(facts.begin, facts.end, facts.gap, "#e0c800");
+        if (motions[0]) plot.bars(motions[0].rest_begin, motions[0].rest_end, motions[0].rest_places, "#e0c800");
         if (playing && !empty()) plot.rule("x", now(), "#d55e00");
       },
     }),
@@ -49,7 +57,7 @@ window.Motion = (() => {
     paint: (plot) => { plot.dots(line.x, line.y, LOOK.ink, 1.6); plot.rule("x", line.here, line.color, [6, 4]); },
   });
 
-  // ---- the mass against its stop
+  // ---- the mass between its stops
   const canvas = byId("play-canvas"), pen = canvas.getContext("2d");
   const now = () => {
     const { time } = motions[0], first = time[0], last = time[time.length - 1];
@@ -68,9 +76,9 @@ window.Motion = (() => {
     pen.clearRect(0, 0, width, height);
     const time = now(), at = position(motions[0].time, motions[0].displacement, time);
     const side = 13, left = 96, right = width - 130, middle = height / 2;
-    const x = left + (at - facts.low) * (right - left) / Math.max(facts.gap - facts.low, 1e-300);
+    const across = (y) => left + (y - facts.low) * (right - left) / Math.max(facts.high - facts.low, 1e-300), x = across(at);
     const trace = (color, wide, path) => { pen.strokeStyle = pen.fillStyle = color; pen.lineWidth = wide; pen.beginPath(); path(); pen.stroke(); };
-    trace(LOOK.soft, 1.3, () => {
+    if (facts.single) trace(LOOK.soft, 1.3, () => {
       pen.moveTo(12, 6); pen.lineTo(12, height - 6);
       pen.moveTo(12, middle);
       const from = 20, to = x - 2 * side;
@@ -78,8 +86,12 @@ window.Motion = (() => {
       pen.lineTo(to, middle);
     });
     pen.fillStyle = "#0072b2"; pen.fillRect(x - 2 * side, middle - side, 2 * side, 2 * side);
-    pen.fillStyle = LOOK.frame; pen.fillRect(right, 4, 3, height - 8);
-    trace(LOOK.soft, 1, () => { for (let i = 4; i < height - 4; i += 6) { pen.moveTo(right + 3, i + 5); pen.lineTo(right + 9, i); } });
+    for (const { side: where, place } of motions[0].walls) {  // one below the mass meets its other face
+      const wall = place.length === 1 ? place[0] : position(motions[0].time, place, time);
+      const face = across(wall) - (where > 0 ? 0 : 2 * side), behind = (far) => face + where * far;
+      pen.fillStyle = LOOK.frame; pen.fillRect(Math.min(face, behind(3)), 4, 3, height - 8);
+      trace(LOOK.soft, 1, () => { for (let i = 4; i < height - 4; i += 6) { pen.moveTo(behind(3), i + 5); pen.lineTo(behind(9), i); } });
+    }
     const push = facts.force * Math.sin(2 * Math.PI * time / facts.period) * 26, tip = x - side + push, above = middle - side - 4;
     trace("#d55e00", 2, () => { pen.moveTo(x - side, above); pen.lineTo(tip, above); });
     if (Math.abs(push) > 3) { pen.beginPath(); pen.moveTo(tip + 4 * Math.sign(push), above); pen.lineTo(tip, above - 4); pen.lineTo(tip, above + 4); pen.fill(); }
@@ -111,17 +123,21 @@ window.Motion = (() => {
 
   // ---- what the server sends
   const takes = {
-    motion: ({ slot, gap, begin, turn, lengths, values }) => {
-      const motion = { gap, turn };
+    motion: ({ slot, walls, begin, turn, lengths, values }) => {
+      const motion = { turn }, later = ["time", "hits", "rest_begin", "rest_end"];
       let at = 0;
       for (const [name, length] of Object.entries(lengths)) {
         const part = new Float32Array(values.buffer, values.byteOffset + 4 * at, length);  // Bokeh's arrays have no subarray
-        motion[name] = name === "time" || name === "hits" ? Float64Array.from(part, (time) => begin + time) : part;
+        motion[name] = later.includes(name) ? Float64Array.from(part, (time) => begin + time) : part;
         at += length;
       }
+      motion.walls = walls.map(([side, name], number) => ({ side, name, place: motion[`wall_${number}`] }));
       motions[slot] = at > 0 ? motion : null;
     },
-    facts: (content) => { facts = content; },
+    facts: (content) => {
+      facts = content;
+      for (const [name, axis] of [["history", "y"], ["portrait", "x"], ["poincare", "x"]]) plots[name][axis] = `${facts.label} [m]`;
+    },
     home: (content) => {
       for (const [name, [x, y]] of Object.entries(content)) {
         const { home } = plots[name];

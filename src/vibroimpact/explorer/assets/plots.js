@@ -248,15 +248,15 @@ window.Plots = (() => {
       pen.fill();
     }
 
-    // Small triangles that point down at the places along a height.
+    // Small triangles that point down at places.
     marks(x, y, color) {
-      const { pen } = this, b = this.py(y);
+      const { pen } = this;
       Object.assign(pen, { fillStyle: color, strokeStyle: LOOK.paper, lineWidth: 1 });
       pen.beginPath();
       let last = -Infinity;
-      for (const one of x) {
-        const a = this.px(one);
-        if (a - last < 2 || a < this.left - 4 || a > this.left + this.width + 4) continue;  // a chatter has thousands
+      for (let k = 0; k < x.length; k++) {
+        const a = this.px(x[k]), b = this.py(y[k]);
+        if (Number.isNaN(b) || a - last < 2 || a < this.left - 4 || a > this.left + this.width + 4) continue;  // a chatter has thousands
         pen.moveTo(a - 4, b - 3); pen.lineTo(a + 4, b - 3); pen.lineTo(a, b + 4); pen.lineTo(a - 4, b - 3);
         last = a;
       }
@@ -264,12 +264,12 @@ window.Plots = (() => {
       pen.fill();
     }
 
-    // Thick strokes from begin to end along a height.
+    // Thick strokes from begin to end, each along a height.
     bars(begin, end, y, color) {
       const { pen } = this;
       Object.assign(pen, { strokeStyle: color, lineWidth: 5 });
       pen.beginPath();
-      for (let k = 0; k < begin.length; k++) { pen.moveTo(this.px(begin[k]), this.py(y)); pen.lineTo(this.px(end[k]), this.py(y)); }
+      for (let k = 0; k < begin.length; k++) { pen.moveTo(this.px(begin[k]), this.py(y[k])); pen.lineTo(this.px(end[k]), this.py(y[k])); }
       pen.stroke();
     }
 
@@ -285,21 +285,24 @@ window.Plots = (() => {
       pen.setLineDash([]);
     }
 
-    // What lies behind the stop: above it in time, right of it in the plane of states.
-    stop(gap, across) {
-      const { pen } = this, right = this.left + this.width;
-      const x = across ? this.left : Math.max(this.px(gap), this.left), bottom = across ? Math.min(this.py(gap), this.top + this.height) : this.top + this.height;
-      if (x >= right || bottom <= this.top) return;
+    // What lies behind a stop: above it in time, right of it in the plane of states; of one on the other side (-1) the rest.
+    stop(gap, across, side = 1) {
+      const { pen } = this, at = across ? this.py(gap) : this.px(gap), higher = (side > 0) !== across;
+      const ends = across ? [this.top, this.top + this.height] : [this.left, this.left + this.width];
+      const [from, to] = higher ? [Math.max(at, ends[0]), ends[1]] : [ends[0], Math.min(at, ends[1])];
+      if (!(from < to)) return;
+      const [x, right] = across ? [this.left, this.left + this.width] : [from, to];
+      const [top, bottom] = across ? [from, to] : [this.top, this.top + this.height];
       pen.save();
       pen.beginPath();
-      pen.rect(x, this.top, right - x, bottom - this.top);
+      pen.rect(x, top, right - x, bottom - top);
       pen.clip();
       pen.fillStyle = LOOK.wall;
-      pen.fillRect(x, this.top, right - x, bottom - this.top);
+      pen.fillRect(x, top, right - x, bottom - top);
       Object.assign(pen, { strokeStyle: LOOK.stripes, lineWidth: 1 });
       pen.beginPath();
-      const tall = bottom - this.top;
-      for (let a = x - tall - ((x - tall) % 6); a < right; a += 6) { pen.moveTo(a, bottom); pen.lineTo(a + tall, this.top); }
+      const tall = bottom - top;
+      for (let a = x - tall - ((x - tall) % 6); a < right; a += 6) { pen.moveTo(a, bottom); pen.lineTo(a + tall, top); }
       pen.stroke();
       pen.restore();
     }

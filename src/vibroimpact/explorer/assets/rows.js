@@ -1,14 +1,18 @@
 // The parameters: a field and a slider for each.
 window.Rows = (() => {
   "use strict";
-  const STEPS = 500;
+  const STEPS = 500;  // of a slider
   let report = () => -1;
 
   class Row {
-    constructor(box) {
-      [this.field, this.slider] = box.querySelectorAll("input");
-      Object.assign(this, { shown: [0, 0, 1], typing: false, held: false, sent: -1 });
-      const { name } = box.dataset, { field, slider } = this;
+    constructor(name, label, logarithmic) {
+      const make = (tag, content) => Object.assign(document.createElement(tag), content), inputs = { autocomplete: "off" };
+      const field = make("input", { id: `number_${name}`, type: "text", inputMode: "decimal", maxLength: 40, spellcheck: false, ...inputs });
+      const slider = make("input", { id: `slider_${name}`, type: "range", ariaLabel: label, ...inputs });
+      Object.assign(this, { field, slider, logarithmic, shown: [0, 0, 1], typing: false, held: false, sent: -1 });
+      this.box = make("div", {});
+      this.box.dataset.name = name;
+      this.box.append(make("label", { htmlFor: field.id, textContent: label }), field, slider);
       slider.max = STEPS;
       slider.addEventListener("input", () => { this.sent = report(`slide ${name} ${this.slid()}`); });
       slider.addEventListener("pointerdown", () => { this.held = true; });
@@ -21,8 +25,9 @@ window.Rows = (() => {
 
     // The slider counts steps, so that both ends can be reached.
     slid() {
-      const [, low, high] = this.ends, step = Number(this.slider.value);
-      return step === STEPS ? high : low + step * (high - low) / STEPS;
+      const [, low, high] = this.ends, share = Number(this.slider.value) / STEPS;
+      if (share === 1) return high;
+      return this.logarithmic ? low * (high / low) ** share : low + share * (high - low);
     }
 
     restore() { this.typing = false; this.field.value = String(this.shown[0]); }
@@ -38,18 +43,27 @@ window.Rows = (() => {
       const [value, low, high] = this.shown, { slider } = this;
       if (!this.held) {
         this.ends = this.shown;
-        const step = String(Math.round((value - low) / (high - low) * STEPS));
+        const share = this.logarithmic ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
+        const step = String(Math.round(share * STEPS));
         if (slider.value !== step) slider.value = step;
       }
       slider.setAttribute("aria-valuetext", String(value));
     }
   }
 
-  const rows = Object.fromEntries([...document.querySelectorAll("#parameters > div")].map((box) => [box.dataset.name, new Row(box)]));
+  let rows = {}, made = "";
+  // Another model has other parameters.
+  const make_rows = (labels) => {
+    if (made === String(labels)) return;
+    made = String(labels);
+    rows = Object.fromEntries(labels.map(([name, ...row]) => [name, new Row(name, ...row)]));
+    document.getElementById("parameters").replaceChildren(...Object.values(rows).map(({ box }) => box));
+  };
   // The server may answer an older message than the last one sent: a slider must not jump back under the hand.
   const take = (parts) => {
-    for (const [part, { heard, values }] of parts) {
+    for (const [part, { heard, labels, values }] of parts) {
       if (part !== "rows") continue;
+      make_rows(labels);
       for (const [name, shown] of Object.entries(values)) if (heard >= rows[name].sent) rows[name].show(shown);
     }
   };

@@ -1,0 +1,229 @@
+"""The limits beyond which no view can be made: they keep the server responsive, and cells apart in double precision."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+from vibroimpact.options import Tolerances
+from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.parameters import Parameter, invalid
+
+if TYPE_CHECKING:
+    from vibroimpact.explorer.state import View
+
+Range = tuple[float, float]
+
+FINEST = 256  # cells along an axis of the plane
+SPACING = 16  # doubles between neighbouring cells, at least
+LARGEST, SMALLEST = 1e15, 1e-15  # of a parameter, in its unit
+SCALE = 1e30  # of energies, and of one over them: what is sent to be drawn has single precision
+FASTEST, SLOWEST, MOST_DAMPED = 100.0, 1e-3, 100.0  # driving over natural frequency; damping over critical damping
+STIFFEST = 1000.0  # fastest rate over slowest: steps per impact grow with it
+MOST_STEPS = 1e6  # granted a motion, about half a second
+LEAST_STEPS = 400.0  # granted an impact even so: driven a hundred times as fast as it swings, it needs some 300
+LONGEST_AGO = 1e9  # driving periods between time 0 and an initial condition: beyond, its phase is lost
+EDGE, PIN = " at the edge of the plane", " in a pin"
+
+HALVINGS = 24  # of the way to an end that is refused
+
+
+def stiffness(osc: Model) -> float:
+    """Return the fastest of driving, natural and decay rate over the slowest of driving and natural rate.
+
+    Examples
+    --------
+    >>> stiffness(ImpactOscillator(omega=0.25)), stiffness(ImpactOscillator(omega=1.0, damping=4.0)) > 3.7
+    (4.0, True)
+    """
+    known: Any = osc
+    return _stiffness(known)
+
+
+@lru_cache(1024)  # a view asks five times, most of them as the view before
+def _stiffness(osc: Any) -> float:
+    cell = osc.cells({})
+    return float(cell.fastest_rate[0] / cell.slowest_rate[0])
+
+
+def granted(stiff: float, count: int) -> Tolerances:
+    """Return a budget of some `MOST_STEPS` certified steps for so many impacts or periods; at most a tenth of usual.
+
+    Examples
+    --------
+    >>> granted(1.0, 600).steps_per_impact, granted(100.0, 5100).steps_per_impact
+    (100, 4)
+    """
+    per_impact = max(LEAST_STEPS, MOST_STEPS / count)
+    return Tolerances(steps_per_impact=max(1, min(100, int(per_impact / stiff))), flight_periods=100.0)
+
+
+def check_limits(model: Model, where: str) -> None:
+    """Raise `ValueError` unless all parameters, the ratios of rates and the scale of energies are within limits."""
+    for name, value in model.values.items():
+        if value and not SMALLEST <= abs(value) <= LARGEST:
+            raise ValueError(
+                f"`{name}` must have a magnitude from {SMALLEST:g} to {LARGEST:g} here, got {abs(value):g}{where}; "
+                "choose other units"
+            )
+    osc, stiff = model.at(), stiffness(model)
+    if not isinstance(osc, ImpactOscillator):
+        if stiff > STIFFEST * (1.0 + 1e-9):
+            raise ValueError(
+                f"the fastest rate of {model!s} must be at most {STIFFEST:g} times the slowest here, got {stiff:.3g} "
+                f"times{where}; use parameter_map, which has no such limit"
+            )
+        return
+    ratio = osc.omega / osc.natural_frequency
+    if not SLOWEST <= ratio <= FASTEST:
+        raise ValueError(
+            f"`omega` must be between {SLOWEST:g} and {FASTEST:g} times the natural frequency here, got {ratio:.3g} "
+            f"times{where}; use parameter_map, which has no such limit"
+        )
+    if osc.damping_ratio > MOST_DAMPED:
+        raise ValueError(
+            f"`damping` must be at most {MOST_DAMPED:g} times critical here, got {osc.damping_ratio:.3g} times{where}; "
+            "lower it"
+        )
+    if stiff > STIFFEST * (1.0 + 1e-9):
+        raise ValueError(
+            f"`damping` must make decay at most {STIFFEST:g} times as fast as the slower of driving and free "
+            f"oscillation here, got {stiff:.3g} times{where}; lower it"
+        )
+    energy = osc.mass * osc.velocity_scale**2
+    if energy and not 1.0 / SCALE <= energy <= SCALE:
+        raise ValueError(
+            f"`amplitude` and `gap` must make energies from {1.0 / SCALE:g} to {SCALE:g} J here, got {energy:.3g} J"
+            f"{where}; choose other units"
+        )
+
+
+def check_start(start: State, osc: Any) -> None:
+    """Raise `ValueError` unless a motion may start there."""
+    if not isinstance(osc, ImpactOscillator):
+        osc.initial(start)
+    elif isinstance(start.displacement, tuple) or isinstance(start.velocity, tuple):
+        raise ValueError("`start` must be a displacement, a velocity and a time of one mass")
+    elif start.displacement > osc.gap:
+        raise ValueError(f"`start` must be at or before the stop at {osc.gap:g} m, got {start.displacement:g} m")
+    size = max(map(abs, parts_of(start)[:-1]))
+    if size > LARGEST:
+        raise ValueError(f"`start` must have magnitudes up to {LARGEST:g}, got {size:g}")
+    if abs(start.time) > LONGEST_AGO * osc.period:
+        raise ValueError(
+            f"`start` must be within {LONGEST_AGO:g} driving periods of time 0, got {start.time:g} s; give a time "
+            "in the first period"
+        )
+    if not osc.velocity_scale:
+        raise ValueError("`start` must come with a force or a gap: without a force and a gap every motion dies out")
+
+
+def allowed_range(parameter: Parameter, ends: Range) -> Range:
+    """Return a slider's range without a zero that the parameter may not have."""
+    low, high = ends
+    return (high / 500.0 if low <= parameter.low and not parameter.closed else low), high
+
+
+def parts_of(start: State) -> list[float]:
+    """Return the displacements, the velocities and the time of an initial condition."""
+    parts: list[float] = []
+    for part in (start.displacement, start.velocity, start.time):
+        parts += part if isinstance(part, tuple) else (part,)
+    return parts
+
+
+def checked_range(axis: str, parameter: Parameter, ends: Any) -> Range:
+    """Return the range of an axis as two floats."""
+    try:
+        first, last = ends
+    except (TypeError, ValueError):
+        first = last = math.nan
+    low, high = (parameter.check(end) for end in (first, last))
+    if not high > low:
+        raise invalid(axis, ends, "a lower and a higher end", "put the lower end first")
+    least = least_width(low, high)
+    if high - low < least:
+        raise ValueError(
+            f"`{axis}` must span at least {least:.2g}, where double precision still separates {FINEST} cells, got "
+            f"{high - low:.2g}; zoom out"
+        )
+    return low, high
+
+
+def least_width(low: float, high: float) -> float:
+    """Return the narrowest range whose cells double precision separates."""
+    return FINEST * SPACING * math.ulp(max(abs(low), abs(high)))
+
+
+# ---- another part of the plane, as far as the limits allow
+
+
+def with_ranges(view: View, x_range: Range, y_range: Range) -> tuple[View, str]:
+    """Return the view moved to these ranges as far as its limits allow, and a message where they did not."""
+    try:
+        return replace(view, x_range=x_range, y_range=y_range), ""
+    except ValueError as error:
+        message = str(error)
+    wanted = {"x_range": x_range, "y_range": y_range}
+    if not all(_some_range(ends) for ends in wanted.values()):
+        return view, message
+    # First all four ends by the largest common share of their ways, then each alone as near as it may.
+    view = _farthest(view, wanted, (0, 1))
+    for name, end in product(wanted, (0, 1)):
+        view = _farthest(view, {name: wanted[name]}, (end,))
+    return view, message
+
+
+def with_axes(view: View, ranges: dict[str, Range]) -> tuple[View, str]:
+    """Return the view with two parameters along its axes, in these ranges as far as its limits allow, and a message.
+
+    Raises
+    ------
+    ValueError
+        Nothing about the point can be shown.
+    """
+    (x, x_range), (y, y_range) = ranges.items()
+    try:
+        return replace(view, x=x, y=y, x_range=x_range, y_range=y_range), ""
+    except ValueError:
+        close = {name: near(view.table[name], view.osc.values[name], ends) for name, ends in ranges.items()}
+        return with_ranges(replace(view, x=x, y=y, x_range=close[x], y_range=close[y]), x_range, y_range)
+
+
+def near(parameter: Parameter, value: float, ends: Range) -> Range:
+    """Return a thousandth of a range about a value, within what the parameter may be."""
+    width = 5e-4 * (ends[1] - ends[0])
+    low, high = max(value - width, parameter.low), min(value + width, parameter.high)
+    return allowed_range(parameter, (low, high))
+
+
+def _farthest(view: View, wanted: dict[str, Range], ends: tuple[int, ...]) -> View:
+    """Return the view with these ends of ranges moved by the largest share of their ways that is not refused.
+
+    The share lies between 0 and 1 and is found by `HALVINGS` halvings.
+    """
+    done, refused, best = 0.0, 1.0, view
+    for share in (1.0, *[0.0] * HALVINGS):
+        tried = share or 0.5 * (done + refused)
+        ranges: dict[str, Any] = {
+            name: tuple(a + tried * (to[end] - a) * (end in ends) for end, a in enumerate(getattr(view, name)))
+            for name, to in wanted.items()
+        }
+        try:
+            best, done = replace(view, **ranges), tried
+        except ValueError:
+            refused = tried
+        if done == 1.0:
+            break
+    return best
+
+
+def _some_range(ends: Any) -> bool:
+    try:
+        low, high = ends
+        return math.isfinite(low) and math.isfinite(high) and bool(low < high)
+    except (TypeError, ValueError):
+        return False

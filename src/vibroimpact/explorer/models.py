@@ -1,0 +1,104 @@
+"""The models that pages may show: the one that the server was started with, and the ready-made ones by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from vibroimpact.explorer.limits import Range, allowed_range, near, with_axes
+from vibroimpact.explorer.state import View, table
+from vibroimpact.oscillator import ImpactOscillator, Model, check_model
+from vibroimpact.parameters import Parameter, printable
+
+Find = Callable[[str], Model]  # returns the model of a name in a link, or raises ValueError
+
+RATES = ("rad/s", "Hz", "1/min")
+DECADE = 10.0  # on either side of a value that has to be positive
+
+
+def only_known(name: str) -> Model:
+    """Return one mass with one stop for "", or a ready-made model; files are not run for links."""
+    from vibroimpact import models
+    from vibroimpact.families import ready_made
+
+    if not name:
+        return ImpactOscillator()
+    if name not in models.__all__:
+        raise ValueError(f"`model` {name[:80]!r} is not known here; start the explorer with --model {name[:80]}")
+    return ready_made(name)
+
+
+def finder(name: str, model: Model) -> Find:
+    """Return what finds a model of one's own, and those that are always known."""
+    return lambda wanted: model if name and wanted == name else only_known(wanted)
+
+
+def opened(model: Model, name: str = "") -> tuple[View, Find]:
+    """Return the view of a model that a server is started with, and what finds it by its name in links.
+
+    One mass with one stop is what the page shows without a name.
+    """
+    check_model(model, "model")
+    if isinstance(model, ImpactOscillator):
+        return replace(first_view(model, ""), index=View.index, samples=View.samples), only_known
+    called = printable(name or str(model)).replace(" ", "_")
+    return first_view(model, called), finder(called, model)
+
+
+def usual_range(parameter: Parameter, value: float, made: Any) -> Range:
+    """Return how far the slider of a parameter reaches, from its range and its value.
+
+    All of a bounded range; a decade to either side of a number that must be positive, a third to three times of a rate;
+    else from 0, or from as far on its other side, to three times the value.
+    """
+    low, high = parameter.low, parameter.high
+    if math.isfinite(low) and math.isfinite(high):
+        return low, high
+    size = abs(value) or (made.velocity_scale / made.omega if parameter.unit == "m" else 1.0)
+    if low == 0.0 and parameter.unit in RATES:
+        return size / 3.0, 3.0 * size
+    if low == 0.0:
+        return (0.0, 3.0 * size) if parameter.closed else (size / DECADE, DECADE * size)
+    return max(low, -size if value >= 0.0 else -3.0 * size), min(high, 3.0 * size if value >= 0.0 else size)
+
+
+def first_view(model: Model, name: str) -> View:
+    """Return what is shown first of a model: over its frequency, and over what moves a stop.
+
+    Raises
+    ------
+    ValueError
+        It has fewer than two parameters, or nothing about its own values is within the limits.
+    """
+    known = table(model)
+    if len(known) < 2:
+        raise ValueError(f"`model` {name!r} must have two or more parameters to vary, got {len(known)}; add some")
+    x = next((key for key in known if _moves(model, key, _driving)), next(iter(known)))
+    others = [key for key in known if key != x]
+    y = next((key for key in others if _moves(model, key, _gaps)), others[-1])
+    made, values = model.at(), model.values
+    ranges = {key: allowed_range(known[key], usual_range(known[key], values[key], made)) for key in (x, y)}
+    close = {key: near(known[key], values[key], ends) for key, ends in ranges.items()}
+    view = View(osc=model, x=x, y=y, x_range=close[x], y_range=close[y], model=name, index="max_velocity", samples=200)
+    return with_axes(view, ranges)[0]
+
+
+def _moves(model: Model, name: str, what: Callable[[Any], Any]) -> bool:
+    """Whether something of the oscillator or system depends on a parameter."""
+    value = model.values[name]
+    for other in (1.001 * value, 0.999 * value) if value else (1e-6,):
+        try:
+            return bool(what(model.replace(**{name: other}).at()) != what(model.at()))
+        except ValueError:  # out of its range on that side
+            continue
+    return False
+
+
+def _driving(made: Any) -> float:
+    return float(made.omega)
+
+
+def _gaps(made: Any) -> list[float]:
+    return [stop.gap for stop in ([made] if isinstance(made, ImpactOscillator) else made.stops)]

@@ -1,0 +1,187 @@
+"""A stored sweep as a view."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from vibroimpact.classes import NEEDED, classify
+from vibroimpact.dataset import oscillator_of, variable
+from vibroimpact.explorer.limits import FINEST
+from vibroimpact.explorer.plane import Plane, positions
+from vibroimpact.explorer.state import MOTION, SAMPLES, View
+from vibroimpact.files import load
+from vibroimpact.indices import INDICES
+from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.parameters import check_fits
+
+NAMES = tuple(ImpactOscillator().values)  # of stored sweeps, which hold one mass with one stop
+Stored = Callable[[View], Plane | None]
+
+
+def open_study(path: str | os.PathLike[str]) -> tuple[View, Stored]:
+    """Return the view that shows all of a stored sweep, and a function that gives a session its cells.
+
+    Parameters
+    ----------
+    path : path
+        A sweep over two or more parameters: a `.zarr` folder or an `.nc` file.
+
+    Raises
+    ------
+    ValueError
+        It is not a sweep over two parameters of the oscillator, or exceeds the limits of a page.
+    OSError
+        It cannot be read.
+
+    Notes
+    -----
+    All that is shown is read at once, 256 x 256 cells at most: the store may be removed, or continue to grow, while
+    pages are open. A frequency in Hz is shown as omega in rad/s.
+    """
+    try:
+        return _view_of(path)
+    except ValueError as error:
+        where = os.fspath(path)
+        raise error if where in str(error) else ValueError(f"{error} (in {where!r})") from error
+    except (LookupError, TypeError, AttributeError, ArithmeticError) as error:
+        raise OSError(f"`store` {os.fspath(path)!r} is damaged ({type(error).__name__}: {error})") from error
+
+
+def _view_of(path: str | os.PathLike[str]) -> tuple[View, Stored]:
+    sweep = _over_omega(_read(path))
+    status = sweep.get("status")
+    dims = [str(name) for name in status.dims] if status is not None else []
+    indices = [name for name in sweep.data_vars if name in INDICES]
+    if len(dims) < 2 or not indices or any(name not in NAMES for name in dims) or "oscillator" not in sweep.attrs:
+        raise ValueError(
+            f"`store` must be a sweep over two or more of {', '.join(NAMES)} (or frequency for omega), got "
+            f"{os.fspath(path)!r} with axes {', '.join(dims) or 'none'}; make one with `vibroimpact map --out`"
+        )
+    for name in dims[2:]:
+        sweep = sweep.isel({name: sweep.sizes[name] // 2})
+    osc = _oscillator(path, sweep).replace(**{name: float(sweep[name]) for name in dims[2:]})
+    x, y = dims[:2]
+    ranges = {name: _edges(name, sweep[name].values) for name in (x, y)}
+    middle = {name: float(np.clip(getattr(osc, name), *ranges[name])) for name in (x, y)}
+    view = View(
+        osc=osc.replace(**middle), x=x, y=y, x_range=ranges[x], y_range=ranges[y], index=str(indices[0]),
+        samples=_samples(sweep),
+    )  # fmt: skip
+    plane, known = _plane(view, sweep.transpose(x, y, ...), Path(path).name)
+
+    def stored(wanted: View) -> Plane | None:
+        if wanted.plane_key != view.plane_key or wanted.index not in known:
+            return None
+        return replace(plane, view=wanted)
+
+    return view, stored
+
+
+def _read(path: str | os.PathLike[str]) -> xr.Dataset:
+    if Path(path).suffix == ".zarr":
+        from vibroimpact.execution.store import SweepStore
+
+        try:
+            store = SweepStore(path)
+        except OSError:
+            pass  # a result that was saved whole
+        else:
+            return store.dataset()
+    return load(path)
+
+
+def _over_omega(sweep: xr.Dataset) -> xr.Dataset:
+    """Return a sweep over the frequency in Hz as one over w = 2 pi frequency in rad/s; others as they are."""
+    if "frequency" not in sweep.dims or "omega" in sweep.variables or sweep["frequency"].dtype.kind not in "fiu":
+        return sweep
+    omega = variable("omega", "frequency", 2.0 * math.pi * sweep["frequency"].values)
+    return sweep.assign_coords(frequency=omega).rename(frequency="omega")
+
+
+def _oscillator(path: str | os.PathLike[str], sweep: xr.Dataset) -> ImpactOscillator:
+    try:
+        return oscillator_of(sweep)
+    except (ValueError, TypeError) as error:
+        raise ValueError(
+            f"`store` must be a sweep as `vibroimpact map --out` writes it; the oscillator of {os.fspath(path)!r} "
+            f"cannot be read ({error})"
+        ) from error
+
+
+def _samples(sweep: xr.Dataset) -> int:
+    """Return the allowed number of sampled impacts that is nearest to the sweep's."""
+    try:
+        wanted = float(json.loads(sweep.attrs["arguments"])["sample_impacts"])
+    except (KeyError, TypeError, ValueError):
+        return View.samples
+    return min(SAMPLES, key=lambda samples: abs(samples - wanted))
+
+
+def _edges(name: str, values: Any) -> tuple[float, float]:
+    """Return the outer edges of the first and the last cell, within the parameter's range."""
+    if len(values) < 2:
+        raise ValueError(f"`store` must hold two or more values of {name}, got one")
+    if values.dtype.kind not in "fiu" or not (np.diff(values) > 0.0).all():
+        raise ValueError(f"`store` must hold increasing values of {name}; sort them")
+    low, high = values[0] - 0.5 * (values[1] - values[0]), values[-1] + 0.5 * (values[-1] - values[-2])
+    return _within(name, low, values[0]), _within(name, high, values[-1])
+
+
+def _within(name: str, edge: float, value: float) -> float:
+    """Return the edge of a cell, or the cell's value where the edge is out of the parameter's range."""
+    try:
+        return ImpactOscillator.parameters[name].check(edge)
+    except ValueError:
+        return float(value)
+
+
+def _origin(sweep: xr.Dataset) -> str:
+    """Return from where the motions of a stored sweep began, as far as it says so."""
+    try:
+        start = json.loads(sweep.attrs["arguments"])["start"]
+    except (KeyError, TypeError, ValueError):
+        return "from the stored initial condition"
+    return Plane.origin if start is None else "from the stored initial condition"
+
+
+def _nearest(values: Any, places: Any) -> Any:
+    """Return which of increasing values is nearest to each place."""
+    after = np.searchsorted(values, places).clip(1, len(values) - 1)
+    return after - (places - values[after - 1] <= values[after] - places)
+
+
+def _plane(view: View, sweep: xr.Dataset, name: str) -> tuple[Plane, frozenset[str]]:
+    """Return the sweep on the finest lattice, each cell that of the nearest stored value, and the indices it holds."""
+    cells = np.arange(FINEST)
+    where = [
+        _nearest(sweep[axis].values, positions(*ends, cells))
+        for axis, ends in ((view.x, view.x_range), (view.y, view.y_range))
+    ]
+    try:
+        near = sweep.isel({view.x: where[0], view.y: where[1]})
+        check_fits("store", f"is {name!r}, of which what is shown takes", near.nbytes, "it is damaged")
+        near = near.load()
+    except (RuntimeError, OSError) as error:  # raised for a damaged tile
+        raise OSError(f"`store`: a tile of {name!r} cannot be read ({error}); run the sweep again") from error
+    plane = Plane.unknown(view)
+    growth = {"lyapunov_per_impact"} <= set(near) or {"lyapunov", "impacts_per_period"} <= set(near)
+    if growth and set(NEEDED[1:]) <= set(map(str, near.variables)):
+        near = near.assign(motion=classify(near)["motion"])
+    for key, array in plane.values.items():
+        if key in near and near[key].dtype.kind in "fiub":
+            array[...] = near[key].values
+    missing = int(sweep.attrs.get("cells_missing", 0))
+    plane.stored = f"{name}, {len(sweep[view.x])} × {len(sweep[view.y])} cells" + f", {missing} missing" * bool(missing)
+    plane.side = FINEST
+    plane.held = frozenset(map(str, near.data_vars)) & frozenset(INDICES)
+    plane.origin = _origin(sweep)
+    return plane, plane.held | ({MOTION} & set(near.data_vars))
