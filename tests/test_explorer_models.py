@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -169,7 +170,8 @@ def test_a_combination_that_raises_is_refused_with_its_place_and_the_page_goes_o
     assert not explorer.set_parameter("clearance_mm", 1.3)
     (told,) = [content for what, content in heard if what == "message"]
     assert "shaker fails at" in told
-    assert "RuntimeError: the shaker has no room (test_explorer_models.py, line 27)" in told
+    line = shaker.function.__code__.co_firstlineno + 4
+    assert f"RuntimeError: the shaker has no room (test_explorer_models.py, line {line})" in told
     assert explorer.view == before
     assert explorer.set_parameter("clearance_mm", 0.6)
     explorer.close()
@@ -212,3 +214,15 @@ def test_symbols_that_an_address_needs_for_itself_are_no_keys():
 
 def test_what_no_cell_was_computed_of_is_no_plane():
     assert Plane.unknown(of("two_sided_oscillator")).side == 0
+
+
+def test_a_notebook_has_the_page_below_its_cell_and_no_other_site_has():
+    pytest.importorskip("bokeh", reason="no Bokeh: install the extra [web]")
+    from vibroimpact.explorer.notebook import address_of
+
+    address = address_of(shaker)
+    with urlopen(address, timeout=20) as answer:
+        assert answer.headers["Content-Security-Policy"].startswith("frame-ancestors http://localhost:* ")
+        assert b'id="parameters"' in answer.read()
+    with pytest.raises(ValueError, match="`model` must be"):
+        address_of(3.0)

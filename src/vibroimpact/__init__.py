@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from vibroimpact.coexistence import attractors, basins
     from vibroimpact.continuation import boundary_curves, continue_boundary, continue_orbit, switch_branch
     from vibroimpact.diagrams import bifurcation_diagram
+    from vibroimpact.explorer.notebook import explore
     from vibroimpact.families import family
     from vibroimpact.motion import recognise
     from vibroimpact.options import Tolerances
@@ -44,6 +45,7 @@ _NAMES = {
     "continuation": "continue_orbit switch_branch continue_boundary boundary_curves",
     "coexistence": "attractors basins",
     "verdict": "describe compare",
+    "explorer.notebook": "explore",
     "files": "save load",
 }
 _HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
@@ -68,6 +70,7 @@ __all__ = [
     "continue_orbit",
     "describe",
     "end_of_sticking",
+    "explore",
     "family",
     "find_orbit",
     "impact_map",

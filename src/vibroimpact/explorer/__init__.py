@@ -96,8 +96,9 @@ def make_server(
     name: str = "",
     port: int | None = None,
     host: str = "127.0.0.1",
+    framed: bool = False,
 ) -> tuple[BaseServer, str]:
-    """Return a server that listens, and its address; `explore` runs it."""
+    """Return a server that listens, and its address; `explore` runs it. Notebooks may frame its page if `framed`."""
     if importlib.util.find_spec("bokeh") is None:
         raise ImportError("the explorer needs the extra [web]; install it with: pip install 'vibroimpact[web]'")
     from vibroimpact.explorer.address import PRESETS
@@ -115,7 +116,7 @@ def make_server(
         from vibroimpact.explorer.stored import open_study
 
         view, stored = open_study(store)
-    tabs = Tabs(view, stored, find)
+    tabs = Tabs(view, stored, find, framed)
     logging.getLogger("bokeh").setLevel(logging.ERROR)
     logging.getLogger("tornado.access").setLevel(logging.ERROR)
     fault: OSError | None = None

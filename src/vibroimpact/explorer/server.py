@@ -46,6 +46,7 @@ SILENT = 10.0  # s after which a connection that asks for nothing is closed
 KEEP_ALIVE, UNUSED, CHECK = 15_000, 4_000, 1_000  # ms: of a websocket; until it must have joined; between clean-ups
 LEFT = 3.0  # s after which a tab that left has been cleaned up
 SCRIPTS = ("plots", "motion", "plane", "rows", "page")
+NOTEBOOKS = "http://localhost:* http://127.0.0.1:* vscode-webview:"  # whose pages these may be
 TOKEN = "@token@"  # where it comes in the page
 _ASSETS = Path(__file__).parent / "assets"
 
@@ -59,12 +60,18 @@ class Tabs:
         What a tab shows whose address names nothing.
     stored, find : callable, optional
         As for `Explorer`.
+    framed : bool
+        Whether notebooks of this machine may show the page in a frame.
     """
 
     def __init__(
-        self, view: View, stored: Callable[[View], Plane | None] | None = None, find: Find = only_known
+        self,
+        view: View,
+        stored: Callable[[View], Plane | None] | None = None,
+        find: Find = only_known,
+        framed: bool = False,
     ) -> None:
-        self._view, self._stored, self._find = view, stored, find
+        self._view, self._stored, self._find, self.framed = view, stored, find, framed
         self._pool = Pool()
         self.open: set[object] = set()  # their websockets
         self._maker = ThreadPoolExecutor(1, thread_name_prefix="explorer-page")  # the server answers meanwhile
@@ -173,15 +180,17 @@ class Socket(WSHandler):  # type: ignore[misc]
 class PageFile(RequestHandler):
     """The page: the same file for all, but for the token of the session that its websocket may begin."""
 
-    def initialize(self, parts: tuple[str, str]) -> None:
-        """Take the file, without the token."""
-        self._parts = parts
+    def initialize(self, parts: tuple[str, str], framed: bool) -> None:
+        """Take the file, without the token, and whether notebooks may frame it."""
+        self._parts, self._frames = parts, NOTEBOOKS if framed else "'none'"
 
     def get(self) -> None:
         """Hand it out; nothing is computed or kept for it."""
         before, after = self._parts
         self.set_header("Cache-Control", "no-store")
-        self.set_header("Content-Security-Policy", "frame-ancestors 'none'")  # else any site could open it unseen
+        self.set_header(
+            "Content-Security-Policy", f"frame-ancestors {self._frames}"
+        )  # else any site could open it unseen
         self.set_header("X-Content-Type-Options", "nosniff")
         self.finish(f"{before}{generate_jwt_token(generate_session_id())}{after}")
 
@@ -226,7 +235,7 @@ class Router(BokehTornado):  # type: ignore[misc]
         if request.host.lower() not in self._hosts:
             return answer(Refused, {"hosts": self._hosts})
         if request.path == "/":
-            return answer(PageFile, {"parts": self._parts})
+            return answer(PageFile, {"parts": self._parts, "framed": self.tabs.framed})
         if request.path == "/ws":
             context = self.applications["/"]
             return answer(Socket, {"application_context": context, "bokeh_websocket_path": "/ws", "tabs": self.tabs})
