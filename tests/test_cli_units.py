@@ -91,3 +91,21 @@ def test_the_last_of_repeated_values_wins(run, tmp_path):
     section = vi.load("a.nc")
     assert json.loads(section.attrs["oscillator"])["omega"] == 0.9
     assert section.sizes["impact"] == 20
+
+
+@pytest.mark.parametrize(
+    ("command", "left"),
+    [
+        ("section -p m=2 -p k=3000 -p w=30", "damping = 0.01 N s/m, amplitude = 1 N"),
+        ("section -p gap=0.5mm -p m=2 -p zeta=1% -p k=3000 -p f=3", "omega = 2 rad/s"),
+        ("section -p m=2 -p k=3000 -p w=30 -p c=1 -p f=2", None),
+        ("section -p m=2", None),
+        ("section --model two_sided_oscillator", None),
+    ],
+)
+def test_numbers_of_the_paper_beside_ones_in_si_are_warned_of(run, command, left):
+    code, _, complaints = run(f"{command} --sample-impacts 20")
+    assert code == 0
+    assert complaints == (
+        [f"vibroimpact: numbers of the paper stand beside your own: {left}; give them too"] if left else []
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -136,10 +137,13 @@ def parameter_map(options: Options) -> None:
 def _with_index(options: Options) -> Study:
     """Return the study of a sweep; the index that its figure shows is among those computed."""
     study, index = options.study(), options["index"]
+    from vibroimpact.indices import check_indices
+
     computed = study.given.get("indices", ())
     if index is None or index in computed:
         return study
-    return options.with_values(indices=",".join([*computed, index])).study()
+    with refusing():
+        return replace(study, given={**study.given, "indices": check_indices([*computed, index])})
 
 
 @o.with_options(

@@ -112,7 +112,10 @@ class Options(Mapping[str, Any]):
         """Return the request that they make together with a study file."""
         from vibroimpact.cli.study import read_study  # here, since --help needs none of it
 
-        return read_study(file or self.get("study"), self.changes(), self.get("model"))
+        study = read_study(file or self.get("study"), self.changes(), self.get("model"))
+        if study.warning:
+            typer.echo(f"vibroimpact: {study.warning}", err=True)
+        return study
 
     def with_values(self, **values: Any) -> Options:
         """Return a copy with other values of some options."""
@@ -318,18 +321,15 @@ _SECTIONS = (
 SECTION = _what("section", "KIND", _SECTIONS, table="run")
 SECTION_KIND = _what("section", "KIND", _SECTIONS, table="run", flags=("--kind",))
 COORDINATE = _what(
-    "coordinate", "N", "Of a system: the coordinate that a stroboscopic section shows. (default: 0)",
-    table="run",
-)  # fmt: skip
+    "coordinate", "N", "Of a system: the coordinate that a stroboscopic section shows. (default: 0)", table="run"
+)
 DIRECTION = _what(
     "direction", "WAY",
     "fresh: each value from the same initial conditions; up, down: each from where its neighbour ended. (default: "
     "fresh)",
     table="run",
 )  # fmt: skip
-VARY = _what(
-    "vary", "NAMES", "Comma-separated: the parameters varied in search of boundaries and remedies. (default: all)"
-)
+VARY = _what("vary", "NAMES", "Comma-separated: parameters varied in search of boundaries and remedies. (default: all)")
 WITHIN = _what("within", "X", "How far: from value/(1+X) to value*(1+X). (default: 3)")
 SEARCH = (VARY, WITHIN)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from vibroimpact.cli import WrongRequest, refusing
 from vibroimpact.cli.options import ENDS
-from vibroimpact.cli.units import without_unit
+from vibroimpact.cli.units import has_unit, left_dimensionless, without_unit
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.parameters import (
@@ -124,6 +124,7 @@ class Study:
     model: Model
     axes: dict[str, Floats]
     given: dict[str, Any]
+    warning: str = ""
 
     def of_one_mass(self, command: str) -> Study:
         """Return the study, or refuse it for a command that takes one mass with one stop only."""
@@ -221,7 +222,10 @@ def make_study(
     if reader.faults:
         raise ValueError("\n".join(reader.faults))
     tolerances = {"tolerances": Tolerances(**given["tolerances"])} if given["tolerances"] else {}
-    return Study(model, axes, {**given["sampling"], **given["run"], **start, **tolerances})
+    written = [*own["oscillator"].values(), *typed.get("oscillator", {}).values(), *own["axes"].values()]
+    in_si = {"mass", "stiffness"} <= set(values) or has_unit([*written, *typed.get("axes", {}).values()])
+    warning = left_dimensionless({*values, *axes}) if in_si and "model" not in document else ""
+    return Study(model, axes, {**given["sampling"], **given["run"], **start, **tolerances}, warning)
 
 
 class _Reader:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, invalid
 
 # A number, then a unit; what follows the number is no exponent.
@@ -38,6 +39,13 @@ def without_unit(parameter: Parameter, value: Any) -> Any:
     return _converted(parameter, value, float(written[1]), written[2].strip().replace("%", "percent"))
 
 
+def has_unit(value: Any) -> bool:
+    """Return whether a value, or one of several, is written with a unit."""
+    if isinstance(value, (Mapping, list, tuple)):
+        return any(map(has_unit, value.values() if isinstance(value, Mapping) else value))
+    return isinstance(value, str) and _WITH_UNIT.fullmatch(value) is not None
+
+
 def _converted(parameter: Parameter, text: str, number: float, unit: str) -> float:
     wanted = parameter.unit
     if wanted == "1":
@@ -61,3 +69,12 @@ def _registry() -> tuple[Any, tuple[type[Exception], ...]]:
     units: Any = pint.UnitRegistry()
     units.define("hertz = turn / second = Hz")  # for pint 10 Hz are 10 rad/s
     return units, (pint.PintError, AttributeError, AssertionError, TypeError, ValueError)
+
+
+def left_dimensionless(given: set[str]) -> str:
+    """Return a warning where numbers in SI stand beside numbers of the paper, which are dimensionless."""
+    table, usual = ImpactOscillator.parameters, ImpactOscillator()
+    given = {table[name].replaces or name for name in given}
+    left = [name for name in ("mass", "damping", "stiffness", "amplitude", "omega") if name not in given]
+    numbers = ", ".join(f"{name} = {getattr(usual, name):g} {table[name].unit}" for name in left)
+    return f"numbers of the paper stand beside your own: {numbers}; give them too" if left else ""
