@@ -40,13 +40,19 @@ def stiffness(osc: Model) -> float:
     (4.0, True)
     """
     known: Any = osc
-    return _stiffness(known)
+    return _known(known)[1]
 
 
-@lru_cache(1024)  # a view asks five times, most of them as the view before
-def _stiffness(osc: Any) -> float:
-    cell = osc.cells({})
-    return float(cell.fastest_rate[0] / cell.slowest_rate[0])
+def made_of(model: Any) -> Any:
+    """Return the oscillator or system that a model is at its own values."""
+    return _known(model)[0]
+
+
+@lru_cache(1024)  # a view asks for five points, most of them those of the view before
+def _known(model: Any) -> tuple[Any, float]:
+    made = model.at()
+    cell = made.cells({})
+    return made, float(cell.fastest_rate[0] / cell.slowest_rate[0])
 
 
 def granted(stiff: float, count: int) -> Tolerances:
@@ -69,7 +75,7 @@ def check_limits(model: Model, where: str) -> None:
                 f"`{name}` must have a magnitude from {SMALLEST:g} to {LARGEST:g} here, got {abs(value):g}{where}; "
                 "choose other units"
             )
-    osc, stiff = model.at(), stiffness(model)
+    osc, stiff = made_of(model), stiffness(model)
     if not isinstance(osc, ImpactOscillator):
         if stiff > STIFFEST * (1.0 + 1e-9):
             raise ValueError(

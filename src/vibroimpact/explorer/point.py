@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.explorer.limits import granted, stiffness
+from vibroimpact.explorer.limits import granted, made_of, stiffness
 from vibroimpact.explorer.plane import TRANSIENT, KeepGoing
 from vibroimpact.explorer.shown import Shown, shown
 from vibroimpact.explorer.state import View
@@ -79,11 +79,12 @@ def compute_point(view: View, model: Model | None = None) -> Point:
     """
     start = view.start if model is None else None
     model = model or view.osc
-    osc = model.at()
+    osc = made_of(model)
     seen = shown(osc, view.coordinate, view.stop)
     ratio = osc.omega / _slowest(osc)
     lead = max(20, int(LEAD * min(ratio, 1.0)))
-    looks = max(20, min(int(LOOKS * ratio), MOST_LOOKS))
+    of_these = LOOKS if seen.direction is None else LOOKS // 2  # a system takes ten times as long
+    looks = max(20, min(int(of_these * ratio), MOST_LOOKS))
     density = min(max(60, math.ceil(24 / ratio)), HISTORY)  # samples per period
     found, orbit, section = measure_orbit(
         model,

@@ -10,7 +10,7 @@ from functools import cached_property
 from itertools import product
 from typing import Any
 
-from vibroimpact.explorer.limits import EDGE, PIN, Range, check_limits, check_start, checked_range, stiffness
+from vibroimpact.explorer.limits import EDGE, PIN, Range, check_limits, check_start, checked_range, made_of, stiffness
 from vibroimpact.indices import INDICES
 from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.parameters import Parameter, invalid, real_number
@@ -48,8 +48,8 @@ CHOICES = {
     "samples": Choice("n", _same(SAMPLES), "impacts per cell"),
     "settled": Choice("from", {"start": False, "settled": True}, "show the settled motion"),
     "case": Choice("case", _same(CASES)),
-    "coordinate": Choice("q", _same(range(MOST_SHOWN + 1)), "displacement shown"),
-    "stop": Choice("stop", _same(range(MOST_SHOWN + 1)), "impacts shown"),
+    "coordinate": Choice("q", _same(range(MOST_SHOWN + 1)), "displacement"),
+    "stop": Choice("stop", _same(range(MOST_SHOWN + 1)), "impacts"),
 }
 
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
@@ -145,7 +145,7 @@ class View:
     @cached_property
     def made(self) -> Any:
         """The oscillator or system at the point."""
-        return self.osc.at()
+        return made_of(self.osc)
 
     @property
     def coordinates(self) -> range:
