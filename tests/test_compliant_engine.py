@@ -161,8 +161,15 @@ def test_the_stiffer_the_stop_the_nearer_the_motion_is_to_that_of_a_rigid_one(z)
     assert apart[-1] < 1e-3 * rigid
 
 
-def test_lanes_and_walk_have_the_same_bits():
-    stops = spring(80.0, 0.7, 0.1), vi.Stop(direction=-1.0, gap=0.2, restitution=0.7), spring(400.0, 0.0, 0.25, -0.5)
+@pytest.mark.parametrize(
+    "stops",
+    [
+        (spring(80.0, 0.7, 0.1), vi.Stop(direction=-1.0, gap=0.2, restitution=0.7), spring(400.0, 0.0, 0.25, -0.5)),
+        (spring(80.0, 0.0, 0.1), spring(400.0, 0.0, 0.25, -0.5)),
+    ],
+    ids=["damper, rigid stop and spring", "two springs"],
+)
+def test_lanes_and_walk_have_the_same_bits(stops):
     system, omegas = oscillator(*stops), np.linspace(0.5, 3.0, 37)
     how = {"transient_impacts": 50, "sample_impacts": 60}
     sweep = vi.parameter_map(system, omega=omegas, indices=["max_velocity", "max_force"], **how)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -12,12 +13,13 @@ from vibroimpact.contact import KNOWN
 from vibroimpact.kernels.cell import MOST
 from vibroimpact.kernels.restitution import address_of
 from vibroimpact.kernels.systems.layout import Layout
-from vibroimpact.kernels.systems.leap import HALF, WHOLE
+from vibroimpact.kernels.systems.leap import HALF, WHOLE, WITHIN
 from vibroimpact.kernels.systems.series import REACH
 from vibroimpact.options import Tolerances
 from vibroimpact.system_cells import SystemCells
 
 _TERMS = 30  # of a series over a leap: 2^31/31! is below rounding
+SAFE = 1.001  # above the speed from which on a leap within a contact is certified: far above rounding
 
 # By which power of a step's length a number is multiplied where time is counted in steps.
 _POWERS = {
@@ -50,10 +52,10 @@ def in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
             table[:, first : first + size] = cells.block(name) * step ** _POWERS.get(name, 0)
     _address_laws(layout, table)
     table[:, layout.tick] = step[:, 0]
-    _prepare_leaps(cells, layout, table)
     s, grip = layout.stops, np.einsum("ijk,ijk->ij", *(_by_stop(cells, name) for name in ("alpha", "jump")))
     table[:, layout.hard : layout.hard + s] = table[:, layout.spring : layout.spring + s] * grip / REACH**2
     table[:, layout.thick : layout.thick + s] = table[:, layout.dashpot : layout.dashpot + s] * grip / REACH
+    _prepare_leaps(cells, layout, table)
     table[:, layout.speed] = table[:, layout.cut]
     table[:, layout.cut] *= chatter
     return table
@@ -85,26 +87,59 @@ def _prepare_leaps(cells: SystemCells, k: Layout, table: Floats) -> None:
     bounds = (np.abs(load) + size.sum(axis=-1), *((part * turned[:, None] ** 2).sum(axis=-1) for part in (size, swing)))
     table[:, k.driven : k.driven + 2 * n + s] = np.hstack(bounds)
     coupled = np.count_nonzero(table[:, k.damping : k.damping + n * n], axis=1) > np.count_nonzero(damping, axis=1)
-    zero, one = np.zeros((number, n)), np.ones((number, n))
     for first, length in ((k.halves, HALF), (k.wholes, WHOLE)):
         room = np.where(coupled[:, None], 0.0, 1.0 - square * length**2 / 8.0 - damping * length / 2.0)
-        own = [*_over(one, zero, square, damping, length), *_over(zero, one, square, damping, length)]
-        loaded = _over(zero, zero, square, damping, length, load, zero, 0.0)
         bound = np.where(room > 0.0, 1.0 / np.where(room > 0.0, room, 1.0), np.inf)
-        columns = [own[0], own[2], loaded[0], own[1], own[3], loaded[1], bound]
-        for order in range(m):
-            rate, (re, im) = turned[:, order, None], np.moveaxis(force[:, :, order], -1, 0)
-            sine = _over(zero, zero, square, damping, length, re, -im * rate, rate)
-            cosine = _over(zero, zero, square, damping, length, im, re * rate, rate)
-            columns += [sine[0], cosine[0], sine[1], cosine[1]]
-        flat = np.stack(columns, axis=-1).reshape(number, -1)
-        table[:, first : first + flat.shape[1]] = flat
-        angle = length * theta[:, 0]
-        table[:, first + flat.shape[1]], table[:, first + flat.shape[1] + 1] = np.sin(angle), np.cos(angle)
+        flow = _flow(square, damping, load, force, turned, length, bound)
+        table[:, first : first + flow.shape[1]] = flow
+    if k.giving and n == 1:
+        forced, moved = force[:, 0] @ np.array([1.0, 1j]), motion @ np.array([1.0, 1j])
+        _prepare_contacts(k, table, square, damping, load, forced, moved, turned)
+
+
+def _flow(
+    square: Floats, damping: Floats, load: Floats, force: Floats, turned: Floats, length: Any, bound: Floats
+) -> Floats:
+    """Return the flow of every mode over a length, with what bounds it, and sine and cosine of what the force turns."""
+    zero, one = np.zeros_like(square), np.ones_like(square)
+    own = [*_over(one, zero, square, damping, length), *_over(zero, one, square, damping, length)]
+    loaded = _over(zero, zero, square, damping, length, load, zero, 0.0)
+    columns = [own[0], own[2], loaded[0], own[1], own[3], loaded[1], bound]
+    for order in range(force.shape[2]):
+        rate, (re, im) = turned[:, order, None], np.moveaxis(force[:, :, order], -1, 0)
+        sine = _over(zero, zero, square, damping, length, re, -im * rate, rate)
+        cosine = _over(zero, zero, square, damping, length, im, re * rate, rate)
+        columns += [sine[0], cosine[0], sine[1], cosine[1]]
+    angle = length * turned[:, :1]
+    return np.hstack([np.stack(columns, axis=-1).reshape(len(square), -1), np.sin(angle), np.cos(angle)])
+
+
+def _prepare_contacts(
+    k: Layout, table: Floats, square: Floats, damping: Floats, load: Floats, force: Any, motion: Any, turned: Floats
+) -> None:
+    """Leave the flows of leaps within contacts of a lone mode, with the speeds from which on they are certified."""
+    zero, one = np.zeros_like(square), np.ones_like(square)
+    for own, (z, part) in enumerate(itertools.product(range(k.stops), WITHIN)):
+        alpha, jump, gap, spring = (table[:, first + z, None] for first in (k.alpha, k.jump, k.gap, k.spring))
+        length, stiff = part / np.sqrt(1.0 + table[:, k.hard + z, None]), square + alpha * jump * spring
+        y, _ = _over(zero, one, stiff, damping, length)
+        whole, _ = _over(zero, zero, stiff, damping, length, one, zero, 0.0)
+        moved = motion[:, z]
+        driven = alpha * force - (square + 1j * turned * damping - turned**2) * moved
+        least = alpha * load - square * gap - np.abs(driven).sum(axis=1, keepdims=True)
+        others = np.delete(table[:, k.alpha : k.alpha + k.stops], z, axis=1)
+        away = (others * alpha < 0.0).all(axis=1, keepdims=True) & (k.stops == 1 or not k.moving)
+        sure = away & (spring > 0.0) & (table[:, k.dashpot + z, None] == 0.0) & (y > 0.0)
+        speed = np.where(sure, SAFE * np.maximum(-least, 0.0) * whole / np.where(sure, y, 1.0), np.inf)
+        push = force + jump * spring * moved
+        parts = np.stack([push.real, push.imag], axis=-1)[:, None]
+        flow = _flow(stiff, damping, load + jump * spring * gap, parts, turned, length, speed)
+        first = k.within + own * flow.shape[1]
+        table[:, first : first + flow.shape[1]] = flow
 
 
 def _over(
-    y: Floats, p: Floats, square: Floats, damping: Floats, x: float, force: Any = 0.0, slope: Any = 0.0, rate: Any = 0.0
+    y: Floats, p: Floats, square: Floats, damping: Floats, x: Any, force: Any = 0.0, slope: Any = 0.0, rate: Any = 0.0
 ) -> tuple[Floats, Floats]:
     """Return amplitude and rate after x steps, by the power series, under a force that turns at a rate."""
     b = [y, p]

@@ -14,7 +14,7 @@ from vibroimpact.kernels.cell import QUIET_FOR, RUNNING
 from vibroimpact.kernels.machine import compiled, next_ticket
 from vibroimpact.kernels.systems.law import begin, bounce, closed
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, NOTHING
-from vibroimpact.kernels.systems.leap import LEAPS, leap_half, leap_whole, may_leap
+from vibroimpact.kernels.systems.leap import LEAPS, leap_half, leap_whole, leap_within, may_leap
 from vibroimpact.kernels.systems.march import (
     CHATTERED,
     EACH,
@@ -178,6 +178,8 @@ def run_lanes(table, budgets, results, ends, tickets, lanes, owner, notes, ended
                 on = leap_whole(lanes, k, 0, on)
             if anywhere(leapt):
                 leap_half(lanes, k, 0, leapt)
+            if k.giving and k.modes == 1:
+                leap_within(lanes, k, 0)
             step(lanes, k, 0)
             if not k.thorough:
                 _usual(lanes, notes, k, window)

@@ -27,8 +27,9 @@ class Layout(NamedTuple):
     `pace` is the length of a step while they do, as a part of it, and `thrust`, `work`, `pushed`, `peak` and `depth`
     are impulse, energy taken, time, largest force and penetration of the contact; `drained` is the energy that dampers
     took. The others up to `constants` are constant, with the addresses of laws of restitution (`law`, 0 where it is a
-    number), the length of a step in s (`tick`), the flows of leaps, `halves` and `wholes`, and `driven`, bounds of the
-    loads, of their second derivatives and of the stops' accelerations. From `pairs` on it is room to work.
+    number), the length of a step in s (`tick`), the flows of leaps, `halves`, `wholes` and those `within` contacts, and
+    `driven`, bounds of the loads, of their second derivatives and of the stops' accelerations. From `pairs` on it is
+    room to work.
     """
 
     modes: int
@@ -90,6 +91,7 @@ class Layout(NamedTuple):
     driven: int
     halves: int
     wholes: int
+    within: int
     constants: int
     pairs: int
     flight: int
@@ -134,7 +136,8 @@ def layout_of(
         "gap": s, "motion": 2 * m * s, "restitution": s, "law": s, "tick": 1,
         "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
         "margin": s, "give": s, "driven": 2 * n + s,
-        "halves": flow, "wholes": flow, "constants": 0, "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE,
+        "halves": flow, "wholes": flow, "within": 2 * s * flow * (giving and n == 1), "constants": 0,
+        "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE,
         "stop": s * SIZE, "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1, "rows": 0,
     }  # fmt: skip
     places, row = {}, 0

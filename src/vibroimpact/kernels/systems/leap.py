@@ -15,6 +15,16 @@ u'' = g'' + w + sum alpha D eta', and w = sum alpha (L eta - f) lies near its ch
 and u lies above its chord less B x (X - x)/2. That is above zero on the way where sqrt(u0) + sqrt(u1) > X sqrt(B/2)
 (theory, equation 2.2), after an impact with u0 = 0. A leap is certified where it is so for every stop; one that is not
 changes nothing. No stop may be closed.
+
+A contact of a lone mode with a stop that gives and has no damper begins with d = -u = 0, d' = v > 0 and is linear,
+d'' + D d' + K d = a(x), K with the stop's stiffness in it and a from the load and the stop's motion. With s(x) > 0 the
+answer to a unit speed at x = 0 and S its integral,
+
+    d(x) = v s(x) + integral of s(x - y) a(y) dy >= v s(x) + min(a, 0) S(x).
+
+s'/s falls, so that S s' <= s^2 and S/s grows: v > -min(a, 0) S(X)/s(X), a number of the cell, certifies that the stop
+pushes over a leap of X. Other stops must stand on the other side of the mode, and still, so that it moves away from
+them. X is below half a period of the contact's, where s is above zero.
 """
 
 from __future__ import annotations
@@ -24,15 +34,19 @@ import math
 from numba import njit
 
 from vibroimpact.kernels.flight import BARELY
-from vibroimpact.kernels.systems.flow import fly_apart, stop_moves, turned, turns
-from vibroimpact.kernels.systems.layout import FLOW, OPEN, STRUCK
-from vibroimpact.kernels.systems.step import miss
+from vibroimpact.kernels.systems.flow import fly_apart, move, stop_moves, turned, turns
+from vibroimpact.kernels.systems.layout import BALANCED, CLOSED, FLOW, OPEN, STRUCK
+from vibroimpact.kernels.systems.push import account, drain, stands
+from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH
+from vibroimpact.kernels.systems.step import fly, miss
 from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 # Before a step come a half, wholes while they are certified, up to so many, and a half again; their lengths in steps.
 # A whole one is two halves: over a half the series holds.
 LEAPS, HALF = 32, 0.5
 WHOLE = 2.0 * HALF
+# A contact's leaps, in steps of its pace: the longer one, with the step after it, ends most, the shorter one weak ones.
+WITHIN = 2.0, 1.3
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -151,3 +165,54 @@ def leap_half(rows, k, wide, willing):
 def leap_whole(rows, k, wide, willing):
     """Make a leap where it is certified; return where it was."""
     return _leap(rows, k, wide, k.wholes, WHOLE, willing)
+
+
+@njit(error_model="numpy")
+def leap_within(rows, k, wide):
+    """Leap from the beginning of a contact of a lone mode with a spring, where it is certified; return where it was."""
+    begun = (get(rows, k.age, wide) <= 0.0) & (get(rows, k.engaged, wide) == 1.0) & (get(rows, k.closed, wide) <= 0.0)
+    leapt = begun & (get(rows, k.age, wide) > 0.0)
+    if not anywhere(begun):
+        return leapt
+    for own in range(2 * k.stops):
+        z, length, first = own // 2, WITHIN[own % 2], k.within + own * (FLOW + 4 * k.harmonics + 2)
+        s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
+        least, last = get(rows, first + FLOW - 1, wide), first + FLOW + 4 * k.harmonics
+        kind, (u, w, size) = get(rows, k.kind + z, wide), stands(rows, z, s, c, k, wide)
+        here = begun & (kind == BALANCED) & (-w > least) & (-w >= get(rows, k.cut, wide))
+        here = here & (abs(u) <= TOUCH * size + NOWHERE * get(rows, k.speed, wide))
+        if not anywhere(here):
+            continue
+        if k.forceful or k.draining or k.wary:
+            _see(rows, select(here, 0.5 * length, 0.0 * w), k, wide)
+        turns(rows, k, wide)
+        _, y1, p1 = _flown(rows, first, 0, k, wide)
+        put(rows, k.pull, wide, y1)
+        put(rows, k.pull + 1, wide, p1)
+        s1, c1 = turned(s, c, get(rows, last, wide), get(rows, last + 1, wide))
+        _take(rows, here, s, s1, c1, first, length * get(rows, k.pace, wide), k, wide)
+        put(rows, k.kind + z, wide, select(here, CLOSED, get(rows, k.kind + z, wide)))
+        leapt, begun = leapt | here, begun & (get(rows, k.age, wide) <= 0.0)
+    return leapt
+
+
+@njit(error_model="numpy")
+def _see(rows, end, k, wide):
+    """Count what a leap within a contact does on its way, by two steps that are taken back."""
+    y, p = get(rows, k.eta, wide), get(rows, k.rate, wide)
+    s, c, periods = get(rows, k.turn, wide), get(rows, k.turn + 1, wide), get(rows, k.turn + 2, wide)
+    here = end > 0.0
+    for _ in range(2):
+        turns(rows, k, wide)
+        fly(rows, True, k, wide)
+        for z in range(k.stops if k.wary else 0):
+            miss(rows, z, end, here, True, k, wide)
+        account(rows, end, k, wide)
+        if k.draining:
+            drain(rows, end, k, wide)
+        move(rows, end, here, k, wide)
+    put(rows, k.eta, wide, y)
+    put(rows, k.rate, wide, p)
+    put(rows, k.turn, wide, s)
+    put(rows, k.turn + 1, wide, c)
+    put(rows, k.turn + 2, wide, periods)

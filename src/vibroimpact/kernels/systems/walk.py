@@ -12,11 +12,11 @@ from vibroimpact.kernels.machine import compiled
 from vibroimpact.kernels.systems.flow import fly_apart, move, turns
 from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
-from vibroimpact.kernels.systems.leap import HALF, LEAPS, WHOLE, leap_half, leap_whole, may_leap
+from vibroimpact.kernels.systems.leap import HALF, LEAPS, WHOLE, leap_half, leap_whole, leap_within, may_leap
 from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, MADE, TURN, add_all, ending, happen, moment
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
-from vibroimpact.kernels.systems.step import step
+from vibroimpact.kernels.systems.step import fly, step
 
 
 class Seen(NamedTuple):
@@ -74,6 +74,22 @@ def _leap(rows, spare, k, seen, schedule, length, willing):
         _look(spare, k, seen, periods, phase, schedule)
         move(spare, HALF, False, k, None)
     return leapt
+
+
+@njit(error_model="numpy")
+def _leap_within(rows, spare, k, seen, schedule):
+    """Leap from the beginning of a contact; the looks within need series."""
+    if schedule.number > 0.0:
+        spare[:] = rows
+    if leap_within(rows, k, None) and schedule.number > 0.0:
+        end = 0.5 * rows[k.age]
+        for _ in range(2):
+            periods, phase = moment(spare[k.turn], spare[k.turn + 1], spare[k.turn + 2])
+            turns(spare, k, None)
+            fly(spare, True, k, None)
+            spare[k.passed] = end
+            _look(spare, k, seen, periods, phase, schedule)
+            move(spare, end / spare[k.pace], False, k, None)
 
 
 @njit(error_model="numpy")
@@ -185,6 +201,8 @@ def follow(rows, spare, k, room, note, seen, window, schedule, most):
             on = on and _leap(rows, spare, k, seen, schedule, WHOLE, on)
         if leapt:
             _leap(rows, spare, k, seen, schedule, HALF, leapt)
+        if k.giving and k.modes == 1:
+            _leap_within(rows, spare, k, seen, schedule)
         periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
         step(rows, k, None)
         _look(rows, k, seen, periods, phase, schedule)
