@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("bokeh", reason="no Bokeh: install the extra [web]")
 
 from vibroimpact.explorer.address import BY_NAME, PRESETS
-from vibroimpact.explorer.controls import Commands, Controls
+from vibroimpact.explorer.controls import TICKS, Commands, Controls
 from vibroimpact.explorer.point import Other
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import View
@@ -50,7 +50,7 @@ def shown(controls):
         osc=ImpactOscillator(**{name: value for name, (value, low, high) in controls.rows().items()}),
         x=controls.x.value, y=controls.y.value, index=controls.menus["index"].value, line=controls.menus["line"].value,
         samples=int(controls.menus["samples"].value), x_range=controls.explorer.view.x_range,
-        y_range=controls.explorer.view.y_range, **{name: tick.active for name, tick in controls.ticks.items()},
+        y_range=controls.explorer.view.y_range, **{name: getattr(controls.explorer.view, name) for name in TICKS},
     )  # fmt: skip
 
 
@@ -67,9 +67,8 @@ def test_widgets_show_all_of_a_view(controls):
 def test_widgets_tell_the_session_what_was_done(controls):
     view = controls.explorer
     controls.menus["samples"].value = "5000"
-    controls.ticks["log"].active = True
     controls.x.value = "mass"  # which was upwards: the two change places
-    assert (view.view.samples, view.view.log, view.view.x, view.view.y) == (5000, True, "mass", "omega")
+    assert (view.view.samples, view.view.x, view.view.y) == (5000, "mass", "omega")
 
 
 @pytest.mark.parametrize(("widget", "value"), [

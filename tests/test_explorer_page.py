@@ -17,13 +17,15 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
          "--disable-component-update", "--disable-sync"]  # fmt: skip
-SERVE = "from vibroimpact.explorer import explore; explore({store!r}, port=0, browser=False)"
+SERVE = "from vibroimpact.explorer import explore; explore({store!r}, port={port}, browser=False)"
 QUICK = "m=1&c=0.01&k=1&f=1&w=2&r=0.8&g=0&x=w,1.8,2.2&y=m,0.9,1.1&index=std&n=200"
 
 
 @contextlib.contextmanager
-def serving(store=None):
-    process = subprocess.Popen([sys.executable, "-c", SERVE.format(store=store)], stdout=subprocess.PIPE, text=True)
+def serving(store=None, port=0):
+    process = subprocess.Popen(
+        [sys.executable, "-c", SERVE.format(store=store, port=port)], stdout=subprocess.PIPE, text=True
+    )
     try:
         line = process.stdout.readline()
         yield re.search(r"http://\S+", line).group()
@@ -465,6 +467,89 @@ def test_all_that_is_written_stands_out_in_light_and_dark(tab, scheme):
     assert [one for one in found if one[1] < 4.5 or one[2] < 1.0] == []  # WCAG 2.1, 1.4.3, level AA
     paper = tab.evaluate("[...Motion.plots.history.pen.getImageData(1, 1, 1, 1).data]")
     assert (paper[0] > 128) is (scheme == "light")
+
+
+def test_the_page_says_that_it_connects_computes_and_is_ready(tab):
+    tab.add_init_script("""document.addEventListener("DOMContentLoaded", () => {
+      const box = document.getElementById("state");
+      window.states = [box.textContent];
+      new MutationObserver(() => window.states.push(box.textContent)).observe(box, { childList: true });
+    })""")
+    load(tab)
+    until(tab, "window.states.at(-1) === 'ready'")
+    assert tab.evaluate("window.states") == ["connecting …", "computing …", "ready"]
+    tab.fill("#number_restitution", "3")
+    tab.press("#number_restitution", "Enter")  # refused: nothing to compute
+    until(tab, "document.getElementById('number_restitution').value === '0.8'")
+    tab.fill("#number_restitution", "0.7")
+    tab.press("#number_restitution", "Enter")
+    until(tab, "window.states.length === 5")
+    assert tab.evaluate("window.states.slice(3)") == ["computing …", "ready"]
+
+
+def test_a_page_that_loses_its_server_says_so_and_comes_back_with_what_it_showed(browser, tmp_path):
+    page = browser.new_page()
+    with serving(port=0) as found:
+        page.address = found
+        load(page, side=64)
+        page.fill("#number_restitution", "0.75")
+        page.press("#number_restitution", "Enter")
+        until(page, "location.search.includes('r=0.75')")
+    page.get_by_text("lost, reconnecting …").wait_for(timeout=10_000)
+    with serving(port=urlsplit(found).port):
+        page.get_by_text("ready", exact=True).wait_for(timeout=60_000)
+        assert page.input_value("#number_restitution") == "0.75"
+        page.close()
+
+
+def test_every_control_has_a_name_and_the_keyboard_reaches_it(tab):
+    load(tab, side=64)
+    for opened in ("#export summary", "#help-button"):
+        tree = tab.locator("body").aria_snapshot()
+        assert "slider" in tree
+        assert (
+            re.findall(r"- (?:button|combobox|textbox|slider|checkbox|img|application)(?: \[.*\])?:?$", tree, re.M)
+            == []
+        )
+        tab.focus(opened)
+        tab.keyboard.press("Enter")
+    tab.keyboard.press("Escape")
+    tab.focus("h1 >> xpath=ancestor::body")
+    reached = set()
+    for _ in range(60):
+        tab.keyboard.press("Tab")
+        reached.add(tab.evaluate("document.activeElement.shadowRoot?.activeElement?.name || document.activeElement.id"))
+    canvases = {"plane-canvas", "line", "history", "portrait", "poincare", "impact_map"}
+    assert reached >= {*canvases, "copy", "help-button", "play", "speed", "number_mass", "slider_gap"}
+
+
+def test_ticks_show_what_the_view_has_and_change_it(tab):
+    load(tab, side=64)
+    tab.get_by_label("logarithmic colours").check()
+    until(tab, "location.search.includes('log=1')")
+    tab.keyboard.press("g")  # the same by its key, though a box has the focus
+    until(tab, "!location.search.includes('log=1')")
+    assert not tab.get_by_label("logarithmic colours").is_checked()
+    assert tab.get_by_label("show the settled motion").is_checked()
+
+
+def test_a_plot_takes_arrows_and_the_plane_moves_its_point_by_them(tab):
+    load(tab)
+    tab.focus("#portrait")
+    tab.keyboard.press("+")
+    tab.keyboard.press("ArrowRight")
+    left, right, low, high = tab.evaluate("Motion.plots.portrait.part")
+    home = tab.evaluate("[...Motion.plots.portrait.home.x, ...Motion.plots.portrait.home.y]")
+    width = (home[1] - home[0]) / 1.2
+    assert right - left == pytest.approx(width)
+    assert left + right == pytest.approx(home[0] + home[1] + 0.2 * width)
+    assert low + high == pytest.approx(home[2] + home[3])
+    tab.keyboard.press("Home")
+    assert tab.evaluate("Motion.plots.portrait.part") is None
+    assert "w=2&" in tab.url
+    tab.focus("#plane-canvas")
+    tab.keyboard.press("ArrowRight")
+    until(tab, "Math.abs(new URLSearchParams(location.search).get('w') - 2.00625) < 1e-4")
 
 
 def test_plots_follow_the_system_from_light_to_dark_at_once(tab):

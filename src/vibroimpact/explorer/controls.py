@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 from bokeh.layouts import column, row
-from bokeh.models import Button, Checkbox, Div, InlineStyleSheet, Select
+from bokeh.models import Button, Div, InlineStyleSheet, Select
 
 from vibroimpact import models
 from vibroimpact.explorer.address import BY_NAME, PRESETS, Preset, case_of, ranges_for
@@ -19,6 +20,7 @@ from vibroimpact.explorer.state import CHOICES, MOTION, View, parameter_label, r
 from vibroimpact.indices import INDICES
 
 MOST_OTHERS = 12  # offered as initial conditions
+TICKS = ("log", "boundaries", "settled")  # choices that are made or not
 NUDGE = 1.0 / 64.0  # of the plane, per arrow key
 ZOOM = 0.5
 DECADES = 100.0  # end over end from which a slider is logarithmic
@@ -36,6 +38,7 @@ _TIGHT = _COLORS + (
     " .bk-input-group>label,.bk-input-group>.bk-label{margin:0;font-size:12px}"
 )
 _BAR = _COLORS + (" .bk-btn{padding:3px 9px;font-size:12px;white-space:nowrap}")
+_UNSEEN = "label{position:absolute;overflow:hidden;width:1px;height:1px;clip-path:inset(50%)}"  # but read out
 _ABOUT = (
     "<p style='font-size:11.5px;color:var(--soft);margin:6px 0'>Click a point of the plane to see its motion. Drag "
     "to move, scroll to zoom. Choose a case above; Help explains terms and keys.</p>"
@@ -61,7 +64,8 @@ class Controls:
         cases = [("", "Choose a case …"), *((preset.name, preset.title) for preset in PRESETS)]
         names = [explorer.view.model] * (explorer.view.model not in ("", *models.__all__)) + list(models.__all__)
         cases += [(f"model:{name}", f"Model: {name.replace('_', ' ')}") for name in names]
-        self.preset = self._menu("preset", "", cases)
+        self.preset = self._menu("preset", "case", cases)
+        self.preset.stylesheets.append(InlineStyleSheet(css=_UNSEEN))
         self.preset.on_change("value", self._to_preset)
         self.about = Div(text="", sizing_mode="stretch_width", margin=(2, 2, 0, 2))
         self.column = self._controls()
@@ -75,9 +79,6 @@ class Controls:
             title=title, options=options, value=options[0][0], name=f"menu_{name}", stylesheets=[self._tight],
             margin=(1, 4, 1, 4), sizing_mode="stretch_width",
         )  # fmt: skip
-
-    def _tick(self, name: str, label: str) -> Checkbox:
-        return Checkbox(label=label, active=False, name=f"tick_{name}", margin=(2, 4, 0, 4), stylesheets=[self._tight])
 
     def _controls(self) -> Any:
         names = self._names()
@@ -94,13 +95,10 @@ class Controls:
             }.items()
         }
         self._of_system = row(self.menus["coordinate"], self.menus["stop"], **_WIDE)
-        self.ticks = {name: self._tick(name, CHOICES[name].label) for name in ("log", "boundaries", "settled")}
         for axis in (self.x, self.y):
             axis.on_change("value", self._to_axes)
         for name, chosen in self.menus.items():
             chosen.on_change("value", lambda a, o, new, name=name: self._chosen(name, new))
-        for name, box in self.ticks.items():
-            box.on_change("active", lambda a, o, new, name=name: self._chosen(name, new))
         self.start.on_change("value", self._to_start)
         return column(
             row(self.x, self.y, **_WIDE),
@@ -108,7 +106,6 @@ class Controls:
             row(self.menus["samples"], self.menus["line"], **_WIDE),
             self._of_system,
             self.start,
-            *self.ticks.values(),
             self.about,
             **_WIDE,
         )
@@ -206,9 +203,6 @@ class Controls:
             for widget, value in ((self.x, view.x), (self.y, view.y), (self.preset, chosen), *menus):
                 if widget.value != value:
                     widget.value = value
-            for name, tick in self.ticks.items():
-                if tick.active != getattr(view, name):
-                    tick.active = getattr(view, name)
             text = _about(view) if case is None else _description(case)
             if self.about.text != text:
                 self.about.text = text
@@ -300,8 +294,7 @@ class Commands:
             "pin": explorer.pin,
             "unpin": explorer.unpin,
             "home": controls.home,
-            "boundaries": lambda: explorer.set(boundaries=not explorer.view.boundaries),
-            "log": lambda: explorer.set(log=not explorer.view.log),
+            **{name: partial(self._toggle, name) for name in TICKS},
             "line": lambda: explorer.set(line="y" if explorer.view.line == "x" else "x"),
             "motion": lambda: explorer.set(index=MOTION if explorer.view.index != MOTION else "std"),
             "left": lambda: self._nudge(-1, 0),
@@ -338,6 +331,10 @@ class Commands:
         low, high = min(low, value), max(high, value)
         kept = float(f"{value:.4g}") if self._controls.logarithmic(name) else rounded(value, (low, high))
         self._explorer.set_parameter(name, min(max(kept, low), high))
+
+    def _toggle(self, name: str) -> None:
+        change: dict[str, Any] = {name: not getattr(self._explorer.view, name)}
+        self._explorer.set(**change)
 
     def _along(self, value: float) -> None:
         parameter, ends = self._explorer.view.along

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from bokeh.models import TextInput
 
 from vibroimpact.explorer.address import to_query
-from vibroimpact.explorer.controls import Commands, Controls
+from vibroimpact.explorer.controls import TICKS, Commands, Controls
 from vibroimpact.explorer.files import KINDS, export
 from vibroimpact.explorer.models import Find, only_known
 from vibroimpact.explorer.plane import Plane
@@ -49,7 +49,7 @@ class Page:
         self.mail = TextInput(value="", name="mail")
         self.command = TextInput(value="", name="command")
         self.command.on_change("value", lambda attr, old, new: self.commands.run(new))
-        self.view = Update("view")
+        self.view, self.rest = Update("view"), Update("rest")
         self._show: dict[str, Callable[[Any], None]] = {
             "view": self._show_view,
             "plane": self.plane.show_plane,
@@ -59,9 +59,10 @@ class Page:
             "curves": self.plane.show_curves,
             "others": self._show_others,
             "pins": self.point.show_pins,
+            "rest": self._show_rest,
         }
         views: tuple[Any, ...] = (self.plane, self.point, self.line)
-        updates = [self.view, *(update for view in views for update in view.updates.values())]
+        updates = [self.view, self.rest, *(update for view in views for update in view.updates.values())]
         self.command.tags = [update.source for update in updates]  # no root holds these, and the script reads them
 
     def open(
@@ -87,7 +88,9 @@ class Page:
             for name, model in zip(ROOTS, models, strict=True):
                 model.name = name
                 doc.add_root(model)
-        doc.config.reconnect_session = False  # a tab that left is forgotten; its address holds all that it showed
+        doc.config.reconnect_session = doc.config.notify_connection_status = (
+            False  # a tab that left is forgotten; its address holds all that it showed
+        )
 
     def export(self, kind: str) -> None:
         """Make a file of the view and let the browser keep it."""
@@ -143,7 +146,13 @@ class Page:
         self.view.add("address", query=to_query(view))
         self.controls.show_view(view)
         self.view.add("rows", heard=self.commands.last, labels=self.controls.labels(), values=self.controls.rows())
+        self.view.add("ticks", **{name: getattr(view, name) for name in TICKS})
+        self.view.add("busy", busy=self.explorer.busy)
         self.view.send()
+
+    def _show_rest(self, _: None) -> None:
+        self.rest.add("busy", busy=self.explorer.busy)
+        self.rest.send()
 
     def _show_others(self, others: Any) -> None:
         self.point.show_others(others)

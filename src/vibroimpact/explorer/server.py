@@ -26,12 +26,12 @@ from tornado.netutil import bind_sockets
 from tornado.web import ErrorHandler, RequestHandler
 
 from vibroimpact.explorer.address import from_query
-from vibroimpact.explorer.controls import EXPORTS
+from vibroimpact.explorer.controls import EXPORTS, TICKS
 from vibroimpact.explorer.models import Find, only_known
 from vibroimpact.explorer.page import ROOTS, Page
 from vibroimpact.explorer.plane import Plane
 from vibroimpact.explorer.point import compute_point
-from vibroimpact.explorer.state import View
+from vibroimpact.explorer.state import CHOICES, View
 from vibroimpact.explorer.work import Pool
 
 if TYPE_CHECKING:
@@ -278,6 +278,7 @@ def page_file() -> tuple[str, str]:
             page_css=_asset("page.css"),
             help_html=_asset("help.html"),
             exports=EXPORTS,
+            ticks=[(name, CHOICES[name].label) for name in TICKS],
             bokeh_version=version("bokeh"),
             roots=list(ROOTS),
             token=TOKEN,

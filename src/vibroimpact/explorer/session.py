@@ -69,7 +69,7 @@ class Explorer:
         self.stored = stored
         self._listener = listener
         self._own_pool = pool is None
-        self._work = Work(pool or Pool(), self._failed)
+        self._work = Work(pool or Pool(), self._failed, lambda: self._send(("rest", None)))
         self._lock = self._work.lock
         self._motions = Motions()
         self._past: list[View] = []
@@ -80,6 +80,11 @@ class Explorer:
     def closed(self) -> bool:
         """Whether the page is gone."""
         return self._work.closed
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is being computed, or soon will be."""
+        return self._work.busy
 
     def wait(self, seconds: float = 60.0) -> bool:
         """Wait until nothing is left to compute; return False if that takes longer."""

@@ -152,10 +152,14 @@ class Work:
         The threads.
     failed : callable
         Gets the kind and the exception of a job that failed.
+    rested : callable
+        Called whenever nothing is left to do.
     """
 
-    def __init__(self, pool: Pool, failed: Callable[[str, Exception], None]) -> None:
-        self.pool, self._failed = pool, failed
+    def __init__(
+        self, pool: Pool, failed: Callable[[str, Exception], None], rested: Callable[[], None] = lambda: None
+    ) -> None:
+        self.pool, self._failed, self._rested = pool, failed, rested
         self.closed = False
         self.lock = threading.RLock()
         self._idle = threading.Condition(self.lock)
@@ -188,8 +192,12 @@ class Work:
 
         def due() -> None:
             with self.lock:
-                if not self.closed:
-                    renew()
+                if self.closed or self._timers.get(kind) is not timer:
+                    return
+                del self._timers[kind]
+                renew()
+                if not self.busy:
+                    self._rested()
 
         timer = threading.Timer(seconds, due)
         timer.daemon = True
@@ -205,14 +213,21 @@ class Work:
             self.closed = True
             for timer in self._timers.values():
                 timer.cancel()
+            self._timers.clear()
         for job in self.pool.forget(self):
             self._ended(job.args[0])  # type: ignore[attr-defined]
+
+    @property
+    def busy(self) -> bool:
+        """Whether something runs, is queued or will be."""
+        with self.lock:
+            return bool(self._running or self._timers)
 
     def wait(self, seconds: float) -> bool:
         """Wait until nothing is left to do; return False if that takes longer."""
         deadline = time.monotonic() + seconds
         with self._idle:
-            while self._running or any(timer.is_alive() for timer in self._timers.values()):
+            while self.busy:
                 self._idle.wait(0.02)
                 if time.monotonic() >= deadline:
                     return False
@@ -234,6 +249,8 @@ class Work:
             self._running[kind] -= 1
             if not self._running[kind]:
                 del self._running[kind]
+            if not self.busy and not self.closed:
+                self._rested()
             self._idle.notify_all()
 
 

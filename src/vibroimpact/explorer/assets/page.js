@@ -11,6 +11,22 @@
     return serial;
   };
 
+  // ---- what goes on
+  const AGAIN = 1000;  // ms between attempts to reach a server that was lost
+  const be = (state, words = `${state} …`) => {
+    const box = byId("state");
+    if (box.dataset.is !== state) Object.assign(box, { textContent: words }).dataset.is = state;
+  };
+  // The server forgets a tab that left; the address holds all that it showed.
+  const reconnect = async () => {
+    be("lost", "lost, reconnecting …");
+    write();
+    for (;;) {
+      await new Promise((next) => { setTimeout(next, AGAIN); });
+      try { if ((await fetch(location.pathname, { cache: "no-store" })).ok) { location.reload(); return; } } catch { /* not yet */ }
+    }
+  };
+
   // ---- messages of the server
   let hush = null;
   const say = (text) => {
@@ -39,6 +55,10 @@
 
   read.last = -1;
 
+  // ---- what is shown or not
+  const ticks = document.querySelectorAll("#ticks input");
+  for (const box of ticks) box.addEventListener("change", () => command(box.value));
+
   // ---- export, link, help, keys
   const menu = byId("export");
   menu.addEventListener("click", ({ target }) => {
@@ -57,7 +77,7 @@
   help.addEventListener("click", (event) => { if (event.target === help) help.close(); });
   document.addEventListener("keydown", (event) => {
     const deep = event.composedPath()[0];
-    const slides = deep instanceof HTMLInputElement && deep.type === "range";
+    const slides = deep instanceof HTMLInputElement && /^(range|checkbox)$/.test(deep.type);
     const types = !slides && deep instanceof HTMLElement && /^(INPUT|SELECT|TEXTAREA)$/.test(deep.tagName);
     if ((event.ctrlKey || event.metaKey) && !event.altKey && !types) {
       const key = event.key.toLowerCase();
@@ -68,10 +88,10 @@
     if (types || event.altKey || help.open) return;
     const keys = { p: "pin", u: "unpin", h: "home", b: "boundaries", g: "log", d: "line", m: "motion", "+": "in", "=": "in", "-": "out",
       ArrowLeft: "left", ArrowRight: "right", ArrowUp: "up", ArrowDown: "down" };
-    if (event.key === " " && !(deep instanceof HTMLButtonElement)) { Motion.play(); event.preventDefault(); }
+    if (event.key === " " && !deep.matches("button, summary, input")) { Motion.play(); event.preventDefault(); }
     else if (event.key === "?") show_help();
     else if (event.key.toLowerCase() === "l") byId("copy").click();
-    else if (keys[event.key] && !(event.key.startsWith("Arrow") && slides)) {
+    else if (keys[event.key] && !(event.key.startsWith("Arrow") && deep.type === "range")) {
       command(keys[event.key]);
       event.preventDefault();
     }
@@ -121,6 +141,8 @@
     for (const [name, { html }] of parts) if (name.startsWith("#")) byId(name.slice(1)).innerHTML = html;
     for (const taker of [Rows, Plane, Motion]) taker.take(parts);
     if (came.has("address")) query = `?${came.get("address").query}`;
+    if (came.has("ticks")) for (const box of ticks) box.checked = came.get("ticks")[box.value];
+    if (came.has("busy")) came.get("busy").busy ? be("computing") : be("ready", "ready");
     if (came.has("home") && unread) follow_fragment();
     if (came.has("address") || came.has("home")) write_soon();
     if (came.has("motion_0")) requestAnimationFrame(() => { counts.drawn += 1; counts.drawn_at = performance.now(); });
@@ -134,9 +156,10 @@
   const begin = () => {
     doc = window.Bokeh && window.Bokeh.documents[0];
     if (!doc || !model("mail")) { setTimeout(begin, 10); return; }
+    doc.on_event("connection_lost", reconnect);
     model("mail").properties.value.change.connect(read);
     read();
-    for (const name of ["view", "point", "plane", "hatch", "curves", "pins", "others", "line"].map((one) => `${one}_update`)) {
+    for (const name of ["view", "rest", "point", "plane", "hatch", "curves", "pins", "others", "line"].map((one) => `${one}_update`)) {
       const update = model(name);
       update.properties.data.change.connect(() => take(update));
       take(update);
@@ -148,6 +171,7 @@
     const reason = /^Error reply (.*)/.exec(error.message);  // else the websocket was not opened
     byId("message").textContent = reason ? reason[1] : "The explorer does not answer. Start it again, then reload this page.";
     byId("message").classList.add("shown");
+    be("refused", "not connected");
   };
   const elements = counts.roots.map((name) => byId(`root_${name}`));
   const socket = `${location.origin.replace("http", "ws")}/ws`;

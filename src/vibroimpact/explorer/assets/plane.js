@@ -86,6 +86,8 @@ window.Plane = (() => {
       }
     }
 
+    press() {}  // keys are the page's: they move the point and zoom what is computed
+
     // A quick click waits for the motion, not for the text about the cell.
     tell({ offsetX, offsetY }) {
       clearTimeout(hovering);

@@ -95,7 +95,23 @@ window.Plots = (() => {
       canvas.addEventListener("pointerleave", () => { this.place.textContent = ""; });
       if (this.still) return;
       canvas.addEventListener("dblclick", () => { this.reset(); this.draw(); this.moved(); });
+      canvas.addEventListener("keydown", (event) => this.press(event));
       canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.zoom(1.2 ** Math.sign(event.deltaY), this.at(event)); }, { passive: false });
+    }
+
+    // Arrows move what is seen, + and − zoom, Home shows all; keys that the plot takes are not the page's.
+    press(event) {
+      const { key } = event, { x, y } = this.range, middle = { x: (x[0] + x[1]) / 2, y: (y[0] + y[1]) / 2 };
+      const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[key];
+      const factor = { "+": 1 / 1.2, "=": 1 / 1.2, "-": 1.2 }[key];
+      if (event.ctrlKey || event.metaKey || event.altKey || !(step || factor || key === "Home")) return;
+      event.preventDefault();
+      event.stopPropagation();
+      if (factor) { this.zoom(factor, middle); return; }
+      if (step) this.range = { x: x.map((one) => one + step[0] * (x[1] - x[0])), y: y.map((one) => one + step[1] * (y[1] - y[0])) };
+      else this.reset();
+      this.draw();
+      this.moved();
     }
 
     drag(event) {
