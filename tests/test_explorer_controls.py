@@ -208,5 +208,5 @@ def test_every_key_does_what_the_help_says(commands, controls):
 
 
 def test_the_kind_of_file_that_is_asked_for_is_passed_on(commands, received):
-    commands.run("export png 3")
-    assert received == ["png"]
+    commands.run("export csv 3")
+    assert received == ["csv"]

@@ -523,6 +523,59 @@ def test_every_control_has_a_name_and_the_keyboard_reaches_it(tab):
     assert reached >= {*canvases, "copy", "help-button", "play", "speed", "number_mass", "slider_gap"}
 
 
+def test_numbers_of_machines_stand_in_hertz_turns_per_minute_and_millimetres_too(tab):
+    load(tab, SI, side=64)
+    also = "[...document.querySelectorAll('#parameters label')].map((one) => one.dataset.also).filter(Boolean)"
+    assert tab.evaluate(also) == ["24.99 Hz, 1499 rpm", "0.5 mm"]
+    assert tab.evaluate("Plots.also(2, 'rad/s') + Plots.also(0, 'm') + Plots.also(7, 'kg')") == ""
+    box = tab.locator("#plane-canvas").bounding_box()
+    tab.mouse.move(box["x"] + 200, box["y"] + 100)
+    tab.locator("#tip").wait_for(state="visible")
+    assert re.match(r"ω \S+ rad/s \(\S+ Hz, \S+ rpm\)\ng \S+ mm\n", tab.inner_text("#tip"))
+
+
+def test_a_pinned_motion_with_another_gap_has_its_own_wall(tab):
+    load(tab, f"{SI}&pin=2.1,4.75,26860,5,120,0.7,0.0003", side=64)
+    until(tab, "Motion.motions[1]")
+    tab.evaluate("""window.rules = []; {
+      const { rule } = Motion.plots.history;
+      for (const plot of Object.values(Motion.plots)) {
+        plot.rule = function (...given) {
+          window.rules.push([this.canvas.id, ...given.slice(0, 3)]);
+          rule.call(this, ...given);
+        };
+        plot.draw();
+      } }""")
+    assert tab.evaluate("window.rules") == [
+        [name, axis, pytest.approx(0.0003), "#d55e00"]
+        for name, axis in (("history", "y"), ("portrait", "x"), ("poincare", "x"))
+    ]
+    ends = tab.evaluate("Motion.plots.history.range.y")
+    assert ends[0] < 0.0003 < ends[1]
+
+
+def test_an_exported_picture_is_the_view_at_twice_its_size(tab, tmp_path):
+    """Boundaries, pins and what plots are zoomed to included; compared with a picture of the page."""
+    image = pytest.importorskip("matplotlib.image")
+    load(tab, f"{SI}&b=1&pin=2.1,4.75,26860,5,120,0.7,0.0003")
+    tab.get_by_text("ready", exact=True).wait_for(timeout=90_000)
+    tab.evaluate("Motion.plots.portrait.zoom(0.5, { x: 0, y: 0 })")
+    places = [tab.locator(name).bounding_box() for name in ("#plane", "#point")]
+    tab.focus("#export summary")
+    tab.keyboard.press("Enter")
+    with tab.expect_download() as waiting:
+        tab.get_by_role("button", name="Picture (.png)").press("Enter")
+    waiting.value.save_as(tmp_path / "view.png")
+    tab.screenshot(path=tmp_path / "page.png")
+    left, top = places[0]["x"], places[0]["y"]
+    right, bottom = places[1]["x"] + places[1]["width"], places[1]["y"] + places[1]["height"]
+    drawn = image.imread(tmp_path / "view.png")[..., :3]
+    seen = image.imread(tmp_path / "page.png")[int(top) : int(bottom), int(left) : int(right), :3]
+    assert drawn.shape[:2] == (round(2 * (bottom - top)), round(2 * (right - left)))
+    small = drawn[: 2 * len(seen), : 2 * seen.shape[1]].reshape(len(seen), 2, seen.shape[1], 2, 3).mean((1, 3))
+    assert (abs(small - seen).max(-1) < 0.25).mean() > 0.9
+
+
 def test_ticks_show_what_the_view_has_and_change_it(tab):
     load(tab, side=64)
     tab.get_by_label("logarithmic colours").check()

@@ -1,4 +1,4 @@
-"""A view as files: picture, data, study file, and the Python lines that make it again."""
+"""A view as files: data, study file, and the Python lines that make it again."""
 
 from __future__ import annotations
 
@@ -11,24 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 import vibroimpact as vi
 from vibroimpact.classes import NEEDED
-from vibroimpact.dataset import impact_speed
 from vibroimpact.explorer.address import to_query
 from vibroimpact.explorer.limits import FINEST
-from vibroimpact.explorer.plane import ONLY_OTHERS, OTHERS, TRANSIENT, Plane, lattice, positions
-from vibroimpact.explorer.point import Point
+from vibroimpact.explorer.plane import OTHERS, TRANSIENT, positions
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import MOTION, View
-from vibroimpact.plotting import labels
-from vibroimpact.plotting.diagrams import HATCHED
-from vibroimpact.plotting.style import BLUE, INK, STYLE, draw_stop
-from vibroimpact.plotting.style import view as limits
-
-STATE = ("displacement", "velocity", "phase")
-SIZE, DPI = (13.0, 7.6), 150  # of a picture, in inches and dots per inch
 
 
 @dataclass(frozen=True)
@@ -167,72 +157,7 @@ def _motion(explorer: Explorer) -> bytes:
     return text.getvalue().encode()
 
 
-def _picture(explorer: Explorer) -> bytes:
-    """Return the plane, the four plots and the sentence as a PNG, drawn with the package's own plots."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    plane, point = _computed("plane", explorer.plane), _computed("point", explorer.point)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
-        FigureCanvasAgg(figure)
-        grid = figure.add_gridspec(1, 2, width_ratios=(1.1, 1.0))
-        _draw_plane(figure.add_subplot(grid[0]), plane, explorer.view)
-        _draw_plots(grid[1].subgridspec(2, 2).subplots(), point)
-        figure.suptitle(point.sentence, fontsize=10, color=INK)
-        content = io.BytesIO()
-        figure.savefig(content, format="png")
-    return content.getvalue()
-
-
-def _draw_plane(ax: Any, plane: Plane, view: View) -> None:
-    figure, arguments = _figure(view.index)
-    sweep = plane.dataset()
-    cells = lattice(plane.side)
-    hit = plane.elsewhere[np.ix_(cells, cells)] > 0.0
-    sweep = sweep.assign({HATCHED: (sweep["status"].dims, hit)}).assign_attrs({HATCHED: ONLY_OTHERS})
-    getattr(vi.plotting, figure)(sweep, *arguments, ax=ax)
-    ring: dict[str, Any] = {"marker": "o", "markersize": 9, "markerfacecolor": "none"}
-    for color, width in (("white", 3.5), (INK, None)):
-        ax.plot(view.osc_value("x"), view.osc_value("y"), color=color, markeredgewidth=width, **ring)
-
-
-def _draw_plots(axes: Any, point: Point) -> None:
-    (history, portrait), (looks, hits) = axes[0], axes[1]
-    y, v = point.history["displacement"], point.history["velocity"]
-    walls = [wall for wall in point.shown.walls if not wall.motion.size]
-    low, high = limits(y, point.size)
-    for wall in walls:
-        gap = float(wall.at(np.zeros(1))[0])
-        if wall.side > 0:
-            high = max(high, gap + 0.05 * (gap - low))
-        else:
-            low = min(low, gap - 0.05 * (high - gap))
-    begin = float(point.history["time"][0]) if len(y) else 0.0
-    states: dict[str, Any] = {"xlim": (low, high), "ylim": limits(v, point.made.velocity_scale or 1.0)}
-    history.plot(point.history["time"], y, color=BLUE, linewidth=0.9)
-    history.set(xlim=(begin, begin + 8 * point.made.period), ylim=(low, high), title="time history")
-    portrait.plot(y, v, color=BLUE, linewidth=0.7)
-    portrait.set(**states, title="phase portrait")
-    looks.plot(point.poincare["displacement"], point.poincare["velocity"], ".", color=BLUE, markersize=3)
-    looks.set(**states, title="Poincaré map")
-    hits.plot(point.impact_map["phase"], point.impact_map["velocity"], ".", color=BLUE, markersize=3)
-    most = float(point.impact_map["velocity"].max(initial=0.0)) or 1.0
-    hits.set(xlim=(0, 1), ylim=(-0.03 * most, 1.08 * most), title="impact map")
-    time, place, velocity, phase = (xr.DataArray(0.0, name=name) for name in ("time", *STATE))
-    labels.label_axes(history, time, place)
-    for plot in (portrait, looks):
-        labels.label_axes(plot, place, velocity)
-    labels.label_axes(hits, phase, xr.DataArray(impact_speed((), 0.0), name="velocity"))
-    for wall in walls:
-        gap = float(wall.at(np.zeros(1))[0])
-        for plot, upright in ((history, False), (portrait, True)):
-            draw_stop(plot, gap, high if wall.side > 0 else low, upright=upright)
-
-
 KINDS: dict[str, tuple[str, str, Callable[[Explorer], bytes]]] = {
-    "png": ("view.png", "image/png", _picture),
     "nc": ("plane.nc", "application/x-netcdf", _data),
     "csv": ("motion.csv", "text/csv", _motion),
     "toml": ("study.toml", "application/toml", lambda explorer: study_file(explorer.view).encode()),

@@ -45,8 +45,8 @@ MOST_BYTES = 1 << 20  # of a message or a request from a browser
 SILENT = 10.0  # s after which a connection that asks for nothing is closed
 KEEP_ALIVE, UNUSED, CHECK = 15_000, 4_000, 1_000  # ms: of a websocket; until it must have joined; between clean-ups
 LEFT = 3.0  # s after which a tab that left has been cleaned up
-SCRIPTS = ("plots", "motion", "plane", "rows", "page")
 NOTEBOOKS = "http://localhost:* http://127.0.0.1:* vscode-webview:"  # whose pages these may be
+SCRIPTS = ("plots", "motion", "plane", "picture", "rows", "page")
 TOKEN = "@token@"  # where it comes in the page
 _ASSETS = Path(__file__).parent / "assets"
 

@@ -68,7 +68,7 @@ class Explorer:
         self.pins: list[Point] = []
         self.stored = stored
         self._listener = listener
-        self._own_pool = pool is None
+        self._own_pool, self._started = pool is None, False
         self._work = Work(pool or Pool(), self._failed, lambda: self._send(("rest", None)))
         self._lock = self._work.lock
         self._motions = Motions()
@@ -84,7 +84,7 @@ class Explorer:
     @property
     def busy(self) -> bool:
         """Whether something is being computed, or soon will be."""
-        return self._work.busy
+        return not self._started or self._work.busy
 
     def wait(self, seconds: float = 60.0) -> bool:
         """Wait until nothing is left to compute; return False if that takes longer."""
@@ -95,6 +95,7 @@ class Explorer:
         with self._lock:
             if self.closed:
                 return
+            self._started = True
             self._send(("view", self.view))
             self._renew_point()
             self._renew_plane()

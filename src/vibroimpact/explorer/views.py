@@ -230,7 +230,7 @@ class PointView:
         y = np.concatenate([point.history["displacement"] for point in drawn])
         v = np.concatenate([point.history["velocity"] for point in drawn])
         speeds = np.concatenate([point.impact_map["velocity"] for point in drawn])
-        y_limits = limits(np.concatenate([y, *_places(self._point)]), self._point.size)
+        y_limits = limits(np.concatenate([y, *(place for one in drawn for place in _places(one))]), self._point.size)
         v_limits = limits(v, made.velocity_scale or 1.0)
         time = self._point.history["time"]
         begin, last = (float(time[0]), float(time[-1])) if time.size else (0.0, made.period)

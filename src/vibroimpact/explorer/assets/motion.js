@@ -2,7 +2,7 @@
 window.Motion = (() => {
   "use strict";
   const byId = (id) => document.getElementById(id);
-  const { Plot, LOOK, MARGINS, dark, quantity, power_of } = window.Plots;
+  const { Plot, LOOK, MARGINS, draws, quantity, power_of } = window.Plots;
   const motions = [], order = [1, 2, 0];  // the present motion lies on top
   let facts = { period: 1, single: true, force: 0, label: "displacement y", low: -1, high: 0, colors: [] };
   let line = { x: [], y: [], here: 0, color: "#000" };
@@ -18,9 +18,15 @@ window.Motion = (() => {
   const seen = (time, [low, high]) => [Math.max(place(time, low) - 1, 0), Math.min(place(time, high) + 1, time.length)];
 
   // ---- the plots
+  // A pinned motion with another gap has its own wall.
+  const draw_faces = (plot, across) => each((motion, color, first) => {
+    const known = motions[0] ? motions[0].walls.map(({ place }) => place[0]) : [];
+    if (first) return;
+    for (const { side, place } of motion.walls) if (place.length === 1 && !known.includes(place[0])) plot.face(place[0], across, color, side);
+  });
   const phase = (name, title, draw) => new Plot(name, {
     title, x: "displacement y [m]", y: "velocity [m/s]",
-    paint: (plot) => { draw_walls(plot, false); each((motion, color, first) => draw(plot, motion, color, first)); },
+    paint: (plot) => { draw_walls(plot, false); draw_faces(plot, false); each((motion, color, first) => draw(plot, motion, color, first)); },
   });
   // What lies behind the stops that stay where they are, and the others' places over time.
   const draw_walls = (plot, across) => {
@@ -35,6 +41,7 @@ window.Motion = (() => {
       title: "Time history", x: "time [s]", y: "displacement y [m]",
       paint: (plot) => {
         draw_walls(plot, true);
+        draw_faces(plot, true);
         each((motion, color, first) => {
           plot.line(motion.time, motion.displacement, color, first ? 1.4 : 1.2, ...seen(motion.time, plot.range.x));
           plot.marks(motion.hits, motion.hit_places, color);
@@ -70,7 +77,7 @@ window.Motion = (() => {
   };
   const draw_mass = () => {
     if (empty()) return;
-    const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+    const ratio = LOOK.ratio || window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
     if (canvas.width !== Math.round(width * ratio)) { canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio); }
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
@@ -119,7 +126,7 @@ window.Motion = (() => {
   };
   byId("play").addEventListener("click", play);
   window.addEventListener("resize", draw_mass);
-  dark.addEventListener("change", draw_mass);
+  draws.push(draw_mass);
 
   // ---- what the server sends
   const takes = {

@@ -36,11 +36,10 @@
     clearTimeout(hush);
     if (text) hush = setTimeout(() => box.classList.remove("shown"), 9000);
   };
-  const download = (file) => {
-    const bytes = Uint8Array.from(atob(file.base64), (c) => c.charCodeAt(0));
+  const download = (name, blob) => {
     const link = document.createElement("a");
-    link.href = URL.createObjectURL(new Blob([bytes], { type: file.type }));
-    link.download = file.name;
+    link.href = URL.createObjectURL(blob);
+    link.download = name;
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
   };
@@ -49,7 +48,9 @@
       if (letter.serial <= read.last) continue;
       read.last = letter.serial;
       if (letter.message !== undefined) say(letter.message);
-      if (letter.file !== undefined) download(letter.file);
+      if (letter.file === undefined) continue;
+      const { name, type, base64 } = letter.file, bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+      download(name, new Blob([bytes], { type }));
     }
   };
 
@@ -62,7 +63,10 @@
   // ---- export, link, help, keys
   const menu = byId("export");
   menu.addEventListener("click", ({ target }) => {
-    if (target instanceof HTMLButtonElement) { command(`export ${target.value}`); menu.open = false; }
+    if (!(target instanceof HTMLButtonElement)) return;
+    menu.open = false;
+    if (target.value === "png") Picture.draw().toBlob((blob) => download("view.png", blob));
+    else command(`export ${target.value}`);
   });
   menu.addEventListener("keydown", ({ key }) => { if (key === "Escape") { menu.open = false; menu.firstElementChild.focus(); } });
   document.addEventListener("click", ({ target }) => { if (!menu.contains(target)) menu.open = false; });

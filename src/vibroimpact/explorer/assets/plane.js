@@ -1,7 +1,7 @@
 // The plane: a picture of a value for every pair of two parameters, and what lies over it.
 window.Plane = (() => {
   "use strict";
-  const { Plot, LOOK, MARGINS, quantity } = window.Plots;
+  const { Plot, LOOK, MARGINS, UNIT, also, quantity } = window.Plots;
   const INK = "#222", REST = 150, HOVER = 60;  // ms after the last turn of the wheel, before the server is told; before the text
   let picture = null, curves = { lengths: [], places: [], colors: [], words: [] }, pending = null;
   let marks = { x: 0, y: 0, along: "x", pins: [] };
@@ -105,7 +105,11 @@ window.Plane = (() => {
     }
 
     words(event) {
-      const at = this.at(event), lines = [`${names.x} ${this.written("x", at.x)}`, `${names.y} ${this.written("y", at.y)}`];
+      const at = this.at(event), told = (axis) => {
+        const more = also(at[axis], this[axis].match(UNIT)[2]), written = this.written(axis, at[axis]);
+        return `${names[axis]} ${written}${more && !written.endsWith(" mm") ? ` (${more})` : ""}`;
+      };
+      const lines = [told("x"), told("y")];
       const near = this.nearest(event);
       if (near) lines.push(near);
       if (!picture) return lines;

@@ -5,12 +5,13 @@ window.Plots = (() => {
   const STEPS = [1, 2, 5, 10];
   const UNIT = /^(.*?)(?: \[(.*)\])?$/;  // of an axis label: what it is, its unit
   // The page's colours, in which plots are drawn; they change with the system's wish for dark or light.
-  const LOOK = {}, plots = new Set(), dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const LOOK = {}, draws = [], dark = window.matchMedia("(prefers-color-scheme: dark)");
   const dress = () => {
     const style = getComputedStyle(document.documentElement);
     for (const name of ["ink", "soft", "frame", "grid", "paper", "wall", "stripes", "empty"]) LOOK[name] = style.getPropertyValue(`--${name}`);
-    for (const plot of plots) plot.draw();
+    redraw();
   };
+  const redraw = () => { for (const draw of draws) draw(); };
   dress();
   dark.addEventListener("change", dress);
   const minus = (text) => text.replace(/-/g, "−");
@@ -28,6 +29,15 @@ window.Plots = (() => {
   const quantity = (value, unit, digits, power = power_of(Math.abs(value))) => {
     const text = (value / 10 ** power).toPrecision(digits), scaled = scaled_unit(unit, power);
     return minus(`${String(Number(text))}${/^10./.test(scaled) ? " · " : scaled ? " " : ""}${scaled}`);
+  };
+
+  // A machine's numbers in the units that are read off it; "" of numbers so small or large that they may have no unit.
+  const also = (value, unit) => {
+    if (unit === "rad/s" && value >= 2 * Math.PI) {
+      const turns = value / (2 * Math.PI);
+      return `${quantity(turns, "Hz", 4, 0)}, ${quantity(60 * turns, "rpm", 4, 0)}`;
+    }
+    return unit === "m" && value && Math.abs(value) < 0.01 ? quantity(value, "m", 4, -3) : "";
   };
 
   // Round places within [low, high], and how to write them in units of a power of ten; values far from zero are counted
@@ -56,7 +66,7 @@ window.Plots = (() => {
       this.place = this.canvas.parentElement.appendChild(document.createElement("output"));
       this.home = { x: [0, 1], y: [0, 1] };
       this.reset();
-      plots.add(this);
+      draws.push(() => this.draw());
       new ResizeObserver(() => this.draw()).observe(this.canvas);
       this.listen();
     }
@@ -173,7 +183,7 @@ window.Plots = (() => {
     py(y) { return this.top + (this.range.y[1] - y) / (this.range.y[1] - this.range.y[0]) * this.height; }
 
     draw() {
-      const { canvas, pen } = this, ratio = window.devicePixelRatio || 1, wide = canvas.clientWidth, high = canvas.clientHeight;
+      const { canvas, pen } = this, ratio = LOOK.ratio || window.devicePixelRatio || 1, wide = canvas.clientWidth, high = canvas.clientHeight;
       if (!wide || !high) return;
       const [w, h] = [Math.round(wide * ratio), Math.round(high * ratio)];
       if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
@@ -301,6 +311,18 @@ window.Plots = (() => {
       pen.setLineDash([]);
     }
 
+    // The face of another motion's stop.
+    face(gap, across, color, side = 1) {
+      this.rule(across ? "y" : "x", gap, color);
+      const { pen, left, top, width, height } = this, at = across ? this.py(gap) : this.px(gap);
+      pen.beginPath();
+      for (let k = 0; k < (across ? width : height); k += 7) {
+        if (across) { pen.moveTo(left + k, at); pen.lineTo(left + k + 5, at - 5 * side); }
+        else { pen.moveTo(at, top + k + 5); pen.lineTo(at + 5 * side, top + k); }
+      }
+      pen.stroke();
+    }
+
     // What lies behind a stop: above it in time, right of it in the plane of states; of one on the other side (-1) the rest.
     stop(gap, across, side = 1) {
       const { pen } = this, at = across ? this.py(gap) : this.px(gap), higher = (side > 0) !== across;
@@ -327,5 +349,5 @@ window.Plots = (() => {
   // pixels beside the plane and beside the diagram below it, whose axes stand over each other
   const MARGINS = [62, 66];
 
-  return { Plot, LOOK, MARGINS, dark, minus, quantity, power_of };
+  return { Plot, LOOK, MARGINS, UNIT, also, draws, minus, quantity, power_of, redraw };
 })();

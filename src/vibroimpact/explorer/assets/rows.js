@@ -2,6 +2,7 @@
 window.Rows = (() => {
   "use strict";
   const STEPS = 500;  // of a slider
+  const { UNIT, also } = window.Plots;
   let report = () => -1;
 
   class Row {
@@ -40,7 +41,8 @@ window.Rows = (() => {
 
     // Below a hand a slider's ends stay where they are.
     place() {
-      const [value, low, high] = this.shown, { slider } = this;
+      const [value, low, high] = this.shown, { slider } = this, label = this.box.querySelector("label");
+      label.dataset.also = also(value, label.textContent.match(UNIT)[2]);
       if (!this.held) {
         this.ends = this.shown;
         const share = this.logarithmic ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
