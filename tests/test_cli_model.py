@@ -98,6 +98,9 @@ def test_a_model_whose_function_cannot_import_what_it_needs_is_named(run, tmp_pa
         "import vibroimpact\n@vibroimpact.family\ndef late(omega=2.0):\n    import no_such_module\n"
     )
     code, told, complaints = run("section --model late.py:late")
-    assert (code, told) == (1, [])
+    assert (code, told) == (2, [])
     (told,) = complaints
-    assert told == "vibroimpact: ValueError: late fails at omega=2: No module named 'no_such_module' (late.py, line 4)"
+    assert told == (
+        "vibroimpact: `model` 'late.py:late' cannot be used; "
+        "late fails at omega=2: No module named 'no_such_module' (late.py, line 4)"
+    )

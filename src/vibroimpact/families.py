@@ -225,7 +225,10 @@ def _model_in(module: Any, name: str, place: Any) -> Model:
             raise ValueError(f"`model` {place!r} is a function; write @vibroimpact.family above it ({line})")
         hint = "" if models else "write @vibroimpact.family above a function"
         raise unknown("model", name, models or ["none"], f"{hint} (in {Path(module.__file__).name})".strip())
-    models[name].at()
+    try:
+        models[name].at()
+    except ValueError as error:
+        raise ValueError(f"`model` {place!r} cannot be used; {error}") from error
     return models[name]
 
 
