@@ -90,15 +90,15 @@ def _prepare_leaps(cells: SystemCells, k: Layout, table: Floats) -> None:
     for first, length in ((k.halves, HALF), (k.wholes, WHOLE)):
         room = np.where(coupled[:, None], 0.0, 1.0 - square * length**2 / 8.0 - damping * length / 2.0)
         bound = np.where(room > 0.0, 1.0 / np.where(room > 0.0, room, 1.0), np.inf)
-        flow = _flow(square, damping, load, force, turned, length, bound)
+        flow = _flow(square, damping, load, force, theta, length, bound)
         table[:, first : first + flow.shape[1]] = flow
     if k.giving and n == 1:
         forced, moved = force[:, 0] @ np.array([1.0, 1j]), motion @ np.array([1.0, 1j])
-        _prepare_contacts(k, table, square, damping, load, forced, moved, turned)
+        _prepare_contacts(k, table, square, damping, load, forced, moved, theta)
 
 
 def _flow(
-    square: Floats, damping: Floats, load: Floats, force: Floats, turned: Floats, length: Any, bound: Floats
+    square: Floats, damping: Floats, load: Floats, force: Floats, theta: Floats, length: Any, bound: Floats
 ) -> Floats:
     """Return the flow of every mode over a length, with what bounds it, and sine and cosine of what the force turns."""
     zero, one = np.zeros_like(square), np.ones_like(square)
@@ -106,19 +106,19 @@ def _flow(
     loaded = _over(zero, zero, square, damping, length, load, zero, 0.0)
     columns = [own[0], own[2], loaded[0], own[1], own[3], loaded[1], bound]
     for order in range(force.shape[2]):
-        rate, (re, im) = turned[:, order, None], np.moveaxis(force[:, :, order], -1, 0)
+        rate, (re, im) = (order + 1) * theta, np.moveaxis(force[:, :, order], -1, 0)
         sine = _over(zero, zero, square, damping, length, re, -im * rate, rate)
         cosine = _over(zero, zero, square, damping, length, im, re * rate, rate)
         columns += [sine[0], cosine[0], sine[1], cosine[1]]
-    angle = length * turned[:, :1]
+    angle = length * theta
     return np.hstack([np.stack(columns, axis=-1).reshape(len(square), -1), np.sin(angle), np.cos(angle)])
 
 
 def _prepare_contacts(
-    k: Layout, table: Floats, square: Floats, damping: Floats, load: Floats, force: Any, motion: Any, turned: Floats
+    k: Layout, table: Floats, square: Floats, damping: Floats, load: Floats, force: Any, motion: Any, theta: Floats
 ) -> None:
     """Leave the flows of leaps within contacts of a lone mode, with the speeds from which on they are certified."""
-    zero, one = np.zeros_like(square), np.ones_like(square)
+    zero, one, turned = np.zeros_like(square), np.ones_like(square), theta * np.arange(1, k.harmonics + 1)
     for own, (z, part) in enumerate(itertools.product(range(k.stops), WITHIN)):
         alpha, jump, gap, spring = (table[:, first + z, None] for first in (k.alpha, k.jump, k.gap, k.spring))
         length, stiff = part / np.sqrt(1.0 + table[:, k.hard + z, None]), square + alpha * jump * spring
@@ -133,7 +133,7 @@ def _prepare_contacts(
         speed = np.where(sure, SAFE * np.maximum(-least, 0.0) * whole / np.where(sure, y, 1.0), np.inf)
         push = force + jump * spring * moved
         parts = np.stack([push.real, push.imag], axis=-1)[:, None]
-        flow = _flow(stiff, damping, load + jump * spring * gap, parts, turned, length, speed)
+        flow = _flow(stiff, damping, load + jump * spring * gap, parts, theta, length, speed)
         first = k.within + own * flow.shape[1]
         table[:, first : first + flow.shape[1]] = flow
 
