@@ -701,7 +701,8 @@ def test_other_pages_may_not_open_the_websocket(address):
                                    "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Origin": origin,
                                    "Sec-WebSocket-Protocol": f"bokeh, {token}", "Host": f"localhost:{place.port}"},
         )  # fmt: skip
-        assert connection.getresponse().status == status
+        with connection.getresponse() as answer:  # of an open websocket it holds the socket, too
+            assert answer.status == status
         connection.close()
 
 
