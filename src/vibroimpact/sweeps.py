@@ -82,8 +82,8 @@ def parameter_map(
         0.5698402909980532 (j - 1)), those from which `attractors` starts.
     early_closing : bool
         Whether a cell stops once all its remaining impacts are known; its indices are then completed in closed form,
-        within 1e-10 of the velocity scale, but `max_velocity` becomes that of the cycle, without what is left of the
-        transient. False computes every impact.
+        within 1e-10 of the velocity scale (1e-11 of a system's), but `max_velocity` of an oscillator becomes that of
+        the cycle, without what is left of the transient. False computes every impact.
     by_stop : bool
         Of a system: tell the stops apart. `std`, `mean_velocity`, `max_velocity`, `impacts_per_period`, `dissipation`,
         `stick_fraction`, `impact_phase_spread` and `grazing_margin` get a dim `stop`, of the impacts, rests and misses

@@ -20,7 +20,7 @@ from vibroimpact.backends.cpu import aligned, ended_as, statuses
 from vibroimpact.backends.system_rows import budgets_of, in_steps, steps_of
 from vibroimpact.indices import EVERY
 from vibroimpact.kernels.cell import FILLED, RUNNING
-from vibroimpact.kernels.systems import lanes, march, walk
+from vibroimpact.kernels.systems import closing, lanes, march, walk
 from vibroimpact.kernels.systems.complementarity import Room
 from vibroimpact.kernels.systems.layout import Layout, layout_of
 from vibroimpact.kernels.vectors import LANES
@@ -56,6 +56,14 @@ def _room(layout: Layout) -> Room:
         *(np.zeros(s) for _ in range(7)),
         *(np.zeros(layout.modes) for _ in range(3)),
     )
+
+
+def _alone(layout: Layout) -> closing.Alone:
+    """Return the room in which a cycle is walked."""
+    k, size = layout._replace(thorough=True, wary=False, draining=False), 2 * layout.modes
+    lanes, notes, note = aligned(k.rows * LANES), aligned(_noted(k) * LANES), np.zeros(_noted(k))
+    (start, end), matrices, (d, moved) = np.zeros((2, k.rows)), np.zeros((3, size, size)), np.zeros((2, size))
+    return closing.Alone(k, lanes, notes, start, end, note, matrices[0], matrices[1], matrices[2], d, moved)
 
 
 def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]:
@@ -204,7 +212,8 @@ class SystemSweep:
         forceful, draining = bool(asked & {"mean_force", "max_force"}), "damper_rate" in asked
         self.layout = _layout(cells, forceful, measurement.thorough, "grazing_margin" in asked, draining)
         self.window, self.by_stop = window, measurement.by_stop
-        self.total = march.Window(float(window.transient), float(window.transient + window.keep))
+        bounds = float(window.transient), float(window.transient + window.keep)
+        self.total = march.Window(*bounds, measurement.early_closing)
         self.table = in_steps(cells, measurement.tolerances.chatter, self.layout)
         self.omega = cells["omega"]
         self.gives: Any = (cells.block("spring") > 0.0).any(axis=0)
@@ -217,11 +226,11 @@ class SystemSweep:
         k = self.layout
         memory, notes, owner = aligned(k.rows * LANES), aligned(_noted(k) * LANES), np.full(LANES, -1)
         rows, note, room = np.zeros(k.rows), np.zeros(_noted(k)), _room(k)
-        ended, busy = np.empty(4096, np.int64), 1
+        ended, busy, alone = np.empty(4096, np.int64), 1, _alone(k)
         while busy and not stopped():
             number, busy = lanes.run_lanes(
                 self.table, self.budgets, self.results, self.ends, self._tickets, memory, owner, notes, ended, rows,
-                note, k, room, self.total, _LOOKS,
+                note, k, room, self.total, alone, _LOOKS,
             )  # fmt: skip
             if number:
                 yield ended[:number].copy()
@@ -262,10 +271,10 @@ class SystemSweep:
             name: np.where(full, values, EVERY[name].fill).T.astype(EVERY[name].dtype) for name, values in found.items()
         }
         counted = {
-            "counted": notes[march.HITS],
+            "counted": notes[march.HITS] - notes[march.KNOWN],
             "sticks": notes[march.STICKS],
             "span": span,
-            "known": np.zeros(len(ends)),
+            "known": notes[march.KNOWN],
         }
         if self.layout.thorough and self.layout.stops:
             # The impact that is known is the first one kept where 2^k - 1 are left out.
@@ -276,8 +285,8 @@ class SystemSweep:
             columns["first_velocity"] = own[march.FIRST, stop, np.arange(len(ends))] / h
         return columns | {
             "status": statuses(counted, ends, self.window),
-            "impacts": notes[march.HITS].astype(np.int64),
-            "steps": notes[march.MADE].astype(np.int64),
+            "impacts": counted["counted"].astype(np.int64),
+            "steps": (notes[march.MADE] + notes[march.BESIDE]).astype(np.int64),
         }
 
 

@@ -129,7 +129,7 @@ def layout_of(
     flow = n * (FLOW + 4 * m) + 2
     sizes = {
         "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "made": 1, "closed": 1, "held": s * s, "lawless": 1,
-        "deta": n * thorough, "drate": n * thorough, "known": (2 * n + 2) * thorough, "missed": s * thorough,
+        "deta": n, "drate": n, "known": (2 * n + 2) * thorough, "missed": s * thorough,
         "leaving": s, "engaged": 1, "pace": 1, "thrust": s, "work": s, "pushed": s, "peak": s, "depth": s, "entry": s,
         "drained": 1,
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from numba import njit
 
 from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, QUIET, RUNNING, SPENT
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.law import release, stalled, strike
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT
 from vibroimpact.kernels.systems.push import attend
@@ -25,21 +26,25 @@ BEGAN, ENDED, STOP = 7, 10, 13
 # of a cycle: recorded impacts, periods, phase and stop of the impact that is known, and impacts and periods until it
 # returned
 FROM, SINCE, PHASE, AT, CHATTERED, IMPACTS, PERIODS = range(14, 21)
+# of an impact that is watched for: speed, stop and number, when the next one takes its place, and after how many it
+# came back; impacts that are known without having been made, and steps made beside to know them
+WATCHED, WHICH, NUMBER, NEXT, RETURNED, KNOWN, BESIDE = range(21, 28)
 # The energy that dampers took within the window. Then of its impacts on each stop: how many, the first speed, sums of
 # what the others differ by and of squares of that, the largest speed, sums of cos wt and sin wt, and the energy lost
 # after the window's first impact, the impulse and the largest force.
 # Of its rests, in periods (and of those at any stop, in a block of their own): how long up to now, less the time now
 # while it is closed; up to the last impact, and up to the known one; in a cycle. And its closest miss.
-DRAINED, SUMS, EACH = 21, 22, 15
+DRAINED, SUMS, EACH = 28, 29, 15
 COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, THRUST, PEAK = range(10)
 RESTED, LATEST, BEFORE, RESTING, MISS = range(10, EACH)
 
 
 class Window(NamedTuple):
-    """Recorded impacts left out, and those left out or kept."""
+    """Recorded impacts left out, those left out or kept, and whether cells end once all that remain are known."""
 
     transient: float
     total: float
+    closes: bool = False
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -51,7 +56,7 @@ def moment(sine, cosine, periods):
     return periods, phase
 
 
-@njit(error_model="numpy")
+@inner
 def _never_again(rows, k, room):
     """Return whether no stop can be reached any more.
 
@@ -84,7 +89,7 @@ def _never_again(rows, k, room):
     return clear
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _farthest(y, p, load, damping):
     """Return a bound of y(t) at any later time, y'' = load - damping y'."""
     if p <= 0.0 >= load:
@@ -95,7 +100,7 @@ def _farthest(y, p, load, damping):
     return y + min(slowed, -0.5 * p * p / load if load < 0.0 else math.inf)
 
 
-@njit(error_model="numpy")
+@inner
 def ending(rows, k, room, note, total):
     """Return why a cell ends here, or RUNNING."""
     if rows[k.lawless] > 0.0:
@@ -112,7 +117,7 @@ def ending(rows, k, room, note, total):
     return RUNNING
 
 
-@njit(error_model="numpy")
+@inner
 def happen(rows, k, room):
     """Make what ended a step, but for the usual impact; return the sets of stops struck, and closed by it."""
     z, struck, closing = int(rows[k.which]), int(0.0), int(0.0)
@@ -136,7 +141,7 @@ def happen(rows, k, room):
     return struck, closing
 
 
-@njit(error_model="numpy")
+@inner
 def note_rests(rows, k, room, note, before, closing, recorded):
     """Sum up how long stops have been closed; `before` this event were those of a set."""
     periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
@@ -157,7 +162,7 @@ def note_rests(rows, k, room, note, before, closing, recorded):
             note[at + LATEST] = note[at + RESTED] + (now if held else 0.0)
 
 
-@njit(error_model="numpy")
+@inner
 def note_misses(rows, k, note, counts):
     """Keep the closest misses since the last impact, if they count, and begin anew."""
     for y in range(k.stops):
@@ -167,7 +172,7 @@ def note_misses(rows, k, note, counts):
         rows[k.missed + y] = math.inf
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def add(notes, k, wide, hit, z, v, energy, impulse, sine, cosine, periods, window):
     """Add a recorded impact of stop z, where there is a hit, to its window's sums, with the energy that it cost."""
     hits = get(notes, HITS, wide) + select(hit, 1.0, 0.0)
@@ -198,7 +203,7 @@ def add(notes, k, wide, hit, z, v, energy, impulse, sine, cosine, periods, windo
         put(notes, at + THRUST, wide, get(notes, at + THRUST, wide) + pushed)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def note_drain(notes, rows, k, wide, hit, before, window):
     """Add what dampers took since the last recorded impact, the number `before` of them, where there is another."""
     kept = hit & (before > window.transient) & (before < window.total)
@@ -207,7 +212,7 @@ def note_drain(notes, rows, k, wide, hit, before, window):
     put(rows, k.drained, wide, select(hit, 0.0, more))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def conclude(notes, rows, k, wide, over, y, window):
     """Add what contacts with a stop came to, where they are over, to the window's sums, and begin to count anew."""
     at, hits = SUMS + y * EACH, get(notes, HITS, wide)
@@ -221,7 +226,7 @@ def conclude(notes, rows, k, wide, over, y, window):
         put(rows, row + y, wide, select(over, 0.0, get(rows, row + y, wide)))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _mark(notes, at, wide, here, sine, cosine, periods):
     """Leave the time of an impact."""
     put(notes, at, wide, select(here, sine, get(notes, at, wide)))
@@ -229,7 +234,7 @@ def _mark(notes, at, wide, here, sine, cosine, periods):
     put(notes, at + 2, wide, select(here, periods, get(notes, at + 2, wide)))
 
 
-@njit(error_model="numpy")
+@inner
 def add_all(rows, k, room, note, struck, window):
     """Add an unusual impact, stop by stop; weak ones are not recorded."""
     recorded, turn, before = 0, k.turn, note[HITS]

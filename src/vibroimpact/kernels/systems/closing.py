@@ -1,0 +1,303 @@
+"""End a cell whose motion has settled on a cycle: its remaining impacts are known.
+
+A cycle of p impacts is walked from one of them in lanes, with a deviation along each coordinate and rate: that gives
+its Jacobian M, and the difference d of its end from its start. It is certain if a power
+of M is a contraction, which bounds all that follow, and if the way still to go to the periodic orbit, at most
+|(I - M)^-1 d| (1 + max |M^i|), changes no impact by more than 1e-12 of V. That holds through rests as well; no rest is
+taken to erase a memory. Then one cycle is made in the cell itself, and what it adds to each sum is added as often as
+whole cycles fit, first into the impacts that are left out and then into those that are kept. The remainder is made.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.systems.event import lift, lower, occur, proceed, usual
+from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
+from vibroimpact.kernels.systems.march import (
+    BEFORE,
+    BESIDE,
+    DRAINED,
+    EACH,
+    FIRST,
+    FROM,
+    GREW,
+    HITS,
+    IMPACTS,
+    KNOWN,
+    LARGEST,
+    LATEST,
+    MISS,
+    PEAK,
+    PERIODS,
+    RESTING,
+    RETURNED,
+    STICKS,
+    SUMS,
+    WATCHED,
+    happen,
+    moment,
+)
+from vibroimpact.kernels.systems.tangent import accelerate, before, confine, cross
+from vibroimpact.kernels.vectors import LANES
+
+SURE = 1e-12  # of V: the most that the remaining way may change an impact
+NOT_SMALL = 1e-3  # of the cycle's weakest impact: nearer to a graze nothing is linear
+WALK = 1 << 16  # steps after which a walk is given up
+SQUARED = 20  # times, M at most
+NOT_SUMS = FIRST, LARGEST, PEAK, BEFORE, RESTING, MISS  # among the numbers of a stop
+
+
+class Alone(NamedTuple):
+    """Room to walk a cycle: a layout with a deviation; lanes, notes; start, end, note; M, two matrices; d, a vector."""
+
+    layout: Any
+    lanes: Any
+    notes: Any
+    start: Any
+    end: Any
+    note: Any
+    jacobian: Any
+    power: Any
+    product: Any
+    apart: Any
+    moved: Any
+
+
+@inner
+def _make(rows, k, room, note, window, alone, impacts):
+    """Take the cell on by so many recorded impacts; return whether it came exactly so far."""
+    lanes, notes, until = alone.lanes, alone.notes, note[HITS] + impacts
+    for lane in range(LANES):  # all lanes alike: none of them does what the cell does not
+        lower(lanes, lane, rows, k.constants)
+        lower(notes, lane, note, len(note))
+    for _ in range(WALK):
+        proceed(lanes, k, 0)
+        if not k.thorough:
+            usual(lanes, notes, k, 0, window)
+        if lanes[k.hit * LANES] != NOTHING:
+            lift(lanes, 0, rows)
+            lift(notes, 0, note)
+            occur(rows, k, room, note, window)
+            for lane in range(LANES):
+                lower(lanes, lane, rows, k.constants)
+                lower(notes, lane, note, len(note))
+        if notes[HITS * LANES] >= until or lanes[k.lawless * LANES] > 0.0:
+            break
+    lift(lanes, 0, rows)
+    lift(notes, 0, note)
+    return note[HITS] == until and rows[k.lawless] == 0.0
+
+
+@inner(inline="always")
+def _cross(rows, k, room):
+    """Make what ended a step, and carry the deviation over it; return the set of stops struck hard enough, and how hard
+    the weakest, and the size of the deviation.
+    """
+    before(rows, k, room)
+    struck, closing = happen(rows, k, room)
+    z, hard, weakest, size = int(rows[k.which]), int(0.0), math.inf, 0.0
+    if struck and room.speed[z] > 0.0:
+        cross(rows, k, room, z)
+    if closing:
+        confine(rows, k)
+    for y in range(k.stops):
+        if struck >> y & 1 and room.speed[y] >= rows[k.cut]:
+            hard, weakest = hard + 1, min(weakest, room.speed[y])
+    for j in range(2 * k.modes):
+        size += abs(rows[k.deta + j])
+    return hard, weakest, size
+
+
+@inner(inline="always")
+def _walk(room, alone, impacts, first):
+    """Walk a cycle in lanes, each with a deviation along another coordinate or rate, from `first` on.
+
+    Return whether it came exactly so far, its weakest impact and the largest deviation on the way.
+    """
+    k, lanes, rows, weakest, largest, found = alone.layout, alone.lanes, alone.end, math.inf, 1.0, 0
+    for lane in range(LANES):
+        rows[:] = alone.start
+        for j in range(2 * k.modes):
+            rows[k.deta + j] = 1.0 if j == first + lane else 0.0
+        if rows[k.closed] > 0.0:
+            confine(rows, k)
+        lower(lanes, lane, rows, k.constants)
+    for _ in range(WALK):
+        proceed(lanes, k, 0)
+        more = 0
+        for lane in range(min(LANES, 2 * k.modes - first) if lanes[k.hit * LANES] != NOTHING else 0):
+            lift(lanes, lane, rows)
+            more, hard, size = _cross(rows, k, room)
+            weakest, largest = min(weakest, hard), max(largest, size)
+            lower(lanes, lane, rows, k.constants)
+        found += more
+        if found >= impacts or lanes[k.lawless * LANES] > 0.0:
+            break
+    for lane in range(min(LANES, 2 * k.modes - first)):
+        lift(lanes, lane, rows)
+        alone.jacobian[:, first + lane] = rows[k.deta : k.deta + 2 * k.modes]
+    return found == impacts and rows[k.lawless] == 0.0, weakest, largest
+
+
+@inner(inline="always")
+def _compare(room, alone):
+    """Leave the difference of a cycle's end from its start, at its phase; return its size and the periods between.
+
+    The size is infinite where not the same stops are closed.
+    """
+    k, a, b = alone.layout, alone.start, alone.end
+    accelerate(b, k, room.after)
+    dx, size = (b[k.turn] * a[k.turn + 1] - b[k.turn + 1] * a[k.turn]) / b[k.theta], 0.0
+    for j in range(k.modes):
+        alone.apart[j] = b[k.eta + j] - a[k.eta + j] - b[k.rate + j] * dx
+        alone.apart[k.modes + j] = b[k.rate + j] - a[k.rate + j] - room.after[j] * dx
+        size += abs(alone.apart[j]) + abs(alone.apart[k.modes + j])
+    for z in range(k.stops):
+        held = (a[k.kind + z] >= CLOSED) == (b[k.kind + z] >= CLOSED)
+        if not (held and (a[k.leaving + z] > 0.0) == (b[k.leaving + z] > 0.0)):
+            size = math.inf
+    (began, phase), (ended, later) = (
+        moment(a[k.turn], a[k.turn + 1], a[k.turn + 2]),
+        moment(b[k.turn], b[k.turn + 1], b[k.turn + 2]),
+    )
+    wrapped = 1.0 if later - phase < -0.5 else -1.0 if later - phase > 0.5 else 0.0
+    return size, ended - began + wrapped
+
+
+@inner
+def _apply(matrix, vector, moved):
+    """Leave matrix times vector; return the sum of the sizes of its entries."""
+    total = 0.0
+    for i in range(len(vector)):
+        moved[i] = 0.0
+        for j in range(len(vector)):
+            moved[i] += matrix[i, j] * vector[j]
+        total += abs(moved[i])
+    return total
+
+
+@inner(inline="always")
+def _way_to_go(alone):
+    """Return how far a later turn of the cycle can be from this one; infinite unless a power of M is a contraction.
+
+    The difference of turn 2^i is that of turn 2^(i - 1) and M^(2^(i - 1)) times that.
+    """
+    power, product, way, moved = alone.power, alone.product, alone.apart, alone.moved
+    power[:] = alone.jacobian
+    largest = 1.0
+    for _ in range(SQUARED):
+        size, total = 0.0, 0.0
+        for j in range(len(way)):
+            column = 0.0
+            for i in range(len(way)):
+                column += abs(power[i, j])
+            size = max(size, column)
+        largest = max(largest, size)
+        _apply(power, way, moved)
+        for j in range(len(way)):
+            way[j] += moved[j]
+            total += abs(way[j])
+        if size < 0.5:
+            return total / (1.0 - size) * (1.0 + largest)
+        for i in range(len(way)):
+            for j in range(len(way)):
+                product[i, j] = 0.0
+                for m in range(len(way)):
+                    product[i, j] += power[i, m] * power[m, j]
+        power[:] = product
+    return math.inf
+
+
+@inner(inline="always")
+def _certain(rows, k, room, note, alone, impacts):
+    """Return the periods after which so many impacts repeat for ever, or 0 where that is not certain."""
+    alone.start[:] = rows
+    least, spread = math.inf, 1.0
+    for first in range(0, 2 * k.modes, LANES):
+        whole, weakest, largest = _walk(room, alone, impacts, first)
+        note[BESIDE] += alone.end[k.made] - rows[k.made]
+        if not whole:
+            return 0.0
+        least, spread = min(least, weakest), max(spread, largest)
+    size, periods = _compare(room, alone)
+    if not size < SURE * rows[k.speed]:
+        return 0.0
+    way = _way_to_go(alone) * spread
+    return periods if way < SURE * rows[k.speed] and way < NOT_SMALL * least else 0.0
+
+
+@inner(inline="always")
+def _grow(rows, k, note, alone, times, counted):
+    """Carry the deviation, of length 1, over so many cycles."""
+    deviation = rows[k.deta : k.deta + 2 * k.modes]
+    for _ in range(times):
+        _apply(alone.jacobian, deviation, alone.moved)
+        square = 0.0
+        for j in range(2 * k.modes):
+            square += alone.moved[j] ** 2
+        if square > 0.0:
+            for j in range(2 * k.modes):
+                deviation[j] = alone.moved[j] / math.sqrt(square)
+        if counted:
+            note[GREW] += 0.5 * math.log(square) if square > 0.0 else -math.inf
+        if square == 0.0:
+            return
+
+
+@inner(inline="always")
+def _skip(rows, k, note, alone, times, periods):
+    """Add what the last cycle added so many times more; `alone.note` is that of its beginning."""
+    for at in range(SUMS, len(note)):
+        if (at - SUMS) % EACH not in NOT_SUMS:
+            note[at] += times * (note[at] - alone.note[at])
+    for at in (DRAINED, STICKS):
+        note[at] += times * (note[at] - alone.note[at])
+    known = times * (note[HITS] - alone.note[HITS])
+    note[HITS] += known
+    note[KNOWN] += known
+    rows[k.turn + 2] += times * periods
+
+
+@inner
+def close(rows, k, room, note, window, alone):
+    """Leave out the impacts of a cell that are known, if its motion has settled on a cycle.
+
+    `alone` is room to work. What is not certain is not looked at again before another impact is watched for.
+    """
+    impacts, transient, total = note[RETURNED], window.transient, window.total
+    note[RETURNED], note[WATCHED] = 0.0, -math.inf
+    if note[KNOWN] > 0.0 or (2.0 * k.modes + 6.0) * impacts + 3.0 > total - note[HITS]:
+        return  # too little would be gained
+    if not _make(rows, k, room, note, window, alone, 1.0):
+        return
+    periods, place = _certain(rows, k, room, note, alone, impacts), note[HITS]
+    for bound in (transient, total):
+        if periods == 0.0:
+            return
+        if bound == total:
+            while note[HITS] <= transient or (note[HITS] - place) % impacts != 0.0:  # the Jacobian's place in the cycle
+                if not _make(rows, k, room, note, window, alone, 1.0):
+                    return
+            if k.thorough and note[IMPACTS] == 0.0 and note[FROM] < note[HITS]:
+                note[FROM] = 0.0  # the next impact is the one whose return names the cycle
+                if not _make(rows, k, room, note, window, alone, impacts):
+                    return
+        if bound - note[HITS] < 2.0 * impacts:
+            continue
+        alone.note[:] = note
+        if not _make(rows, k, room, note, window, alone, impacts):
+            return
+        times = int((bound - note[HITS] - (bound == total)) / impacts)
+        if k.thorough and bound == total:
+            for at in range(SUMS, len(note), EACH):
+                note[at + RESTING] = (note[at + LATEST] - alone.note[at + LATEST]) * note[PERIODS] / periods
+        _skip(rows, k, note, alone, times, periods)
+        if k.thorough:
+            _grow(rows, k, note, alone, times, bound == total)
+            while bound == transient and 0.0 < 2.0 * note[FROM] <= note[HITS]:
+                note[FROM] *= 2.0
+            if bound == total and 2.0 * note[FROM] <= total:
+                note[FROM] = total

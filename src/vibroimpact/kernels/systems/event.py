@@ -1,0 +1,147 @@
+"""A step of cells and what ends it, summed up: of lanes, or of one cell alone with the same bits."""
+
+from __future__ import annotations
+
+from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.systems.law import bounce, closed
+from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, NOTHING
+from vibroimpact.kernels.systems.leap import LEAPS, leap_half, leap_whole, leap_within, may_leap
+from vibroimpact.kernels.systems.march import (
+    CHATTERED,
+    HITS,
+    NEXT,
+    NUMBER,
+    RETURNED,
+    STICKS,
+    WATCHED,
+    WHICH,
+    add,
+    add_all,
+    conclude,
+    happen,
+    note_drain,
+    note_misses,
+    note_rests,
+)
+from vibroimpact.kernels.systems.push import meet
+from vibroimpact.kernels.systems.step import step
+from vibroimpact.kernels.systems.tangent import before, confine, cross, measure_growth, recur
+from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
+
+ALIKE = 2e-12  # of V: how near the speed of an impact must come back to be looked at
+FIRST_LOOK = 32.0  # impacts until one is watched for
+
+
+@inner
+def lift(lanes, lane, cell):
+    """Copy a lane into a cell."""
+    for row in range(len(cell)):
+        cell[row] = lanes[row * LANES + lane]
+
+
+@inner
+def lower(lanes, lane, cell, number):
+    """Copy so many numbers of a cell into a lane."""
+    for row in range(number):
+        lanes[row * LANES + lane] = cell[row]
+
+
+@inner
+def proceed(rows, k, wide):
+    """Make leaps as far as they are certified, and a step."""
+    on = leapt = leap_half(rows, k, wide, may_leap(rows, k, wide))
+    for _ in range(LEAPS):
+        if not anywhere(on):
+            break
+        on = leap_whole(rows, k, wide, on)
+    if anywhere(leapt):
+        leap_half(rows, k, wide, leapt)
+    if k.giving and k.modes == 1:
+        leap_within(rows, k, wide)
+    step(rows, k, wide)
+
+
+@inner(inline="always")
+def _neighbour(rows, k, room, note, z, struck, closing, window):
+    """Carry the deviation over an event, and count its growth from the first impact of the window on."""
+    if struck and room.speed[z] > 0.0:
+        cross(rows, k, room, z)
+    if closing:
+        confine(rows, k)
+    if struck and note[HITS] < window.total:
+        measure_growth(rows, k, note, note[HITS] > window.transient)
+
+
+@inner
+def occur(rows, k, room, note, window):
+    """Make what ended the step of one cell, and sum it up."""
+    shut = closed(rows, k)
+    if k.thorough:
+        before(rows, k, room)
+    struck, closing = happen(rows, k, room)
+    z = int(rows[k.which])
+    if k.thorough:
+        _neighbour(rows, k, room, note, z, struck, closing, window)
+    recorded = add_all(rows, k, room, note, struck, window)
+    if window.closes and recorded:
+        _watch(note, rows, k, None, note[HITS] > 0.0, rows[k.which], room.speed[z])
+    if k.thorough:
+        note_rests(rows, k, room, note, shut, closing, recorded and note[HITS] <= window.total)
+        if struck:
+            note_misses(rows, k, note, window.transient + 1.0 < note[HITS] <= window.total)
+        if recorded and note[HITS] <= window.total:
+            recur(rows, k, note, z, window.total)
+    if k.thorough and closing:
+        for y in range(k.stops):
+            note[CHATTERED] += closing >> y & 1 and room.tail[y] > 0.0
+    for y in range(k.stops if k.giving or k.forceful else 0):
+        if rows[k.kind + y] < CLOSED:
+            conclude(note, rows, k, None, rows[k.kind + y] < CLOSED, y, window)
+    note[STICKS] += rows[k.closed] > 0.0 and window.transient < note[HITS] < window.total
+
+
+@inner
+def usual(rows, notes, k, wide, window):
+    """Make the usual impacts and contacts that ended steps; they are then no hits any more."""
+    made, v, impulse, r = bounce(rows, k, wide)
+    if anywhere(made):
+        lost = 0.5 * (1.0 - r) * v * impulse
+        _add(notes, rows, k, wide, made, v, lost, impulse, window)
+        put(rows, k.hit, wide, select(made, NOTHING, get(rows, k.hit, wide)))
+    hit, which = get(rows, k.hit, wide), get(rows, k.which, wide)
+    if not (k.giving and anywhere(hit == CONTACT)):
+        return
+    begins, ends, v = meet(rows, k, wide, hit == CONTACT)
+    for y in range(k.stops if anywhere(ends) else 0):
+        conclude(notes, rows, k, wide, ends & (which == float(y)), y, window)
+    if anywhere(begins):
+        _add(notes, rows, k, wide, begins, v, 0.0 * v, 0.0 * v, window)
+    put(rows, k.hit, wide, select(begins | ends, NOTHING, hit))
+
+
+@inner(forceinline=True)
+def _add(notes, rows, k, wide, hit, v, lost, impulse, window):
+    """Sum up recorded impacts."""
+    if k.draining:
+        note_drain(notes, rows, k, wide, hit, get(notes, HITS, wide), window)
+    z = get(rows, k.which, wide)
+    sine, cosine, periods = get(rows, k.turn, wide), get(rows, k.turn + 1, wide), get(rows, k.turn + 2, wide)
+    add(notes, k, wide, hit, z, v, lost, impulse, sine, cosine, periods, window)
+    if window.closes:
+        _watch(notes, rows, k, wide, hit, z, v)
+
+
+@inner(forceinline=True)
+def _watch(notes, rows, k, wide, hit, z, v):
+    """Compare an impact with the one that is watched for; it is replaced every 32 impacts, later more rarely."""
+    hits, near = get(notes, HITS, wide), ALIKE * get(rows, k.speed, wide)
+    known, number = get(notes, WATCHED, wide), get(notes, NUMBER, wide)
+    back = hit & (abs(v - known) < near) & (get(notes, WHICH, wide) == z)
+    returned = get(notes, RETURNED, wide)
+    put(notes, RETURNED, wide, select(back & (returned == 0.0), hits - number, returned))
+    later = get(notes, NEXT, wide)
+    moves, stride = hit & (hits >= later), 0.125 * hits
+    put(notes, WATCHED, wide, select(moves, v, known))
+    put(notes, WHICH, wide, select(moves, z, get(notes, WHICH, wide)))
+    put(notes, NUMBER, wide, select(moves, hits, number))
+    put(notes, NEXT, wide, select(moves, hits + select(stride > FIRST_LOOK, stride, FIRST_LOOK), later))

@@ -1,0 +1,97 @@
+"""Cells of systems that end once their cycle is certain say what all their impacts would have said."""
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from systems import one_mass
+from test_system_exponents import between_stops, chain
+from vibroimpact.indices import INDICES, VELOCITY_INDICES
+
+ALL = tuple(INDICES)
+SPEEDS = tuple(sorted(VELOCITY_INDICES))
+TURNS = ("n_periods", "n_impacts")  # not numbers that converge
+
+
+def sticking():
+    """Return two coupled masses, one of which comes to rest at a stop: the other remembers."""
+    return vi.ImpactSystem(
+        mass=np.eye(2),
+        damping=[[0.05, -0.02], [-0.02, 0.05]],
+        stiffness=[[2.0, -1.0], [-1.0, 2.0]],
+        force=vi.Force(omega=0.4, harmonics={1: [1.0, -0.8j]}),
+        stops=[
+            vi.Stop(direction=[1, 0], gap=0.0, restitution=0.0),
+            vi.Stop(direction=[0, 1], gap=0.3, restitution=0.6),
+        ],
+    )
+
+
+SYSTEMS = {
+    "a chain at a stop": (chain(), np.linspace(0.6, 1.2, 9)),
+    "between two stops": (between_stops(1.0), np.linspace(0.95, 1.2, 6)),
+    "sticking": (sticking(), np.linspace(0.35, 0.5, 6)),
+    "a stop that gives": (vi.models.bilinear_oscillator(), None),
+}
+
+
+def both(model, indices, omega, **settings):
+    axis = {"omega": omega if omega is not None else model.omega * np.linspace(0.8, 1.2, 5)}
+    settings |= {"indices": indices} | axis
+    return [vi.parameter_map(model, early_closing=early, **settings) for early in (True, False)]
+
+
+def agree(closed, stepped, names):
+    """Check every index of every cell to 1e-11 of its size over the map, bitwise where nothing closed."""
+    same = closed["status"].values == stepped["status"].values
+    assert (closed["status"].values[~same] == vi.Status.CLOSED).all()
+    for name in names:
+        a, b = closed[name].values, stepped[name].values
+        known = np.isfinite(b)
+        assert np.array_equal(a[~known], b[~known], equal_nan=True), name
+        scale = max(1.0, np.abs(b[known]).max(initial=0.0))
+        assert a[known] == pytest.approx(b[known], rel=0.0, abs=1e-11 * scale), name
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("indices", [SPEEDS, ALL], ids=["speeds", "all"])
+def test_every_index_is_the_same_with_and_without(name, indices):
+    closed, stepped = both(SYSTEMS[name][0], indices, SYSTEMS[name][1])
+    agree(closed, stepped, indices)
+    assert (stepped["status"].values != vi.Status.CLOSED).all()
+    assert closed.attrs["impacts_computed"] < 0.5 * stepped.attrs["impacts_computed"]
+    assert closed.attrs["steps_computed"] < 0.5 * stepped.attrs["steps_computed"]
+
+
+@pytest.mark.parametrize("transient", [0, 7, 1000])
+@pytest.mark.parametrize("sample", [61, 500, 4000])
+def test_windows_that_begin_and_end_in_mid_cycle(transient, sample):
+    closed, stepped = both(
+        between_stops(1.0), ALL, np.linspace(0.98, 1.2, 4), transient_impacts=transient, sample_impacts=sample
+    )
+    agree(closed, stepped, ALL)
+
+
+def test_what_settles_early_costs_a_small_part_of_its_impacts():
+    closed, stepped = both(one_mass(vi.ImpactOscillator()), SPEEDS, [1.0, 2.0, 2.4])
+    assert closed["status"].values.tolist() == [vi.Status.CLOSED] * 3
+    assert closed.attrs["impacts_computed"] < 0.1 * stepped.attrs["impacts_computed"]
+    agree(closed, stepped, SPEEDS)
+
+
+def test_a_rest_that_leaves_a_memory_is_closed_by_its_multipliers():
+    closed, stepped = both(sticking(), ALL, [0.4])
+    assert closed["status"].item() == stepped["status"].item() == vi.Status.STICKING
+    assert closed.attrs["impacts_computed"] < 0.3 * stepped.attrs["impacts_computed"]
+
+
+@pytest.mark.parametrize("indices", [SPEEDS, ALL], ids=["speeds", "all"])
+def test_what_does_not_settle_has_all_its_impacts(indices):
+    """Chaos of one mass, quasi-periodic motions of two, and a motion that keeps its energy."""
+    lossless = one_mass(vi.ImpactOscillator(damping=0.0, restitution=1.0))
+    for model, omega in ((one_mass(vi.ImpactOscillator()), 2.8), (between_stops(0.96), 0.96), (lossless, 0.7)):
+        closed, stepped = both(model, indices, [omega], sample_impacts=3000)
+        assert closed["status"].item() == vi.Status.OK
+        assert closed.attrs["impacts_computed"] == stepped.attrs["impacts_computed"]
+        for name in indices:
+            assert np.array_equal(closed[name].values, stepped[name].values, equal_nan=True)
