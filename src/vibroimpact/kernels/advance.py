@@ -12,7 +12,7 @@ from vibroimpact.kernels.contact import certified_step
 from vibroimpact.kernels.flight import BARELY, acceleration, evaluate, rotate, series
 from vibroimpact.kernels.law import pressed, rebound
 from vibroimpact.kernels.leaps import leap
-from vibroimpact.kernels.machine import fma, select
+from vibroimpact.kernels.machine import fma, inner, select
 from vibroimpact.kernels.state import Motion
 
 FLIGHT = 0.0  # flew on, or rebounded below the cut
@@ -30,7 +30,7 @@ STATE, TRACE = 5, 8
 LOOK = 32  # steps between two looks at whether a cell has ended, counted from its own start; rows of a trace
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _passes_zero(s, c, s1, c1):
     """Return whether turning forward from (s, c) to (s1, c1), by less than a whole turn, passes phase 0."""
     below, below1 = s < 0.0, s1 < 0.0
@@ -87,7 +87,7 @@ def _touch_down(u, p, s, c, k):
     return close, d + t, rate, fma(more, fma(-half, s1, c1), s1), fma(more, fma(-half, c1, -s1), c1)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _near(u, p, a2, a3, a4, a5, a6, a7, a8, d):
     """Return the gap and its rate a little later, by degree 8."""
     y, r = fma(a8, d, a7), a8
@@ -100,7 +100,7 @@ def _near(u, p, a2, a3, a4, a5, a6, a7, a8, d):
     return fma(y, d, u), fma(r, d, y)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _step(motion, k):
     """Return the motion one certified step on, the event, the speed v of a contact, and how much of a step passed.
 
@@ -145,7 +145,7 @@ def advance(motion, k):
     return motion, event, v, flown + x, ready, flown
 
 
-@njit(error_model="numpy")
+@inner
 def walk(motion, k, trace, most, impacts):
     """Make certified steps and leave each in a row of the trace; return how many.
 
@@ -163,7 +163,7 @@ def walk(motion, k, trace, most, impacts):
     return rows
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def step_at(trace, row, width, i):
     """Return what `advance` gave for the step in a row of a trace, of lane i of `width`."""
     u, p, s = trace[row, i], trace[row, width + i], trace[row, 2 * width + i]

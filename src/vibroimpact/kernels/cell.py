@@ -10,6 +10,7 @@ from numba import njit
 from vibroimpact.kernels.flight import BARELY, REACH
 from vibroimpact.kernels.law import chatter_factor
 from vibroimpact.kernels.leaps import leaps_of
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.state import Constants, Motion
 
 # Of the motion's size: a clearance as small is none. Where the force begins at zero it would take 5e4 certified steps
@@ -36,13 +37,13 @@ class Cell(NamedTuple):
     phase: float
 
 
-@njit(error_model="numpy")
+@inner
 def cell_of(row):
     """Return the cell in a row of a table."""
     return Cell(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10])
 
 
-@njit(error_model="numpy")
+@inner
 def _fastest_rate(cell):
     """Return L: the driving rate, the natural one, or the fast decay of overdamped motion."""
     stiff = cell.stiffness / cell.mass
@@ -86,7 +87,7 @@ def prepare(cell, chatter):
     return h, Motion(clearance, -h * cell.velocity, s, c, cell.periods), constants
 
 
-@njit(error_model="numpy")
+@inner
 def _cut_velocity(cell, chatter):
     """Return the speed below which impacts are not recorded: chatter V, V = max(f, k |g|)/sqrt(k m).
 
@@ -99,7 +100,7 @@ def _cut_velocity(cell, chatter):
     return chatter * math.sqrt(cell.velocity * cell.velocity + k / m * cell.clearance * cell.clearance)
 
 
-@njit(error_model="numpy")
+@inner
 def budgets(cell, flight_periods, steps_per_impact, total):
     """Return the longest flight in steps, and the steps granted to so many impacts.
 
@@ -112,7 +113,7 @@ def budgets(cell, flight_periods, steps_per_impact, total):
     return longest, max(granted, min(granted * (rate / slowest), MOST))
 
 
-@njit(error_model="numpy")
+@inner
 def steady_motion(k):
     """Return the amplitudes (in phase, in quadrature) of the motion without a stop; infinite at resonance."""
     inertia = k.K - k.th * k.th
@@ -123,7 +124,7 @@ def steady_motion(k):
     return k.A * inertia / impedance, -k.A * damper / impedance
 
 
-@njit(error_model="numpy")
+@inner
 def never_again(motion, k):
     """Return whether no impact can follow: R + sqrt(z^2 + (m/k) z'^2) < g, z = y - steady motion.
 
@@ -171,7 +172,7 @@ QUIET_FOR = 32.0  # steps without an impact, before it is asked whether any can 
 RUNNING, FILLED, QUIET, PINNED, DYING, SPENT, LAWLESS = range(7)
 
 
-@njit(error_model="numpy")
+@inner
 def ending(motion, k, age, longest, steps, granted):
     """Return why a cell that has not filled its window ends here, or RUNNING.
 

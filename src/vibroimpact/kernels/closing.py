@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, step_at, walk
 from vibroimpact.kernels.cell import phase_of
 from vibroimpact.kernels.cycle import ALIKE, describe
 from vibroimpact.kernels.flight import flow, product
 from vibroimpact.kernels.law import saltation
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.observers import Phases, Recurrence, Stamp, Sums, repeated
 from vibroimpact.kernels.recorder import overhear
 from vibroimpact.kernels.results import KNOWN, MADE, RATIO, RELEASES, SCALE, TURN, WALK
@@ -29,7 +28,7 @@ SURE = 1e-10  # of V: the most that the remaining way may change an index
 NOT_SMALL = 1e-3  # of the cycle's weakest impact: nearer to a graze nothing is linear
 
 
-@njit(error_model="numpy")
+@inner
 def _skip_turns(lanes, i, note, transient, total, finish):
     """Skip turns from release to release once two releases of lane i frame one: all are alike, bit for bit.
 
@@ -69,7 +68,7 @@ def _skip_turns(lanes, i, note, transient, total, finish):
     lane.store_sums(lanes, i, Sums(count, found.shift, sum1, sum2, largest))
 
 
-@njit(error_model="numpy")
+@inner
 def _to_next_impact(lanes, i, transient, total, facts, trace, recorder):
     """Take the lane on, observed and recorded, to the next recorded impact.
 
@@ -92,7 +91,7 @@ def _to_next_impact(lanes, i, transient, total, facts, trace, recorder):
     return -WALK
 
 
-@njit(error_model="numpy")
+@inner
 def _follow_cycle(start, k, impacts, cycle, trace):
     """Follow a cycle of so many impacts once.
 
@@ -122,7 +121,7 @@ def _follow_cycle(start, k, impacts, cycle, trace):
     return False, made, tangent, growth, motion
 
 
-@njit(error_model="numpy")
+@inner
 def _way_to_go(start, end, k, tangent, spread):
     """Return how far, in rate, the cycle's end still is from the periodic orbit; infinite if that is not stable."""
     a, b, d, e = tangent
@@ -139,14 +138,14 @@ def _way_to_go(start, end, k, tangent, spread):
     return (abs(way_u) + abs(way_p)) * spread
 
 
-@njit(error_model="numpy")
+@inner
 def _stamp_at(cycle, number, periods, ahead):
     """Return when impact `ahead` from now (0: the next one) of a cycle happens."""
     at = int(ahead) % number
     return Stamp(cycle[at, 0] + math.floor(ahead / number) * periods, cycle[at, 1], cycle[at, 2])
 
 
-@njit(error_model="numpy")
+@inner
 def _finish_sums(lanes, i, cycle, number, periods, transient, total):
     """Add the impacts up to `total`, cycle upon cycle, to the lane's observers; the largest is then the cycle's own."""
     found, largest = lane.load_sums(lanes, i), 0.0
@@ -171,7 +170,7 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
     lane.store_phases(lanes, i, Phases(sine, cosine, phases.turn_s, phases.turn_c))
 
 
-@njit(error_model="numpy")
+@inner
 def close(lanes, i, note, transient, total, finish, cycle, facts, trace, recorder):
     """Close lane i, and note it, if it repeats: turns that stick are skipped, another cycle is walked once.
 

@@ -12,14 +12,12 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
-from vibroimpact.kernels.machine import fma, select
+from vibroimpact.kernels.machine import fma, inner, select
 
 FAR = 4.0  # stands for "no root on this step"; anything above 1 would do
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def first_root(q0, q1, q2):
     """Return the smallest positive root of q0 + q1 x + q2 x^2 with q0 >= 0, or FAR where there is none."""
     discriminant = fma(q1, q1, -4.0 * q0 * q2)
@@ -28,12 +26,12 @@ def first_root(q0, q1, q2):
     return select(there, 2.0 * q0 / denominator, FAR)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _negative(a):
     return select(a < 0.0, a, 0.0)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _tail_from_7(a, A):
     """Return a lower bound of the sum of a_j x^(j-7) from j = 7 on over 0 <= x <= 1.
 
@@ -44,12 +42,12 @@ def _tail_from_7(a, A):
     return -1.56 * (abs(a[7]) + fma(8.0 / 3.0, abs(a[8]), A * (1 / 5040)))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _shift(leaving, at_rest, at_release, a0, a1, a2, a3):
     return select(at_release, a3, select(at_rest, a2, select(leaving, a1, a0)))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def certified_step(a, A, leaving, at_rest, at_release):
     """Return an x in (0, 1] such that u > 0 on all of (0, x), from the coefficients of u and the drive A.
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, step_at, walk
 from vibroimpact.kernels.cell import phase_of
 from vibroimpact.kernels.flight import NONE, least_gap_exactly, undamped_flow
 from vibroimpact.kernels.law import across_impact, tail_duration
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.observers import DEVIATION
 from vibroimpact.kernels.state import Motion
 
@@ -25,7 +24,7 @@ FACTS = 7
 UNRESOLVED = 1e13
 
 
-@njit(error_model="numpy")
+@inner
 def fewest_impacts(cycle, number, periods, blur):
     """Return the least number of impacts after which a cycle of `number` repeats itself, within a speed `blur`."""
     for fewer in range(1, number):
@@ -44,7 +43,7 @@ def fewest_impacts(cycle, number, periods, blur):
     return number
 
 
-@njit(error_model="numpy")
+@inner
 def log_spectral_radius(tangent):
     """Return ln of the larger modulus of a 2 x 2 matrix's eigenvalues, given row by row."""
     a, b, d, e = tangent
@@ -54,7 +53,7 @@ def log_spectral_radius(tangent):
     return math.log(radius) if radius > 0.0 else -math.inf
 
 
-@njit(error_model="numpy")
+@inner
 def describe(start, k, number, periods, tangent, cycle, blur, facts, trace):
     """Note the facts of a certain cycle, which starts at the motion `start`."""
     fewest = fewest_impacts(cycle, number, periods, blur)
@@ -67,7 +66,7 @@ def describe(start, k, number, periods, tangent, cycle, blur, facts, trace):
     facts[MISS] = _closest_miss(start, k, fewest, trace)
 
 
-@njit(error_model="numpy")
+@inner
 def _closest_miss(motion, k, impacts, trace):
     """Return the least gap between two contacts of a cycle of so many impacts."""
     least = NONE
@@ -81,7 +80,7 @@ def _closest_miss(motion, k, impacts, trace):
     return least
 
 
-@njit(error_model="numpy")
+@inner
 def describe_turn(k, limit, facts, trace):
     """Note the facts of a motion that sticks: those of the turn from its release to the next one.
 

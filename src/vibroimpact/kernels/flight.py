@@ -18,7 +18,7 @@ import math
 
 from numba import njit
 
-from vibroimpact.kernels.machine import fma, select
+from vibroimpact.kernels.machine import fma, inner, select
 from vibroimpact.kernels.state import Motion
 
 # A full step is at most H radians of the fastest rate. What the series leaves out after degree 18 is about H^18/18! of
@@ -30,7 +30,7 @@ NONE = 1e300  # stands for "no near-miss"
 PIECES = 8  # of a step that is searched to rounding: 0.125 radians of the fastest rate each
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _four_more(b0, b1, e0, e1, C, K, Q):
     b2 = fma(-C, b1, fma(-K, b0, e0))
     b3 = fma(-C, b2, fma(-K, b1, e1))
@@ -41,7 +41,7 @@ def _four_more(b0, b1, e0, e1, C, K, Q):
     return b2, b3, b4, b5, -Q * e2, -Q * e3
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def acceleration(u, p, s, k):
     """Return u'' in flight."""
     return fma(-k.C, p, fma(-k.K, u, fma(-k.A, s, k.G)))
@@ -54,7 +54,7 @@ def series(motion, k, at_release):
     return coefficients(u, p, s, c, k.C, k.K, k.A, k.G, k.th, at_release)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def coefficients(u, p, s, c, C, K, A, G, th, at_release):
     """Return what `series` returns, from single numbers."""
     Q = th * th
@@ -76,7 +76,7 @@ def coefficients(u, p, s, c, C, K, A, G, th, at_release):
     )  # fmt: skip
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _horner4(y, d, x, a3, a2, a1, a0):
     d = fma(d, x, y)
     y = fma(y, x, a3)
@@ -102,7 +102,7 @@ def evaluate(a, x):
     return fma(x, odd, even), fma(2.0, fma(x, even_rate, z * odd_rate), odd)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def evaluate_roughly(a, x):
     """Return u and du/dx at x to 1/11! < 3e-8 of the motion's size, for two thirds of the price."""
     y, d = fma(a[10], x, a[9]), a[10]
@@ -154,7 +154,7 @@ def flow(C, K, x):
     return decay * u0, decay * u1, decay * p0, decay * p1
 
 
-@njit(error_model="numpy")
+@inner
 def whole_step(motion, k):
     """Return the motion after a whole step of free flight; its driving periods are not counted."""
     u, p = evaluate(series(motion, k, False), 1.0)
@@ -173,7 +173,7 @@ def product(a, b):
     )
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def undamped_flow(du, dp, C, K, x):
     """Carry a deviation over x <= 12 steps of free flight, its decay exp(-C x/2) left out.
 
@@ -203,7 +203,7 @@ def undamped_flow(du, dp, C, K, x):
     return fma(cosine + mean, du, sine * dp), fma(cosine - mean, dp, -K * sine * du)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def least_gap(a, x, p1, q1, lands):
     """Return the least gap within a flight of x steps from its coefficients, or NONE if there is none.
 
@@ -228,7 +228,7 @@ def least_gap(a, x, p1, q1, lands):
     return select((early | late) & (lower > 0.0), lower, NONE)
 
 
-@njit(error_model="numpy")
+@inner
 def least_gap_exactly(motion, k, x, known):
     """Return the least gap within a flight of x steps, to rounding, or NONE.
 
@@ -241,7 +241,7 @@ def least_gap_exactly(motion, k, x, known):
     return min(least, _least_in_step(motion, k, x, min(known, least)))
 
 
-@njit(error_model="numpy")
+@inner
 def _least_in_step(motion, k, x, known):
     """Return the least gap within a step, searched in pieces."""
     a = series(motion, k, False)

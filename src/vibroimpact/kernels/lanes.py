@@ -13,7 +13,7 @@ from numba import njit
 
 from vibroimpact.kernels.advance import STATE, TRACE, advance, step_at
 from vibroimpact.kernels.leaps import leap
-from vibroimpact.kernels.machine import BLOCK, each_lane
+from vibroimpact.kernels.machine import BLOCK, each_lane, inner
 from vibroimpact.kernels.observers import (
     Deviation,
     Misses,
@@ -54,7 +54,7 @@ LANES = 32
 TRACED_ROWS = CELL + TRACE - STATE
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _move(lanes, i):
     """Take lane i on; return its constants, and what `advance` gives."""
     k = load_constants(lanes, i)
@@ -63,7 +63,7 @@ def _move(lanes, i):
     return k, motion, event, v, x, ready, flown
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _counted(lanes, i, event, transient, total):
     """Return the recorded impacts of lane i after an event, and whether it adds one, which is kept, first or last.
 
@@ -73,7 +73,7 @@ def _counted(lanes, i, event, transient, total):
     return count, hit, hit & (count > transient), hit & (count == transient + 1.0), hit & (count == total)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def observe(lanes, i, motion, event, v, x, transient, total):
     """Observe the step of lane i that led to a motion."""
     count, hit, kept, first, last = _counted(lanes, i, event, transient, total)
@@ -86,7 +86,7 @@ def observe(lanes, i, motion, event, v, x, transient, total):
     store_recurrence(lanes, i, recurrence(load_recurrence(lanes, i), v, count, hit))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def observe_thoroughly(lanes, i, k, motion, event, v, x, ready, flown, transient, total):
     """Observe all that can be observed of the step of lane i that led from `ready`, after leaps, to a motion."""
     # Near-misses come first, while the step's coefficients are at hand: 2 % of a step.
@@ -97,7 +97,7 @@ def observe_thoroughly(lanes, i, k, motion, event, v, x, ready, flown, transient
     observe(lanes, i, motion, event, v, x, transient, total)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def observe_walked(lanes, i, k, trace, row, transient, total, facts):
     """Take lane i over the step in a row of a trace, observed, thoroughly unless `facts` is None; return the event."""
     before = load_motion(lanes, i)
@@ -111,31 +111,31 @@ def observe_walked(lanes, i, k, trace, row, transient, total, facts):
     return event
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def step_lane(lanes, i, transient, total):
     """Make one certified step in lane i and observe it."""
     _, motion, event, v, x, _, _ = _move(lanes, i)
     observe(lanes, i, motion, event, v, x, transient, total)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def step_thorough_lane(lanes, i, transient, total):
     """Make one certified step in lane i and observe all that can be observed."""
     k, motion, event, v, x, ready, flown = _move(lanes, i)
     observe_thoroughly(lanes, i, k, motion, event, v, x, ready, flown, transient, total)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _plain(lanes, i, transient, total):
     step_lane(lanes, i, transient, total)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _thorough(lanes, i, transient, total):
     step_thorough_lane(lanes, i, transient, total)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _traced(lanes, i, transient, total):
     _, _, event, v, x, _, _ = _move(lanes, i)
     lanes[CELL * LANES + i], lanes[(CELL + 1) * LANES + i], lanes[(CELL + 2) * LANES + i] = event, v, x

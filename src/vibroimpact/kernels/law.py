@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from vibroimpact.kernels.machine import fma, select
+from vibroimpact.kernels.machine import fma, inner, select
 
 NEVER = 1e300  # stands for 2 r/(1 - r) at r = 1, where chatter does not end
 COMPLETES = 0.6  # of the time to release: beyond it the leading order of t1 proves nothing
@@ -32,13 +32,13 @@ SHORT = 1e-4  # of a step: over a shorter tail the second order of its end is ex
 HOLD = 1e-3  # of the cut: an impact this slow under a pressing force is held
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def speed_after(v, r):
     """Return the speed just after an impact of speed v."""
     return r * v
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _accelerations(v, s, k):
     """Return the second derivatives of the gap just before and just after an impact of speed v at sin wt = s."""
     force = fma(-k.A, s, k.G)
@@ -52,26 +52,26 @@ def saltation(v, s, k):
     return -k.r, 0.0, -(after + k.r * before) / v, -k.r
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def across_impact(du, dp, v, s, k):
     """Carry a deviation over an impact of speed v (in steps) at sin wt = s: its saltation, in fewer roundings."""
     before, after = _accelerations(v, s, k)
     return -k.r * du, fma(-fma(k.r, before, after) / v, du, -k.r * dp)
 
 
-@njit(error_model="numpy")
+@inner
 def chatter_factor(r):
     """Return the duration of a chatter times the pressing acceleration, per unit of the speed of its first impact."""
     return 2.0 * r / (1.0 - r) if r < 1.0 else NEVER
 
 
-@njit(error_model="numpy")
+@inner
 def energy_loss(mass, r):
     """Return the energy that an impact of unit speed loses; the loss grows with the square of the speed."""
     return 0.5 * mass * (1.0 - r) * (1.0 + r)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def pressed(s, c, k):
     """Return whether the force presses a mass at rest on the stop, and whether it is in balance.
 
@@ -85,7 +85,7 @@ def pressed(s, c, k):
     return (k.G <= -k.A) | ((k.G < k.A) & (towards > 0.0)), balance
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _angle_to_release_at_least(s, c, k):
     """Return a lower bound of the driving angle from (s, c) to the release, within 0.63 of it."""
     sine = fma(k.sr, c, -k.cr * s)
@@ -93,7 +93,7 @@ def _angle_to_release_at_least(s, c, k):
     return select((cosine > 0.0) & (sine > 0.0), sine, 1.0)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def rebound(v, s, c, k):
     """Return the speed after an impact of speed v (0: stays), and whether a chatter's tail was closed by it."""
     push = fma(k.A, s, -k.G)
@@ -104,7 +104,7 @@ def rebound(v, s, c, k):
     return select(held, 0.0, speed_after(v, k.r)), held
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def tail_duration(v, s, c, k):
     """Return how long, in steps, the chatter goes on after an impact of speed v: t1 - t1^2 (J/(3a) + C/6)."""
     push = fma(k.A, s, -k.G)

@@ -21,7 +21,7 @@ import math
 from numba import njit
 
 from vibroimpact.kernels.flight import BARELY, coefficients, evaluate
-from vibroimpact.kernels.machine import fma, select
+from vibroimpact.kernels.machine import fma, inner, select
 from vibroimpact.kernels.state import Flow, Leap, Motion
 
 # In steps, radians of the fastest rate: both below pi. Of some 400 sequences of 3 to 6 leaps of 0.4 to 2.8 none takes
@@ -44,12 +44,12 @@ def leaps_of(C, K, A, G, th):
     return _bounded(short, C, A, G, SHORT), _bounded(_doubled(short), C, A, G, LONG)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _flown(u, p, s, c, C, K, A, G, th, x):
     return evaluate(coefficients(u, p, s, c, C, K, A, G, th, False), x)
 
 
-@njit(error_model="numpy")
+@inner
 def _doubled(a):
     """Return the flow over twice the length."""
     return Flow(
@@ -68,7 +68,7 @@ def _doubled(a):
     )
 
 
-@njit(error_model="numpy")
+@inner
 def _bounded(flow, C, A, G, X):
     """Return a flow over X <= pi with the bound of its certificate."""
     stretched = math.expm1(C * X) / C if C > 0.0 else X
@@ -83,7 +83,7 @@ def stays_clear(u0, u1, half):
     return (u1 > 0.0) & (u0 * u1 >= short * short)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _leap(u, p, s, c, flown, over, X):
     by = over.flow
     u1 = fma(by.uu, u, by.up * p) + fma(by.us, s, fma(by.uc, c, by.ug))
@@ -115,7 +115,7 @@ def leap(motion, k):
     return Motion(u, p, s3, c, n + periods), flown
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _passed(s, s1):
     """Return the periods that begin between two sines less than half a turn apart: leaps of at most 3 steps."""
     return select((s < -BARELY) & (s1 >= -BARELY), 1.0, 0.0)

@@ -9,12 +9,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
-
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, STUCK
 from vibroimpact.kernels.flight import NONE, acceleration, least_gap, series, undamped_flow
 from vibroimpact.kernels.law import across_impact, pressed
-from vibroimpact.kernels.machine import fma, select
+from vibroimpact.kernels.machine import fma, inner, select
 
 WHOLE = 6755399441055744.0  # 1.5 * 2^52: adding and taking it away again rounds to a whole number
 FOLD = 1.6069380442589903e60  # 2^200: a power of two rescales without rounding
@@ -107,14 +105,14 @@ class Misses(NamedTuple):
     releases: float
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def count_impact(count, event, total):
     """Return the recorded impacts so far, up to `total`, and whether this event added one."""
     hit = (event == IMPACT) & (count < total)
     return count + select(hit, 1.0, 0.0), hit
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def sums(old, count, v, first, kept):
     """Accumulate velocities shifted by the first one, which keeps their variance free of cancellation."""
     shift = select(first, v, old.shift)
@@ -123,7 +121,7 @@ def sums(old, count, v, first, kept):
     return Sums(count, shift, old.sum1 + deviation, fma(deviation, deviation, old.sum2), largest)
 
 
-@njit(error_model="numpy")
+@inner
 def repeated(old, hits, shift, v, times):
     """Return the sums after an impact of speed v has been kept so many times more, with the new `hits` and `shift`."""
     sum1 = old.sum1 + times * (v - shift)
@@ -131,7 +129,7 @@ def repeated(old, hits, shift, v, times):
     return Sums(hits, shift, sum1, sum2, max(old.largest, v))
 
 
-@njit(error_model="numpy")
+@inner
 def velocity_indices(found, span, ratio, h, keep):
     """Return the indices of `keep` impacts within `span` periods; `ratio` is the p/n of a closed cycle, or 0."""
     mean = found.sum1 / keep
@@ -145,13 +143,13 @@ def velocity_indices(found, span, ratio, h, keep):
     )
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def stamp(old, motion, take):
     """Record the time of a motion where `take` holds."""
     return Stamp(select(take, motion.n, old.n), select(take, motion.s, old.s), select(take, motion.c, old.c))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def rests(old, event, x, count, transient, total):
     """Note sticks between the first and the last kept impact, and how long the last impact is past."""
     stays = (event == CHATTER) | (event == RELEASE)
@@ -162,7 +160,7 @@ def rests(old, event, x, count, transient, total):
     )
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def turn(old, motion, event, found):
     """Note what has been summed up to a release."""
     released = event == RELEASE
@@ -174,7 +172,7 @@ def turn(old, motion, event, found):
     )
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def recurrence(old, v, count, hit):
     """Watch for impacts that recur: compare the speed of each with that of a reference impact.
 
@@ -193,7 +191,7 @@ def recurrence(old, v, count, hit):
     )
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def deviation(old, motion, k, event, v, x, first, last):
     """Carry a tangent vector over a step; a hold erases what came before."""
     held = (event == RELEASE) | (event == STUCK)
@@ -216,7 +214,7 @@ def deviation(old, motion, k, event, v, x, first, last):
     )
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def phases(old, motion, event, kept):
     """Add up the phases of kept impacts, as points on the unit circle."""
     s, c = old.s + select(kept, motion.s, 0.0), old.c + select(kept, motion.c, 0.0)
@@ -224,7 +222,7 @@ def phases(old, motion, event, kept):
     return Phases(s, c, select(released, s, old.turn_s), select(released, c, old.turn_c))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def misses(old, before, after, k, event, x, count, transient, total):
     """Look for a near-miss in the step, and count releases."""
     held = (event == RELEASE) | (event == STUCK)

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from numba import njit
-
 from vibroimpact.kernels.advance import CHATTER, IMPACT, LOOK, RELEASE, STUCK, step_at, walk
 from vibroimpact.kernels.cell import FILLED, PINNED, RUNNING, SPENT, budgets, cell_of, ending, phase_of, prepare
 from vibroimpact.kernels.flight import evaluate, series, whole_step
 from vibroimpact.kernels.lanes import CELL, LANES, trace_lanes
 from vibroimpact.kernels.law import pressed, tail_duration
-from vibroimpact.kernels.machine import compiled
+from vibroimpact.kernels.machine import compiled, inner
 from vibroimpact.kernels.state import Constants, Motion, kept
 
 TURN = 2.0 * math.pi
@@ -104,7 +102,7 @@ def state_of(memory):
     return (motion.u, velocity, motion.n, phase_of(motion.s, motion.c)), load_progress(memory, 0)
 
 
-@njit(error_model="numpy")
+@inner
 def _look(before, after, k, plan, looked, event, x, looks, row):
     """Write down the looks on a step, its end excluded, from a row on; return the looks so far and the steps passed."""
     here = phase_of(before.s, before.c)
@@ -127,7 +125,7 @@ def _look(before, after, k, plan, looked, event, x, looks, row):
     return looked, x
 
 
-@njit(error_model="numpy")
+@inner
 def read(recorder, trace, rows, width, i):
     """Write down what the window sees of the steps in `rows` of a trace, of lane i of `width`.
 
@@ -199,19 +197,19 @@ def read(recorder, trace, rows, width, i):
     filled[0], filled[1], filled[2] = n_impacts, n_looks, n_sticks
 
 
-@njit(error_model="numpy")
+@inner
 def _faded(motion, k):
     """Return whether a motion that nothing drives has become too small for its square to be a number."""
     return k.A == 0.0 and k.G == 0.0 and motion.p * motion.p + motion.u * (k.K * motion.u) < FADED
 
 
-@njit(error_model="numpy")
+@inner
 def room(recorder):
     """Return how many impacts and sticks can surely be written down yet."""
     return min(len(recorder.impacts) - recorder.filled[0], len(recorder.sticks) - recorder.filled[2])
 
 
-@njit(error_model="numpy")
+@inner
 def overhear(recorder, start, trace, rows):
     """Read a walk that another makes from the motion `start`, unless the recorder has ended, or stands elsewhere.
 

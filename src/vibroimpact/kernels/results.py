@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
-
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.cell import phase_of
 from vibroimpact.kernels.cycle import (
@@ -22,6 +20,7 @@ from vibroimpact.kernels.cycle import (
 )
 from vibroimpact.kernels.flight import NONE
 from vibroimpact.kernels.law import energy_loss
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.observers import FOLD, Turn, VelocityIndices, velocity_indices
 
 # What is noted of a cell beside its lane; from TURN on, what its lane told of a release.
@@ -60,13 +59,13 @@ THOROUGH = PLAIN + ThoroughIndices._fields
 _VELOCITIES, _THOROUGH = len(Course._fields), len(PLAIN)
 
 
-@njit(error_model="numpy")
+@inner
 def _put(result, first, values):
     for j in range(len(values)):
         result[first + j] = values[j]
 
 
-@njit(error_model="numpy")
+@inner
 def harvest(lanes, i, note, keep, result):
     """Turn the sums of lane i, in lengths of a step, into indices per second and the course of its window."""
     h, found = note[H], lane.load_sums(lanes, i)
@@ -83,7 +82,7 @@ def harvest(lanes, i, note, keep, result):
     _put(result, _VELOCITIES, velocity_indices(found, span, note[RATIO], h, keep))
 
 
-@njit(error_model="numpy")
+@inner
 def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
     """Turn the sums of a thorough lane and the facts of its cycle into indices; `harvest` comes first."""
     found, seen = lane.load_sums(lanes, i), lane.load_misses(lanes, i)

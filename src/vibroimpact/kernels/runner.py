@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import LOOK, walk
 from vibroimpact.kernels.cell import FILLED, QUIET_FOR, RUNNING, budgets, cell_of, ending, prepare
 from vibroimpact.kernels.closing import close
 from vibroimpact.kernels.cycle import IMPACTS, PERIODS
 from vibroimpact.kernels.flight import NONE
-from vibroimpact.kernels.machine import compiled, next_ticket
+from vibroimpact.kernels.machine import compiled, inner, next_ticket
 from vibroimpact.kernels.observers import DEVIATION, Deviation, Misses, Recurrence
 from vibroimpact.kernels.recorder import END, overhear, room
 from vibroimpact.kernels.results import (
@@ -32,7 +30,7 @@ from vibroimpact.kernels.results import (
 NEAR = 2e-11  # of V: how close an impact must come back to be looked at
 
 
-@njit(error_model="numpy")
+@inner
 def begin(lanes, i, note, cell, total, chatter, flight_periods, steps_per_impact):
     """Put a cell at its start into lane i, and begin its note."""
     h, motion, constants = prepare(cell, chatter)
@@ -49,7 +47,7 @@ def begin(lanes, i, note, cell, total, chatter, flight_periods, steps_per_impact
     note[MADE], note[RATIO], note[KNOWN], note[RELEASES], note[TURN] = 0.0, 0.0, 0.0, 0.0, -1.0
 
 
-@njit(error_model="numpy")
+@inner
 def move(lanes, owner, notes, facts, i, j):
     """Move the cell in lane i to lane j, which is free."""
     for row in range(lane.ROWS):
@@ -60,7 +58,7 @@ def move(lanes, owner, notes, facts, i, j):
     owner[j], owner[i] = owner[i], -1
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def may_end(lanes, i, note, total):
     """Return whether lane i may end here: a look at few of its numbers, before all that `ending_of` asks."""
     motion, k, age = lane.load_motion(lanes, i), lane.load_constants(lanes, i), lane.load_rests(lanes, i).age
@@ -68,7 +66,7 @@ def may_end(lanes, i, note, total):
     return spent | (motion.p == 0.0) | (k.A == 0.0) | (age > min(QUIET_FOR, note[FLIGHT]))
 
 
-@njit(error_model="numpy")
+@inner
 def ending_of(lanes, i, note, total):
     """Return why the cell in lane i ends here, or RUNNING."""
     if lane.load_sums(lanes, i).hits >= total:
@@ -79,7 +77,7 @@ def ending_of(lanes, i, note, total):
     )
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def may_close(lanes, i, note, total, facts):
     """Return whether lane i has been released anew, or may have closed another cycle.
 

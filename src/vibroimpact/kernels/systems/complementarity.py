@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba import njit
+from vibroimpact.kernels.machine import inner
 
 ROUNDING = 1e-13  # relative: a smaller rate, force or acceleration may be zero
 
@@ -34,7 +34,7 @@ class Room(NamedTuple):
     jumped: Any
 
 
-@njit(error_model="numpy")
+@inner
 def solve(room, members, size):
     """Solve gram x = -free over a set of stops, x = 0 elsewhere; return whether it is regular."""
     a, order = room.equations, 0
@@ -60,7 +60,7 @@ def solve(room, members, size):
     return True
 
 
-@njit(error_model="numpy")
+@inner
 def complementary(room, members, size):
     """Find x >= 0 with free + gram x >= 0 and no stop with both above zero; return the set of those with x.
 

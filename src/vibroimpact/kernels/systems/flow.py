@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from vibroimpact.kernels.flight import BARELY
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.layout import CLOSED, OPEN
 from vibroimpact.kernels.systems.series import (
     SIZE,
@@ -21,7 +20,7 @@ from vibroimpact.kernels.systems.series import (
 from vibroimpact.kernels.vectors import fma, get, put, select
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def sine_cosine(angle):
     """Return sin and cos of an angle up to 1.3 radians, by their power series."""
     z = angle * angle
@@ -45,7 +44,7 @@ def sine_cosine(angle):
     return fma(angle * z, p, angle), fma(z, q, 1.0)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _harmonic(rows, first, m, pace, k, wide):
     """Return the series of Im(a e^{i m theta x}) from the rows that hold a and those of (sin, cos) of m wt."""
     sine, cosine = get(rows, k.pairs + 2 * m, wide), get(rows, k.pairs + 2 * m + 1, wide)
@@ -54,7 +53,7 @@ def _harmonic(rows, first, m, pace, k, wide):
     return wave(fma(re, sine, im * cosine), theta * fma(re, cosine, -im * sine), -theta * theta)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def driven(rows, start, first, pace, k, wide):
     """Return a series that begins with `start` and has every harmonic from row `first` on, in steps of that pace."""
     zero = 0.0 * start
@@ -64,7 +63,7 @@ def driven(rows, start, first, pace, k, wide):
     return b
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def turns(rows, k, wide):
     """Leave (sin, cos) of every multiple of wt."""
     sine, cosine = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
@@ -75,13 +74,13 @@ def turns(rows, k, wide):
         a, b = fma(a, cosine, b * sine), fma(b, cosine, -a * sine)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _forced(rows, j, pace, k, wide):
     """Return the series of the force on mode j."""
     return driven(rows, get(rows, k.load + j, wide), k.force + 2 * k.harmonics * j, pace, k, wide)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def fly_apart(rows, k, wide):
     """Leave the series of each mode, free of the others."""
     for j in range(k.modes):
@@ -90,7 +89,7 @@ def fly_apart(rows, k, wide):
         store(rows, k.flight + j * SIZE, wide, oscillation(b0, b1, *own, _forced(rows, j, 1.0, k, wide)))
 
 
-@njit(error_model="numpy")
+@inner
 def fly_together(rows, k, wide, last):
     """Leave the derivatives of all modes up to `last`, coupled by damping and by stops, and the forces of these.
 
@@ -99,7 +98,7 @@ def fly_together(rows, k, wide, last):
     couple(rows, k, wide, last, True)
 
 
-@njit(error_model="numpy")
+@inner
 def couple(rows, k, wide, last, loaded):
     """Leave the derivatives of all modes, of the motion or of its deviation: that has no load, and no stop moves it.
 
@@ -146,7 +145,7 @@ def couple(rows, k, wide, last, loaded):
             _pull(rows, z, o, force, k, wide)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _pull(rows, z, o, force, k, wide):
     """Let the derivative of a stop's force act on the modes."""
     for j in range(k.modes):
@@ -155,7 +154,7 @@ def _pull(rows, z, o, force, k, wide):
         put(rows, at, wide, b)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _push(rows, z, o, pace, k, wide):
     """Leave a derivative of k d + c d' of a stop that gives and is pushed in, and let it act."""
     u, w = get(rows, k.near + k.stops + z, wide), clearance(rows, z, o + 1, k, wide)
@@ -166,7 +165,7 @@ def _push(rows, z, o, pace, k, wide):
     _pull(rows, z, o, force, k, wide)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _engaged(rows, z, pace, k, wide):
     """Return stiffness and damping of a stop where it pushes, in steps of that pace."""
     pushes = get(rows, k.kind + z, wide) >= CLOSED
@@ -174,7 +173,7 @@ def _engaged(rows, z, pace, k, wide):
     return select(pushes, pace * pace * spring, 0.0), select(pushes, pace * dashpot, 0.0)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def fly_alone(rows, k, wide):
     """Leave the series of a single mode and the forces of stops that all give: they are springs and dampers of it."""
     pace = get(rows, k.pace, wide)
@@ -193,7 +192,7 @@ def fly_alone(rows, k, wide):
         store(rows, k.hold + z * SIZE, wide, slipped(clearances(rows, z, pace, k, wide), -spring, -dashpot))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _standing(rows, z, pace, k, wide):
     """Return the series of where a stop is."""
     start = get(rows, k.gap + z, wide)
@@ -202,7 +201,7 @@ def _standing(rows, z, pace, k, wide):
     return wave(start, 0.0 * start, 0.0 * start)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def clearances(rows, z, pace, k, wide):
     """Return the series of a stop's clearance from those of the modes."""
     b = _standing(rows, z, pace, k, wide)
@@ -212,7 +211,7 @@ def clearances(rows, z, pace, k, wide):
     return b
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def clearance(rows, z, o, k, wide):
     """Return the derivative of a clearance of that order, once those of the modes and of the stop are known."""
     b = get(rows, k.stop + z * SIZE + o, wide)
@@ -221,7 +220,7 @@ def clearance(rows, z, o, k, wide):
     return b
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def stop_moves(rows, z, sine, cosine, k, wide):
     """Return where a stop is, as a clearance, and how fast it moves."""
     u = get(rows, k.gap + z, wide)
@@ -237,7 +236,7 @@ def stop_moves(rows, z, sine, cosine, k, wide):
     return u, w
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def turned(s, c, sine, cosine):
     """Turn (sin wt, cos wt) by an angle, and pull it back to unit length: one Newton step of 1/sqrt."""
     s1, c1 = fma(s, cosine, c * sine), fma(c, cosine, -s * sine)
@@ -245,7 +244,7 @@ def turned(s, c, sine, cosine):
     return s1 * pull, c1 * pull
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def carry(rows, amplitude, rate, x, k, wide):
     """Leave the amplitudes and rates of all modes, or of their deviation, after x, from their derivatives."""
     for j in range(k.modes):
@@ -254,7 +253,7 @@ def carry(rows, amplitude, rate, x, k, wide):
         put(rows, rate + j, wide, p / get(rows, k.pace, wide) if k.giving else p)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def move(rows, x, close, k, wide):
     """Carry the state over a part x of a step of its pace, to a contact or not."""
     carry(rows, k.eta, k.rate, x, k, wide)

@@ -21,9 +21,8 @@ impacts, and ends at no time. Such a chatter is held from the cut on.
 
 from __future__ import annotations
 
-from numba import njit
-
 from vibroimpact.kernels.law import COMPLETES, HOLD, SHORT
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.restitution import restitution
 from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary
 from vibroimpact.kernels.systems.flow import stop_moves, turns
@@ -35,7 +34,7 @@ from vibroimpact.kernels.vectors import get, put, select
 ENDLESS = 0.1  # of 1 - r: with less of (1 - p)(1 - r) a chatter is taken to end at no time
 
 
-@njit(error_model="numpy")
+@inner
 def begin(rows, k, room):
     """Settle the stops at which the start is at rest; return the set of those that closed."""
     turns(rows, k, None)
@@ -50,7 +49,7 @@ def begin(rows, k, room):
     return closing | attend(rows, k, room)[1] if k.giving else closing
 
 
-@njit(error_model="numpy")
+@inner
 def release(rows, k, room):
     """Let go of the stop whose holding force has fallen to zero; return those that close instead."""
     z, idle = int(rows[k.which]), False
@@ -65,7 +64,7 @@ def release(rows, k, room):
     return 0
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def closed(rows, k):
     """Return the set of rigid stops that are closed."""
     found = int(0.0)
@@ -75,7 +74,7 @@ def closed(rows, k):
     return found
 
 
-@njit(error_model="numpy")
+@inner
 def stalled(rows, k, room):
     """Go on from a stop that is touched without approach, held from here on, or left; return those that close."""
     turns(rows, k, None)
@@ -84,7 +83,7 @@ def stalled(rows, k, room):
     return settle(rows, k, room, shut | 1 << int(rows[k.which])) & ~shut
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def bounce(rows, k, wide):
     """Make the usual impact, of one stop while none is closed; return where it is made, its speed, impulse and r.
 
@@ -123,7 +122,7 @@ def bounce(rows, k, wide):
     return usual, -rate, impulse, r
 
 
-@njit(error_model="numpy")
+@inner
 def strike(rows, k, room):
     """Make any impact at the end of a step; return the sets of the stops that were struck and that closed by it.
 
@@ -152,7 +151,7 @@ def strike(rows, k, room):
     return struck, _collide(rows, k, room, struck, beside, weak) & ~shut
 
 
-@njit(error_model="numpy")
+@inner
 def _collide(rows, k, room, struck, beside, weak):
     """Make an impact on several stops, with those beside them that are closed or at rest, or a weak one.
 
@@ -190,7 +189,7 @@ def _collide(rows, k, room, struck, beside, weak):
     return chosen
 
 
-@njit(error_model="numpy")
+@inner
 def _bounce(rows, z, k, room, r):
     """Return the restitution of an impact: zero where it completes a chatter, whose duration is left."""
     v, cut, elastic = room.speed[z], rows[k.cut], r == 1.0 and room.rebound[z] == 1.0

@@ -31,9 +31,8 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from vibroimpact.kernels.flight import BARELY
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.flow import fly_apart, move, stop_moves, turned, turns
 from vibroimpact.kernels.systems.layout import BALANCED, CLOSED, FLOW, OPEN, STRUCK
 from vibroimpact.kernels.systems.push import account, drain, stands
@@ -49,7 +48,7 @@ WHOLE = 2.0 * HALF
 WITHIN = 2.0, 1.3
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _flown(rows, first, j, k, wide):
     """Return a mode's amplitude and rate after a leap."""
     at = first + j * (FLOW + 4 * k.harmonics)
@@ -65,7 +64,7 @@ def _flown(rows, first, j, k, wide):
     return y, y1, p1
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _load(rows, j, s, c, k, wide):
     """Return the load on a mode when (sin wt, cos wt) are those."""
     f, a, b = get(rows, k.load + j, wide), s, c
@@ -76,7 +75,7 @@ def _load(rows, j, s, c, k, wide):
     return f
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _leap(rows, k, wide, first, length, willing):
     """Make a leap of that many steps where it is wanted and certified; return where it was."""
     turns(rows, k, wide)
@@ -123,7 +122,7 @@ def _leap(rows, k, wide, first, length, willing):
     return willing
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _take(rows, certain, s, s1, c1, first, length, k, wide):
     """Leave the state after a leap where it is certain."""
     for j in range(k.modes):
@@ -148,26 +147,26 @@ def _take(rows, certain, s, s1, c1, first, length, k, wide):
     put(rows, k.age, wide, get(rows, k.age, wide) + select(certain, length, 0.0))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def may_leap(rows, k, wide):
     """Return where leaps may be tried."""
     may = get(rows, k.closed, wide) <= (-1.0 if k.draining else 0.0)
     return may & (get(rows, k.engaged, wide) <= 0.0) if k.giving else may
 
 
-@njit(error_model="numpy")
+@inner
 def leap_half(rows, k, wide, willing):
     """Make half a leap where it is certified; return where it was."""
     return _leap(rows, k, wide, k.halves, HALF, willing)
 
 
-@njit(error_model="numpy")
+@inner
 def leap_whole(rows, k, wide, willing):
     """Make a leap where it is certified; return where it was."""
     return _leap(rows, k, wide, k.wholes, WHOLE, willing)
 
 
-@njit(error_model="numpy")
+@inner
 def leap_within(rows, k, wide):
     """Leap from the beginning of a contact of a lone mode with a spring, where it is certified; return where it was."""
     begun = (get(rows, k.age, wide) <= 0.0) & (get(rows, k.engaged, wide) == 1.0) & (get(rows, k.closed, wide) <= 0.0)
@@ -196,7 +195,7 @@ def leap_within(rows, k, wide):
     return leapt
 
 
-@njit(error_model="numpy")
+@inner
 def _see(rows, end, k, wide):
     """Count what a leap within a contact does on its way, by two steps that are taken back."""
     y, p = get(rows, k.eta, wide), get(rows, k.rate, wide)

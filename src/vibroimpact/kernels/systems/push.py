@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.complementarity import ROUNDING
 from vibroimpact.kernels.systems.flow import clearances, stop_moves, turns
 from vibroimpact.kernels.systems.layout import (
@@ -56,7 +55,7 @@ NODES = (
 )
 
 
-@njit(error_model="numpy")
+@inner
 def account(rows, end, k, wide):
     """Add what the stops did over a step that is about to be made: impulse, energy taken, time, and the extremes."""
     pace = get(rows, k.pace, wide)
@@ -74,7 +73,7 @@ def account(rows, end, k, wide):
             _raise(rows, k.depth + z, wide, pushes, _largest(depth, end, pushes))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _take(rows, z, damped, end, pace, k, wide):
     """Add the energy that a stop with a damper takes, k d^2/2 and the integral of c d'^2."""
     u, square = coefficients(clearances(rows, z, pace, k, wide)), 0.0 * end
@@ -86,7 +85,7 @@ def _take(rows, z, damped, end, pace, k, wide):
     _add(rows, k.work + z, wide, damped, work + get(rows, k.dashpot + z, wide) * square * end / pace)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _largest(series, end, here):
     """Return the largest value of a series on the way to `end`."""
     a = coefficients(times(series, -1.0))
@@ -94,7 +93,7 @@ def _largest(series, end, here):
     return -trough(a, end, here, select(a[0] < last, a[0], last))
 
 
-@njit(error_model="numpy")
+@inner
 def drain(rows, end, k, wide):
     """Add the energy that dampers take over a step that is about to be made."""
     pace, total = get(rows, k.pace, wide), 0.0 * end
@@ -109,18 +108,18 @@ def drain(rows, end, k, wide):
     put(rows, k.drained, wide, get(rows, k.drained, wide) + total * end / pace)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _add(rows, row, wide, here, more):
     put(rows, row, wide, get(rows, row, wide) + select(here, more, 0.0))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _raise(rows, row, wide, here, value):
     largest = get(rows, row, wide)
     put(rows, row, wide, select(here & (value > largest), value, largest))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def set_free(rows, k, wide):
     """Watch clearances again of stops that let go and are pushed in no more."""
     sine, cosine = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
@@ -138,7 +137,7 @@ def set_free(rows, k, wide):
         put(rows, k.engaged, wide, get(rows, k.engaged, wide) - select(free, 1.0, 0.0))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def stands(rows, z, sine, cosine, k, wide):
     """Return a clearance, its rate, and the sum of the lengths that it is made of."""
     u, w = stop_moves(rows, z, sine, cosine, k, wide)
@@ -151,7 +150,7 @@ def stands(rows, z, sine, cosine, k, wide):
     return u, w, size
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def meet(rows, k, wide, contact):
     """Begin and end the usual contacts with stops that give; return where they begin, where they end, and the speed.
 
@@ -189,7 +188,7 @@ def meet(rows, k, wide, contact):
     return begins, ends, speed
 
 
-@njit(error_model="numpy")
+@inner
 def attend(rows, k, room):
     """Decide of every stop that gives whether it pushes, has let go or is free.
 
@@ -224,7 +223,7 @@ def attend(rows, k, room):
     return began, closing
 
 
-@njit(error_model="numpy")
+@inner
 def _decide(rows, z, k):
     """Decide how a stop that gives stands; return whether it pushes and did not, or the other way round.
 
@@ -260,7 +259,7 @@ def _decide(rows, z, k):
     return not pushed
 
 
-@njit(error_model="numpy")
+@inner
 def _first(rows, z, k, least, p, q):
     """Return the order from `least` on of the first derivative of p u + q u' that is not rounding, its value, and up to
     where it surely decides the sign.

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary, solve
 from vibroimpact.kernels.systems.flow import fly_together, stop_moves, turns
 from vibroimpact.kernels.systems.layout import BALANCED, CLOSED, PASSING, RELEASED, RESTING
@@ -14,7 +13,7 @@ SHORTENED = 4  # the highest derivative that most decisions take
 TOUCH, NOWHERE = 1e-12, 1e-15
 
 
-@njit(error_model="numpy")
+@inner
 def measure(rows, k, room):
     """Leave the rates of all clearances and G; return the set of rigid stops in contact, closed ones left out."""
     n, s = k.modes, k.stops
@@ -38,7 +37,7 @@ def measure(rows, k, room):
     return touching
 
 
-@njit(error_model="numpy")
+@inner
 def derive(rows, k, last):
     """Leave derivatives of the modes up to `last`, under what is closed; those of clearances follow."""
     turns(rows, k, None)
@@ -46,7 +45,7 @@ def derive(rows, k, last):
     fly_together(rows, k, None, last)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def derivative(rows, z, order, k):
     """Return the derivative of a clearance of one lane."""
     b = rows[k.stop + z * SIZE + order]
@@ -55,7 +54,7 @@ def derivative(rows, z, order, k):
     return b
 
 
-@njit(error_model="numpy")
+@inner
 def hold(rows, k, room, chosen):
     """Close a set of stops: leave (alpha alpha^T)^-1 over it, and how many they are."""
     s, number = k.stops, 0
@@ -70,7 +69,7 @@ def hold(rows, k, room, chosen):
     rows[k.closed] = number
 
 
-@njit(error_model="numpy")
+@inner
 def settle(rows, k, room, members):
     """Decide which of the stops at rest close; leave how each is left or held, and the state on the closed ones.
 
@@ -100,7 +99,7 @@ def settle(rows, k, room, members):
     return chosen
 
 
-@njit(error_model="numpy")
+@inner
 def _settle_even(rows, k, room, members):
     """Settle stops some of which are in balance: by the first derivatives that do not vanish, under every set held.
 
@@ -147,14 +146,14 @@ def _settle_even(rows, k, room, members):
     return closed
 
 
-@njit(error_model="numpy")
+@inner
 def _regular(room, members, size):
     for z in range(size):
         room.free[z] = 0.0
     return solve(room, members, size)
 
 
-@njit(error_model="numpy")
+@inner
 def _leading(rows, z, k, holds):
     """Return the order from 2 on of the first derivative of a stop's clearance, or two less of the force that holds
     it, that is not rounding, its value, and up to where it surely decides the sign; 0 if there is none.
@@ -179,7 +178,7 @@ def _leading(rows, z, k, holds):
     return order, first, leads / max(2.0 * others, leads)
 
 
-@njit(error_model="numpy")
+@inner
 def size_of(rows, z, o, k):
     """Return the sum of the sizes of what a derivative of a clearance is the sum of."""
     size = abs(rows[k.stop + z * SIZE + o])
@@ -189,7 +188,7 @@ def size_of(rows, z, o, k):
     return size
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _parts(rows, j, o, k):
     """Return the sum of the sizes of what a derivative of a mode's acceleration is the sum of."""
     total = abs(rows[k.pull + j * SIZE + o])
@@ -201,7 +200,7 @@ def _parts(rows, j, o, k):
     return total
 
 
-@njit(error_model="numpy")
+@inner
 def _press(rows, k, room, chosen):
     """Take what rounding left of closed clearances and of their rates out of the state."""
     n, s = k.modes, k.stops

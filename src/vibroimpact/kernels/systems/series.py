@@ -11,6 +11,7 @@ from typing import Any
 
 from numba import njit
 
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 # A step is at most REACH radians of the fastest rate; what the series leaves out is some REACH^21/21! = 5e-18 of the
@@ -100,7 +101,7 @@ bend = _written(
 )
 
 
-@njit(error_model="numpy")
+@inner
 def trough(a, end, flown, least):
     """Return the least of a number and of a polynomial where its rate rises through zero on the way to `end`.
 

@@ -15,8 +15,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.flow import carry, clearances, couple, fly_alone, fly_apart, fly_together, move, turns
 from vibroimpact.kernels.systems.layout import (
     BALANCED,
@@ -52,12 +51,12 @@ NEAR = 0.1  # of the rate: by how much it may change on the way to a contact tha
 BACK = 1e-12  # steps: a contact that rounding puts further behind is here
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _negative(a):
     return select(a < 0.0, a, 0.0)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def certified(a, kind):
     """Return an x in [0, 1] such that the polynomial is above zero on (0, x), from its coefficients.
 
@@ -89,7 +88,7 @@ def certified(a, kind):
     return select(kind < OPEN, -kind, select(kind > PASSING, kind - PASSING, x))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _reach(q0, q1, q2, cubic, X):
     """Return the smallest positive root of q0 + q1 x + q2 x^2 + cubic x^3 from below, X at most."""
     slope = cubic * X * X
@@ -102,7 +101,7 @@ def _reach(q0, q1, q2, cubic, X):
     return select(x < X, x, X)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _watched(rows, z, held, k, wide):
     """Return the series of a stop's clearance, or where it is closed of the force that holds it or that it pushes with.
 
@@ -125,7 +124,7 @@ def _watched(rows, z, held, k, wide):
     return exact + b[3:]
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _certify(rows, held, k, wide):
     """Return the certified step, that of all stops but the one that limits it, which one that is, and whether its next
     zero is sought; leave what is watched of it.
@@ -145,7 +144,7 @@ def _certify(rows, held, k, wide):
     return x, others, which, sought > 0.0
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _approach(a, x, others, sought):
     """Return whether a zero is next to x and before what is certified of the others, and where the step then ends."""
     y, p = valued(a, x)
@@ -160,7 +159,7 @@ def _approach(a, x, others, sought):
     return first, select(first, t, x)
 
 
-@njit(error_model="numpy")
+@inner
 def miss(rows, z, end, flown, held, k, wide):
     """Keep the least clearance of an open stop on a way that was flown."""
     a, kind = coefficients(_watched(rows, z, held, k, wide)), get(rows, k.kind + z, wide)
@@ -170,7 +169,7 @@ def miss(rows, z, end, flown, held, k, wide):
     put(rows, k.missed + z, wide, trough(a, end, flown, get(rows, k.missed + z, wide)))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _carry(rows, x, held, k, wide):
     """Carry the deviation over x: it moves as the modes do without any load."""
     if held or k.coupled:
@@ -183,7 +182,7 @@ def _carry(rows, x, held, k, wide):
     carry(rows, k.deta, k.drate, x, k, wide)
 
 
-@njit(error_model="numpy")
+@inner
 def fly(rows, held, k, wide):
     """Leave the series of all modes, and of the forces of stops that are closed or push where some are `held`."""
     if held and k.modes == 1 and not k.rigid:
@@ -194,7 +193,7 @@ def fly(rows, held, k, wide):
         fly_apart(rows, k, wide)
 
 
-@njit(error_model="numpy")
+@inner
 def step(rows, k, wide):
     """Make a certified step; leave the state after it, how far it went, which stop ended it and how."""
     turns(rows, k, wide)

@@ -17,8 +17,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.complementarity import solve
 from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.systems.march import (
@@ -44,7 +43,7 @@ from vibroimpact.kernels.systems.rest import measure
 NEAR = 1e-7  # of V, of the modes' rates and their amplitudes: an impact that comes back so near is the same
 
 
-@njit(error_model="numpy")
+@inner
 def _load(rows, first, start, order, k):
     """Return a sum of harmonics at present, or its second derivative: of a load, or of a stop's motion."""
     a, b = rows[k.turn], rows[k.turn + 1]
@@ -56,7 +55,7 @@ def _load(rows, first, start, order, k):
     return total
 
 
-@njit(error_model="numpy")
+@inner
 def accelerate(rows, k, found):
     """Leave the accelerations of all modes, under what is closed."""
     n, s = k.modes, k.stops
@@ -83,7 +82,7 @@ def accelerate(rows, k, found):
                 found[j] -= rows[k.jump + z * n + j] * force
 
 
-@njit(error_model="numpy")
+@inner
 def before(rows, k, room):
     """Keep the rates and accelerations just before an impact."""
     accelerate(rows, k, room.before)
@@ -91,7 +90,7 @@ def before(rows, k, room):
         room.jumped[j] = rows[k.rate + j]
 
 
-@njit(error_model="numpy")
+@inner
 def cross(rows, k, room, z):
     """Carry the deviation over the impact of stop z that was just made."""
     n, s, active = k.modes, k.stops, int(0.0)
@@ -119,7 +118,7 @@ def cross(rows, k, room, z):
             rows[k.drate + j] -= rows[k.jump + y * n + j] * room.found[y]
 
 
-@njit(error_model="numpy")
+@inner
 def confine(rows, k):
     """Take from the deviation what would move the clearances of closed stops."""
     n, s = k.modes, k.stops
@@ -136,14 +135,14 @@ def confine(rows, k):
             rows[k.deta + j] = rows[k.drate + j] = 0.0
 
 
-@njit(error_model="numpy")
+@inner
 def deviate(rows, k):
     """Begin with some deviation."""
     for j in range(k.modes):
         rows[k.deta + j], rows[k.drate + j] = 1.0 / (j + 1.0), 1.0 / (j + 2.0)
 
 
-@njit(error_model="numpy")
+@inner
 def measure_growth(rows, k, note, counted):
     """Make the deviation of length 1 again, and add the logarithm of what it was, or begin to count here.
 
@@ -161,7 +160,7 @@ def measure_growth(rows, k, note, counted):
     note[GREW] = note[GREW] + grew if counted else 0.0
 
 
-@njit(error_model="numpy")
+@inner
 def recur(rows, k, note, z, total):
     """Compare an impact of stop z, just recorded, with the one that is known, or make it the known one.
 

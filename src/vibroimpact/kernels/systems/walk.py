@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from numba import njit
-
 from vibroimpact.kernels.cell import FILLED, LAWLESS, RUNNING, SPENT
-from vibroimpact.kernels.machine import compiled
+from vibroimpact.kernels.machine import compiled, inner
 from vibroimpact.kernels.systems.flow import fly_apart, move, turns
 from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
@@ -43,7 +41,7 @@ class Schedule(NamedTuple):
     per_period: float
 
 
-@njit(error_model="numpy")
+@inner
 def _look(rows, k, seen, periods, phase, schedule):
     """Leave the states at the looks that lie within the step just made, which began at that time."""
     end, pace = rows[k.passed], rows[k.pace]
@@ -60,7 +58,7 @@ def _look(rows, k, seen, periods, phase, schedule):
         seen.filled[1] += 1
 
 
-@njit(error_model="numpy")
+@inner
 def _leap(rows, spare, k, seen, schedule, length, willing):
     """Make a leap, half a one or a whole; the looks within it need series from its beginning. Return whether it was."""
     if schedule.number > 0.0:
@@ -76,7 +74,7 @@ def _leap(rows, spare, k, seen, schedule, length, willing):
     return leapt
 
 
-@njit(error_model="numpy")
+@inner
 def _leap_within(rows, spare, k, seen, schedule):
     """Leap from the beginning of a contact; the looks within need series."""
     if schedule.number > 0.0:
@@ -92,7 +90,7 @@ def _leap_within(rows, spare, k, seen, schedule):
             move(spare, end / spare[k.pace], False, k, None)
 
 
-@njit(error_model="numpy")
+@inner
 def _note_rests(rows, k, seen, room, closing):
     """Begin a row for each stop that closed, and end those of stops that are open."""
     periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
@@ -108,7 +106,7 @@ def _note_rests(rows, k, seen, room, closing):
             seen.filled[2] += 1
 
 
-@njit(error_model="numpy")
+@inner
 def _record(rows, k, room, seen, struck, before, recorded, window):
     """Leave a row for each stop that was struck hard enough."""
     measure(rows, k, room)
@@ -127,7 +125,7 @@ def _record(rows, k, room, seen, struck, before, recorded, window):
                     rows[k.entry + z] = seen.filled[0]
 
 
-@njit(error_model="numpy")
+@inner
 def _conclude(rows, k, seen):
     """Leave what contacts that are over came to; one that goes on after its stop let go adds to its row."""
     for z in range(k.stops):
@@ -143,13 +141,13 @@ def _conclude(rows, k, seen):
                 rows[first + z] = 0.0
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _in_contact(rows, z, k):
     """Return whether a stop that gives pushes, or may push again before it is free."""
     return rows[k.kind + z] >= CLOSED or rows[k.leaving + z] > 0.0
 
 
-@njit(error_model="numpy")
+@inner
 def _after_step(rows, k, room, note, seen, window):
     """Make what ended a step, and record it."""
     before = note[HITS]
@@ -173,7 +171,7 @@ def _after_step(rows, k, room, note, seen, window):
     _note_rests(rows, k, seen, room, closing)
 
 
-@njit(error_model="numpy")
+@inner
 def _waits(rows, k):
     """Return whether a contact that was recorded goes on."""
     waits = False
