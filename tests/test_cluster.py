@@ -1,7 +1,6 @@
 """Sweeps on a Dask cluster: one machine's bits, whoever computes them, dies, joins, dawdles or cannot see the store."""
 
 import functools
-import gc
 import os
 import random
 import shutil
@@ -11,7 +10,6 @@ import subprocess
 import sys
 import threading
 import time
-import warnings
 
 import numpy as np
 import pytest
@@ -26,16 +24,10 @@ from vibroimpact.request import Request
 distributed = pytest.importorskip("distributed", reason="needs the extra [cluster]")
 
 # On a busy machine, killed workers take their time to be there again.
-pytestmark = pytest.mark.filterwarnings("ignore:`cluster` has no worker", "ignore:unclosed:ResourceWarning")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def sockets_of_the_dead():
-    """Collect what Dask has not closed of those that were killed, before it is held against another test."""
-    yield
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ResourceWarning)
-        gc.collect()
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:`cluster` has no worker", "ignore:unclosed:ResourceWarning"),
+    pytest.mark.usefixtures("sockets_closed"),
+]
 
 
 AXES = {"omega": np.linspace(0.1, 5.0, 24), "mass": np.linspace(0.2, 3.0, 10)}
@@ -108,6 +100,22 @@ def test_workers_compute_and_refine_maps_of_systems(client, tmp_path):
     there, here = (vi.refined_map(slot, refine=1, **how, **place) for place in ({"cluster": client}, {}))
     assert np.array_equal(there["std"].values, here["std"].values, equal_nan=True)
     assert np.array_equal(there["level"].values, here["level"].values)
+
+
+def growing(v):
+    return 0.5 + 0.3 * v / (1.0 + v)
+
+
+def test_workers_compute_under_a_law_of_restitution(client):
+    ball = vi.ImpactSystem(
+        mass=2.0,
+        stiffness=0.0,
+        force=vi.Force(omega=0.7, constant=6.0),
+        stops=[vi.Stop(direction=1.0, gap=0.0, restitution=growing)],
+    )
+    how = {"stop_1_gap": np.linspace(0.0, 0.3, 8), "start": vi.State(-1.0), "transient_impacts": 0, "sample_impacts": 5}
+    here, there = vi.parameter_map(ball, **how), vi.parameter_map(ball, cluster=client, tile=4, **how)
+    assert here["std"].values.tolist() == there["std"].values.tolist()
 
 
 @pytest.mark.parametrize("backend", ["reference", "fixed-step"])

@@ -321,14 +321,3 @@ def test_systems_with_laws_are_pickled_with_them():
         copy = pickle.loads(pickle.dumps(ball(law)))
         assert copy == ball(law)
         assert dropped(copy, 1.0, 5).equals(dropped(ball(law), 1.0, 5))
-
-
-def test_a_cluster_computes_the_same_bits():
-    pytest.importorskip("distributed")
-    system, study = (
-        ball(LAWS[3]),
-        {"stop_1_gap": np.linspace(0.0, 0.3, 8), "start": vi.State(-1.0), "transient_impacts": 0, "sample_impacts": 5},
-    )
-    here = vi.parameter_map(system, **study)
-    there = vi.parameter_map(system, cluster="local:1", tile=4, **study)
-    assert here["std"].values.tolist() == there["std"].values.tolist()
