@@ -59,6 +59,7 @@ def test_the_first_ctrl_c_gives_up_cells_that_take_too_long_and_the_store_can_be
 @posix
 def test_the_first_ctrl_c_keeps_the_cells_that_have_ended_beside_one_that_takes_too_long(tmp_path):
     process = started(tmp_path, 1.0, f"map --x gap=0:300:4 -p omega=2 {NEVER} --out map.nc")
+    assert process.stderr.readline().startswith("ImpactOscillator: mass 1 kg")
     assert "map: " in process.stderr.readline()  # those that the mass never reaches have ended
     interrupt(process)
     _, complaints = process.communicate(timeout=60)
@@ -91,6 +92,7 @@ def test_the_second_ctrl_c_ends_at_once_and_leaves_no_tile_half_written(tmp_path
 @posix
 def test_the_second_ctrl_c_ends_cells_that_take_too_long(tmp_path):
     process = started(tmp_path, 1000.0, f"map --x gap=0:300:4 -p omega=2 {NEVER} --out map.nc")
+    assert process.stderr.readline().startswith("ImpactOscillator: mass 1 kg")
     assert "map: " in process.stderr.readline()
     interrupt(process)
     assert "stopped at once, nothing was kept" in interrupt(process)

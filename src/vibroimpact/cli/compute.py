@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -63,6 +62,7 @@ def _motion(function: str, study: Study, options: Options) -> None:
     began = perf_counter()
     with refusing():
         dataset = _call(function, study)
+    study.tell()
     output.hand_on(dataset, options, perf_counter() - began)
 
 
@@ -87,7 +87,7 @@ def diagram(options: Options) -> None:
     output.check(options, "bifurcation_diagram", study.given.get("indices", ()), 1)
     from vibroimpact.execution.threads import GRACE
 
-    _sweep("bifurcation_diagram", Meter("diagram", patience=GRACE), study, options, **study.axes)
+    _sweep("bifurcation_diagram", Meter("diagram", patience=GRACE, opening=study.tell), study, options, **study.axes)
 
 
 @o.with_options(
@@ -131,7 +131,7 @@ def parameter_map(options: Options) -> None:
     else:
         from vibroimpact.execution.threads import GRACE
 
-        _sweep("parameter_map", Meter("map", patience=GRACE), study, options, **study.axes, **more)
+        _sweep("parameter_map", Meter("map", patience=GRACE, opening=study.tell), study, options, **study.axes, **more)
 
 
 def _with_index(options: Options) -> Study:
@@ -170,7 +170,7 @@ def basins(options: Options) -> None:
     if options["stop"] is not None:
         axes["stop"] = options["stop"]
     output.check(options, "basins")
-    _sweep("basins", Meter("initial conditions"), study, options, **axes)
+    _sweep("basins", Meter("initial conditions", opening=study.tell), study, options, **axes)
 
 
 def _initial_conditions(study: Study, options: Options) -> dict[str, Any]:
@@ -208,8 +208,13 @@ def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed
     from vibroimpact.execution.threads import GRACE
 
     out, place = options["out"], files.place_for(options)
-    # Once it is known to be of the same study.
-    opening = partial(files.announce, place) if resumed or (place != out and place.exists()) else None
+    exists = resumed or (place != out and place.exists())
+
+    def opening() -> None:  # once it is known to be of the same study
+        study.tell()
+        if exists:
+            files.announce(place)
+
     with (
         Meter("map", patience=GRACE, settle=settle, opening=opening) as meter,
         files.replacing_store(place, out),
@@ -245,7 +250,7 @@ def describe(options: Options) -> None:
     study = options.study()
     import vibroimpact
 
-    with Meter("verdict") as meter, refusing():
+    with Meter("verdict", opening=study.tell) as meter, refusing():
         verdict = vibroimpact.describe(
             study.model, progress=meter, **_search(study, options), **study.arguments("describe")
         )
@@ -277,7 +282,12 @@ def compare(options: Options) -> None:
     import vibroimpact
 
     chosen = second.arguments("compare") | first.arguments("compare")
-    with Meter("comparison") as meter, refusing():
+
+    def opening() -> None:
+        first.tell()
+        second.tell()
+
+    with Meter("comparison", opening=opening) as meter, refusing():
         comparison = vibroimpact.compare(
             first.model,
             second.model,

@@ -112,10 +112,7 @@ class Options(Mapping[str, Any]):
         """Return the request that they make together with a study file."""
         from vibroimpact.cli.study import read_study  # here, since --help needs none of it
 
-        study = read_study(file or self.get("study"), self.changes(), self.get("model"))
-        if study.warning:
-            typer.echo(f"vibroimpact: {study.warning}", err=True)
-        return study
+        return read_study(file or self.get("study"), self.changes(), self.get("model"))
 
     def with_values(self, **values: Any) -> Options:
         """Return a copy with other values of some options."""

@@ -52,6 +52,7 @@ def orbit(options: Options) -> None:
     output.check_looks(options, (".json",))
     began = perf_counter()
     found = _find(study, options)
+    study.tell()
     out = options["out"]
     if out is not None and out.suffix.lower() == ".json":
         output.write_json(orbits_json(found, study.model), options, out)
@@ -221,7 +222,7 @@ def follow(options: Options) -> None:
     from vibroimpact.dataset import bundle, provenance
     from vibroimpact.parameters import whole_number
 
-    with Meter("orbits") as meter, refusing():
+    with Meter("orbits", opening=study.tell) as meter, refusing():
         doublings = whole_number("doublings", options.number("doublings", 0), 0)
         found = _find(study, options)
         branches = _branches(found, parameter, span, meter, doublings, **options.numbers("step"))
@@ -333,7 +334,7 @@ def boundary(options: Options) -> None:
 
     output.check(options, "boundary_curves", (*INDICES, output.MOTION))
     over = output.map_beneath(options, names)
-    with Meter("boundaries") as meter, refusing():
+    with Meter("boundaries", opening=study.tell) as meter, refusing():
         curves = (_of_orbits if of_orbits else _all)(study, box, kinds, options, meter)
     if not curves and not meter.stopped:
         _nothing(f"no such boundary found in the plane of {' and '.join(names)}: {curves.message}", options)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
+import sys
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
@@ -125,6 +126,20 @@ class Study:
     axes: dict[str, Floats]
     given: dict[str, Any]
     warning: str = ""
+
+    def __str__(self) -> str:
+        """Return the model and its numbers, or the range of those that an axis varies."""
+        table, values = self.model.parameters, {name: f"{value:g}" for name, value in self.model.values.items()}
+        for name, axis in self.axes.items():
+            values.pop(table[name].replaces or name, None)
+            values[name] = f"{axis[0]:g} to {axis[-1]:g}"
+        numbers = (f"{name} {text} {table[name].unit}".removesuffix(" 1") for name, text in values.items())
+        return f"{getattr(self.model, '__name__', type(self.model).__name__)}: {', '.join(numbers)}"
+
+    def tell(self) -> None:
+        """Say which model and numbers are used, once nothing of the request is refused any more."""
+        warning = [f"vibroimpact: {self.warning}"] if self.warning else []
+        print(self, *warning, sep="\n", file=sys.stderr, flush=True)
 
     def of_one_mass(self, command: str) -> Study:
         """Return the study, or refuse it for a command that takes one mass with one stop only."""
