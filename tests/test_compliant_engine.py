@@ -294,3 +294,14 @@ def test_an_elastic_bar_stays_for_its_wave_and_leaves_with_its_whole_speed(stop)
     assert contact[-1] < min(contact[0], 0.01)  # a stop that gives rattles at the length of an element
     assert (np.diff(rebound) < 0.0).all()
     assert rebound[-1] < (0.01 if stop == "gives" else 0.015)
+
+
+@pytest.mark.parametrize("damper", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize("stiffness", [100.0, 1e4])
+def test_a_contact_of_one_mass_takes_a_leap_and_few_steps(damper, stiffness):
+    stop = vi.Stop(direction=1, gap=0.2, stiffness=stiffness, damping=damper)
+    mass = vi.ImpactSystem(
+        mass=1.0, damping=0.05, stiffness=1.0, force=vi.Force(omega=2.0, harmonics={1: 1.0}), stops=[stop]
+    )
+    seen = vi.parameter_map(mass, omega=np.linspace(0.5, 3.0, 16), early_closing=False, sample_impacts=300)
+    assert seen.attrs["steps_computed"] < 3.5 * seen.attrs["impacts_computed"]

@@ -121,19 +121,24 @@ def _prepare_contacts(
     zero, one, turned = np.zeros_like(square), np.ones_like(square), theta * np.arange(1, k.harmonics + 1)
     for own, (z, part) in enumerate(itertools.product(range(k.stops), WITHIN)):
         alpha, jump, gap, spring = (table[:, first + z, None] for first in (k.alpha, k.jump, k.gap, k.spring))
-        length, stiff = part / np.sqrt(1.0 + table[:, k.hard + z, None]), square + alpha * jump * spring
-        y, _ = _over(zero, one, stiff, damping, length)
-        whole, _ = _over(zero, zero, stiff, damping, length, one, zero, 0.0)
+        dashpot, hard, thick = (table[:, first + z, None] for first in (k.dashpot, k.hard, k.thick))
+        length = part / (np.sqrt(1.0 + hard) + thick)
+        stiff, damped = square + alpha * jump * spring, damping + alpha * jump * dashpot
+        y, rate = _over(zero, one, stiff, damped, length)
+        whole, _ = _over(zero, zero, stiff, damped, length, one, zero, 0.0)
+        pushed, whole = spring * y + dashpot * rate, spring * whole + dashpot * y
+        # c^2 (y^2 + D y + K) > 0 at the beginning, where y = k/c - D
+        falls = spring**2 - spring * dashpot * damped + stiff * dashpot**2 > 0.0
         moved = motion[:, z]
         driven = alpha * force - (square + 1j * turned * damping - turned**2) * moved
         least = alpha * load - square * gap - np.abs(driven).sum(axis=1, keepdims=True)
         others = np.delete(table[:, k.alpha : k.alpha + k.stops], z, axis=1)
         away = (others * alpha < 0.0).all(axis=1, keepdims=True) & (k.stops == 1 or not k.moving)
-        sure = away & (spring > 0.0) & (table[:, k.dashpot + z, None] == 0.0) & (y > 0.0)
-        speed = np.where(sure, SAFE * np.maximum(-least, 0.0) * whole / np.where(sure, y, 1.0), np.inf)
-        push = force + jump * spring * moved
+        sure = away & falls & (spring > 0.0) & (pushed > 0.0) & (stiff > 0.0)
+        speed = np.where(sure, SAFE * np.maximum(-least, 0.0) * whole / np.where(sure, pushed, 1.0), np.inf)
+        push = force + jump * (spring + 1j * turned * dashpot) * moved
         parts = np.stack([push.real, push.imag], axis=-1)[:, None]
-        flow = _flow(stiff, damping, load + jump * spring * gap, parts, theta, length, speed)
+        flow = _flow(stiff, damped, load + jump * spring * gap, parts, theta, length, speed)
         first = k.within + own * flow.shape[1]
         table[:, first : first + flow.shape[1]] = flow
 

@@ -209,7 +209,8 @@ class SystemSweep:
     def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
         window = measurement.impacts
         asked = frozenset(measurement.indices)
-        forceful, draining = bool(asked & {"mean_force", "max_force"}), "damper_rate" in asked
+        of_stops = {"mean_force", "max_force", *(("dissipation", "work_rate") if cells.shape.giving else ())}
+        forceful, draining = bool(asked & of_stops), "damper_rate" in asked
         self.layout = _layout(cells, forceful, measurement.thorough, "grazing_margin" in asked, draining)
         self.window, self.by_stop = window, measurement.by_stop
         bounds = float(window.transient), float(window.transient + window.keep)

@@ -122,8 +122,8 @@ def layout_of(
 
     `coupled`: damping is not proportional in some of them; `moving`: so is a stop; `thorough`: a neighbour of each
     motion is carried along; `wary`: near-misses are looked for, too; `giving`: stops give; `rigid`: some do not;
-    `forceful`: impulses and
-    largest forces are asked for; `draining`: so is what the dampers take.
+    `forceful`: impulses, largest forces or what stops that give take are asked for; `draining`: so is what the dampers
+    take.
     """
     n, s, m = modes, stops, harmonics
     flow = n * (FLOW + 4 * m) + 2

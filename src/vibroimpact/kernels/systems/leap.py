@@ -16,15 +16,16 @@ and u lies above its chord less B x (X - x)/2. That is above zero on the way whe
 (theory, equation 2.2), after an impact with u0 = 0. A leap is certified where it is so for every stop; one that is not
 changes nothing. No stop may be closed.
 
-A contact of a lone mode with a stop that gives and has no damper begins with d = -u = 0, d' = v > 0 and is linear,
-d'' + D d' + K d = a(x), K with the stop's stiffness in it and a from the load and the stop's motion. With s(x) > 0 the
-answer to a unit speed at x = 0 and S its integral,
+A contact of a lone mode with a stop that gives begins with d = -u = 0, d' = v > 0 and is linear, d'' + D d' + K d =
+a(x), D and K with the stop's damper and spring in them and a from the load and the stop's motion. With s(x) the answer
+to a unit speed at x = 0, that of the force k d + c d' is r = k s + c s', R its integral, and while r > 0
 
-    d(x) = v s(x) + integral of s(x - y) a(y) dy >= v s(x) + min(a, 0) S(x).
+    k d + c d' = v r(x) + integral of r(x - y) a(y) dy >= v r(x) + min(a, 0) R(x).
 
-s'/s falls, so that S s' <= s^2 and S/s grows: v > -min(a, 0) S(X)/s(X), a number of the cell, certifies that the stop
+y = r'/r obeys y' = -(y^2 + D y + K); where it falls at first (without a damper it begins at infinity) it falls on, so
+that R r' <= r (r - r(0)) <= r^2 and R/r grows: v > -min(a, 0) R(X)/r(X), a number of the cell, certifies that the stop
 pushes over a leap of X. Other stops must stand on the other side of the mode, and still, so that it moves away from
-them. X is below half a period of the contact's, where s is above zero.
+them. X is below half a period of the contact's: r, above zero at both ends, is so between.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ import math
 from vibroimpact.kernels.flight import BARELY
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.flow import fly_apart, move, stop_moves, turned, turns
-from vibroimpact.kernels.systems.layout import BALANCED, CLOSED, FLOW, OPEN, STRUCK
+from vibroimpact.kernels.systems.layout import CLOSED, FLOW, OPEN, STRUCK
 from vibroimpact.kernels.systems.push import account, drain, stands
 from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH
 from vibroimpact.kernels.systems.step import fly, miss
@@ -168,7 +169,7 @@ def leap_whole(rows, k, wide, willing):
 
 @inner
 def leap_within(rows, k, wide):
-    """Leap from the beginning of a contact of a lone mode with a spring, where it is certified; return where it was."""
+    """Leap from the beginning of a contact of a lone mode, where it is certified; return where it was."""
     begun = (get(rows, k.age, wide) <= 0.0) & (get(rows, k.engaged, wide) == 1.0) & (get(rows, k.closed, wide) <= 0.0)
     leapt = begun & (get(rows, k.age, wide) > 0.0)
     if not anywhere(begun):
@@ -178,7 +179,7 @@ def leap_within(rows, k, wide):
         s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
         least, last = get(rows, first + FLOW - 1, wide), first + FLOW + 4 * k.harmonics
         kind, (u, w, size) = get(rows, k.kind + z, wide), stands(rows, z, s, c, k, wide)
-        here = begun & (kind == BALANCED) & (-w > least) & (-w >= get(rows, k.cut, wide))
+        here = begun & (kind >= CLOSED) & (-w > least) & (-w >= get(rows, k.cut, wide))
         here = here & (abs(u) <= TOUCH * size + NOWHERE * get(rows, k.speed, wide))
         if not anywhere(here):
             continue

@@ -64,7 +64,7 @@ def account(rows, end, k, wide):
         damped = pushes & (get(rows, k.dashpot + z, wide) > 0.0)
         if anywhere(damped):
             _take(rows, z, damped, end, pace, k, wide)
-        if k.forceful and anywhere(pushes):
+        if anywhere(pushes):
             force = load(rows, k.hold + z * SIZE, wide)
             _add(rows, k.thrust + z, wide, pushes, integral(force, end) / pace)
             _add(rows, k.pushed + z, wide, pushes, end * pace)

@@ -203,7 +203,7 @@ def step(rows, k, wide):
     close, end = _approach(load(rows, k.near, wide), x, others, sought)
     for z in range(k.stops if k.wary else 0):
         miss(rows, z, end, end > 0.0, held, k, wide)
-    if held and (k.giving or k.forceful):
+    if held and k.forceful:
         account(rows, end, k, wide)
     if k.draining:
         drain(rows, end, k, wide)

@@ -201,6 +201,8 @@ def follow(rows, spare, k, room, note, seen, window, schedule, most):
             _leap(rows, spare, k, seen, schedule, HALF, leapt)
         if k.giving and k.modes == 1:
             _leap_within(rows, spare, k, seen, schedule)
+            if schedule.number > 0.0 and seen.filled[1] >= schedule.number:
+                return FILLED  # within the contact
         periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
         step(rows, k, None)
         _look(rows, k, seen, periods, phase, schedule)
