@@ -21,10 +21,23 @@ NEVER = "--backend reference --sample-impacts 1000000000 --workers 2"  # a cell 
 QUICK = "map --x omega=0.3:4:31 --y gap=-2:1.5:20 --sample-impacts 50 --tile 36 --workers 2 --out run.zarr"
 
 
+STARTED: list[subprocess.Popen] = []
+
+
+@pytest.fixture(autouse=True)
+def ended():
+    """End what a failed test would leave computing for ever."""
+    yield
+    while STARTED:
+        with STARTED.pop() as process:
+            process.kill()
+
+
 def started(folder: Path, patience: float, command: str) -> subprocess.Popen:
     """Start the command line; return once it computes."""
     words = [sys.executable, driver.__file__, "typed", str(folder), str(patience), *command.split()]
-    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    STARTED.append(subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True))
+    return STARTED[-1]
 
 
 def interrupt(process: subprocess.Popen) -> str:
