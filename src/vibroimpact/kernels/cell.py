@@ -37,7 +37,7 @@ class Cell(NamedTuple):
     phase: float
 
 
-@inner
+@njit(error_model="numpy")
 def cell_of(row):
     """Return the cell in a row of a table."""
     return Cell(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10])

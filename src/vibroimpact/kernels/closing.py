@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import math
 
+from numba import njit
+
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, step_at, walk
 from vibroimpact.kernels.cell import phase_of
@@ -170,7 +172,7 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
     lane.store_phases(lanes, i, Phases(sine, cosine, phases.turn_s, phases.turn_c))
 
 
-@inner
+@njit(error_model="numpy")
 def close(lanes, i, note, transient, total, finish, cycle, facts, trace, recorder):
     """Close lane i, and note it, if it repeats: turns that stick are skipped, another cycle is walked once.
 

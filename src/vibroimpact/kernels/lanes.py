@@ -111,14 +111,14 @@ def observe_walked(lanes, i, k, trace, row, transient, total, facts):
     return event
 
 
-@inner(forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def step_lane(lanes, i, transient, total):
     """Make one certified step in lane i and observe it."""
     _, motion, event, v, x, _, _ = _move(lanes, i)
     observe(lanes, i, motion, event, v, x, transient, total)
 
 
-@inner(forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def step_thorough_lane(lanes, i, transient, total):
     """Make one certified step in lane i and observe all that can be observed."""
     k, motion, event, v, x, ready, flown = _move(lanes, i)

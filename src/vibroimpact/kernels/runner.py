@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from numba import njit
+
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import LOOK, walk
 from vibroimpact.kernels.cell import FILLED, QUIET_FOR, RUNNING, budgets, cell_of, ending, prepare
@@ -30,7 +32,7 @@ from vibroimpact.kernels.results import (
 NEAR = 2e-11  # of V: how close an impact must come back to be looked at
 
 
-@inner
+@njit(error_model="numpy")
 def begin(lanes, i, note, cell, total, chatter, flight_periods, steps_per_impact):
     """Put a cell at its start into lane i, and begin its note."""
     h, motion, constants = prepare(cell, chatter)
@@ -66,7 +68,7 @@ def may_end(lanes, i, note, total):
     return spent | (motion.p == 0.0) | (k.A == 0.0) | (age > min(QUIET_FOR, note[FLIGHT]))
 
 
-@inner
+@njit(error_model="numpy")
 def ending_of(lanes, i, note, total):
     """Return why the cell in lane i ends here, or RUNNING."""
     if lane.load_sums(lanes, i).hits >= total:
@@ -77,7 +79,7 @@ def ending_of(lanes, i, note, total):
     )
 
 
-@inner(forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def may_close(lanes, i, note, total, facts):
     """Return whether lane i has been released anew, or may have closed another cycle.
 
