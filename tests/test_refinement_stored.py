@@ -141,7 +141,7 @@ def test_info_of_a_finished_refined_map_has_nothing_to_go_on_with(run, tmp_path,
     assert told[-1] == whole.attrs["filled_in"]
     assert "continue" not in " ".join(told)
     assert "left" not in " ".join(told)
-    assert f"finished: {computed:,} cells computed" in run(command)[2][0]  # it exists
+    assert f"finished: {computed:,} cells computed" in run(command)[2][1]  # it exists
 
 
 @pytest.mark.parametrize("name", ["status", "cell", "n_periods"])
