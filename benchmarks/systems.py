@@ -56,7 +56,7 @@ def equal_modes(n: int) -> vi.ImpactSystem:
 def sweep(system: vi.ImpactSystem, impacts: int) -> Job:
     """Return the job of a sweep over frequencies near the system's own, on one thread."""
     cells = system.cells({"omega": np.linspace(0.99, 1.01, CELLS) * system.omega})
-    measurement = Measurement(ImpactWindow(0, impacts))
+    measurement = Measurement(ImpactWindow(0, impacts), early_closing=False)
     engine = get_backend("cpu")
     return lambda: int(engine.indices(cells, measurement)["impacts"].sum())
 
