@@ -1,9 +1,7 @@
 """What several test files share: the 50-digit values and a shorthand for oscillators."""
 
-import gc
 import json
 import os
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -50,20 +48,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def values() -> dict[str, Any]:
     """Return values computed with 50 digits by independent code; numbers are strings."""
     return json.loads((Path(__file__).parent / "data" / "values.json").read_text())
-
-
-@pytest.fixture(scope="module")
-def sockets_closed():
-    """Close what Dask leaves open of those that were killed or closed, before it is held against another test."""
-    before = {id(one) for one in _sockets()}
-    yield
-    for one in _sockets():
-        if id(one) not in before:
-            one.close()
-
-
-def _sockets():
-    return [one for one in gc.get_objects() if isinstance(one, socket.socket) and one.family == socket.AF_INET]
 
 
 @pytest.fixture

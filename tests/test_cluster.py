@@ -24,10 +24,7 @@ from vibroimpact.request import Request
 distributed = pytest.importorskip("distributed", reason="needs the extra [cluster]")
 
 # On a busy machine, killed workers take their time to be there again.
-pytestmark = [
-    pytest.mark.filterwarnings("ignore:`cluster` has no worker", "ignore:unclosed:ResourceWarning"),
-    pytest.mark.usefixtures("sockets_closed"),
-]
+pytestmark = pytest.mark.filterwarnings("ignore:`cluster` has no worker", "ignore:unclosed:ResourceWarning")
 
 
 AXES = {"omega": np.linspace(0.1, 5.0, 24), "mass": np.linspace(0.2, 3.0, 10)}

@@ -1,14 +1,12 @@
 """What a browser, another site's page, or a stranger's program can do to the explorer's server: work is counted."""
 
 import asyncio
-import gc
 import http.client
 import json
 import logging
 import re
 import socket
 import threading
-import warnings
 
 import pytest
 
@@ -117,9 +115,6 @@ def served(monkeypatch):
     one = Served(monkeypatch)
     yield one
     one.stop()
-    with warnings.catch_warnings():  # the tests' own websockets that the server has closed
-        warnings.simplefilter("ignore", ResourceWarning)
-        gc.collect()
 
 
 def test_requests_alone_make_no_page_and_begin_no_work(served):

@@ -11,7 +11,7 @@ distributed = pytest.importorskip("distributed", reason="needs the extra [cluste
 
 from vibroimpact.execution.cluster import connect  # noqa: E402
 
-pytestmark = [pytest.mark.filterwarnings("ignore:`cluster` has no worker"), pytest.mark.usefixtures("sockets_closed")]
+pytestmark = pytest.mark.filterwarnings("ignore:`cluster` has no worker")
 
 OSC = vi.ImpactOscillator()
 PLANE = {"omega": np.linspace(1.5, 3.5, 9), "mass": np.linspace(0.5, 1.5, 7)}
