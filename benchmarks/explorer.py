@@ -25,11 +25,12 @@ import numpy as np
 
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
          "--disable-component-update", "--disable-sync"]  # fmt: skip
-SERVE = "from vibroimpact.explorer import explore; explore(port=0, browser=False)"
+SERVE = "import vibroimpact as vi; from vibroimpact.explorer import explore; explore(model={}, port=0, browser=False)"
+THREE_MODES = "vi.family(vi.models.tube_in_supports)"
 TARGETS = {  # ms, MB
-    "load": 2500.0, "click, median": 80.0, "click, 95 %": 200.0, "slider to 64 x 64": 400.0,
-    "slider to 256 x 256": 4000.0, "twenty pages, click, median": 500.0, "the same, planes on their way": 500.0,
-    "soak, growth": 50.0,
+    "first view": 1000.0, "click, median": 60.0, "click, 95 %": 90.0, "slider to 64 x 64": 400.0,
+    "slider to 256 x 256": 4000.0, "between updates while two sliders are dragged": 100.0, "soak, growth": 50.0,
+    "twenty pages, click, median": 400.0, "the same, planes on their way": 400.0, "three modes, click, median": 150.0,
 }  # fmt: skip
 # from the moment the finger leaves the button until the frame after the one in which all four plots were painted
 CLICK = """async ([x, y]) => { const e = window.explorer, before = e.drawn; window.up = 0;
@@ -37,8 +38,8 @@ CLICK = """async ([x, y]) => { const e = window.explorer, before = e.drawn; wind
 
 
 @contextmanager
-def serving() -> Any:
-    process = subprocess.Popen([sys.executable, "-c", SERVE], stdout=subprocess.PIPE, text=True)
+def serving(model: str = "None") -> Any:
+    process = subprocess.Popen([sys.executable, "-c", SERVE.format(model)], stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None
         found = re.search(r"http://\S+", process.stdout.readline())
@@ -106,6 +107,20 @@ def slides(page: Any, number: int) -> tuple[list[float], list[float]]:
     return coarse, fine
 
 
+def drags(page: Any, seconds: float = 4.0) -> float:
+    """Return the time between updates of the motion while two sliders are moved in turn, a step every 20 ms, in ms."""
+    return float(page.evaluate(
+        """async seconds => { const e = window.explorer, before = e.drawn, begun = performance.now();
+          for (let k = 0; performance.now() - begun < 1000 * seconds; k += 1) {
+            const slider = document.getElementById(k % 2 ? "slider_damping" : "slider_omega");
+            slider.value = 150 + k % 100; slider.dispatchEvent(new Event("input"));
+            await new Promise((next) => setTimeout(next, 20));
+          }
+          return (performance.now() - begun) / (e.drawn - before); }""",
+        seconds,
+    ))  # fmt: skip
+
+
 def crowd(browser: Any, address: str, pages: int, rounds: int, settled: bool) -> list[float]:
     """Return the times of pages that click once a second each, in turns; their first planes may still be computed."""
     open_pages = []
@@ -154,15 +169,10 @@ async def visit(address: str, stays: float = 0.0) -> float:
     from tornado.websocket import websocket_connect
 
     begun, place = time.perf_counter(), urlsplit(address).netloc
-    page = await asyncio.to_thread(lambda: urlopen(address, timeout=60).read().decode())
-    token = re.search(r'"token":"([^"]+)"', page).group(1)  # type: ignore[union-attr]
+    await asyncio.to_thread(lambda: urlopen(address, timeout=60).read())
     request = HTTPRequest(f"ws://{place}/ws", headers={"Origin": f"http://{place}"})
-    tab = await websocket_connect(request, subprotocols=["bokeh", token], max_message_size=1 << 28)
-    for said in ((), (json.dumps({"msgid": "1", "msgtype": "PULL-DOC-REQ"}), "{}", "{}")):
-        for part in said:
-            await tab.write_message(part)
-        for _ in range(3):  # parts of the message that it has joined, then of the page
-            assert await tab.read_message() is not None
+    tab = await websocket_connect(request, max_message_size=1 << 28)
+    assert await tab.read_message() is not None  # the view
     taken = 1e3 * (time.perf_counter() - begun)
     await asyncio.sleep(stays)
     tab.close()
@@ -215,7 +225,7 @@ def main() -> None:
             loads.append(load(page, address))
             page.close()
             time.sleep(5.0)
-        measured["load"] = float(np.median(loads))
+        measured["first view"] = float(np.median(loads))
         page = browser.new_page(viewport={"width": 1366, "height": 768})
         load(page, address)
         wait_until_settled(page)
@@ -225,6 +235,7 @@ def main() -> None:
         coarse, fine = slides(page, 5)
         measured["slider to 64 x 64"] = float(np.median(coarse))
         measured["slider to 256 x 256"] = float(np.median(fine))
+        measured["between updates while two sliders are dragged"] = drags(page)
         if arguments.soak > 0.0:
             measured["soak, growth"] = soak(page, pid, arguments.soak)
         page.close()
@@ -232,10 +243,15 @@ def main() -> None:
             for name, settled in (("twenty pages, click, median", True), ("the same, planes on their way", False)):
                 measured[name] = float(np.median(crowd(browser, address, arguments.pages, 5, settled)))
                 time.sleep(5.0)
+        with serving(THREE_MODES) as (other, _):
+            page = browser.new_page(viewport={"width": 1366, "height": 768})
+            load(page, other)
+            page.wait_for_timeout(20_000.0)
+            measured["three modes, click, median"] = float(np.median(clicks(page, arguments.clicks)))
         browser.close()
     for name, value in measured.items():
         verdict = "met" if value < TARGETS[name] else "MISSED"
-        print(f"{name:30s} {value:8.0f}   must be below {TARGETS[name]:.0f}   {verdict}")
+        print(f"{name:46s} {value:8.0f}   must be below {TARGETS[name]:.0f}   {verdict}")
     print(json.dumps(measured))
 
 

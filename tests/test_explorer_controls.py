@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-pytest.importorskip("bokeh", reason="no Bokeh: install the extra [web]")
+pytest.importorskip("tornado", reason="needs the extra [web]")
 
 from vibroimpact.explorer.address import BY_NAME, PRESETS
 from vibroimpact.explorer.controls import TICKS, Commands, Controls
@@ -45,96 +45,111 @@ def controls(received):
 
 
 def shown(controls):
-    """Return the view that the widgets show."""
+    """Return the view that the controls show."""
+    menus = {name: menu.value for name, menu in controls.menus().items()}
     return View(
         osc=ImpactOscillator(**{name: value for name, (value, low, high) in controls.rows().items()}),
-        x=controls.x.value, y=controls.y.value, index=controls.menus["index"].value, line=controls.menus["line"].value,
-        samples=int(controls.menus["samples"].value), x_range=controls.explorer.view.x_range,
-        y_range=controls.explorer.view.y_range, **{name: getattr(controls.explorer.view, name) for name in TICKS},
+        x=menus["x"], y=menus["y"], index=menus["index"], line=menus["line"], samples=int(menus["samples"]),
+        x_range=controls.explorer.view.x_range, y_range=controls.explorer.view.y_range,
+        **{name: getattr(controls.explorer.view, name) for name in TICKS},
     )  # fmt: skip
 
 
-def test_widgets_show_all_of_a_view(controls):
+def chosen(controls, name):
+    """Return what is chosen in a menu, which has to offer it."""
+    menu = controls.menus()[name]
+    assert menu.value in dict(menu.options)
+    return menu.value
+
+
+def test_controls_show_all_of_a_view(controls):
     for view in (MOVED, View(), *(preset.view for preset in PRESETS)):
         controls.explorer.view = view
-        controls.show_view(view)
         assert shown(controls) == replace(view, case="")
         assert list(controls.rows()) == list(controls.explorer.view.osc.values)
         for value, low, high in controls.rows().values():
             assert low <= value <= high
 
 
-def test_widgets_tell_the_session_what_was_done(controls):
-    view = controls.explorer
-    controls.menus["samples"].value = "5000"
-    controls.x.value = "mass"  # which was upwards: the two change places
-    assert (view.view.samples, view.view.x, view.view.y) == (5000, "mass", "omega")
+def test_menus_tell_the_session_what_was_chosen(commands, controls):
+    commands.run("choose samples 5000 1")
+    commands.run("choose x mass 2")  # which was upwards: the two change places
+    view = controls.explorer.view
+    assert (view.samples, view.x, view.y) == (5000, "mass", "omega")
+    commands.run("choose y mass 3")
+    assert (controls.explorer.view.x, controls.explorer.view.y) == ("omega", "mass")
 
 
-@pytest.mark.parametrize(("widget", "value"), [
+@pytest.mark.parametrize(("menu", "value"), [
     ("samples", "five"), ("samples", "²"), ("samples", "9" * 5000), ("index", "__class__"), ("line", ""),
 ])  # fmt: skip
-def test_a_menu_with_a_value_that_it_does_not_offer_is_answered_and_put_back(controls, received, widget, value):
+def test_a_menu_with_a_value_that_it_does_not_offer_is_answered_and_put_back(commands, controls, received, menu, value):
     before = controls.explorer.view
-    controls.menus[widget].value = value
+    commands.run(f"choose {menu} {value} 5")
     assert controls.explorer.view == before
-    assert any(what == "message" and f"`{widget}` must be one of" in content for what, content in received)
-    assert controls.menus[widget].value == str(getattr(before, widget))
+    assert any(what == "message" and f"`{menu}` must be one of" in content for what, content in received)
+    assert received[-1] == ("view", before)
+    assert commands.last == 5
+    assert chosen(controls, menu) == str(getattr(before, menu))
 
 
-def test_axes_and_starts_that_are_not_offered_change_nothing(controls):
+def test_axes_cases_and_starts_that_are_not_offered_change_nothing(commands, controls, received):
     before = controls.explorer.view
-    controls.x.value = "colour"
-    controls.start.value = "²"
-    controls.start.value = "17"
+    for text in ("choose x colour 1", "choose start ² 2", "choose start 17 3", "choose case model:../../etc 4",
+                 "choose case nobody's 5", "choose colour red 6", "choose 7", "choose"):  # fmt: skip
+        commands.run(text)
     assert controls.explorer.view == before
-    assert controls.x.value == "omega"
+    assert received[-1] == ("view", before)
 
 
-def test_choosing_a_case_sets_everything_and_undo_takes_it_back(controls):
+def test_choosing_a_case_sets_everything_and_undo_takes_it_back(commands, controls):
     valve = BY_NAME["valve"]
-    controls.preset.value = "valve"
+    commands.run("choose case valve 1")
     assert controls.explorer.view == valve.view
-    assert "Wu, Li and Deng" in controls.about.text
-    assert "Idealised:" in controls.about.text
+    assert "Wu, Li and Deng" in controls.about()
+    assert "Idealised:" in controls.about()
     assert controls.rows()["stiffness"] == (34590.0, 10_000.0, 150_000.0)
     assert controls.explorer.set_parameter("omega", 900.0)
-    controls.show_view(controls.explorer.view)
-    assert controls.preset.value == "valve"
+    assert chosen(controls, "case") == "valve"
     assert controls.explorer.view.case == "valve"
     assert controls.explorer.undo()
     assert controls.explorer.undo()
-    controls.show_view(controls.explorer.view)
-    assert controls.preset.value == "paper-mass"
+    assert chosen(controls, "case") == "paper-mass"
     assert controls.rows()["stiffness"] == (1.0, 0.1, 5.0)
+
+
+def test_a_system_has_menus_for_what_is_shown_of_it_and_one_mass_has_none(commands, controls):
+    assert [controls.menus()[name].options for name in ("coordinate", "stop")] == [[], []]
+    commands.run("choose case model:impact_pair 1")
+    assert chosen(controls, "case") == "model:impact_pair"
+    assert [label for _, label in controls.menus()["coordinate"].options] == ["towards the stop", "coordinate 1"]
+    assert len(controls.menus()["stop"].options) == 3
+    assert "all stops together" in controls.about()
 
 
 def test_the_whole_plane_of_a_link_is_at_least_what_it_shows(controls):
     view = replace(MOVED, x="omega", x_range=(1.0, 20.0))
     controls.explorer.view = view
-    controls.fit(view)
+    controls.fit()
     assert controls.axis_range("omega") == (0.025, 20.0)
     controls.home()
     assert controls.explorer.view.x_range == (0.025, 20.0)
 
 
-def test_the_start_in_the_menu_is_the_one_of_the_view(controls):
+def test_the_start_in_the_menu_is_the_one_of_the_view(commands, controls):
     other = Other("period-3 impact-4", 0.14, 1.0, State(0.0, 1.5, 0.25))
     explorer = controls.explorer
     explorer.others = [other]
-    controls.show_others(explorer.others)
-    assert controls.start.options == [("rest", "at rest"), ("0", "on period-3 impact-4 (14 %)")]
-    controls.start.value = "0"
+    assert controls.menus()["start"].options == [("rest", "at rest"), ("0", "on period-3 impact-4 (14 %)")]
+    commands.run("choose start 0 1")
     assert explorer.view.start == other.start
     explorer.undo()
-    controls.show_view(explorer.view)
-    assert controls.start.value == "rest"
+    assert chosen(controls, "start") == "rest"
     explorer.redo()
-    controls.show_view(explorer.view)
-    assert controls.start.value == "0"
+    explorer.others = [other]  # they were forgotten with the point
+    assert chosen(controls, "start") == "0"
     explorer.others = []
-    controls.show_view(explorer.view)
-    assert controls.start.value == "kept"
+    assert chosen(controls, "start") == "kept"
 
 
 @pytest.fixture
@@ -187,6 +202,7 @@ def test_every_key_does_what_the_help_says(commands, controls):
 
     def after(word):
         commands.run(f"{word} 1")
+        assert controls.rows()  # as the page asks for them with every view
         return explorer.view
 
     assert after("right").osc.omega == pytest.approx(2.0 + (5.0 - 0.025) / 64, abs=1e-3)

@@ -217,7 +217,7 @@ def test_what_no_cell_was_computed_of_is_no_plane():
 
 
 def test_a_notebook_has_the_page_below_its_cell_and_no_other_site_has():
-    pytest.importorskip("bokeh", reason="no Bokeh: install the extra [web]")
+    pytest.importorskip("tornado", reason="needs the extra [web]")
     from vibroimpact.explorer.notebook import address_of
 
     address = address_of(shaker)

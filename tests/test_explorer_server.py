@@ -4,16 +4,14 @@ import asyncio
 import http.client
 import json
 import logging
-import re
 import socket
 import threading
 
+import numpy as np
 import pytest
 
-pytest.importorskip("bokeh", reason="no Bokeh: install the extra [web]")
+pytest.importorskip("tornado", reason="needs the extra [web]")
 QUERY = "m=1&c=0.01&k=1&f=1&w=2&r=0.8&g=0&x=w,1.8,2.2&y=m,0.9,1.1&index=std&n=200"
-PULL = (json.dumps({"msgid": "1", "msgtype": "PULL-DOC-REQ"}), "{}", "{}")
-PATCH = (json.dumps({"msgid": "2", "msgtype": "PATCH-DOC"}), "{}", json.dumps({"events": []}))
 
 
 class Served:
@@ -22,13 +20,8 @@ class Served:
     def __init__(self, patch):
         from vibroimpact.explorer import page, server, session
 
-        self.made, self.begun, self.ended = [], [], []
-        for module, name, method, calls in (
-            (page, "Page", "__init__", self.made),
-            (session, "Explorer", "start", self.begun),
-            (session, "Explorer", "close", self.ended),
-        ):
-            owner = getattr(module, name)
+        self.made, self.begun = [], []
+        for owner, method, calls in ((page.Page, "__init__", self.made), (session.Explorer, "start", self.begun)):
             before = getattr(owner, method)
             patch.setattr(owner, method, lambda one, *a, b=before, calls=calls: (calls.append(one), b(one, *a))[1])
         patch.setattr(server, "compute_point", lambda view: None)
@@ -45,9 +38,7 @@ class Served:
         self.port = self.server.port
         self._ready.set()
         await self._stop.wait()
-        self.server.stop()
-        await self.server._http.close_all_connections()
-        self.server._tornado.tabs.close()
+        await self.server.stop()
 
     def stop(self):
         self.loop.call_soon_threadsafe(self._stop.set)
@@ -61,39 +52,32 @@ class Served:
         connection.close()
         return answer, text
 
-    def token(self):
-        return re.search(r'"token":"([^"]+)"', self.get()[1]).group(1)
-
-    async def enter(self, token=None, query=QUERY):
-        """Return a websocket that has not heard yet whether it has joined."""
+    async def enter(self, query=QUERY):
+        """Return the websocket of a tab."""
         from tornado.httpclient import HTTPRequest
         from tornado.websocket import websocket_connect
 
         place = f"localhost:{self.port}"
-        token = token or await asyncio.to_thread(self.token)
         request = HTTPRequest(f"ws://{place}/ws?{query}", headers={"Origin": f"http://{place}"})
-        return await websocket_connect(request, subprotocols=["bokeh", token], max_message_size=1 << 28)
-
-    async def join(self, token=None, speak=PULL, query=QUERY):
-        """Return a websocket that has joined, and the message that answers what it says."""
-        tab = await self.enter(token, query)
-        heard = await _message(tab)
-        if heard is None:  # not let in
-            return tab, heard
-        assert heard["msgtype"] == "ACK"
-        for part in speak:
-            await tab.write_message(part)
-        return tab, await _message(tab) if speak else None
+        return await websocket_connect(request, max_message_size=1 << 28)
 
 
-async def _message(tab):
-    """Return the header of the next message, with its content; None once the websocket is closed."""
-    header = await asyncio.wait_for(tab.read_message(), 20)
-    if header is None:
+async def _parts(tab):
+    """Return the parts of the next message, as the page's script reads them; None once the websocket is closed."""
+    message = await asyncio.wait_for(tab.read_message(), 20)
+    if message is None:
         tab.close()
         return None
-    _, content = [await tab.read_message() for _ in range(2)]
-    return {**json.loads(header), "content": content}
+    begin = 4 + int.from_bytes(message[:4], "little")
+    assert begin % 8 == 0
+
+    def numbers(content):
+        if "array" not in content:
+            return content
+        kind, place, size = content["array"]
+        return np.frombuffer(message, kind, size, begin + place)
+
+    return dict(json.loads(message[4:begin], object_hook=numbers, parse_constant=pytest.fail))
 
 
 async def _leave(tab):
@@ -119,21 +103,20 @@ def served(monkeypatch):
 
 def test_requests_alone_make_no_page_and_begin_no_work(served):
     threads = threading.active_count()
-    paths = ["/", f"/?{QUERY}", "/?" + "a" * 3000, "/autoload.js?bokeh-autoload-element=a", "/metadata", "/favicon.ico"]
+    paths = ["/", f"/?{QUERY}", "/?" + "a" * 3000, "/static/page.js", "/ws/", "/favicon.ico"]
     codes = {path: {served.get(path)[0].status for _ in range(30)} for path in paths}
     assert [codes[path] for path in paths] == [{200}] * 3 + [{404}] * 3
-    assert served.get("/static/js/bokeh.min.js")[0].status == 200
+    assert served.get("/ws")[0].status == 400  # no websocket
     assert not served.made
-    assert not served.begun
-    assert not served.server.get_sessions()
+    assert not served.server.tabs.open
     assert threading.active_count() == threads
 
 
-def test_the_page_is_the_same_file_for_all_but_for_its_token_and_no_frame_of_another_site(served):
+def test_the_page_is_the_same_file_for_all_and_in_no_frame_of_another_site(served):
     (answer, one), (_, other) = served.get(), served.get(f"/?{QUERY}<script>")
-    tokens = [re.search(r'"token":"([^"]+)"', text).group(1) for text in (one, other)]
-    assert tokens[0] != tokens[1]
-    assert one.replace(tokens[0], "") == other.replace(tokens[1], "")
+    assert one == other
+    assert "{{" not in one
+    assert "{%" not in one
     assert answer.headers["Content-Security-Policy"] == "frame-ancestors 'none'"
     assert answer.headers["Cache-Control"] == "no-store"
 
@@ -141,47 +124,97 @@ def test_the_page_is_the_same_file_for_all_but_for_its_token_and_no_frame_of_ano
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "localhost", "localhost:1", "",
                                   "localhost.evil.example:{port}", "localhost:{port}.evil.example"])  # fmt: skip
 def test_a_host_that_is_not_this_machine_is_refused(served, host):
-    for path in ("/", "/ws", "/static/js/bokeh.min.js"):
+    for path in ("/", "/ws", "/page.js"):
         answer, text = served.get(path, Host=host.format(port=served.port))
         assert answer.status in ((400, 421) if not host else (421,))
-        assert "token" not in text
+        assert "explorer is reached" in text or answer.status == 400
     assert served.get(Host=f"127.0.0.1:{served.port}")[0].status == 200
     assert served.get(Host=f"LOCALHOST:{served.port}")[0].status == 200
 
 
-def test_work_begins_when_a_tab_speaks_and_ends_when_it_is_closed_without_a_word_in_the_log(served, caplog):
+def test_work_begins_when_a_tab_enters_and_ends_when_it_is_closed_without_a_word_in_the_log(served, caplog):
     async def visit():
-        silent, _ = await served.join(speak=())
-        assert not served.made
-        tab, answer = await served.join()
-        assert answer["msgtype"] == "PULL-DOC-REPLY"
+        tab = await served.enter()
+        parts = {}
+        while "marks" not in parts:
+            parts |= await _parts(tab)
+        assert parts["marks"]["x"] == 2.0
         assert len(served.made) == 1
-        await _until(lambda: served.begun)
-        assert served.begun[0].view.osc.omega == 2.0
+        await tab.write_message("type omega 2.1 1")
+        await _until(lambda: served.begun[0].view.osc.omega == 2.1)
+        await tab.write_message(b"type omega 2.2 2", binary=True)  # the page's script sends text
         await _leave(tab)
-        await _leave(silent)
         await _until(lambda: served.begun[0].closed)
         assert served.begun[0].wait(120)  # the first time it compiles
-        await _until(lambda: not served.server.get_sessions())
+        assert served.begun[0].view.osc.omega == 2.1
+        await _until(lambda: not served.server.tabs.open)
 
     with caplog.at_level(logging.WARNING):
         asyncio.run(visit())
     assert not [record for record in caplog.records if record.exc_info or "raceback" in record.getMessage()]
 
 
+def test_numbers_reach_the_browser_as_they_are_and_what_is_none_as_null(served):
+    from vibroimpact.explorer.packing import packed
+
+    arrays = {name: np.arange(7, dtype=name) for name in ("float64", "float32", "uint16", "uint8")}
+    message = packed({"a": {**arrays, "x": (np.float64(0.1), np.nan, -np.inf), "empty": np.empty(0)}, "ü": {"b": True}})
+
+    class Heard:
+        async def read_message(self):
+            return message
+
+    parts = asyncio.run(_parts(Heard()))
+    for name, array in arrays.items():
+        assert parts["a"][name].dtype == array.dtype
+        assert (parts["a"][name] == array).all()
+    assert parts["a"]["x"] == [0.1, None, None]
+    assert parts["a"]["empty"].size == 0
+    assert parts["ü"] == {"b": True}
+
+
 def test_tabs_that_are_dropped_while_they_compute_leave_nothing_and_no_traceback(served, caplog):
     async def visit():
         for _ in range(6):
-            tab, _ = await served.join()
-            await _leave(tab)
+            await _leave(await served.enter())
         await _until(lambda: len(served.begun) == 6 and all(one.closed for one in served.begun))
-        await _until(lambda: not served.server.get_sessions())
+        await _until(lambda: not served.server.tabs.open)
         for one in served.made:  # a late result finds nobody
-            one._receive([("message", "late")])
+            one.receive([("message", "late")])
 
     with caplog.at_level(logging.WARNING):
         asyncio.run(visit())
     assert not [record for record in caplog.records if record.exc_info]
+
+
+def test_a_browser_that_does_not_listen_gets_the_latest_of_each_kind(served):
+    from vibroimpact.explorer.page import Page
+    from vibroimpact.explorer.state import View
+
+    told, listens = [], asyncio.Event()
+
+    async def tell(parts):
+        await listens.wait()
+        told.append(parts)
+
+    async def visit():
+        loop = asyncio.get_running_loop()
+        page = Page(
+            served.server.tabs._pool,
+            tell,
+            lambda job: loop.call_soon_threadsafe(lambda: loop.create_task(job())),
+            View(),
+        )
+        for number in range(5):
+            page.receive([("rest", None), ("message", f"word {number}")])
+            await asyncio.sleep(0)
+        listens.set()
+        await _until(lambda: len(told) >= 7)
+        page.explorer.close()
+
+    asyncio.run(visit())
+    assert [parts["message"]["text"] for parts in told if "message" in parts] == [f"word {k}" for k in range(5)]
+    assert sum("busy" in parts for parts in told) == 2  # the first, and the last of those that waited
 
 
 def test_beside_connections_that_never_speak_and_tabs_that_left_the_next_one_finds_room(served, monkeypatch):
@@ -191,14 +224,11 @@ def test_beside_connections_that_never_speak_and_tabs_that_left_the_next_one_fin
 
     async def visit():
         silent = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(50)]
-        joined = [(await served.join(speak=()))[0] for _ in range(20)]
         for _ in range(4):
-            tab, answer = await served.join()
-            assert answer["msgtype"] == "PULL-DOC-REPLY"
+            tab = await served.enter()
+            assert "message" not in await _parts(tab)
             await _leave(tab)
             await _until(lambda: all(one.closed for one in served.begun))
-        for one in joined:
-            await _leave(one)
         for one in silent:
             one.close()
 
@@ -226,90 +256,43 @@ def test_one_page_too_many_is_answered_and_makes_none(served, monkeypatch):
     monkeypatch.setattr(server, "MOST_PAGES", 1)
 
     async def visit():
-        first, _ = await served.join()
-        second, answer = await served.join()
-        assert answer["msgtype"] == "ERROR"
-        assert "Close one" in answer["content"]
-        assert await _message(second) is None
+        first = await served.enter()
+        second = await served.enter()
+        answer = await _parts(second)
+        assert "Close one" in answer["message"]["text"]
+        assert await _parts(second) is None
+        assert second.close_code == 1013
         await _leave(first)
 
     asyncio.run(visit())
     assert len(served.made) == 1
 
 
-@pytest.mark.parametrize("first", [PULL, ()], ids=["speaks", "is silent"])
-def test_a_token_opens_one_tab_and_a_second_one_hears_nothing_of_it(served, first):
+def test_an_address_that_cannot_be_read_is_answered_and_the_default_shown(served):
     async def visit():
-        token = await asyncio.to_thread(served.token)
-        tab, _ = await served.join(token, speak=first)
-        others = await asyncio.gather(*(served.join(token) for _ in range(20)))  # while the first page changes
-        for other, answer in others:
-            assert answer is None
-            assert other.close_code == 1008
-        (session,) = served.server.get_sessions()
-        assert session.connection_count == 1
+        tab = await served.enter("m=heavy")
+        parts = {}
+        while "message" not in parts or "marks" not in parts:
+            parts |= await _parts(tab)
+        assert "This link cannot be shown" in parts["message"]["text"]
         await _leave(tab)
 
     asyncio.run(visit())
-    assert len(served.made) == bool(first)
 
 
-def test_of_many_tabs_that_join_at_once_with_one_token_one_is_let_in(served):
+def test_a_page_whose_picture_fails_goes_on_with_the_next(served, monkeypatch, caplog):
     async def visit():
-        token = await asyncio.to_thread(served.token)
-        tabs = await asyncio.gather(*(served.join(token) for _ in range(20)))
-        ((tab, answer),) = [one for one in tabs if one[1]]
-        assert answer["msgtype"] == "PULL-DOC-REPLY"
+        tab = await served.enter()
+        await _until(lambda: served.begun)
+        (page,) = served.made
+        monkeypatch.setitem(page._show, "rest", lambda _: 1 / 0)
+        page.receive([("rest", None)])
+        await _until(lambda: caplog.records)
+        page.receive([("message", "still here")])
+        parts = {}
+        while "message" not in parts:
+            parts |= await _parts(tab)
         await _leave(tab)
 
     asyncio.run(visit())
-    assert len(served.made) == 1
-
-
-def test_nothing_is_done_before_the_page_is_asked_for(served, monkeypatch, caplog):
-    from vibroimpact.explorer.server import Socket
-
-    async def visit():
-        tab, answer = await served.join(speak=PATCH)
-        assert answer is None
-        assert tab.close_code == 1008
-        monkeypatch.setattr(Socket, "open", lambda self: None)  # one that speaks before it has joined
-        again = await served.enter()
-        await again.write_message(PULL[0])  # it is closed at the first part
-        assert await _message(again) is None
-        assert again.close_code == 1008
-
-    with caplog.at_level(logging.WARNING):
-        asyncio.run(visit())
-    assert not served.made
-    assert not [record for record in caplog.records if record.exc_info]
-
-
-def test_the_server_answers_others_while_a_page_is_made_and_forgets_who_left_meanwhile(served, monkeypatch):
-    from vibroimpact.explorer import server
-
-    begun, go_on, make = threading.Event(), threading.Event(), server.Page
-
-    def slow(pool):
-        begun.set()
-        go_on.wait(20)
-        return make(pool)
-
-    monkeypatch.setattr(server, "Page", slow)
-
-    async def visit():
-        tab, _ = await served.join(speak=())
-        for part in PULL:
-            await tab.write_message(part)
-        await asyncio.to_thread(begun.wait, 20)
-        assert (await asyncio.to_thread(served.get))[0].status == 200
-        tab.close()
-        go_on.set()
-        await _until(lambda: served.made and not served.server.get_sessions())
-
-    try:
-        asyncio.run(visit())
-    finally:
-        go_on.set()
-    assert all(one.closed for one in served.begun)
-    assert not served.server._tornado.tabs.open
+    assert any("ZeroDivisionError" in (record.exc_text or str(record.exc_info)) for record in caplog.records)

@@ -190,36 +190,31 @@ def test_what_has_no_impact_from_rest_is_hatched_where_others_of_16_hit(heard):
 def test_the_page_hatches_a_plane_until_there_is_another_one():
     drawn, plane, other = PlaneView(), Plane.unknown(View()), Plane.unknown(View())
 
-    def hatched():
-        parts = dict(zip(*drawn.updates["hatch"].source.data.values(), strict=True))
+    def hatched(parts):
         return parts["hatch"]["side"], parts["#hatch"]["html"]
 
-    drawn.show_hatch(plane)
-    assert hatched()[0] == 0
-    assert "16 other initial conditions are being tried in grey cells" in hatched()[1]
+    side, words = hatched(drawn.show_hatch(plane))
+    assert side == 0
+    assert "16 other initial conditions are being tried in grey cells" in words
     plane.tried = True
-    drawn.show_hatch(plane)
-    assert hatched()[0] == 0
-    assert "16 other initial conditions tried in grey cells: no impacts" in hatched()[1]
+    side, words = hatched(drawn.show_hatch(plane))
+    assert side == 0
+    assert "16 other initial conditions tried in grey cells: no impacts" in words
     plane.elsewhere[3, 5], plane.tried = 0.5, False
-    drawn.show_hatch(plane)
-    assert "(16 tried), not in all" in hatched()[1]
+    assert "(16 tried), not in all" in hatched(drawn.show_hatch(plane))[1]
     plane.tried = True
-    drawn.show_hatch(plane)
-    assert hatched()[0] == FINEST
-    assert "no impact from rest; impacts from other initial conditions (16 tried)" in hatched()[1]
+    side, words = hatched(drawn.show_hatch(plane))
+    assert side == FINEST
+    assert "no impact from rest; impacts from other initial conditions (16 tried)" in words
     plane.side = other.side = SIDES[0]
-    drawn.show_plane(plane)
-    assert hatched()[0] == FINEST
-    drawn.show_plane(other)
-    assert hatched() == (0, "")
+    assert "hatch" not in drawn.show_plane(plane)
+    assert hatched(drawn.show_plane(other)) == (0, "")
 
 
 def test_boundaries_have_the_colours_that_they_have_in_figures():
     kinds = ["grazing", "fold", "grazing"]
     drawn = PlaneView()
-    drawn.show_curves(Curves([np.zeros(2)] * 3, [np.zeros(2)] * 3, kinds, kinds))
-    parts = dict(zip(*drawn.updates["curves"].source.data.values(), strict=True))
+    parts = drawn.show_curves(Curves([np.zeros(2)] * 3, [np.zeros(2)] * 3, kinds, kinds))
     assert parts["curves"]["colors"] == [BOUNDARY_COLORS[kind] for kind in kinds]
     named = [kind for kind, (color, _) in BOUNDARY_COLORS.items() if parts["#boundaries"]["html"].count(color) == 1]
     assert named == ["fold", "grazing"]
@@ -434,10 +429,8 @@ def test_what_other_initial_conditions_lead_to_is_told_with_their_number():
 
     def told(osc, *others):
         shown.show_point(compute_point(View(osc=osc, x="damping", x_range=(0.0, 20.0), y="mass", y_range=(0.9, 5.0))))
-        shown.show_others([Other(*one, State(0.0)) for one in others])
-        return re.sub(
-            "<[^>]*>", "", dict(zip(*shown.updates["others"].source.data.values(), strict=True))["#others"]["html"]
-        )
+        parts = shown.show_others([Other(*one, State(0.0)) for one in others])
+        return re.sub("<[^>]*>", "", parts["#others"]["html"])
 
     same = ("period-1 impact-1", 1.0, compute_point(View()).indices["max_velocity"])
     assert told(ImpactOscillator(), same) == "All 256 other initial conditions tried lead to this motion."

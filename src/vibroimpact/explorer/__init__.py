@@ -5,8 +5,8 @@ Pages are served on loopback, with nothing loaded from elsewhere.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
-import gc
 import importlib.util
 import ipaddress
 import logging
@@ -20,8 +20,7 @@ from typing import TYPE_CHECKING, Any
 from vibroimpact.parameters import invalid
 
 if TYPE_CHECKING:
-    from bokeh.server.server import BaseServer
-
+    from vibroimpact.explorer.server import Server
     from vibroimpact.explorer.session import Explorer
     from vibroimpact.explorer.state import View
     from vibroimpact.oscillator import Model
@@ -77,16 +76,19 @@ def explore(
     Nothing is loaded from the internet. Pages share the machine's cores; at most 64 may be open. See
     docs/guide/explorer.md.
     """
-    server, address = make_server(store, model=model, name=name, port=port, host=host)
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_serve(browser, store, model=model, name=name, port=port, host=host))
+
+
+async def _serve(browser: bool, *what: Any, **where: Any) -> None:
+    server, address = make_server(*what, **where)
     print(f"Explorer at {address} (stop with Ctrl-C)", flush=True)
     if browser:
-        server.io_loop.call_later(0.1, lambda: webbrowser.open(address))
-    gc.collect()
-    gc.freeze()  # Bokeh collects garbage for every tab that leaves: 150 ms, unless what is loaded by now is left out
+        asyncio.get_running_loop().call_later(0.1, webbrowser.open, address)
     try:
-        server.run_until_shutdown()
-    except KeyboardInterrupt:
-        server.stop()
+        await asyncio.Event().wait()
+    finally:
+        await server.stop()
 
 
 def make_server(
@@ -97,13 +99,13 @@ def make_server(
     port: int | None = None,
     host: str = "127.0.0.1",
     framed: bool = False,
-) -> tuple[BaseServer, str]:
-    """Return a server that listens, and its address; `explore` runs it. Notebooks may frame its page if `framed`."""
-    if importlib.util.find_spec("bokeh") is None:
+) -> tuple[Server, str]:
+    """Return a server that listens in the loop that runs, and its address. Notebooks may frame its page if `framed`."""
+    if importlib.util.find_spec("tornado") is None:
         raise ImportError("the explorer needs the extra [web]; install it with: pip install 'vibroimpact[web]'")
     from vibroimpact.explorer.address import PRESETS
     from vibroimpact.explorer.models import Find, only_known, opened
-    from vibroimpact.explorer.server import Tabs, listen
+    from vibroimpact.explorer.server import Server, Tabs
 
     address = check_host(host)
     view, stored = PRESETS[0].view, None
@@ -116,14 +118,13 @@ def make_server(
         from vibroimpact.explorer.stored import open_study
 
         view, stored = open_study(store)
-    tabs = Tabs(view, stored, find, framed)
-    logging.getLogger("bokeh").setLevel(logging.ERROR)
+    tabs = Tabs(view, stored, find)
     logging.getLogger("tornado.access").setLevel(logging.ERROR)
     fault: OSError | None = None
     for number in _ports(port, address):
         try:
             _try(address, number)
-            server = listen(tabs, address, number, origins(address, number))
+            server = Server(tabs, address, number, origins(address, number), framed)
         except OSError as error:
             fault = error
             continue

@@ -2,95 +2,68 @@
 
 from __future__ import annotations
 
-import base64
-import json
 import threading
-from collections.abc import Callable
-from itertools import count
-from typing import TYPE_CHECKING, Any
-
-from bokeh.models import TextInput
+from collections.abc import Awaitable, Callable
+from typing import Any
 
 from vibroimpact.explorer.address import to_query
 from vibroimpact.explorer.controls import TICKS, Commands, Controls
-from vibroimpact.explorer.files import KINDS, export
+from vibroimpact.explorer.files import KINDS, File, export
 from vibroimpact.explorer.models import Find, only_known
 from vibroimpact.explorer.plane import Plane
 from vibroimpact.explorer.session import Explorer, Message
 from vibroimpact.explorer.state import View
-from vibroimpact.explorer.views import LineView, PlaneView, PointView, Update
+from vibroimpact.explorer.views import Parts, PlaneView, PointView, show_ends, show_line
 from vibroimpact.explorer.work import Pool
-
-if TYPE_CHECKING:
-    from bokeh.document import Document
-
-ROOTS = ("preset", "buttons", "controls", "mail", "command")  # the elements root_... of the page
-RESENT = 8  # messages that are sent again, for a browser that had not connected when they came
 
 
 class Page:
-    """All that one open tab shows; made without a document, in any thread.
+    """All that one open tab shows.
 
     Parameters
     ----------
     pool : Pool
         The threads that compute.
+    tell : callable
+        Sends parts of the page to the browser; awaited, so that a slow one gets the latest of each kind.
+    in_turn : callable
+        May be called from any thread, and runs a function in the server's.
+    view : View
+        What is shown first.
+    stored, find : callable, optional
+        As for `Explorer`.
     """
 
-    def __init__(self, pool: Pool) -> None:
-        self.explorer = Explorer(View(), pool, self._receive)
+    def __init__(
+        self,
+        pool: Pool,
+        tell: Callable[[Parts], Awaitable[None]],
+        in_turn: Callable[[Callable[[], Awaitable[None]]], None],
+        view: View,
+        stored: Callable[[View], Plane | None] | None = None,
+        find: Find = only_known,
+    ) -> None:
+        self.explorer = Explorer(view, pool, self.receive, stored, find)
+        self._tell, self._in_turn = tell, in_turn
         self._inbox: list[Message] = []
+        self._reading = False
         self._lock = threading.Lock()
-        self._serial = count()
-        self._sent: list[dict[str, Any]] = []
-        self.plane, self.point, self.line = PlaneView(), PointView(), LineView()
+        self.plane, self.point = PlaneView(), PointView()
         self.controls = Controls(self.explorer)
         self.commands = Commands(self.explorer, self.controls, self.export)
-        self.mail = TextInput(value="", name="mail")
-        self.command = TextInput(value="", name="command")
-        self.command.on_change("value", lambda attr, old, new: self.commands.run(new))
-        self.view, self.rest = Update("view"), Update("rest")
-        self._show: dict[str, Callable[[Any], None]] = {
+        self._show: dict[str, Callable[[Any], Parts]] = {
             "view": self._show_view,
             "plane": self.plane.show_plane,
             "hatch": self.plane.show_hatch,
             "point": self.point.show_point,
-            "line": self.line.show,
+            "line": show_line,
             "curves": self.plane.show_curves,
-            "others": self._show_others,
+            "others": lambda others: {**self.point.show_others(others), **self._show_controls()},
             "pins": self.point.show_pins,
-            "rest": self._show_rest,
+            "rest": lambda _: {"busy": {"busy": self.explorer.busy}},
+            "message": lambda text: {"message": {"text": text}},
+            "file": _show_file,
         }
-        views: tuple[Any, ...] = (self.plane, self.point, self.line)
-        updates = [self.view, self.rest, *(update for view in views for update in view.updates.values())]
-        self.command.tags = [update.source for update in updates]  # no root holds these, and the script reads them
-
-    def open(
-        self,
-        doc: Document,
-        in_turn: Callable[[Callable[[], None]], None],
-        view: View,
-        message: str = "",
-        stored: Callable[[View], Plane | None] | None = None,
-        find: Find = only_known,
-    ) -> None:
-        """Fill the document of a tab with a view and perhaps a message.
-
-        `in_turn` may be called from any thread, and calls a function when the document may be changed, or never if the
-        tab is gone; `stored` and `find` are as for `Explorer`.
-        """
-        self._in_turn = in_turn
-        self.explorer.view, self.explorer.stored, self.explorer.find = view, stored, find
-        self.controls.fit(view)
-        self._apply([("view", view), *([("message", message)] if message else [])])
-        models = (self.controls.preset, self.controls.buttons, self.controls.column, self.mail, self.command)
-        with doc.models.freeze():  # else every root looks through all models again
-            for name, model in zip(ROOTS, models, strict=True):
-                model.name = name
-                doc.add_root(model)
-        doc.config.reconnect_session = doc.config.notify_connection_status = (
-            False  # a tab that left is forgotten; its address holds all that it showed
-        )
 
     def export(self, kind: str) -> None:
         """Make a file of the view and let the browser keep it."""
@@ -99,61 +72,57 @@ class Page:
 
         def job() -> None:
             try:
-                self._receive([("file", export(kind, self.explorer))])
+                self.receive([("file", export(kind, self.explorer))])
             except (ValueError, OSError) as error:
-                self._receive([("message", str(error))])
+                self.receive([("message", str(error))])
 
         self.explorer.run("export", job)
 
-    # ---- what the session answers
-
-    def _receive(self, messages: list[Message]) -> None:
-        """Take messages from any thread; the page shows them in its own."""
+    def receive(self, messages: list[Message]) -> None:
+        """Take messages of the session, from any thread; the browser is told in the server's."""
         with self._lock:
-            first = not self._inbox
             self._inbox += messages
-        if first:
+            begin, self._reading = not self._reading, True
+        if begin:
             self._in_turn(self._read)
 
-    def _read(self) -> None:
+    async def _read(self) -> None:
+        try:
+            while messages := self._latest():
+                for what, content in messages:
+                    if not self.explorer.closed:
+                        await self._tell(self._show[what](content))
+        except BaseException:
+            self._reading = False  # the next message finds a reader
+            raise
+
+    def _latest(self) -> list[Message]:
+        """Return what has come, the motion first: people wait for it. Of each kind the last, of words and files all."""
         with self._lock:
             messages, self._inbox = self._inbox, []
-        if self.explorer.closed:
-            return
-        latest = {what: number for number, (what, _) in enumerate(messages)}
-        self._apply([message for number, message in enumerate(messages) if latest[message[0]] == number])
+            self._reading = bool(messages)
+        last = {what: number for number, (what, _) in enumerate(messages)}
+        kept = [one for at, one in enumerate(messages) if last[one[0]] == at or one[0] in ("message", "file")]
+        return sorted(kept, key=lambda one: one[0] != "point")
 
-    def _apply(self, messages: list[Message]) -> None:
-        items: list[dict[str, Any]] = []
-        for what, content in sorted(
-            messages, key=lambda one: one[0] != "point"
-        ):  # the motion first: people wait for it
-            if what == "message":
-                items.append({"message": content})
-            elif what == "file":
-                encoded = base64.b64encode(content.content).decode()
-                items.append({"file": {"name": content.name, "type": content.type, "base64": encoded}})
-            else:
-                self._show[what](content)
-        if items:
-            sent = [item for item in self._sent if "file" not in item][-RESENT:]
-            self._sent = [*sent, *({"serial": next(self._serial), **item} for item in items)]
-            self.mail.value = json.dumps(self._sent)
+    def _show_view(self, view: View) -> Parts:
+        return {
+            **self.plane.show_view(view),
+            **show_ends(view),
+            "address": {"query": to_query(view)},
+            **self._show_controls(),
+            "ticks": {name: getattr(view, name) for name in TICKS},
+            "#about": {"html": self.controls.about()},
+            "busy": {"busy": self.explorer.busy},
+        }
 
-    def _show_view(self, view: View) -> None:
-        self.plane.show_view(view, self.view)
-        self.line.show_view(view, self.view)
-        self.view.add("address", query=to_query(view))
-        self.controls.show_view(view)
-        self.view.add("rows", heard=self.commands.last, labels=self.controls.labels(), values=self.controls.rows())
-        self.view.add("ticks", **{name: getattr(view, name) for name in TICKS})
-        self.view.add("busy", busy=self.explorer.busy)
-        self.view.send()
+    def _show_controls(self) -> Parts:
+        controls, heard = self.controls, self.commands.last
+        return {
+            "rows": {"heard": heard, "labels": controls.labels(), "values": controls.rows()},
+            "menus": {"heard": heard, "menus": controls.menus()},
+        }
 
-    def _show_rest(self, _: None) -> None:
-        self.rest.add("busy", busy=self.explorer.busy)
-        self.rest.send()
 
-    def _show_others(self, others: Any) -> None:
-        self.point.show_others(others)
-        self.controls.show_others(others)
+def _show_file(file: File) -> Parts:
+    return {"file": {"name": file.name, "type": file.type, "content": file.content}}

@@ -121,8 +121,12 @@ class Explorer:
         """Change one parameter, as typed or slid; where it is refused, the view is sent again."""
         changed = self._show(lambda view: _moved(view, {name: typed_number(view.table[name], value)}), name)
         if not changed:
-            self._send(("view", self.view))
+            self.resend()
         return changed
+
+    def resend(self) -> None:
+        """Send the view again, to a page that shows something that was refused."""
+        self._send(("view", self.view))
 
     def click(self, x: Any, y: Any) -> bool:
         """Choose a point of the plane."""
@@ -137,7 +141,7 @@ class Explorer:
             self._send(("message", f"Zoomed as far as possible: {message}"))
         changed = self.show(view, "zoom")
         if not changed and message:
-            self._send(("view", self.view))
+            self.resend()
         return changed
 
     def set_axes(self, x: str, y: str, x_range: Range, y_range: Range) -> bool:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from bokeh.palettes import RdBu11, Viridis256, interp_palette
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
 from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
@@ -17,14 +18,18 @@ from vibroimpact.explorer.state import GREEK, MOTION
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import motion_name, refined
 from vibroimpact.plotting.categories import COUNTS, missing_layers, motion_layers, number_layers
-from vibroimpact.plotting.cells import symmetric_limit
+from vibroimpact.plotting.cells import COLORS, symmetric_limit
+from vibroimpact.plotting.cells import SIGNED as SIGNED_COLORS
 from vibroimpact.plotting.labels import WORDS
 from vibroimpact.plotting.style import STICKING, Layer
 from vibroimpact.plotting.ticks import power_of, prefixed
 
 KIND, PERIOD = 1e10, 1e5  # kind of motion, periods and impacts in one number
 SIGNED = frozenset({"lyapunov", "lyapunov_per_impact"})
-SCALES: dict[bool, Sequence[str]] = {True: interp_palette(RdBu11, 255), False: Viridis256}
+SCALES: dict[bool, tuple[str, ...]] = {
+    signed: tuple(map(to_hex, colormaps[name].resampled(number)(range(number))))
+    for signed, name, number in ((True, SIGNED_COLORS, 255), (False, COLORS, 256))  # an odd number has a middle
+}
 DECADES = 6  # that a logarithmic scale spans at most
 PERCENT = 99.5  # of the cells that the colours distinguish
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -6,7 +6,6 @@ from html import escape
 from typing import Any
 
 import numpy as np
-from bokeh.models import ColumnDataSource
 
 from vibroimpact.cells import FASTEST
 from vibroimpact.coexistence.measuring import SPREAD
@@ -16,7 +15,7 @@ from vibroimpact.explorer.point import Other, Point, index_rows, plain
 from vibroimpact.explorer.shades import name_of, shades
 from vibroimpact.explorer.state import View, parameter_label, symbol, table, unit
 from vibroimpact.indices import INDICES
-from vibroimpact.plotting.style import BLUE, BOUNDARY_COLORS, GREEN, RED, STATUS_COLORS
+from vibroimpact.plotting.style import BOUNDARY_COLORS, GREEN, RED, STATUS_COLORS
 from vibroimpact.plotting.style import view as limits
 from vibroimpact.plotting.ticks import quantity
 from vibroimpact.status import Status
@@ -25,7 +24,7 @@ MOST_LISTED = 5  # motions
 TRIED_THERE = f"impacts spread over phases 0 to 1 and velocities 0 to {FASTEST:g} V, V = max(f, k |g|)/√(km)"
 PINS = (RED, GREEN)
 LETTERS = ("A", "B")
-COLORS = (BLUE, *PINS)  # of the present motion and the pinned ones
+COLORS = ("blue", "red", "green")  # of the present motion and the pinned ones: those of figures, lighter on a dark page
 SHOWN_PERIODS = 6
 SHORT = {
     "largest Lyapunov exponent": "Lyapunov exponent λ",
@@ -40,93 +39,66 @@ SHORT = {
 }
 
 
-class Update:
-    """Parts of the page that change together, sent in one message; the page draws them once, in its next frame.
-
-    A browser that connects later finds the last update of each name: what must not be lost has an update of its own.
-    """
-
-    def __init__(self, name: str) -> None:
-        self.source = ColumnDataSource({"part": [], "content": []}, name=f"{name}_update")
-        self._parts: dict[str, dict[str, Any]] = {}
-
-    def add(self, part: str, **content: Any) -> None:
-        """Add a part that the page's script knows, or the html of an element ("#numbers")."""
-        self._parts[part] = content
-
-    def send(self) -> None:
-        """Send all parts added since the last time."""
-        self.source.data = {"part": list(self._parts), "content": list(self._parts.values())}
-        self._parts = {}
+Parts = dict[str, dict[str, Any]]  # of the page, by names that its script knows; "#numbers" is html for that element
 
 
 class PlaneView:
     """The plane, its legend, and what lies over it."""
 
     def __init__(self) -> None:
-        self.updates = {name: Update(name) for name in ("plane", "hatch", "curves")}
         self._hatched: Plane | None = None
 
-    def show_view(self, view: View, update: Update) -> None:
+    def show_view(self, view: View) -> Parts:
         """Put ranges, labels, the point and the pins where the view has them."""
-        both = (view.x, view.y)
-        update.add(
-            "plane_home",
-            x=view.x_range,
-            y=view.y_range,
-            labels=[parameter_label(view.table[name]) for name in both],
-            symbols=[symbol(view.table[name]) for name in both],
-        )
-        pins = zip(view.pins, PINS, LETTERS, strict=False)
-        update.add(
-            "marks",
-            x=view.osc_value("x"),
-            y=view.osc_value("y"),
-            along=view.line,
-            pins=[(pin.values[view.x], pin.values[view.y], color, letter) for pin, color, letter in pins],
-        )
+        both = [view.table[name] for name in (view.x, view.y)]
+        home = {
+            "x": view.x_range,
+            "y": view.y_range,
+            "labels": [parameter_label(parameter) for parameter in both],
+            "symbols": [symbol(parameter) for parameter in both],
+        }
+        pins = [
+            (pin.values[view.x], pin.values[view.y], color, letter)
+            for pin, color, letter in zip(view.pins, PINS, LETTERS, strict=False)
+        ]
+        marks = {"x": view.osc_value("x"), "y": view.osc_value("y"), "along": view.line, "pins": pins}
+        return {"plane_home": home, "marks": marks}
 
-    def show_plane(self, plane: Plane) -> None:
+    def show_plane(self, plane: Plane) -> Parts:
         """Show a plane as far as it is known."""
-        seen, update, view = shades(plane), self.updates["plane"], plane.view
+        seen, view = shades(plane), plane.view
         named = not seen.scale
         motions, names = np.unique(seen.name, return_inverse=True)
-        update.add(
-            "plane",
-            side=plane.side,
-            shape=seen.number.shape,
-            x=view.x_range,
-            y=view.y_range,
-            cells=seen.number[::-1].ravel(),  # the upper row first, as in pictures
-            values=[] if named else seen.value.ravel(),
-            names=names.ravel().astype(np.uint16),
-            motions=[name_of(code) for code in motions.tolist()],
-            index="" if named else SHORT.get(INDICES[view.index].long_name, INDICES[view.index].long_name),
-            unit="" if named else plain(INDICES[view.index].units),
-            colors=seen.colors,
-            scale=seen.scale,
-            origin=plane.origin,
-            low=seen.low,
-            high=seen.high,
-            ticks=seen.ticks,
-        )
+        picture = {
+            "side": plane.side,
+            "shape": seen.number.shape,
+            "x": view.x_range,
+            "y": view.y_range,
+            "cells": seen.number[::-1].ravel(),  # the upper row first, as in pictures
+            "values": [] if named else seen.value.ravel(),
+            "names": names.ravel().astype(np.uint16),
+            "motions": [name_of(code) for code in motions.tolist()],
+            "index": "" if named else SHORT.get(INDICES[view.index].long_name, INDICES[view.index].long_name),
+            "unit": "" if named else plain(INDICES[view.index].units),
+            "colors": seen.colors,
+            "scale": seen.scale,
+            "origin": plane.origin,
+            "low": seen.low,
+            "high": seen.high,
+            "ticks": seen.ticks,
+        }
         cells = f"stored sweep {escape(plane.stored)}" if plane.stored else f"{plane.side} × {plane.side} cells"
         took = f"computed in {plane.seconds:.1f} s" if plane.seconds else ""
         head = f"<b>{escape(seen.title)}</b> {plane.origin} <span title='{took}'>{cells}</span>"
-        update.add("#plane-head", html=head)
-        update.add("#colours", html=" ".join(_legend_entry(color, label) for color, label in seen.legend))
-        update.send()
-
+        legend = " ".join(_legend_entry(color, label) for color, label in seen.legend)
+        parts: Parts = {"plane": picture, "#plane-head": {"html": head}, "#colours": {"html": legend}}
         if self._hatched is not None and plane is not self._hatched:  # what is hatched belongs to its plane
-            self._hatch(None)
+            parts |= self.show_hatch(None)
+        return parts
 
-    def show_hatch(self, plane: Plane) -> None:
+    def show_hatch(self, plane: Plane | None) -> Parts:
         """Hatch the cells that have no impact from rest, but from other initial conditions, as far as that is known."""
-        self._hatch(plane)
-
-    def _hatch(self, plane: Plane | None) -> None:
-        self._hatched, update, side = plane, self.updates["hatch"], 0
-        words = ""
+        self._hatched, side, words = plane, 0, ""
         if plane is not None:
             side = FINEST if plane.tried is not None and (plane.elsewhere > 0.0).any() else 0
             words = f"{OTHERS} other initial conditions tried in grey cells: no impacts"
@@ -137,29 +109,26 @@ class PlaneView:
                 words = f"{key} {ONLY_OTHERS}"
             words += ", not in all" if plane.tried is False else ""
             words = f"<span class='entry' title='{TRANSIENT + plane.view.samples} impacts each'>{words}</span>"
-        update.add("hatch", side=side, speeds=plane.elsewhere.T.ravel() if plane and side else [])
-        update.add("#hatch", html=words)
-        update.send()
+        hatch: dict[str, Any] = {"side": side, "speeds": plane.elsewhere.T.ravel() if plane and side else []}
+        return {"hatch": hatch, "#hatch": {"html": words}}
 
-    def show_curves(self, curves: Curves | None) -> None:
+    def show_curves(self, curves: Curves | None) -> Parts:
         """Draw boundaries over the plane, or remove them."""
-        curves, update = curves or Curves([], [], [], []), self.updates["curves"]
+        curves = curves or Curves([], [], [], [])
         colors = [BOUNDARY_COLORS[kind] for kind in curves.kinds]
         places = [np.column_stack([x, y]) for x, y in zip(curves.x, curves.y, strict=True)]
-        update.add(
-            "curves",
-            lengths=[len(points) for points in places],
-            places=np.concatenate([np.empty((0, 2)), *places]).ravel(),
-            colors=colors,
-            words=curves.descriptions,
-        )
+        drawn = {
+            "lengths": [len(points) for points in places],
+            "places": np.concatenate([np.empty((0, 2)), *places]).ravel(),
+            "colors": colors,
+            "words": curves.descriptions,
+        }
         kinds = [kind for kind in BOUNDARY_COLORS if kind in curves.kinds]
         entries = " ".join(_line_entry(*BOUNDARY_COLORS[kind], kind.replace("_", " ")) for kind in kinds)
         counts = ", ".join(map(str, FOLLOWED))
         of = f"of motions of n = {counts} driving periods with one impact, or sticking; others are not drawn"
         html = f"<span title='{of}'>boundaries of n = {counts}:</span> {entries}"
-        update.add("#boundaries", html=html if entries else "")
-        update.send()
+        return {"curves": drawn, "#boundaries": {"html": html if entries else ""}}
 
 
 def _line_entry(color: str, halo: str, label: str) -> str:
@@ -175,55 +144,46 @@ class PointView:
     """Four plots of the present motion, with those of up to two pinned ones beside it."""
 
     def __init__(self) -> None:
-        self.updates = {name: Update(name) for name in ("point", "pins", "others")}
         self._point: Point | None = None
         self._pins: list[Point] = []
         self._others: list[Other] = []
-        self._listed = ""
 
-    def show_point(self, point: Point) -> None:
+    def show_point(self, point: Point) -> Parts:
         """Draw the present motion."""
-        self._point = point
-        update, made = self.updates["point"], point.made
-        update.add("motion_0", slot=0, **_motion(point))
+        self._point, made = point, point.made
         reached = np.concatenate([point.history["displacement"], *_places(point), [0.0]])
-        update.add(
-            "facts",
-            period=made.period,
-            single=point.shown.direction is None,  # one mass, and then whether a force drives it
-            force=1.0 if point.shown.direction is None and made.amplitude else 0.0,
-            label=point.shown.label,
-            low=float(reached.min()),
-            high=float(reached.max()),
-            colors=COLORS,
-        )
-        self._frame(update)
-        update.add("#sentence", html=escape(point.sentence[0].upper() + point.sentence[1:]))
-        update.add("#numbers", html=numbers_table(point, self._pins))
-        update.send()
-        self.show_others(self._others)
+        facts = {
+            "period": made.period,
+            "single": point.shown.direction is None,  # one mass, and then whether a force drives it
+            "force": 1.0 if point.shown.direction is None and made.amplitude else 0.0,
+            "label": point.shown.label,
+            "low": float(reached.min()),
+            "high": float(reached.max()),
+        }
+        return {
+            "motion_0": {"slot": 0, **_motion(point)},
+            "facts": facts,
+            "home": self._frame(),
+            "#sentence": {"html": escape(point.sentence[0].upper() + point.sentence[1:])},
+            "#numbers": {"html": numbers_table(point, self._pins)},
+            **self.show_others(self._others),
+        }
 
-    def show_pins(self, pins: list[Point]) -> None:
+    def show_pins(self, pins: list[Point]) -> Parts:
         """Draw the pinned motions beside it."""
-        self._pins = pins
-        update = self.updates["pins"]
+        self._pins, parts = pins, {}
         for slot in (1, 2):
-            update.add(f"motion_{slot}", slot=slot, **_motion(pins[slot - 1] if slot <= len(pins) else None))
+            parts[f"motion_{slot}"] = {"slot": slot, **_motion(pins[slot - 1] if slot <= len(pins) else None)}
         if self._point is not None:
-            self._frame(update)
-            update.add("#numbers", html=numbers_table(self._point, pins))
-        update.send()
+            parts |= {"home": self._frame(), "#numbers": {"html": numbers_table(self._point, pins)}}
+        return parts
 
-    def show_others(self, others: list[Other]) -> None:
+    def show_others(self, others: list[Other]) -> Parts:
         """List the motions that other initial conditions lead to."""
         self._others = others
-        listed = _coexistence(others, self._point)
-        if listed != self._listed:
-            self._listed = listed
-            self.updates["others"].add("#others", html=listed)
-            self.updates["others"].send()
+        return {"#others": {"html": _coexistence(others, self._point)}}
 
-    def _frame(self, update: Update) -> None:
+    def _frame(self) -> dict[str, Any]:
         """Fit the axes to what is drawn, without zooming into rounding."""
         assert self._point is not None
         drawn, made = [self._point, *self._pins], self._point.made
@@ -236,13 +196,12 @@ class PointView:
         begin, last = (float(time[0]), float(time[-1])) if time.size else (0.0, made.period)
         shown = max(SHOWN_PERIODS, 2 * min(self._point.n_periods, 16)) * made.period
         most = float(speeds.max(initial=0.0)) or 1.0
-        update.add(
-            "home",
-            history=[(begin, min(begin + shown, last)), y_limits],
-            portrait=[y_limits, v_limits],
-            poincare=[y_limits, v_limits],
-            impact_map=[(0.0, 1.0), (-0.03 * most, 1.08 * most)],
-        )
+        return {
+            "history": [(begin, min(begin + shown, last)), y_limits],
+            "portrait": [y_limits, v_limits],
+            "poincare": [y_limits, v_limits],
+            "impact_map": [(0.0, 1.0), (-0.03 * most, 1.08 * most)],
+        }
 
 
 def _coexistence(others: list[Other], point: Point | None) -> str:
@@ -283,7 +242,7 @@ def numbers_table(point: Point, pins: list[Point]) -> str:
             label = parameter_label(parameter, units=False)
             rows.append(_row(label, [f"{value:.5g}" for value in values], unit(parameter)))
     head = "" if not pins else "<tr><th></th>" + "".join(
-        f"<td style='border-bottom:3px solid {color}'>{name}</td>"
+        f"<td style='border-bottom:3px solid var(--{color})'>{name}</td>"
         for name, color in zip(["here", *LETTERS[: len(pins)]], COLORS, strict=False)
     ) + "<td></td></tr>"  # fmt: skip
     half = (len(rows) + 1) // 2
@@ -297,7 +256,7 @@ def _row(label: str, values: list[str], units: str, title: str = "") -> str:
 
 
 def _motion(point: Point | None) -> dict[str, Any]:
-    """Return the columns of a motion's plots, laid end to end since each array costs a message; None is nothing."""
+    """Return the columns of a motion's plots, laid end to end; None is nothing."""
     if point is None:
         return {"walls": [], "begin": 0.0, "turn": 0, "lengths": {}, "values": []}
     time = point.history["time"]
@@ -339,24 +298,18 @@ def one_turn(point: Point) -> int:
     return min(after + 1, time.size)
 
 
-class LineView:
-    """Impact velocities along a line through the point."""
+def show_ends(view: View) -> Parts:
+    """Put range and label of the diagram where the view has them."""
+    parameter, ends = view.along
+    return {
+        "line_home": {"x": ends, "label": parameter_label(view.table[parameter])},
+        "line": {"here": view.osc.values[parameter]},
+    }
 
-    def __init__(self) -> None:
-        self.updates = {"line": Update("line")}
 
-    def show_view(self, view: View, update: Update) -> None:
-        """Put range and label where the view has them."""
-        parameter, ends = view.along
-        update.add("line_home", x=ends, label=parameter_label(view.table[parameter]))
-        update.add("line", here=view.osc.values[parameter], color=BLUE)
-
-    def show(self, line: Line) -> None:
-        """Draw a diagram."""
-        most = float(line.velocities.max(initial=0.0)) or 1.0
-        update = self.updates["line"]
-        low, high = line.ends
-        dots = np.concatenate([(line.values - low) / (high - low), line.velocities])  # each array costs two messages
-        update.add("line", low=low, high=high, dots=dots.astype(np.float32))
-        update.add("line_home", y=(-0.02 * most, 1.05 * most))
-        update.send()
+def show_line(line: Line) -> Parts:
+    """Draw impact velocities along a line through the point."""
+    most = float(line.velocities.max(initial=0.0)) or 1.0
+    low, high = line.ends
+    dots = np.concatenate([(line.values - low) / (high - low), line.velocities]).astype(np.float32)
+    return {"line": {"low": low, "high": high, "dots": dots}, "line_home": {"y": (-0.02 * most, 1.05 * most)}}

@@ -5,9 +5,9 @@ window.Motion = (() => {
   const { Plot, LOOK, MARGINS, draws, quantity, power_of } = window.Plots;
   const motions = [], order = [1, 2, 0];  // the present motion lies on top
   let facts = { period: 1, single: true, force: 0, label: "displacement y", low: -1, high: 0, colors: [] };
-  let line = { x: [], y: [], here: 0, color: "#000" };
+  let line = { x: [], y: [], here: 0 };
   let playing = false, clock = 0, before = 0;
-  const each = (draw) => { for (const slot of order) if (motions[slot]) draw(motions[slot], facts.colors[slot], slot === 0); };
+  const each = (draw) => { for (const slot of order) if (motions[slot]) draw(motions[slot], [LOOK.blue, LOOK.red, LOOK.green][slot], slot === 0); };
   const empty = () => !motions[0] || !motions[0].time.length;
   // How many of ascending values lie below a bound.
   const place = (values, bound) => {
@@ -47,7 +47,7 @@ window.Motion = (() => {
           plot.marks(motion.hits, motion.hit_places, color);
         });
         if (motions[0]) plot.bars(motions[0].rest_begin, motions[0].rest_end, motions[0].rest_places, "#e0c800");
-        if (playing && !empty()) plot.rule("x", now(), "#d55e00");
+        if (playing && !empty()) plot.rule("x", now(), LOOK.red);
       },
     }),
     portrait: phase("portrait", "Phase portrait", (plot, motion, color, first) => {
@@ -61,7 +61,7 @@ window.Motion = (() => {
   };
   const below = new Plot("line", {
     x: "", y: "impact velocity [m/s]", title: "Impacts of the motion from rest", fixed: MARGINS, still: true,
-    paint: (plot) => { plot.dots(line.x, line.y, LOOK.ink, 1.6); plot.rule("x", line.here, line.color, [6, 4]); },
+    paint: (plot) => { plot.dots(line.x, line.y, LOOK.ink, 1.6); plot.rule("x", line.here, LOOK.blue, [6, 4]); },
   });
 
   // ---- the mass between its stops
@@ -92,7 +92,7 @@ window.Motion = (() => {
       for (let i = 0; i <= 16; i++) pen.lineTo(from + (to - from) * i / 16, middle + (i % 2 ? 7 : -7) * (i > 0 && i < 16));
       pen.lineTo(to, middle);
     });
-    pen.fillStyle = "#0072b2"; pen.fillRect(x - 2 * side, middle - side, 2 * side, 2 * side);
+    pen.fillStyle = LOOK.blue; pen.fillRect(x - 2 * side, middle - side, 2 * side, 2 * side);
     for (const { side: where, place } of motions[0].walls) {  // one below the mass meets its other face
       const wall = place.length === 1 ? place[0] : position(motions[0].time, place, time);
       const face = across(wall) - (where > 0 ? 0 : 2 * side), behind = (far) => face + where * far;
@@ -100,7 +100,7 @@ window.Motion = (() => {
       trace(LOOK.soft, 1, () => { for (let i = 4; i < height - 4; i += 6) { pen.moveTo(behind(3), i + 5); pen.lineTo(behind(9), i); } });
     }
     const push = facts.force * Math.sin(2 * Math.PI * time / facts.period) * 26, tip = x - side + push, above = middle - side - 4;
-    trace("#d55e00", 2, () => { pen.moveTo(x - side, above); pen.lineTo(tip, above); });
+    trace(LOOK.red, 2, () => { pen.moveTo(x - side, above); pen.lineTo(tip, above); });
     if (Math.abs(push) > 3) { pen.beginPath(); pen.moveTo(tip + 4 * Math.sign(push), above); pen.lineTo(tip, above - 4); pen.lineTo(tip, above + 4); pen.fill(); }
     pen.fillStyle = LOOK.ink; pen.font = "12px Arial, sans-serif";
     const { x: [, last], y: [lowest, highest] } = plots.history.home, most = Math.max(Math.abs(lowest), Math.abs(highest));
@@ -134,7 +134,7 @@ window.Motion = (() => {
       const motion = { turn }, later = ["time", "hits", "rest_begin", "rest_end"];
       let at = 0;
       for (const [name, length] of Object.entries(lengths)) {
-        const part = new Float32Array(values.buffer, values.byteOffset + 4 * at, length);  // Bokeh's arrays have no subarray
+        const part = values.subarray(at, at + length);
         motion[name] = later.includes(name) ? Float64Array.from(part, (time) => begin + time) : part;
         at += length;
       }
@@ -154,7 +154,7 @@ window.Motion = (() => {
     line: ({ low, high, dots, ...content }) => {
       line = { ...line, ...content };
       if (!dots) return;
-      const half = dots.length / 2, part = (from) => new Float32Array(dots.buffer, dots.byteOffset + 4 * from, half);
+      const half = dots.length / 2, part = (from) => dots.subarray(from, from + half);
       Object.assign(line, { x: Float64Array.from(part(0), (share) => low + share * (high - low)), y: part(half) });
     },
     line_home: ({ x, y, label }) => { if (label) below.x = label; below.fit(x || below.home.x, y || below.home.y); },

@@ -1,18 +1,18 @@
 (() => {
   "use strict";
   const byId = (id) => document.getElementById(id);
-  let doc = null;
-  const model = (name) => doc && doc.get_model_by_name(name);
+  const socket = new WebSocket(`${location.origin.replace("http", "ws")}/ws${location.search}`);
+  socket.binaryType = "arraybuffer";
   let serial = 0;
   // Send a command to the server; returns its number, which the server sends back once it has run it.
   const command = (text) => {
-    const box = model("command");
-    if (box) box.value = `${text} ${++serial}`;
+    if (socket.readyState === WebSocket.OPEN) socket.send(`${text} ${++serial}`);
     return serial;
   };
 
   // ---- what goes on
   const AGAIN = 1000;  // ms between attempts to reach a server that was lost
+  const FULL = 1013;  // the code with which a server closes that has no room
   const be = (state, words = `${state} …`) => {
     const box = byId("state");
     if (box.dataset.is !== state) Object.assign(box, { textContent: words }).dataset.is = state;
@@ -29,12 +29,12 @@
 
   // ---- messages of the server
   let hush = null;
-  const say = (text) => {
+  const say = (text, stays = socket.readyState !== WebSocket.OPEN) => {
     const box = byId("message");
     box.textContent = text;
     box.classList.toggle("shown", Boolean(text));
     clearTimeout(hush);
-    if (text) hush = setTimeout(() => box.classList.remove("shown"), 9000);
+    if (text && !stays) hush = setTimeout(() => box.classList.remove("shown"), 9000);
   };
   const download = (name, blob) => {
     const link = document.createElement("a");
@@ -43,22 +43,10 @@
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
   };
-  const read = () => {
-    for (const letter of JSON.parse(model("mail").value || "[]")) {
-      if (letter.serial <= read.last) continue;
-      read.last = letter.serial;
-      if (letter.message !== undefined) say(letter.message);
-      if (letter.file === undefined) continue;
-      const { name, type, base64 } = letter.file, bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
-      download(name, new Blob([bytes], { type }));
-    }
-  };
-
-  read.last = -1;
-
   // ---- what is shown or not
   const ticks = document.querySelectorAll("#ticks input");
   for (const box of ticks) box.addEventListener("change", () => command(box.value));
+  for (const button of document.querySelectorAll("#buttons button")) button.addEventListener("click", () => command(button.value));
 
   // ---- export, link, help, keys
   const menu = byId("export");
@@ -131,19 +119,30 @@
   window.addEventListener("hashchange", follow_fragment);
 
   // ---- what changes together, drawn together: what came since the last frame
-  const plain = (value) => (value instanceof Map ? Object.fromEntries([...value].map(([name, one]) => [name, plain(one)])) : value);
-  const updates = new Set();
-  const take = (update) => {
-    if (!updates.size) requestAnimationFrame(unpack);
-    updates.delete(update);  // the last one that came is the last one read
-    updates.add(update);
+  const TYPES = { float64: Float64Array, float32: Float32Array, uint16: Uint16Array, uint8: Uint8Array };
+  const unpack = (message) => {
+    const length = new DataView(message).getUint32(0, true), begin = 4 + length;
+    const array = (key, one) => {
+      if (!one?.array) return one;
+      const [type, place, size] = one.array;
+      return new TYPES[type](message, begin + place, size);
+    };
+    return JSON.parse(new TextDecoder().decode(new Uint8Array(message, 4, length)), array);
   };
-  const unpack = () => {
-    const parts = [...updates].flatMap(({ data }) => (data.part || []).map((name, k) => [name, plain(data.content[k])]));
-    const came = new Map(parts);
-    updates.clear();
+  let waiting = [];
+  const take = (parts) => {
+    if (!waiting.length) requestAnimationFrame(draw);
+    waiting.push(...parts);
+  };
+  const draw = () => {
+    const parts = waiting, came = new Map(parts);
+    waiting = [];
     for (const [name, { html }] of parts) if (name.startsWith("#")) byId(name.slice(1)).innerHTML = html;
-    for (const taker of [Rows, Plane, Motion]) taker.take(parts);
+    for (const taker of [Rows, Menus, Plane, Motion]) taker.take(parts);
+    for (const [name, content] of parts) {
+      if (name === "message") say(content.text);
+      if (name === "file") download(content.name, new Blob([content.content], { type: content.type }));
+    }
     if (came.has("address")) query = `?${came.get("address").query}`;
     if (came.has("ticks")) for (const box of ticks) box.checked = came.get("ticks")[box.value];
     if (came.has("busy")) came.get("busy").busy ? be("computing") : be("ready", "ready");
@@ -153,31 +152,17 @@
   };
 
   Motion.below.clicked = ({ x }) => command(`along ${x}`);
-  for (const part of [Rows, Plane]) part.listen(command);
+  for (const part of [Rows, Menus, Plane]) part.listen(command);
 
   // ---- when the page is ready
   const counts = window.explorer;
-  const begin = () => {
-    doc = window.Bokeh && window.Bokeh.documents[0];
-    if (!doc || !model("mail")) { setTimeout(begin, 10); return; }
-    doc.on_event("connection_lost", reconnect);
-    model("mail").properties.value.change.connect(read);
-    read();
-    for (const name of ["view", "rest", "point", "plane", "hatch", "curves", "pins", "others", "line"].map((one) => `${one}_update`)) {
-      const update = model(name);
-      update.properties.data.change.connect(() => take(update));
-      take(update);
-    }
-    counts.ready = performance.now();
-  };
-  const refused = (error) => {
-    console.error(error);
-    const reason = /^Error reply (.*)/.exec(error.message);  // else the websocket was not opened
-    byId("message").textContent = reason ? reason[1] : "The explorer does not answer. Start it again, then reload this page.";
-    byId("message").classList.add("shown");
+  socket.addEventListener("message", ({ data }) => {
+    if (!counts.ready) counts.ready = performance.now();
+    take(unpack(data));
+  });
+  socket.addEventListener("close", ({ code }) => {
+    if (counts.ready && code !== FULL) { reconnect(); return; }
+    if (!counts.ready) say("The explorer does not answer. Start it again, then reload this page.", true);
     be("refused", "not connected");
-  };
-  const elements = counts.roots.map((name) => byId(`root_${name}`));
-  const socket = `${location.origin.replace("http", "ws")}/ws`;
-  Bokeh.embed.add_document_from_session(socket, counts.token, document.body, elements).then(begin, refused);
+  });
 })();

@@ -1,5 +1,4 @@
-// Small plots on canvases of their own. Bokeh takes a tenth of a second to lay out and draw four figures; these take a
-// few milliseconds, so that the motion is there with the click.
+// Small plots on canvases of their own, drawn in a few milliseconds: the motion is there with the click.
 window.Plots = (() => {
   "use strict";
   const STEPS = [1, 2, 5, 10];
@@ -8,7 +7,7 @@ window.Plots = (() => {
   const LOOK = {}, draws = [], dark = window.matchMedia("(prefers-color-scheme: dark)");
   const dress = () => {
     const style = getComputedStyle(document.documentElement);
-    for (const name of ["ink", "soft", "frame", "grid", "paper", "wall", "stripes", "empty"]) LOOK[name] = style.getPropertyValue(`--${name}`);
+    for (const name of ["ink", "soft", "frame", "grid", "paper", "wall", "stripes", "empty", "blue", "red", "green"]) LOOK[name] = style.getPropertyValue(`--${name}`);
     redraw();
   };
   const redraw = () => { for (const draw of draws) draw(); };
