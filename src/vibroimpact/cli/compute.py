@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 INITIAL_CONDITIONS = 200  # along an axis of basins that is not given
 
 
-@o.with_options(o.MODEL, o.START, o.DURATION, o.ENGINE, o.OUT, o.FIGURE, o.SHOWN, o.PICTURE)
+@o.with_options(o.MODEL, o.START, o.DURATION, o.ENGINE, o.FILM_OUT, o.FIGURE, o.SHOWN, o.PICTURE)
 def simulate(options: Options) -> None:
     """Compute the motion in time from its initial conditions.
 
@@ -32,6 +32,7 @@ def simulate(options: Options) -> None:
       vibroimpact simulate -p omega=2.8 --periods 30
       vibroimpact simulate -p w=0.9 --start -1,0,0 --out orbit.csv
       vibroimpact simulate -p w=0.9 --figure phase-portrait --out portrait.png
+      vibroimpact simulate -p w=2.8 --periods 8 --out motion.gif
     """
     study = options.study()
     _motion("simulate", study, options)

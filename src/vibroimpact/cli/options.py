@@ -363,6 +363,10 @@ _out = partial(_output, "out", flags=("--out", "-o"), kind=PATH)
 OUT_FILE = _out("FILE", "Data (.zarr .nc .csv .mat) or a figure (.png .svg .pdf). Without it: a summary as text.")
 OVERWRITE = _output("overwrite", "", "Replace an existing output.", kind=FLAG)
 OUT = (OUT_FILE, OVERWRITE)
+FILM_OUT = (
+    _out("FILE", "Data (.zarr .nc .csv .mat), a figure (.png .svg .pdf) or a film (.gif .mp4). Without it: a summary."),
+    OVERWRITE,
+)
 ORBIT_OUT = (_out("FILE", "Data: .json .csv .zarr .nc .mat. Without it: a table as text."), OVERWRITE)
 COMPARE_OUT = (
     _out("FILE", "A figure (.png .svg .pdf) or data (.zarr .nc .csv .mat .json). The table is printed in any case."),

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
+FILM_ENDINGS = (".gif", ".mp4")
 NEEDS = {name: kind.needs for name, kind in KINDS.items()}  # indices that figures are drawn from
 MOTION = "motion"  # in place of an index: the types of motion
 
@@ -60,7 +61,9 @@ def finish(
 
 def check(options: Mapping[str, Any], function: str, indices: tuple[str, ...] = (), n_axes: int = 0) -> None:
     """Refuse an output that could not be made, before anything is computed."""
-    check_looks(options)
+    check_looks(options, FIGURE_ENDINGS + FILM_ENDINGS * (function == "simulate"))
+    if _is_film(options) and any(options.get(name) is not None for name in ("figure", "size", "dpi")):
+        raise WrongRequest("a film shows the time history at one size; leave out --figure, --size and --dpi")
     kinds = kinds_of(function, n_axes)
     figure, index = options.get("figure"), options.get("index")
     if figure is not None and figure not in kinds:
@@ -90,9 +93,13 @@ def check_looks(options: Mapping[str, Any], endings: tuple[str, ...] = FIGURE_EN
 
 
 def is_figure(options: Mapping[str, Any]) -> bool:
-    """Return whether the output is a figure."""
+    """Return whether the output is a figure, or a film of one."""
     out = options.get("out")
-    return out is not None and out.suffix.lower() in FIGURE_ENDINGS
+    return out is not None and out.suffix.lower() in FIGURE_ENDINGS + FILM_ENDINGS
+
+
+def _is_film(options: Mapping[str, Any]) -> bool:
+    return is_figure(options) and options["out"].suffix.lower() in FILM_ENDINGS
 
 
 def read(options: Mapping[str, Any], name: str) -> xr.Dataset | None:
@@ -121,8 +128,8 @@ def as_json(content: Any) -> str:
 
 
 def write(dataset: xr.Dataset, options: Mapping[str, Any], path: Path, over: xr.Dataset | None = None) -> None:
-    """Write data, or a figure drawn over another result, in the format that the ending of `path` names."""
-    if path.suffix.lower() not in FIGURE_ENDINGS:
+    """Write data, a film, or a figure drawn over another result, in the format that the ending of `path` names."""
+    if not is_figure({"out": path}):
         from vibroimpact.files import save
 
         save(dataset, path, overwrite=options["overwrite"])
@@ -134,12 +141,23 @@ def write(dataset: xr.Dataset, options: Mapping[str, Any], path: Path, over: xr.
 
     from vibroimpact import plotting
 
+    if _is_film({"out": path}):
+        shown = _shown(options)
+        with refusing(OSError), Meter("film", keeps=False) as meter:
+            plotting.animate(dataset, path, overwrite=options["overwrite"], progress=meter, **shown)
+        return
     try:
         with refusing(OSError):
             drawn = draw(dataset, options, over)
         plotting.save_figure(drawn, path, size=_size(options), dpi=_dpi(options), overwrite=options["overwrite"])
     finally:
         plt.close("all")
+
+
+def _shown(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return which coordinate or stop of a system is shown, where that was asked for."""
+    shown = {name: options[name] for name in ("coordinate", "stop") if options.get(name) is not None}
+    return shown | ({"coordinate": number(shown["coordinate"])} if "coordinate" in shown else {})
 
 
 def draw(dataset: xr.Dataset, options: Mapping[str, Any], over: xr.Dataset | None = None) -> Any:
@@ -170,8 +188,7 @@ def draw(dataset: xr.Dataset, options: Mapping[str, Any], over: xr.Dataset | Non
     if kind == "boundaries" and over is not None:
         more |= _beneath_boundaries(over, index or _first_index(over))
     if kind in ("time-history", "phase-portrait", "stroboscopic-map"):
-        more |= {name: options[name] for name in ("coordinate", "stop") if options.get(name) is not None}
-        more |= {name: number(more[name]) for name in ("coordinate",) if name in more}
+        more |= _shown(options)
     if kind == "bifurcation-diagram" and index is not None:
         if index not in dataset:
             raise ValueError(f"`--index` must be an index of the diagram, got {index!r}; add it to --indices")

@@ -19,6 +19,7 @@ from vibroimpact import figures
 from vibroimpact.dataset import unbundle
 from vibroimpact.files import check_output, replacing
 from vibroimpact.parameters import check_fits, invalid
+from vibroimpact.plotting.animation import animate
 from vibroimpact.plotting.continuation import boundaries, branch_diagram
 from vibroimpact.plotting.designs import comparison_figure, oscillator_sketch
 from vibroimpact.plotting.diagrams import bifurcation_diagram, diagram_with_index, index_curve
@@ -31,6 +32,7 @@ from vibroimpact.plotting.style import SAMPLE_DIMS
 PIXEL = 8  # bytes, of the canvas and of the file made of it
 
 __all__ = [
+    "animate",
     "basin_portrait",
     "bifurcation_diagram",
     "boundaries",
