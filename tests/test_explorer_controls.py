@@ -16,7 +16,7 @@ from vibroimpact.oscillator import ImpactOscillator, State
 
 MOVED = View(
     osc=ImpactOscillator(omega=2.5, damping=3.0, gap=-0.1), x="gap", y="restitution", x_range=(-1.0, 0.0),
-    y_range=(0.1, 0.99), index="motion", log=True, line="y", samples=2000, boundaries=True, settled=False,
+    y_range=(0.1, 0.99), index="motion", log=True, line="y", samples=2000, boundaries=True, settled=False, worst=True,
 )  # fmt: skip
 
 

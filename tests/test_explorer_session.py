@@ -14,7 +14,7 @@ import vibroimpact as vi
 from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.explorer.files import KINDS, export, python_lines, study_file
 from vibroimpact.explorer.limits import FINEST, granted
-from vibroimpact.explorer.plane import OTHERS, SIDES, Curves, Plane, bands, find_curves, lattice, positions
+from vibroimpact.explorer.plane import OTHERS, SIDES, TRANSIENT, Curves, Plane, bands, find_curves, lattice, positions
 from vibroimpact.explorer.point import Other, compute_point
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.shades import name_of, shades
@@ -22,6 +22,7 @@ from vibroimpact.explorer.state import View
 from vibroimpact.explorer.stored import open_study
 from vibroimpact.explorer.views import PlaneView, PointView, one_turn
 from vibroimpact.explorer.work import Pool, Urgency
+from vibroimpact.indices import INDICES
 from vibroimpact.motion import MotionClass
 from vibroimpact.oscillator import ImpactOscillator, State
 from vibroimpact.plotting.style import BOUNDARY_COLORS, STICKING
@@ -185,6 +186,33 @@ def test_what_has_no_impact_from_rest_is_hatched_where_others_of_16_hit(heard):
     assert explorer.wait(60)
     assert [what for what, _ in heard].count("hatch") == 2  # the cells are the same
     explorer.close()
+
+
+@pytest.mark.long
+def test_the_worst_of_17_initial_conditions_is_that_of_figures_and_motions_stay_those_from_rest(heard):
+    view = View(osc=TUBE, x="omega", x_range=(60.0, 220.0), y="gap", y_range=(1e-4, 1.5e-3), samples=200, worst=True)
+    plane, cells = Plane.unknown(view), np.arange(0, 256, 37)
+    assert plane.fill(cells, cells, lambda: True)
+    plane.side = 256
+    axes = {view.x: plane.axis("x")[cells], view.y: plane.axis("y")[cells]}
+    several = vi.parameter_map(
+        TUBE, start=17, transient_impacts=TRANSIENT, sample_impacts=200, tolerances=granted(view.stiffness, 300),
+        indices=tuple(INDICES), **axes,
+    )  # fmt: skip
+    rest = several.isel(start=0)
+    here = np.ix_(cells, cells)
+    worse = 0
+    for name in ("std", "max_velocity", "lyapunov", "grazing_margin"):
+        worst = several[name].min("start") if name == "grazing_margin" else several[name].max("start")
+        np.testing.assert_array_equal(plane.values[name][here], worst.values)
+        worse += int(((worst != rest[name]) & worst.notnull()).sum())
+    assert worse > 20
+    np.testing.assert_array_equal(plane.values["n_periods"][here], rest["n_periods"].values)
+    np.testing.assert_array_equal(plane.values["motion"][here], vi.classify(rest)["motion"].values)
+    head = PlaneView().show_plane(plane)["#plane-head"]["html"]
+    assert "worst of 17 initial conditions" in head
+    plane.view = replace(view, index="motion")
+    assert "worst" not in PlaneView().show_plane(plane)["#plane-head"]["html"]
 
 
 def test_the_page_hatches_a_plane_until_there_is_another_one():
@@ -550,14 +578,16 @@ def test_the_study_file_is_one_that_the_command_reads(tmp_path):
     from vibroimpact.cli.study import make_study
 
     assert make_study(tomllib.loads(study_file(SMALL))).axes
+    assert make_study(tomllib.loads(study_file(replace(SMALL, worst=True)))).given["starts"] == 17
 
 
-def test_the_python_lines_run(tmp_path, monkeypatch):
+@pytest.mark.parametrize("change", [{"index": "motion"}, {"index": "std", "worst": True}], ids=["motion", "worst"])
+def test_the_python_lines_run(tmp_path, monkeypatch, change):
     import matplotlib
 
     matplotlib.use("agg")
     monkeypatch.chdir(tmp_path)
-    lines = python_lines(replace(SMALL, index="motion")).replace(f", {FINEST})", ", 6)")
+    lines = python_lines(replace(SMALL, **change)).replace(f", {FINEST})", ", 6)")
     exec(compile(lines.replace("print(vi.describe(osc))", ""), "view.py", "exec"), {})
     assert {path.name for path in tmp_path.iterdir()} == {
         "plane.png", "history.png", "portrait.png", "impact_map.png", "poincare_map.png"

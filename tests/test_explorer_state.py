@@ -21,7 +21,7 @@ OF_SYSTEMS = ("model", "coordinate", "stop")  # parts of a view that one mass wi
 EVERYTHING = {
     "osc": ImpactOscillator(mass=1 / 3, omega=2.8000000000000003, gap=-0.1), "x": "gap", "y": "restitution",
     "x_range": (-1.0, 1e-9), "y_range": (0.1, 0.99), "index": "motion", "log": True, "line": "y", "samples": 2000,
-    "boundaries": True, "settled": False, "start": State(-0.2, 1e-17, 3.0), "case": "tube",
+    "boundaries": True, "settled": False, "worst": True, "start": State(-0.2, 1e-17, 3.0), "case": "tube",
     "pins": (ImpactOscillator(gap=-0.1), ImpactOscillator(mass=2.0)),
 }  # fmt: skip
 
@@ -62,7 +62,8 @@ def views(draw):
         return View(
             osc=osc, x=x, y=y, x_range=x_range, y_range=y_range, index=draw(st.sampled_from(SHOWN)),
             log=draw(st.booleans()), line=draw(st.sampled_from("xy")), samples=draw(st.sampled_from(SAMPLES)),
-            boundaries=draw(st.booleans()), settled=draw(st.booleans()), case=draw(st.sampled_from(CASES)),
+            boundaries=draw(st.booleans()), settled=draw(st.booleans()), worst=draw(st.booleans()),
+            case=draw(st.sampled_from(CASES)),
             start=start if osc.velocity_scale and draw(st.booleans()) else None,
             pins=tuple(draw(st.lists(oscillators(), max_size=2))),
         )  # fmt: skip

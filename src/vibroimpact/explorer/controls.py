@@ -16,7 +16,7 @@ from vibroimpact.explorer.state import CHOICES, MOTION, parameter_label, rounded
 from vibroimpact.indices import INDICES
 
 MOST_OTHERS = 12  # offered as initial conditions
-TICKS = ("log", "boundaries", "settled")  # choices that are made or not
+TICKS = ("log", "worst", "boundaries", "settled")  # choices that are made or not
 MENUS = ("index", "samples", "line", "coordinate", "stop")  # choices among several
 NUDGE = 1.0 / 64.0  # of the plane, per arrow key
 ZOOM = 0.5

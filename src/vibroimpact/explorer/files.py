@@ -16,7 +16,7 @@ import vibroimpact as vi
 from vibroimpact.classes import NEEDED
 from vibroimpact.explorer.address import to_query
 from vibroimpact.explorer.limits import FINEST
-from vibroimpact.explorer.plane import OTHERS, TRANSIENT, positions
+from vibroimpact.explorer.plane import OTHERS, TRANSIENT, WORST, positions
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import MOTION, View
 
@@ -67,6 +67,10 @@ def python_lines(view: View) -> str:
     (x0, x1), (y0, y1) = _axis(view, "x"), _axis(view, "y")
     start = "" if view.start is None else f", start=vi.{view.start!r}"
     figure, arguments = _figure(view.index)
+    note = f"# the plane, from rest; start={OTHERS + 1} tries {OTHERS} other initial conditions of each cell too"
+    more = ""
+    if view.worst:
+        note, more = f"# the plane, {WORST} in each cell", f"\n    start={OTHERS + 1},"
     return f"""\
 # The view of the explorer at ?{to_query(view)}
 import matplotlib.pyplot as plt
@@ -76,14 +80,14 @@ import vibroimpact as vi
 
 {_model_lines(view)}
 
-# the plane, from rest; start={OTHERS + 1} tries {OTHERS} other initial conditions of each cell too
+{note}
 sweep = vi.parameter_map(
     osc,
     {view.x}=np.linspace({x0!r}, {x1!r}, {FINEST}),
     {view.y}=np.linspace({y0!r}, {y1!r}, {FINEST}),
     indices={list(_indices(view))!r},
     transient_impacts={TRANSIENT},
-    sample_impacts={view.samples},
+    sample_impacts={view.samples},{more}
 )
 vi.plotting.{figure}({", ".join(["sweep", *map(repr, arguments)])})
 plt.savefig("plane.png", dpi=150)
@@ -125,7 +129,7 @@ def study_file(view: View) -> str:
         lines.append(f"{getattr(view, axis)} = {{ from = {_toml(first)}, to = {_toml(last)}, points = {FINEST} }}")
     lines += ["", "[sampling]", f"transient_impacts = {TRANSIENT}", f"sample_impacts = {view.samples}"]
     names = ", ".join(f'"{name}"' for name in _indices(view))
-    lines += ["", "[run]", f"indices = [{names}]", ""]
+    lines += ["", "[run]", f"indices = [{names}]", *[f"starts = {OTHERS + 1}"] * view.worst, ""]
     return "\n".join(lines)
 
 

@@ -17,6 +17,7 @@ from vibroimpact.indices import INDICES
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import Orbit
 from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.plotting.diagrams import with_index
 
 Floats = NDArray[np.float64]
 Places = NDArray[np.int64]  # of cells along an axis of the finest lattice
@@ -28,6 +29,7 @@ BAND, USUAL = 2048, 500  # cells per job, about, with so many impacts per cell; 
 TRANSIENT = 100  # impacts left out
 TRIED = (2, 5, 17)  # initial conditions in turn, rest among them, of cells without impact from rest: until one hits
 OTHERS = TRIED[-1] - 1
+WORST = f"worst of {TRIED[-1]} initial conditions"
 ONLY_OTHERS = f"no impact from rest; impacts from other initial conditions ({OTHERS} tried)"
 
 FOLLOWED = (1, 2)  # driving periods of the motions whose boundaries are followed
@@ -121,10 +123,13 @@ class Plane:
         """Compute a rectangle of cells; return whether it was finished."""
         view = self.view
         axes = {view.x: positions(*view.x_range, columns), view.y: positions(*view.y_range, rows)}
-        sweep = compute_cells(view.osc, view.samples, view.stiffness, axes, keep_going=keep_going)
+        start = TRIED[-1] if view.worst else None
+        sweep = compute_cells(view.osc, view.samples, view.stiffness, axes, start, keep_going)
         if not keep_going():
             return False
-        found = sweep.assign(motion=vi.classify(sweep)["motion"])
+        first = sweep.isel(start=0) if view.worst else sweep
+        found = {name: with_index(sweep, name)[1] if name in INDICES else first[name] for name in first.data_vars}
+        found["motion"] = vi.classify(first)["motion"]
         for name, array in self.values.items():
             array[np.ix_(columns, rows)] = found[name].values
         return True
@@ -173,6 +178,8 @@ class Plane:
         names = [str(name) for name in sweep.data_vars if name == "status" or name in self.held]
         content = {name: (dims, self.array(name), sweep[name].attrs) for name in names}
         origin = {} if self.origin == Plane.origin else {"origin": f" {self.origin}"}
+        if view.worst:
+            origin = {"origin": f" from rest, none that last from the other {OTHERS}", "note": WORST}
         return xr.Dataset(content, coords=axes, attrs=sweep.attrs | origin)
 
 

@@ -43,6 +43,7 @@ FLAG = {"0": False, "1": True}
 CHOICES = {
     "index": Choice("index", _same(SHOWN), "colour by"),
     "log": Choice("log", FLAG, "logarithmic colours"),
+    "worst": Choice("worst", FLAG, "worst of 17 initial conditions"),
     "boundaries": Choice("b", FLAG, "boundaries of n = 1, 2 (some seconds)"),
     "line": Choice("line", _same("xy"), "diagram along"),
     "samples": Choice("n", _same(SAMPLES), "impacts per cell"),
@@ -80,6 +81,8 @@ class View:
         Along which axis the diagram below the plane runs, through the point.
     samples : int
         Impacts sampled per cell, after 100 left out: 200, 500, 1000, 2000 or 5000.
+    worst : bool
+        Whether a cell shows the worst of several initial conditions, not what follows from rest.
     boundaries : bool
         Whether exact boundaries are drawn over the plane.
     settled : bool
@@ -106,6 +109,7 @@ class View:
     log: bool = False
     line: str = "x"
     samples: int = 500
+    worst: bool = False
     boundaries: bool = False
     settled: bool = True
     start: State | None = None
@@ -169,7 +173,7 @@ class View:
     @property
     def plane_key(self) -> tuple[Any, ...]:
         """What the plane's cells depend on."""
-        return self.x, self.y, self.x_range, self.y_range, self.samples, self._others(self.x, self.y)
+        return *self._plane, self.samples, self.worst
 
     @property
     def point_key(self) -> tuple[Any, ...]:
@@ -185,8 +189,11 @@ class View:
     @property
     def boundary_key(self) -> tuple[Any, ...]:
         """What the boundaries depend on."""
-        *plane, _, fixed = self.plane_key
-        return (True, *plane, fixed) if self.boundaries else (False,)
+        return (True, *self._plane) if self.boundaries else (False,)
+
+    @property
+    def _plane(self) -> tuple[Any, ...]:
+        return self.x, self.y, self.x_range, self.y_range, self._others(self.x, self.y)
 
     def _others(self, *varied: str) -> tuple[Any, ...]:
         """Return the model, and its parameters that are not varied."""

@@ -10,11 +10,12 @@ import numpy as np
 from vibroimpact.cells import FASTEST
 from vibroimpact.coexistence.measuring import SPREAD
 from vibroimpact.explorer.limits import FINEST
-from vibroimpact.explorer.plane import FOLLOWED, ONLY_OTHERS, OTHERS, TRANSIENT, Curves, Line, Plane
+from vibroimpact.explorer.plane import FOLLOWED, ONLY_OTHERS, OTHERS, TRANSIENT, WORST, Curves, Line, Plane
 from vibroimpact.explorer.point import Other, Point, index_rows, plain
 from vibroimpact.explorer.shades import name_of, shades
 from vibroimpact.explorer.state import View, parameter_label, symbol, table, unit
 from vibroimpact.indices import INDICES
+from vibroimpact.plotting.diagrams import UNRANKED
 from vibroimpact.plotting.style import BOUNDARY_COLORS, GREEN, RED, STATUS_COLORS
 from vibroimpact.plotting.style import view as limits
 from vibroimpact.plotting.ticks import quantity
@@ -89,7 +90,8 @@ class PlaneView:
         }
         cells = f"stored sweep {escape(plane.stored)}" if plane.stored else f"{plane.side} × {plane.side} cells"
         took = f"computed in {plane.seconds:.1f} s" if plane.seconds else ""
-        head = f"<b>{escape(seen.title)}</b> {plane.origin} <span title='{took}'>{cells}</span>"
+        whence = WORST if view.worst and view.index not in UNRANKED else plane.origin
+        head = f"<b>{escape(seen.title)}</b> {whence} <span title='{took}'>{cells}</span>"
         legend = " ".join(_legend_entry(color, label) for color, label in seen.legend)
         parts: Parts = {"plane": picture, "#plane-head": {"html": head}, "#colours": {"html": legend}}
         if self._hatched is not None and plane is not self._hatched:  # what is hatched belongs to its plane

@@ -16,7 +16,7 @@ from functools import partial
 from itertools import count
 
 from vibroimpact.execution.threads import worker_count
-from vibroimpact.explorer.plane import KeepGoing, Plane, bands, sides
+from vibroimpact.explorer.plane import TRIED, KeepGoing, Plane, bands, sides
 
 Job = Callable[[], None]
 
@@ -308,7 +308,8 @@ class Refinement:
         jobs: list[Callable[[KeepGoing], bool]]
         if level < len(self._sides):
             urgency = Urgency.COARSE if level == 0 else Urgency.FINE
-            rectangles = bands(self._sides[level], self.plane.view.samples, self._sides[0])
+            view = self.plane.view
+            rectangles = bands(self._sides[level], view.samples * (TRIED[-1] if view.worst else 1), self._sides[0])
             jobs = [partial(self.plane.fill, *part) for part in rectangles]
         else:
             urgency, self._spent = Urgency.HATCH, 0.0

@@ -51,8 +51,10 @@ def animate(
         `.gif`, or `.mp4`, written by ffmpeg: that of the system, or of the package imageio-ffmpeg.
     seconds : float, > 0 to 120
         How long the film takes, at 25 frames a second.
-    coordinate, stop
-        As of `time_history`.
+    coordinate : int, optional
+        Of a system, which coordinate is shown, as in `time_history`.
+    stop : str, optional
+        Of a system, the stop whose clearance is shown instead.
     overwrite : bool
         Whether an existing film may be replaced.
     progress : callable, optional

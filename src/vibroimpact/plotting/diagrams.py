@@ -93,7 +93,8 @@ def _of_starts(sweep: xr.Dataset, index: str) -> xr.Dataset:
         said = f"another {'motion' if index == 'motion' else 'number'} from other initial conditions"
         own = {"note": f"{whence}, the first of {several}", HATCHED: said, "origin": f" {whence}"}
         return first.assign({HATCHED: differs}).assign_attrs(own)
-    worst = (sweep[[index]].min if index == "grazing_margin" else sweep[[index]].max)("start", keep_attrs=True)
+    extreme = np.fmin if index == "grazing_margin" else np.fmax  # of what is no number the other
+    worst = sweep[[index]].reduce(extreme.reduce, "start", keep_attrs=True)
     silent = first["status"].isin([Status.NO_IMPACT, Status.STOPPED_IMPACTING, Status.STUCK_FOREVER, Status.DECAYING])
     hits = (sweep["status"] <= Status.SHORT_WINDOW).any("start")
     others = sweep.sizes["start"] - 1
