@@ -600,7 +600,7 @@ def test_a_stored_study_is_shown_as_it_is_and_computed_on_where_one_zooms(tmp_pa
         ImpactOscillator(), omega=np.linspace(1.9, 2.1, 6), mass=np.linspace(0.9, 1.1, 5), indices=["std"],
         sample_impacts=50, store=path,
     )  # fmt: skip
-    view, look = open_study(path)
+    view, look, _ = open_study(path)
     explorer = Explorer(view, listener=heard.extend, stored=look)
     explorer.start()
     assert explorer.wait(60)

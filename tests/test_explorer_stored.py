@@ -1,12 +1,14 @@
 """Stored sweeps in the explorer: shown as they are, computed on where they end, refused where they are none."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import vibroimpact as vi
+from vibroimpact.explorer.address import from_query, to_query
 from vibroimpact.explorer.files import export
 from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.session import Explorer
@@ -35,7 +37,7 @@ def study(tmp_path, sweep):
 
 
 def test_a_study_is_seen_with_the_sampling_and_the_cells_that_it_has(study, sweep):
-    view, look = open_study(study())
+    view, look, _ = open_study(study())
     assert view.samples == 2000  # the nearest that a page may ask for
     assert (view.x_range, view.y_range) == ((pytest.approx(1.88), pytest.approx(2.12)), (0.875, 1.125))
     plane = look(view)
@@ -47,7 +49,7 @@ def test_a_study_says_from_where_its_motions_begin_and_only_what_it_knows(tmp_pa
     path = tmp_path / "began.nc"
     how = {"indices": ["n_impacts"], "sample_impacts": 200, "start": vi.State(-1.0)}
     vi.save(vi.parameter_map(ImpactOscillator(), omega=np.linspace(2.0, 3.0, 9), gap=[0.0, 9.0], **how), path)
-    view, look = open_study(path)
+    view, look, _ = open_study(path)
     plane = look(view)
     assert plane.origin == "from the stored initial condition"
     legend = [text.partition(" (")[0] for _, text in shades(plane).legend]
@@ -55,7 +57,7 @@ def test_a_study_says_from_where_its_motions_begin_and_only_what_it_knows(tmp_pa
 
 
 def test_the_cells_of_a_study_are_not_exported_as_if_they_were_computed_here(study):
-    view, look = open_study(study())
+    view, look, _ = open_study(study())
     explorer = Explorer(view, stored=look)
     explorer.start()
     assert explorer.wait(60)
@@ -68,7 +70,7 @@ def test_edges_of_cells_stay_where_parameters_may_be(tmp_path):
     path = tmp_path / "edges.nc"
     axes = {"restitution": np.linspace(0.0, 1.0, 5), "damping": np.linspace(0.0, 0.1, 5)}
     vi.save(vi.parameter_map(ImpactOscillator(), **axes, indices=["std"], sample_impacts=20), path)
-    view, _ = open_study(path)
+    view, _, _ = open_study(path)
     assert view.x_range == (0.0, 1.0)
     assert view.y_range == (0.0, pytest.approx(0.1125))
 
@@ -76,7 +78,7 @@ def test_edges_of_cells_stay_where_parameters_may_be(tmp_path):
 def test_a_store_that_vanishes_is_shown_all_the_same(tmp_path):
     path = tmp_path / "run.zarr"
     vi.parameter_map(ImpactOscillator(), omega=OMEGA, mass=MASS, indices=["std"], sample_impacts=20, store=path)
-    view, look = open_study(path)
+    view, look, _ = open_study(path)
     shutil.rmtree(path)
     explorer = Explorer(view, stored=look)
     explorer.start()
@@ -87,7 +89,7 @@ def test_a_store_that_vanishes_is_shown_all_the_same(tmp_path):
 
 
 def test_an_index_that_the_study_does_not_tell_is_computed(study):
-    view, look = open_study(study())
+    view, look, _ = open_study(study())
     explorer = Explorer(view, stored=look)
     explorer.start()
     assert explorer.wait(60)
@@ -106,7 +108,7 @@ def test_an_axis_of_a_hundred_thousand_values_needs_no_gigabyte(study, sweep):
         name: (("omega", "mass"), np.zeros((count, 2), dtype)) for name, dtype in (("std", "f8"), ("status", "i1"))
     }
     long = xr.Dataset(zeros, coords=axes, attrs=sweep.attrs)
-    view, look = open_study(study(lambda _: long))
+    view, look, _ = open_study(study(lambda _: long))
     assert look(view).stored == "study.nc, 100000 × 2 cells"
 
 
@@ -160,7 +162,7 @@ def test_a_sweep_over_the_frequency_is_shown_over_omega(tmp_path, sweep):
     vi.parameter_map(
         ImpactOscillator(), frequency=hertz, mass=MASS, indices=["std"], sample_impacts=1900, store=path, workers=1
     )
-    view, look = open_study(path)
+    view, look, _ = open_study(path)
     assert (view.x, view.y) == ("omega", "mass")
     assert view.x_range == (pytest.approx(1.88), pytest.approx(2.12))
     plane = look(view)
@@ -172,5 +174,58 @@ def test_a_frequency_held_in_the_middle_of_a_third_axis_is_the_omega_shown(tmp_p
     path = tmp_path / "three.nc"
     axes = {"mass": MASS, "gap": [0.0, 0.1, 0.2], "frequency": [0.3, 0.4, 0.5]}
     vi.save(vi.parameter_map(ImpactOscillator(), **axes, indices=["std"], sample_impacts=20, workers=1), path)
-    view, _ = open_study(path)
+    view, _, _ = open_study(path)
     assert view.osc.omega == pytest.approx(2.0 * np.pi * 0.4)
+
+
+@pytest.mark.parametrize("ending", ["zarr", "nc"])
+def test_a_sweep_of_a_ready_made_model_is_shown_with_its_own_parameters(tmp_path, ending):
+    path = tmp_path / f"pair.{ending}"
+    axes = {"frequency": np.linspace(20.0, 30.0, 4), "clearance": np.linspace(1e-3, 2e-3, 3)}
+    sweep = vi.parameter_map(
+        vi.family(vi.models.impact_pair).replace(restitution=0.5),
+        sample_impacts=30,
+        indices=["max_velocity", "std"],
+        **axes,
+    )
+    vi.save(sweep, path)
+    view, look, find = open_study(path)
+    assert (view.model, view.x, view.y, view.index) == ("impact_pair", "frequency", "clearance", "max_velocity")
+    assert view.osc.values["restitution"] == 0.5
+    assert from_query(to_query(view), find) == view
+    seen = look(view).values["max_velocity"]
+    for i, j in np.ndindex(4, 3):  # the cell in the middle of that value's
+        assert seen[32 + 64 * i, round((j + 0.5) * 256 / 3)] == sweep["max_velocity"].values[i, j]
+    assert look(replace(view, index="lyapunov")) is None  # it holds none: computed anew
+
+
+def test_a_sweep_of_a_system_is_shown_over_what_was_varied_of_its_stops(tmp_path):
+    path = tmp_path / "two.nc"
+    axes = {"upper_gap": np.linspace(0.1, 0.3, 4), "omega": np.linspace(1.0, 2.0, 3)}
+    system = vi.ImpactSystem(
+        mass=np.eye(2), stiffness=[[2.0, -1.0], [-1.0, 2.0]], damping=0.1 * np.eye(2),
+        force=vi.Force(omega=1.5, harmonics={1: [0.5, 0.0]}),
+        stops=[vi.Stop(direction=[1.0, 0.0], gap=0.2, restitution=0.7, name="upper"),
+               vi.Stop(direction=[0.0, -1.0], gap=0.4, restitution=0.7, name="lower")],
+    )  # fmt: skip
+    vi.save(vi.parameter_map(system, sample_impacts=30, by_stop=True, indices=["std"], **axes), path)
+    with pytest.raises(ValueError, match="must be a sweep over two or more"):  # by stop alone
+        open_study(path)
+    vi.save(vi.parameter_map(system, sample_impacts=30, indices=["std"], **axes), path, overwrite=True)
+    view, look, find = open_study(path)
+    assert (view.x, view.y, view.model) == ("upper_gap", "omega", "two.nc")
+    assert look(view).stored.startswith("two.nc, 4 × 3")
+    assert from_query(to_query(view), find) == view
+
+
+def test_a_sweep_of_a_family_of_ones_own_needs_the_family(tmp_path):
+    def shaker(gap: float = 0.1, omega: float = 2.0) -> vi.ImpactOscillator:
+        return vi.ImpactOscillator(gap=gap, omega=omega)
+
+    path, model = tmp_path / "own.nc", vi.family(shaker)
+    vi.save(vi.parameter_map(model, sample_impacts=30, gap=[0.1, 0.2], omega=[2.0, 2.5]), path)
+    with pytest.raises(ValueError, match=r"made from a family 'shaker'; say where that is, with --model FILE\.py:NAME"):
+        open_study(path)
+    view, look, _ = open_study(path, model, "tube.py:shaker")
+    assert (view.model, view.x, view.y) == ("tube.py:shaker", "gap", "omega")
+    assert look(view) is not None

@@ -54,7 +54,8 @@ def explore(
     store : path, optional
         A stored sweep over two or more parameters to show first: a `.zarr` folder or an `.nc` file.
     model : ImpactOscillator, ImpactSystem or family, optional
-        What to show first, in place of one mass with one stop.
+        What to show first, in place of one mass with one stop; with `store`, what that was made from, which is needed
+        of a family of one's own.
     name : str
         What links call the model; `str(model)` unless given.
     port : int, 0 to 65535, optional
@@ -110,14 +111,12 @@ def make_server(
     address = check_host(host)
     view, stored = PRESETS[0].view, None
     find: Find = only_known
-    if store is not None and model is not None:
-        raise ValueError("give either `store` or `model`, not both")
-    if model is not None:
-        view, find = opened(model, name)
     if store is not None:
         from vibroimpact.explorer.stored import open_study
 
-        view, stored = open_study(store)
+        view, stored, find = open_study(store, model, name)
+    elif model is not None:
+        view, find = opened(model, name)
     tabs = Tabs(view, stored, find)
     logging.getLogger("tornado.access").setLevel(logging.ERROR)
     fault: OSError | None = None

@@ -41,10 +41,18 @@ def opened(model: Model, name: str = "") -> tuple[View, Find]:
     One mass with one stop is what the page shows without a name.
     """
     check_model(model, "model")
+    called, find = opened_as(model, name)
+    if not called:
+        return replace(first_view(model, ""), index=View.index, samples=View.samples), find
+    return first_view(model, called), find
+
+
+def opened_as(model: Model, name: str) -> tuple[str, Find]:
+    """Return what links call a model, and what finds it by that: one mass with one stop has no name."""
     if isinstance(model, ImpactOscillator):
-        return replace(first_view(model, ""), index=View.index, samples=View.samples), only_known
+        return "", only_known
     called = printable(name or str(model)).replace(" ", "_")
-    return first_view(model, called), finder(called, model)
+    return called, finder(called, model)
 
 
 def usual_range(parameter: Parameter, value: float, made: Any) -> Range:

@@ -13,32 +13,38 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from vibroimpact import models
 from vibroimpact.classes import NEEDED, classify
-from vibroimpact.dataset import oscillator_of, variable
+from vibroimpact.dataset import model_of, variable
 from vibroimpact.explorer.limits import FINEST
+from vibroimpact.explorer.models import Find, opened_as
 from vibroimpact.explorer.plane import Plane, positions
-from vibroimpact.explorer.state import MOTION, SAMPLES, View
+from vibroimpact.explorer.state import MOTION, SAMPLES, View, table
+from vibroimpact.families import ready_made
 from vibroimpact.files import load
 from vibroimpact.indices import INDICES
-from vibroimpact.oscillator import ImpactOscillator
-from vibroimpact.parameters import check_fits
+from vibroimpact.oscillator import Model
+from vibroimpact.parameters import Parameter, check_fits
 
-NAMES = tuple(ImpactOscillator().values)  # of stored sweeps, which hold one mass with one stop
 Stored = Callable[[View], Plane | None]
 
 
-def open_study(path: str | os.PathLike[str]) -> tuple[View, Stored]:
-    """Return the view that shows all of a stored sweep, and a function that gives a session its cells.
+def open_study(path: str | os.PathLike[str], model: Model | None = None, name: str = "") -> tuple[View, Stored, Find]:
+    """Return the view that shows all of a stored sweep, what gives a session its cells, and what finds its model.
 
     Parameters
     ----------
     path : path
         A sweep over two or more parameters: a `.zarr` folder or an `.nc` file.
+    model : ImpactOscillator, ImpactSystem or family, optional
+        What it was made from: needed of a family of one's own, which no file holds.
+    name : str
+        What links call the model.
 
     Raises
     ------
     ValueError
-        It is not a sweep over two parameters of the oscillator, or exceeds the limits of a page.
+        It is not a sweep over two parameters of its model, which is not known, or exceeds the limits of a page.
     OSError
         It cannot be read.
 
@@ -48,7 +54,7 @@ def open_study(path: str | os.PathLike[str]) -> tuple[View, Stored]:
     pages are open. A frequency in Hz is shown as omega in rad/s.
     """
     try:
-        return _view_of(path)
+        return _view_of(path, model, name)
     except ValueError as error:
         where = os.fspath(path)
         raise error if where in str(error) else ValueError(f"{error} (in {where!r})") from error
@@ -56,34 +62,39 @@ def open_study(path: str | os.PathLike[str]) -> tuple[View, Stored]:
         raise OSError(f"`store` {os.fspath(path)!r} is damaged ({type(error).__name__}: {error})") from error
 
 
-def _view_of(path: str | os.PathLike[str]) -> tuple[View, Stored]:
-    sweep = _over_omega(_read(path))
+def _view_of(path: str | os.PathLike[str], model: Model | None, called: str) -> tuple[View, Stored, Find]:
+    sweep = _read(path)
+    model, called, find = _model_of(path, sweep, model, called)
+    known = table(model)
+    sweep = sweep if "frequency" in known else _over_omega(sweep)
     status = sweep.get("status")
     dims = [str(name) for name in status.dims] if status is not None else []
+    sweep = sweep.drop_vars([name for name, index in sweep.data_vars.items() if not set(index.dims) <= set(dims)])
     indices = [name for name in sweep.data_vars if name in INDICES]
-    if len(dims) < 2 or not indices or any(name not in NAMES for name in dims) or "oscillator" not in sweep.attrs:
+    if len(dims) < 2 or not indices or any(name not in known for name in dims):
         raise ValueError(
-            f"`store` must be a sweep over two or more of {', '.join(NAMES)} (or frequency for omega), got "
+            f"`store` must be a sweep over two or more of {', '.join(known)}"
+            f"{'' if 'frequency' in known else ' (or frequency for omega)'}, got "
             f"{os.fspath(path)!r} with axes {', '.join(dims) or 'none'}; make one with `vibroimpact map --out`"
         )
     for name in dims[2:]:
         sweep = sweep.isel({name: sweep.sizes[name] // 2})
-    osc = _oscillator(path, sweep).replace(**{name: float(sweep[name]) for name in dims[2:]})
+    osc = model.replace(**{name: float(sweep[name]) for name in dims[2:]})
     x, y = dims[:2]
-    ranges = {name: _edges(name, sweep[name].values) for name in (x, y)}
-    middle = {name: float(np.clip(getattr(osc, name), *ranges[name])) for name in (x, y)}
+    ranges = {name: _edges(known[name], sweep[name].values) for name in (x, y)}
+    middle = {name: float(np.clip(osc.values[name], *ranges[name])) for name in (x, y)}
     view = View(
         osc=osc.replace(**middle), x=x, y=y, x_range=ranges[x], y_range=ranges[y], index=str(indices[0]),
-        samples=_samples(sweep),
+        samples=_samples(sweep), model=called,
     )  # fmt: skip
-    plane, known = _plane(view, sweep.transpose(x, y, ...), Path(path).name)
+    plane, held = _plane(view, sweep.transpose(x, y, ...), Path(path).name)
 
     def stored(wanted: View) -> Plane | None:
-        if wanted.plane_key != view.plane_key or wanted.index not in known:
+        if wanted.plane_key != view.plane_key or wanted.index not in held:
             return None
         return replace(plane, view=wanted)
 
-    return view, stored
+    return view, stored, find
 
 
 def _read(path: str | os.PathLike[str]) -> xr.Dataset:
@@ -107,14 +118,27 @@ def _over_omega(sweep: xr.Dataset) -> xr.Dataset:
     return sweep.assign_coords(frequency=omega).rename(frequency="omega")
 
 
-def _oscillator(path: str | os.PathLike[str], sweep: xr.Dataset) -> ImpactOscillator:
+def _model_of(
+    path: str | os.PathLike[str], sweep: xr.Dataset, model: Model | None, name: str
+) -> tuple[Model, str, Find]:
+    """Return what a sweep was made from, what links call it, and what finds it by that name."""
+    file = os.fspath(path)
     try:
-        return oscillator_of(sweep)
-    except (ValueError, TypeError) as error:
+        if "model" in sweep.attrs:
+            values = json.loads(sweep.attrs["model"])
+            family = str(values.pop("family"))
+            if model is None and family not in models.__all__:
+                raise ValueError(f"it was made from a family {family!r}; say where that is, with --model FILE.py:NAME")
+            model, name = (ready_made(family), family) if model is None else (model, name)
+            return (made := model.replace(**values)), *opened_as(made, name)
+        if "system" in sweep.attrs or "oscillator" in sweep.attrs:
+            made = model_of(sweep)
+            return made, *opened_as(made, name or Path(path).name)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise ValueError(
-            f"`store` must be a sweep as `vibroimpact map --out` writes it; the oscillator of {os.fspath(path)!r} "
-            f"cannot be read ({error})"
+            f"`store` must be a sweep as `vibroimpact map --out` writes it; the model of {file!r} is unknown ({error})"
         ) from error
+    raise ValueError(f"`store` must be a sweep of a model, got {file!r}; make one with `vibroimpact map --out`")
 
 
 def _samples(sweep: xr.Dataset) -> int:
@@ -126,20 +150,20 @@ def _samples(sweep: xr.Dataset) -> int:
     return min(SAMPLES, key=lambda samples: abs(samples - wanted))
 
 
-def _edges(name: str, values: Any) -> tuple[float, float]:
+def _edges(parameter: Parameter, values: Any) -> tuple[float, float]:
     """Return the outer edges of the first and the last cell, within the parameter's range."""
     if len(values) < 2:
-        raise ValueError(f"`store` must hold two or more values of {name}, got one")
+        raise ValueError(f"`store` must hold two or more values of {parameter.name}, got one")
     if values.dtype.kind not in "fiu" or not (np.diff(values) > 0.0).all():
-        raise ValueError(f"`store` must hold increasing values of {name}; sort them")
+        raise ValueError(f"`store` must hold increasing values of {parameter.name}; sort them")
     low, high = values[0] - 0.5 * (values[1] - values[0]), values[-1] + 0.5 * (values[-1] - values[-2])
-    return _within(name, low, values[0]), _within(name, high, values[-1])
+    return _within(parameter, low, values[0]), _within(parameter, high, values[-1])
 
 
-def _within(name: str, edge: float, value: float) -> float:
+def _within(parameter: Parameter, edge: float, value: float) -> float:
     """Return the edge of a cell, or the cell's value where the edge is out of the parameter's range."""
     try:
-        return ImpactOscillator.parameters[name].check(edge)
+        return parameter.check(edge)
     except ValueError:
         return float(value)
 
