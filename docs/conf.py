@@ -48,6 +48,7 @@ sphinx_gallery_conf = {
     "backreferences_dir": "gallery/used",
     "doc_module": ("vibroimpact",),
     "abort_on_example_error": True,
+    "capture_repr": (),
     "run_stale_examples": not _RAN.exists(),
     "download_all_examples": False,
     "show_signature": False,

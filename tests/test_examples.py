@@ -26,6 +26,7 @@ def in_an_empty_folder(tmp_path, monkeypatch):
 @pytest.mark.long
 @pytest.mark.parametrize("script", sorted(EXAMPLES.glob("*/*.py")), ids=lambda script: script.stem)
 def test_an_example_finds_its_numbers_shows_a_figure_and_leaves_no_file(script, tmp_path):
+    assert "assert " in script.read_text()
     runpy.run_path(str(script), run_name="__main__")
     assert plt.get_fignums()
     assert list(tmp_path.iterdir()) == []

@@ -63,7 +63,10 @@ def draw(hits: xr.Dataset) -> plt.Figure:
 
 def main() -> None:
     """Compute, tell and draw."""
-    print("\n".join(sentences_of(vi.impact_section(tube, transient_impacts=2000, sample_impacts=600))))
+    section = vi.impact_section(tube, transient_impacts=2000, sample_impacts=600)
+    print("\n".join(sentences_of(section)))
+    counts = [int((section["stop"] == name).sum()) for name in tube.at().stop_names]
+    assert counts == [200, 200, 100, 100]  # the first support is struck twice as often as the second
     hits = hardest_hits(48)
     print(f"hardest hit of all: {float(hits['max_velocity'].max()):.3f} m/s")
     draw(hits)

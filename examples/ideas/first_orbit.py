@@ -13,6 +13,7 @@ import vibroimpact as vi
 osc = vi.ImpactOscillator(omega=0.95)
 orbit = vi.simulate(osc, periods=12)
 settled = vi.impact_section(osc, sample_impacts=200)
+assert vi.recognise(settled).name == "period-1 impact-2"
 print(vi.recognise(settled).sentence(osc.period))
 
 # %%
