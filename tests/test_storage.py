@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import shutil
@@ -210,11 +211,17 @@ def result():
 def test_every_value_of_every_variable_reaches_the_csv(tmp_path, kind, result):
     dataset = result(kind)
     path = vi.save(dataset, tmp_path / "result.csv")
-    table = pd.read_csv(path, low_memory=False, float_precision="round_trip")  # by itself pandas rounds its own way
+    with path.open(newline="") as file:  # old versions of pandas round numbers their own way
+        rows = list(csv.DictReader(file))
     for name, held in dataset.variables.items():
-        column = table[name].dropna()
-        told = {value if isinstance(value, str) else f"{value:.12g}" for value in column.tolist()}
-        assert told == entries(held), name
+        assert {shown(row[name]) for row in rows if row[name]} == entries(held), name
+
+
+def shown(text):
+    try:
+        return f"{float(text):.12g}"
+    except ValueError:
+        return text
 
 
 @pytest.mark.parametrize("kind", RESULTS)
