@@ -6,6 +6,9 @@ Seven numbers make an oscillator; what is left out has a default, all dimensionl
 unequal impacts per driving period.
 """
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 import matplotlib.pyplot as plt
 
 import vibroimpact as vi
@@ -23,3 +26,9 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), layout="constraine
 vi.plotting.time_history(orbit, ax=left)
 vi.plotting.phase_portrait(orbit, ax=right)
 plt.show()
+
+# %%
+# The same as a film, for a talk.
+
+with TemporaryDirectory() as folder:
+    vi.plotting.animate(orbit, Path(folder, "orbit.gif"), seconds=1.0)
