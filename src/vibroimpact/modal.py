@@ -40,7 +40,7 @@ class ModalForm:
     damping : (n, n) array
         D, the modal damping over the modal masses (of its row).
     decoupled : bool
-        Whether D is diagonal to rounding; its other entries are then exactly 0.
+        Whether D is diagonal; of its other entries those that rounding explains are exactly 0.
     directions, jumps : (s, n) array
         alpha = a `shapes`, and alpha over the modal masses.
     constant : (n,) array
@@ -142,9 +142,8 @@ def _linear(n: int, *entries: bytes) -> tuple[Floats, Floats, Floats, Floats, bo
     shapes = _parted(shapes, squares, mass, damping)
     masses = np.einsum("ji,jk,ki->i", shapes, mass, shapes)
     coupling = shapes.T @ damping @ shapes / masses[:, None]
-    decoupled = _is_diagonal(coupling, damping, shapes, masses, squares)
-    if decoupled:
-        coupling = np.diag(np.diag(coupling))
+    coupling[_by_rounding(coupling, damping, shapes, masses, squares)] = 0.0
+    decoupled = np.count_nonzero(coupling) == np.count_nonzero(np.diag(coupling))
     for part in (shapes, masses, squares, coupling):
         part.setflags(write=False)
     return shapes, masses, squares, coupling, decoupled
@@ -165,8 +164,8 @@ def _parted(shapes: Floats, squares: Floats, mass: Floats, damping: Floats) -> F
     return shapes
 
 
-def _is_diagonal(coupling: Floats, damping: Floats, shapes: Floats, masses: Floats, squares: Floats) -> bool:
-    """Return whether rounding explains all of the modal damping that is off the diagonal.
+def _by_rounding(coupling: Floats, damping: Floats, shapes: Floats, masses: Floats, squares: Floats) -> Any:
+    """Return which modal damping off the diagonal rounding explains.
 
     It is rounding of the products, and that of the eigenvectors: two of one group of coordinates, whose squares are
     apart by some part of the group's largest, are turned into each other by rounding over that part.
@@ -181,8 +180,7 @@ def _is_diagonal(coupling: Floats, damping: Floats, shapes: Floats, masses: Floa
     rates = np.diag(coupling)
     balance = np.sqrt(masses / masses[:, None])  # of rows over their own masses
     by_turning = np.minimum(turned, TURNED) * np.abs(rates[:, None] - rates) * balance
-    off = ~np.eye(n, dtype=bool)
-    return bool((np.abs(coupling) <= n * ROUNDING * products + by_turning)[off].all())
+    return (np.abs(coupling) <= n * ROUNDING * products + by_turning) & ~np.eye(n, dtype=bool)
 
 
 def velocity_scale(form: ModalForm) -> float:
@@ -258,27 +256,37 @@ def _free_rate(*parts: bytes) -> float:
 
 
 def steady_motion(form: ModalForm, forces: Any, motions: Any) -> tuple[dict[str, Any], Floats, Floats]:
-    """Return the steady motion without stops, with what free motion of a given energy takes of each clearance at most;
+    r"""Return the steady motion without stops, with what free motion of a given energy takes of each clearance at most;
     what the steady displacement takes of it, and the steady swing; NaN where there is no steady motion.
 
-    Modes without stiffness that no damping couples to others may drift beside it.
+    Modes without stiffness that no damping couples to others may drift beside it. Those that it couples, or that it
+    brakes under a constant load, a set B, keep :math:`c = \dot\eta_B + D_B \eta`: with :math:`\beta = D_{BB}^{-T}
+    \alpha_B` they take :math:`\beta (c - \dot\eta_B - D_{Be} \eta_e)` of a clearance, and slide at
+    :math:`D_{BB}^{-1} f_B`.
     """
     n, highest = forces.shape
     sprung = form.squares > 0.0
-    static = np.divide(form.constant, form.squares, where=sprung, out=np.zeros(n))
-    amplitudes = np.zeros((n, highest), complex)
-    for order in form.orders.tolist():
-        rate = order * form.omega
-        stiffness = np.diag(form.squares - rate**2) + 1j * rate * form.damping
-        try:
+    apart = (form.damping != 0.0) & ~np.eye(n, dtype=bool)
+    loaded = (np.diag(form.damping) > 0.0) & (form.constant != 0.0)
+    slides = ~sprung & (apart.any(axis=0) | apart.any(axis=1) | loaded)
+    own = form.damping[np.ix_(slides, slides)]
+    amplitudes, slide, held = np.zeros((n, highest), complex), np.zeros(n), np.zeros_like(form.directions)
+    try:
+        slide[slides] = np.linalg.solve(own, form.constant[slides])
+        held[:, slides] = np.linalg.solve(own.T, form.directions[:, slides].T).T
+        for order in form.orders.tolist():
+            rate = order * form.omega
+            stiffness = np.diag(form.squares - rate**2) + 1j * rate * form.damping
             amplitudes[:, order - 1] = np.linalg.solve(stiffness, forces[:, order - 1])
-        except np.linalg.LinAlgError:
-            amplitudes[:, order - 1] = np.nan
+    except np.linalg.LinAlgError:
+        slide[:] = np.nan
+    static = np.divide(form.constant - form.damping @ slide, form.squares, where=sprung, out=np.zeros(n))
     still, swung = form.directions @ static, np.abs(motions - form.directions @ amplitudes).sum(axis=1)
-    apart = form.damping - np.diag(np.diag(form.damping))
-    alone = not apart[~sprung].any() and not apart[:, ~sprung].any()
-    if not (np.isfinite([still, swung]).all() and np.isfinite(amplitudes).all() and alone):
+    if not (np.isfinite([still, swung]).all() and np.isfinite(amplitudes).all()):
         return {}, np.full_like(still, np.nan), np.full_like(still, np.nan)
-    give = (form.directions * form.jumps)[:, sprung] @ (1.0 / form.squares[sprung])
+    taken = (form.directions - held @ form.damping)[:, sprung]
+    give = taken**2 @ (1.0 / (form.masses * form.squares)[sprung]) + held**2 @ (1.0 / form.masses)
+    nearing = form.directions @ slide > n * ROUNDING * (np.abs(form.directions) @ np.abs(slide))
+    still[nearing] = np.inf
     parts = np.concatenate([static, np.stack([amplitudes.real, amplitudes.imag], -1).ravel()])
-    return {"steady": parts, "give": give}, still, swung
+    return {"steady": parts, "give": give, "slide": slide, "sliding": held}, still, swung

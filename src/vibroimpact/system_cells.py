@@ -49,7 +49,7 @@ class Shape:
             "eta": n, "rate": n, "turn": 3, "square": n, "damping": n * n, "load": n, "force": 2 * m * n,
             "alpha": s * n, "jump": s * n, "weight": n, "gap": s, "motion": 2 * m * s, "restitution": s,
             "spring": s, "dashpot": s, "law": s, "omega": 1, "scale": 1, "steady": n + 2 * m * n, "margin": s,
-            "give": s, "fastest": 1, "shapes": n * n, "time": 2,
+            "give": s, "slide": n, "sliding": s * n, "fastest": 1, "shapes": n * n, "time": 2,
         }  # fmt: skip
 
 
@@ -297,7 +297,7 @@ class SystemCells(Cells):
     def beyond(self) -> Floats:
         """Return how far in m each start lies beyond each rigid stop; 0 before it, and where that is rounding."""
         eta = self.block("eta")
-        alpha = self.block("alpha").reshape(-1, self.shape.stops, self.shape.modes)
+        alpha = self.block("alpha").reshape(len(self), self.shape.stops, self.shape.modes)
         size = np.abs(self.block("gap")) + (np.abs(alpha) @ np.abs(eta)[..., None])[..., 0]
         depth = -self._clearances(self.block("turn"), eta)
         return np.where((depth > BEYOND * size) & (self.block("spring") == 0.0), depth, 0.0)

@@ -31,6 +31,8 @@ _POWERS = {
     "omega": 1,
     "scale": 1,
     "give": -2,
+    "slide": 1,
+    "sliding": -1,
     "spring": 2,
     "dashpot": 1,
 }

@@ -88,6 +88,8 @@ class Layout(NamedTuple):
     steady: int
     margin: int
     give: int
+    slide: int
+    sliding: int
     driven: int
     halves: int
     wholes: int
@@ -135,7 +137,7 @@ def layout_of(
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
         "gap": s, "motion": 2 * m * s, "restitution": s, "law": s, "tick": 1,
         "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
-        "margin": s, "give": s, "driven": 2 * n + s,
+        "margin": s, "give": s, "slide": n, "sliding": s * n, "driven": 2 * n + s,
         "halves": flow, "wholes": flow, "within": 2 * s * flow * (giving and n == 1), "constants": 0,
         "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE,
         "stop": s * SIZE, "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1, "rows": 0,

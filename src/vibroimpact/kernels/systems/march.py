@@ -23,18 +23,18 @@ PRESSED = 100.0  # driving periods for which a stop was not let go: it will not 
 # whole periods of the first and of the last impact of the window, and the stop of the first.
 H, FLIGHT, GRANTED, MADE, HITS, STICKS, GREW = range(7)
 BEGAN, ENDED, STOP = 7, 10, 13
-# of a cycle: recorded impacts, periods, phase and stop of the impact that is known, and impacts and periods until it
-# returned
-FROM, SINCE, PHASE, AT, CHATTERED, IMPACTS, PERIODS = range(14, 21)
+# of a cycle: recorded impacts, periods, phase and stop of the impact that is known, how near it came back at best, and
+# impacts and periods until it returned
+FROM, SINCE, PHASE, AT, CHATTERED, NEAREST, IMPACTS, PERIODS = range(14, 22)
 # of an impact that is watched for: speed, stop and number, when the next one takes its place, and after how many it
 # came back; impacts that are known without having been made, and steps made beside to know them
-WATCHED, WHICH, NUMBER, NEXT, RETURNED, KNOWN, BESIDE = range(21, 28)
+WATCHED, WHICH, NUMBER, NEXT, RETURNED, KNOWN, BESIDE = range(22, 29)
 # The energy that dampers took within the window. Then of its impacts on each stop: how many, the first speed, sums of
 # what the others differ by and of squares of that, the largest speed, sums of cos wt and sin wt, and the energy lost
 # after the window's first impact, the impulse and the largest force.
 # Of its rests, in periods (and of those at any stop, in a block of their own): how long up to now, less the time now
 # while it is closed; up to the last impact, and up to the known one; in a cycle. And its closest miss.
-DRAINED, SUMS, EACH = 28, 29, 15
+DRAINED, SUMS, EACH = 29, 30, 15
 COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, THRUST, PEAK = range(10)
 RESTED, LATEST, BEFORE, RESTING, MISS = range(10, EACH)
 
@@ -62,7 +62,8 @@ def _never_again(rows, k, room):
 
     What free motion is left over the steady one has an energy E that cannot grow; so it takes at most sqrt(2 E `give`)
     of a clearance, give = alpha L^-1 M^-1 alpha, and the steady motion leaves `margin`. A mode without stiffness drifts
-    beside it, and must not drift to the stop.
+    beside it, and must not drift to the stop. Those that damping couples to others, or that it brakes under a load,
+    keep eta_B' + D_B eta, which takes `sliding` times that; see `modal.steady_motion`.
     """
     energy = 0.0
     for z in range(k.stops):
@@ -75,8 +76,15 @@ def _never_again(rows, k, room):
             y += rows[first] * a + rows[first + 1] * b
             p += (m + 1.0) * rows[k.theta] * (rows[first] * b - rows[first + 1] * a)
             a, b = a * rows[k.turn + 1] + b * rows[k.turn], b * rows[k.turn + 1] - a * rows[k.turn]
-        y, p = rows[k.eta + j] - y, rows[k.rate + j] - p
-        if rows[k.square + j] > 0.0:
+        y, p = rows[k.eta + j] - y, rows[k.rate + j] - p - rows[k.slide + j]
+        slides = rows[k.slide + j] != 0.0
+        for z in range(k.stops):
+            room.free[z] -= rows[k.sliding + z * k.modes + j] * p
+            for i in range(k.modes):
+                room.free[z] -= rows[k.sliding + z * k.modes + i] * rows[k.damping + i * k.modes + j] * y
+        for i in range(k.modes if k.coupled else 0):
+            slides |= i != j and (rows[k.damping + i * k.modes + j] != 0.0 or rows[k.damping + j * k.modes + i] != 0.0)
+        if rows[k.square + j] > 0.0 or slides:
             energy += rows[k.weight + j] * (p * p + rows[k.square + j] * y * y)
             continue
         for z in range(k.stops):
