@@ -7,6 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from systems import one_mass
+from test_system_orbits import bouncing_ball
 from vibroimpact import models
 from vibroimpact.motion import MotionClass, decide
 from vibroimpact.oscillator import ImpactOscillator
@@ -176,3 +177,29 @@ def test_one_mass_never_moves_quasi_periodically_not_even_without_loss():
         sweep = vi.parameter_map(model, omega=[3.3], start=vi.State(-0.4), indices=NAMED, sample_impacts=3000)
         assert vi.classify(sweep)["motion"].values == MotionClass.UNDECIDED
         assert "quasi_periodic" not in vi.classify(sweep)["motion"].attrs["flag_meanings"]
+
+
+# The bouncing ball's multipliers have the product r^2 and the sum 1 + r^2 - (1 + r)^2 sqrt(gamma^2 - fold^2); see
+# test_system_orbits.
+
+
+@pytest.mark.parametrize("early_closing", [False, True])
+@pytest.mark.parametrize(("restitution", "n_periods"), [(0.5, 1), (0.8, 1), (0.25, 2)])
+@pytest.mark.parametrize("multiplier", [-0.98, -0.996, -0.9995, -1.0005, -1.004])
+def test_a_cycle_that_is_reached_by_turns_from_either_side_is_not_named_double(
+    multiplier, restitution, n_periods, early_closing
+):
+    squared, fold = restitution**2, n_periods * math.pi * (1.0 - restitution) / (1.0 + restitution)
+    slope = (1.0 + squared - multiplier - squared / multiplier) / (1.0 + restitution) ** 2
+    ball = bouncing_ball(math.hypot(fold, slope), restitution)
+    orbit = vi.find_orbit(ball, n_periods=n_periods)[0]
+    assert min(abs(one - multiplier) for one in orbit.multipliers) < 1e-9
+    named = set()
+    for kick in (1e-2, 1e-4, 1e-5, 1e-6, 1e-7):
+        start = vi.State(orbit.start.displacement, (1.0 - kick) * np.array(orbit.start.velocity), orbit.start.time)
+        for sample in (200, 500, 1000, 2000):
+            (found,) = index(ball, "n_periods", start=start, transient_impacts=sample // 2, sample_impacts=sample,
+                             early_closing=early_closing)  # fmt: skip
+            named.add(int(found))
+    assert named <= ({0, n_periods} if multiplier > -1.0 else {0, 2 * n_periods})
+    assert abs(multiplier + 1.0) < 1e-3 or len(named) == 2  # it is named where it is near

@@ -30,6 +30,7 @@ from vibroimpact.kernels.systems.march import (
     HITS,
     IMPACTS,
     LATEST,
+    NEAREST,
     PERIODS,
     PHASE,
     RESTING,
@@ -165,7 +166,8 @@ def recur(rows, k, note, z, total):
     """Compare an impact of stop z, just recorded, with the one that is known, or make it the known one.
 
     It has come back if the state is the same within NEAR of V after whole periods: the next impact of a chatter that
-    completes is as near, too. Every power of two of impacts the known one is replaced.
+    completes is as near, too. Without chatter it must be as much nearer than it ever was before, or a cycle that is
+    reached by turns from either side would be named double. Every power of two of impacts the known one is replaced.
     """
     hits, n = note[HITS], k.modes
     if hits >= 2.0 * note[FROM] and hits < total:
@@ -177,6 +179,7 @@ def recur(rows, k, note, z, total):
         for y in range(k.stops + 1):
             note[SUMS + y * EACH + BEFORE] = note[SUMS + y * EACH + LATEST]
         note[CHATTERED] = note[IMPACTS] = note[PERIODS] = 0.0
+        note[NEAREST] = rows[k.speed]
         return
     if z != note[AT] or note[IMPACTS] != 0.0:
         return
@@ -185,9 +188,12 @@ def recur(rows, k, note, z, total):
     )
     for j in range(n):
         apart = max(apart, abs(rows[k.eta + j] - rows[k.known + j]), abs(rows[k.rate + j] - rows[k.known + n + j]))
-    if apart <= NEAR * rows[k.speed] and rows[k.turn + 2] - note[SINCE] > 0.5:
+    if rows[k.turn + 2] - note[SINCE] <= 0.5:
+        return
+    if apart <= NEAR * (rows[k.speed] if note[CHATTERED] > 0.0 else note[NEAREST]):
         note[IMPACTS] = -1.0 if note[CHATTERED] > 0.0 else hits - note[FROM]
         note[PERIODS] = round(rows[k.turn + 2] - note[SINCE])
         for y in range(k.stops + 1):
             at = SUMS + y * EACH
             note[at + RESTING] = note[at + LATEST] - note[at + BEFORE]
+    note[NEAREST] = min(note[NEAREST], apart)
