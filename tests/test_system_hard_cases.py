@@ -1,7 +1,11 @@
 """Systems of several coordinates and stops: identities, the witness, and hard cases, each with its outcome."""
 
+import math
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import vibroimpact as vi
 from systems import changed, impacts, linear, outcome, system, two_masses
@@ -139,6 +143,53 @@ def test_random_systems_make_the_impacts_of_the_witness():
     assert sticks > 8
 
 
+def of_whole_numbers(rng):
+    """Return a chain of small whole numbers and a speed: gaps of 0, r of 0 and 1, masses that nothing holds."""
+    n = int(rng.integers(1, 4))
+    stiffness = np.diag(rng.integers(0, 3, n)).astype(float)
+    for i in range(n - 1):
+        stiffness[i : i + 2, i : i + 2] += rng.integers(0, 3) * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    stops, known = [], set()
+    for _ in range(rng.integers(1, 4)):
+        direction = rng.integers(-1, 2, n)
+        if direction.any() and tuple(direction) not in known:  # which of two at one place is struck, rounding decides
+            known.add(tuple(direction))
+            moves = {1: float(rng.integers(-1, 2))} if rng.random() < 0.3 else {}
+            gap, ratio = float(rng.choice([0, 0, 1, 2])), float(rng.choice([0, 1, 0.5]))
+            stops.append(vi.Stop(direction=direction, gap=gap, restitution=ratio, motion=moves))
+    damping = rng.choice([0.0, 0.1, 1.0]) * np.diag(rng.integers(0, 2, n))
+    mass, load, constant = np.diag(rng.integers(1, 4, n)), rng.integers(-2, 3, n), rng.integers(-1, 2, n)
+    model = system(mass, damping, stiffness, rng.choice([1.0, 2.0, 0.5]), stops, {1: load}, constant=constant)
+    return model, (rng.integers(-1, 2, n) * rng.integers(0, 2)).astype(float)
+
+
+def test_systems_of_whole_numbers_make_the_impacts_of_the_witness():
+    """Two motions stay together until rounding decides: a stop is just touched, or struck just after another."""
+    compared = 0
+    for seed in range(80):
+        model, speed = of_whole_numbers(np.random.default_rng([23, seed]))
+        start, cut = np.zeros(len(speed)), 1e-9 * model.velocity_scale
+        try:
+            seen = follow(linear(model), start, speed, impacts=12, most_periods=20, cut=cut).impacts[:12]
+        except ValueError:  # a stop that moves squeezes a mass against another
+            continue
+        own = impacts(model, 12, start=vi.State(start.tolist(), speed.tolist()))
+        hard = 1e-6 * max([model.velocity_scale, *(event.velocity for event in seen)])
+        touched = [event.time for event in seen if event.velocity < hard]
+        touched += own["time"].values[own["velocity"].values < hard].tolist()
+        after = [(b.time, b.time - a.time) for a, b in pairwise(seen) if a.stop != b.stop]
+        touched += [time for time, since in after if 0.0 < since < 1e-3 * model.period]
+        until = min([*touched, math.inf]) - 1e-6
+        known = sorted((e.time, model.stop_names[e.stop], e.velocity) for e in seen if e.time < until)
+        found = sorted(zip(*(own[name].values.tolist() for name in ("time", "stop", "velocity")), strict=True))
+        assert len(found) >= len(known), seed
+        for one, other in zip(known, found, strict=False):
+            assert one[1] == other[1], seed
+            assert (one[0], one[2]) == pytest.approx((other[0], other[2]), rel=1e-7, abs=hard), seed
+        compared += len(known)
+    assert compared > 300
+
+
 def test_cells_of_a_map_do_not_depend_on_grid_order_or_workers():
     model, axis = two_masses(), np.linspace(5.0, 12.0, 37)
     names, window = ("std", "mean_velocity", "max_velocity"), {"transient_impacts": 30, "sample_impacts": 60}
@@ -234,6 +285,62 @@ def test_a_free_mass_that_damping_couples_to_another_is_waited_for():
     seen = follow(linear(free), [-60.0, 0.0], [-8.0, 0.0], impacts=1, cut=1e-9 * free.velocity_scale)
     assert hits["time"].values == pytest.approx([seen.impacts[0].time], rel=1e-11)
     assert seen.impacts[0].time > 4 * free.period
+
+
+@pytest.mark.parametrize("gyroscopic", [False, True])
+@pytest.mark.parametrize("load", [0.0, 0.1])
+def test_masses_that_only_dampers_hold_are_given_up_where_they_never_come_back(load, gyroscopic):
+    """Free motion from the last impact, by the exponential of the matrix, is watched over 2,000 periods."""
+    rng, outcomes = np.random.default_rng(int(100 * load) + gyroscopic), []
+    for _ in range(50):
+        n = int(rng.integers(2, 4))
+        mass, springs, dampers, turns = (rng.normal(size=(n, n)) for _ in range(4))
+        springs[int(rng.integers(1, n)) :] = 0.0
+        damping = 0.1 * (dampers @ dampers.T + gyroscopic * (turns - turns.T))
+        stop = vi.Stop(direction=rng.normal(size=n), gap=rng.uniform(0.2, 3.0), restitution=0.6)
+        drifting = system(
+            mass @ mass.T + n * np.eye(n), damping, springs.T @ springs, rng.uniform(0.5, 2.0), [stop],
+            {1: 0.3 * rng.normal(size=n)}, constant=load * rng.normal(size=n),
+        )  # fmt: skip
+        start = vi.State(np.zeros(n), rng.normal(size=n) * rng.choice([0.1, 1.0]))
+        hits = impacts(drifting, 20, start=start)
+        outcomes.append(Status(int(hits["status"])))
+        if outcomes[-1] not in (Status.NO_IMPACT, Status.STOPPED_IMPACTING):
+            continue
+        number, phase = hits.sizes["impact"], 0.0
+        if number:
+            start = follow(linear(drifting), start.displacement, start.velocity, impacts=number).end
+            phase = start.phase
+        assert clearance_ahead(drifting, start, phase) > 0.0
+    assert outcomes.count(Status.BUDGET) <= 1  # one slides by 0.05 m in 1,000 periods, and hits after 2,600
+    assert outcomes.count(Status.NO_IMPACT) + outcomes.count(Status.STOPPED_IMPACTING) > 10
+
+
+def clearance_ahead(model, state, phase):
+    """Return the least clearance of free motion from a state at a phase on, over 2,000 periods at 64 points each."""
+    n, omega, inverse, angle = len(model.mass), model.omega, np.linalg.inv(model.mass), 2.0 * math.pi * phase
+    flow = np.zeros((2 * n + 3, 2 * n + 3))  # of q, q', sin wt, cos wt, 1
+    flow[:n, n : 2 * n] = np.eye(n)
+    flow[n : 2 * n, : 2 * n] = -inverse @ np.hstack([model.stiffness, model.damping])
+    flow[n : 2 * n, 2 * n] = inverse @ model.force.harmonics[1].real
+    flow[n : 2 * n, -1] = inverse @ model.force.constant
+    flow[2 * n, 2 * n + 1], flow[2 * n + 1, 2 * n] = omega, -omega
+    step = expm(flow * model.period / 64.0)
+    now = np.hstack([state.displacement, state.velocity, math.sin(angle), math.cos(angle), 1.0])
+    block, least = np.column_stack([np.linalg.matrix_power(step, j) @ now for j in range(1, 65)]), math.inf
+    period = np.linalg.matrix_power(step, 64)
+    for _ in range(2000):
+        least = min(least, float((model.stops[0].gap - model.stops[0].direction @ block[:n]).min()))
+        block = period @ block
+    return least
+
+
+def test_a_system_without_stops_moves_freely_from_where_it_begins():
+    free = system(np.diag([1.0, 2.0]), np.zeros((2, 2)), np.diag([1.0, 8.0]), 1.3, [])
+    motion = vi.simulate(free, start=vi.State([0.3, -0.1], [0.0, 0.4]), periods=5)
+    t = motion["time"].values
+    np.testing.assert_allclose(motion["displacement"][:, 0], 0.3 * np.cos(t), atol=1e-13)
+    np.testing.assert_allclose(motion["displacement"][:, 1], 0.2 * np.sin(2 * t) - 0.1 * np.cos(2 * t), atol=1e-13)
 
 
 def test_a_system_at_rest_never_moves():
