@@ -41,6 +41,37 @@ nb_execution_timeout = 300
 numfig = True
 numpydoc_show_class_members = False
 
+# Images on pages of the API that no program of the gallery illustrates.
+_PICTURES = {
+    "explorer": (
+        "the page: parameters, a plane through two of them, and the motion at the point that was clicked",
+        "explore",
+    ),
+    "continuation": (
+        "stable and unstable branches over the driving frequency; exact boundaries over a map",
+        "switch_branch continuation.BifurcationPoint continuation.Boundary continuation.curves_through "
+        "continuation.windows.Window continuation.windows.follow_all continuation.windows.stable_windows "
+        "continuation.windows.swept_windows",
+    ),
+    "orbits": (
+        "orbits in the phase plane: stable, unstable, sticking",
+        "orbits.orbit_distance orbits.same_orbit orbits.sticking.StickingEnd orbits.sticking.find_sticking_orbit",
+    ),
+    "coexistence": ("basins of two attractors; sweeps up and down", "coexistence.Attractor"),
+    "classes": ("names of motions over driving frequency and mass", "motion.Motion motion.MotionClass"),
+    "verdict": ("two designs: time history, phase portrait, impact map", "describe verdict.Verdict impact_map"),
+    "refinement": ("a refined map, and which of its cells were computed", "to_uniform"),
+    "stability-map": ("a map of Std with its boundary", "plotting.save_figure"),
+    "machines/clamped_beam_with_stop": ("a clamped beam that hits a stop", "models.beam_modes.beam_modes"),
+    "machines/pinned_beam_with_stop": ("a pinned beam that hits a stop", "models.beam_modes.BeamModes"),
+}
+autosummary_context = {
+    "pictures": {
+        image: {"alt": alt, "names": [f"vibroimpact.{name}" for name in names.split()]}
+        for image, (alt, names) in _PICTURES.items()
+    }
+}
+
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
