@@ -170,8 +170,13 @@ def test_a_verdict_is_plain_data_and_two_are_a_table():
     assert "angular driving frequency [rad/s] *" in str(both)
     assert both.dataset["omega"].values.tolist() == [5.0, 4.6]
     assert sentences_of(both.dataset)
-    with pytest.raises(ValueError, match="print a comparison of systems"):
-        vi.plotting.comparison_figure(both.dataset)
+    for designs in (both.dataset, [verdict.oscillator for verdict in both.verdicts]):
+        axes = np.reshape(vi.plotting.comparison_figure(designs, periods=2).axes, (3, 2))
+        assert [ax.get_title().split("\n")[0] for ax in axes[0]] == [
+            f"{name}: {verdict.motion.name}" for name, verdict in zip("AB", both.verdicts, strict=True)
+        ]
+        assert ["5 rad/s" in axes[0, 0].get_title(), "4.6 rad/s" in axes[0, 1].get_title()] == [True, True]
+        assert all(TWINS.stop_names[0] in {text.get_text() for text in ax.texts} for ax in axes[:2].flat)
 
 
 def test_a_verdict_that_is_stopped_holds_what_was_found():

@@ -13,15 +13,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch, Rectangle
 
+from vibroimpact.classes import NEEDED, classify
+from vibroimpact.dataset import model_from
 from vibroimpact.figures import check_size
-from vibroimpact.motion import recognise
-from vibroimpact.oscillator import ImpactOscillator, Model, State, the_oscillator
+from vibroimpact.motion import motion_name, refined
+from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.parameters import several
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.orbits import phase_portrait, time_history
 from vibroimpact.plotting.sections import impact_map
 from vibroimpact.plotting.style import BLUE, INK, RED, on_axes
 from vibroimpact.sections import impact_section, simulate, stroboscopic_section
+from vibroimpact.sweeps import parameter_map
 
 # Positions in drawing units: frame | spring and damper | mass | clearance | stop.
 _FRAME, _MASS_LEFT, _MASS_RIGHT, _STOP = 0.0, 4.0, 6.4, 8.0
@@ -142,8 +145,9 @@ def comparison_figure(
 
     Parameters
     ----------
-    designs : xarray.Dataset or two ImpactOscillator or families
-        The `dataset` of what `vibroimpact.compare` returns, or the two designs.
+    designs : xarray.Dataset or two models
+        The `dataset` of what `vibroimpact.compare` returns, or the two designs: oscillators, systems or families. Of a
+        system the first coordinate is drawn, or the clearance of the first stop where none acts on that alone.
     names : two str
         The names of the two designs; a dataset has its own.
     periods : float, > 0
@@ -163,7 +167,7 @@ def comparison_figure(
     Notes
     -----
     Each motion starts from rest and is drawn after 1000 driving periods. Figures in a row share their
-    view unless the motions differ more than fourfold in size.
+    view unless the motions differ more than fourfold in size, or the walls of a system stand in it.
 
     Examples
     --------
@@ -174,31 +178,32 @@ def comparison_figure(
     """
     import matplotlib.pyplot as plt
 
-    oscillators, names, differing = _designs(designs, several("names", names, "two names"))
+    models, names, differing = _designs(designs, several("names", names, "two names"))
     style.load_back_end()
     with mpl.rc_context(style.STYLE):
         figure, axes = plt.subplots(3, 2, figsize=check_size(size), layout="constrained")
-    for column, (osc, name, texts) in enumerate(zip(oscillators, names, differing, strict=True)):
+    for column, (osc, name, texts) in enumerate(zip(models, names, differing, strict=True)):
         section = impact_section(osc, transient_impacts=SETTLED, sample_impacts=SAMPLED)
         motion = simulate(osc, start=_settled(osc), periods=periods)
         time_history(motion, ax=axes[0, column])
         phase_portrait(motion, ax=axes[1, column])
         impact_map(section, ax=axes[2, column])
-        axes[0, column].set_title(f"{name}: {recognise(section).name}\n{',  '.join(texts)}", fontsize=10)
-    gaps = [osc.gap for osc in oscillators]
-    _share(axes[0], "y", gaps)
-    _share(axes[1], "x", gaps)
+        axes[0, column].set_title(f"{name}: {_named(osc)}\n{',  '.join(texts)}", fontsize=10)
+    gaps = [osc.gap for osc in models if isinstance(osc, ImpactOscillator)]
+    if len(gaps) == len(models):
+        _share(axes[0], "y", gaps)
+        _share(axes[1], "x", gaps)
     _share(axes[1], "y")
     if all(ax.lines for ax in axes[2]):
         _share(axes[2], "y")
     return figure
 
 
-Designs = tuple[list[ImpactOscillator], list[str], list[list[str]]]
+Designs = tuple[list[Any], list[str], list[list[str]]]
 
 
 def _designs(designs: Any, names: Sequence[str]) -> Designs:
-    """Return the oscillators of two designs, their names, and the parameters in which they differ, as text."""
+    """Return the oscillators or systems of two designs, their names, and what they differ in, as text."""
     if isinstance(designs, xr.Dataset) and designs.attrs.get("function") == "compare":
         return _compared(designs)
     models = designs if isinstance(designs, (list, tuple)) else ()
@@ -206,31 +211,35 @@ def _designs(designs: Any, names: Sequence[str]) -> Designs:
         a, b = (model.values for model in models)
         differing = [name for name in a if a[name] != b.get(name)]
         texts = [[labels.parameter_text(name, model) for name in differing if name in model.values] for model in models]
-        return [the_oscillator(model) for model in models], [str(name) for name in names], texts
-    allowed = "the dataset of a comparison, or two oscillators with two names"
+        return [model.at() for model in models], [str(name) for name in names], texts
+    allowed = "the dataset of a comparison, or two models with two names"
     raise labels.refused("designs", designs, allowed, "pass for example compare(a, b).dataset")
 
 
 def _compared(dataset: xr.Dataset) -> Designs:
     """Return the designs of a comparison from its dataset."""
-    if "system" in dataset.attrs:
-        raise ValueError(
-            "`designs` must be of one mass with one stop; print a comparison of systems, or save its dataset"
-        )
-    oscillators = [ImpactOscillator(**values) for values in json.loads(dataset.attrs["arguments"])["oscillators"]]
-    own = json.loads(dataset.attrs.get("model", dataset.attrs["oscillator"]))
+    models = [model_from(plain) for plain in json.loads(dataset.attrs["arguments"])["oscillators"]]
+    own = json.loads(dataset.attrs["model"]) if "model" in dataset.attrs else models[0].values
     parameters = [dataset[name] for name in own if name in dataset]
     differing = [(labels.described(pair), pair.values) for pair in parameters if pair.values[0] != pair.values[1]]
     texts = [[labels.held_text(symbol, values[i], units) for (_, units, symbol), values in differing] for i in range(2)]
-    return oscillators, [str(name) for name in dataset["design"].values], texts
+    return models, [str(name) for name in dataset["design"].values], texts
 
 
-def _settled(osc: ImpactOscillator) -> State | None:
+def _named(model: Model) -> str:
+    """Return the name of the motion that a start from rest settles to."""
+    window: dict[str, Any] = {"transient_impacts": SETTLED, "sample_impacts": SAMPLED}
+    cell = classify(parameter_map(model, omega=[model.at().omega], indices=NEEDED[:-1], **window)).isel(omega=0)
+    return motion_name(int(refined(cell["motion"], cell["status"])), int(cell["n_periods"]), int(cell["n_impacts"]))
+
+
+def _settled(model: Model) -> State | None:
     """Return the state of the settled motion at phase 0; None if it has none. An impact there counts as before it."""
-    looks = stroboscopic_section(osc, transient_periods=SETTLED, sample_periods=1)
+    looks = stroboscopic_section(model, transient_periods=SETTLED, sample_periods=1)
     if not looks.sizes["period"]:
         return None
-    return State(min(float(looks["displacement"][0]), osc.gap), float(looks["velocity"][0]))
+    displacement, velocity = (looks[name][0].values.tolist() for name in ("displacement", "velocity"))
+    return State(min(displacement, model.gap) if isinstance(model, ImpactOscillator) else displacement, velocity)
 
 
 def _share(axes: Sequence[Axes], along: str, gaps: Sequence[float] | None = None) -> None:
