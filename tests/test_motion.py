@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.optimize import brentq
 
 import vibroimpact as vi
 from vibroimpact.dataset import impact_speed, provenance, status_variable, variable
@@ -189,3 +190,21 @@ def test_a_cycle_longer_than_half_the_samples_is_not_claimed():
 )
 def test_the_default_oscillator_moves_as_it_is_known_to(omega, name):
     assert recognise(vi.impact_section(vi.ImpactOscillator(omega=omega))).name == name
+
+
+@pytest.mark.parametrize("multiplier", [-0.98, -0.996, -0.9995])
+def test_a_motion_that_turns_from_one_side_to_the_other_is_not_named_double(multiplier):
+    """Before a period doubling, from near and far, over short and long samples."""
+
+    def orbit_at(omega):
+        found = vi.find_orbit(vi.ImpactOscillator(omega=omega), n_periods=1)
+        return min((one for one in found if one.admissible), key=lambda one: one.multipliers[0].real)
+
+    omega = brentq(lambda at: min(m.real for m in orbit_at(at).multipliers) - multiplier, 2.65, 2.65392, xtol=1e-12)
+    start, names = orbit_at(omega).start, set()
+    for kick in (1e-2, 1e-4, 1e-5, 1e-6, 1e-7):
+        begun = vi.State(start.displacement, start.velocity * (1.0 - kick), start.time)
+        for sample in (50, 200, 500, 1000, 2000):
+            window = {"transient_impacts": sample // 2, "sample_impacts": sample}
+            names.add(recognise(vi.impact_section(vi.ImpactOscillator(omega=omega), start=begun, **window)).name)
+    assert names == {"period-1 impact-1", "undecided"}

@@ -301,21 +301,28 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
 def recurrence(*columns: NDArray[Any], tolerance: float = 1e-6, longest: int = 64) -> int:
     """Return the fewest samples after which all columns, or else their second halves, repeat; 0 if they do not.
 
-    `tolerance` is relative to a column's largest modulus. Phases are given as points exp(2 pi i phase). No cycle longer
-    than half of the samples is found.
+    Each cycle must be the last one within `tolerance`, relative to a column's largest modulus, and so by its root
+    nearer than after fewer samples: a motion that still drifts, or turns from one side to the other, has no cycle yet.
+    Phases are given as points exp(2 pi i phase). No cycle longer than half of the samples is found.
     """
     settled = [column[len(column) // 2 :] for column in columns]
     return _repeats(columns, tolerance, longest) or _repeats(settled, tolerance, longest)
 
 
 def _repeats(columns: Sequence[NDArray[Any]], tolerance: float, longest: int) -> int:
-    pairs = [(column, tolerance * np.abs(column).max(initial=0.0)) for column in columns]
+    sized = [column / (np.abs(column).max(initial=0.0) or 1.0) for column in columns]
+    nearest = 1.0
     for p in range(1, min(longest, len(columns[0]) // 2) + 1):
-        if any(abs(column[p] - column[0]) > most for column, most in pairs):
-            continue  # the first pair rules most candidates out
-        if all(np.abs(column[p:] - column[:-p]).max() <= most for column, most in pairs):
+        apart = max(_apart(column, p) for column in sized)
+        if apart <= tolerance and apart <= math.sqrt(tolerance) * nearest:
             return p
+        nearest = min(nearest, apart)
     return 0
+
+
+def _apart(column: NDArray[Any], p: int) -> float:
+    """Return how far cycles of p samples are at most from the last one."""
+    return float(np.abs(column[len(column) % p :].reshape(-1, p) - column[-p:]).max())
 
 
 def cycle_length(velocity: Floats, phase: Floats, *, tolerance: float = 1e-6, longest: int = 64) -> int:
