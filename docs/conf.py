@@ -61,7 +61,11 @@ _PICTURES = {
     "classes": ("names of motions over driving frequency and mass", "motion.Motion motion.MotionClass"),
     "verdict": ("two designs: time history, phase portrait, impact map", "describe verdict.Verdict impact_map"),
     "refinement": ("a refined map, and which of its cells were computed", "to_uniform"),
-    "stability-map": ("a map of Std with its boundary", "plotting.save_figure"),
+    "stability-map": (
+        "a map of Std with its boundary, as it is drawn from a sweep that was saved",
+        "save load plotting.save_figure plotting.default_kind",
+    ),
+    "model": ("the model of the paper: mass, spring, damper, sine force, clearance and stop", "studies.lee.run"),
     "machines/clamped_beam_with_stop": ("a clamped beam that hits a stop", "models.beam_modes.beam_modes"),
     "machines/pinned_beam_with_stop": ("a pinned beam that hits a stop", "models.beam_modes.BeamModes"),
 }
