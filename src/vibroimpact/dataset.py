@@ -190,13 +190,16 @@ def oscillator_of(dataset: xr.Dataset) -> ImpactOscillator:
 
 def model_of(dataset: xr.Dataset) -> ImpactOscillator | ImpactSystem:
     """Return the oscillator or the system a result was made from."""
-    return oscillator_of(dataset) if "oscillator" in dataset.attrs else model_from(json.loads(dataset.attrs["system"]))
+    return oscillator_of(dataset) if "oscillator" in dataset.attrs else _system_of(json.loads(dataset.attrs["system"]))
 
 
 def model_from(plain: dict[str, Any]) -> ImpactOscillator | ImpactSystem:
     """Return the oscillator or the system whose plain numbers these are."""
-    if "stops" not in plain:
-        return ImpactOscillator(**plain)
+    return _system_of(plain) if "stops" in plain else ImpactOscillator(**plain)
+
+
+def _system_of(plain: dict[str, Any]) -> ImpactSystem:
+    """Return the system whose `plain` numbers these are."""
 
     def waves(found: Mapping[str, Any]) -> dict[int, Any]:
         return {int(order): np.array(real) + 1j * np.array(imag) for order, (real, imag) in found.items()}
