@@ -46,7 +46,7 @@ def _skip_turns(lanes, i, note, transient, total, finish):
     note[RELEASES] = lane.load_rests(lanes, i).releases
     note[TURN], note[TURN + 1], note[TURN + 2], note[TURN + 3] = now
     note[TURN + 4], note[TURN + 5] = phases.turn_s, phases.turn_c
-    if not framed or hits == 0.0:
+    if not framed or hits == 0.0 or now.hits >= total:  # past the window impacts are no longer counted
         return
     note[RATIO] = hits / periods
     if kept or not finish:
