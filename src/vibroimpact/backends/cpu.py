@@ -29,10 +29,10 @@ from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.flight import REACH
 from vibroimpact.kernels.lanes import LANES, ROWS, TRACED_ROWS
-from vibroimpact.kernels.machine import BLOCK
 from vibroimpact.kernels.recorder import END, IDLE, MEMORY, Recorder, begin, record, record_lanes, state_of
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
 from vibroimpact.kernels.runner import follow_cell, run_cells
+from vibroimpact.kernels.vectors import LANES as BLOCK
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 from vibroimpact.system_cells import SystemCells

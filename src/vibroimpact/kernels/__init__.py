@@ -1,4 +1,4 @@
-"""Scalar, branch-free, allocation-free kernels: one certified step of one impact oscillator.
+"""Allocation-free kernels: one certified step of one impact oscillator, or of as many as a vector has lanes.
 
 Symbols here, words above. Within a cell lengths of time are counted in steps, x = tau/h with
 h = H/L and L the fastest rate of the cell, so every rate carries a factor h:

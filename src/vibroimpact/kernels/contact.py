@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import math
 
-from vibroimpact.kernels.machine import fma, inner, select
+from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.vectors import fma, select
 
 FAR = 4.0  # stands for "no root on this step"; anything above 1 would do
 
@@ -43,22 +44,25 @@ def _tail_from_7(a, A):
 
 
 @inner(forceinline=True)
-def _shift(leaving, at_rest, at_release, a0, a1, a2, a3):
-    return select(at_release, a3, select(at_rest, a2, select(leaving, a1, a0)))
+def _shift(leaving, at_rest, at_release, resting, a0, a1, a2, a3):
+    first = select(leaving, a1, a0)
+    if resting:
+        return select(at_release, a3, select(at_rest, a2, first))
+    return first
 
 
 @inner(forceinline=True)
-def certified_step(a, A, leaving, at_rest, at_release):
+def certified_step(a, A, leaving, at_rest, at_release, resting):
     """Return an x in (0, 1] such that u > 0 on all of (0, x), from the coefficients of u and the drive A.
 
     `leaving`: the flight starts at the stop. `at_rest`: with zero velocity too. `at_release`: with zero
-    acceleration too. Each includes the next.
+    acceleration too. Each includes the next. `resting`: whether there is one at rest among the lanes.
     """
-    q0 = _shift(leaving, at_rest, at_release, a[0], a[1], a[2], a[3])
-    q1 = _shift(leaving, at_rest, at_release, a[1], a[2], a[3], a[4])
-    q2 = _shift(leaving, at_rest, at_release, a[2], a[3], a[4], a[5])
-    q3 = _shift(leaving, at_rest, at_release, a[3], a[4], a[5], a[6])
-    q4 = _shift(leaving, at_rest, at_release, a[4], a[5], a[6], a[7])
+    q0 = _shift(leaving, at_rest, at_release, resting, a[0], a[1], a[2], a[3])
+    q1 = _shift(leaving, at_rest, at_release, resting, a[1], a[2], a[3], a[4])
+    q2 = _shift(leaving, at_rest, at_release, resting, a[2], a[3], a[4], a[5])
+    q3 = _shift(leaving, at_rest, at_release, resting, a[3], a[4], a[5], a[6])
+    q4 = _shift(leaving, at_rest, at_release, resting, a[4], a[5], a[6], a[7])
     # Only efficiency hangs on X: half a step if the contact seems to lie within, else a whole one.
     half = fma(0.5, fma(0.5, fma(0.5, fma(0.5, q4, q3), q2), q1), q0)
     X = select(half < 0.0, 0.5, 1.0)
@@ -66,7 +70,7 @@ def certified_step(a, A, leaving, at_rest, at_release):
     t6 = fma(t7, X, _negative(a[6]))
     t5 = fma(t6, X, _negative(a[5]))
     t4 = fma(t5, X, _negative(a[4]))
-    cubic = fma(_shift(leaving, at_rest, at_release, t4, t5, t6, t7), X, q3)
+    cubic = fma(_shift(leaving, at_rest, at_release, resting, t4, t5, t6, t7), X, q3)
     # The tangent costs slope near x = 0: worth it only where that does not bring a false contact near.
     slope = cubic * X * X
     tangent = (cubic > 0.0) & (2.0 * slope < -q1)

@@ -18,8 +18,9 @@ import math
 
 from numba import njit
 
-from vibroimpact.kernels.machine import fma, inner, select
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.state import Motion
+from vibroimpact.kernels.vectors import anywhere, fma, no, select
 
 # A full step is at most H radians of the fastest rate. What the series leaves out after degree 18 is about H^18/18! of
 # the motion's size in its rate: 2e-16 at the end of a whole step of H = 1. Leaps do the longer ways.
@@ -175,13 +176,13 @@ def product(a, b):
 
 @inner(forceinline=True)
 def undamped_flow(du, dp, C, K, x):
-    """Carry a deviation over x <= 12 steps of free flight, its decay exp(-C x/2) left out.
+    """Carry a deviation over x <= 24 steps of free flight, its decay exp(-C x/2) left out.
 
     With z = (K - C^2/4) x^2 the flow is exp(-C x/2) [[cos + C/2 s, s], [-K s, cos - C/2 s]], cos = cos sqrt z and
-    s = x sin(sqrt z)/sqrt z, both power series in z, whatever its sign; here of a sixteenth of the way, doubled four
+    s = x sin(sqrt z)/sqrt z, both power series in z, whatever its sign; here of a part of the way, doubled five
     times. What is doubled is w = 1 - cos, which keeps its digits where the angle is small.
     """
-    half, part = 0.5 * C, 0.0625 * x
+    half, part = 0.5 * C, x / 32.0
     z = fma(half, half, -K) * part * part
     w = fma(z, 1 / 87178291200, 1 / 479001600)
     w = fma(z, w, 1 / 3628800)
@@ -196,7 +197,7 @@ def undamped_flow(du, dp, C, K, x):
     sine = fma(z, sine, 1 / 120)
     sine = fma(z, sine, 1 / 6)
     sine = part * fma(z, sine, 1.0)
-    for _ in range(4):
+    for _ in range(5):
         sine = 2.0 * sine * (1.0 - w)
         w = 2.0 * w * (2.0 - w)
     cosine, mean = 1.0 - w, half * sine
@@ -213,19 +214,22 @@ def least_gap(a, x, p1, q1, lands):
     half = 0.5 * x
     p0, middle = a[1], evaluate_roughly(a, half)[1]
     early = (p0 < 0.0) & (middle > 0.0)
-    late = (middle < 0.0) & (p1 > 0.0) & (lands == False)  # noqa: E712
-    # In its half the rate is taken as the parabola through both ends, with the slope at the outer one.
-    outer = select(early, p0, p1)
-    slope = half * select(early, 2.0 * a[2], -q1)
-    bend = middle - outer - slope
-    t = outer / (outer - middle)
-    inverse = 1.0 / fma(2.0 * t, bend, slope)
-    better = fma(-fma(t, fma(t, bend, slope), outer), inverse, t)
-    improved = (better > 0.0) & (better < 1.0)
-    t = half * select(improved, better, t)
-    u, p = evaluate_roughly(a, select(early, t, x - t))
-    lower = fma(-0.5 * p * p, half * select(improved, abs(inverse), 0.0), u)
-    return select((early | late) & (lower > 0.0), lower, NONE)
+    late = (middle < 0.0) & (p1 > 0.0) & no(lands)
+    dips, least = early | late, select(early, NONE, NONE)
+    if anywhere(dips):
+        # In its half the rate is taken as the parabola through both ends, with the slope at the outer one.
+        outer = select(early, p0, p1)
+        slope = half * select(early, 2.0 * a[2], -q1)
+        bend = middle - outer - slope
+        t = outer / (outer - middle)
+        inverse = 1.0 / fma(2.0 * t, bend, slope)
+        better = fma(-fma(t, fma(t, bend, slope), outer), inverse, t)
+        improved = (better > 0.0) & (better < 1.0)
+        t = half * select(improved, better, t)
+        u, p = evaluate_roughly(a, select(early, t, x - t))
+        lower = fma(-0.5 * p * p, half * select(improved, abs(inverse), 0.0), u)
+        least = select(dips & (lower > 0.0), lower, NONE)
+    return least
 
 
 @inner

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from numba import njit
 
-from vibroimpact.kernels.advance import STATE, TRACE, advance, step_at
+from vibroimpact.kernels.advance import RELEASE, STATE, TRACE, advance, step_at
 from vibroimpact.kernels.leaps import leap
-from vibroimpact.kernels.machine import BLOCK, each_lane, inner
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.observers import (
     Deviation,
     Misses,
@@ -34,6 +34,8 @@ from vibroimpact.kernels.observers import (
     turn,
 )
 from vibroimpact.kernels.state import Constants, Motion, kept
+from vibroimpact.kernels.vectors import LANES as BLOCK
+from vibroimpact.kernels.vectors import anywhere, give
 
 LANES = 32
 
@@ -55,46 +57,50 @@ TRACED_ROWS = CELL + TRACE - STATE
 
 
 @inner(forceinline=True)
-def _move(lanes, i):
+def _move(lanes, i, wide):
     """Take lane i on; return its constants, and what `advance` gives."""
-    k = load_constants(lanes, i)
-    motion, event, v, x, ready, flown = advance(load_motion(lanes, i), k)
-    store_motion(lanes, i, motion)
-    return k, motion, event, v, x, ready, flown
+    k = load_constants(lanes, i, wide)
+    motion, event, v, x, leapt = advance(load_motion(lanes, i, wide), k)
+    store_motion(lanes, i, motion, wide)
+    return k, motion, event, v, x, leapt
 
 
 @inner(forceinline=True)
-def _counted(lanes, i, event, transient, total):
+def _counted(lanes, i, event, transient, total, wide):
     """Return the recorded impacts of lane i after an event, and whether it adds one, which is kept, first or last.
 
     Impacts past `total` no longer count.
     """
-    count, hit = count_impact(load_sums(lanes, i).hits, event, total)
+    count, hit = count_impact(load_sums(lanes, i, wide).hits, event, total)
     return count, hit, hit & (count > transient), hit & (count == transient + 1.0), hit & (count == total)
 
 
 @inner(forceinline=True)
-def observe(lanes, i, motion, event, v, x, transient, total):
+def observe(lanes, i, motion, event, v, x, transient, total, wide):
     """Observe the step of lane i that led to a motion."""
-    count, hit, kept, first, last = _counted(lanes, i, event, transient, total)
-    found = sums(load_sums(lanes, i), count, v, first, kept)
-    store_sums(lanes, i, found)
-    store_turn(lanes, i, turn(load_turn(lanes, i), motion, event, found))
-    store_first(lanes, i, stamp(load_first(lanes, i), motion, first))
-    store_last(lanes, i, stamp(load_last(lanes, i), motion, last))
-    store_rests(lanes, i, rests(load_rests(lanes, i), event, x, count, transient, total))
-    store_recurrence(lanes, i, recurrence(load_recurrence(lanes, i), v, count, hit))
+    count, hit, kept, first, last = _counted(lanes, i, event, transient, total, wide)
+    found = sums(load_sums(lanes, i, wide), count, v, first, kept)
+    store_sums(lanes, i, found, wide)
+    if anywhere(event == RELEASE):
+        store_turn(lanes, i, turn(load_turn(lanes, i, wide), motion, event, found), wide)
+    if anywhere(first | last):
+        store_first(lanes, i, stamp(load_first(lanes, i, wide), motion, first), wide)
+        store_last(lanes, i, stamp(load_last(lanes, i, wide), motion, last), wide)
+    store_rests(lanes, i, rests(load_rests(lanes, i, wide), event, x, count, transient, total), wide)
+    store_recurrence(lanes, i, recurrence(load_recurrence(lanes, i, wide), v, count, hit), wide)
 
 
 @inner(forceinline=True)
-def observe_thoroughly(lanes, i, k, motion, event, v, x, ready, flown, transient, total):
-    """Observe all that can be observed of the step of lane i that led from `ready`, after leaps, to a motion."""
+def observe_thoroughly(lanes, i, k, motion, event, v, x, leapt, transient, total, wide):
+    """Observe all that can be observed of the step of lane i that led from where it had `leapt` to a motion."""
     # Near-misses come first, while the step's coefficients are at hand: 2 % of a step.
-    count, _, kept, first, last = _counted(lanes, i, event, transient, total)
-    store_misses(lanes, i, misses(load_misses(lanes, i), ready, motion, k, event, x - flown, count, transient, total))
-    store_deviation(lanes, i, deviation(load_deviation(lanes, i), motion, k, event, v, x, first, last))
-    store_phases(lanes, i, phases(load_phases(lanes, i), motion, event, kept))
-    observe(lanes, i, motion, event, v, x, transient, total)
+    count, _, kept, first, last = _counted(lanes, i, event, transient, total, wide)
+    store_misses(
+        lanes, i, misses(load_misses(lanes, i, wide), leapt, motion, k, event, x, count, transient, total), wide
+    )
+    store_deviation(lanes, i, deviation(load_deviation(lanes, i, wide), motion, k, event, v, x, first, last), wide)
+    store_phases(lanes, i, phases(load_phases(lanes, i, wide), motion, event, kept), wide)
+    observe(lanes, i, motion, event, v, x, transient, total, wide)
 
 
 @inner(forceinline=True)
@@ -104,44 +110,24 @@ def observe_walked(lanes, i, k, trace, row, transient, total, facts):
     motion, event, v, x = step_at(trace, row, 1, 0)
     store_motion(lanes, i, motion)
     if facts is None:
-        observe(lanes, i, motion, event, v, x, transient, total)
+        observe(lanes, i, motion, event, v, x, transient, total, None)
     else:
-        ready, flown = leap(before, k)
-        observe_thoroughly(lanes, i, k, motion, event, v, x, ready, flown, transient, total)
+        observe_thoroughly(lanes, i, k, motion, event, v, x, leap(before, k), transient, total, None)
     return event
 
 
 @njit(error_model="numpy", forceinline=True)
-def step_lane(lanes, i, transient, total):
-    """Make one certified step in lane i and observe it."""
-    _, motion, event, v, x, _, _ = _move(lanes, i)
-    observe(lanes, i, motion, event, v, x, transient, total)
+def step_lane(lanes, i, transient, total, wide=None):
+    """Make one certified step in lane i, or with `wide` in all of a block from there on, and observe it."""
+    _, motion, event, v, x, _ = _move(lanes, i, wide)
+    observe(lanes, i, motion, event, v, x, transient, total, wide)
 
 
 @njit(error_model="numpy", forceinline=True)
-def step_thorough_lane(lanes, i, transient, total):
-    """Make one certified step in lane i and observe all that can be observed."""
-    k, motion, event, v, x, ready, flown = _move(lanes, i)
-    observe_thoroughly(lanes, i, k, motion, event, v, x, ready, flown, transient, total)
-
-
-@inner(forceinline=True)
-def _plain(lanes, i, transient, total):
-    step_lane(lanes, i, transient, total)
-
-
-@inner(forceinline=True)
-def _thorough(lanes, i, transient, total):
-    step_thorough_lane(lanes, i, transient, total)
-
-
-@inner(forceinline=True)
-def _traced(lanes, i, transient, total):
-    _, _, event, v, x, _, _ = _move(lanes, i)
-    lanes[CELL * LANES + i], lanes[(CELL + 1) * LANES + i], lanes[(CELL + 2) * LANES + i] = event, v, x
-
-
-_block_plain, _block_thorough, _block_traced = (each_lane(step) for step in (_plain, _thorough, _traced))
+def step_thorough_lane(lanes, i, transient, total, wide=None):
+    """Do what `step_lane` does, and observe all that can be observed."""
+    k, motion, event, v, x, leapt = _move(lanes, i, wide)
+    observe_thoroughly(lanes, i, k, motion, event, v, x, leapt, transient, total, wide)
 
 
 @njit(error_model="numpy", nogil=True)
@@ -149,7 +135,7 @@ def step_lanes(lanes, number, steps, transient, total):
     """Make `steps` certified steps in each of so many lanes, and in those that fill their last block."""
     for _ in range(steps):
         for first in range(0, number, BLOCK):
-            _block_plain(lanes[first:], transient, total)
+            step_lane(lanes, first, transient, total, 0)
 
 
 @njit(error_model="numpy", nogil=True)
@@ -157,17 +143,18 @@ def step_thorough_lanes(lanes, number, steps, transient, total):
     """Make `steps` certified steps in each of so many lanes, all observers at work."""
     for _ in range(steps):
         for first in range(0, number, BLOCK):
-            _block_thorough(lanes[first:], transient, total)
+            step_thorough_lane(lanes, first, transient, total, 0)
 
 
 @njit(error_model="numpy", nogil=True)
 def trace_lanes(lanes, trace):
     """Make as many certified steps in every lane as the trace has rows, and leave each in its row."""
     for k in range(len(trace)):
-        for first in range(0, LANES, BLOCK):
-            _block_traced(lanes[first:], 0.0, 0.0)
         row = trace[k]
+        for first in range(0, LANES, BLOCK):
+            _, _, event, v, x, _ = _move(lanes, first, 0)
+            give(row, STATE * LANES + first, 0, event)
+            give(row, (STATE + 1) * LANES + first, 0, v)
+            give(row, (STATE + 2) * LANES + first, 0, x)
         for j in range(STATE * LANES):
             row[j] = lanes[j]
-        for j in range((TRACE - STATE) * LANES):
-            row[STATE * LANES + j] = lanes[CELL * LANES + j]

@@ -24,7 +24,8 @@ from __future__ import annotations
 
 from numba import njit
 
-from vibroimpact.kernels.machine import fma, inner, select
+from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.vectors import fma, select
 
 NEVER = 1e300  # stands for 2 r/(1 - r) at r = 1, where chatter does not end
 COMPLETES = 0.6  # of the time to release: beyond it the leading order of t1 proves nothing
@@ -94,14 +95,13 @@ def _angle_to_release_at_least(s, c, k):
 
 
 @inner(forceinline=True)
-def rebound(v, s, c, k):
-    """Return the speed after an impact of speed v (0: stays), and whether a chatter's tail was closed by it."""
+def chatters(v, s, c, k):
+    """Return whether the mass stays at the stop after an impact below the cut: its chatter is complete, or slow."""
     push = fma(k.A, s, -k.G)
     duration = k.tail * v  # times push: t1 = duration / push
     reach = COMPLETES * _angle_to_release_at_least(s, c, k)
     complete = (duration < SHORT * push) & ((k.G <= -k.A) | (duration * k.th < reach * push))
-    held = (v < k.cut) & (push > 0.0) & (k.r < 1.0) & (complete | (v < HOLD * k.cut))
-    return select(held, 0.0, speed_after(v, k.r)), held
+    return (push > 0.0) & (k.r < 1.0) & (complete | (v < HOLD * k.cut))
 
 
 @inner(forceinline=True)

@@ -10,8 +10,8 @@ v >= 0 the difference d = u - v has d'' + C d' + K d <= 0, and it vanishes at bo
 cannot vanish twice within X, as (K - C^2/4) X^2 < pi^2, has a Green's function of one sign (Sturm): d >= 0. And v > 0
 inside where sqrt(u0) + sqrt(u1) > sqrt(q) (theory, equation 2.2), for any damping, and from the stop itself (u0 = 0).
 
-A leap that is not certified changes nothing. None is made over a least gap (the rate rises through zero): near-misses
-are looked for in full steps.
+A leap that is not certified changes nothing. At most one of those before a step passes a least gap (the rate rises
+through zero), so that one look finds the near-miss of all of them.
 """
 
 from __future__ import annotations
@@ -21,27 +21,44 @@ import math
 from numba import njit
 
 from vibroimpact.kernels.flight import BARELY, coefficients, evaluate
-from vibroimpact.kernels.machine import fma, inner, select
-from vibroimpact.kernels.state import Flow, Leap, Motion
+from vibroimpact.kernels.machine import inner, whole
+from vibroimpact.kernels.state import Flow, Leap, Leapt, Motion, chosen
+from vibroimpact.kernels.vectors import anywhere, fma, least, most, no, select
 
-# In steps, radians of the fastest rate: both below pi. Of some 400 sequences of 3 to 6 leaps of 0.4 to 2.8 none takes
-# clearly less time an impact, at w = 2, 2.8 and over 0.05 to 5, than the one in `leap`. Both are doubled from half a
-# step, over which the series loses nothing.
-SHORT, LONG = 1.0, 2.0
+TURN = 2.0 * math.pi
+
+# In steps, radians of the fastest rate: FAR for LONG where the force is FAST times faster than the mass swings and than
+# its velocity decays: there it flies over whole periods, nearly straight, and a longer chord loses little. All are
+# doubled from parts of at most 0.825, over which the series loses nothing.
+SHORT, LONG, FAR = 1.0, 2.0, 3.3
+FAST = 3.0
+LONGS = 6
 
 
 @njit(error_model="numpy")
 def leaps_of(C, K, A, G, th):
-    """Return the short and the long leap: the flow over half a step, doubled, and doubled again."""
-    part = 0.5 * SHORT
+    """Return the short and the long leap."""
+    far = FAST * max(C, math.sqrt(K)) < th
+    return _leap_over(SHORT, C, K, A, G, th), _leap_over(FAR if far else LONG, C, K, A, G, th)
+
+
+@inner
+def _leap_over(X, C, K, A, G, th):
+    """Return the leap over X <= FAR: the flow over a part of it, doubled, with the bound of its certificate."""
+    part, doublings = (0.5 * X, 1) if X == SHORT else (0.25 * X, 2)
     uu, pu = _flown(1.0, 0.0, 0.0, 0.0, C, K, 0.0, 0.0, th, part)
     up, pp = _flown(0.0, 1.0, 0.0, 0.0, C, K, 0.0, 0.0, th, part)
     us, ps = _flown(0.0, 0.0, 1.0, 0.0, C, K, A, 0.0, th, part)
     uc, pc = _flown(0.0, 0.0, 0.0, 1.0, C, K, A, 0.0, th, part)
     ug, pg = _flown(0.0, 0.0, 0.0, 0.0, C, K, 0.0, G, th, part)
-    half = Flow(uu, up, pu, pp, us, uc, ug, ps, pc, pg, math.sin(th * part), math.cos(th * part))
-    short = _doubled(half)
-    return _bounded(short, C, A, G, SHORT), _bounded(_doubled(short), C, A, G, LONG)
+    flow = Flow(uu, up, pu, pp, us, uc, ug, ps, pc, pg, math.sin(th * part), math.cos(th * part))
+    for _ in range(doublings):
+        flow = _doubled(flow)
+    stretched = math.expm1(C * X) / C if C > 0.0 else X
+    bend = 0.25 * stretched**2
+    if th * X < math.pi:
+        return Leap(flow, push=bend * A, load=bend * G, X=X)
+    return Leap(flow, push=0.0, load=bend * (G + A), X=X)  # over more than half a turn the least sine is -1
 
 
 @inner(forceinline=True)
@@ -68,54 +85,58 @@ def _doubled(a):
     )
 
 
-@inner
-def _bounded(flow, C, A, G, X):
-    """Return a flow over X <= pi with the bound of its certificate."""
-    stretched = math.expm1(C * X) / C if C > 0.0 else X
-    bend = 0.25 * stretched**2
-    return Leap(flow, push=bend * A, load=bend * G)
-
-
 @njit(error_model="numpy", forceinline=True)
 def stays_clear(u0, u1, half):
     """Return whether the gap, u0 >= 0 and u1 at the ends, stays open between them; `half` is q/2 (see above)."""
-    short = max(fma(-0.5, u1, fma(-0.5, u0, half)), 0.0)
+    short = most(fma(-0.5, u1, fma(-0.5, u0, half)), 0.0)
     return (u1 > 0.0) & (u0 * u1 >= short * short)
 
 
 @inner(forceinline=True)
-def _leap(u, p, s, c, flown, over, X):
-    by = over.flow
+def flown_over(motion, by):
+    """Return the motion at the end of a flow; its driving periods are not counted."""
+    u, p, s, c, n = motion
     u1 = fma(by.uu, u, by.up * p) + fma(by.us, s, fma(by.uc, c, by.ug))
     p1 = fma(by.pu, u, fma(by.pp, p, fma(by.ps, s, fma(by.pc, c, by.pg))))
-    s1 = fma(s, by.cosine, c * by.sine)
-    c1 = fma(c, by.cosine, -s * by.sine)
+    return Motion(u1, p1, fma(s, by.cosine, c * by.sine), fma(c, by.cosine, -s * by.sine), n)
+
+
+@inner(forceinline=True)
+def _leap(leapt, over):
+    """Return where leaps have come to after one more, which is made where it is certified."""
+    at, dip = leapt.at, leapt.dip
+    to = flown_over(at, over.flow)
     # The least sine on the way: -1 where the cosine rises through zero, else at an end.
-    least = select((c < 0.0) & (c1 > 0.0), -1.0, min(s, s1))
-    leaps = stays_clear(u, u1, fma(-over.push, least, over.load)) & ((p >= 0.0) | (p1 <= 0.0))
-    return (
-        select(leaps, u1, u),
-        select(leaps, p1, p),
-        select(leaps, s1, s),
-        select(leaps, c1, c),
-        flown + select(leaps, X, 0.0),
+    lowest = select((at.c < 0.0) & (to.c > 0.0), -1.0, least(at.s, to.s))
+    dips = (at.p < 0.0) & (to.p > 0.0)
+    leaps = stays_clear(at.u, to.u, fma(-over.push, lowest, over.load)) & no(dips & leapt.dips)
+    dips = dips & leaps
+    return Leapt(
+        at=chosen(leaps, to, at),
+        steps=leapt.steps + select(leaps, over.X, 0.0),
+        dips=leapt.dips | dips,
+        dip=chosen(dips, at, dip),
     )
 
 
 @njit(error_model="numpy", forceinline=True)
 def leap(motion, k):
-    """Return the motion as near to the next contact as leaps carry it, and the steps passed."""
-    u, p, s, c, n = motion
-    u, p, s1, c, flown = _leap(u, p, s, c, 0.0, k.short, SHORT)
-    u, p, s1, c, flown = _leap(u, p, s1, c, flown, k.long, LONG)
-    u, p, s2, c, flown = _leap(u, p, s1, c, flown, k.long, LONG)
-    u, p, s3, c, flown = _leap(u, p, s2, c, flown, k.long, LONG)
-    u, p, s3, c, flown = _leap(u, p, s3, c, flown, k.short, SHORT)
-    periods = _passed(s, s1) + _passed(s1, s2) + _passed(s2, s3)
-    return Motion(u, p, s3, c, n + periods), flown
+    """Return where leaps carry a motion, as near to the next contact as they can."""
+    never = motion.u < motion.u
+    leapt = _leap(Leapt(motion, select(never, motion.u, 0.0), never, motion), k.short)
+    for _ in range(LONGS):
+        before = leapt.steps
+        leapt = _leap(leapt, k.long)
+        if no(anywhere(leapt.steps > before)):
+            break
+    leapt = _leap(leapt, k.short)
+    at = leapt.at
+    # The periods that begin on the way: what is turned, less the difference of the phases, is a whole number.
+    begun = fma(k.th * leapt.steps, 1.0 / TURN, _roughly(motion.s, motion.c) - _roughly(at.s, at.c))
+    return Leapt(Motion(at.u, at.p, at.s, at.c, motion.n + whole(begun)), leapt.steps, leapt.dips, leapt.dip)
 
 
 @inner(forceinline=True)
-def _passed(s, s1):
-    """Return the periods that begin between two sines less than half a turn apart: leaps of at most 3 steps."""
-    return select((s < -BARELY) & (s1 >= -BARELY), 1.0, 0.0)
+def _roughly(s, c):
+    """Return a phase, from 0 to 1, to 0.06."""
+    return 0.25 * select(s < -BARELY, 3.0 + c, 1.0 - c)

@@ -12,9 +12,11 @@ from typing import NamedTuple
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, STUCK
 from vibroimpact.kernels.flight import NONE, acceleration, least_gap, series, undamped_flow
 from vibroimpact.kernels.law import across_impact, pressed
-from vibroimpact.kernels.machine import fma, inner, select
+from vibroimpact.kernels.leaps import flown_over
+from vibroimpact.kernels.machine import inner, whole
+from vibroimpact.kernels.state import chosen
+from vibroimpact.kernels.vectors import anywhere, fma, least, no, select
 
-WHOLE = 6755399441055744.0  # 1.5 * 2^52: adding and taking it away again rounds to a whole number
 FOLD = 1.6069380442589903e60  # 2^200: a power of two rescales without rounding
 DEVIATION = (1.0, 0.7)  # a tangent vector to begin with, in a direction that no cell singles out
 
@@ -180,7 +182,7 @@ def recurrence(old, v, count, hit):
     """
     back = hit & (abs(v - old.speed) < old.near) & (old.candidate == 0.0)
     moves = hit & (count == old.following)
-    stride = (0.125 * count + WHOLE) - WHOLE
+    stride = whole(0.125 * count)
     following = count + select(stride > 32.0, stride, 32.0)
     return Recurrence(
         speed=select(moves, v, old.speed),
@@ -195,7 +197,7 @@ def recurrence(old, v, count, hit):
 def deviation(old, motion, k, event, v, x, first, last):
     """Carry a tangent vector over a step; a hold erases what came before."""
     held = (event == RELEASE) | (event == STUCK)
-    contact = (motion.u <= 0.0) & (held == False)  # noqa: E712
+    contact = (motion.u <= 0.0) & no(held)
     du, dp = undamped_flow(old.du, old.dp, k.C, k.K, x)
     du1, dp1 = across_impact(du, dp, v, motion.s, k)
     du = select(held, DEVIATION[0], select(contact, du1, du))
@@ -223,17 +225,34 @@ def phases(old, motion, event, kept):
 
 
 @inner(forceinline=True)
-def misses(old, before, after, k, event, x, count, transient, total):
-    """Look for a near-miss in the step, and count releases."""
+def misses(old, leapt, after, k, event, x, count, transient, total):
+    """Look for near-misses in the step and in the leap that passed a least gap, and count releases."""
+    before = leapt.at
     held = (event == RELEASE) | (event == STUCK)
-    contact = (after.u <= 0.0) & (held == False)  # noqa: E712
+    contact = (after.u <= 0.0) & no(held)
     # The coefficients are those of the step itself: the compiler computes them once.
     at_release = (before.u <= 0.0) & (before.p == 0.0) & pressed(before.s, before.c, k)[1]
     a = series(before, k, at_release)
-    least = least_gap(a, x, after.p, acceleration(after.u, after.p, after.s, k), contact)
-    least = select(held, NONE, least)
+    margin = least_gap(a, x - leapt.steps, after.p, acceleration(after.u, after.p, after.s, k), contact)
+    margin = select(held, NONE, margin)
+    if anywhere(leapt.dips):
+        margin = least(margin, _least_in_leap(leapt, k))
     within = (count > transient) & (count < total)
     return Misses(
-        margin=select(within & (least < old.margin), least, old.margin),
+        margin=select(within & (margin < old.margin), margin, old.margin),
         releases=old.releases + select(event == RELEASE, 1.0, 0.0),
     )
+
+
+@inner(forceinline=True)
+def _least_in_leap(leapt, k):
+    """Return the least gap that a leap of at most FAR passed, or NONE."""
+    start = leapt.dip
+    end = flown_over(start, k.short.flow)
+    for _ in range(3):  # on to the step in which the rate rises through zero
+        falls = end.p < 0.0
+        start = chosen(falls, end, start)
+        end = chosen(falls, flown_over(end, k.short.flow), end)
+    never = end.p < end.p
+    a = series(start, k, never)
+    return select(leapt.dips, least_gap(a, 1.0, end.p, acceleration(end.u, end.p, end.s, k), never), NONE)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any, NamedTuple, get_type_hints
 
 from numba import njit
+
+from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.vectors import give, select, take
 
 
 class Motion(NamedTuple):
@@ -16,6 +18,18 @@ class Motion(NamedTuple):
     s: float
     c: float
     n: float
+
+
+@inner(forceinline=True)
+def chosen(condition, yes, no):
+    """Return one of two motions."""
+    return Motion(
+        select(condition, yes.u, no.u),
+        select(condition, yes.p, no.p),
+        select(condition, yes.s, no.s),
+        select(condition, yes.c, no.c),
+        select(condition, yes.n, no.n),
+    )
 
 
 class Flow(NamedTuple):
@@ -36,11 +50,21 @@ class Flow(NamedTuple):
 
 
 class Leap(NamedTuple):
-    """A flow, and what gives q/2 = load - push sin wt in its certificate."""
+    """A flow over X, and what gives q/2 = load - push sin wt in its certificate."""
 
     flow: Flow
     push: float
     load: float
+    X: float
+
+
+class Leapt(NamedTuple):
+    """Where leaps have come to, the steps they passed, whether one passed a least gap, and where that one began."""
+
+    at: Motion
+    steps: float
+    dips: bool
+    dip: Motion
 
 
 class Constants(NamedTuple):
@@ -69,31 +93,35 @@ class Constants(NamedTuple):
 def kept(first: int, stride: int, *kinds: Any) -> tuple[Any, ...]:
     """Return the functions load(array, i) and store(array, i, value) of each named tuple kept in a flat array.
 
-    Entries are `stride` apart: entry k is `array[k * stride + i]`. The tuples follow one another from entry `first` on;
-    the entry after them is returned last. The places are written out, so that the compiler sees constant distances
-    between all of them.
+    Entries are `stride` apart: entry k is `array[k * stride + i]`, or with `wide` (not None) as many from there on as a
+    value of lanes holds. The tuples follow one another from entry `first` on; the entry after them is returned last.
+    The places are written out, so that the compiler sees constant distances between all of them.
     """
     pairs = []
     inlined = njit(error_model="numpy", forceinline=True)
     for kind in kinds:
-        functions: dict[str, Any] = {}
-        written, last = _places(kind, first, stride, functions)
-        exec(f"def load(array, i): return {written}", functions)
-        taken = re.sub(r"\w+\(", "(", written)
-        exec(f"def store(array, i, value): {taken} = value", functions)
+        functions: dict[str, Any] = {"take": take, "give": give}
+        written, stored, last = _places(kind, "value", first, stride, functions)
+        exec(f"def load(array, i, wide=None): return {written}", functions)
+        exec(f"def store(array, i, value, wide=None): {'; '.join(stored)}", functions)
         pairs.append((inlined(functions["load"]), inlined(functions["store"])))
         first = last
     return *pairs, first
 
 
-def _places(kind: Any, first: int, stride: int, kinds: dict[str, Any]) -> tuple[str, int]:
-    """Return the expression that makes a named tuple, nested ones too, from a flat array, and the entry after it."""
+def _places(kind: Any, name: str, first: int, stride: int, kinds: dict[str, Any]) -> tuple[str, list[str], int]:
+    """Return the expression that makes a named tuple, nested ones too, from a flat array, the statements that store the
+    one of this name there, and the entry after it.
+    """
     kinds[kind.__name__] = kind
-    parts = []
-    for part in get_type_hints(kind).values():
+    parts, stored = [], []
+    for field, part in get_type_hints(kind).items():
         if issubclass(part, tuple):
-            written, first = _places(part, first, stride, kinds)
+            written, more, first = _places(part, f"{name}.{field}", first, stride, kinds)
+            stored += more
         else:
-            written, first = f"array[{first * stride} + i]", first + 1
+            place = f"array, {first * stride} + i, wide"
+            written, first = f"take({place})", first + 1
+            stored.append(f"give({place}, {name}.{field})")
         parts.append(written)
-    return f"{kind.__name__}({', '.join(parts)})", first
+    return f"{kind.__name__}({', '.join(parts)})", stored, first

@@ -13,13 +13,16 @@ from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
+from llvmlite.binding import get_host_cpu_features
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
-from vibroimpact.kernels.machine import WIDTH
+from vibroimpact.kernels.machine import inner
 
-LANES = 2 * WIDTH  # one value: two registers, so that what one waits for the other fills
+# One value is two registers of 512 bits, or of 256, so that what one waits for the other fills; where the processor has
+# narrower ones than a value is made for, most of it is spilled.
+LANES = 16 if get_host_cpu_features().get("avx512f") else 8
 _NUMBERS = ir.VectorType(ir.DoubleType(), LANES)
 _TRUTHS = ir.VectorType(ir.IntType(1), LANES)
 
@@ -140,20 +143,41 @@ def select(typingctx: Any, condition: Any, yes: Any, no: Any) -> Any:
     return (NUMBERS if wide else types.float64)(condition, yes, no), codegen
 
 
-# A flat array holds rows of LANES numbers; with None in the place of `wide` it holds one lane.
+@intrinsic
+def no(typingctx: Any, truth: Any) -> Any:
+    """Return what is true where this is not."""
+
+    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.not_(values[0])
+
+    return truth(truth), codegen
+
+
+@inner(forceinline=True)
+def least(a, b):
+    """Return the smaller one."""
+    return select(a < b, a, b)
+
+
+@inner(forceinline=True)
+def most(a, b):
+    """Return the larger one."""
+    return select(a > b, a, b)
+
+
+# A flat array holds rows of numbers; with None in the place of `wide` one number is meant.
 
 
 def _address(context: Any, builder: Any, signature: Any, values: Any) -> tuple[Any, bool]:
     array = context.make_array(signature.args[0])(context, builder, values[0])
     wide = signature.args[2] is not types.none
-    at = builder.mul(values[1], values[1].type(LANES)) if wide else values[1]
-    place = builder.gep(array.data, [at])
+    place = builder.gep(array.data, [values[1]])
     return (builder.bitcast(place, _NUMBERS.as_pointer()) if wide else place), wide
 
 
 @intrinsic
-def get(typingctx: Any, array: Any, row: Any, wide: Any) -> Any:
-    """Return a row's numbers, or the one number."""
+def take(typingctx: Any, array: Any, place: Any, wide: Any) -> Any:
+    """Return the numbers from a place on, or the one number there."""
 
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         place, _ = _address(context, builder, signature, values)
@@ -165,8 +189,8 @@ def get(typingctx: Any, array: Any, row: Any, wide: Any) -> Any:
 
 
 @intrinsic
-def put(typingctx: Any, array: Any, row: Any, wide: Any, value: Any) -> Any:
-    """Store a row's numbers, or the one number."""
+def give(typingctx: Any, array: Any, place: Any, wide: Any, value: Any) -> Any:
+    """Store numbers from a place on, or the one number there."""
 
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         place, many = _address(context, builder, signature, values)
@@ -180,6 +204,18 @@ def put(typingctx: Any, array: Any, row: Any, wide: Any, value: Any) -> Any:
         return context.get_dummy_value()
 
     return types.none(array, types.intp, wide, value), codegen
+
+
+@inner(forceinline=True)
+def get(array, row, wide):
+    """Return a row's numbers, or the one number."""
+    return take(array, row if wide is None else row * LANES, wide)
+
+
+@inner(forceinline=True)
+def put(array, row, wide, value):
+    """Store a row's numbers, or the one number."""
+    give(array, row if wide is None else row * LANES, wide, value)
 
 
 @intrinsic
