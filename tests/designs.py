@@ -22,8 +22,8 @@ RARE = vi.ImpactOscillator(omega=0.95, gap=6.0, damping=0.02)
 # Rests that only rounding repeats, and the hardest hit (m/s) of the period-1 impact-1 motion that they end in.
 RESTS = {
     5.411: vi.ImpactOscillator(mass=0.2649, damping=0.00462, omega=4.9795, restitution=0.91, gap=-0.7844),
-    1.381: vi.ImpactOscillator(mass=1.531, damping=0.0265, omega=2.4113, restitution=0.899, gap=-0.8022),
-    2.114: vi.ImpactOscillator(mass=2.069, damping=0.0193, omega=1.741, restitution=0.908, gap=-0.771),
+    1.381: vi.ImpactOscillator(mass=1.531, damping=0.0265, omega=2.4113, restitution=0.899, gap=-0.80236),
+    2.114: vi.ImpactOscillator(mass=2.069, damping=0.0193, omega=1.741, restitution=0.908, gap=-0.77096),
 }
 
 

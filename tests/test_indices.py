@@ -39,7 +39,7 @@ def growths(cell, transient, impacts):
     a0, a1, b0, b1 = 1.0, 0.0, 0.0, 1.0
     stretch, area, passed, number = 0.0, 0.0, 0.0, 0
     while number < transient + impacts:
-        motion, event, v, x, _, _ = advance(motion, k)
+        motion, event, v, x, _ = advance(motion, k)
         if event == RELEASE:
             return math.nan, math.nan, math.nan
         m0, m1, m2, m3 = flow(k.C, k.K, x)

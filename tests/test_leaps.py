@@ -6,10 +6,10 @@ import pytest
 from numba import njit
 from scipy.linalg import expm
 
-from vibroimpact.kernels.advance import CLOSE, _touch_down
+from vibroimpact.kernels.advance import FLIGHT, IMPACT, _step
 from vibroimpact.kernels.cell import Cell, prepare
 from vibroimpact.kernels.flight import flow
-from vibroimpact.kernels.leaps import LONG, SHORT, leap, stays_clear
+from vibroimpact.kernels.leaps import FAR, LONG, SHORT, leap, stays_clear
 from vibroimpact.kernels.state import Motion
 
 POINTS = 200
@@ -18,7 +18,8 @@ REGIMES = {"light": (1e-4, 0.1), "heavy": (0.3, 1.5), "overdamped": (1.5, 50.0)}
 
 @njit
 def leapt(motion, k):
-    return leap(motion, k)
+    found = leap(motion, k)
+    return found.at, found.steps
 
 
 @njit
@@ -27,8 +28,8 @@ def clear(u0, u1, half):
 
 
 @njit
-def touched(u, p, s, c, k):
-    return _touch_down(u, p, s, c, k)
+def stepped(motion, k):
+    return _step(motion, k)
 
 
 def random_constants(rng, regime):
@@ -82,7 +83,9 @@ def test_nothing_is_touched_on_the_way_and_the_end_is_exact(regime):
         states = course(motion, k, flown)
         assert (states[1:, 0] > 0.0).all()
         size = np.abs(states[:, :2]).max() + k.A + abs(k.G)
-        np.testing.assert_allclose(after[:2], arrival(motion, k, flown), rtol=0.0, atol=2e-15 * size)
+        np.testing.assert_allclose(
+            after[:2], arrival(motion, k, flown), rtol=0.0, atol=2e-15 * size * max(1.0, flown / 8.0)
+        )
         begun = np.arctan2(motion.s, motion.c)
         ended = begun + flown * k.th
         assert (after.s, after.c) == pytest.approx((np.sin(ended), np.cos(ended)), abs=4e-15)
@@ -91,12 +94,18 @@ def test_nothing_is_touched_on_the_way_and_the_end_is_exact(regime):
 
 
 @pytest.mark.parametrize("regime", REGIMES)
-@pytest.mark.parametrize("length", [SHORT, LONG])
+@pytest.mark.parametrize("length", [SHORT, LONG, FAR])
 def test_no_arc_that_passes_the_stop_is_certified_however_little(regime, length):
     # From a least gap of -depth the arc is followed back and on: the certificate sees its ends alone.
+    if regime != "light" and length == FAR:
+        pytest.skip("only light damping is leapt over so far")
+    share = 0.7 if regime == "heavy" else 0.8
     rng, near, sharp = np.random.default_rng(11), 0, 0
-    for _ in range(400):
+    for _ in range(2000):
         k = random_constants(rng, regime)
+        over = k.short if length == SHORT else k.long
+        if length != over.X:
+            continue
         angle, before = rng.uniform(0.0, 2.0 * np.pi), length * rng.random()
         s, c = np.sin(angle), np.cos(angle)
         if k.G - k.A * s <= 0.0:
@@ -106,40 +115,44 @@ def test_no_arc_that_passes_the_stop_is_certified_however_little(regime, length)
         start, end = (course(lowest, k, x)[-1] for x in (-before, length - before))
         sine = np.sin(angle + k.th * np.linspace(-before, length - before, POINTS))
         sides = [course(lowest, k, x)[:, 0].min() for x in (-before, length - before)]
-        over = k.long if length == LONG else k.short
         half = over.load - over.push * sine.min()
         if start[0] > 0.0 and end[0] > 0.0:
             near += 1
             assert not (clear(start[0], end[0], half) and min(sides) <= 0.0)
-            sharp += clear(start[0], end[0], 0.8**2 * half) and min(sides) <= 0.0
+            sharp += clear(start[0], end[0], share**2 * half) and min(sides) <= 0.0
     assert near > 50
-    assert sharp > 0 or regime == "overdamped"  # with 0.8 of the bound it would pass some
+    assert sharp > 0 or regime == "overdamped"  # with a share of the bound it would pass some
 
 
 @pytest.mark.parametrize("regime", REGIMES)
-def test_a_touch_down_is_the_first_contact_to_rounding(regime):
+def test_a_contact_is_the_first_one_to_rounding(regime):
     rng, made = np.random.default_rng(5), 0
-    for _ in range(600):
+    for _ in range(1200):
         k = random_constants(rng, regime)
-        motion = random_motion(rng, k)._replace(p=-(10.0 ** rng.uniform(-3, 1)) * (k.A + abs(k.G)))
-        motion = motion._replace(u=-motion.p * CLOSE * rng.random())
-        close, d, rate, s, c = touched(*motion[:4], k)
-        if not close:
+        motion = random_motion(rng, k)._replace(p=-(10.0 ** rng.uniform(-4, 1)) * (k.A + abs(k.G)))
+        motion = motion._replace(u=-motion.p * 10.0 ** rng.uniform(-6, 0))
+        after, event, speed, x = stepped(motion, k)
+        states = course(motion, k, x)
+        assert (states[1:-1, 0] > 0.0).all()
+        size = np.abs(states[:, :2]).max() + k.A + abs(k.G)
+        if event == FLIGHT:
+            np.testing.assert_allclose(after[:2], states[-1, :2], rtol=0.0, atol=1e-15 * size)
             continue
         made += 1
-        states = course(motion, k, d)
-        assert (states[:-1, 0] > 0.0).all()
-        assert abs(states[-1, 0]) < 1e-15 * (abs(motion.p) + k.A)
-        assert rate == pytest.approx(states[-1, 1], rel=1e-14, abs=4e-15 * (k.A + np.abs(states[:, 1]).max()))
-        assert (k.A * s, k.A * c) == pytest.approx(tuple(states[-1, 2:4]), abs=1e-15 * k.A)
-    assert made > 100
+        assert (event, after.u, after.p) == (IMPACT, 0.0, k.r * speed)
+        assert abs(states[-1, 0]) < 1e-15 * size
+        assert -speed == pytest.approx(states[-1, 1], rel=1e-14, abs=2e-15 * size)
+        assert (k.A * after.s, k.A * after.c) == pytest.approx(tuple(states[-1, 2:4]), abs=1e-15 * k.A)
+    assert made > 300
 
 
 @pytest.mark.parametrize("regime", REGIMES)
-@pytest.mark.parametrize("x", [1e-6, 0.3, 1.0, 4.4, 9.0])
+@pytest.mark.parametrize("x", [1e-6, 0.3, 1.0, 4.4, 9.0, 22.8])
 def test_neighbours_are_carried_over_leaps_exactly(regime, x):
     rng = np.random.default_rng(3)
     for _ in range(20):
         k = random_constants(rng, regime)
         exact = np.array(mpmath.expm(mpmath.matrix(equation(k)[:2, :2]) * x).tolist(), float).ravel()
-        np.testing.assert_allclose(flow(k.C, k.K, x), exact, rtol=0.0, atol=2e-14 * np.abs(exact).max())
+        np.testing.assert_allclose(
+            flow(k.C, k.K, x), exact, rtol=0.0, atol=2e-14 * max(1.0, x / 9.0) * np.abs(exact).max()
+        )

@@ -11,7 +11,7 @@ import pytest
 
 import vibroimpact as vi
 from designs import RARE
-from vibroimpact.backends import get_backend
+from vibroimpact.backends import ImpactWindow, get_backend
 from vibroimpact.coexistence import attractors
 from vibroimpact.coexistence.measuring import Runner, Start, cells_of
 from vibroimpact.continuation import continue_orbit
@@ -176,7 +176,7 @@ def test_a_bisected_boundary_parts_motions_of_different_names(chaotic):
             assert boundary.accuracy.startswith("to within")
             there = chaotic.oscillator.replace(**{boundary.parameter: boundary.beyond_at})
             starts = [Start(0.0, 0.3, phase) for phase in (0.1, 0.35, 0.6, 0.85)]
-            motions = runner.measure(cells_of([there] * 4, starts))
+            motions = runner.measure(cells_of([there] * 4, starts), ImpactWindow(10_000, 5000))
             assert boundary.beyond in {motion.name for motion in motions}
             seen += 1
     assert seen == 4
