@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 from collections.abc import Callable
 from functools import cache, partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,24 @@ from numba import njit, types
 from numba.core import config as _config
 from numba.extending import intrinsic
 from platformdirs import user_cache_dir
+
+
+def _import_without_scipy(name: str) -> None:
+    """Import a module of Numba's that looks for SciPy's linear algebra: no kernel needs it, and it takes 0.2 s.
+
+    Whoever compiles a matrix product of their own still finds it: SciPy is there, as Numba is then told.
+    """
+    blas = "scipy.linalg.cython_blas"
+    if name in sys.modules or blas in sys.modules:
+        return
+    sys.modules[blas] = None  # type: ignore[assignment]
+    try:
+        import_module(name).__dict__["_HAVE_BLAS"] = True
+    finally:
+        del sys.modules[blas]
+
+
+_import_without_scipy("numba.np.arraymath")
 
 # Numba fills its settings in at run time, unseen by type checkers.
 config: Any = _config
