@@ -60,9 +60,10 @@ TRACED_ROWS = CELL + TRACE - STATE
 def _move(lanes, i, wide):
     """Take lane i on; return its constants, and what `advance` gives."""
     k = load_constants(lanes, i, wide)
-    motion, event, v, x, leapt = advance(load_motion(lanes, i, wide), k)
+    before = load_motion(lanes, i, wide)
+    motion, event, v, x, leapt = advance(before, k)
     store_motion(lanes, i, motion, wide)
-    return k, motion, event, v, x, leapt
+    return k, before, motion, event, v, x, leapt
 
 
 @inner(forceinline=True)
@@ -91,13 +92,14 @@ def observe(lanes, i, motion, event, v, x, transient, total, wide):
 
 
 @inner(forceinline=True)
-def observe_thoroughly(lanes, i, k, motion, event, v, x, leapt, transient, total, wide):
-    """Observe all that can be observed of the step of lane i that led from where it had `leapt` to a motion."""
+def observe_thoroughly(lanes, i, k, before, motion, event, v, x, leapt, transient, total, wide):
+    """Observe all that can be observed of the step of lane i that led from `before`, by way of leaps, to a motion."""
     # Near-misses come first, while the step's coefficients are at hand: 2 % of a step.
-    count, _, kept, first, last = _counted(lanes, i, event, transient, total, wide)
-    store_misses(
-        lanes, i, misses(load_misses(lanes, i, wide), leapt, motion, k, event, x, count, transient, total), wide
-    )
+    # They are those of the flight that began with the impact before.
+    _, _, kept, first, last = _counted(lanes, i, event, transient, total, wide)
+    begun = load_sums(lanes, i, wide).hits
+    found = misses(load_misses(lanes, i, wide), before, leapt, motion, k, event, x, begun, transient, total)
+    store_misses(lanes, i, found, wide)
     store_deviation(lanes, i, deviation(load_deviation(lanes, i, wide), motion, k, event, v, x, first, last), wide)
     store_phases(lanes, i, phases(load_phases(lanes, i, wide), motion, event, kept), wide)
     observe(lanes, i, motion, event, v, x, transient, total, wide)
@@ -112,22 +114,22 @@ def observe_walked(lanes, i, k, trace, row, transient, total, facts):
     if facts is None:
         observe(lanes, i, motion, event, v, x, transient, total, None)
     else:
-        observe_thoroughly(lanes, i, k, motion, event, v, x, leap(before, k), transient, total, None)
+        observe_thoroughly(lanes, i, k, before, motion, event, v, x, leap(before, k), transient, total, None)
     return event
 
 
 @njit(error_model="numpy", forceinline=True)
 def step_lane(lanes, i, transient, total, wide=None):
     """Make one certified step in lane i, or with `wide` in all of a block from there on, and observe it."""
-    _, motion, event, v, x, _ = _move(lanes, i, wide)
+    _, _, motion, event, v, x, _ = _move(lanes, i, wide)
     observe(lanes, i, motion, event, v, x, transient, total, wide)
 
 
 @njit(error_model="numpy", forceinline=True)
 def step_thorough_lane(lanes, i, transient, total, wide=None):
     """Do what `step_lane` does, and observe all that can be observed."""
-    k, motion, event, v, x, leapt = _move(lanes, i, wide)
-    observe_thoroughly(lanes, i, k, motion, event, v, x, leapt, transient, total, wide)
+    k, before, motion, event, v, x, leapt = _move(lanes, i, wide)
+    observe_thoroughly(lanes, i, k, before, motion, event, v, x, leapt, transient, total, wide)
 
 
 @njit(error_model="numpy", nogil=True)
@@ -152,7 +154,7 @@ def trace_lanes(lanes, trace):
     for k in range(len(trace)):
         row = trace[k]
         for first in range(0, LANES, BLOCK):
-            _, _, event, v, x, _ = _move(lanes, first, 0)
+            _, _, _, event, v, x, _ = _move(lanes, first, 0)
             give(row, STATE * LANES + first, 0, event)
             give(row, (STATE + 1) * LANES + first, 0, v)
             give(row, (STATE + 2) * LANES + first, 0, x)

@@ -10,8 +10,7 @@ v >= 0 the difference d = u - v has d'' + C d' + K d <= 0, and it vanishes at bo
 cannot vanish twice within X, as (K - C^2/4) X^2 < pi^2, has a Green's function of one sign (Sturm): d >= 0. And v > 0
 inside where sqrt(u0) + sqrt(u1) > sqrt(q) (theory, equation 2.2), for any damping, and from the stop itself (u0 = 0).
 
-A leap that is not certified changes nothing. At most one of those before a step passes a least gap (the rate rises
-through zero), so that one look finds the near-miss of all of them.
+A leap that is not certified changes nothing. Near-misses on its way are looked for by whoever observes them.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ TURN = 2.0 * math.pi
 # doubled from parts of at most 0.825, over which the series loses nothing.
 SHORT, LONG, FAR = 1.0, 2.0, 3.3
 FAST = 3.0
-LONGS = 6
+LONGS = 6  # at most; with the others less than the 24 steps that `undamped_flow` carries over
 
 
 @njit(error_model="numpy")
@@ -104,26 +103,18 @@ def flown_over(motion, by):
 @inner(forceinline=True)
 def _leap(leapt, over):
     """Return where leaps have come to after one more, which is made where it is certified."""
-    at, dip = leapt.at, leapt.dip
+    at = leapt.at
     to = flown_over(at, over.flow)
     # The least sine on the way: -1 where the cosine rises through zero, else at an end.
     lowest = select((at.c < 0.0) & (to.c > 0.0), -1.0, least(at.s, to.s))
-    dips = (at.p < 0.0) & (to.p > 0.0)
-    leaps = stays_clear(at.u, to.u, fma(-over.push, lowest, over.load)) & no(dips & leapt.dips)
-    dips = dips & leaps
-    return Leapt(
-        at=chosen(leaps, to, at),
-        steps=leapt.steps + select(leaps, over.X, 0.0),
-        dips=leapt.dips | dips,
-        dip=chosen(dips, at, dip),
-    )
+    leaps = stays_clear(at.u, to.u, fma(-over.push, lowest, over.load))
+    return Leapt(chosen(leaps, to, at), leapt.steps + select(leaps, over.X, 0.0))
 
 
 @njit(error_model="numpy", forceinline=True)
 def leap(motion, k):
     """Return where leaps carry a motion, as near to the next contact as they can."""
-    never = motion.u < motion.u
-    leapt = _leap(Leapt(motion, select(never, motion.u, 0.0), never, motion), k.short)
+    leapt = _leap(Leapt(motion, select(motion.u < motion.u, motion.u, 0.0)), k.short)
     for _ in range(LONGS):
         before = leapt.steps
         leapt = _leap(leapt, k.long)
@@ -133,7 +124,7 @@ def leap(motion, k):
     at = leapt.at
     # The periods that begin on the way: what is turned, less the difference of the phases, is a whole number.
     begun = fma(k.th * leapt.steps, 1.0 / TURN, _roughly(motion.s, motion.c) - _roughly(at.s, at.c))
-    return Leapt(Motion(at.u, at.p, at.s, at.c, motion.n + whole(begun)), leapt.steps, leapt.dips, leapt.dip)
+    return Leapt(Motion(at.u, at.p, at.s, at.c, motion.n + whole(begun)), leapt.steps)
 
 
 @inner(forceinline=True)

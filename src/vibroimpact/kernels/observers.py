@@ -225,8 +225,8 @@ def phases(old, motion, event, kept):
 
 
 @inner(forceinline=True)
-def misses(old, leapt, after, k, event, x, count, transient, total):
-    """Look for near-misses in the step and in the leap that passed a least gap, and count releases."""
+def misses(old, start, leapt, after, k, event, x, count, transient, total):
+    """Look for near-misses in the leaps from `start` and in the step after them, and count releases."""
     before = leapt.at
     held = (event == RELEASE) | (event == STUCK)
     contact = (after.u <= 0.0) & no(held)
@@ -234,9 +234,7 @@ def misses(old, leapt, after, k, event, x, count, transient, total):
     at_release = (before.u <= 0.0) & (before.p == 0.0) & pressed(before.s, before.c, k)[1]
     a = series(before, k, at_release)
     margin = least_gap(a, x - leapt.steps, after.p, acceleration(after.u, after.p, after.s, k), contact)
-    margin = select(held, NONE, margin)
-    if anywhere(leapt.dips):
-        margin = least(margin, _least_in_leap(leapt, k))
+    margin = least(select(held, NONE, margin), _least_in_leaps(start, leapt, k))
     within = (count > transient) & (count < total)
     return Misses(
         margin=select(within & (margin < old.margin), margin, old.margin),
@@ -245,14 +243,18 @@ def misses(old, leapt, after, k, event, x, count, transient, total):
 
 
 @inner(forceinline=True)
-def _least_in_leap(leapt, k):
-    """Return the least gap that a leap of at most FAR passed, or NONE."""
-    start = leapt.dip
-    end = flown_over(start, k.short.flow)
-    for _ in range(3):  # on to the step in which the rate rises through zero
-        falls = end.p < 0.0
-        start = chosen(falls, end, start)
-        end = chosen(falls, flown_over(end, k.short.flow), end)
-    never = end.p < end.p
-    a = series(start, k, never)
-    return select(leapt.dips, least_gap(a, 1.0, end.p, acceleration(end.u, end.p, end.s, k), never), NONE)
+def _least_in_leaps(at, leapt, k):
+    """Return the least gap of the near-misses that leaps passed, step by step, or NONE.
+
+    One that approaches the stop for less than a step may be overlooked.
+    """
+    never = at.u < at.u
+    margin, left = select(never, at.u, NONE), leapt.steps
+    while anywhere(left > 0.0):
+        end = chosen(left < 1.0, leapt.at, flown_over(at, k.short.flow))
+        if anywhere((left > 0.0) & (at.p < 0.0) & (end.p > 0.0)):
+            a = series(at, k, never)
+            found = least_gap(a, least(left, 1.0), end.p, acceleration(end.u, end.p, end.s, k), never)
+            margin = select(left > 0.0, least(margin, found), margin)
+        at, left = end, left - 1.0
+    return margin

@@ -59,12 +59,10 @@ class Leap(NamedTuple):
 
 
 class Leapt(NamedTuple):
-    """Where leaps have come to, the steps they passed, whether one passed a least gap, and where that one began."""
+    """Where leaps have come to, and the steps they passed."""
 
     at: Motion
     steps: float
-    dips: bool
-    dip: Motion
 
 
 class Constants(NamedTuple):
