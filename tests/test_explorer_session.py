@@ -288,7 +288,7 @@ def test_a_click_runs_the_engine_once(runs, osc, start, settled):
 
 
 @pytest.mark.parametrize("osc", [
-    ImpactOscillator(omega=12.0, mass=3.0),  # an impact in some periods
+    ImpactOscillator(omega=12.0, mass=5.0),  # an impact in some periods
     ImpactOscillator(omega=0.077, damping=50.0, restitution=1.0),  # many steps per period
 ])  # fmt: skip
 def test_an_orbit_goes_on_where_its_record_is_too_short(runs, osc):

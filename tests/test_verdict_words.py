@@ -82,7 +82,8 @@ def test_where_nothing_helps_the_parameters_that_were_tried_are_named():
 def test_long_transients_are_told_with_their_length_and_their_hits():
     for osc in (RESTLESS, SLOW):
         verdict = describe(osc, parameters=["omega"])
-        (motion,) = verdict.attractors
+        motion, *late = verdict.attractors
+        assert sum(each.share for each in late) < 0.02  # still on their way after 1e5 impacts
         random = np.random.default_rng(7)
         starts = cells_at(osc, np.zeros(64), 4.0 * osc.velocity_scale * random.random(64), random.random(64))
         hardest = max(motion.hardest for motion in Runner().measure(starts, ImpactWindow(5100, 500)))
