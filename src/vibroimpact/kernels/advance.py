@@ -6,7 +6,6 @@ and the recorder read what either leaves.
 
 from __future__ import annotations
 
-from numba import njit
 
 from vibroimpact.kernels.contact import certified_step
 from vibroimpact.kernels.flight import BARELY, acceleration, evaluate, rotate, series
@@ -138,7 +137,7 @@ def _step(motion, k):
     return after, event, v, x + select(contact, t, 0.0)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def advance(motion, k):
     """Return the motion after leaps and a certified step, the event, the speed v of a contact, and the steps passed;
     and where the leaps came to.
@@ -153,7 +152,7 @@ def walk(motion, k, trace, most, impacts):
     """Make certified steps and leave each in a row of the trace; return how many.
 
     The walk stops after `most` steps, when the trace is full, after a release, and after `impacts` recorded impacts if
-    `impacts` is not 0. The motion it has come to stands in the last row.
+    `impacts` is not 0.0. The motion it has come to stands in the last row.
     """
     rows = min(len(trace), most)
     for row in range(rows):
@@ -161,7 +160,7 @@ def walk(motion, k, trace, most, impacts):
         trace[row, 0], trace[row, 1], trace[row, 2], trace[row, 3], trace[row, 4] = motion
         trace[row, 5], trace[row, 6], trace[row, 7] = event, v, x
         impacts -= event == IMPACT
-        if event == RELEASE or (event == IMPACT and impacts == 0):
+        if event == RELEASE or (event == IMPACT and impacts == 0.0):
             return row + 1
     return rows
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
 
 from vibroimpact.kernels.flight import BARELY, REACH
 from vibroimpact.kernels.law import chatter_factor
@@ -37,7 +36,7 @@ class Cell(NamedTuple):
     phase: float
 
 
-@njit(error_model="numpy")
+@inner
 def cell_of(row):
     """Return the cell in a row of a table."""
     return Cell(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10])
@@ -54,7 +53,7 @@ def _fastest_rate(cell):
     return max(cell.omega, natural, decay)
 
 
-@njit(error_model="numpy")
+@inner
 def prepare(cell, chatter):
     """Return the length h of a step, and the motion and the constants to begin with, from a cell and its tolerance."""
     h = REACH / _fastest_rate(cell)
@@ -142,7 +141,7 @@ def never_again(motion, k):
     return math.hypot(in_phase, quadrature) + math.sqrt(z * z + dz * dz / k.K) < gap
 
 
-@njit(error_model="numpy")
+@inner
 def pair_of(phase):
     """Return sine and cosine of a driving phase in [0, 1); exact at its quarters."""
     quarter = math.floor(4.0 * phase + 0.5)
@@ -158,7 +157,7 @@ def pair_of(phase):
     return s, c
 
 
-@njit(error_model="numpy")
+@inner
 def phase_of(s, c):
     """Return the driving phase in [0, 1) from its sine and cosine."""
     if c > 0.0 and -BARELY <= s < 0.0:

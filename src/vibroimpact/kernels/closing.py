@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
 
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, step_at, walk
@@ -80,7 +79,7 @@ def _to_next_impact(lanes, i, transient, total, facts, trace, recorder):
     made = 0
     while made < WALK:
         start = lane.load_motion(lanes, i)
-        rows = walk(start, k, trace, WALK - made, 1)
+        rows = walk(start, k, trace, WALK - made, 1.0)
         if recorder is not None:
             overhear(recorder, start, trace, rows)
         for row in range(rows):
@@ -105,7 +104,7 @@ def _follow_cycle(start, k, impacts, cycle, trace):
     growth = 1.0
     number = made = 0
     while made < WALK and impacts <= len(cycle):
-        rows = walk(motion, k, trace, WALK - made, impacts - number)
+        rows = walk(motion, k, trace, WALK - made, float(impacts - number))
         for row in range(rows):
             motion, event, v, x = step_at(trace, row, 1, 0)
             made += 1
@@ -172,7 +171,7 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
     lane.store_phases(lanes, i, Phases(sine, cosine, phases.turn_s, phases.turn_c))
 
 
-@njit(error_model="numpy")
+@inner
 def close(lanes, i, note, transient, total, finish, cycle, facts, trace, recorder):
     """Close lane i, and note it, if it repeats: turns that stick are skipped, another cycle is walked once.
 

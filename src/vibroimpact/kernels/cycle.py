@@ -72,7 +72,7 @@ def _closest_miss(motion, k, impacts, trace):
     least = NONE
     number = 0
     while number < impacts:
-        for row in range(walk(motion, k, trace, len(trace), impacts - number)):
+        for row in range(walk(motion, k, trace, len(trace), float(impacts - number))):
             before = motion
             motion, event, _, x = step_at(trace, row, 1, 0)
             least = min(least, least_gap_exactly(before, k, x, least))
@@ -93,7 +93,7 @@ def describe_turn(k, limit, facts, trace):
     du, dp = DEVIATION
     made, event = 0, -1.0
     while made < limit and event != RELEASE:
-        rows = walk(motion, k, trace, limit - made, 0)
+        rows = walk(motion, k, trace, limit - made, 0.0)
         made += rows
         for row in range(rows):
             before = motion

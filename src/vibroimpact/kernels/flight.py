@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
 
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.state import Motion
@@ -48,7 +47,7 @@ def acceleration(u, p, s, k):
     return fma(-k.C, p, fma(-k.K, u, fma(-k.A, s, k.G)))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def series(motion, k, at_release):
     """Return the coefficients a_0 ... a_18 of u(x); `at_release` the acceleration is zero by assignment."""
     u, p, s, c, _ = motion
@@ -90,7 +89,7 @@ def _horner4(y, d, x, a3, a2, a1, a0):
     return y, d
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def evaluate(a, x):
     """Return u and du/dx at x from the coefficients of u, even and odd ones apart: two short chains, not a long one."""
     z = x * x
@@ -113,7 +112,7 @@ def evaluate_roughly(a, x):
     return y, d
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def sine_cosine(angle):
     """Return sin and cos of an angle up to REACH radians, by their power series."""
     z = angle * angle
@@ -135,7 +134,7 @@ def sine_cosine(angle):
     return fma(angle * z, p, angle), fma(z, q, 1.0)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def rotate(s, c, angle):
     """Turn (sin wt, cos wt) by an angle of at most REACH radians, and pull it back to unit length."""
     sd, cd = sine_cosine(angle)
@@ -146,7 +145,7 @@ def rotate(s, c, angle):
     return s1 * pull, c1 * pull
 
 
-@njit(error_model="numpy")
+@inner
 def flow(C, K, x):
     """Return the transition matrix of (u, p) over x steps of free flight, row by row."""
     decay = math.exp(-0.5 * C * x)
@@ -163,7 +162,7 @@ def whole_step(motion, k):
     return Motion(u, p, s, c, motion.n)
 
 
-@njit(error_model="numpy")
+@inner
 def product(a, b):
     """Return the matrix product a b of two 2 x 2 matrices given row by row."""
     return (

@@ -9,7 +9,6 @@ what the velocities of impacts give, thorough ones all that can be observed, tra
 
 from __future__ import annotations
 
-from numba import njit
 
 from vibroimpact.kernels.advance import RELEASE, STATE, TRACE, advance, step_at
 from vibroimpact.kernels.leaps import leap
@@ -118,21 +117,21 @@ def observe_walked(lanes, i, k, trace, row, transient, total, facts):
     return event
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def step_lane(lanes, i, transient, total, wide=None):
     """Make one certified step in lane i, or with `wide` in all of a block from there on, and observe it."""
     _, _, motion, event, v, x, _ = _move(lanes, i, wide)
     observe(lanes, i, motion, event, v, x, transient, total, wide)
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def step_thorough_lane(lanes, i, transient, total, wide=None):
     """Do what `step_lane` does, and observe all that can be observed."""
     k, before, motion, event, v, x, leapt = _move(lanes, i, wide)
     observe_thoroughly(lanes, i, k, before, motion, event, v, x, leapt, transient, total, wide)
 
 
-@njit(error_model="numpy", nogil=True)
+@inner
 def step_lanes(lanes, number, steps, transient, total):
     """Make `steps` certified steps in each of so many lanes, and in those that fill their last block."""
     for _ in range(steps):
@@ -140,7 +139,7 @@ def step_lanes(lanes, number, steps, transient, total):
             step_lane(lanes, first, transient, total, 0)
 
 
-@njit(error_model="numpy", nogil=True)
+@inner
 def step_thorough_lanes(lanes, number, steps, transient, total):
     """Make `steps` certified steps in each of so many lanes, all observers at work."""
     for _ in range(steps):
@@ -148,7 +147,7 @@ def step_thorough_lanes(lanes, number, steps, transient, total):
             step_thorough_lane(lanes, first, transient, total, 0)
 
 
-@njit(error_model="numpy", nogil=True)
+@inner
 def trace_lanes(lanes, trace):
     """Make as many certified steps in every lane as the trace has rows, and leave each in its row."""
     for k in range(len(trace)):

@@ -22,7 +22,6 @@ impact oscillators", Phil. Trans. R. Soc. Lond. A 347 (1994) 365-389.
 
 from __future__ import annotations
 
-from numba import njit
 
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.vectors import fma, select
@@ -46,7 +45,7 @@ def _accelerations(v, s, k):
     return fma(k.C, v, force), fma(-k.C * k.r, v, force)
 
 
-@njit(error_model="numpy")
+@inner
 def saltation(v, s, k):
     """Return the saltation matrix of an impact of speed v (in steps) at sin wt = s, row by row."""
     before, after = _accelerations(v, s, k)

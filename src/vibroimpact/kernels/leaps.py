@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
 
 from vibroimpact.kernels.flight import BARELY, coefficients, evaluate
 from vibroimpact.kernels.machine import inner, whole
@@ -34,7 +33,7 @@ FAST = 3.0
 LONGS = 6  # at most; with the others less than the 24 steps that `undamped_flow` carries over
 
 
-@njit(error_model="numpy")
+@inner
 def leaps_of(C, K, A, G, th):
     """Return the short and the long leap."""
     far = FAST * max(C, math.sqrt(K)) < th
@@ -84,7 +83,7 @@ def _doubled(a):
     )
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def stays_clear(u0, u1, half):
     """Return whether the gap, u0 >= 0 and u1 at the ends, stays open between them; `half` is q/2 (see above)."""
     short = most(fma(-0.5, u1, fma(-0.5, u0, half)), 0.0)
@@ -111,7 +110,7 @@ def _leap(leapt, over):
     return Leapt(chosen(leaps, to, at), leapt.steps + select(leaps, over.X, 0.0))
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def leap(motion, k):
     """Return where leaps carry a motion, as near to the next contact as they can."""
     leapt = _leap(Leapt(motion, select(motion.u < motion.u, motion.u, 0.0)), k.short)

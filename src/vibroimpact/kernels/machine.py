@@ -64,22 +64,18 @@ def cache_folder() -> str:
 
 
 def inner(function: Callable[..., Any] | None = None, **options: Any) -> Any:
-    """Compile a function that only compiled ones call: wrappers for Python take a fifth of the compiler's time.
+    """Compile a function that compiled ones call: wrappers for Python would take a third of the compiler's time.
 
-    The simulator of CUDA calls those of `device` from Python.
+    Called from Python, as tests and the simulator of CUDA do, it gets a wrapper then.
     """
     if function is None:
         return partial(inner, **options)
     bare: Any = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     made: Any = njit(**bare, **options)(function)
-    # Python finds no entry to call: without these, a call of one that is compiled would jump to address 0.
-    made._insert = lambda *overload: None
-    made._compile_for_args = partial(_refuse, function.__name__)
+    made._insert = lambda *overload: None  # Python finds no entry: one without a wrapper leads to address 0
+    wrapped = cache(lambda: njit(error_model="numpy")(lambda *arguments: made(*arguments)))
+    made._compile_for_args = lambda *arguments: wrapped()(*arguments)
     return made
-
-
-def _refuse(name: str, *args: Any, **kws: Any) -> None:
-    raise TypeError(f"`{name}` is called by compiled functions only; `{name}.py_func` is the Python function")
 
 
 WHOLE = 6755399441055744.0  # 1.5 * 2^52: adding and taking it away again rounds to a whole number

@@ -228,7 +228,7 @@ def record(recorder, trace, walks):
     for _ in range(walks):
         if memory[END] != RUNNING or room(recorder) <= 0:
             return
-        rows = walk(load_motion(memory, 0), load_constants(memory, 0), trace, len(trace), 0)
+        rows = walk(load_motion(memory, 0), load_constants(memory, 0), trace, len(trace), 0.0)
         read(recorder, trace, rows, 1, 0)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
 
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.cell import phase_of
@@ -67,7 +66,7 @@ def _put(result, first, values):
         result[first + j] = values[j]
 
 
-@njit(error_model="numpy")
+@inner
 def harvest(lanes, i, note, keep, result):
     """Turn the sums of lane i, in lengths of a step, into indices per second and the course of its window."""
     h, found = note[H], lane.load_sums(lanes, i)
@@ -84,7 +83,7 @@ def harvest(lanes, i, note, keep, result):
     _put(result, _VELOCITIES, velocity_indices(found, span, note[RATIO], h, keep))
 
 
-@njit(error_model="numpy")
+@inner
 def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
     """Turn the sums of a thorough lane and the facts of its cycle into indices; `harvest` comes first."""
     found, seen = lane.load_sums(lanes, i), lane.load_misses(lanes, i)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
 
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import LOOK, walk
@@ -32,7 +31,7 @@ from vibroimpact.kernels.results import (
 NEAR = 2e-11  # of V: how close an impact must come back to be looked at
 
 
-@njit(error_model="numpy")
+@inner
 def begin(lanes, i, note, cell, total, chatter, flight_periods, steps_per_impact):
     """Put a cell at its start into lane i, and begin its note."""
     h, motion, constants = prepare(cell, chatter)
@@ -54,10 +53,33 @@ def move(lanes, owner, notes, facts, i, j):
     """Move the cell in lane i to lane j, which is free."""
     for row in range(lane.ROWS):
         lanes[row * lane.LANES + j] = lanes[row * lane.LANES + i]
-    notes[j] = notes[i]
+    # Slices would bring in numba's checks of shapes, and with them two seconds of compiling.
+    for column in range(notes.shape[1]):
+        notes[j, column] = notes[i, column]
     if facts is not None:
-        facts[j] = facts[i]
+        for column in range(facts.shape[1]):
+            facts[j, column] = facts[i, column]
     owner[j], owner[i] = owner[i], -1
+
+
+@inner
+def seated(cells, tickets, lanes, owner, notes, facts, total, chatter, flight_periods, steps_per_impact):
+    """Give every free lane the next cell, while there is one; return how many lanes are busy, which come first."""
+    busy = 0
+    for i in range(len(owner)):
+        if owner[i] < 0:
+            following = next_ticket(tickets)
+            if following < len(cells):
+                cell = cell_of(cells[following])
+                begin(lanes, i, notes[i], cell, total, chatter, flight_periods, steps_per_impact)
+                owner[i] = following
+                if facts is not None:
+                    facts[i, PERIODS], facts[i, IMPACTS] = 0.0, 0.0
+        if owner[i] >= 0:
+            if busy < i:  # no cells wait any more: those that are left close ranks
+                move(lanes, owner, notes, facts, i, busy)
+            busy += 1
+    return busy
 
 
 @inner(forceinline=True)
@@ -68,7 +90,7 @@ def may_end(lanes, i, note, total):
     return spent | (motion.p == 0.0) | (k.A == 0.0) | (age > min(QUIET_FOR, note[FLIGHT]))
 
 
-@njit(error_model="numpy")
+@inner
 def ending_of(lanes, i, note, total):
     """Return why the cell in lane i ends here, or RUNNING."""
     if lane.load_sums(lanes, i).hits >= total:
@@ -79,7 +101,7 @@ def ending_of(lanes, i, note, total):
     )
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def may_close(lanes, i, note, total, facts):
     """Return whether lane i has been released anew, or may have closed another cycle.
 
@@ -105,20 +127,7 @@ def run_cells(
     lanes, owner, notes, cycle, trace = seat
     number = 0
     for _ in range(looks):
-        busy = 0
-        for i in range(len(owner)):
-            if owner[i] < 0:
-                following = next_ticket(tickets)
-                if following < len(cells):
-                    cell = cell_of(cells[following])
-                    begin(lanes, i, notes[i], cell, total, chatter, flight_periods, steps_per_impact)
-                    owner[i] = following
-                    if facts is not None:
-                        facts[i, PERIODS], facts[i, IMPACTS] = 0.0, 0.0
-            if owner[i] >= 0:
-                if busy < i:  # no cells wait any more: those that are left close ranks
-                    move(lanes, owner, notes, facts, i, busy)
-                busy += 1
+        busy = seated(cells, tickets, lanes, owner, notes, facts, total, chatter, flight_periods, steps_per_impact)
         if busy == 0 or number + len(owner) > len(finished):
             return number, busy
         if facts is None:
@@ -169,7 +178,7 @@ def follow_cell(
         made = 0
         while made < LOOK:
             start = lane.load_motion(lanes, 0)
-            rows = walk(start, k, trace, LOOK - made, 0)
+            rows = walk(start, k, trace, LOOK - made, 0.0)
             overhear(recorder, start, trace, rows)
             for row in range(rows):
                 lane.observe_walked(lanes, 0, k, trace, row, transient, total, facts)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple, get_type_hints
 
-from numba import njit
+from numba import types
+from numba.extending import intrinsic
+
 
 from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.vectors import give, select, take
+from vibroimpact.kernels.vectors import kind_at, place_of, read, select, write
 
 
 class Motion(NamedTuple):
@@ -88,38 +91,89 @@ class Constants(NamedTuple):
     long: Leap
 
 
+OMITTED = types.Omitted(None)
+
+
 def kept(first: int, stride: int, *kinds: Any) -> tuple[Any, ...]:
     """Return the functions load(array, i) and store(array, i, value) of each named tuple kept in a flat array.
 
     Entries are `stride` apart: entry k is `array[k * stride + i]`, or with `wide` (not None) as many from there on as a
     value of lanes holds. The tuples follow one another from entry `first` on; the entry after them is returned last.
-    The places are written out, so that the compiler sees constant distances between all of them.
     """
     pairs = []
-    inlined = njit(error_model="numpy", forceinline=True)
     for kind in kinds:
-        functions: dict[str, Any] = {"take": take, "give": give}
-        written, stored, last = _places(kind, "value", first, stride, functions)
-        exec(f"def load(array, i, wide=None): return {written}", functions)
-        exec(f"def store(array, i, value, wide=None): {'; '.join(stored)}", functions)
-        pairs.append((inlined(functions["load"]), inlined(functions["store"])))
-        first = last
+        pairs.append(_pair(kind, first, stride))
+        first += _count(kind)
     return *pairs, first
 
 
-def _places(kind: Any, name: str, first: int, stride: int, kinds: dict[str, Any]) -> tuple[str, list[str], int]:
-    """Return the expression that makes a named tuple, nested ones too, from a flat array, the statements that store the
-    one of this name there, and the entry after it.
+def _pair(kind: Any, first: int, stride: int) -> tuple[Any, Any]:
+    """Return the functions that load and store one named tuple.
+
+    Emitted entry by entry: as functions of Python they would be a tenth of all that is compiled.
     """
-    kinds[kind.__name__] = kind
-    parts, stored = [], []
-    for field, part in get_type_hints(kind).items():
-        if issubclass(part, tuple):
-            written, more, first = _places(part, f"{name}.{field}", first, stride, kinds)
-            stored += more
+
+    def places(context: Any, builder: Any, array: Any, values: Any, number: Any) -> Iterator[Any]:
+        """Go through the places of the entries: constant distances, which the compiler sees."""
+        for entry in range(first, first + _count(kind)):
+            place = builder.add(values[1], context.get_constant(types.intp, entry * stride))
+            yield place_of(context, builder, (array, values[0]), place, number)
+
+    @intrinsic
+    def load(typingctx: Any, array: Any, i: Any, wide: Any = None) -> Any:
+        number = kind_at(wide)
+        result = _type(kind, number)
+
+        def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            return _made(context, builder, result, places(context, builder, array, values, number))
+
+        return result(array, types.intp, wide or OMITTED), codegen
+
+    @intrinsic
+    def store(typingctx: Any, array: Any, i: Any, value: Any, wide: Any = None) -> Any:
+        number = kind_at(wide)
+
+        def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            parts = _parts(builder, value, values[2])
+            for (part, its), place in zip(parts, places(context, builder, array, values, number), strict=True):
+                write(context, builder, place, part, (its, number))
+            return context.get_dummy_value()
+
+        return types.none(array, types.intp, value, wide or OMITTED), codegen
+
+    return load, store
+
+
+def _fields(kind: Any) -> list[Any]:
+    return list(get_type_hints(kind).values())
+
+
+def _count(kind: Any) -> int:
+    """Return how many numbers a named tuple holds, nested ones too."""
+    return sum(_count(part) if issubclass(part, tuple) else 1 for part in _fields(kind))
+
+
+def _type(kind: Any, number: Any) -> Any:
+    """Return the compiler's type of a named tuple whose numbers have this type."""
+    return types.BaseTuple.from_types(
+        [_type(part, number) if issubclass(part, tuple) else number for part in _fields(kind)], kind
+    )
+
+
+def _made(context: Any, builder: Any, kind: Any, places: Iterator[Any]) -> Any:
+    """Emit a tuple of what lies at the places."""
+    parts = [
+        _made(context, builder, part, places) if isinstance(part, types.BaseTuple) else read(builder, next(places))
+        for part in kind
+    ]
+    return context.make_tuple(builder, kind, parts)
+
+
+def _parts(builder: Any, kind: Any, value: Any) -> Iterator[tuple[Any, Any]]:
+    """Go through the numbers of a tuple, each with its type."""
+    for at, part in enumerate(kind):
+        found = builder.extract_value(value, at)
+        if isinstance(part, types.BaseTuple):
+            yield from _parts(builder, part, found)
         else:
-            place = f"array, {first * stride} + i, wide"
-            written, first = f"take({place})", first + 1
-            stored.append(f"give({place}, {name}.{field})")
-        parts.append(written)
-    return f"{kind.__name__}({', '.join(parts)})", stored, first
+            yield found, part

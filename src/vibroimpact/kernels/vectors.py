@@ -168,39 +168,50 @@ def most(a, b):
 # A flat array holds rows of numbers; with None in the place of `wide` one number is meant.
 
 
-def _address(context: Any, builder: Any, signature: Any, values: Any) -> tuple[Any, bool]:
-    array = context.make_array(signature.args[0])(context, builder, values[0])
-    wide = signature.args[2] is not types.none
-    place = builder.gep(array.data, [values[1]])
-    return (builder.bitcast(place, _NUMBERS.as_pointer()) if wide else place), wide
+def kind_at(wide: Any) -> Any:
+    """Return the type of what lies at a place."""
+    return types.float64 if wide in (None, types.none) else NUMBERS
+
+
+def place_of(context: Any, builder: Any, array: tuple[Any, Any], place: Any, kind: Any) -> Any:
+    """Return where a value of this type lies in an array (type and value), from a place on."""
+    kept = context.make_array(array[0])(context, builder, array[1])
+    pointer = builder.gep(kept.data, [place])
+    return builder.bitcast(pointer, _NUMBERS.as_pointer()) if kind is NUMBERS else pointer
+
+
+def read(builder: Any, pointer: Any) -> Any:
+    """Emit a load from where a value lies, which is aligned as a number is."""
+    found = builder.load(pointer)
+    found.align = 8
+    return found
+
+
+def write(context: Any, builder: Any, pointer: Any, value: Any, kinds: tuple[Any, Any]) -> None:
+    """Emit a store of a value, from its type to that of the place."""
+    value = _spread(context, builder, value, kinds[0]) if kinds[1] is NUMBERS else context.cast(builder, value, *kinds)
+    builder.store(value, pointer).align = 8
 
 
 @intrinsic
 def take(typingctx: Any, array: Any, place: Any, wide: Any) -> Any:
     """Return the numbers from a place on, or the one number there."""
+    kind = kind_at(wide)
 
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        place, _ = _address(context, builder, signature, values)
-        found = builder.load(place)
-        found.align = 8
-        return found
+        return read(builder, place_of(context, builder, (array, values[0]), values[1], kind))
 
-    return (types.float64 if wide is types.none else NUMBERS)(array, types.intp, wide), codegen
+    return kind(array, types.intp, wide), codegen
 
 
 @intrinsic
 def give(typingctx: Any, array: Any, place: Any, wide: Any, value: Any) -> Any:
     """Store numbers from a place on, or the one number there."""
+    kind = kind_at(wide)
 
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        place, many = _address(context, builder, signature, values)
-        kind = signature.args[3]
-        value = (
-            _spread(context, builder, values[3], kind)
-            if many
-            else context.cast(builder, values[3], kind, types.float64)
-        )
-        builder.store(value, place).align = 8
+        pointer = place_of(context, builder, (array, values[0]), values[1], kind)
+        write(context, builder, pointer, values[3], (value, kind))
         return context.get_dummy_value()
 
     return types.none(array, types.intp, wide, value), codegen

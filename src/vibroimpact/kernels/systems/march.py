@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
 
 from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, QUIET, RUNNING, SPENT
 from vibroimpact.kernels.machine import inner
@@ -47,7 +46,7 @@ class Window(NamedTuple):
     closes: bool = False
 
 
-@njit(error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def moment(sine, cosine, periods):
     """Return whole driving periods and phase."""
     phase = math.atan2(sine, cosine) / TURN

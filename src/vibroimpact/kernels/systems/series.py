@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
 
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
@@ -26,7 +25,7 @@ def _written(name: str, arguments: str, lines: list[str], result: str) -> Any:
     """Return an inlined function of the given text."""
     known: dict[str, Any] = {"fma": fma, "select": select, "get": get, "put": put}
     exec(f"def {name}({arguments}):\n" + "".join(f"    {line}\n" for line in [*lines, f"return {result}"]), known)
-    return njit(error_model="numpy", forceinline=True)(known[name])
+    return inner(forceinline=True)(known[name])
 
 
 def _each(text: str, first: int = 0) -> str:
