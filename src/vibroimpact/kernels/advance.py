@@ -6,7 +6,6 @@ and the recorder read what either leaves.
 
 from __future__ import annotations
 
-
 from vibroimpact.kernels.contact import certified_step
 from vibroimpact.kernels.flight import BARELY, acceleration, evaluate, rotate, series
 from vibroimpact.kernels.law import chatters, pressed, speed_after

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-
 from vibroimpact.kernels.flight import BARELY, REACH
 from vibroimpact.kernels.law import chatter_factor
 from vibroimpact.kernels.leaps import leaps_of

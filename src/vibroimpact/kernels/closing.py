@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 
-
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, step_at, walk
 from vibroimpact.kernels.cell import phase_of

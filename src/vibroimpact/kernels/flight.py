@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 
-
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.state import Motion
 from vibroimpact.kernels.vectors import anywhere, fma, no, select

@@ -9,10 +9,9 @@ what the velocities of impacts give, thorough ones all that can be observed, tra
 
 from __future__ import annotations
 
-
 from vibroimpact.kernels.advance import RELEASE, STATE, TRACE, advance, step_at
 from vibroimpact.kernels.leaps import leap
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.machine import inner, loop
 from vibroimpact.kernels.observers import (
     Deviation,
     Misses,
@@ -131,7 +130,7 @@ def step_thorough_lane(lanes, i, transient, total, wide=None):
     observe_thoroughly(lanes, i, k, before, motion, event, v, x, leapt, transient, total, wide)
 
 
-@inner
+@loop
 def step_lanes(lanes, number, steps, transient, total):
     """Make `steps` certified steps in each of so many lanes, and in those that fill their last block."""
     for _ in range(steps):
@@ -139,7 +138,7 @@ def step_lanes(lanes, number, steps, transient, total):
             step_lane(lanes, first, transient, total, 0)
 
 
-@inner
+@loop
 def step_thorough_lanes(lanes, number, steps, transient, total):
     """Make `steps` certified steps in each of so many lanes, all observers at work."""
     for _ in range(steps):

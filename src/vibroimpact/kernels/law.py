@@ -22,7 +22,6 @@ impact oscillators", Phil. Trans. R. Soc. Lond. A 347 (1994) 365-389.
 
 from __future__ import annotations
 
-
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.vectors import fma, select
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 
-
 from vibroimpact.kernels.flight import BARELY, coefficients, evaluate
 from vibroimpact.kernels.machine import inner, whole
 from vibroimpact.kernels.state import Flow, Leap, Leapt, Motion, chosen

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.cell import phase_of
 from vibroimpact.kernels.cycle import (

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 
-
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import LOOK, walk
 from vibroimpact.kernels.cell import FILLED, QUIET_FOR, RUNNING, budgets, cell_of, ending, prepare
 from vibroimpact.kernels.closing import close
 from vibroimpact.kernels.cycle import IMPACTS, PERIODS
 from vibroimpact.kernels.flight import NONE
-from vibroimpact.kernels.machine import compiled, inner, next_ticket
+from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket
 from vibroimpact.kernels.observers import DEVIATION, Deviation, Misses, Recurrence
 from vibroimpact.kernels.recorder import END, overhear, room
 from vibroimpact.kernels.results import (
@@ -53,12 +52,9 @@ def move(lanes, owner, notes, facts, i, j):
     """Move the cell in lane i to lane j, which is free."""
     for row in range(lane.ROWS):
         lanes[row * lane.LANES + j] = lanes[row * lane.LANES + i]
-    # Slices would bring in numba's checks of shapes, and with them two seconds of compiling.
-    for column in range(notes.shape[1]):
-        notes[j, column] = notes[i, column]
+    copy(notes[i], notes[j])
     if facts is not None:
-        for column in range(facts.shape[1]):
-            facts[j, column] = facts[i, column]
+        copy(facts[i], facts[j])
     owner[j], owner[i] = owner[i], -1
 
 

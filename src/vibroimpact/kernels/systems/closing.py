@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.machine import copy, inner
 from vibroimpact.kernels.systems.event import lift, lower, occur, proceed, usual
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.march import (
@@ -119,7 +119,7 @@ def _walk(room, alone, impacts, first):
     """
     k, lanes, rows, weakest, largest, found = alone.layout, alone.lanes, alone.end, math.inf, 1.0, 0
     for lane in range(LANES):
-        rows[:] = alone.start
+        copy(alone.start, rows)
         for j in range(2 * k.modes):
             rows[k.deta + j] = 1.0 if j == first + lane else 0.0
         if rows[k.closed] > 0.0:
@@ -138,7 +138,7 @@ def _walk(room, alone, impacts, first):
             break
     for lane in range(min(LANES, 2 * k.modes - first)):
         lift(lanes, lane, rows)
-        alone.jacobian[:, first + lane] = rows[k.deta : k.deta + 2 * k.modes]
+        copy(rows[k.deta : k.deta + 2 * k.modes], alone.jacobian[:, first + lane])
     return found == impacts and rows[k.lawless] == 0.0, weakest, largest
 
 
@@ -186,7 +186,8 @@ def _way_to_go(alone):
     The difference of turn 2^i is that of turn 2^(i - 1) and M^(2^(i - 1)) times that.
     """
     power, product, way, moved = alone.power, alone.product, alone.apart, alone.moved
-    power[:] = alone.jacobian
+    for i in range(len(way)):
+        copy(alone.jacobian[i], power[i])
     largest = 1.0
     for _ in range(SQUARED):
         size, total = 0.0, 0.0
@@ -207,14 +208,15 @@ def _way_to_go(alone):
                 product[i, j] = 0.0
                 for m in range(len(way)):
                     product[i, j] += power[i, m] * power[m, j]
-        power[:] = product
+        for i in range(len(way)):
+            copy(product[i], power[i])
     return math.inf
 
 
 @inner(inline="always")
 def _certain(rows, k, room, note, alone, impacts):
     """Return the periods after which so many impacts repeat for ever, or 0 where that is not certain."""
-    alone.start[:] = rows
+    copy(rows, alone.start)
     least, spread = math.inf, 1.0
     for first in range(0, 2 * k.modes, LANES):
         whole, weakest, largest = _walk(room, alone, impacts, first)
@@ -287,7 +289,7 @@ def close(rows, k, room, note, window, alone):
                     return
         if bound - note[HITS] < 2.0 * impacts:
             continue
-        alone.note[:] = note
+        copy(note, alone.note)
         if not _make(rows, k, room, note, window, alone, impacts):
             return
         times = int((bound - note[HITS] - (bound == total)) / impacts)

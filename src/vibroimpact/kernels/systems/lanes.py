@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from vibroimpact.kernels.cell import QUIET_FOR, RUNNING
-from vibroimpact.kernels.machine import compiled, inner, next_ticket
+from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket
 from vibroimpact.kernels.systems.closing import close
 from vibroimpact.kernels.systems.event import FIRST_LOOK, lift, lower, occur, proceed, usual
 from vibroimpact.kernels.systems.law import begin
@@ -40,10 +40,10 @@ def _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room):
     if cell >= len(table):
         return -2
     note[:] = 0.0
-    note[:MADE] = budgets[cell]
+    copy(budgets[cell], note)
     note[WATCHED], note[NEXT] = -math.inf, FIRST_LOOK
     rows[:] = 0.0
-    rows[: k.constants] = table[cell]
+    copy(table[cell], rows)
     rows[k.pace] = 1.0
     closing = begin(rows, k, room)
     if k.thorough:
@@ -118,7 +118,8 @@ def run_lanes(
                 _close(lanes, lane, notes, rows, note, k, room, window, alone)
             end = _ended(lanes, lane, notes, rows, note, k, room, window)
             if end != RUNNING:
-                results[owner[lane]], ends[owner[lane]] = note, end
+                copy(note, results[owner[lane]])
+                ends[owner[lane]] = end
                 ended[number] = owner[lane]
                 number += 1
                 owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-
 from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, QUIET, RUNNING, SPENT
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.law import release, stalled, strike

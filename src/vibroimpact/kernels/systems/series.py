@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 

@@ -6,7 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 from vibroimpact.kernels.cell import FILLED, LAWLESS, RUNNING, SPENT
-from vibroimpact.kernels.machine import compiled, inner
+from vibroimpact.kernels.machine import compiled, copy, inner
 from vibroimpact.kernels.systems.flow import fly_apart, move, turns
 from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
@@ -62,7 +62,7 @@ def _look(rows, k, seen, periods, phase, schedule):
 def _leap(rows, spare, k, seen, schedule, length, willing):
     """Make a leap, half a one or a whole; the looks within it need series from its beginning. Return whether it was."""
     if schedule.number > 0.0:
-        spare[:] = rows
+        copy(rows, spare)
     leapt = leap_half(rows, k, None, willing) if length == HALF else leap_whole(rows, k, None, willing)
     for _ in range(int(length / HALF) if schedule.number > 0.0 and leapt else 0):
         periods, phase = moment(spare[k.turn], spare[k.turn + 1], spare[k.turn + 2])
@@ -78,7 +78,7 @@ def _leap(rows, spare, k, seen, schedule, length, willing):
 def _leap_within(rows, spare, k, seen, schedule):
     """Leap from the beginning of a contact; the looks within need series."""
     if schedule.number > 0.0:
-        spare[:] = rows
+        copy(rows, spare)
     if leap_within(rows, k, None) and schedule.number > 0.0:
         end = 0.5 * rows[k.age]
         for _ in range(2):
@@ -184,7 +184,7 @@ def _waits(rows, k):
 def seat(rows, k, row, room, seen):
     """Put a cell, a row of its constants, where one is followed alone."""
     rows[:] = 0.0
-    rows[: k.constants] = row
+    copy(row, rows)
     rows[k.pace] = 1.0
     room.tail[:] = 0.0
     _note_rests(rows, k, seen, room, begin(rows, k, room))
