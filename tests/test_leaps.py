@@ -30,7 +30,7 @@ def clear(u0, u1, half):
 
 @njit
 def stepped(motion, k):
-    return _step(motion, k)
+    return _step(motion, k)[:4]
 
 
 def random_constants(rng, regime):
@@ -183,6 +183,6 @@ def test_near_misses_that_leaps_pass_are_the_witness_s():
             seen += 1
             found += abs(float(ours["grazing_margin"]) - margin) < 1e-4
             assert float(ours["grazing_margin"]) > margin - 1e-4
-    # What is overlooked approaches the stop for less than a step.
+    # What is overlooked approaches the stop, or leaves it, for less than half a step.
     assert seen > 80
-    assert found >= 0.9 * seen
+    assert found >= 0.95 * seen

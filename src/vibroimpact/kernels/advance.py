@@ -92,7 +92,8 @@ def _touch_down(u, p, s, c, k):
 
 @inner(forceinline=True)
 def _step(motion, k):
-    """Return the motion one certified step on, the event, the speed v of a contact, and how much of a step passed.
+    """Return the motion one certified step on, the event, the speed v of a contact, how much of a step passed, and
+    the coefficients of the gap.
 
     At most one contact lies in a step, at its end; the motion returned is the one after it. What is rare, rest and weak
     impacts, is asked for only where it is in some lane; in the others nothing comes of it.
@@ -133,17 +134,26 @@ def _step(motion, k):
         turned = _passes_zero(s, c, s1, c1) | ((s < -BARELY) & (s1 >= -BARELY))
         rest = Motion(0.0, 0.0, s1, c1, n + select(turned, 1.0, 0.0))
         after, event = chosen(held, rest, after), select(held, select(forever, STUCK, RELEASE), event)
-    return after, event, v, x + select(contact, t, 0.0)
+    return after, event, v, x + select(contact, t, 0.0), a
 
 
 @inner(forceinline=True)
-def advance(motion, k):
+def advance(motion, k, below=None):
     """Return the motion after leaps and a certified step, the event, the speed v of a contact, and the steps passed;
-    and where the leaps came to.
+    and how: where the leaps came to, which look for near-misses `below` a gap, and the coefficients of the step.
     """
-    leapt = leap(motion, k)
-    motion, event, v, x = _step(leapt.at, k)
-    return motion, event, v, leapt.steps + x, leapt
+    leapt = leap(motion, k, below)
+    motion, event, v, x, a = _step(leapt.at, k)
+    return motion, event, v, leapt.steps + x, (leapt, a)
+
+
+@inner
+def way_from(motion, k, below):
+    """Return how `advance` goes from a motion: its leaps, and the coefficients of its step."""
+    leapt = leap(motion, k, below)
+    at = leapt.at
+    at_release = (at.u <= 0.0) & (at.p == 0.0) & pressed(at.s, at.c, k)[1]
+    return leapt, series(at, k, at_release)
 
 
 @inner

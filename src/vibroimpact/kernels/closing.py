@@ -14,11 +14,11 @@ import math
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, step_at, walk
 from vibroimpact.kernels.cell import phase_of
-from vibroimpact.kernels.cycle import ALIKE, describe
+from vibroimpact.kernels.cycle import ALIKE, PERIODS, describe, describe_turn
 from vibroimpact.kernels.flight import flow, product
 from vibroimpact.kernels.law import saltation
 from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.observers import Phases, Recurrence, Stamp, Sums, repeated
+from vibroimpact.kernels.observers import Misses, Phases, Recurrence, Stamp, Sums, repeated
 from vibroimpact.kernels.recorder import overhear
 from vibroimpact.kernels.results import KNOWN, MADE, RATIO, RELEASES, SCALE, TURN, WALK
 from vibroimpact.kernels.state import Motion
@@ -35,15 +35,15 @@ def _skip_turns(lanes, i, note, transient, total, finish):
     With `finish` those that end before the kept impacts begin are skipped, and later all but the last whole one: it
     tells the largest speed, and the lane ends as it would have.
     """
-    found, now, phases = lane.load_sums(lanes, i), lane.load_turn(lanes, i), lane.load_phases(lanes, i)
+    found, now, phases = lane.load_sums(lanes, i), lane.load_turn(lanes, i), lane.load_turn_phases(lanes, i)
     framed, kept = note[TURN] >= 0.0, note[TURN] >= transient
     hits, sum1, sum2, periods = (
         now.hits - note[TURN], now.sum1 - note[TURN + 1], now.sum2 - note[TURN + 2], now.n - note[TURN + 3]
     )  # fmt: skip
-    sine, cosine = phases.turn_s - note[TURN + 4], phases.turn_c - note[TURN + 5]
+    sine, cosine = phases.s - note[TURN + 4], phases.c - note[TURN + 5]
     note[RELEASES] = lane.load_rests(lanes, i).releases
     note[TURN], note[TURN + 1], note[TURN + 2], note[TURN + 3] = now
-    note[TURN + 4], note[TURN + 5] = phases.turn_s, phases.turn_c
+    note[TURN + 4], note[TURN + 5] = phases
     if not framed or hits == 0.0 or now.hits >= total:  # past the window impacts are no longer counted
         return
     note[RATIO] = hits / periods
@@ -60,8 +60,8 @@ def _skip_turns(lanes, i, note, transient, total, finish):
     count, largest = found.hits + times * hits, found.largest
     if kept:
         sum1, sum2, largest = found.sum1 + times * sum1, found.sum2 + times * sum2, 0.0
-        sine, cosine = phases.s + times * sine, phases.c + times * cosine
-        lane.store_phases(lanes, i, Phases(sine, cosine, phases.turn_s, phases.turn_c))
+        added = lane.load_phases(lanes, i)
+        lane.store_phases(lanes, i, Phases(added.s + times * sine, added.c + times * cosine))
     else:
         sum1, sum2 = found.sum1, found.sum2
         note[TURN] = -1.0
@@ -167,7 +167,14 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
             cosine += times * cycle[j, 2]
     lane.store_last(lanes, i, _stamp_at(cycle, number, periods, total - count - 1.0))
     lane.store_sums(lanes, i, Sums(found.hits, found.shift, found.sum1, found.sum2, largest))
-    lane.store_phases(lanes, i, Phases(sine, cosine, phases.turn_s, phases.turn_c))
+    lane.store_phases(lanes, i, Phases(sine, cosine))
+
+
+@inner
+def _look_no_further(lanes, i, facts):
+    """Look for no near-miss below 0 where the facts tell the least one."""
+    if facts[PERIODS] > 0.0:
+        lane.store_misses(lanes, i, Misses(0.0))
 
 
 @inner
@@ -179,6 +186,9 @@ def close(lanes, i, note, transient, total, finish, cycle, facts, trace, recorde
     """
     if lane.load_rests(lanes, i).releases > note[RELEASES]:
         _skip_turns(lanes, i, note, transient, total, finish)
+        if facts is not None and math.isinf(note[RELEASES]):
+            describe_turn(lane.load_constants(lanes, i), WALK, facts, trace)
+            _look_no_further(lanes, i, facts)
         return
     impacts = int(lane.load_recurrence(lanes, i).candidate)
     made = _to_next_impact(lanes, i, transient, total, facts, trace, recorder)
@@ -206,6 +216,7 @@ def close(lanes, i, note, transient, total, finish, cycle, facts, trace, recorde
         return
     if facts is not None:
         describe(start, k, impacts, periods, tangent, cycle, ALIKE * scale + 4.0 * way, facts, trace)
+        _look_no_further(lanes, i, facts)
     note[RATIO] = impacts / periods
     if finish and count + impacts < total:
         note[KNOWN] = total - count - impacts

@@ -9,11 +9,12 @@ what the velocities of impacts give, thorough ones all that can be observed, tra
 
 from __future__ import annotations
 
-from vibroimpact.kernels.advance import RELEASE, STATE, TRACE, advance, step_at
-from vibroimpact.kernels.leaps import leap
+from vibroimpact.kernels.advance import RELEASE, STATE, TRACE, advance, step_at, way_from
 from vibroimpact.kernels.machine import inner, loop
 from vibroimpact.kernels.observers import (
+    FOLD,
     Deviation,
+    Grown,
     Misses,
     Phases,
     Recurrence,
@@ -23,10 +24,15 @@ from vibroimpact.kernels.observers import (
     Turn,
     count_impact,
     deviation,
+    folded,
+    grown,
+    margin_to_beat,
     misses,
     phases,
+    phases_until,
     recurrence,
     rests,
+    size_of,
     stamp,
     sums,
     turn,
@@ -46,22 +52,32 @@ LANES = 32
     (load_turn, store_turn),
     (load_recurrence, store_recurrence),
     (load_deviation, store_deviation),
+    (load_first_size, store_first_size),
+    (load_last_size, store_last_size),
     (load_phases, store_phases),
+    (load_turn_phases, store_turn_phases),
     (load_misses, store_misses),
     ROWS,
-) = kept(CELL, LANES, Sums, Stamp, Stamp, Rests, Turn, Recurrence, Deviation, Phases, Misses)
+) = kept(
+    CELL, LANES, Sums, Stamp, Stamp, Rests, Turn, Recurrence, Deviation, Grown, Grown, Phases, Phases, Misses
+)  # fmt: skip
 # What traced lanes keep beside the cell: the event, the speed of a contact, the steps passed.
 TRACED_ROWS = CELL + TRACE - STATE
 
 
 @inner(forceinline=True)
-def _move(lanes, i, wide):
+def _move(lanes, i, wide, below=None):
     """Take lane i on; return its constants, and what `advance` gives."""
     k = load_constants(lanes, i, wide)
-    before = load_motion(lanes, i, wide)
-    motion, event, v, x, leapt = advance(before, k)
+    motion, event, v, x, way = advance(load_motion(lanes, i, wide), k, below)
     store_motion(lanes, i, motion, wide)
-    return k, before, motion, event, v, x, leapt
+    return k, motion, event, v, x, way
+
+
+@inner(forceinline=True)
+def _margin_to_beat(lanes, i, transient, total, wide):
+    """Return the gap below which near-misses count that lane i now flies by."""
+    return margin_to_beat(load_misses(lanes, i, wide), load_sums(lanes, i, wide).hits, transient, total)
 
 
 @inner(forceinline=True)
@@ -90,16 +106,22 @@ def observe(lanes, i, motion, event, v, x, transient, total, wide):
 
 
 @inner(forceinline=True)
-def observe_thoroughly(lanes, i, k, before, motion, event, v, x, leapt, transient, total, wide):
-    """Observe all that can be observed of the step of lane i that led from `before`, by way of leaps, to a motion."""
-    # Near-misses come first, while the step's coefficients are at hand: 2 % of a step.
-    # They are those of the flight that began with the impact before.
-    _, _, kept, first, last = _counted(lanes, i, event, transient, total, wide)
-    begun = load_sums(lanes, i, wide).hits
-    found = misses(load_misses(lanes, i, wide), before, leapt, motion, k, event, x, begun, transient, total)
+def observe_thoroughly(lanes, i, k, below, motion, event, v, x, way, transient, total, wide):
+    """Observe all that can be observed of the step of lane i that led to a motion, `way` being how."""
+    found = misses(load_misses(lanes, i, wide), *way, motion, k, event, v, x, below)
     store_misses(lanes, i, found, wide)
-    store_deviation(lanes, i, deviation(load_deviation(lanes, i, wide), motion, k, event, v, x, first, last), wide)
-    store_phases(lanes, i, phases(load_phases(lanes, i, wide), motion, event, kept), wide)
+    _, _, kept, first, last = _counted(lanes, i, event, transient, total, wide)
+    now = deviation(load_deviation(lanes, i, wide), motion, k, event, v, x)
+    if anywhere(first | last):
+        store_first_size(lanes, i, grown(load_first_size(lanes, i, wide), now, first), wide)
+        store_last_size(lanes, i, grown(load_last_size(lanes, i, wide), now, last), wide)
+    if anywhere((size_of(now) > FOLD) | (size_of(now) < 1.0 / FOLD)):
+        now = folded(now)
+    store_deviation(lanes, i, now, wide)
+    added = phases(load_phases(lanes, i, wide), motion, kept)
+    store_phases(lanes, i, added, wide)
+    if anywhere(event == RELEASE):
+        store_turn_phases(lanes, i, phases_until(load_turn_phases(lanes, i, wide), added, event), wide)
     observe(lanes, i, motion, event, v, x, transient, total, wide)
 
 
@@ -112,22 +134,25 @@ def observe_walked(lanes, i, k, trace, row, transient, total, facts):
     if facts is None:
         observe(lanes, i, motion, event, v, x, transient, total, None)
     else:
-        observe_thoroughly(lanes, i, k, before, motion, event, v, x, leap(before, k), transient, total, None)
+        below = _margin_to_beat(lanes, i, transient, total, None)
+        way = way_from(before, k, below)
+        observe_thoroughly(lanes, i, k, below, motion, event, v, x, way, transient, total, None)
     return event
 
 
 @inner(forceinline=True)
 def step_lane(lanes, i, transient, total, wide=None):
     """Make one certified step in lane i, or with `wide` in all of a block from there on, and observe it."""
-    _, _, motion, event, v, x, _ = _move(lanes, i, wide)
+    _, motion, event, v, x, _ = _move(lanes, i, wide)
     observe(lanes, i, motion, event, v, x, transient, total, wide)
 
 
 @inner(forceinline=True)
 def step_thorough_lane(lanes, i, transient, total, wide=None):
     """Do what `step_lane` does, and observe all that can be observed."""
-    k, before, motion, event, v, x, leapt = _move(lanes, i, wide)
-    observe_thoroughly(lanes, i, k, before, motion, event, v, x, leapt, transient, total, wide)
+    below = _margin_to_beat(lanes, i, transient, total, wide)
+    k, motion, event, v, x, way = _move(lanes, i, wide, below)
+    observe_thoroughly(lanes, i, k, below, motion, event, v, x, way, transient, total, wide)
 
 
 @loop
@@ -152,7 +177,7 @@ def trace_lanes(lanes, trace):
     for k in range(len(trace)):
         row = trace[k]
         for first in range(0, LANES, BLOCK):
-            _, _, _, event, v, x, _ = _move(lanes, first, 0)
+            _, _, event, v, x, _ = _move(lanes, first, 0)
             give(row, STATE * LANES + first, 0, event)
             give(row, (STATE + 1) * LANES + first, 0, v)
             give(row, (STATE + 2) * LANES + first, 0, x)

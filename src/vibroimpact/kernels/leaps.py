@@ -10,14 +10,14 @@ v >= 0 the difference d = u - v has d'' + C d' + K d <= 0, and it vanishes at bo
 cannot vanish twice within X, as (K - C^2/4) X^2 < pi^2, has a Green's function of one sign (Sturm): d >= 0. And v > 0
 inside where sqrt(u0) + sqrt(u1) > sqrt(q) (theory, equation 2.2), for any damping, and from the stop itself (u0 = 0).
 
-A leap that is not certified changes nothing. Near-misses on its way are looked for by whoever observes them.
+A leap that is not certified changes nothing.
 """
 
 from __future__ import annotations
 
 import math
 
-from vibroimpact.kernels.flight import BARELY, coefficients, evaluate
+from vibroimpact.kernels.flight import BARELY, NONE, acceleration, coefficients, evaluate, least_gap, series
 from vibroimpact.kernels.machine import inner, whole
 from vibroimpact.kernels.state import Flow, Leap, Leapt, Motion, chosen
 from vibroimpact.kernels.vectors import anywhere, fma, least, most, no, select
@@ -99,30 +99,75 @@ def flown_over(motion, by):
 
 
 @inner(forceinline=True)
-def _leap(leapt, over):
+def _leap(leapt, over, k, below):
     """Return where leaps have come to after one more, which is made where it is certified."""
     at = leapt.at
     to = flown_over(at, over.flow)
     # The least sine on the way: -1 where the cosine rises through zero, else at an end.
     lowest = select((at.c < 0.0) & (to.c > 0.0), -1.0, least(at.s, to.s))
-    leaps = stays_clear(at.u, to.u, fma(-over.push, lowest, over.load))
-    return Leapt(chosen(leaps, to, at), leapt.steps + select(leaps, over.X, 0.0))
+    half = fma(-over.push, lowest, over.load)
+    leaps = stays_clear(at.u, to.u, half)
+    margin = leapt.margin
+    if below is not None:
+        # The gap less a constant is certified like the gap: what stays above the least one known is not searched.
+        known = least(below, margin)
+        doubtful = leaps & no(stays_clear(at.u - known, to.u - known, half))
+        if anywhere(doubtful):
+            may = dipping(at, to, k)
+            if anywhere(over.X > LONG):  # far enough for its rate to turn back
+                between = flown_over(at, k.short.flow)
+                may = most(may, most(dipping(at, between, k), dipping(between, to, k)))
+            dips = doubtful & (may > 0.0)
+            if anywhere(dips):
+                margin = select(dips, least(margin, _least_gap_between(at, to, over.X, k)), margin)
+    return Leapt(chosen(leaps, to, at), leapt.steps + select(leaps, over.X, 0.0), margin)
 
 
 @inner(forceinline=True)
-def leap(motion, k):
-    """Return where leaps carry a motion, as near to the next contact as they can."""
-    leapt = _leap(Leapt(motion, select(motion.u < motion.u, motion.u, 0.0)), k.short)
+def dipping(at, to, k):
+    """Return what is positive where the gap may have a minimum between two motions of one flight.
+
+    Its rate passes zero upwards, or its size falls at first and rises at last, but for a maximum of the gap.
+    """
+    slope, slope1 = acceleration(at.u, at.p, at.s, k), acceleration(to.u, to.p, to.s, k)
+    turns = most(least(-at.p, to.p), least(-slope * at.p, slope1 * to.p))
+    return least(most(-at.p, to.p), turns)
+
+
+@inner
+def _least_gap_between(at, to, X, k):
+    """Return the least gap of the near-misses that a leap passed, step by step, or NONE."""
+    never = at.u < at.u
+    margin, left = select(never, at.u, NONE), select(never, at.u, X)
+    while anywhere(left > 0.0):
+        end = chosen(left < 1.0, to, flown_over(at, k.short.flow))
+        if anywhere(least(left, dipping(at, end, k)) > 0.0):
+            slope = acceleration(end.u, end.p, end.s, k)
+            found = least_gap(series(at, k, never), least(left, 1.0), end.p, slope, never)
+            margin = select(left > 0.0, least(margin, found), margin)
+        at, left = end, left - 1.0
+    return margin
+
+
+@inner(forceinline=True)
+def leap(motion, k, below=None):
+    """Return where leaps carry a motion, as near to the next contact as they can.
+
+    Near-misses on the way are looked for where a gap is given `below` which they matter; one that approaches the stop
+    for less than half a step may be overlooked.
+    """
+    never = motion.u < motion.u
+    leapt = _leap(Leapt(motion, select(never, motion.u, 0.0), select(never, motion.u, NONE)), k.short, k, below)
     for _ in range(LONGS):
         before = leapt.steps
-        leapt = _leap(leapt, k.long)
+        leapt = _leap(leapt, k.long, k, below)
         if no(anywhere(leapt.steps > before)):
             break
-    leapt = _leap(leapt, k.short)
+    leapt = _leap(leapt, k.short, k, below)
     at = leapt.at
     # The periods that begin on the way: what is turned, less the difference of the phases, is a whole number.
     begun = fma(k.th * leapt.steps, 1.0 / TURN, _roughly(motion.s, motion.c) - _roughly(at.s, at.c))
-    return Leapt(Motion(at.u, at.p, at.s, at.c, motion.n + whole(begun)), leapt.steps)
+    return Leapt(Motion(at.u, at.p, at.s, at.c, motion.n + whole(begun)), leapt.steps, leapt.margin)
 
 
 @inner(forceinline=True)

@@ -10,11 +10,11 @@ import math
 from typing import NamedTuple
 
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, STUCK
-from vibroimpact.kernels.flight import NONE, acceleration, least_gap, series, undamped_flow
-from vibroimpact.kernels.law import across_impact, pressed
-from vibroimpact.kernels.leaps import flown_over
+from vibroimpact.kernels.flight import acceleration, least_gap, undamped_flow
+from vibroimpact.kernels.law import across_impact
+from vibroimpact.kernels.leaps import dipping
 from vibroimpact.kernels.machine import inner, whole
-from vibroimpact.kernels.state import chosen
+from vibroimpact.kernels.state import Motion
 from vibroimpact.kernels.vectors import anywhere, fma, least, no, select
 
 FOLD = 1.6069380442589903e60  # 2^200: a power of two rescales without rounding
@@ -80,31 +80,31 @@ class Recurrence(NamedTuple):
 
 
 class Deviation(NamedTuple):
-    """A tangent vector, folds by 2^200 taken out of it, and both at the first and the last kept impact."""
+    """A tangent vector, and folds by 2^200 taken out of it."""
 
     du: float
     dp: float
     folds: float
-    first_size: float
-    first_folds: float
-    last_size: float
-    last_folds: float
+
+
+class Grown(NamedTuple):
+    """The size of the tangent vector at a kept impact, the first or the last, and its folds."""
+
+    size: float
+    folds: float
 
 
 class Phases(NamedTuple):
-    """Sums of (sin wt, cos wt) of the kept impacts, now and at the latest release."""
+    """Sums of (sin wt, cos wt) of the kept impacts."""
 
     s: float
     c: float
-    turn_s: float
-    turn_c: float
 
 
 class Misses(NamedTuple):
-    """The least gap of a near-miss within the window, and all releases."""
+    """The least gap of a near-miss within the window."""
 
     margin: float
-    releases: float
 
 
 @inner(forceinline=True)
@@ -194,67 +194,67 @@ def recurrence(old, v, count, hit):
 
 
 @inner(forceinline=True)
-def deviation(old, motion, k, event, v, x, first, last):
+def deviation(old, motion, k, event, v, x):
     """Carry a tangent vector over a step; a hold erases what came before."""
-    held = (event == RELEASE) | (event == STUCK)
-    contact = (motion.u <= 0.0) & no(held)
     du, dp = undamped_flow(old.du, old.dp, k.C, k.K, x)
     du1, dp1 = across_impact(du, dp, v, motion.s, k)
-    du = select(held, DEVIATION[0], select(contact, du1, du))
-    dp = select(held, DEVIATION[1], select(contact, dp1, dp))
-    size = abs(du) + abs(dp)
+    contact = motion.u <= 0.0
+    du, dp = select(contact, du1, du), select(contact, dp1, dp)
+    held = (event == RELEASE) | (event == STUCK)
+    if anywhere(held):
+        du, dp = select(held, DEVIATION[0], du), select(held, DEVIATION[1], dp)
+    return Deviation(du, dp, old.folds)
+
+
+@inner(forceinline=True)
+def size_of(deviation):
+    """Return the size of a tangent vector."""
+    return abs(deviation.du) + abs(deviation.dp)
+
+
+@inner(forceinline=True)
+def folded(old):
+    """Return a tangent vector that is neither very large nor very small."""
+    size = size_of(old)
     large, small = size > FOLD, size < 1.0 / FOLD
     scale = select(large, 1.0 / FOLD, select(small, FOLD, 1.0))
-    return Deviation(
-        du=du * scale,
-        dp=dp * scale,
-        folds=old.folds + select(large, 1.0, select(small, -1.0, 0.0)),
-        first_size=select(first, size, old.first_size),
-        first_folds=select(first, old.folds, old.first_folds),
-        last_size=select(last, size, old.last_size),
-        last_folds=select(last, old.folds, old.last_folds),
-    )
+    folds = old.folds + select(large, 1.0, select(small, -1.0, 0.0))
+    return Deviation(old.du * scale, old.dp * scale, folds)
 
 
 @inner(forceinline=True)
-def phases(old, motion, event, kept):
+def grown(old, now, take):
+    """Note the size of the tangent vector where `take` holds."""
+    return Grown(select(take, size_of(now), old.size), select(take, now.folds, old.folds))
+
+
+@inner(forceinline=True)
+def phases(old, motion, kept):
     """Add up the phases of kept impacts, as points on the unit circle."""
-    s, c = old.s + select(kept, motion.s, 0.0), old.c + select(kept, motion.c, 0.0)
+    return Phases(old.s + select(kept, motion.s, 0.0), old.c + select(kept, motion.c, 0.0))
+
+
+@inner(forceinline=True)
+def phases_until(old, now, event):
+    """Note the phases added up to a release."""
     released = event == RELEASE
-    return Phases(s, c, select(released, s, old.turn_s), select(released, c, old.turn_c))
+    return Phases(select(released, now.s, old.s), select(released, now.c, old.c))
 
 
 @inner(forceinline=True)
-def misses(old, start, leapt, after, k, event, x, count, transient, total):
-    """Look for near-misses in the leaps from `start` and in the step after them, and count releases."""
-    before = leapt.at
+def margin_to_beat(old, count, transient, total):
+    """Return the gap below which a near-miss of the flight after so many impacts counts."""
+    return select((count > transient) & (count < total), old.margin, 0.0)
+
+
+@inner(forceinline=True)
+def misses(old, leapt, a, after, k, event, v, x, below):
+    """Note near-misses `below` a gap in leaps and in the step after them, whose coefficients are `a`."""
+    margin, contact = leapt.margin, after.u <= 0.0
     held = (event == RELEASE) | (event == STUCK)
-    contact = (after.u <= 0.0) & no(held)
-    # The coefficients are those of the step itself: the compiler computes them once.
-    at_release = (before.u <= 0.0) & (before.p == 0.0) & pressed(before.s, before.c, k)[1]
-    a = series(before, k, at_release)
-    margin = least_gap(a, x - leapt.steps, after.p, acceleration(after.u, after.p, after.s, k), contact)
-    margin = least(select(held, NONE, margin), _least_in_leaps(start, leapt, k))
-    within = (count > transient) & (count < total)
-    return Misses(
-        margin=select(within & (margin < old.margin), margin, old.margin),
-        releases=old.releases + select(event == RELEASE, 1.0, 0.0),
-    )
-
-
-@inner(forceinline=True)
-def _least_in_leaps(at, leapt, k):
-    """Return the least gap of the near-misses that leaps passed, step by step, or NONE.
-
-    One that approaches the stop for less than a step may be overlooked.
-    """
-    never = at.u < at.u
-    margin, left = select(never, at.u, NONE), leapt.steps
-    while anywhere(left > 0.0):
-        end = chosen(left < 1.0, leapt.at, flown_over(at, k.short.flow))
-        if anywhere((left > 0.0) & (at.p < 0.0) & (end.p > 0.0)):
-            a = series(at, k, never)
-            found = least_gap(a, least(left, 1.0), end.p, acceleration(end.u, end.p, end.s, k), never)
-            margin = select(left > 0.0, least(margin, found), margin)
-        at, left = end, left - 1.0
-    return margin
+    end = Motion(after.u, select(contact, -v, after.p), after.s, after.c, after.n)
+    dips = (dipping(leapt.at, end, k) > 0.0) & no(held)
+    if anywhere(dips):
+        slope = acceleration(end.u, end.p, end.s, k)
+        margin = select(dips, least(margin, least_gap(a, x - leapt.steps, end.p, slope, contact)), margin)
+    return Misses(select(margin < below, margin, old.margin))

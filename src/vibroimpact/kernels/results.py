@@ -86,9 +86,10 @@ def harvest(lanes, i, note, keep, result):
 def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
     """Turn the sums of a thorough lane and the facts of its cycle into indices; `harvest` comes first."""
     found, seen = lane.load_sums(lanes, i), lane.load_misses(lanes, i)
-    returns = seen.releases > 1.0
-    stuck = returns or lane.load_rests(lanes, i).stuck > 0.0
-    if stuck:
+    rests = lane.load_rests(lanes, i)
+    returns = rests.releases > 1.0
+    stuck = returns or rests.stuck > 0.0
+    if stuck and not facts[RESTS] > 0.0:
         describe_turn(lane.load_constants(lanes, i), WALK if returns else PERHAPS, facts, trace)
     period = 2.0 * math.pi / cell.omega
     n_periods, n_impacts = facts[PERIODS], facts[IMPACTS]
@@ -105,11 +106,10 @@ def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
     else:
         margin = seen.margin
         span, gone = result[0], keep - 1.0
-        grown = lane.load_deviation(lanes, i)
+        first, last = lane.load_first_size(lanes, i), lane.load_last_size(lanes, i)
         growth = -math.inf
-        if grown.last_size > 0.0 and not stuck:
-            folds = grown.last_folds - grown.first_folds
-            growth = math.log(grown.last_size / grown.first_size) + folds * math.log(FOLD)
+        if last.size > 0.0 and not stuck:
+            growth = math.log(last.size / first.size) + (last.folds - first.folds) * math.log(FOLD)
             growth -= 0.5 * cell.damping / cell.mass * span * period
         exponent = growth / (span * period) if gone > 0.0 else math.nan
         per_impact = growth / gone if gone > 0.0 else math.nan

@@ -40,8 +40,8 @@ def begin(lanes, i, note, cell, total, chatter, flight_periods, steps_per_impact
     lane.store_motion(lanes, i, motion)
     lane.store_constants(lanes, i, constants)
     lane.store_recurrence(lanes, i, Recurrence(-math.inf, 0.0, 32.0, NEAR * scale, 0.0))  # no reference yet
-    lane.store_deviation(lanes, i, Deviation(DEVIATION[0], DEVIATION[1], 0.0, 0.0, 0.0, 0.0, 0.0))
-    lane.store_misses(lanes, i, Misses(NONE, 0.0))
+    lane.store_deviation(lanes, i, Deviation(DEVIATION[0], DEVIATION[1], 0.0))
+    lane.store_misses(lanes, i, Misses(NONE))
     longest, granted = budgets(cell, flight_periods, steps_per_impact, total)
     note[H], note[SCALE], note[FLIGHT], note[GRANTED] = h, scale, longest, granted
     note[MADE], note[RATIO], note[KNOWN], note[RELEASES], note[TURN] = 0.0, 0.0, 0.0, 0.0, -1.0

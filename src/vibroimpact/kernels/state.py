@@ -61,10 +61,11 @@ class Leap(NamedTuple):
 
 
 class Leapt(NamedTuple):
-    """Where leaps have come to, and the steps they passed."""
+    """Where leaps have come to, the steps they passed, and the least gap of the near-misses that were looked for."""
 
     at: Motion
     steps: float
+    margin: float
 
 
 class Constants(NamedTuple):
@@ -72,7 +73,8 @@ class Constants(NamedTuple):
 
     C, K, A, G, th, Q stand in the equation of motion (`vibroimpact.kernels`); r is the restitution, cut the speed
     below which impacts are not recorded, tail the factor 2 r/(1 - r) of a chatter's duration, (sr, cr) the pair
-    (sin wt, cos wt) of the release, and `short` and `long` are the leaps.
+    (sin wt, cos wt) of the release, `short` and `long` are the leaps, and `third` and `two_thirds` give the rate in the
+    long one.
     """
 
     C: float
