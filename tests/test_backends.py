@@ -1,5 +1,9 @@
 """The contract every back end keeps: shapes, labels, statuses, starts, samples."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -160,3 +164,25 @@ def test_a_time_step_is_for_the_fixed_step_scheme_alone():
 
 def test_the_columns_of_cells_are_those_that_kernels_read():
     assert make_cells(OSC, None).columns == Cell._fields
+
+
+FIGURES = """
+import numpy as np, vibroimpact as vi
+osc = vi.ImpactOscillator(restitution=0.7)
+figures = vi.parameter_map(osc, omega=np.linspace(0.1, 5.0, 40), indices=["std", "lyapunov"], sample_impacts=200)
+columns = [vi.impact_section(osc).velocity, *figures.data_vars.values()]
+print(*(column.values.tobytes().hex() for column in columns))
+"""
+
+
+def test_a_processor_without_a_name_finds_the_same_bits(tmp_path):
+    # Without a name of the processor lanes are compared as LLVM sees fit, not by instructions of AVX.
+    plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path)}
+    named, nameless = (
+        subprocess.run(
+            [sys.executable, "-c", FIGURES], env={**os.environ, **extra}, capture_output=True, text=True, check=True
+        ).stdout
+        for extra in ({}, plain)
+    )
+    assert len(named) > 4000
+    assert named == nameless

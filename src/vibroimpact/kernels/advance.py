@@ -12,7 +12,7 @@ from vibroimpact.kernels.law import chatters, pressed, speed_after
 from vibroimpact.kernels.leaps import leap
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.state import Motion, chosen
-from vibroimpact.kernels.vectors import anywhere, fma, no, select
+from vibroimpact.kernels.vectors import anywhere, fma, never, no, select
 
 FLIGHT = 0.0  # flew on, or rebounded below the cut
 IMPACT = 1.0  # a recorded impact
@@ -102,7 +102,7 @@ def _step(motion, k):
     touching = u <= 0.0
     at_rest = touching & (p == 0.0)
     resting = anywhere(at_rest)
-    held = at_release = u < u
+    held = at_release = never(u)
     if resting:
         pressing, balance = pressed(s, c, k)
         held, at_release = at_rest & pressing, at_rest & balance

@@ -18,7 +18,7 @@ from vibroimpact.kernels.cycle import ALIKE, PERIODS, describe, describe_turn
 from vibroimpact.kernels.flight import flow, product
 from vibroimpact.kernels.law import saltation
 from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.observers import Misses, Phases, Recurrence, Stamp, Sums, repeated
+from vibroimpact.kernels.observers import Deviation, Misses, Phases, Recurrence, Stamp, Sums, repeated
 from vibroimpact.kernels.recorder import overhear
 from vibroimpact.kernels.results import KNOWN, MADE, RATIO, RELEASES, SCALE, TURN, WALK
 from vibroimpact.kernels.state import Motion
@@ -172,9 +172,10 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
 
 @inner
 def _look_no_further(lanes, i, facts):
-    """Look for no near-miss below 0 where the facts tell the least one."""
+    """Look for no near-miss, and follow no tangent, where the facts tell what comes of them."""
     if facts[PERIODS] > 0.0:
         lane.store_misses(lanes, i, Misses(0.0))
+        lane.store_deviation(lanes, i, Deviation(0.0, 0.0, 0.0))
 
 
 @inner
@@ -216,7 +217,8 @@ def close(lanes, i, note, transient, total, finish, cycle, facts, trace, recorde
         return
     if facts is not None:
         describe(start, k, impacts, periods, tangent, cycle, ALIKE * scale + 4.0 * way, facts, trace)
-        _look_no_further(lanes, i, facts)
+        if lane.load_rests(lanes, i).stuck == 0.0:  # else the turn from a release may take the cycle's place
+            _look_no_further(lanes, i, facts)
     note[RATIO] = impacts / periods
     if finish and count + impacts < total:
         note[KNOWN] = total - count - impacts

@@ -111,13 +111,15 @@ def observe_thoroughly(lanes, i, k, below, motion, event, v, x, way, transient, 
     found = misses(load_misses(lanes, i, wide), *way, motion, k, event, v, x, below)
     store_misses(lanes, i, found, wide)
     _, _, kept, first, last = _counted(lanes, i, event, transient, total, wide)
-    now = deviation(load_deviation(lanes, i, wide), motion, k, event, v, x)
-    if anywhere(first | last):
-        store_first_size(lanes, i, grown(load_first_size(lanes, i, wide), now, first), wide)
-        store_last_size(lanes, i, grown(load_last_size(lanes, i, wide), now, last), wide)
-    if anywhere((size_of(now) > FOLD) | (size_of(now) < 1.0 / FOLD)):
-        now = folded(now)
-    store_deviation(lanes, i, now, wide)
+    old = load_deviation(lanes, i, wide)
+    if anywhere(size_of(old) > 0.0):
+        now = deviation(old, motion, k, event, v, x)
+        if anywhere(first | last):
+            store_first_size(lanes, i, grown(load_first_size(lanes, i, wide), now, first), wide)
+            store_last_size(lanes, i, grown(load_last_size(lanes, i, wide), now, last), wide)
+        if anywhere((size_of(now) > FOLD) | (size_of(now) < 1.0 / FOLD)):
+            now = folded(now)
+        store_deviation(lanes, i, now, wide)
     added = phases(load_phases(lanes, i, wide), motion, kept)
     store_phases(lanes, i, added, wide)
     if anywhere(event == RELEASE):

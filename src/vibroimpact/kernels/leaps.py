@@ -20,7 +20,7 @@ import math
 from vibroimpact.kernels.flight import BARELY, NONE, acceleration, coefficients, evaluate, least_gap, series
 from vibroimpact.kernels.machine import inner, whole
 from vibroimpact.kernels.state import Flow, Leap, Leapt, Motion, chosen
-from vibroimpact.kernels.vectors import anywhere, fma, least, most, no, select
+from vibroimpact.kernels.vectors import anywhere, fma, least, most, never, no, select
 
 TURN = 2.0 * math.pi
 
@@ -134,16 +134,16 @@ def dipping(at, to, k):
     return least(most(-at.p, to.p), turns)
 
 
-@inner
+@inner(forceinline=False)
 def _least_gap_between(at, to, X, k):
     """Return the least gap of the near-misses that a leap passed, step by step, or NONE."""
-    never = at.u < at.u
-    margin, left = select(never, at.u, NONE), select(never, at.u, X)
+    nowhere = never(at.u)
+    margin, left = select(nowhere, at.u, NONE), select(nowhere, at.u, X)
     while anywhere(left > 0.0):
         end = chosen(left < 1.0, to, flown_over(at, k.short.flow))
         if anywhere(least(left, dipping(at, end, k)) > 0.0):
             slope = acceleration(end.u, end.p, end.s, k)
-            found = least_gap(series(at, k, never), least(left, 1.0), end.p, slope, never)
+            found = least_gap(series(at, k, nowhere), least(left, 1.0), end.p, slope, nowhere)
             margin = select(left > 0.0, least(margin, found), margin)
         at, left = end, left - 1.0
     return margin
@@ -156,8 +156,8 @@ def leap(motion, k, below=None):
     Near-misses on the way are looked for where a gap is given `below` which they matter; one that approaches the stop
     for less than half a step may be overlooked.
     """
-    never = motion.u < motion.u
-    leapt = _leap(Leapt(motion, select(never, motion.u, 0.0), select(never, motion.u, NONE)), k.short, k, below)
+    nowhere = never(motion.u)
+    leapt = _leap(Leapt(motion, select(nowhere, motion.u, 0.0), select(nowhere, motion.u, NONE)), k.short, k, below)
     for _ in range(LONGS):
         before = leapt.steps
         leapt = _leap(leapt, k.long, k, below)

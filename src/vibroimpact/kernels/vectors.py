@@ -18,13 +18,21 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.machine import config, inner
 
 # One value is two registers of 512 bits, or of 256, so that what one waits for the other fills; where the processor has
 # narrower ones than a value is made for, most of it is spilled.
-LANES = 16 if get_host_cpu_features().get("avx512f") else 8
+_HOST = get_host_cpu_features()
+LANES = 16 if _HOST.get("avx512f") else 8
+# With registers of 256 bits a truth fills a number's place. LLVM packs and unpacks what its own comparisons of two
+# registers give, a tenth of all instructions, so AVX is asked for by name.
+MASKS = LANES == 8 and bool(_HOST.get("avx")) and config.CPU_NAME is None and config.CPU_FEATURES is None
 _NUMBERS = ir.VectorType(ir.DoubleType(), LANES)
-_TRUTHS = ir.VectorType(ir.IntType(1), LANES)
+_TRUTHS = _NUMBERS if MASKS else ir.VectorType(ir.IntType(1), LANES)
+_HALF, _BITS = ir.VectorType(ir.DoubleType(), 4), ir.VectorType(ir.IntType(64), LANES)
+_PLACE = ir.IntType(32)
+# How AVX names comparisons that are false where either side is no number, and quiet.
+_COMPARISONS = {"<": 0x11, "<=": 0x12, ">=": 0x1D, ">": 0x1E, "==": 0x00}
 
 
 class Vector(types.Type):
@@ -50,14 +58,38 @@ def _spread(context: Any, builder: Any, value: Any, kind: Any) -> Any:
     if isinstance(kind, Vector):
         return value
     value = context.cast(builder, value, kind, types.float64)
-    empty, index = ir.Constant(_NUMBERS, ir.Undefined), ir.IntType(32)
-    first = builder.insert_element(empty, value, index(0))
-    return builder.shuffle_vector(first, empty, ir.Constant(ir.VectorType(index, LANES), [0] * LANES))
+    empty = ir.Constant(_NUMBERS, ir.Undefined)
+    first = builder.insert_element(empty, value, _PLACE(0))
+    return builder.shuffle_vector(first, empty, ir.Constant(ir.VectorType(_PLACE, LANES), [0] * LANES))
 
 
 def _call(builder: Any, name: str, *values: Any) -> Any:
     kind = ir.FunctionType(_NUMBERS, [_NUMBERS] * len(values))
     return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64"), values)
+
+
+def _halves(builder: Any, name: str, result: Any, values: tuple[Any, ...], *more: Any) -> list[Any]:
+    """Call an instruction of AVX for each half of the values; `more` follows them."""
+    kind = ir.FunctionType(result, [_HALF] * len(values) + [value.type for value in more])
+    function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.x86.avx.{name}.256")
+    parts = []
+    for places in (range(4), range(4, 8)):
+        of_it = ir.Constant(ir.VectorType(_PLACE, 4), list(places))
+        own = [builder.shuffle_vector(value, ir.Constant(value.type, ir.Undefined), of_it) for value in values]
+        parts.append(builder.call(function, [*own, *more]))
+    return parts
+
+
+def _by_halves(builder: Any, name: str, values: tuple[Any, ...], *more: Any) -> Any:
+    """Return the vector that an instruction of AVX makes of both halves of others."""
+    parts = _halves(builder, name, _HALF, values, *more)
+    return builder.shuffle_vector(*parts, ir.Constant(ir.VectorType(_PLACE, 8), list(range(8))))
+
+
+def _compare(builder: Any, name: str, a: Any, b: Any) -> Any:
+    if not MASKS:
+        return builder.fcmp_ordered(name, a, b)
+    return _by_halves(builder, "cmp.pd", (a, b), ir.Constant(ir.IntType(8), _COMPARISONS[name]))
 
 
 def _define(operation: Any, result: Vector, emit: Callable[..., Any], places: int = 2) -> None:
@@ -95,7 +127,7 @@ for _operation, _name in (
     (operator.ge, ">="),
     (operator.eq, "=="),
 ):
-    _define(_operation, TRUTHS, lambda builder, a, b, name=_name: builder.fcmp_ordered(name, a, b))
+    _define(_operation, TRUTHS, lambda builder, a, b, name=_name: _compare(builder, name, a, b))
 _define(operator.neg, NUMBERS, lambda builder, a: builder.fneg(a), 1)
 _define(abs, NUMBERS, lambda builder, a: _call(builder, "fabs", a), 1)
 _define(math.sqrt, NUMBERS, lambda builder, a: _call(builder, "sqrt", a), 1)
@@ -108,7 +140,10 @@ def _logical(operation: Any, name: str) -> None:
 
     @lower_builtin(operation, Vector, Vector)
     def _lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return getattr(builder, name)(*values)
+        if not MASKS:
+            return getattr(builder, name)(*values)
+        found = getattr(builder, name)(*(builder.bitcast(value, _BITS) for value in values))
+        return builder.bitcast(found, _TRUTHS)
 
 
 _logical(operator.and_, "and_")
@@ -137,7 +172,10 @@ def select(typingctx: Any, condition: Any, yes: Any, no: Any) -> Any:
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         ends = zip(values[1:], signature.args[1:], strict=True)
         if wide:
-            return builder.select(values[0], *(_spread(context, builder, v, k) for v, k in ends))
+            yes, no = (_spread(context, builder, v, k) for v, k in ends)
+            return (
+                _by_halves(builder, "blendv.pd", (no, yes, values[0])) if MASKS else builder.select(values[0], yes, no)
+            )
         return builder.select(values[0], *(context.cast(builder, v, k, types.float64) for v, k in ends))
 
     return (NUMBERS if wide else types.float64)(condition, yes, no), codegen
@@ -148,21 +186,43 @@ def no(typingctx: Any, truth: Any) -> Any:
     """Return what is true where this is not."""
 
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        if truth is TRUTHS and MASKS:
+            return builder.bitcast(builder.not_(builder.bitcast(values[0], _BITS)), _TRUTHS)
         return builder.not_(values[0])
 
     return truth(truth), codegen
 
 
-@inner(forceinline=True)
-def least(a, b):
-    """Return the smaller one."""
-    return select(a < b, a, b)
+@intrinsic
+def never(typingctx: Any, number: Any) -> Any:
+    """Return what is true nowhere."""
+    kind = TRUTHS if number is NUMBERS else types.boolean
+    return kind(number), lambda context, builder, signature, values: context.get_constant_null(kind)
 
 
-@inner(forceinline=True)
-def most(a, b):
-    """Return the larger one."""
-    return select(a > b, a, b)
+def _extreme(name: str, comparison: str) -> Callable[..., Any]:
+    """Return the function of two numbers or vectors that gives the first where it compares so, else the second."""
+
+    @intrinsic
+    def extreme(typingctx: Any, a: Any, b: Any) -> Any:
+        kind = NUMBERS if NUMBERS in (a, b) else types.float64
+
+        def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            if kind is NUMBERS:
+                a, b = (_spread(context, builder, v, k) for v, k in zip(values, signature.args, strict=True))
+                if MASKS:
+                    return _by_halves(builder, f"{name}.pd", (a, b))
+            else:
+                a, b = (context.cast(builder, v, k, kind) for v, k in zip(values, signature.args, strict=True))
+            return builder.select(builder.fcmp_ordered(comparison, a, b), a, b)
+
+        return kind(a, b), codegen
+
+    return extreme
+
+
+least = _extreme("min", "<")
+most = _extreme("max", ">")
 
 
 # A flat array holds rows of numbers; with None in the place of `wide` one number is meant.
@@ -236,7 +296,10 @@ def anywhere(typingctx: Any, truths: Any) -> Any:
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         if truths is not TRUTHS:
             return context.cast(builder, values[0], truths, types.boolean)
-        bits = builder.bitcast(values[0], ir.IntType(LANES))
+        if MASKS:
+            bits = builder.or_(*_halves(builder, "movmsk.pd", ir.IntType(32), values))
+        else:
+            bits = builder.bitcast(values[0], ir.IntType(LANES))
         return builder.icmp_unsigned("!=", bits, bits.type(0))
 
     return types.boolean(truths), codegen
