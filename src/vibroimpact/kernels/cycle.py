@@ -25,6 +25,13 @@ UNRESOLVED = 1e13
 
 
 @inner
+def forget(facts):
+    """Begin with the facts of another cell: none is known."""
+    for j in range(FACTS):
+        facts[j] = 0.0
+
+
+@inner
 def fewest_impacts(cycle, number, periods, blur):
     """Return the least number of impacts after which a cycle of `number` repeats itself, within a speed `blur`."""
     for fewer in range(1, number):

@@ -14,7 +14,7 @@ from vibroimpact.kernels import runner
 from vibroimpact.kernels.advance import LOOK, TRACE
 from vibroimpact.kernels.cell import RUNNING, cell_of
 from vibroimpact.kernels.closing import close as close_lane
-from vibroimpact.kernels.cycle import IMPACTS, PERIODS
+from vibroimpact.kernels.cycle import forget
 from vibroimpact.kernels.lanes import LANES, step_lane, step_thorough_lane
 from vibroimpact.kernels.machine import cache_folder, config
 from vibroimpact.kernels.results import MADE, harvest, harvest_thoroughly
@@ -70,7 +70,7 @@ def begin(cells, lanes, notes, facts, states, total, chatter, flight_periods, st
             flight_periods,
             steps_per_impact,
         )
-        facts[j, PERIODS], facts[j, IMPACTS] = 0.0, 0.0
+        forget(_plain(facts[j]))
         states[j] = RUNNING
 
 

@@ -8,7 +8,7 @@ from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import LOOK, walk
 from vibroimpact.kernels.cell import FILLED, QUIET_FOR, RUNNING, budgets, cell_of, ending, prepare
 from vibroimpact.kernels.closing import close
-from vibroimpact.kernels.cycle import IMPACTS, PERIODS
+from vibroimpact.kernels.cycle import forget
 from vibroimpact.kernels.flight import NONE
 from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket
 from vibroimpact.kernels.observers import DEVIATION, Deviation, Misses, Recurrence
@@ -70,7 +70,7 @@ def seated(cells, tickets, lanes, owner, notes, facts, total, chatter, flight_pe
                 begin(lanes, i, notes[i], cell, total, chatter, flight_periods, steps_per_impact)
                 owner[i] = following
                 if facts is not None:
-                    facts[i, PERIODS], facts[i, IMPACTS] = 0.0, 0.0
+                    forget(facts[i])
         if owner[i] >= 0:
             if busy < i:  # no cells wait any more: those that are left close ranks
                 move(lanes, owner, notes, facts, i, busy)
