@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -185,7 +186,7 @@ class Motion:
     phases: tuple[float, ...] = ()
     status: Status = field(default=Status.OK, compare=False)
 
-    @property
+    @cached_property
     def motion_class(self) -> MotionClass:
         """The kind as a `MotionClass`."""
         return MotionClass[self.kind.upper()]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from threading import Event
 from typing import Any, NamedTuple
 
@@ -19,6 +20,7 @@ from vibroimpact.indices import INDICES
 from vibroimpact.motion import Motion, MotionClass, decide
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits import find_orbit
+from vibroimpact.orbits.search import stable_orbits
 from vibroimpact.orbits.sticking import CREST
 from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.parameters import invalid
@@ -92,10 +94,11 @@ def spread_cells(osc: ImpactOscillator | ImpactSystem, number: int = SPREAD) -> 
 
 def orbit_cells(osc: ImpactOscillator | ImpactSystem) -> list[Cells]:
     """Return an impact of each stable, admissible orbit of one impact in up to 16 periods: all are known exactly."""
-    orbits = (orbit for n in range(1, KNOWN_PERIODS + 1) for orbit in find_orbit(osc, n_periods=n))
-    stable = (orbit for orbit in orbits if orbit.stable and orbit.admissible)
+    every = range(1, KNOWN_PERIODS + 1)
     if isinstance(osc, ImpactSystem):
-        return [carried(osc, orbit.start) for orbit in stable]
+        orbits = (orbit for n in every for orbit in find_orbit(osc, n_periods=n))
+        return [carried(osc, orbit.start) for orbit in orbits if orbit.stable and orbit.admissible]
+    stable = (orbit for n in every for orbit in stable_orbits(osc, n))
     return [Start(0.0, orbit.velocities[0], orbit.phases[0]).cell(osc) for orbit in stable]
 
 
@@ -145,7 +148,7 @@ class Measured(Motion):
     indices: dict[str, float] = field(default_factory=dict, compare=False)
     impacts: int = field(default=0, compare=False)
 
-    @property
+    @cached_property
     def group(self) -> tuple[str, int, int]:
         """What distinguishes classes of motion along a path; all that do not repeat, or hardly ever, are one."""
         rare = self.n_periods > HARDLY_EVER or (self.motion_class == MotionClass.STICKING and not self.n_periods)
@@ -153,7 +156,7 @@ class Measured(Motion):
             return "aperiodic", 0, 0
         return self.kind, self.n_periods, self.n_impacts
 
-    @property
+    @cached_property
     def hardest(self) -> float:
         """The largest impact velocity in m/s; 0 where the mass does not hit, NaN where it is not known."""
         return 0.0 if self.motion_class in QUIET else self.indices["max_velocity"]

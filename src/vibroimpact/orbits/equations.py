@@ -41,7 +41,6 @@ import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,12 +78,9 @@ class Flight:
         self.omega, self.gap = omega, gap
         self.preload = self.stiff * gap
         self.split2 = 0.25 * self.damp * self.damp - self.stiff
-
-    @cached_property
-    def rates(self) -> tuple[complex, complex]:
-        """The rates of free motion, the slower first; their product, not a difference, gives the slower one."""
+        # The rates of free motion, the slower first; their product, not a difference, gives the slower one.
         fast = -(0.5 * self.damp + cmath.sqrt(self.split2))
-        return self.stiff / fast, fast
+        self.rates = self.stiff / fast, fast
 
     @property
     def fastest(self) -> float:

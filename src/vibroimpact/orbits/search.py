@@ -127,6 +127,14 @@ def find_orbit(
     return _search(osc, cycle) if begin is None else _from(osc, cycle, begin)
 
 
+def stable_orbits(osc: ImpactOscillator, n_periods: int) -> list[Orbit]:
+    """Return the stable, admissible period-n impact-1 orbits, the hardest first; only of stable ones it is asked."""
+    cycle, parameters = Cycle(n_periods, 1), parameters_of(osc)
+    solutions, _ = impact_1_orbits(osc, n_periods)
+    stable = [z for z in solutions if max(map(abs, cycle.multipliers(parameters, z))) < 1.0]
+    return [orbit for orbit in _sorted(osc, cycle, stable) if orbit.stable and orbit.admissible] if stable else []
+
+
 def _start(osc: ImpactOscillator, near: Any, cycle: Cycle) -> Orbit | tuple[float, float] | None:
     """Return an orbit of the same name, or phase and velocity of an impact, or None."""
     if near is None:
