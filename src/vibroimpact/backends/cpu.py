@@ -28,7 +28,7 @@ from vibroimpact.kernels.cell import DYING, FILLED, LAWLESS, MOST, PINNED, QUIET
 from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.flight import REACH
-from vibroimpact.kernels.lanes import LANES, ROWS, TRACED_ROWS
+from vibroimpact.kernels.lanes import CELL, LANES, ROWS
 from vibroimpact.kernels.recorder import END, IDLE, MEMORY, Recorder, begin, record, record_lanes, state_of
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
 from vibroimpact.kernels.runner import follow_cell, run_cells
@@ -295,7 +295,7 @@ def _room_for(window: Window, *lanes: int) -> tuple[Floats, Floats, Floats, Coun
 
 def _record_in_lanes(runs: list[_Run]) -> None:
     """Record the runs in lanes; one that ends makes room for the next."""
-    lanes, trace = aligned(TRACED_ROWS * LANES), np.zeros((LOOK, TRACE * LANES))
+    lanes, trace = aligned(CELL * LANES), np.zeros((LOOK, TRACE * LANES))
     seen = Recorder(np.zeros((LANES, MEMORY)), *_room_for(runs[0].window, LANES))
     seen.memory[:, END] = IDLE
     rooms = seen.impacts.shape[1], seen.looks.shape[1], seen.sticks.shape[1]

@@ -1,7 +1,7 @@
 """Many cells in lockstep: one masked step of every lane, again and again.
 
-A lane's numbers stand in one flat array, row after row of LANES entries, so that the compiler sees constant distances
-between all of them and turns the inner loop into vector instructions.
+A lane's numbers stand in one flat array, row after row of LANES entries at constant distances, so that a block of lanes
+is read and written as vectors.
 
 Lanes are stepped in three ways, by the same operations, so that the bits of the motion are the same: plain ones keep
 what the velocities of impacts give, thorough ones all that can be observed, traced ones leave a record of every step.
@@ -9,7 +9,7 @@ what the velocities of impacts give, thorough ones all that can be observed, tra
 
 from __future__ import annotations
 
-from vibroimpact.kernels.advance import RELEASE, STATE, TRACE, advance, step_at, way_from
+from vibroimpact.kernels.advance import RELEASE, STATE, advance, step_at, way_from
 from vibroimpact.kernels.machine import inner, loop
 from vibroimpact.kernels.observers import (
     FOLD,
@@ -61,8 +61,6 @@ LANES = 32
 ) = kept(
     CELL, LANES, Sums, Stamp, Stamp, Rests, Turn, Recurrence, Deviation, Grown, Grown, Phases, Phases, Misses
 )  # fmt: skip
-# What traced lanes keep beside the cell: the event, the speed of a contact, the steps passed.
-TRACED_ROWS = CELL + TRACE - STATE
 
 
 @inner(forceinline=True)

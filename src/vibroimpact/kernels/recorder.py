@@ -10,10 +10,10 @@ from vibroimpact.kernels.cell import FILLED, PINNED, RUNNING, SPENT, budgets, ce
 from vibroimpact.kernels.flight import evaluate, series, whole_step
 from vibroimpact.kernels.lanes import CELL, LANES, trace_lanes
 from vibroimpact.kernels.law import pressed, tail_duration
+from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.machine import compiled, inner
 from vibroimpact.kernels.state import Constants, Motion, kept
 
-TURN = 2.0 * math.pi
 IDLE = FILLED  # the ending of a lane without a cell
 FADED = 1e-280  # square of a speed, in m a step: whole motion at rest at the stop, to any scale
 SURELY = 1.0 + 1e-9  # periods from the beginning of a period, past which its end certainly lies
