@@ -12,7 +12,6 @@ from __future__ import annotations
 from vibroimpact.kernels.advance import RELEASE, STATE, advance, step_at, way_from
 from vibroimpact.kernels.machine import inner, loop
 from vibroimpact.kernels.observers import (
-    FOLD,
     Deviation,
     Grown,
     Misses,
@@ -115,9 +114,7 @@ def observe_thoroughly(lanes, i, k, below, motion, event, v, x, way, transient, 
         if anywhere(first | last):
             store_first_size(lanes, i, grown(load_first_size(lanes, i, wide), now, first), wide)
             store_last_size(lanes, i, grown(load_last_size(lanes, i, wide), now, last), wide)
-        if anywhere((size_of(now) > FOLD) | (size_of(now) < 1.0 / FOLD)):
-            now = folded(now)
-        store_deviation(lanes, i, now, wide)
+        store_deviation(lanes, i, folded(now), wide)
     added = phases(load_phases(lanes, i, wide), motion, kept)
     store_phases(lanes, i, added, wide)
     if anywhere(event == RELEASE):

@@ -213,13 +213,15 @@ def size_of(deviation):
 
 
 @inner(forceinline=True)
-def folded(old):
+def folded(vector):
     """Return a tangent vector that is neither very large nor very small."""
-    size = size_of(old)
+    size = size_of(vector)
     large, small = size > FOLD, size < 1.0 / FOLD
-    scale = select(large, 1.0 / FOLD, select(small, FOLD, 1.0))
-    folds = old.folds + select(large, 1.0, select(small, -1.0, 0.0))
-    return Deviation(old.du * scale, old.dp * scale, folds)
+    if anywhere(large | small):
+        scale = select(large, 1.0 / FOLD, select(small, FOLD, 1.0))
+        folds = vector.folds + select(large, 1.0, select(small, -1.0, 0.0))
+        vector = Deviation(vector.du * scale, vector.dp * scale, folds)
+    return vector
 
 
 @inner(forceinline=True)

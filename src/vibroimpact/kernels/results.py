@@ -89,7 +89,7 @@ def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
     rests = lane.load_rests(lanes, i)
     returns = rests.releases > 1.0
     stuck = returns or rests.stuck > 0.0
-    if stuck and not facts[RESTS] > 0.0:
+    if stuck and not facts[RESTS] > 0.0:  # else `close` has described the turn
         describe_turn(lane.load_constants(lanes, i), WALK if returns else PERHAPS, facts, trace)
     period = 2.0 * math.pi / cell.omega
     n_periods, n_impacts = facts[PERIODS], facts[IMPACTS]
