@@ -43,9 +43,9 @@ class Cells:
     @classmethod
     def of(cls, columns: Mapping[str, Any]) -> Cells:
         """Return cells from columns of one length, or single numbers."""
-        table = np.empty((max(map(np.size, columns.values())), len(columns)))
+        table = np.empty((max(getattr(column, "size", 1) for column in columns.values()), len(columns)))
         for j, column in enumerate(columns.values()):
-            table[:, j] = np.ravel(column)
+            table[:, j] = column
         return cls(table, tuple(columns))
 
     @classmethod

@@ -274,7 +274,9 @@ def last_of(seen: Samples) -> Start | None:
 def _measured(table: Outcome, window: ImpactWindow) -> list[Measured]:
     growth = window.keep * table["lyapunov_per_impact"]
     kinds = decide(table["status"].astype(np.int8), growth, table["n_periods"], table["n_impacts"])
-    rows = ({name: float(table[name][at]) for name in INDICES} for at in range(len(kinds)))
+    rows = (
+        dict(zip(INDICES, row, strict=True)) for row in zip(*(table[name].tolist() for name in INDICES), strict=True)
+    )
     columns = kinds.tolist(), table["status"].tolist(), rows, table["impacts"].tolist()
     return [named(*row) for row in zip(*columns, strict=True)]
 
