@@ -72,6 +72,20 @@ def test_windows_that_begin_and_end_in_mid_cycle(transient, sample):
     agree(closed, stepped, ALL)
 
 
+@pytest.mark.parametrize("transient", [36, 100, 500, 1000, 1020, 2040])
+@pytest.mark.parametrize("sample", [60, 535, 2000])
+def test_a_chatter_of_every_period_has_its_name_and_its_rest_wherever_a_window_begins(transient, sample):
+    # Every power of two of impacts another one is watched: 512, 1024 and 2048 lie within turns that are closed.
+    ball = vi.models.bouncing_ball(restitution=0.43)
+    closed, stepped = both(
+        ball, ALL, ball.omega * np.linspace(0.96, 1.0, 6), transient_impacts=transient, sample_impacts=sample
+    )
+    for found in (closed, stepped):
+        assert (found["n_periods"] == 1).all()
+        assert (found["n_impacts"] == -1).all()
+    agree(closed, stepped, ALL)
+
+
 def test_what_settles_early_costs_a_small_part_of_its_impacts():
     closed, stepped = both(one_mass(vi.ImpactOscillator()), SPEEDS, [1.0, 2.0, 2.4])
     assert closed["status"].values.tolist() == [vi.Status.CLOSED] * 3

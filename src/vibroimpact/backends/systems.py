@@ -280,7 +280,7 @@ class SystemSweep:
         if self.layout.thorough and self.layout.stops:
             # The impact that is known is the first one kept where 2^k - 1 are left out.
             known = full & (notes[march.FROM] == self.window.transient + 1.0)
-            stop = notes[march.AT].astype(np.int64)
+            stop = notes[march.STOP].astype(np.int64)
             columns["first_stop"] = np.where(known, stop, -1)
             columns["first_phase"] = began % 1.0
             columns["first_velocity"] = own[march.FIRST, stop, np.arange(len(ends))] / h

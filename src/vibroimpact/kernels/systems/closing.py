@@ -279,16 +279,20 @@ def close(rows, k, room, note, window, alone):
     for bound in (transient, total):
         if periods == 0.0:
             return
-        if bound == total:
-            while note[HITS] <= transient or (note[HITS] - place) % impacts != 0.0:  # the Jacobian's place in the cycle
-                if not _make(rows, k, room, note, window, alone, 1.0):
-                    return
-            if k.thorough and note[IMPACTS] == 0.0 and note[FROM] < note[HITS]:
-                note[FROM] = 0.0  # the next impact is the one whose return names the cycle
-                if not _make(rows, k, room, note, window, alone, impacts):
-                    return
-        if bound - note[HITS] < 2.0 * impacts:
+        known = note[FROM]
+        while note[HITS] + 2.0 * impacts <= bound:
+            at_place = bound == transient or (note[HITS] > transient and (note[HITS] - place) % impacts == 0.0)
+            unnamed = k.thorough and note[IMPACTS] == 0.0
+            if at_place and not unnamed:
+                break
+            if unnamed and note[HITS] - note[FROM] > impacts and note[HITS] + 4.0 * impacts <= bound:
+                note[FROM] = 0.0  # that one does not come back: the next impact is the one whose return names the cycle
+                known = known if bound == transient else 0.0
+            if not _make(rows, k, room, note, window, alone, 1.0):
+                return
+        if note[HITS] + 2.0 * impacts > bound:
             continue
+        note[FROM] = total  # the known impact stays: what has come back keeps its name
         copy(note, alone.note)
         if not _make(rows, k, room, note, window, alone, impacts):
             return
@@ -299,7 +303,8 @@ def close(rows, k, room, note, window, alone):
         _skip(rows, k, note, alone, times, periods)
         if k.thorough:
             _grow(rows, k, note, alone, times, bound == total)
-            while bound == transient and 0.0 < 2.0 * note[FROM] <= note[HITS]:
-                note[FROM] *= 2.0
-            if bound == total and 2.0 * note[FROM] <= total:
-                note[FROM] = total
+        if bound == total and place <= transient and 2.0 * (transient + 1.0) > total:
+            known = transient + 1.0  # of the cycle, as all later ones
+        note[FROM] = known if bound == transient or 2.0 * known > total else total
+        while bound == transient and 0.0 < 2.0 * note[FROM] <= note[HITS]:
+            note[FROM] *= 2.0

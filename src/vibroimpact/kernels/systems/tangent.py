@@ -167,10 +167,12 @@ def recur(rows, k, note, z, total):
 
     It has come back if the state is the same within NEAR of V after whole periods: the next impact of a chatter that
     completes is as near, too. Without chatter it must be as much nearer than it ever was before, or a cycle that is
-    reached by turns from either side would be named double. Every power of two of impacts the known one is replaced.
+    reached by turns from either side would be named double. Every power of two of impacts the known one is replaced,
+    unless a cycle is known and there are fewer left than it has.
     """
     hits, n = note[HITS], k.modes
-    if hits >= 2.0 * note[FROM] and hits < total:
+    enough = note[PERIODS] * hits <= (total - hits) * rows[k.turn + 2]
+    if hits >= 2.0 * note[FROM] and hits < total and enough:
         for j in range(n):
             rows[k.known + j], rows[k.known + n + j] = rows[k.eta + j], rows[k.rate + j]
         rows[k.known + 2 * n], rows[k.known + 2 * n + 1] = rows[k.turn], rows[k.turn + 1]
