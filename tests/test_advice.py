@@ -8,9 +8,11 @@ import pytest
 
 import vibroimpact as vi
 from designs import RESTS, random_designs
+from test_system_basins import two_masses
+from vibroimpact import models
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow
 from vibroimpact.cells import cells_at
-from vibroimpact.coexistence.measuring import Runner
+from vibroimpact.coexistence.measuring import Runner, copies
 from vibroimpact.motion import motion_name, refined
 from vibroimpact.oscillator import PARAMETERS
 from vibroimpact.verdict import Verdict, describe
@@ -40,6 +42,7 @@ def without_boundaries(osc, parameter):
         indices=present.measured.indices,
         transient=present.final.before.name if present.final.before else "",
         attractors=motions,
+        stops=present.attractor.stops if present.attractor else (),
         advice=advise(present, motions, [range_of(osc, parameter, 3.0)], runner),
     )
 
@@ -51,6 +54,8 @@ def hits(runner, cells):
 
 def impacts(osc, rng, number=256):
     """Return random impacts of up to 4 V."""
+    if isinstance(osc, vi.ImpactSystem):
+        return copies(osc, number).struck(rng.integers(1 << 10, 1 << 20, number))
     return cells_at(osc, np.zeros(number), 4.0 * osc.velocity_scale * rng.random(number), rng.random(number))
 
 
@@ -59,6 +64,10 @@ def switched(osc, changed, n_periods, runner):
     often = math.ceil(32 / min(n_periods or 32, 32))
     window = StroboscopicWindow(3000, often * min(n_periods or 32, 32), 0.37 / often, often)
     (seen,) = runner.samples(osc.cells({}), window)
+    if isinstance(osc, vi.ImpactSystem):
+        return copies(changed, len(seen.look_phase)).carried(
+            seen.look_displacement, seen.look_velocity, seen.look_phase
+        )
     y = np.minimum(seen.look_displacement, osc.gap)
     clear = y < changed.gap
     v = np.where(clear, seen.look_velocity, np.minimum(seen.look_velocity, 0.0))
@@ -113,6 +122,33 @@ def test_advice_makes_nothing_worse_from_anywhere_and_all_that_is_said_agrees(pa
             check_attractors(verdict)
         given += len(verdict.advice)
     assert given > DESIGNS // PARTS // 2
+
+
+@pytest.mark.parametrize("seed", range(4, 8))
+def test_advice_makes_nothing_worse_for_two_masses_from_anywhere(seed):
+    rng = np.random.default_rng([1312, seed])
+    system = two_masses(seed)
+    verdict = without_boundaries(system, str(rng.choice(list(system.values))))
+    check_advice(verdict, rng)
+
+
+@pytest.mark.parametrize(
+    ("model", "parameter"), [(models.idle_gear, "omega"), (models.bilinear_oscillator, "spring_gap")]
+)
+def test_advice_on_a_machine_makes_nothing_worse_from_anywhere(model, parameter):
+    verdict = without_boundaries(model(), parameter)
+    assert verdict.advice
+    check_advice(verdict, np.random.default_rng(1313))
+
+
+def test_a_ball_is_told_where_its_hard_bounces_end():
+    # Its one-impact orbits begin at a fold at amplitude w^2/g = pi (1 - r)/(1 + r); below rests follow from anywhere.
+    ball = vi.family(models.bouncing_ball)
+    (advice,) = describe(ball, parameters=["restitution"]).advice
+    driving = ball.values["amplitude"] * ball.at().omega ** 2 / 9.81
+    fold = (math.pi - driving) / (math.pi + driving)
+    assert advice.motion == "period-1 sticking"
+    assert fold - 0.01 < advice.value < fold
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, overload
 
@@ -56,7 +56,7 @@ class Cells:
     @classmethod
     def join(cls, parts: Sequence[Cells]) -> Cells:
         """Return the cells of all parts, one behind the other."""
-        return cls(np.concatenate([part.table for part in parts]), parts[0].columns)
+        return replace(parts[0], table=np.concatenate([part.table for part in parts]))
 
     def __len__(self) -> int:
         return len(self.table)

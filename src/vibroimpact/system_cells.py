@@ -150,12 +150,6 @@ class SystemCells(Cells):
             cells.table[row, at["eta"]] = own.modal().inverse @ own.initial()[0]
         return cells
 
-    @classmethod
-    def join(cls, parts: Sequence[Cells]) -> SystemCells:
-        """Return the cells of all parts, one behind the other."""
-        first: Any = parts[0]
-        return cls(np.concatenate([part.table for part in parts]), first.columns, first.shape)
-
     @property
     def places(self) -> dict[str, slice]:
         """Where each block of numbers stands in a row."""
@@ -279,20 +273,14 @@ class SystemCells(Cells):
             table[:, self.places[name]] = values
         return SystemCells(table, self.columns, self.shape)
 
-    def carried(self, displacement: Floats, velocity: Floats, phase: float) -> SystemCells:
-        """Return a single cell from a state at a phase; beyond rigid stops, from the nearest one before them.
+    def carried(self, displacement: Floats, velocity: Floats, phases: Any) -> SystemCells:
+        """Return the cells from states, a row each, at phases; beyond rigid stops, from the nearest one before them.
 
         The distance is sqrt(q . M q); a cell whose stops leave no room at that phase stays at rest.
         """
-        turn = np.array([[math.sin(angle := 2.0 * math.pi * phase), math.cos(angle), 0.0]])
-        eta, rate = (np.linalg.solve(self.shapes[0], part) for part in (displacement, velocity))
-        clearances = self._clearances(turn, eta[None])[0]
-        if (clearances < 0.0).any():
-            back = self._back(0, clearances)
-            if back is None:
-                return self
-            eta = eta + back
-        return self._with({"eta": eta, "rate": rate, "turn": turn, "time": (0.0, phase)})
+        moved = self.at(displacement, velocity, np.atleast_1d(phases))._before_stops()
+        no_room = moved.beyond().any(axis=1, keepdims=True)
+        return SystemCells(np.where(no_room, self.table, moved.table), self.columns, self.shape)
 
     def beyond(self) -> Floats:
         """Return how far in m each start lies beyond each rigid stop; 0 before it, and where that is rounding."""

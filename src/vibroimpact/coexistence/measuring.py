@@ -80,13 +80,13 @@ def identifying(cells: Cells) -> tuple[str, ...]:
     return (*IDENTIFYING[:-1], *FIRST) if isinstance(cells, SystemCells) else IDENTIFYING
 
 
-def spread_cells(osc: ImpactOscillator | ImpactSystem, number: int = SPREAD) -> Cells:
+def spread_cells(osc: ImpactOscillator | ImpactSystem | SystemCells, number: int = SPREAD) -> Cells:
     """Return impacts spread evenly over the impact surface: phases 0 to 1, velocities 0 to 4 V; always the same.
 
     Without a scale (V = 0) the motions are alike at every speed, and 1 m/s stands for V. Of a system they are those of
     `SystemCells.struck`.
     """
-    if isinstance(osc, ImpactSystem):
+    if not isinstance(osc, ImpactOscillator):
         return copies(osc, number).struck(np.arange(number))
     phase, velocity = spread(np.arange(number))
     return cells_at(osc, np.zeros(number), (osc.velocity_scale or 1.0) * velocity, phase)
@@ -102,16 +102,20 @@ def orbit_cells(osc: ImpactOscillator | ImpactSystem) -> list[Cells]:
     return [Start(0.0, orbit.velocities[0], orbit.phases[0]).cell(osc) for orbit in stable]
 
 
-def copies(system: ImpactSystem, number: int) -> SystemCells:
-    """Return so many cells of a system, all at rest."""
-    found: SystemCells = system.cells({})[np.zeros(number, np.int64)]
+def copies(system: ImpactSystem | SystemCells, number: int) -> SystemCells:
+    """Return so many cells of a system, or of one that is a cell already, all at rest."""
+    cell = system if isinstance(system, SystemCells) else system.cells({})
+    found: SystemCells = cell[np.zeros(number, np.int64)]
     return found
 
 
-def carried(system: ImpactSystem, start: State) -> SystemCells:
-    """Return the cell of a system that starts so, where rounding puts it beyond a stop before that."""
-    q, speed = (np.array(part, np.float64, ndmin=1) for part in (start.displacement, start.velocity))
-    return system.cells({}).carried(q, speed, start.time / system.period % 1.0)
+def carried(osc: Any, start: State) -> Cells:
+    """Return the cell of a design that starts so, of a system before a stop where rounding puts it beyond that."""
+    if isinstance(osc, ImpactSystem):
+        q, speed = (np.array(part, np.float64, ndmin=1) for part in (start.displacement, start.velocity))
+        return copies(osc, 1).carried(q, speed, start.time / osc.period % 1.0)
+    cells: Cells = osc.cells({}, start)
+    return cells
 
 
 def state_cells(osc: ImpactOscillator | ImpactSystem, starts: Iterable[State]) -> Cells:
@@ -225,15 +229,18 @@ class Runner:
     def measure(
         self, cells: Cells, window: ImpactWindow = PAPER, tolerances: Tolerances | None = None
     ) -> list[Measured]:
-        """Return the motion of each cell with every index, its kind by the rule of `classify`."""
+        """Return the motion of each cell, its kind by the rule of `classify`, with every index, of systems with those
+        that name it.
+        """
         self.measured += len(cells)
-        table = {name: np.full(len(cells), np.nan) for name in (*INDICES, "status")}
+        modes = cells.shape.modes if isinstance(cells, SystemCells) else 0
+        names = tuple(name for name in INDICES if not modes or name in IDENTIFYING[:-1])
+        table = {name: np.full(len(cells), np.nan) for name in (*names, "status")}
         table["impacts"] = np.zeros(len(cells))
-        wanted = Measurement(window, tolerances or self.tolerances, indices=tuple(INDICES))
-        for which, found in self.sweep(cells, wanted):
+        for which, found in self.sweep(cells, Measurement(window, tolerances or self.tolerances, indices=names)):
             for name, column in table.items():
                 column[which] = found[name]
-        return _measured(table, window)
+        return _measured(table, window, names, winds=modes > 1)
 
     def record(
         self, cell: Cells, seen: ImpactWindow, window: ImpactWindow = PAPER, tolerances: Tolerances | None = None
@@ -244,7 +251,7 @@ class Runner:
         wanted = Measurement(window, limits, indices=tuple(INDICES))
         outcome, samples = self.engine.follow(cell, wanted, Measurement(seen, limits))
         self.steps += int(outcome["steps"].sum())
-        return _measured(outcome, window)[0], samples
+        return _measured(outcome, window, tuple(INDICES))[0], samples
 
     def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow) -> list[Samples]:
         """Return what the window sees of each cell."""
@@ -271,12 +278,10 @@ def last_of(seen: Samples) -> Start | None:
     return last if seen.status != Status.BUDGET and all(map(math.isfinite, last)) else None
 
 
-def _measured(table: Outcome, window: ImpactWindow) -> list[Measured]:
-    growth = window.keep * table["lyapunov_per_impact"]
-    kinds = decide(table["status"].astype(np.int8), growth, table["n_periods"], table["n_impacts"])
-    rows = (
-        dict(zip(INDICES, row, strict=True)) for row in zip(*(table[name].tolist() for name in INDICES), strict=True)
-    )
+def _measured(table: Outcome, window: ImpactWindow, names: Sequence[str], *, winds: bool = False) -> list[Measured]:
+    growth, sampled = window.keep * table["lyapunov_per_impact"], window.keep if winds else 0
+    kinds = decide(table["status"].astype(np.int8), growth, table["n_periods"], table["n_impacts"], sampled)
+    rows = (dict(zip(names, row, strict=True)) for row in zip(*(table[name].tolist() for name in names), strict=True))
     columns = kinds.tolist(), table["status"].tolist(), rows, table["impacts"].tolist()
     return [named(*row) for row in zip(*columns, strict=True)]
 

@@ -75,10 +75,7 @@ class Plane:
 
     def cell(self, start: State) -> Cells:
         """Return the cell of the model that starts so."""
-        if isinstance(self.model, ImpactSystem):
-            return carried(self.model, start)
-        cells: Cells = self.model.cells({}, start)
-        return cells
+        return carried(self.model, start)
 
     def seen(self, seen: Any) -> dict[str, Floats]:
         """Return where a sampled motion lies in the plane, by axis."""

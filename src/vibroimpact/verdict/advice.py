@@ -10,14 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
 from vibroimpact.cells import Floats, cells_at
-from vibroimpact.coexistence.measuring import Measured, Runner, orbit_cells, spread_cells
+from vibroimpact.coexistence.measuring import Measured, Runner, carried, copies, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass
 from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.system import ImpactSystem
+from vibroimpact.system_cells import SystemCells
 from vibroimpact.verdict.present import Coexisting, Present, Range, measure
 
 PLACES = 36  # values along a path
@@ -134,28 +137,35 @@ class Search:
 
 @dataclass(frozen=True)
 class Cycle:
-    """States of a present motion through its cycle: displacement in m, velocity in m/s, driving phase."""
+    """States of a present motion through its cycle: displacements in m, velocities in m/s, driving phases."""
 
     displacement: Floats
     velocity: Floats
     phase: Floats
 
-    def cells(self, design: ImpactOscillator, every: int = 1) -> Cells:
-        """Return the states as cells of a changed design; where the stop has moved past the mass, it is there."""
+    def cells(self, design: Any, every: int = 1) -> Cells:
+        """Return the states as cells of a changed design; where a stop has moved past the mass, it is there."""
         y, v, phase = (column[::every] for column in (self.displacement, self.velocity, self.phase))
+        if not isinstance(design, ImpactOscillator):
+            return copies(design, len(phase)).carried(y, v, phase)
         clear = y <= design.gap
         return cells_at(design, np.where(clear, design.gap - y, 0.0), np.where(clear, v, np.minimum(v, 0.0)), phase)
 
 
-def present_cycles(osc: ImpactOscillator, motions: Sequence[Coexisting], runner: Runner) -> list[Cycle]:
+def _at_rest(design: Any) -> Any:
+    return design if isinstance(design, SystemCells) else design.cells({})
+
+
+def present_cycles(osc: Any, motions: Sequence[Coexisting], runner: Runner) -> list[Cycle]:
     """Return the states of each motion at instants spread evenly over its cycle, or over 16 periods of chaos."""
     found = []
     for motion in motions:
         periods = min(motion.n_periods or 16, INSTANTS)
         often = math.ceil(INSTANTS / periods)
         window = StroboscopicWindow(0, periods * often, None, often)
-        (seen,) = runner.samples(osc.cells({}, motion.start), window)
-        found.append(Cycle(np.minimum(seen.look_displacement, osc.gap), seen.look_velocity, seen.look_phase))
+        (seen,) = runner.samples(carried(osc, motion.start), window)
+        y = np.minimum(seen.look_displacement, osc.gap if isinstance(osc, ImpactOscillator) else math.inf)
+        found.append(Cycle(y, seen.look_velocity, seen.look_phase))
     return found
 
 
@@ -167,17 +177,20 @@ class Judge:
     runner: Runner
     cycles: Sequence[Cycle]
 
-    def glance(self, designs: Sequence[ImpactOscillator]) -> list[str]:
+    def glance(self, designs: Sequence[Any]) -> list[str]:
         """Return the benefit of each design from rest, the present motions, and, if that holds, some spread impacts."""
+        if designs and isinstance(
+            designs[0], ImpactSystem
+        ):  # as cells of one shape, which know all that initial conditions need
+            cells = SystemCells.of_systems(designs)
+            designs = [cells[at : at + 1] for at in range(len(designs))]
         return self._benefits(
             designs,
-            lambda design: [design.cells({}), *(cycle.cells(design, INSTANTS) for cycle in self.cycles)],
+            lambda design: [_at_rest(design), *(cycle.cells(design, INSTANTS) for cycle in self.cycles)],
             lambda design: [spread_cells(design, SCOUTS)],
         )
 
-    def _benefits(
-        self, designs: Sequence[ImpactOscillator], *stages: Callable[[ImpactOscillator], list[Cells]]
-    ) -> list[str]:
+    def _benefits(self, designs: Sequence[Any], *stages: Callable[[Any], list[Cells]]) -> list[str]:
         motions: list[list[Measured]] = [[] for _ in designs]
         benefits = [""] * len(designs)
         left = list(range(len(designs)))
@@ -190,7 +203,7 @@ class Judge:
             left = [at for at in left if benefits[at]]
         return benefits
 
-    def settled(self, design: ImpactOscillator) -> list[Measured]:
+    def settled(self, design: Any) -> list[Measured]:
         """Return the motions from all initial conditions, or from as few as show that there is no benefit."""
         spread, cycles = spread_cells(design), [cycle.cells(design) for cycle in self.cycles]
         many = Cells.join([design.cells({}), spread, *cycles, *orbit_cells(design)])

@@ -29,7 +29,7 @@ from vibroimpact.verdict.present import CROWDED, Coexisting, Present, Range, mea
 
 NOISE = 1e-12  # relative: what is smaller is rounding
 STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch near a bifurcation
-STRIDES = 8  # times as long are steps elsewhere
+STRIDE = 0.08  # elsewhere
 MOST = 800  # orbits times impacts that are solved for along one direction
 GOLDEN, GOLDEN_SHARE = 60, 0.5 * (math.sqrt(5.0) - 1.0)  # steps of a golden section, to 3e-13 of its beginning
 SCANNED = 60  # values along a path at which a condition is evaluated
@@ -280,7 +280,7 @@ def bifurcation(orbit: Any, side: Found, longest: float = STEP) -> Found | None:
     """
     system, z = system_of(orbit, (side.range.name,), ((side.range.low, side.range.high),))
     way = None
-    for way in walk(system, system.pack(z), longest, False, side.direction, STRIDES):
+    for way in walk(system, system.pack(z), longest, False, side.direction, round(STRIDE / longest)):
         for special in way.special:
             at = special.orbit
             if at.admissible:

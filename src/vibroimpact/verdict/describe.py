@@ -210,7 +210,8 @@ def describe(
     to, and, of a periodic motion that does not rest at a stop, the nearest fold, period doubling, Neimark-Sacker point,
     pitchfork and graze along each parameter, followed in steps of 2 % of its range or up to 8 % far from them. At a
     graze of a stop that gives the motion gains or loses a contact; it goes on, and smoothly if the stop has no damping.
-    There is no advice. A second and two more per parameter; half a minute where the motion is chaotic.
+    Advice is that of one mass; of one impact are orbits on any stop, and spread impacts are those of `attractors`.
+    Seconds per parameter; a minute or two where the motion is chaotic.
 
     Examples
     --------
@@ -269,9 +270,9 @@ def _describe(
     if not going():
         return False
     if isinstance(present.oscillator, ImpactSystem):
-        found["boundaries"] = orbit_boundaries(present.orbit, ranges, going) if present.orbit else ()
-        return len(found["boundaries"]) == 2 * len(ranges) or not present.orbit
-    found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"])
+        found["boundaries"] = orbit_boundaries(present.orbit, ranges, going)
+    else:
+        found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"])
     if len(found["boundaries"]) < 2 * len(ranges):
         return False
     found["advice"] = advise(present, found["attractors"], ranges, runner)

@@ -15,7 +15,18 @@ from vibroimpact.motion import MotionClass, listed
 from vibroimpact.report.quantities import counted
 from vibroimpact.verdict.boundaries import Edge, Found, bifurcation
 from vibroimpact.verdict.present import Range, percent
-from vibroimpact.verdict.text import KNOWN, LISTED, SHOWN, edge_words, laid_out, number, parameters_line, speed, stopped
+from vibroimpact.verdict.text import (
+    KNOWN,
+    LISTED,
+    SHOWN,
+    advice_lines,
+    edge_words,
+    laid_out,
+    number,
+    parameters_line,
+    speed,
+    stopped,
+)
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.describe import Verdict
@@ -30,14 +41,14 @@ BESIDE = 1e-3  # per period: an exponent so small says nothing of whether pertur
 def orbit_boundaries(orbit: Any, ranges: Sequence[Range], done: Callable[[], bool]) -> tuple[Edge, ...]:
     """Return the nearest bifurcations of an orbit down and up each parameter; `done` is called for each, False stops.
 
-    Where a branch cannot be followed, nothing is known (`searched_to` is NaN).
+    Where there is no orbit, or its branch cannot be followed, nothing is known (`searched_to` is NaN).
     """
     edges = []
     for each in ranges:
         for direction in (-1, 1):
             side = Found(each, direction)
             try:
-                found = bifurcation(orbit, side, COARSE) if side.path(1) else side
+                found = side if not side.path(1) else bifurcation(orbit, side, COARSE) if orbit else None
             except (ArithmeticError, ValueError, np.linalg.LinAlgError):
                 found = None
             found = found or replace(side, reached=math.nan)
@@ -57,6 +68,7 @@ def lines_of_system(verdict: Verdict) -> Iterator[str]:
         ("stability", _stability(verdict)),
         ("boundaries", _boundaries(verdict)),
         ("coexisting", _coexisting(verdict)),
+        ("advice", advice_lines(verdict)),
     ]
     yield from laid_out(parts)
     if not verdict.complete:
@@ -181,6 +193,9 @@ def _stability(verdict: Verdict) -> Iterator[str]:
 
 def _boundaries(verdict: Verdict) -> Iterator[str]:
     edges = verdict.boundaries
+    if edges and verdict.orbit is None:
+        yield "not sought: only those of periodic motions with impacts that never rest at a stop are followed"
+        return
     for down, up in zip(edges[::2], edges[1::2], strict=True):
         if any(math.isnan(edge.searched_to) and not edge.found for edge in (down, up)):
             words = [f"{'down' if edge.direction < 0 else 'up'} not followed to its end" if math.isnan(edge.searched_to)
@@ -195,10 +210,8 @@ def _boundaries(verdict: Verdict) -> Iterator[str]:
             "these solve the equations of the orbit from rest, to some 1e-11; two of one kind that lie nearer to each "
             "other than the steps along it, 2 to 8 % of a range, may both be missed"
         )
-    if not edges and verdict.complete and verdict.orbit is not None:
+    if not edges and verdict.complete:
         yield "no parameter was varied"
-    elif not edges and verdict.complete:
-        yield "not sought: only those of periodic motions with impacts that never rest at a stop are followed"
 
 
 def _coexisting(verdict: Verdict) -> Iterator[str]:

@@ -43,7 +43,7 @@ def lines(verdict: Verdict) -> Iterator[str]:
         ("stability", _stability(verdict)),
         ("boundaries", _boundaries(verdict)),
         ("coexisting", _coexisting(verdict)),
-        ("advice", _advice(verdict)),
+        ("advice", advice_lines(verdict)),
     ]
     yield from laid_out(parts)
     if not verdict.complete:
@@ -316,7 +316,8 @@ def _slow(motion: Coexisting) -> str:
     return f", some after up to {often} impacts and hits of up to {speed(motion.transient_velocity)}"
 
 
-def _advice(verdict: Verdict) -> Iterator[str]:
+def advice_lines(verdict: Verdict) -> Iterator[str]:
+    """Yield what softens the impacts."""
     if not verdict.complete:
         return
     if verdict.worst is None and verdict.kind == "budget":
