@@ -113,11 +113,11 @@ def _leap(leapt, over, k, below):
         known = least(below, margin)
         doubtful = leaps & no(stays_clear(at.u - known, to.u - known, half))
         if anywhere(doubtful):
-            may = dipping(at, to, k)
-            if anywhere(over.X > LONG):  # far enough for its rate to turn back
+            dips = doubtful & (dipping(at, to, k) > 0.0)
+            far = doubtful & (over.X > LONG)  # enough for its rate to turn back
+            if anywhere(far):
                 between = flown_over(at, k.short.flow)
-                may = most(may, most(dipping(at, between, k), dipping(between, to, k)))
-            dips = doubtful & (may > 0.0)
+                dips = dips | (far & (most(dipping(at, between, k), dipping(between, to, k)) > 0.0))
             if anywhere(dips):
                 margin = select(dips, least(margin, _least_gap_between(at, to, over.X, k)), margin)
     return Leapt(chosen(leaps, to, at), leapt.steps + select(leaps, over.X, 0.0), margin)
@@ -141,10 +141,11 @@ def _least_gap_between(at, to, X, k):
     margin, left = select(nowhere, at.u, NONE), select(nowhere, at.u, X)
     while anywhere(left > 0.0):
         end = chosen(left < 1.0, to, flown_over(at, k.short.flow))
-        if anywhere(least(left, dipping(at, end, k)) > 0.0):
+        dips = least(left, dipping(at, end, k)) > 0.0
+        if anywhere(dips):
             slope = acceleration(end.u, end.p, end.s, k)
             found = least_gap(series(at, k, nowhere), least(left, 1.0), end.p, slope, nowhere)
-            margin = select(left > 0.0, least(margin, found), margin)
+            margin = select(dips, least(margin, found), margin)
         at, left = end, left - 1.0
     return margin
 
