@@ -86,6 +86,20 @@ def test_a_chatter_of_every_period_has_its_name_and_its_rest_wherever_a_window_b
     agree(closed, stepped, ALL)
 
 
+MACHINES = ("bouncing_ball", "idle_gear", "two_sided_oscillator", "impact_damper", "tuned_mass_damper", "gear_pair")
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_windows_of_machines_say_what_all_their_impacts_say(seed):
+    rng = np.random.default_rng([1201, seed])
+    machine = getattr(vi.models, MACHINES[seed % len(MACHINES)])()
+    bounces = [name for name in machine.values if name.endswith("restitution")]
+    machine = machine.replace(**dict(zip(bounces, rng.uniform(0.05, 0.9, len(bounces)), strict=True)))
+    window = {"transient_impacts": int(rng.integers(0, 1100)), "sample_impacts": int(rng.integers(50, 3000))}
+    closed, stepped = both(machine, ALL, np.sort(machine.omega * rng.uniform(0.7, 1.4, 12)), **window)
+    agree(closed, stepped, ALL)
+
+
 def test_what_settles_early_costs_a_small_part_of_its_impacts():
     closed, stepped = both(one_mass(vi.ImpactOscillator()), SPEEDS, [1.0, 2.0, 2.4])
     assert closed["status"].values.tolist() == [vi.Status.CLOSED] * 3

@@ -281,7 +281,7 @@ def close(rows, k, room, note, window, alone):
             return
         known = note[FROM]
         while note[HITS] + 2.0 * impacts <= bound:
-            at_place = bound == transient or (note[HITS] > transient and (note[HITS] - place) % impacts == 0.0)
+            at_place = (note[HITS] - place) % impacts == 0.0 and (bound == transient or note[HITS] > transient)
             unnamed = k.thorough and note[IMPACTS] == 0.0
             if at_place and not unnamed:
                 break
