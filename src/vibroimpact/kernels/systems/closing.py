@@ -47,6 +47,7 @@ SURE = 1e-12  # of V: the most that the remaining way may change an impact
 NOT_SMALL = 1e-3  # of the cycle's weakest impact: nearer to a graze nothing is linear
 WALK = 1 << 16  # steps after which a walk is given up
 SQUARED = 20  # times, M at most
+RETURNS = 4  # at most, until a cycle has its name: the impact that gives it may be replaced on the way
 NOT_SUMS = FIRST, LARGEST, PEAK, BEFORE, RESTING, MISS  # among the numbers of a stop
 
 
@@ -264,6 +265,15 @@ def _skip(rows, k, note, alone, times, periods):
 
 
 @inner
+def _ready(note, impacts, place, unnamed, first):
+    """Return up to which impact a cell goes on: to the Jacobian's place in the cycle, in its window, and named."""
+    to = max(note[HITS], first)
+    if unnamed:
+        to = max(to, (note[FROM] if note[FROM] > 0.0 else note[HITS] + 1.0) + impacts)
+    return place + math.ceil((to - place) / impacts) * impacts
+
+
+@inner
 def close(rows, k, room, note, window, alone):
     """Leave out the impacts of a cell that are known, if its motion has settled on a cycle.
 
@@ -279,18 +289,18 @@ def close(rows, k, room, note, window, alone):
     for bound in (transient, total):
         if periods == 0.0:
             return
-        known = note[FROM]
-        while note[HITS] + 2.0 * impacts <= bound:
-            at_place = (note[HITS] - place) % impacts == 0.0 and (bound == transient or note[HITS] > transient)
+        known, to = note[FROM], note[HITS]
+        for _ in range(RETURNS):
             unnamed = k.thorough and note[IMPACTS] == 0.0
-            if at_place and not unnamed:
-                break
             if unnamed and note[HITS] - note[FROM] > impacts and note[HITS] + 4.0 * impacts <= bound:
                 note[FROM] = 0.0  # that one does not come back: the next impact is the one whose return names the cycle
                 known = known if bound == transient else 0.0
-            if not _make(rows, k, room, note, window, alone, 1.0):
+            to = _ready(note, impacts, place, unnamed, transient + 1.0 if bound == total else 0.0)
+            if to == note[HITS] or to + 2.0 * impacts > bound:
+                break
+            if not _make(rows, k, room, note, window, alone, to - note[HITS]):
                 return
-        if note[HITS] + 2.0 * impacts > bound:
+        if to > note[HITS] or to + 2.0 * impacts > bound or (k.thorough and note[IMPACTS] == 0.0):
             continue
         note[FROM] = total  # the known impact stays: what has come back keeps its name
         copy(note, alone.note)
