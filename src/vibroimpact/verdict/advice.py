@@ -179,10 +179,8 @@ class Judge:
 
     def glance(self, designs: Sequence[Any]) -> list[str]:
         """Return the benefit of each design from rest, the present motions, and, if that holds, some spread impacts."""
-        if designs and isinstance(
-            designs[0], ImpactSystem
-        ):  # as cells of one shape, which know all that initial conditions need
-            cells = SystemCells.of_systems(designs)
+        if designs and isinstance(designs[0], ImpactSystem):
+            cells = SystemCells.of_systems(designs)  # of one shape; they know all that initial conditions need
             designs = [cells[at : at + 1] for at in range(len(designs))]
         return self._benefits(
             designs,
