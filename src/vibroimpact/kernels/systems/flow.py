@@ -90,21 +90,22 @@ def fly_apart(rows, k, wide):
 
 
 @inner
-def fly_together(rows, k, wide, last):
-    """Leave the derivatives of all modes up to `last`, coupled by damping and by stops, and the forces of these.
+def fly_together(rows, k, wide, last, held):
+    """Leave the derivatives of all modes up to `last`, coupled by damping, and by stops and the forces of these where
+    some are `held`.
 
     In flight under proportional damping these are the bits of `fly_apart`: what couples adds zeros.
     """
-    couple(rows, k, wide, last, True)
+    couple(rows, k, wide, last, held, True)
 
 
 @inner
-def couple(rows, k, wide, last, loaded):
+def couple(rows, k, wide, last, held, loaded):
     """Leave the derivatives of all modes, of the motion or of its deviation: that has no load, and no stop moves it.
 
     They are those over steps of the present pace.
     """
-    n, s, pace = k.modes, k.stops, get(rows, k.pace, wide)
+    n, s, pace = k.modes, k.stops if held else 0, get(rows, k.pace, wide)
     first, rate = (k.eta, k.rate) if loaded else (k.deta, k.drate)
     for j in range(n):
         b0 = get(rows, first + j, wide)

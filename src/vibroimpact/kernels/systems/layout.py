@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 from vibroimpact.kernels.systems.series import SIZE
 
-FLOW = 7  # numbers of a mode's flow over a leap, and four for each harmonic
-
 # How a stop is left: its clearance begins with no zero, a single one (just struck), a double one (from rest) or a
 # triple one (let go); or it is closed, held by a force above zero or by one that begins there. Where a zero has a
 # higher order, -x or PASSING + x stands for open or closed on a step up to x in any case.
@@ -27,9 +25,8 @@ class Layout(NamedTuple):
     `pace` is the length of a step while they do, as a part of it, and `thrust`, `work`, `pushed`, `peak` and `depth`
     are impulse, energy taken, time, largest force and penetration of the contact; `drained` is the energy that dampers
     took. The others up to `constants` are constant, with the addresses of laws of restitution (`law`, 0 where it is a
-    number), the length of a step in s (`tick`), the flows of leaps, `halves`, `wholes` and those `within` contacts, and
-    `driven`, bounds of the loads, of their second derivatives and of the stops' accelerations. From `pairs` on it is
-    room to work.
+    number), the length of a step in s (`tick`), the flows of leaps, `halves`, `wholes` and those `within` contacts,
+    `flow` numbers a mode, and `lift`, what accelerates the clearances. From `pairs` on it is room to work.
     """
 
     modes: int
@@ -43,6 +40,7 @@ class Layout(NamedTuple):
     rigid: bool
     forceful: bool
     draining: bool
+    flow: int
     eta: int
     rate: int
     turn: int
@@ -90,7 +88,7 @@ class Layout(NamedTuple):
     give: int
     slide: int
     sliding: int
-    driven: int
+    lift: int
     halves: int
     wholes: int
     within: int
@@ -98,6 +96,7 @@ class Layout(NamedTuple):
     pairs: int
     flight: int
     pull: int
+    leapt: int
     stop: int
     hold: int
     near: int
@@ -128,7 +127,8 @@ def layout_of(
     take.
     """
     n, s, m = modes, stops, harmonics
-    flow = n * (FLOW + 4 * m) + 2
+    own = 2 + 4 * (n if coupled else 1) + 4 * m
+    leap = n * own + 2 + s * (1 + 2 * n)
     sizes = {
         "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "made": 1, "closed": 1, "held": s * s, "lawless": 1,
         "deta": n, "drate": n, "known": (2 * n + 2) * thorough, "missed": s * thorough,
@@ -137,13 +137,13 @@ def layout_of(
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
         "gap": s, "motion": 2 * m * s, "restitution": s, "law": s, "tick": 1,
         "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
-        "margin": s, "give": s, "slide": n, "sliding": s * n, "driven": 2 * n + s,
-        "halves": flow, "wholes": flow, "within": 2 * s * flow * (giving and n == 1), "constants": 0,
-        "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE,
+        "margin": s, "give": s, "slide": n, "sliding": s * n, "lift": s * (n + 1 + 2 * m),
+        "halves": leap, "wholes": leap, "within": 2 * s * (own + 3) * (giving and n == 1), "constants": 0,
+        "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE, "leapt": 4 * n,
         "stop": s * SIZE, "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1, "rows": 0,
     }  # fmt: skip
     places, row = {}, 0
     for name, size in sizes.items():
         places[name] = row
         row += size
-    return Layout(n, s, m, coupled, moving, thorough, wary, giving, rigid, forceful, draining, **places)
+    return Layout(n, s, m, coupled, moving, thorough, wary, giving, rigid, forceful, draining, own, **places)

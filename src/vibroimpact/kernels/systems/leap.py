@@ -1,16 +1,17 @@
 """Leaps: fixed lengths far from all stops, by matrices that are computed once a cell.
 
-Where no damping couples the modes, each moves over a fixed length X by a 2 x 2 matrix, and in proportion to its load
-and to (sin, cos) of each harmonic at the beginning. Over it, with m the larger of |eta| at both ends and M a bound of
-|eta''|,
+Over a fixed length X the modes move by a matrix, of a mode alone where no damping couples them, and in proportion to
+their loads and to (sin, cos) of each harmonic at the beginning. Over it, with m the larger of |eta| at both ends, v =
+|eta1 - eta0|/X and M a bound of |eta''|, mode by mode,
 
-    |eta'| <= |eta1 - eta0|/X + M X/2,   |eta| <= m + M X^2/8,   M <= F + L max|eta| + D max|eta'|,
+    |eta'| <= v + M X/2,   |eta| <= m + M X^2/8,   M <= F + L max|eta| + |D| max|eta'|,
 
-F the amplitude of its load f, so that M = (F + L m + D |eta1 - eta0|/X)/(1 - L X^2/8 - D X/2) is one; where that
-denominator is not above zero nothing is leapt, nor where modes are coupled. A clearance u = g - sum alpha eta has
-u'' = g'' + w + sum alpha D eta', and w = sum alpha (L eta - f) lies near its chord, so that
+F the amplitudes of the loads, so that M <= A M + F + L m + |D| v with A = L X^2/8 + |D| X/2. Where A d < d for some d >
+0, the inverse N of 1 - A exists and is >= 0: then M = N (F + L m + |D| v) is a bound. For d the modes of equal mass are
+taken; where they do not do nothing is leapt. A clearance u has u'' = w - alpha D eta', w = g'' - alpha (f - L eta), and
+w lies near its chord: with G the amplitude of the second derivative of g'' - alpha f,
 
-    u'' <= B = max|g''| + max(w0, w1) + sum |alpha| ((L M + max|f''|) X^2/8 + D max|eta'|),
+    u'' <= B = max(w0, w1) + (|alpha| L M + G) X^2/8 + |alpha D| (v + M X/2),
 
 and u lies above its chord less B x (X - x)/2. That is above zero on the way where sqrt(u0) + sqrt(u1) > X sqrt(B/2)
 (theory, equation 2.2), after an impact with u0 = 0. A leap is certified where it is so for every stop; one that is not
@@ -34,8 +35,8 @@ import math
 
 from vibroimpact.kernels.flight import BARELY
 from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.systems.flow import fly_apart, move, stop_moves, turned, turns
-from vibroimpact.kernels.systems.layout import CLOSED, FLOW, OPEN, STRUCK
+from vibroimpact.kernels.systems.flow import move, stop_moves, turned, turns
+from vibroimpact.kernels.systems.layout import CLOSED, OPEN, STRUCK
 from vibroimpact.kernels.systems.push import account, drain, stands
 from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH
 from vibroimpact.kernels.systems.step import fly, miss
@@ -50,64 +51,70 @@ WITHIN = 2.0, 1.3
 
 
 @inner(forceinline=True)
-def _flown(rows, first, j, k, wide):
-    """Return a mode's amplitude and rate after a leap."""
-    at = first + j * (FLOW + 4 * k.harmonics)
-    y, p = get(rows, k.eta + j, wide), get(rows, k.rate + j, wide)
-    uu, up, ul = get(rows, at, wide), get(rows, at + 1, wide), get(rows, at + 2, wide)
-    pu, pp, pl = get(rows, at + 3, wide), get(rows, at + 4, wide), get(rows, at + 5, wide)
-    y1, p1 = fma(uu, y, fma(up, p, ul)), fma(pu, y, fma(pp, p, pl))
-    for m in range(k.harmonics):
-        own, wave = at + FLOW + 4 * m, k.pairs + 2 * m
-        sine, cosine = get(rows, wave, wide), get(rows, wave + 1, wide)
-        y1 = fma(get(rows, own, wide), sine, fma(get(rows, own + 1, wide), cosine, y1))
-        p1 = fma(get(rows, own + 2, wide), sine, fma(get(rows, own + 3, wide), cosine, p1))
-    return y, y1, p1
+def _carried(rows, first, j, amplitude, rate, y1, p1, k, wide):
+    """Return what a mode's amplitude and rate are after a leap without load, added to what the load makes of them."""
+    at = first + j * k.flow + 2
+    for i in range(0 if k.coupled else j, k.modes if k.coupled else j + 1):
+        y, p = get(rows, amplitude + i, wide), get(rows, rate + i, wide)
+        y1 = fma(get(rows, at, wide), y, fma(get(rows, at + 1, wide), p, y1))
+        p1 = fma(get(rows, at + 2, wide), y, fma(get(rows, at + 3, wide), p, p1))
+        at += 4
+    return y1, p1
 
 
 @inner(forceinline=True)
-def _load(rows, j, s, c, k, wide):
-    """Return the load on a mode when (sin wt, cos wt) are those."""
-    f, a, b = get(rows, k.load + j, wide), s, c
+def _flown(rows, first, j, k, wide):
+    """Return a mode's amplitude and rate after a leap."""
+    at = first + j * k.flow
+    y1, p1 = get(rows, at, wide), get(rows, at + 1, wide)
+    y1, p1 = _carried(rows, first, j, k.eta, k.rate, y1, p1, k, wide)
     for m in range(k.harmonics):
-        first = k.force + 2 * (k.harmonics * j + m)
-        f = fma(get(rows, first, wide), a, fma(get(rows, first + 1, wide), b, f))
-        a, b = fma(a, c, b * s), fma(b, c, -a * s)
-    return f
+        own, wave = at + k.flow - 4 * (k.harmonics - m), k.pairs + 2 * m
+        sine, cosine = get(rows, wave, wide), get(rows, wave + 1, wide)
+        y1 = fma(get(rows, own, wide), sine, fma(get(rows, own + 1, wide), cosine, y1))
+        p1 = fma(get(rows, own + 2, wide), sine, fma(get(rows, own + 3, wide), cosine, p1))
+    return y1, p1
+
+
+@inner(forceinline=True)
+def _lift(rows, z, amplitude, sine, cosine, k, wide):
+    """Return a clearance's acceleration by all but damping, w = g'' - alpha (f - L eta)."""
+    at = k.lift + z * (k.modes + 1 + 2 * k.harmonics)
+    w, a, b = get(rows, at + k.modes, wide), sine, cosine
+    for j in range(k.modes):
+        w = fma(get(rows, at + j, wide), get(rows, amplitude + j, wide), w)
+    for m in range(k.harmonics):
+        own = at + k.modes + 1 + 2 * m
+        w = fma(get(rows, own, wide), a, fma(get(rows, own + 1, wide), b, w))
+        a, b = fma(a, cosine, b * sine), fma(b, cosine, -a * sine)
+    return w
 
 
 @inner(forceinline=True)
 def _leap(rows, k, wide, first, length, willing):
     """Make a leap of that many steps where it is wanted and certified; return where it was."""
     turns(rows, k, wide)
-    n, last = k.modes, first + k.modes * (FLOW + 4 * k.harmonics)
+    n, last = k.modes, first + k.modes * k.flow
     s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
     s1, c1 = turned(s, c, get(rows, last, wide), get(rows, last + 1, wide))
     for j in range(n):
-        at = k.pull + 5 * j
-        y, y1, p1 = _flown(rows, first, j, k, wide)
-        put(rows, at, wide, y1)
-        put(rows, at + 1, wide, p1)
-        square, damping = get(rows, k.square + j, wide), get(rows, k.damping + j * (n + 1), wide)
-        largest, mean = select(abs(y) > abs(y1), abs(y), abs(y1)), (1.0 / length) * abs(y1 - y)
-        bend = fma(square, largest, fma(damping, mean, get(rows, k.driven + j, wide)))
-        bend = bend * get(rows, first + j * (FLOW + 4 * k.harmonics) + 6, wide)
-        sag = (0.125 * length * length) * fma(square, bend, get(rows, k.driven + n + j, wide))
-        put(rows, at + 2, wide, fma(damping, fma(0.5 * length, bend, mean), sag))
-        put(rows, at + 3, wide, fma(square, y, -_load(rows, j, s, c, k, wide)))
-        put(rows, at + 4, wide, fma(square, y1, -_load(rows, j, s1, c1, k, wide)))
+        y, (y1, p1) = get(rows, k.eta + j, wide), _flown(rows, first, j, k, wide)
+        put(rows, k.leapt + j, wide, y1)
+        put(rows, k.leapt + n + j, wide, p1)
+        put(rows, k.leapt + 2 * n + j, wide, select(abs(y) > abs(y1), abs(y), abs(y1)))
+        put(rows, k.leapt + 3 * n + j, wide, abs(y1 - y))
     for z in range(k.stops):
         u0, _ = stop_moves(rows, z, s, c, k, wide)
         u1, _ = stop_moves(rows, z, s1, c1, k, wide)
-        rest = get(rows, k.driven + 2 * n + z, wide)
-        w0 = w1 = 0.0 * rest
+        at = last + 2 + z * (1 + 2 * n)
+        rest = get(rows, at, wide)
         for j in range(n):
-            alpha, at = get(rows, k.alpha + z * n + j, wide), k.pull + 5 * j
+            alpha = get(rows, k.alpha + z * n + j, wide)
             u0 = fma(-alpha, get(rows, k.eta + j, wide), u0)
-            u1 = fma(-alpha, get(rows, at, wide), u1)
-            rest = fma(abs(alpha), get(rows, at + 2, wide), rest)
-            w0 = fma(alpha, get(rows, at + 3, wide), w0)
-            w1 = fma(alpha, get(rows, at + 4, wide), w1)
+            u1 = fma(-alpha, get(rows, k.leapt + j, wide), u1)
+            rest = fma(get(rows, at + 1 + j, wide), get(rows, k.leapt + 2 * n + j, wide), rest)
+            rest = fma(get(rows, at + 1 + n + j, wide), get(rows, k.leapt + 3 * n + j, wide), rest)
+        w0, w1 = _lift(rows, z, k.eta, s, c, k, wide), _lift(rows, z, k.leapt, s1, c1, k, wide)
         kind = get(rows, k.kind + z, wide)
         struck = kind == STRUCK
         u0 = select(struck, 0.0, u0)
@@ -116,7 +123,7 @@ def _leap(rows, k, wide, first, length, willing):
         willing = willing & (struck | ((kind == OPEN) & (u0 > 0.0)))
         willing = willing & (u1 > 0.0) & (room > 0.5 * length * length * bend)
     if k.wary and anywhere(willing):
-        fly_apart(rows, k, wide)
+        fly(rows, False, k, wide)
         for z in range(k.stops):
             miss(rows, z, length + 0.0 * s, willing, False, k, wide)
     _take(rows, willing, s, s1, c1, first, length, k, wide)
@@ -126,17 +133,13 @@ def _leap(rows, k, wide, first, length, willing):
 @inner(forceinline=True)
 def _take(rows, certain, s, s1, c1, first, length, k, wide):
     """Leave the state after a leap where it is certain."""
-    for j in range(k.modes):
-        y, p = get(rows, k.eta + j, wide), get(rows, k.rate + j, wide)
-        put(rows, k.eta + j, wide, select(certain, get(rows, k.pull + 5 * j, wide), y))
-        put(rows, k.rate + j, wide, select(certain, get(rows, k.pull + 5 * j + 1, wide), p))
-        if k.thorough:
-            at = first + j * (FLOW + 4 * k.harmonics)
-            y, p = get(rows, k.deta + j, wide), get(rows, k.drate + j, wide)
-            y1 = fma(get(rows, at, wide), y, get(rows, at + 1, wide) * p)
-            p1 = fma(get(rows, at + 3, wide), y, get(rows, at + 4, wide) * p)
-            put(rows, k.deta + j, wide, select(certain, y1, y))
-            put(rows, k.drate + j, wide, select(certain, p1, p))
+    _put(rows, certain, k.eta, k.rate, k, wide)
+    if k.thorough:
+        for j in range(k.modes):
+            y1, p1 = _carried(rows, first, j, k.deta, k.drate, 0.0 * s, 0.0 * s, k, wide)
+            put(rows, k.leapt + j, wide, y1)
+            put(rows, k.leapt + k.modes + j, wide, p1)
+        _put(rows, certain, k.deta, k.drate, k, wide)
     for z in range(k.stops):
         kind = get(rows, k.kind + z, wide)
         put(rows, k.kind + z, wide, select(certain, OPEN, kind))
@@ -146,6 +149,14 @@ def _take(rows, certain, s, s1, c1, first, length, k, wide):
     begun = certain & (s < -BARELY) & (s1 >= -BARELY)
     put(rows, k.turn + 2, wide, get(rows, k.turn + 2, wide) + select(begun, 1.0, 0.0))
     put(rows, k.age, wide, get(rows, k.age, wide) + select(certain, length, 0.0))
+
+
+@inner(forceinline=True)
+def _put(rows, certain, amplitude, rate, k, wide):
+    """Leave amplitudes and rates after a leap where it is certain."""
+    for j in range(k.modes):
+        for row, at in ((amplitude + j, k.leapt + j), (rate + j, k.leapt + k.modes + j)):
+            put(rows, row, wide, select(certain, get(rows, at, wide), get(rows, row, wide)))
 
 
 @inner(forceinline=True)
@@ -175,9 +186,9 @@ def leap_within(rows, k, wide):
     if not anywhere(begun):
         return leapt
     for own in range(2 * k.stops):
-        z, length, first = own // 2, WITHIN[own % 2], k.within + own * (FLOW + 4 * k.harmonics + 2)
+        z, length, first = own // 2, WITHIN[own % 2], k.within + own * (k.flow + 3)
         s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
-        least, last = get(rows, first + FLOW - 1, wide), first + FLOW + 4 * k.harmonics
+        last, least = first + k.flow, get(rows, first + k.flow + 2, wide)
         kind, (u, w, size) = get(rows, k.kind + z, wide), stands(rows, z, s, c, k, wide)
         here = begun & (kind >= CLOSED) & (-w > least) & (-w >= get(rows, k.cut, wide))
         here = here & (abs(u) <= TOUCH * size + NOWHERE * get(rows, k.speed, wide))
@@ -186,9 +197,9 @@ def leap_within(rows, k, wide):
         if k.forceful or k.draining or k.wary:
             _see(rows, select(here, 0.5 * length, 0.0 * w), k, wide)
         turns(rows, k, wide)
-        _, y1, p1 = _flown(rows, first, 0, k, wide)
-        put(rows, k.pull, wide, y1)
-        put(rows, k.pull + 1, wide, p1)
+        y1, p1 = _flown(rows, first, 0, k, wide)
+        put(rows, k.leapt, wide, y1)
+        put(rows, k.leapt + 1, wide, p1)
         s1, c1 = turned(s, c, get(rows, last, wide), get(rows, last + 1, wide))
         _take(rows, here, s, s1, c1, first, length * get(rows, k.pace, wide), k, wide)
         put(rows, k.kind + z, wide, select(here, CLOSED, get(rows, k.kind + z, wide)))

@@ -42,7 +42,7 @@ def derive(rows, k, last):
     """Leave derivatives of the modes up to `last`, under what is closed; those of clearances follow."""
     turns(rows, k, None)
     rows[k.pace] = 1.0
-    fly_together(rows, k, None, last)
+    fly_together(rows, k, None, last, True)
 
 
 @inner(forceinline=True)

@@ -173,7 +173,7 @@ def miss(rows, z, end, flown, held, k, wide):
 def _carry(rows, x, held, k, wide):
     """Carry the deviation over x: it moves as the modes do without any load."""
     if held or k.coupled:
-        couple(rows, k, wide, DEGREE, False)
+        couple(rows, k, wide, DEGREE, held, False)
     else:
         for j in range(k.modes):
             own = get(rows, k.square + j, wide), get(rows, k.damping + j * (k.modes + 1), wide)
@@ -188,7 +188,7 @@ def fly(rows, held, k, wide):
     if held and k.modes == 1 and not k.rigid:
         fly_alone(rows, k, wide)
     elif held or k.coupled:
-        fly_together(rows, k, wide, DEGREE)
+        fly_together(rows, k, wide, DEGREE, held)
     else:
         fly_apart(rows, k, wide)
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from vibroimpact.kernels.cell import FILLED, LAWLESS, RUNNING, SPENT
 from vibroimpact.kernels.machine import compiled, copy, inner
-from vibroimpact.kernels.systems.flow import fly_apart, move, turns
+from vibroimpact.kernels.systems.flow import move, turns
 from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.leap import HALF, LEAPS, WHOLE, leap_half, leap_whole, leap_within, may_leap
@@ -67,7 +67,7 @@ def _leap(rows, spare, k, seen, schedule, length, willing):
     for _ in range(int(length / HALF) if schedule.number > 0.0 and leapt else 0):
         periods, phase = moment(spare[k.turn], spare[k.turn + 1], spare[k.turn + 2])
         turns(spare, k, None)
-        fly_apart(spare, k, None)
+        fly(spare, False, k, None)
         spare[k.passed] = HALF
         _look(spare, k, seen, periods, phase, schedule)
         move(spare, HALF, False, k, None)
