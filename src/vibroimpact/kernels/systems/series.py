@@ -99,26 +99,47 @@ bend = _written(
 )
 
 
+# coefficients of the rate
+rates = _written("rates", "a", [], "(" + "".join(f"{o}.0 * a[{o}], " for o in range(1, SIZE)) + "0.0 * a[0])")
+
+
+@inner
+def _zero(a, wanted, low, high, y0, y1):
+    """Return where a polynomial is zero between points where its values differ in sign, by the Illinois method."""
+    sign = select(y0 < 0.0, 1.0, -1.0)
+    y0, y1, side, x = select(wanted, sign * y0, -1.0), select(wanted, sign * y1, 1.0), 0.0 * y1, low
+    for _ in range(8):
+        x = low - y0 * (high - low) / (y1 - y0)
+        y, _ = valued(a, x)
+        beyond = sign * y > 0.0
+        y0 = select(beyond, select(side > 0.0, 0.5 * y0, y0), sign * y)
+        y1 = select(beyond, sign * y, select(side < 0.0, 0.5 * y1, y1))
+        low, high, side = select(beyond, low, x), select(beyond, x, high), select(beyond, 1.0, -1.0)
+    return x
+
+
 @inner
 def trough(a, end, flown, least):
     """Return the least of a number and of a polynomial where its rate rises through zero on the way to `end`.
 
-    The rate is looked at four times on the way; its zero is found by the Illinois method.
+    The rate is looked at four times on the way, and where it turns between two looks, if it comes nearer to zero there.
     """
-    before = a[1]
+    c = rates(a)
+    after, slope_after = valued(c, 0.0 * end)
     for part in range(PARTS):
         low, high = (part / PARTS) * end, ((part + 1.0) / PARTS) * end
-        _, p1 = valued(a, high)
-        p0, before = before, p1
-        passed = flown & (p0 < 0.0) & (p1 > 0.0)
-        if anywhere(passed):
-            p0, p1, side = select(passed, p0, -1.0), select(passed, p1, 1.0), 0.0 * p1
-            for _ in range(8):
-                x = low - p0 * (high - low) / (p1 - p0)
-                y, p = valued(a, x)
-                least = select(passed & (y < least), y, least)
-                rises = p > 0.0
-                p0 = select(rises, select(side > 0.0, 0.5 * p0, p0), p)
-                p1 = select(rises, p, select(side < 0.0, 0.5 * p1, p1))
-                low, high, side = select(rises, low, x), select(rises, x, high), select(rises, 1.0, -1.0)
+        p0, slope, (p1, slope1) = after, slope_after, valued(c, high)
+        after, slope_after = p1, slope1
+        rises = flown & (p0 < 0.0) & (p1 > 0.0)
+        nears = flown & (p0 * p1 > 0.0) & (p0 * slope < 0.0) & (p1 * slope1 > 0.0)
+        if anywhere(nears):
+            x = _zero(rates(c), nears, low, high, slope, slope1)
+            p, _ = valued(c, x)
+            before, dips = nears & (p0 < 0.0) & (p > 0.0), nears & (p0 > 0.0) & (p < 0.0)
+            high, p1 = select(before, x, high), select(before, p, p1)
+            low, p0 = select(dips, x, low), select(dips, p, p0)
+            rises = rises | before | dips
+        if anywhere(rises):
+            y, _ = valued(a, _zero(c, rises, low, high, p0, p1))
+            least = select(rises & (y < least), y, least)
     return least
