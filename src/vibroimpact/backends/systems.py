@@ -264,7 +264,7 @@ class SystemSweep:
                 found["lyapunov_per_impact"] = notes[march.GREW] / (kept - 1.0)
                 misses = own[march.MISS]
                 found["grazing_margin"] = misses if self.by_stop else misses.min(axis=0, initial=math.inf)
-                since = ended - notes[march.SINCE] - notes[march.PHASE]
+                since = ended - _turns(*notes[march.SINCE : march.SINCE + 3])
                 cycle, rests = notes[march.PERIODS], own if self.by_stop else sums[:, -1]
                 rested = np.where(cycle > 0.0, rests[march.RESTING], rests[march.LATEST] - rests[march.BEFORE])
                 found["stick_fraction"] = rested / np.where(cycle > 0.0, cycle, since)

@@ -131,6 +131,7 @@ for _operation, _name in (
 _define(operator.neg, NUMBERS, lambda builder, a: builder.fneg(a), 1)
 _define(abs, NUMBERS, lambda builder, a: _call(builder, "fabs", a), 1)
 _define(math.sqrt, NUMBERS, lambda builder, a: _call(builder, "sqrt", a), 1)
+_define(math.log, NUMBERS, lambda builder, a: _call(builder, "log", a), 1)
 
 
 def _logical(operation: Any, name: str) -> None:

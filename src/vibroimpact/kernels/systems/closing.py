@@ -76,8 +76,7 @@ def _make(rows, k, room, note, window, alone, impacts):
         lower(notes, lane, note, len(note))
     for _ in range(WALK):
         proceed(lanes, k, 0)
-        if not k.thorough:
-            usual(lanes, notes, k, 0, window)
+        usual(lanes, notes, k, 0, window)
         if lanes[k.hit * LANES] != NOTHING:
             lift(lanes, 0, rows)
             lift(notes, 0, note)

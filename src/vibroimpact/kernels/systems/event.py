@@ -21,11 +21,12 @@ from vibroimpact.kernels.systems.march import (
     happen,
     note_drain,
     note_misses,
+    note_open,
     note_rests,
 )
 from vibroimpact.kernels.systems.push import meet
 from vibroimpact.kernels.systems.step import step
-from vibroimpact.kernels.systems.tangent import before, confine, cross, measure_growth, recur
+from vibroimpact.kernels.systems.tangent import before, confine, cross, cross_one, measure_growth, recur
 from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
 
 ALIKE = 2e-12  # of V: how near the speed of an impact must come back to be looked at
@@ -68,8 +69,8 @@ def _neighbour(rows, k, room, note, z, struck, closing, window):
         cross(rows, k, room, z)
     if closing:
         confine(rows, k)
-    if struck and note[HITS] < window.total:
-        measure_growth(rows, k, note, note[HITS] > window.transient)
+    if struck:
+        measure_growth(rows, note, k, None, note[HITS] < window.total, note[HITS] > window.transient)
 
 
 @inner
@@ -88,9 +89,9 @@ def occur(rows, k, room, note, window):
     if k.thorough:
         note_rests(rows, k, room, note, shut, closing, recorded and note[HITS] <= window.total)
         if struck:
-            note_misses(rows, k, note, window.transient + 1.0 < note[HITS] <= window.total)
-        if recorded and note[HITS] <= window.total:
-            recur(rows, k, note, z, window.total)
+            note_misses(rows, note, k, None, True, window.transient + 1.0 < note[HITS] <= window.total)
+        if recorded:
+            recur(rows, note, k, None, note[HITS] <= window.total, window.total)
     if k.thorough and closing:
         for y in range(k.stops):
             note[CHATTERED] += closing >> y & 1 and room.tail[y] > 0.0
@@ -106,8 +107,20 @@ def usual(rows, notes, k, wide, window):
     made, v, impulse, r = bounce(rows, k, wide)
     if anywhere(made):
         lost = 0.5 * (1.0 - r) * v * impulse
+        if k.thorough:
+            cross_one(rows, k, wide, made, v, impulse)
+            hits = get(notes, HITS, wide)
+            measure_growth(rows, notes, k, wide, made & (hits < window.total), hits > window.transient)
         _add(notes, rows, k, wide, made, v, lost, impulse, window)
+        if k.thorough:
+            hits = get(notes, HITS, wide)
+            kept = made & (hits <= window.total)
+            note_open(notes, k, wide, kept)
+            note_misses(rows, notes, k, wide, made, (hits > window.transient + 1.0) & kept)
+            recur(rows, notes, k, wide, kept, window.total)
         put(rows, k.hit, wide, select(made, NOTHING, get(rows, k.hit, wide)))
+    if k.thorough:
+        return  # contacts with stops that give are made on the cell alone
     hit, which = get(rows, k.hit, wide), get(rows, k.which, wide)
     if not (k.giving and anywhere(hit == CONTACT)):
         return

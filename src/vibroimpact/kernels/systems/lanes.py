@@ -50,7 +50,7 @@ def _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room):
         deviate(rows, k)
     if k.thorough:
         note[SUMS + MISS :: EACH] = math.inf
-        note_misses(rows, k, note, False)
+        note_misses(rows, note, k, None, True, False)
     if k.thorough and closing:
         confine(rows, k)
         note_rests(rows, k, room, note, int(0.0), closing, False)
@@ -104,8 +104,7 @@ def run_lanes(
     for _ in range(looks):
         for _ in range(LOOK):
             proceed(lanes, k, 0)
-            if not k.thorough:
-                usual(lanes, notes, k, 0, window)
+            usual(lanes, notes, k, 0, window)
             if anywhere(get(lanes, k.hit, 0) > NOTHING):
                 for lane in range(LANES):
                     if lanes[k.hit * LANES + lane] != NOTHING and owner[lane] >= 0:

@@ -21,18 +21,18 @@ PRESSED = 100.0  # driving periods for which a stop was not let go: it will not 
 # whole periods of the first and of the last impact of the window, and the stop of the first.
 H, FLIGHT, GRANTED, MADE, HITS, STICKS, GREW = range(7)
 BEGAN, ENDED, STOP = 7, 10, 13
-# of a cycle: recorded impacts, periods, phase and stop of the impact that is known, how near it came back at best, and
-# impacts and periods until it returned
-FROM, SINCE, PHASE, AT, CHATTERED, NEAREST, IMPACTS, PERIODS = range(14, 22)
+# of a cycle: number, time and stop of the impact that is known, how near it came back at best, and impacts and periods
+# until it returned
+FROM, SINCE, AT, CHATTERED, NEAREST, IMPACTS, PERIODS = 14, 15, 18, 19, 20, 21, 22
 # of an impact that is watched for: speed, stop and number, when the next one takes its place, and after how many it
 # came back; impacts that are known without having been made, and steps made beside to know them
-WATCHED, WHICH, NUMBER, NEXT, RETURNED, KNOWN, BESIDE = range(22, 29)
+WATCHED, WHICH, NUMBER, NEXT, RETURNED, KNOWN, BESIDE = range(23, 30)
 # The energy that dampers took within the window. Then of its impacts on each stop: how many, the first speed, sums of
 # what the others differ by and of squares of that, the largest speed, sums of cos wt and sin wt, and the energy lost
 # after the window's first impact, the impulse and the largest force.
 # Of its rests, in periods (and of those at any stop, in a block of their own): how long up to now, less the time now
 # while it is closed; up to the last impact, and up to the known one; in a cycle. And its closest miss.
-DRAINED, SUMS, EACH = 29, 30, 15
+DRAINED, SUMS, EACH = 30, 31, 15
 COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, THRUST, PEAK = range(10)
 RESTED, LATEST, BEFORE, RESTING, MISS = range(10, EACH)
 
@@ -169,13 +169,21 @@ def note_rests(rows, k, room, note, before, closing, recorded):
 
 
 @inner
-def note_misses(rows, k, note, counts):
+def note_misses(rows, notes, k, wide, here, counts):
     """Keep the closest misses since the last impact, if they count, and begin anew."""
     for y in range(k.stops):
-        at = SUMS + y * EACH + MISS
-        if counts:
-            note[at] = min(note[at], rows[k.missed + y])
-        rows[k.missed + y] = math.inf
+        at, missed = SUMS + y * EACH + MISS, get(rows, k.missed + y, wide)
+        closest = get(notes, at, wide)
+        put(notes, at, wide, select(here & counts & (missed < closest), missed, closest))
+        put(rows, k.missed + y, wide, select(here, math.inf, missed))
+
+
+@inner
+def note_open(notes, k, wide, here):
+    """Note at a recorded impact how long stops have been closed, where none is."""
+    for y in range(k.stops + 1):
+        at = SUMS + y * EACH
+        put(notes, at + LATEST, wide, select(here, get(notes, at + RESTED, wide), get(notes, at + LATEST, wide)))
 
 
 @inner(forceinline=True)
@@ -187,9 +195,9 @@ def add(notes, k, wide, hit, z, v, energy, impulse, sine, cosine, periods, windo
     if not anywhere(kept):
         return
     opens, last = kept & (hits == window.transient + 1.0), kept & (hits == window.total)
-    _mark(notes, BEGAN, wide, opens, sine, cosine, periods)
+    mark(notes, BEGAN, wide, opens, sine, cosine, periods)
     put(notes, STOP, wide, select(opens, z, get(notes, STOP, wide)))
-    _mark(notes, ENDED, wide, last, sine, cosine, periods)
+    mark(notes, ENDED, wide, last, sine, cosine, periods)
     for y in range(k.stops):
         at, own = SUMS + y * EACH, kept & (z == float(y))
         count, first = get(notes, at + COUNT, wide), get(notes, at + FIRST, wide)
@@ -233,7 +241,7 @@ def conclude(notes, rows, k, wide, over, y, window):
 
 
 @inner(forceinline=True)
-def _mark(notes, at, wide, here, sine, cosine, periods):
+def mark(notes, at, wide, here, sine, cosine, periods):
     """Leave the time of an impact."""
     put(notes, at, wide, select(here, sine, get(notes, at, wide)))
     put(notes, at + 1, wide, select(here, cosine, get(notes, at + 1, wide)))

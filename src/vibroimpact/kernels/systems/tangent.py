@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.machine import inner, whole
 from vibroimpact.kernels.systems.complementarity import solve
 from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.systems.march import (
@@ -32,27 +32,30 @@ from vibroimpact.kernels.systems.march import (
     LATEST,
     NEAREST,
     PERIODS,
-    PHASE,
     RESTING,
     SINCE,
     SUMS,
-    moment,
+    mark,
 )
 from vibroimpact.kernels.systems.push import stands
 from vibroimpact.kernels.systems.rest import measure
+from vibroimpact.kernels.vectors import anywhere, fma, get, no, put, select
 
 NEAR = 1e-7  # of V, of the modes' rates and their amplitudes: an impact that comes back so near is the same
 
 
 @inner
-def _load(rows, first, start, order, k):
+def _load(rows, first, start, order, k, wide):
     """Return a sum of harmonics at present, or its second derivative: of a load, or of a stop's motion."""
-    a, b = rows[k.turn], rows[k.turn + 1]
-    total = start
+    sine, cosine = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
+    total, a, b = start, sine, cosine
     for m in range(k.harmonics):
-        factor = -(((m + 1.0) * rows[k.theta]) ** 2) if order else 1.0
-        total += factor * (rows[first + 2 * m] * a + rows[first + 2 * m + 1] * b)
-        a, b = a * rows[k.turn + 1] + b * rows[k.turn], b * rows[k.turn + 1] - a * rows[k.turn]
+        own, rate = (
+            fma(get(rows, first + 2 * m, wide), a, get(rows, first + 2 * m + 1, wide) * b),
+            get(rows, k.theta, wide),
+        )
+        total = total + (-(((m + 1.0) * rate) * ((m + 1.0) * rate)) * own if order else own)
+        a, b = fma(a, cosine, b * sine), fma(b, cosine, -a * sine)
     return total
 
 
@@ -61,7 +64,7 @@ def accelerate(rows, k, found):
     """Leave the accelerations of all modes, under what is closed."""
     n, s = k.modes, k.stops
     for j in range(n):
-        load = _load(rows, k.force + 2 * k.harmonics * j, rows[k.load + j], 0, k)
+        load = _load(rows, k.force + 2 * k.harmonics * j, rows[k.load + j], 0, k, None)
         found[j] = load - rows[k.square + j] * rows[k.eta + j]
         for i in range(n):
             found[j] -= rows[k.damping + j * n + i] * rows[k.rate + i]
@@ -73,7 +76,7 @@ def accelerate(rows, k, found):
     if rows[k.closed] == 0.0:
         return
     for z in range(s):  # of each clearance, as if nothing were closed
-        rows[k.near + z] = _load(rows, k.motion + 2 * k.harmonics * z, 0.0, 2, k)
+        rows[k.near + z] = _load(rows, k.motion + 2 * k.harmonics * z, 0.0, 2, k, None)
         for j in range(n):
             rows[k.near + z] -= rows[k.alpha + z * n + j] * found[j]
     for z in range(s):
@@ -106,7 +109,7 @@ def cross(rows, k, room, z):
         held = rows[k.kind + y] >= CLOSED and room.speed[y] == 0.0
         if held or room.impulse[y] > 0.0:
             active |= 1 << y
-        dw = 0.0 if held else _load(rows, k.motion + 2 * k.harmonics * y, 0.0, 2, k) * dt
+        dw = 0.0 if held else _load(rows, k.motion + 2 * k.harmonics * y, 0.0, 2, k, None) * dt
         for j in range(n):
             change = room.before[j] - room.after[j] if held else room.before[j]
             dw -= rows[k.alpha + y * n + j] * (rows[k.drate + j] + change * dt)
@@ -117,6 +120,48 @@ def cross(rows, k, room, z):
         rows[k.drate + j] += (room.before[j] - room.after[j]) * dt
         for y in range(s):
             rows[k.drate + j] -= rows[k.jump + y * n + j] * room.found[y]
+
+
+@inner
+def cross_one(rows, k, wide, made, v, impulse):
+    """Carry the deviation over the usual impact, of one stop while none is closed or pushes, where it was made.
+
+    Then a- - a+ = -D (p- - p+), and (1 + R)/G = P/v.
+    """
+    n, which = k.modes, get(rows, k.which, wide)
+    v, impulse = select(made, v, 1.0), select(made, impulse, 0.0)
+    du = dw = 0.0 * v
+    for j in range(n):
+        jump = 0.0 * v
+        for z in range(k.stops):
+            own = made & (which == float(z))
+            jump = select(own, get(rows, k.jump + z * n + j, wide), jump)
+            alpha = get(rows, k.alpha + z * n + j, wide)
+            du = select(own, fma(-alpha, get(rows, k.deta + j, wide), du), du)
+        put(rows, k.leapt + j, wide, jump)
+    dt = du / v
+    for j in range(n):
+        left = fma(-get(rows, k.square + j, wide), get(rows, k.eta + j, wide), get(rows, k.load + j, wide))
+        left, changed = _load(rows, k.force + 2 * k.harmonics * j, left, 0, k, wide), 0.0 * v
+        for i in range(0 if k.coupled else j, n if k.coupled else j + 1):
+            damping, jumped = get(rows, k.damping + j * n + i, wide), impulse * get(rows, k.leapt + i, wide)
+            left = fma(-damping, get(rows, k.rate + i, wide) + jumped, left)
+            changed = fma(-damping, jumped, changed)
+        put(rows, k.leapt + n + j, wide, changed)
+        gained = fma(left, dt, get(rows, k.drate + j, wide))
+        for z in range(k.stops):
+            own, alpha = made & (which == float(z)), get(rows, k.alpha + z * n + j, wide)
+            dw = select(own, fma(-alpha, gained, dw), dw)
+    for z in range(k.stops if k.moving else 0):
+        own = made & (which == float(z))
+        moved = _load(rows, k.motion + 2 * k.harmonics * z, 0.0 * v, 2, k, wide)
+        dw = select(own, fma(moved, dt, dw), dw)
+    for j in range(n):
+        jump = get(rows, k.leapt + j, wide)
+        deta, drate = get(rows, k.deta + j, wide), get(rows, k.drate + j, wide)
+        put(rows, k.deta + j, wide, fma(impulse * jump, dt, deta))
+        drate = fma(get(rows, k.leapt + n + j, wide), dt, drate)
+        put(rows, k.drate + j, wide, fma(impulse / v * jump, dw, drate))
 
 
 @inner
@@ -144,58 +189,74 @@ def deviate(rows, k):
 
 
 @inner
-def measure_growth(rows, k, note, counted):
+def measure_growth(rows, notes, k, wide, here, counted):
     """Make the deviation of length 1 again, and add the logarithm of what it was, or begin to count here.
 
     One that a closed stop took wholly is begun anew before it counts; after that the exponent is minus infinity.
     """
-    square = 0.0
+    square = 0.0 * get(rows, k.deta, wide)
+    for j in range(2 * k.modes):  # amplitudes, then rates
+        square = fma(get(rows, k.deta + j, wide), get(rows, k.deta + j, wide), square)
+    left, grown = square > 0.0, get(notes, GREW, wide)
+    length = math.sqrt(select(here & left, square, 1.0))
     for j in range(k.modes):
-        square += rows[k.deta + j] ** 2 + rows[k.drate + j] ** 2
-    if square == 0.0 and not counted:
-        deviate(rows, k)
-    for j in range(k.modes if square > 0.0 else 0):
-        rows[k.deta + j] /= math.sqrt(square)
-        rows[k.drate + j] /= math.sqrt(square)
-    grew = 0.5 * math.log(square) if square > 0.0 else -math.inf
-    note[GREW] = note[GREW] + grew if counted else 0.0
+        deta, drate = get(rows, k.deta + j, wide) / length, get(rows, k.drate + j, wide) / length
+        anew = here & no(left) & no(counted)
+        put(rows, k.deta + j, wide, select(anew, 1.0 / (j + 1.0), deta))
+        put(rows, k.drate + j, wide, select(anew, 1.0 / (j + 2.0), drate))
+    grew = select(left, math.log(length), -math.inf)
+    put(notes, GREW, wide, select(here, select(counted, grown + grew, 0.0), grown))
 
 
 @inner
-def recur(rows, k, note, z, total):
-    """Compare an impact of stop z, just recorded, with the one that is known, or make it the known one.
+def recur(rows, notes, k, wide, here, total):
+    """Compare a recorded impact with the one that is known, or make it the known one.
 
     It has come back if the state is the same within NEAR of V after whole periods: the next impact of a chatter that
     completes is as near, too. Without chatter it must be as much nearer than it ever was before, or a cycle that is
     reached by turns from either side would be named double. Every power of two of impacts the known one is replaced,
     unless a cycle is known and there are fewer left than it has.
     """
-    hits, n = note[HITS], k.modes
-    enough = note[PERIODS] * hits <= (total - hits) * rows[k.turn + 2]
-    if hits >= 2.0 * note[FROM] and hits < total and enough:
-        for j in range(n):
-            rows[k.known + j], rows[k.known + n + j] = rows[k.eta + j], rows[k.rate + j]
-        rows[k.known + 2 * n], rows[k.known + 2 * n + 1] = rows[k.turn], rows[k.turn + 1]
-        note[FROM], note[AT] = hits, z
-        note[SINCE], note[PHASE] = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
-        for y in range(k.stops + 1):
-            note[SUMS + y * EACH + BEFORE] = note[SUMS + y * EACH + LATEST]
-        note[CHATTERED] = note[IMPACTS] = note[PERIODS] = 0.0
-        note[NEAREST] = rows[k.speed]
+    hits, z, periods = get(notes, HITS, wide), get(rows, k.which, wide), get(rows, k.turn + 2, wide)
+    enough = get(notes, PERIODS, wide) * hits <= (total - hits) * periods
+    moves = here & (hits >= 2.0 * get(notes, FROM, wide)) & (hits < total) & enough
+    if anywhere(moves):
+        _know(rows, notes, k, wide, moves, hits, z)
+    periods = periods - get(notes, SINCE + 2, wide)
+    asked = here & (z == get(notes, AT, wide)) & (get(notes, IMPACTS, wide) == 0.0) & (periods > 0.5)
+    if not anywhere(asked):
         return
-    if z != note[AT] or note[IMPACTS] != 0.0:
-        return
-    apart = rows[k.speed] * max(
-        abs(rows[k.turn] - rows[k.known + 2 * n]), abs(rows[k.turn + 1] - rows[k.known + 2 * n + 1])
-    )
-    for j in range(n):
-        apart = max(apart, abs(rows[k.eta + j] - rows[k.known + j]), abs(rows[k.rate + j] - rows[k.known + n + j]))
-    if rows[k.turn + 2] - note[SINCE] <= 0.5:
-        return
-    if apart <= NEAR * (rows[k.speed] if note[CHATTERED] > 0.0 else note[NEAREST]):
-        note[IMPACTS] = -1.0 if note[CHATTERED] > 0.0 else hits - note[FROM]
-        note[PERIODS] = round(rows[k.turn + 2] - note[SINCE])
+    speed, nearest = get(rows, k.speed, wide), get(notes, NEAREST, wide)
+    apart = 0.0 * speed
+    for j in range(2 * k.modes + 2):
+        at = k.eta + j if j < 2 * k.modes else k.turn + j - 2 * k.modes
+        off = abs(get(rows, at, wide) - get(rows, k.known + j, wide))
+        off = speed * off if j >= 2 * k.modes else off
+        apart = select(off > apart, off, apart)
+    chatters = get(notes, CHATTERED, wide) > 0.0
+    back = asked & (apart <= NEAR * select(chatters, speed, nearest))
+    if anywhere(back):
+        impacts = select(chatters, -1.0, hits - get(notes, FROM, wide))
+        put(notes, IMPACTS, wide, select(back, impacts, get(notes, IMPACTS, wide)))
+        put(notes, PERIODS, wide, select(back, whole(periods), get(notes, PERIODS, wide)))
         for y in range(k.stops + 1):
             at = SUMS + y * EACH
-            note[at + RESTING] = note[at + LATEST] - note[at + BEFORE]
-    note[NEAREST] = min(note[NEAREST], apart)
+            rested = get(notes, at + LATEST, wide) - get(notes, at + BEFORE, wide)
+            put(notes, at + RESTING, wide, select(back, rested, get(notes, at + RESTING, wide)))
+    put(notes, NEAREST, wide, select(asked & (apart < nearest), apart, nearest))
+
+
+@inner
+def _know(rows, notes, k, wide, here, hits, z):
+    """Make an impact the known one."""
+    for j in range(2 * k.modes + 2):
+        at = k.eta + j if j < 2 * k.modes else k.turn + j - 2 * k.modes
+        put(rows, k.known + j, wide, select(here, get(rows, at, wide), get(rows, k.known + j, wide)))
+    mark(notes, SINCE, wide, here, get(rows, k.turn, wide), get(rows, k.turn + 1, wide), get(rows, k.turn + 2, wide))
+    for y in range(k.stops + 1):
+        at = SUMS + y * EACH
+        put(notes, at + BEFORE, wide, select(here, get(notes, at + LATEST, wide), get(notes, at + BEFORE, wide)))
+    for at, value in ((FROM, hits), (AT, z), (NEAREST, get(rows, k.speed, wide))):
+        put(notes, at, wide, select(here, value, get(notes, at, wide)))
+    for at in (CHATTERED, IMPACTS, PERIODS):
+        put(notes, at, wide, select(here, 0.0, get(notes, at, wide)))
