@@ -89,7 +89,7 @@ def occur(rows, k, room, note, window):
     if k.thorough:
         note_rests(rows, k, room, note, shut, closing, recorded and note[HITS] <= window.total)
         if struck:
-            note_misses(rows, note, k, None, True, window.transient + 1.0 < note[HITS] <= window.total)
+            note_misses(rows, note, k, None, True, window)
         if recorded:
             recur(rows, note, k, None, note[HITS] <= window.total, window.total)
     if k.thorough and closing:
@@ -113,10 +113,9 @@ def usual(rows, notes, k, wide, window):
             measure_growth(rows, notes, k, wide, made & (hits < window.total), hits > window.transient)
         _add(notes, rows, k, wide, made, v, lost, impulse, window)
         if k.thorough:
-            hits = get(notes, HITS, wide)
-            kept = made & (hits <= window.total)
+            kept = made & (get(notes, HITS, wide) <= window.total)
             note_open(notes, k, wide, kept)
-            note_misses(rows, notes, k, wide, made, (hits > window.transient + 1.0) & kept)
+            note_misses(rows, notes, k, wide, made, window)
             recur(rows, notes, k, wide, kept, window.total)
         put(rows, k.hit, wide, select(made, NOTHING, get(rows, k.hit, wide)))
     if k.thorough:

@@ -34,7 +34,7 @@ from vibroimpact.kernels.vectors import LANES, anywhere, get
 
 
 @inner(inline="always")
-def _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room):
+def _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room, window):
     """Put the next cell into a lane; return its number, or -2 if there is none."""
     cell = next_ticket(tickets)
     if cell >= len(table):
@@ -50,7 +50,7 @@ def _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room):
         deviate(rows, k)
     if k.thorough:
         note[SUMS + MISS :: EACH] = math.inf
-        note_misses(rows, note, k, None, True, False)
+        note_misses(rows, note, k, None, True, window)
     if k.thorough and closing:
         confine(rows, k)
         note_rests(rows, k, room, note, int(0.0), closing, False)
@@ -100,7 +100,7 @@ def run_lanes(
     number, busy = 0, 0
     for lane in range(LANES):
         if owner[lane] == -1:
-            owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room)
+            owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room, window)
     for _ in range(looks):
         for _ in range(LOOK):
             proceed(lanes, k, 0)
@@ -121,7 +121,7 @@ def run_lanes(
                 ends[owner[lane]] = end
                 ended[number] = owner[lane]
                 number += 1
-                owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room)
+                owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room, window)
             busy += owner[lane] >= 0
         if busy == 0 or number + LANES > len(ended):
             break

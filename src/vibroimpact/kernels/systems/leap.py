@@ -121,13 +121,34 @@ def _leap(rows, k, wide, first, length, willing):
         room = u0 + u1 + 2.0 * math.sqrt(select(u0 > 0.0, u0 * u1, 0.0))
         bend = rest + select(w0 > w1, w0, w1)
         willing = willing & (struck | ((kind == OPEN) & (u0 > 0.0)))
-        willing = willing & (u1 > 0.0) & (room > 0.5 * length * length * bend)
-    if k.wary and anywhere(willing):
-        fly(rows, False, k, wide)
-        for z in range(k.stops):
-            miss(rows, z, length + 0.0 * s, willing, False, k, wide)
+        sag = 0.5 * length * length * bend
+        willing = willing & (u1 > 0.0) & (room > sag)
+        if k.wary:
+            put(rows, k.near + z, wide, select(_above(u0, u1, sag, get(rows, k.missed + z, wide)), 0.0, 1.0))
+    if k.wary:
+        _search(rows, willing, length + 0.0 * s, k, wide)
     _take(rows, willing, s, s1, c1, first, length, k, wide)
     return willing
+
+
+@inner(forceinline=True)
+def _above(u0, u1, sag, closest):
+    """Return whether a clearance stays above the closest miss known, certified as that it stays above zero is."""
+    a, b = u0 - closest, u1 - closest
+    return (a > 0.0) & (b > 0.0) & (a + b + 2.0 * math.sqrt(select(a > 0.0, abs(a * b), 0.0)) > sag)
+
+
+@inner
+def _search(rows, willing, end, k, wide):
+    """Look for near-misses within a leap, of stops of which it may hold a closer one than is known."""
+    flown = False
+    for z in range(k.stops):
+        wanted = willing & (get(rows, k.near + z, wide) > 0.0)
+        if anywhere(wanted):
+            if not flown:
+                fly(rows, False, k, wide)
+            flown = True
+            miss(rows, z, end, wanted, False, k, wide)
 
 
 @inner(forceinline=True)

@@ -169,13 +169,20 @@ def note_rests(rows, k, room, note, before, closing, recorded):
 
 
 @inner
-def note_misses(rows, notes, k, wide, here, counts):
-    """Keep the closest misses since the last impact, if they count, and begin anew."""
+def note_misses(rows, notes, k, wide, here, window):
+    """Keep at an impact the closest misses since the last one, if they count, and begin anew.
+
+    Misses that do not count, or are not closer than the closest so far, are not looked for.
+    """
+    hits = get(notes, HITS, wide)
+    counts = here & (hits > window.transient + 1.0) & (hits <= window.total)
+    follows = (hits > window.transient) & (hits < window.total)
     for y in range(k.stops):
         at, missed = SUMS + y * EACH + MISS, get(rows, k.missed + y, wide)
         closest = get(notes, at, wide)
-        put(notes, at, wide, select(here & counts & (missed < closest), missed, closest))
-        put(rows, k.missed + y, wide, select(here, math.inf, missed))
+        closest = select(counts & (missed > -math.inf) & (missed < closest), missed, closest)
+        put(notes, at, wide, closest)
+        put(rows, k.missed + y, wide, select(here, select(follows, closest, -math.inf), missed))
 
 
 @inner
