@@ -14,6 +14,7 @@ from benchmarks.measure import Job, interleaved, ratio
 from benchmarks.taylor import heyoka
 from vibroimpact import models
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
+from vibroimpact.indices import INDICES
 
 Results = dict[str, Any]
 CELLS = 64  # of a sweep, four rounds of lanes; frequencies within 2 %
@@ -29,14 +30,14 @@ def one_mass(omega: float = 2.8) -> vi.ImpactSystem:
     return vi.ImpactSystem(mass=1.0, damping=0.01, stiffness=1.0, force=force, stops=stops)
 
 
-def two_masses() -> vi.ImpactSystem:
-    """Return two masses on three springs, each in front of a stop."""
+def two_masses(damping: Any = C * K) -> vi.ImpactSystem:
+    """Return two masses on three springs, each in front of a stop; damping is proportional if not given."""
     stops = [
         vi.Stop(direction=[1, 0], gap=GAP, restitution=RESTITUTION),
         vi.Stop(direction=[0, -1], gap=GAP, restitution=RESTITUTION),
     ]
     force = vi.Force(omega=OMEGA, harmonics={1: [1.0, 0.0]})
-    return vi.ImpactSystem(mass=np.eye(2), damping=C * K, stiffness=K, force=force, stops=stops)
+    return vi.ImpactSystem(mass=np.eye(2), damping=damping, stiffness=K, force=force, stops=stops)
 
 
 def one_sided_spring(gap: float = SLACK, omega: float = BEAT) -> vi.ImpactSystem:
@@ -53,10 +54,10 @@ def equal_modes(n: int) -> vi.ImpactSystem:
     return vi.ImpactSystem(mass=np.eye(n), damping=0.01 * np.eye(n), stiffness=np.eye(n), force=force, stops=stops)
 
 
-def sweep(system: vi.ImpactSystem, impacts: int) -> Job:
-    """Return the job of a sweep over frequencies near the system's own, on one thread."""
+def sweep(system: vi.ImpactSystem, impacts: int, *indices: str) -> Job:
+    """Return the job of a sweep over frequencies near the system's own, on one thread, of Std alone or of more."""
     cells = system.cells({"omega": np.linspace(0.99, 1.01, CELLS) * system.omega})
-    measurement = Measurement(ImpactWindow(0, impacts), early_closing=False)
+    measurement = Measurement(ImpactWindow(0, impacts), early_closing=False, indices=indices or ("std",))
     engine = get_backend("cpu")
     return lambda: int(engine.indices(cells, measurement)["impacts"].sum())
 
@@ -140,6 +141,8 @@ def measure(effort: Effort) -> Results:
         "one mass": sweep(one_mass(), effort.impacts),
         "one mass, its own engine": sweep(vi.ImpactOscillator(omega=2.8), effort.impacts),
         "two masses, two stops": sweep(two_masses(), effort.impacts),
+        "two masses, all indices": sweep(two_masses(), effort.impacts, *INDICES),
+        "two masses, dashpots of their own": sweep(two_masses(np.diag([0.1, 0.05])), effort.impacts),
         "one-sided spring": sweep(one_sided_spring(), effort.impacts),
         **{f"{n} equal modes": sweep(equal_modes(n), effort.impacts) for n in (1, 2, 4, 8)},
         **{f"cantilever, modes: {n}": sweep(beam, effort.impacts) for n, beam in cantilever.items()},

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from tests.systems import a_random_system, two_masses
 
 import vibroimpact as vi
+from systems import a_random_system, two_masses
 from vibroimpact.backends.system_rows import in_steps, steps_of
 from vibroimpact.backends.systems import _layout
 from vibroimpact.kernels.systems.layout import OPEN, STRUCK

@@ -9,6 +9,7 @@ import vibroimpact as vi
 from systems import one_mass, two_masses
 from vibroimpact import models
 from vibroimpact.dataset import model_of
+from vibroimpact.kernels.systems.series import SIZE, trough
 from vibroimpact.report import sentences_of
 
 OSC = vi.ImpactOscillator(damping=0.1, restitution=0.5, gap=0.5)
@@ -351,6 +352,33 @@ def test_the_share_of_time_at_rest_is_that_of_the_rests():
         asked = {"omega": [osc.omega], "indices": ("stick_fraction",), "sample_impacts": 400}
         one, own = vi.parameter_map(osc, **asked), vi.parameter_map(one_mass(osc), **asked)
         np.testing.assert_allclose(own["stick_fraction"], one["stick_fraction"], atol=1e-9)
+
+
+@pytest.mark.parametrize("closing", [True, False])
+def test_impacts_per_period_of_a_known_cycle_are_its_own_impacts_over_its_periods(closing):
+    """To the last bit, whatever the window; and those of each stop are as many as it has in the cycle."""
+    model = two_masses()
+    asked = {"omega": np.linspace(1.4, 3, 33) * model.omega, "transient_impacts": 400, "early_closing": closing}
+    names = ("impacts_per_period", "n_periods", "n_impacts")
+    whole = vi.parameter_map(model, indices=names, sample_impacts=213, **asked)
+    apart = vi.parameter_map(model, indices=names, sample_impacts=213, by_stop=True, **asked)
+    known = (whole["n_impacts"] > 0).values
+    assert known.sum() > 5
+    impacts, periods = whole["n_impacts"].values[known], whole["n_periods"].values[known]
+    np.testing.assert_array_equal(whole["impacts_per_period"].values[known], impacts / periods)
+    each = apart["impacts_per_period"].transpose("omega", "stop").values[known] * periods[:, None]
+    np.testing.assert_allclose(each, np.round(each), rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(np.round(each).sum(axis=1), impacts)
+
+
+def test_a_dip_between_two_looks_is_seen():
+    """Of a polynomial whose rate rises through zero only within a quarter of the way: near-misses of a step."""
+    for low, high in ((0.3, 0.45), (0.55, 0.7), (0.76, 0.99)):
+        for sign in (1.0, -1.0):
+            rate = np.polynomial.Polynomial.fromroots([low, high]) * sign  # it rises through zero at one of them
+            found = rate.integ(k=[1.0])
+            a = tuple(np.pad(found.coef, (0, SIZE - len(found.coef))))
+            assert trough(a, 1.0, True, np.inf) == pytest.approx(found(high if sign > 0.0 else low), abs=1e-9)
 
 
 def test_the_closest_miss_is_the_least_clearance_between_impacts():

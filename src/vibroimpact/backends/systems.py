@@ -261,6 +261,10 @@ class SystemSweep:
             if self.layout.thorough:
                 found["lyapunov"] = notes[march.GREW] / (span * period)
                 found["n_periods"], found["n_impacts"] = notes[march.PERIODS], notes[march.IMPACTS]
+                turned = own[march.TURNED]
+                repeats = (notes[march.IMPACTS] > 0.0) & (turned.sum(axis=0) == notes[march.IMPACTS])
+                rate = (turned if self.by_stop else notes[march.IMPACTS]) / notes[march.PERIODS]
+                found["impacts_per_period"] = np.where(repeats, rate, found["impacts_per_period"])
                 found["lyapunov_per_impact"] = notes[march.GREW] / (kept - 1.0)
                 misses = own[march.MISS]
                 found["grazing_margin"] = misses if self.by_stop else misses.min(axis=0, initial=math.inf)

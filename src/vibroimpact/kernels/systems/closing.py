@@ -36,6 +36,7 @@ from vibroimpact.kernels.systems.march import (
     RETURNED,
     STICKS,
     SUMS,
+    TURNED,
     WATCHED,
     happen,
     moment,
@@ -48,7 +49,7 @@ NOT_SMALL = 1e-3  # of the cycle's weakest impact: nearer to a graze nothing is 
 WALK = 1 << 16  # steps after which a walk is given up
 SQUARED = 20  # times, M at most
 RETURNS = 4  # at most, until a cycle has its name: the impact that gives it may be replaced on the way
-NOT_SUMS = FIRST, LARGEST, PEAK, BEFORE, RESTING, MISS  # among the numbers of a stop
+NOT_SUMS = FIRST, LARGEST, PEAK, BEFORE, RESTING, MISS, TURNED  # among the numbers of a stop
 
 
 class Alone(NamedTuple):

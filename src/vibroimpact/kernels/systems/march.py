@@ -31,10 +31,11 @@ WATCHED, WHICH, NUMBER, NEXT, RETURNED, KNOWN, BESIDE = range(23, 30)
 # what the others differ by and of squares of that, the largest speed, sums of cos wt and sin wt, and the energy lost
 # after the window's first impact, the impulse and the largest force.
 # Of its rests, in periods (and of those at any stop, in a block of their own): how long up to now, less the time now
-# while it is closed; up to the last impact, and up to the known one; in a cycle. And its closest miss.
-DRAINED, SUMS, EACH = 30, 31, 15
+# while it is closed; up to the last impact, and up to the known one; in a cycle. Its closest miss, and how many
+# impacts it had since the known one until that returned.
+DRAINED, SUMS, EACH = 30, 31, 16
 COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, THRUST, PEAK = range(10)
-RESTED, LATEST, BEFORE, RESTING, MISS = range(10, EACH)
+RESTED, LATEST, BEFORE, RESTING, MISS, TURNED = range(10, EACH)
 
 
 class Window(NamedTuple):

@@ -35,6 +35,7 @@ from vibroimpact.kernels.systems.march import (
     RESTING,
     SINCE,
     SUMS,
+    TURNED,
     mark,
 )
 from vibroimpact.kernels.systems.push import stands
@@ -222,8 +223,12 @@ def recur(rows, notes, k, wide, here, total):
     moves = here & (hits >= 2.0 * get(notes, FROM, wide)) & (hits < total) & enough
     if anywhere(moves):
         _know(rows, notes, k, wide, moves, hits, z)
+    here = here & (get(notes, IMPACTS, wide) == 0.0) & (hits > get(notes, FROM, wide))
+    for y in range(k.stops):
+        at = SUMS + y * EACH + TURNED
+        put(notes, at, wide, get(notes, at, wide) + select(here & (z == float(y)), 1.0, 0.0))
     periods = periods - get(notes, SINCE + 2, wide)
-    asked = here & (z == get(notes, AT, wide)) & (get(notes, IMPACTS, wide) == 0.0) & (periods > 0.5)
+    asked = here & (z == get(notes, AT, wide)) & (periods > 0.5)
     if not anywhere(asked):
         return
     speed, nearest = get(rows, k.speed, wide), get(notes, NEAREST, wide)
@@ -256,6 +261,7 @@ def _know(rows, notes, k, wide, here, hits, z):
     for y in range(k.stops + 1):
         at = SUMS + y * EACH
         put(notes, at + BEFORE, wide, select(here, get(notes, at + LATEST, wide), get(notes, at + BEFORE, wide)))
+        put(notes, at + TURNED, wide, select(here, 0.0, get(notes, at + TURNED, wide)))
     for at, value in ((FROM, hits), (AT, z), (NEAREST, get(rows, k.speed, wide))):
         put(notes, at, wide, select(here, value, get(notes, at, wide)))
     for at in (CHATTERED, IMPACTS, PERIODS):
