@@ -55,6 +55,7 @@ fuzz: $(STAMP)
 	FUZZ=40 $(BIN)/python -m pytest -n auto tests/test_fuzz.py tests/test_hostile_files.py tests/test_advice.py \
 	  tests/test_compliant_random.py
 
+bench: export PYTHONDONTWRITEBYTECODE =
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks.run
 
