@@ -13,6 +13,7 @@ import pytest
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="no playwright: install the extra [web-test]")
 pytest.importorskip("tornado", reason="needs the extra [web]")
+PATIENCE = 300_000  # ms: tells a page that hangs, not a loaded machine that compiles its kernels meanwhile
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
@@ -70,8 +71,8 @@ def tab(browser, address):
 
 def load(page, query=QUICK, side=256):
     page.goto(f"{page.address}?{query}")
-    page.wait_for_function("window.explorer && window.explorer.ready > 0 && window.explorer.drawn > 0", timeout=30_000)
-    page.wait_for_function(f"window.explorer.planes.some(p => p[0] >= {side})", timeout=30_000)
+    until(page, "window.explorer && window.explorer.ready > 0 && window.explorer.drawn > 0")
+    until(page, f"window.explorer.planes.some(p => p[0] >= {side})")
 
 
 def drawn(page):
@@ -83,11 +84,11 @@ def click(page, right, down):
     before = drawn(page)
     box = page.locator("#plane-plot").bounding_box()
     page.mouse.click(box["x"] + 80 + right * (box["width"] - 180), box["y"] + 10 + down * (box["height"] - 60))
-    page.wait_for_function(f"window.explorer.drawn > {before}", timeout=10_000)
+    until(page, f"window.explorer.drawn > {before}")
 
 
 def until(page, condition):
-    page.wait_for_function(condition, timeout=15_000)
+    page.wait_for_function(condition, timeout=PATIENCE)
 
 
 def test_the_page_shows_plane_point_and_numbers(tab):
@@ -324,7 +325,7 @@ def test_a_click_below_the_plane_moves_the_point_along_the_line(tab):
     box = tab.locator("#line").bounding_box()
     before = drawn(tab)
     tab.mouse.click(box["x"] + 62 + 0.25 * (box["width"] - 128), box["y"] + 40)
-    tab.wait_for_function(f"window.explorer.drawn > {before}", timeout=10_000)
+    until(tab, f"window.explorer.drawn > {before}")
     until(tab, "Math.abs(new URLSearchParams(location.search).get('w') - 1.9) < 0.005")
 
 
@@ -416,7 +417,7 @@ def test_no_label_of_a_plot_covers_another_or_leaves_it(tab, query):
 
 def test_cells_that_hit_from_other_initial_conditions_are_hatched(tab):
     load(tab, SI)
-    tab.get_by_text("no impact from rest; impacts from other initial conditions (16 tried)").wait_for(timeout=60_000)
+    tab.get_by_text("no impact from rest; impacts from other initial conditions (16 tried)").wait_for(timeout=PATIENCE)
     stripes = """([x, y]) => {
       const { plot } = Plane, [left, top] = [plot.px(x), plot.py(y)].map((at) => Math.round(at) - 24);
       const copy = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
@@ -521,9 +522,9 @@ def test_a_page_that_loses_its_server_says_so_and_comes_back_with_what_it_showed
         page.fill("#number_restitution", "0.75")
         page.press("#number_restitution", "Enter")
         until(page, "location.search.includes('r=0.75')")
-    page.get_by_text("lost, reconnecting …").wait_for(timeout=10_000)
+    page.get_by_text("lost, reconnecting …").wait_for(timeout=PATIENCE)
     with serving(port=urlsplit(found).port):
-        page.get_by_text("ready", exact=True).wait_for(timeout=60_000)
+        page.get_by_text("ready", exact=True).wait_for(timeout=PATIENCE)
         assert page.input_value("#number_restitution") == "0.75"
         page.close()
 
@@ -595,7 +596,7 @@ def test_an_exported_picture_is_the_view_at_twice_its_size(tab, tmp_path):
     """Boundaries, pins and what plots are zoomed to included; compared with a picture of the page."""
     image = pytest.importorskip("matplotlib.image")
     load(tab, f"{SI}&b=1&pin=2.1,4.75,26860,5,120,0.7,0.0003")
-    tab.get_by_text("ready", exact=True).wait_for(timeout=90_000)
+    tab.get_by_text("ready", exact=True).wait_for(timeout=PATIENCE)
     tab.evaluate("Motion.plots.portrait.zoom(0.5, { x: 0, y: 0 })")
     places = [tab.locator(name).bounding_box() for name in ("#plane", "#point")]
     tab.focus("#export summary")
@@ -726,7 +727,7 @@ def test_a_stored_study_opens(browser, tmp_path):
         page.address = found
         page.goto(found)
         until(page, "window.explorer && window.explorer.planes.length > 0")
-        page.get_by_text("stored sweep run.zarr").wait_for(timeout=10_000)
+        page.get_by_text("stored sweep run.zarr").wait_for(timeout=PATIENCE)
         page.close()
 
 
