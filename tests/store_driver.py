@@ -65,12 +65,15 @@ def slow_down(seconds):
 
 
 def forked(job):
-    """Run a job in a copy of this process; return the copy's number."""
+    """Run a job in a copy of this process; return the copy's number. Ctrl-C waits until the copy can tell of it."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     child = os.fork()
     if child:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         return child
     code = 1
     try:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         job()
         code = 0
     except KeyboardInterrupt:
