@@ -9,7 +9,9 @@ import vibroimpact as vi
 from systems import one_mass
 from test_system_orbits import bouncing_ball
 from vibroimpact import models
+from vibroimpact.backends.system_carry import Carrier
 from vibroimpact.motion import MotionClass, decide
+from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import ImpactOscillator
 
 NAMED = ("n_periods", "n_impacts", "lyapunov_per_impact")
@@ -203,3 +205,41 @@ def test_a_cycle_that_is_reached_by_turns_from_either_side_is_not_named_double(
             named.add(int(found))
     assert named <= ({0, n_periods} if multiplier > -1.0 else {0, 2 * n_periods})
     assert abs(multiplier + 1.0) < 1e-3 or len(named) == 2  # it is named where it is near
+
+
+def mixed(rng):
+    """Return a random system of two or three coordinates before a rigid stop and one that gives."""
+    n = int(rng.integers(2, 4))
+    spread, stiffness = rng.standard_normal((2, n, n))
+    stops = [
+        vi.Stop(direction=rng.standard_normal(n), gap=rng.uniform(0.0, 0.5), restitution=rng.choice([0.0, 0.3, 0.7])),
+        vi.Stop(direction=rng.standard_normal(n), gap=rng.uniform(0.0, 0.5), stiffness=rng.uniform(3.0, 300.0)),
+    ]
+    return vi.ImpactSystem(
+        mass=np.eye(n),
+        damping=0.2 * spread @ spread.T,
+        stiffness=stiffness @ stiffness.T + 0.5 * np.eye(n),
+        force=vi.Force(omega=rng.uniform(0.3, 2.0), harmonics={1: 2.0 * rng.standard_normal(n)}),
+        stops=stops,
+    )
+
+
+def test_neighbours_of_a_motion_between_rigid_stops_and_such_that_give_move_as_other_motions_do():
+    rng, seen = np.random.default_rng(3), 0
+    while seen < 40:
+        system, phase, periods = mixed(rng), rng.uniform(0.0, 1.0), rng.uniform(0.5, 2.0)
+        carrier = Carrier(system.cells({}), Tolerances())
+        x, _ = carrier.over(np.zeros(2 * len(system.mass)), 0.0, 6.0 + phase)
+        place, _ = carrier.coordinates(x)
+        if min(abs(stop.gap - stop.direction @ place) for stop in system.stops) < 1e-3:
+            continue  # a neighbour of what rests lies beyond the stop
+        _, derivative = carrier.over(x, phase, periods)
+        steps = 1e-6 * np.abs(x).max() * np.array([1.0, 0.1])
+        numbers = [
+            np.column_stack([carrier.over(x + h * u, phase, periods)[0] - carrier.over(x - h * u, phase, periods)[0]
+                             for u in np.eye(len(x))]) / (2.0 * h) for h in steps
+        ]  # fmt: skip
+        if np.abs(numbers[0] - numbers[1]).max() > 1e-5:
+            continue  # nearly a graze
+        seen += 1
+        assert numbers[1] == pytest.approx(derivative, abs=1e-4 * max(1.0, np.abs(derivative).max()))

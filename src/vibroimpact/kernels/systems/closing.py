@@ -38,10 +38,9 @@ from vibroimpact.kernels.systems.march import (
     SUMS,
     TURNED,
     WATCHED,
-    happen,
     moment,
 )
-from vibroimpact.kernels.systems.tangent import accelerate, before, confine, cross
+from vibroimpact.kernels.systems.tangent import accelerate, confine, happen_beside
 from vibroimpact.kernels.vectors import LANES
 
 SURE = 1e-12  # of V: the most that the remaining way may change an impact
@@ -97,13 +96,7 @@ def _cross(rows, k, room):
     """Make what ended a step, and carry the deviation over it; return the set of stops struck hard enough, and how hard
     the weakest, and the size of the deviation.
     """
-    before(rows, k, room)
-    struck, closing = happen(rows, k, room)
-    z, hard, weakest, size = int(rows[k.which]), int(0.0), math.inf, 0.0
-    if struck and room.speed[z] > 0.0:
-        cross(rows, k, room, z)
-    if closing:
-        confine(rows, k)
+    struck, hard, weakest, size = happen_beside(rows, k, room), int(0.0), math.inf, 0.0
     for y in range(k.stops):
         if struck >> y & 1 and room.speed[y] >= rows[k.cut]:
             hard, weakest = hard + 1, min(weakest, room.speed[y])

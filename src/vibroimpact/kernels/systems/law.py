@@ -126,7 +126,7 @@ def bounce(rows, k, wide):
 def strike(rows, k, room):
     """Make any impact at the end of a step; return the sets of the stops that were struck and that closed by it.
 
-    Leaves their speeds of approach, impulses, and for those that close the durations of their chatter.
+    Leaves their speeds of approach, impulses, and for those that close the durations of their chatter, where all are 0.
     """
     z, s = int(rows[k.which]), k.stops
     turns(rows, k, None)
@@ -135,7 +135,6 @@ def strike(rows, k, room):
     cut = rows[k.cut]
     weak = cut < 0.0
     for y in range(s):
-        room.speed[y], room.impulse[y], room.tail[y], room.rebound[y] = 0.0, 0.0, 0.0, 0.0
         if touching >> y & 1 and (room.rate[y] < 0.0 or y == z):
             struck |= 1 << y
             room.speed[y] = max(-room.rate[y], 0.0)

@@ -128,6 +128,8 @@ def ending(rows, k, room, note, total):
 def happen(rows, k, room):
     """Make what ended a step, but for the usual impact; return the sets of stops struck, and closed by it."""
     z, struck, closing = int(rows[k.which]), int(0.0), int(0.0)
+    for y in range(k.stops):
+        room.speed[y], room.impulse[y], room.tail[y], room.rebound[y] = 0.0, 0.0, 0.0, 0.0
     if rows[k.hit] == CONTACT:
         rows[k.age] = 0.0
     if rows[k.spring + z] > 0.0:

@@ -204,7 +204,7 @@ def attend(rows, k, room):
             changed |= _decide(rows, z, k)
             if free and rows[k.kind + z] >= CLOSED:
                 began |= 1 << z
-                room.speed[z], room.impulse[z], room.tail[z] = max(-room.rate[z], 0.0), 0.0, 0.0
+                room.speed[z] = max(-room.rate[z], 0.0)
         elif kind != OPEN and kind != STRUCK:
             members |= 1 << z
             shut |= int(kind >= CLOSED) << z

@@ -36,6 +36,7 @@ from vibroimpact.kernels.systems.march import (
     SINCE,
     SUMS,
     TURNED,
+    happen,
     mark,
 )
 from vibroimpact.kernels.systems.push import stands
@@ -48,13 +49,10 @@ NEAR = 1e-7  # of V, of the modes' rates and their amplitudes: an impact that co
 @inner
 def _load(rows, first, start, order, k, wide):
     """Return a sum of harmonics at present, or its second derivative: of a load, or of a stop's motion."""
-    sine, cosine = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
+    sine, cosine, rate = get(rows, k.turn, wide), get(rows, k.turn + 1, wide), get(rows, k.theta, wide)
     total, a, b = start, sine, cosine
     for m in range(k.harmonics):
-        own, rate = (
-            fma(get(rows, first + 2 * m, wide), a, get(rows, first + 2 * m + 1, wide) * b),
-            get(rows, k.theta, wide),
-        )
+        own = fma(get(rows, first + 2 * m, wide), a, get(rows, first + 2 * m + 1, wide) * b)
         total = total + (-(((m + 1.0) * rate) * ((m + 1.0) * rate)) * own if order else own)
         a, b = fma(a, cosine, b * sine), fma(b, cosine, -a * sine)
     return total
@@ -107,7 +105,7 @@ def cross(rows, k, room, z):
         du -= rows[k.alpha + z * n + j] * rows[k.deta + j]
     dt = du / room.speed[z]
     for y in range(s):
-        held = rows[k.kind + y] >= CLOSED and room.speed[y] == 0.0
+        held = rows[k.kind + y] >= CLOSED and rows[k.spring + y] == 0.0 and room.speed[y] == 0.0
         if held or room.impulse[y] > 0.0:
             active |= 1 << y
         dw = 0.0 if held else _load(rows, k.motion + 2 * k.harmonics * y, 0.0, 2, k, None) * dt
@@ -180,6 +178,19 @@ def confine(rows, k):
     if rows[k.closed] >= n:
         for j in range(n):
             rows[k.deta + j] = rows[k.drate + j] = 0.0
+
+
+@inner(inline="always")
+def happen_beside(rows, k, room):
+    """Make what ended a step, and carry the deviation over it; return the set of stops struck."""
+    before(rows, k, room)
+    struck, closing = happen(rows, k, room)
+    z = int(rows[k.which])
+    if struck and room.speed[z] > 0.0:
+        cross(rows, k, room, z)
+    if closing:
+        confine(rows, k)
+    return struck
 
 
 @inner
