@@ -91,6 +91,16 @@ def test_orbits_of_a_system_are_listed_and_kept_as_those_of_one_mass(run, tmp_pa
     assert kept["multiplier_real"].values == pytest.approx([value.real for value in orbit.multipliers], rel=1e-9)
 
 
+def test_an_orbit_that_rests_is_listed_and_kept_with_its_rests(run, tmp_path):
+    code, told, _ = run("orbit --model bouncing_ball --impacts -1")
+    (orbit,) = vi.find_orbit(vi.models.bouncing_ball(), n_impacts=-1)
+    assert (code, told[0]) == (0, "1 period-1 sticking orbit")
+    assert f"hits at {orbit.velocities[0]:.6g} m/s at phase {orbit.phases[0]:.6g} on table" in told[2]
+    assert run("orbit --model bouncing_ball --impacts -1 --out orbit.json")[0] == 0
+    (read,) = json.loads((tmp_path / "orbit.json").read_text())["orbits"]
+    assert read["rests"] == [rest._asdict() for rest in orbit.rests]
+
+
 def test_a_start_gives_every_coordinate_and_its_velocity_a_number(run, tmp_path):
     assert run(f"simulate {OWN} --start 0.01,0.02:0,-0.1:0.3 --periods 2 --out motion.nc")[0] == 0
     start = vi.State([0.01, 0.02], [0.0, -0.1], 0.3)
@@ -123,7 +133,10 @@ def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
     ("command", "words"),
     [
         (f"continue {OWN} --x omega=7:9 --near 0.1,1", "`--near` of a system goes with `--stops`"),
-        (f"continue {OWN} --x omega=7:9 --impacts -1", "`n_impacts` must be at least 1 for a system"),
+        (
+            "continue --model bouncing_ball --x amplitude=1e-4:1.6e-4 --impacts -1",
+            "no branch; find them value by value",
+        ),
         (f"boundary {OWN} --x omega=7:9 --y bar_gap=0:1 --kind end-of-sticking", "unknown `--kind` 'end_of_sticking'"),
         (f"basins {OWN}", "`stop` must name the stop that is struck: bar, baffle"),
         (f"basins {OWN} --x gap=0:1:3 --y velocity_0=0:1:3", "unknown coordinate 'gap'; choose from displacement_0"),
@@ -141,7 +154,6 @@ def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
         ("map --by-stop --x w=1:2:3", "`by_stop` tells the stops of a system apart, and an oscillator has one"),
         (f"section {OWN} --backend reference", "`backend` 'reference' does not take systems"),
         ("section --model two_sided_oscillator -p left_gap=-1", "`stops` 'left' and 'right' overlap"),
-        (f"orbit {OWN} --impacts -1", "`n_impacts` must be at least 1 for a system"),
         (f"orbit {OWN} --stops bar,bar", "orbits of several impacts need a guess"),
         (f"orbit {OWN} --stops bar --impacts 1", "give either `--impacts` or the stops that are struck, not both"),
         (f"orbit {OWN} --near 0.1", "`--near` of a system goes with `--stops`: a time in s for each of them"),

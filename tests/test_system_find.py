@@ -50,7 +50,6 @@ def test_orbits_that_are_not_there_are_not_found():
 @pytest.mark.parametrize(
     ("how", "words"),
     [
-        ({"n_impacts": -1}, "at least 1 for a system"),
         ({"n_impacts": 2, "near": (0.1, 2.0)}, "an orbit of a system"),
         ({"n_impacts": 0}, "n_impacts"),
     ],

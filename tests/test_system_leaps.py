@@ -7,7 +7,7 @@ from scipy.linalg import expm
 import vibroimpact as vi
 from systems import a_random_system, two_masses
 from vibroimpact.backends.system_rows import in_steps, steps_of
-from vibroimpact.backends.systems import _layout
+from vibroimpact.backends.systems import layout_for
 from vibroimpact.kernels.systems.layout import OPEN, STRUCK
 from vibroimpact.kernels.systems.leap import HALF, WHOLE, leap_half, leap_whole
 
@@ -54,7 +54,7 @@ class Leaping:
     def __init__(self, model):
         far = remade(model, stops=[stop.replace(gap=1e3) for stop in model.stops])  # there is room for a start
         cells, n = far.cells({}), len(model.mass)
-        self.k, self.cells, self.step = _layout(cells), cells, float(steps_of(cells)[0])
+        self.k, self.cells, self.step = layout_for(cells), cells, float(steps_of(cells)[0])
         self.table, self.mass = in_steps(cells, 1e-9, self.k), model.mass
         inverse, constant = np.linalg.inv(model.mass), model.force.constant
         orders = sorted(model.force.harmonics | {h: 0 for stop in model.stops for h in stop.motion})

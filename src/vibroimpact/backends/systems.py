@@ -32,13 +32,14 @@ _STEPS = 1 << 14  # of one cell, as well
 _ROOM = 4096  # rows of a buffer, which is emptied when it is full
 
 
-def _layout(cells: SystemCells, *flags: bool) -> Layout:
+def layout_for(cells: SystemCells, *flags: bool) -> Layout:
+    """Return the rows of these cells; flags are those of `layout_of`, from `forceful` on."""
     shape = cells.shape
     given = shape.modes, shape.stops, shape.harmonics, shape.coupled, shape.moving
     return layout_of(*given, shape.giving, shape.rigid, *flags)
 
 
-def _noted(layout: Layout) -> int:
+def noted(layout: Layout) -> int:
     """Return the length of a cell's note."""
     return march.SUMS + march.EACH * (layout.stops + 1)
 
@@ -48,7 +49,8 @@ def _turns(sine: Floats, cosine: Floats, periods: Floats) -> Floats:
     return periods + np.arctan2(sine, cosine) / march.TURN % 1.0
 
 
-def _room(layout: Layout) -> Room:
+def room_for(layout: Layout) -> Room:
+    """Return room to work for one cell."""
     s = max(layout.stops, 1)
     return Room(
         np.zeros((s, s)),
@@ -61,7 +63,7 @@ def _room(layout: Layout) -> Room:
 def _alone(layout: Layout) -> closing.Alone:
     """Return the room in which a cycle is walked."""
     k, size = layout._replace(thorough=True, wary=False, draining=False), 2 * layout.modes
-    lanes, notes, note = aligned(k.rows * LANES), aligned(_noted(k) * LANES), np.zeros(_noted(k))
+    lanes, notes, note = aligned(k.rows * LANES), aligned(noted(k) * LANES), np.zeros(noted(k))
     (start, end), matrices, (d, moved) = np.zeros((2, k.rows)), np.zeros((3, size, size)), np.zeros((2, size))
     return closing.Alone(k, lanes, notes, start, end, note, matrices[0], matrices[1], matrices[2], d, moved)
 
@@ -72,7 +74,7 @@ def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]
 
 
 def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
-    k, window = _layout(cell, cell.shape.giving), measurement.window
+    k, window = layout_for(cell, cell.shape.giving), measurement.window
     start_periods, start_phase = cell.block("time")[0].tolist()
     if isinstance(window, ImpactWindow):
         total, wanted = march.Window(float(window.transient), float(window.transient + window.keep)), 0
@@ -82,7 +84,7 @@ def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
         total, wanted = march.Window(0.0, math.inf), window.keep
         times = np.array(window.schedule(start_periods, start_phase))
         schedule = walk.Schedule(float(wanted), times[0, 0], times[1, 0], float(window.per_period))
-    rows, spare, note, room = np.zeros(k.rows), np.zeros(k.rows), np.zeros(_noted(k)), _room(k)
+    rows, spare, note, room = np.zeros(k.rows), np.zeros(k.rows), np.zeros(noted(k)), room_for(k)
     limit = total.total if isinstance(window, ImpactWindow) else window.skip_periods + wanted / window.per_period + 1.0
     note[: march.MADE] = budgets_of(cell, measurement.tolerances, limit)
     seen = walk.Seen(
@@ -211,7 +213,7 @@ class SystemSweep:
         asked = frozenset(measurement.indices)
         of_stops = {"mean_force", "max_force", *(("dissipation", "work_rate") if cells.shape.giving else ())}
         forceful, draining = bool(asked & of_stops), "damper_rate" in asked
-        self.layout = _layout(cells, forceful, measurement.thorough, "grazing_margin" in asked, draining)
+        self.layout = layout_for(cells, forceful, measurement.thorough, "grazing_margin" in asked, draining)
         self.window, self.by_stop = window, measurement.by_stop
         bounds = float(window.transient), float(window.transient + window.keep)
         self.total = march.Window(*bounds, measurement.early_closing)
@@ -219,14 +221,14 @@ class SystemSweep:
         self.omega = cells["omega"]
         self.gives: Any = (cells.block("spring") > 0.0).any(axis=0)
         self.budgets = budgets_of(cells, measurement.tolerances, self.total.total)
-        self.results, self.ends = np.zeros((len(cells), _noted(self.layout))), np.zeros(len(cells), np.int8)
+        self.results, self.ends = np.zeros((len(cells), noted(self.layout))), np.zeros(len(cells), np.int8)
         self._tickets = np.zeros(1, np.int64)
 
     def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
         """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
         k = self.layout
-        memory, notes, owner = aligned(k.rows * LANES), aligned(_noted(k) * LANES), np.full(LANES, -1)
-        rows, note, room = np.zeros(k.rows), np.zeros(_noted(k)), _room(k)
+        memory, notes, owner = aligned(k.rows * LANES), aligned(noted(k) * LANES), np.full(LANES, -1)
+        rows, note, room = np.zeros(k.rows), np.zeros(noted(k)), room_for(k)
         ended, busy, alone = np.empty(4096, np.int64), 1, _alone(k)
         while busy and not stopped():
             number, busy = lanes.run_lanes(

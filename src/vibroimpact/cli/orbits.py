@@ -149,7 +149,7 @@ def _struck(found: Orbits[SystemOrbit], p: int) -> dict[str, xr.Variable]:
     names = np.full((len(found), p), "", dtype=object)
     impulses = np.full((len(found), p), math.nan)
     for at, orbit in enumerate(found):
-        names[at, : orbit.n_impacts], impulses[at, : orbit.n_impacts] = orbit.stops, orbit.impulses
+        names[at, : len(orbit.stops)], impulses[at, : len(orbit.stops)] = orbit.stops, orbit.impulses
     dims = ("orbit", "impact")
     stops = plain_variable(dims, names.astype(str), {"long_name": "stop that is struck"})
     return {"stop": stops, "impulse": variable("impulse", dims, impulses)}
@@ -176,7 +176,7 @@ def _plain(orbit: Orbit | SystemOrbit) -> dict[str, Any]:
     if "start" in content:
         content["start"] = asdict(content["start"])
     if "contacts" in content:
-        content["contacts"] = [contact._asdict() for contact in content["contacts"]]
+        content |= {key: [each._asdict() for each in content[key]] for key in ("contacts", "rests")}
     found: dict[str, Any] = _without_nan(content | {key: getattr(orbit, key) for key in SUMMED})
     return found
 
@@ -241,11 +241,11 @@ def _branches(
     """Return the branches of the orbits found, then of those that are born at their period doublings."""
     from vibroimpact.continuation import follow_all
 
-    if found and found[0].n_impacts == -1:
-        raise WrongRequest(
-            "`--impacts` must not be -1 here, since orbits that rest at the stop have no branch; follow their end with "
-            "`vibroimpact boundary --kind end-of-sticking`"
-        )
+    if found and found[0].sticks:
+        instead = "follow their end with `vibroimpact boundary --kind end-of-sticking`"
+        if not isinstance(found[0].model.at(), ImpactOscillator):
+            instead = "find them value by value, with `vibroimpact orbit --impacts -1`"
+        raise WrongRequest(f"orbits that rest at the stop have no branch; {instead}")
     return follow_all(
         [orbit for orbit in found if orbit.admissible] or found,
         parameter,

@@ -152,7 +152,8 @@ def _checked(orbit: Any) -> AnyOrbit:
     if not isinstance(orbit, (Orbit, SystemOrbit)):
         raise invalid("orbit", orbit, "an Orbit", "give one that find_orbit returned")
     if orbit.n_impacts < 1 or orbit.sticks:
-        hint = "follow its end of sticking with continue_boundary instead"
+        step = "find it again, value by value, with find_orbit(..., n_impacts=-1, near=orbit)"
+        hint = "follow its end of sticking with continue_boundary instead" if isinstance(orbit, Orbit) else step
         raise invalid("orbit", orbit.name, "an orbit that never rests at the stop", hint)
     return orbit
 

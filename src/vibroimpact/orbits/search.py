@@ -68,8 +68,8 @@ def find_orbit(
     near : Orbit, State or (phase, velocity), optional
         Initial guess: an orbit of this or another oscillator, a state at the stop, or phase in [0, 1) and velocity > 0
         (m/s) of an impact. None tries the attractor reached from rest and a grid over the impact surface. Not used for
-        one impact, where all solutions are known in closed form. Of a system an orbit; None tries symmetric orbits
-        (two impacts) and the motion from rest.
+        one impact, where all solutions are known in closed form. Of a system an orbit, or, with `n_impacts=-1`, a
+        state near one; None tries symmetric orbits (two impacts) and the motion from rest.
 
     Returns
     -------

@@ -194,6 +194,16 @@ def fly(rows, held, k, wide):
 
 
 @inner
+def fly_on(rows, x, k):
+    """Carry a cell and its deviation over so many steps in which nothing happens."""
+    turns(rows, k, None)
+    held, x = rows[k.closed] > 0.0 or (k.giving and rows[k.engaged] > 0.0), x / rows[k.pace]
+    fly(rows, held, k, None)
+    move(rows, x, False, k, None)
+    _carry(rows, x, held, k, None)
+
+
+@inner
 def step(rows, k, wide):
     """Make a certified step; leave the state after it, how far it went, which stop ended it and how."""
     turns(rows, k, wide)

@@ -14,7 +14,8 @@ from vibroimpact.kernels.systems.leap import HALF, LEAPS, WHOLE, leap_half, leap
 from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, MADE, TURN, add_all, ending, happen, moment
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
-from vibroimpact.kernels.systems.step import fly, step
+from vibroimpact.kernels.systems.step import fly, fly_on, step
+from vibroimpact.kernels.systems.tangent import confine, happen_beside
 
 
 class Seen(NamedTuple):
@@ -222,3 +223,26 @@ def follow(rows, spare, k, room, note, seen, window, schedule, most):
             if end != RUNNING and (schedule.number == 0.0 or end == SPENT):
                 return end
     return RUNNING
+
+
+@compiled
+def carry_over(rows, spare, k, room, periods, most):
+    """Carry a cell and its deviation over driving periods; return whether it came so far in that many steps."""
+    if rows[k.closed] > 0.0:
+        confine(rows, k)
+    began, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
+    passed = 0.0
+    for _ in range(most):
+        copy(rows, spare)
+        step(rows, k, None)
+        now, later = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
+        before, passed = passed, (now - began) + (later - phase)
+        if passed >= periods:
+            copy(spare, rows)
+            fly_on(rows, (periods - before) * TURN / rows[k.theta], k)
+            return True
+        if rows[k.hit] != NOTHING:
+            happen_beside(rows, k, room)
+        if rows[k.lawless] > 0.0:
+            return False
+    return False

@@ -11,6 +11,7 @@ from vibroimpact.orbits.orbit import SAME, same_orbit
 from vibroimpact.orbits.search import Orbits
 from vibroimpact.orbits.systems.orbit import SystemOrbit
 from vibroimpact.orbits.systems.search import find
+from vibroimpact.orbits.systems.sticking import find_sticking
 from vibroimpact.orbits.systems.symmetry import mirror
 from vibroimpact.oscillator import Model, State
 from vibroimpact.parameters import invalid
@@ -21,11 +22,11 @@ TRANSIENT = 2000  # impacts of the motion from rest before those that Newton's m
 def find_named(model: Model, n_periods: int, n_impacts: int, near: Any) -> Orbits[SystemOrbit]:
     """Return the orbits of a system that `find_orbit` finds.
 
-    All those of one impact, and of two that are mirror images of one another; others from `near`, or where the motion
-    from rest has settled to one.
+    All those of one impact, and of two that are mirror images of one another; others, and one that rests, from `near`,
+    or where the motion from rest has settled to one.
     """
-    if n_impacts < 1:
-        raise invalid("n_impacts", n_impacts, "at least 1 for a system", "its orbits that stick are not solved for")
+    if n_impacts == -1 and (near is None or isinstance(near, (SystemOrbit, State))):
+        return find_sticking(model, n_periods, near)
     if near is not None and not isinstance(near, SystemOrbit):
         raise invalid("near", near, "an orbit of a system", "give one that find_orbit returned")
     if n_impacts == 1:

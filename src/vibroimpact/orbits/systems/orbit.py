@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +23,14 @@ from vibroimpact.orbits.systems.symmetry import mirror
 from vibroimpact.oscillator import Model, State
 from vibroimpact.stops import Stop
 from vibroimpact.system import ImpactSystem
+
+
+class Rest(NamedTuple):
+    """A rest at a stop: its name, and when it begins and ends in driving periods; the whole cycle if it never opens."""
+
+    stop: str
+    begin: float
+    end: float
 
 
 @dataclass(frozen=True)
@@ -43,7 +52,7 @@ class SystemOrbit:
     impulses : tuple of float
         Impulses of the impacts in N s: of a stop that gives, the integral of its force over the contact.
     start : State
-        Coordinates, their rates and time just before the first impact.
+        Coordinates, their rates and time just before the first impact; of an orbit that rests, while nothing happens.
     multipliers : tuple of 2n complex
         Floquet multipliers of the cycle in the coordinates and their rates, the largest first.
     half_multipliers : tuple of 2n complex
@@ -62,6 +71,9 @@ class SystemOrbit:
     contacts : tuple of Contact
         Of each impact the `impulse` in N s, and on a stop that gives `contact_time` in s, for which it pushes,
         `peak_force` in N, `penetration` in m, and the energy `lost` at the stop in J; NaN on a rigid one.
+    rests : tuple of Rest
+        Rests at rigid stops, each the `stop` and when it `begin`s and `end`s in driving periods, as `turns` have them.
+        Of a chatter the impacts above 1e-9 V are listed.
 
     Examples
     --------
@@ -89,6 +101,7 @@ class SystemOrbit:
     events: tuple[tuple[float, str, str], ...] = ()
     pushing: tuple[str, ...] = ()
     contacts: tuple[Contact, ...] = ()
+    rests: tuple[Rest, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -101,8 +114,8 @@ class SystemOrbit:
 
     @property
     def sticks(self) -> bool:
-        """Whether it rests at a stop: orbits of systems that do are not solved for."""
-        return False
+        """Whether it rests at a stop."""
+        return bool(self.rests)
 
     @property
     def twin(self) -> SystemOrbit:
@@ -128,12 +141,15 @@ class SystemOrbit:
             start=state,
             events=tuple((turn + later, kind, image[stop]) for turn, kind, stop in self.events),
             pushing=tuple(image[stop] for stop in self.pushing),
+            rests=tuple(Rest(image[stop], begin + later, end + later) for stop, begin, end in self.rests),
         )
 
     @property
     def n_impacts(self) -> int:
-        """Impacts in a cycle."""
-        return len(self.turns)
+        """Impacts in a cycle; -1 if a rest follows a complete chatter, not a single impact."""
+        struck = set(zip(self.stops, self.turns, strict=True))
+        rests = [rest for rest in self.rests if rest.end - rest.begin < self.n_periods]
+        return len(self.turns) if all((stop, begin) in struck for stop, begin, _ in rests) else -1
 
     @property
     def phases(self) -> tuple[float, ...]:
@@ -163,8 +179,10 @@ class SystemOrbit:
     @property
     def determinant(self) -> float:
         """Determinant of the cycle's Jacobian: exp(-tr(M^-1 C) t) of each leg, with the damping c a a^T of the stops
-        that push in it, times r d(r v)/dv of each impact on a rigid one.
+        that push in it, times r d(r v)/dv of each impact on a rigid one; 0 of an orbit that rests.
         """
+        if self.sticks:
+            return 0.0
         flow, (cycle, unknown) = Flow(self.system), cycle_of(self)
         form = self.system.modal()
         rates = form.viscosity * np.diag(form.mobility)
@@ -176,6 +194,11 @@ class SystemOrbit:
 
     def motion(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return displacements, velocities and accelerations at times in s, each of shape (times, n).
+
+        Raises
+        ------
+        ValueError
+            It rests at a stop.
 
         Examples
         --------
@@ -206,7 +229,7 @@ class SystemOrbit:
     @property
     def name(self) -> str:
         """The motion in two or three words."""
-        return cycle_name(self.n_periods, self.n_impacts)
+        return cycle_name(self.n_periods, self.n_impacts, self.sticks)
 
 
 AnyOrbit = Orbit | SystemOrbit
@@ -221,7 +244,15 @@ def _shrinks(stop: Stop, v: float) -> float:
 
 
 def cycle_of(orbit: SystemOrbit) -> tuple[Cycle, Floats]:
-    """Return the whole cycle of an orbit, and its unknown."""
+    """Return the whole cycle of an orbit, and its unknown.
+
+    Raises
+    ------
+    ValueError
+        It rests at a stop.
+    """
+    if orbit.sticks:
+        raise ValueError(f"the {orbit.name} orbit rests at a stop; follow it with simulate(orbit.system, orbit.start)")
     flow, names = Flow(orbit.system), orbit.system.stop_names
     events = tuple(Event(names.index(stop), kind) for _, kind, stop in orbit.events)
     pushing = tuple(sorted(names.index(stop) for stop in orbit.pushing))

@@ -1,0 +1,61 @@
+"""One system carried over driving periods from any state, with the derivative of where it comes to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vibroimpact.backends.base import Floats
+from vibroimpact.backends.system_rows import in_steps, steps_of
+from vibroimpact.backends.systems import layout_for, room_for
+from vibroimpact.kernels.systems.walk import Seen, carry_over, seat
+from vibroimpact.options import Tolerances
+from vibroimpact.system_cells import SystemCells
+
+STEPS = 100_000  # per driving period, at most: some tenths of a second
+
+
+class Carrier:
+    """The motion of one cell over given times, through impacts, whole chatter and rests.
+
+    A state is that of the modes: their amplitudes, then their rates over a step of the engine, so that all have one
+    unit.
+    """
+
+    def __init__(self, cells: SystemCells, tolerances: Tolerances) -> None:
+        self.layout = layout_for(cells, False, True)
+        self._row = in_steps(cells, tolerances.chatter, self.layout)[0]
+        self._shapes, self._step = cells.shapes[0], float(steps_of(cells)[0])
+
+    def state(self, displacement: Floats, velocity: Floats) -> Floats:
+        """Return the state of coordinates and their rates."""
+        eta, rate = np.linalg.solve(self._shapes, np.column_stack([displacement, velocity])).T
+        return np.append(eta, rate * self._step)
+
+    def coordinates(self, x: Floats) -> tuple[Floats, Floats]:
+        """Return the coordinates and their rates of a state."""
+        eta, rate = x.reshape(2, -1)
+        return self._shapes @ eta, self._shapes @ rate / self._step
+
+    def over(self, x: Floats, phase: float, periods: float) -> tuple[Floats, Floats]:
+        """Return the state so many driving periods after one at a phase, and its derivative by that.
+
+        Where a stop is closed at the beginning the derivative is that within what it leaves free.
+
+        Raises
+        ------
+        ValueError
+            It takes too many steps, or a law of restitution gives no number.
+        """
+        k, size = self.layout, len(x)
+        row, angle, derivative = self._row.copy(), 2.0 * np.pi * phase, np.empty((size, size))
+        row[k.eta : k.eta + size], row[k.turn : k.turn + 3] = x, (np.sin(angle), np.cos(angle), 0.0)
+        rows, spare, room = np.zeros(k.rows), np.zeros(k.rows), room_for(k)
+        seen = Seen(np.zeros((0, 10)), np.zeros((0, size)), np.zeros((k.stops, 5)), np.zeros(3, np.int64))
+        for column in range(size):
+            seen.filled[:] = 0
+            seat(rows, k, row, room, seen)
+            rows[k.deta + column] = 1.0
+            if not carry_over(rows, spare, k, room, periods, int(STEPS * (periods + 1.0))):
+                raise ValueError(f"the motion could not be followed for {periods:g} driving periods")
+            derivative[:, column] = rows[k.deta : k.deta + size]
+        return rows[k.eta : k.eta + size].copy(), derivative

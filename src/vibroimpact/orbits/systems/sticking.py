@@ -1,0 +1,182 @@
+r"""Orbits of systems that rest at a stop.
+
+A rest takes from a neighbour what would move the clearance of that stop; what the other coordinates remember goes on.
+So the cycle does not follow from the release, as that of one mass does. It is a fixed point of the motion over n
+periods, P(x) = x, for the state x at a phase at which nothing happens. The engine makes P, impact by impact, with whole
+chatter and rests, and carries its derivative along: saltation at impacts, projection where a stop closes (A. B.
+Nordmark and P. T. Piiroinen, Nonlinear Dynamics 58 (2009) 85-106). Newton's method then takes
+x + (1 - P')^-1 (P(x) - x); the multipliers are the eigenvalues of P', as many of them 0 as rests take coordinates and
+rates.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibroimpact.backends import Measurement, StroboscopicWindow, get_backend
+from vibroimpact.backends.system_carry import Carrier
+from vibroimpact.cells import Floats
+from vibroimpact.motion import cycle_name
+from vibroimpact.options import Tolerances
+from vibroimpact.orbits.orbit import SAME
+from vibroimpact.orbits.search import CLOSE, MOST, SINGULAR, Orbits, Solved
+from vibroimpact.orbits.systems.contacts import Contact
+from vibroimpact.orbits.systems.orbit import Rest, SystemOrbit
+from vibroimpact.oscillator import Model, State
+from vibroimpact.parameters import invalid
+from vibroimpact.system import ImpactSystem
+
+SETTLING = 1000  # driving periods from rest, before those that Newton's method starts from
+
+
+class _Cycle(NamedTuple):
+    """What happens in a cycle that is followed from a time in driving periods, in this order of time.
+
+    Impacts have a time, a stop, a velocity (m/s) and an impulse (N s) each; `moves` are the coordinates at its
+    beginning and after each period.
+    """
+
+    times: Floats
+    stops: tuple[str, ...]
+    velocities: Floats
+    impulses: Floats
+    rests: tuple[Rest, ...]
+    moves: Floats
+
+
+def find_sticking(model: Model, n_periods: int, near: SystemOrbit | State | None) -> Orbits[SystemOrbit]:
+    """Return the period-n orbit that rests at a stop, from an orbit or a state near it, or the motion from rest."""
+    system: ImpactSystem = model.at()
+    if isinstance(near, SystemOrbit) and len(near.start.displacement) != len(system.mass):
+        raise invalid("near", near.name, f"an orbit of {len(system.mass)} coordinates")
+    if isinstance(near, State):
+        system.cells({}, near)  # refused where it does not fit
+    carrier, name = Carrier(system.cells({}), Tolerances()), cycle_name(n_periods, -1)
+    try:
+        state = near.start if isinstance(near, SystemOrbit) else near or _settled(system)
+        if not (isinstance(near, SystemOrbit) and near.sticks):
+            state = _quiet(system, carrier, state, n_periods)
+        found = _solve(carrier, state, system.period, n_periods)
+    except ValueError as error:  # beyond a stop, or not to be followed
+        return Orbits(outcome="not_converged", message=str(error))
+    if found.singular:
+        message = "converged to a fold, where the equations are singular; begin beside it"
+        return Orbits(outcome="singular", message=message)
+    if not found.converged:
+        hint = "give a state or an orbit nearer to one as `near`"
+        return Orbits(outcome="not_converged", message=f"not converged to a {name} orbit; {hint}")
+    state = _state(carrier, found.z, state.time)
+    cycle = _follow(system, state, n_periods)
+    apart = np.abs(cycle.moves - cycle.moves[0]).max(axis=1) / np.abs(cycle.moves[0]).max()
+    periods = next(n for n in range(1, n_periods + 1) if n_periods % n == 0 and apart[n] <= SAME)
+    if not (cycle.rests and len(cycle.times)):
+        own = cycle_name(periods, len(cycle.times) * periods // n_periods)
+        return Orbits(outcome="other_name", message=f"converged to a {own} orbit, which rests at no stop")
+    if periods < n_periods:
+        message = f"converged to a {cycle_name(periods, -1)} orbit instead of a {name} one"
+        return Orbits(outcome="other_name", message=message)
+    multipliers = _multipliers(carrier, found.z, state.time / system.period, n_periods)
+    return Orbits([_orbit(model, cycle, state, multipliers, n_periods)], message=f"1 {name} orbit")
+
+
+def _settled(system: ImpactSystem) -> State:
+    """Return the state to which the motion from rest has come."""
+    seen: Any
+    (seen,) = get_backend("cpu").samples(system.cells({}), Measurement(StroboscopicWindow(SETTLING, 1)))
+    if not len(seen.look_phase):
+        raise ValueError("the motion from rest could not be followed; give `near`")
+    return State(seen.look_displacement[0], seen.look_velocity[0], seen.look_phase[0] * system.period)
+
+
+def _state(carrier: Carrier, x: Floats, time: float) -> State:
+    displacement, velocity = carrier.coordinates(x)
+    return State(displacement.tolist(), velocity.tolist(), time)
+
+
+def _follow(system: ImpactSystem, state: State, n_periods: int) -> _Cycle:
+    """Return what happens within n periods of a motion; rests that last beyond them are followed to their ends."""
+    seen: Any
+    window = StroboscopicWindow(0, 2 * n_periods + 1)
+    (seen,) = get_backend("cpu").samples(system.cells({}, state), Measurement(window))
+    first, names = state.time / system.period, system.stop_names
+    times = seen.impact_periods + seen.impact_phase
+    within = times < first + n_periods
+    rests = []
+    for stop, begin, end in zip(seen.rest_stop, seen.rest_begin.sum(axis=1), seen.rest_end.sum(axis=1), strict=True):
+        lasts = math.isnan(end)
+        if first < begin < first + n_periods or (lasts and begin <= first):
+            rests.append(Rest(names[stop], float(begin), float(first + n_periods if lasts else end)))
+    return _Cycle(
+        times[within],
+        tuple(names[stop] for stop in seen.impact_stop[within]),
+        seen.impact_velocity[within],
+        seen.impact_impulse[within],
+        tuple(rests),
+        seen.look_displacement,
+    )
+
+
+def _quiet(system: ImpactSystem, carrier: Carrier, state: State, n_periods: int) -> State:
+    """Return a motion's state in the middle of its longest quiet time, with all stops open if it has one."""
+    cycle, first = _follow(system, state, n_periods), state.time / system.period
+    begins, ends = np.array([rest[1:] for rest in cycle.rests]).reshape(-1, 2).T
+    times = first + (np.concatenate([cycle.times, begins, ends]) - first) % n_periods
+    times = np.unique([first, *times, first + n_periods])
+    middles, lengths = 0.5 * (times[1:] + times[:-1]), np.diff(times)
+    free = ((middles[:, None] - begins) % n_periods >= ends - begins).all(axis=1)
+    at = max(range(len(middles)), key=lambda i: (free[i], lengths[i]))
+    x = carrier.state(np.array(state.displacement), np.array(state.velocity))
+    x, _ = carrier.over(x, first % 1.0, middles[at] - first)
+    return _state(carrier, x, middles[at] % 1.0 * system.period)
+
+
+def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> Solved:
+    """Return the fixed point that Newton's method reaches; steps are halved while they take the motion farther off."""
+    x, phase = carrier.state(np.array(state.displacement), np.array(state.velocity)), state.time / period % 1.0
+    end, derivative = carrier.over(x, phase, n_periods)
+    for _ in range(MOST):
+        matrix = np.eye(len(x)) - derivative
+        if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > SINGULAR:
+            return Solved(x, False, True)
+        step, part, size = np.linalg.solve(matrix, end - x), 1.0, np.abs(x).max()
+        small = np.abs(step).max() < CLOSE * size
+        while part > 1e-3:
+            trial = x + part * step
+            later, slope = carrier.over(trial, phase, n_periods)
+            if small or np.abs(later - trial).max() < np.abs(end - x).max():
+                break
+            part *= 0.5
+        else:
+            break
+        x, end, derivative = trial, later, slope
+        if small:
+            return Solved(x, True)
+    return Solved(x, False)
+
+
+def _multipliers(carrier: Carrier, x: Floats, phase: float, n_periods: int) -> tuple[complex, ...]:
+    """Return the Floquet multipliers, the largest first; those that a rest makes 0 are so to rounding."""
+    _, derivative = carrier.over(x, phase % 1.0, n_periods)
+    found = np.linalg.eigvals(derivative).astype(complex)
+    return tuple(complex(value) for value in sorted(found, key=lambda value: (-abs(value), -value.imag)))
+
+
+def _orbit(model: Model, cycle: _Cycle, state: State, multipliers: tuple[complex, ...], n_periods: int) -> SystemOrbit:
+    system: ImpactSystem = model.at()
+    whole = math.floor(cycle.times[0])
+    return SystemOrbit(
+        system=system,
+        n_periods=n_periods,
+        stops=cycle.stops,
+        turns=tuple((cycle.times - whole).tolist()),
+        velocities=tuple(cycle.velocities.tolist()),
+        impulses=tuple(cycle.impulses.tolist()),
+        start=state,
+        multipliers=multipliers,
+        family=None if model is system else model,
+        contacts=tuple(Contact(impulse) for impulse in cycle.impulses.tolist()),
+        rests=tuple(Rest(stop, begin - whole, end - whole) for stop, begin, end in cycle.rests),
+    )
