@@ -160,7 +160,7 @@ def test_neighbours_are_carried_over_leaps_exactly(regime, x):
 
 
 def test_near_misses_that_leaps_pass_are_the_witness_s():
-    rng, seen, found = np.random.default_rng(3), 0, 0
+    rng, seen = np.random.default_rng(3), 0
     window = {"transient_impacts": 3, "sample_impacts": 12, "early_closing": False}
     names = ["grazing_margin", "mean_velocity", "n_periods"]
     for _ in range(200):
@@ -181,8 +181,5 @@ def test_near_misses_that_leaps_pass_are_the_witness_s():
         same = abs(ours["mean_velocity"] - theirs["mean_velocity"]) < 1e-9 * theirs["mean_velocity"]
         if np.isfinite(margin) and undecided and same:
             seen += 1
-            found += abs(float(ours["grazing_margin"]) - margin) < 1e-4
-            assert float(ours["grazing_margin"]) > margin - 1e-4
-    # What is overlooked approaches the stop, or leaves it, for less than half a step.
+            assert float(ours["grazing_margin"]) == pytest.approx(margin, abs=1e-4)
     assert seen > 80
-    assert found >= 0.95 * seen

@@ -26,6 +26,7 @@ REACH = 1.0
 
 BARELY = 4e-16  # a sine so little below 0 is that of phase 0, to which the phase rounds: a period is counted there
 NONE = 1e300  # stands for "no near-miss"
+ROUGH, CHORDS = 0.02, 5  # a rate as near to zero, of its change over the part searched; or after so many chords
 PIECES = 8  # of a step that is searched to rounding: 0.125 radians of the fastest rate each
 
 
@@ -203,29 +204,37 @@ def undamped_flow(du, dp, C, K, x):
 
 
 @inner(forceinline=True)
-def least_gap(a, x, p1, q1, lands):
+def least_gap(a, x, p1, q1):
     """Return the least gap within a flight of x steps from its coefficients, or NONE if there is none.
 
-    `p1`, `q1` are the first and second derivative at its end, without meaning where it `lands` there. Good to about
-    1e-5 of the motion's size; a dip of less than half a step may be overlooked.
+    `p1`, `q1` are the first and second derivative at its end. Good to about 1e-5 of the motion's size.
     """
-    half = 0.5 * x
-    p0, middle = a[1], evaluate_roughly(a, half)[1]
+    # Parted where it turns, or else halfway, the rate has one root a part, at most.
+    p0, q0 = a[1], 2.0 * a[2]
+    parted = x * select(q0 * q1 < 0.0, q0 / (q0 - q1), 0.5)
+    middle = evaluate_roughly(a, parted)[1]
     early = (p0 < 0.0) & (middle > 0.0)
-    late = (middle < 0.0) & (p1 > 0.0) & no(lands)
-    dips, least = early | late, select(early, NONE, NONE)
+    dips, least = early | ((middle < 0.0) & (p1 > 0.0)), select(early, NONE, NONE)
     if anywhere(dips):
-        # In its half the rate is taken as the parabola through both ends, with the slope at the outer one.
-        outer = select(early, p0, p1)
-        slope = half * select(early, 2.0 * a[2], -q1)
+        # In its part the rate is a parabola through both ends with the slope at the outer one, then a chord.
+        outer, length = select(early, p0, p1), select(early, parted, x - parted)
+        slope = length * select(early, q0, -q1)
         bend = middle - outer - slope
         t = outer / (outer - middle)
-        inverse = 1.0 / fma(2.0 * t, bend, slope)
-        better = fma(-fma(t, fma(t, bend, slope), outer), inverse, t)
-        improved = (better > 0.0) & (better < 1.0)
-        t = half * select(improved, better, t)
-        u, p = evaluate_roughly(a, select(early, t, x - t))
-        lower = fma(-0.5 * p * p, half * select(improved, abs(inverse), 0.0), u)
+        better = t - fma(t, fma(t, bend, slope), outer) / fma(2.0 * t, bend, slope)
+        t = length * select((better > 0.0) & (better < 1.0), better, t)
+        low, high, at_low, at_high = select(early, 0.0, 0.0), length, outer, middle
+        for _ in range(CHORDS):
+            u, p = evaluate_roughly(a, select(early, t, x - t))
+            short = p * outer > 0.0
+            low, at_low = select(short, t, low), select(short, p, at_low)
+            high, at_high = select(short, high, t), select(short, at_high, p)
+            inverse = (high - low) / (at_high - at_low)
+            rough = dips & (abs(p) > ROUGH * abs(outer - middle))
+            if no(anywhere(rough)):
+                break
+            t = select(rough, fma(-at_low, inverse, low), t)
+        lower = fma(-0.5 * p * p, abs(inverse), u)
         least = select(dips & (lower > 0.0), lower, NONE)
     return least
 

@@ -116,8 +116,10 @@ def _leap(leapt, over, k, below):
             dips = doubtful & (dipping(at, to, k) > 0.0)
             far = doubtful & (over.X > LONG)  # enough for its rate to turn back
             if anywhere(far):
-                between = flown_over(at, k.short.flow)
-                dips = dips | (far & (most(dipping(at, between, k), dipping(between, to, k)) > 0.0))
+                one = flown_over(at, k.short.flow)
+                two = flown_over(one, k.short.flow)
+                within = most(dipping(at, one, k), most(dipping(one, two, k), dipping(two, to, k)))
+                dips = dips | (far & (within > 0.0))
             if anywhere(dips):
                 margin = select(dips, least(margin, _least_gap_between(at, to, over.X, k)), margin)
     return Leapt(chosen(leaps, to, at), leapt.steps + select(leaps, over.X, 0.0), margin)
@@ -144,7 +146,7 @@ def _least_gap_between(at, to, X, k):
         dips = least(left, dipping(at, end, k)) > 0.0
         if anywhere(dips):
             slope = acceleration(end.u, end.p, end.s, k)
-            found = least_gap(series(at, k, nowhere), least(left, 1.0), end.p, slope, nowhere)
+            found = least_gap(series(at, k, nowhere), least(left, 1.0), end.p, slope)
             margin = select(dips, least(margin, found), margin)
         at, left = end, left - 1.0
     return margin
@@ -154,8 +156,8 @@ def _least_gap_between(at, to, X, k):
 def leap(motion, k, below=None):
     """Return where leaps carry a motion, as near to the next contact as they can.
 
-    Near-misses on the way are looked for where a gap is given `below` which they matter; one that approaches the stop
-    for less than half a step may be overlooked.
+    Near-misses on the way are looked for where a gap is given `below` which they matter; of one that hardly approaches
+    the stop, for much less than a step, nothing may be seen.
     """
     nowhere = never(motion.u)
     leapt = _leap(Leapt(motion, select(nowhere, motion.u, 0.0), select(nowhere, motion.u, NONE)), k.short, k, below)

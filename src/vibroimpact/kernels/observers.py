@@ -258,5 +258,5 @@ def misses(old, leapt, a, after, k, event, v, x, below):
     dips = (dipping(leapt.at, end, k) > 0.0) & no(held)
     if anywhere(dips):
         slope = acceleration(end.u, end.p, end.s, k)
-        margin = select(dips, least(margin, least_gap(a, x - leapt.steps, end.p, slope, contact)), margin)
+        margin = select(dips, least(margin, least_gap(a, x - leapt.steps, end.p, slope)), margin)
     return Misses(select(margin < below, margin, old.margin))
