@@ -48,7 +48,7 @@ def _as_it_is(array):
 
 
 def _unwrapped(array):
-    return array.view()
+    return array.__array__()
 
 
 # In the simulator the compiled functions run on the host and want the array inside the simulator's wrapper.
