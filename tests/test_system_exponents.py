@@ -243,3 +243,18 @@ def test_neighbours_of_a_motion_between_rigid_stops_and_such_that_give_move_as_o
             continue  # nearly a graze
         seen += 1
         assert numbers[1] == pytest.approx(derivative, abs=1e-4 * max(1.0, np.abs(derivative).max()))
+
+
+def test_a_mass_that_is_held_for_ever_leaves_the_exponent_of_the_other():
+    held = vi.ImpactSystem(
+        mass=[[1.0, 0.2], [0.2, 1.0]],
+        damping=[[0.2, -0.05], [-0.05, 0.1]],
+        stiffness=[[3.0, -1.0], [-1.0, 2.0]],
+        force=vi.Force(omega=1.9, harmonics={1: [0.0, 1.0]}, constant=[50.0, 0.0]),
+        stops=[vi.Stop(direction=[1, 0], gap=0.0), vi.Stop(direction=[0, 1], gap=0.1, restitution=0.7)],
+    )
+    free = ImpactOscillator(mass=1.0, damping=0.1, stiffness=2.0, omega=1.9, gap=0.1, restitution=0.7)
+    (orbit,) = (orbit for orbit in vi.find_orbit(free) if orbit.stable and orbit.admissible)
+    for early in (False, True):
+        (found,) = index(held, "lyapunov", transient_impacts=2000, early_closing=early)
+        assert found == pytest.approx(orbit.lyapunov, rel=1e-3)

@@ -67,7 +67,7 @@ def _neighbour(rows, k, room, note, z, struck, closing, window):
     """Carry the deviation over an event, and count its growth from the first impact of the window on."""
     if struck and room.speed[z] > 0.0:
         cross(rows, k, room, z)
-    if closing:
+    if closing or rows[k.closed] > 0.0:
         confine(rows, k)
     if struck:
         measure_growth(rows, note, k, None, note[HITS] < window.total, note[HITS] > window.transient)

@@ -165,7 +165,10 @@ def cross_one(rows, k, wide, made, v, impulse):
 
 @inner
 def confine(rows, k):
-    """Take from the deviation what would move the clearances of closed stops."""
+    """Take from the deviation what would move the clearances of closed stops.
+
+    While they rest nothing damps that: of a motion that attracts, rounding would in time be all that is left.
+    """
     n, s = k.modes, k.stops
     for row in (k.deta, k.drate):
         for z in range(s):
@@ -188,7 +191,7 @@ def happen_beside(rows, k, room):
     z = int(rows[k.which])
     if struck and room.speed[z] > 0.0:
         cross(rows, k, room, z)
-    if closing:
+    if closing or rows[k.closed] > 0.0:
         confine(rows, k)
     return struck
 
