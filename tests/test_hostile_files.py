@@ -436,6 +436,22 @@ def test_many_chunks_are_written_at_once_where_no_folder_is_yet(tmp_path):
     assert (tmp_path / "99/c/0").is_dir()
 
 
+def test_a_folder_that_another_process_makes_at_the_same_moment_serves_as_well(tmp_path, monkeypatch):
+    is_dir, looks = Path.is_dir, []
+
+    def beaten(path):
+        there = is_dir(path)
+        if path.name == "c":
+            looks.append(there)
+            if len(looks) == 2:
+                path.mkdir()
+        return there
+
+    monkeypatch.setattr(Path, "is_dir", beaten)
+    GuardedStore(tmp_path, read_only=False)._make_way("std/c/0")
+    assert looks[:3] == [False, False, True]
+
+
 # Attributes, and what is printed
 
 

@@ -212,10 +212,19 @@ class GuardedStore(LocalStore):
                 raise self._refused(str(place.relative_to(self.root)), "is a link; put the folder in its place")
             if not place.is_dir():
                 with _making:  # Zarr writes chunks in several threads
-                    if not place.is_dir():
-                        place.unlink(missing_ok=True)
-                    place.mkdir(parents=True, exist_ok=True)
+                    _make_folder(place)
         clear(self.root / key)
+
+
+def _make_folder(place: Path) -> None:
+    """Make a folder in the place of whatever has its name; another process may make it at the same moment."""
+    if not place.is_dir():
+        try:
+            place.unlink(missing_ok=True)
+        except OSError:
+            if not place.is_dir():
+                raise
+    place.mkdir(parents=True, exist_ok=True)
 
 
 def clear(path: Path) -> None:
