@@ -164,22 +164,28 @@ def test_an_older_copy_of_the_same_study_at_the_same_path_is_not_taken_for_the_s
 @pytest.mark.parametrize("stored", [True, False])
 def test_workers_killed_in_mid_sweep_leave_no_trace_in_the_result(client, long_whole, tmp_path, stored):
     rng = random.Random(5)
-    reported, ended, kills = threading.Event(), threading.Event(), []
+    reported, killed, ended, kills = threading.Event(), threading.Event(), threading.Event(), []
 
     def kill_now_and_then():
         reported.wait(60)
-        while not ended.wait(rng.uniform(0.02, 0.4)) and len(kills) < (3 if stored else 2):
+        while not ended.is_set() and len(kills) < (3 if stored else 2):
             pid = rng.choice([worker["pid"] for worker in _workers(client)] or [None])
             if pid:
                 os.kill(pid, signal.SIGKILL)
                 kills.append(pid)
+                killed.set()
                 _await(lambda pid=pid: ended.is_set() or pid not in {w["pid"] for w in _workers(client)})
+            ended.wait(rng.uniform(0.02, 0.4))
+
+    def report(*told):
+        reported.set()
+        killed.wait(60)  # however fast the machine, the sweep is not over before
 
     killer = threading.Thread(target=kill_now_and_then)
     killer.start()
     try:
         store = {"store": tmp_path / "run.zarr"} if stored else {}
-        result = long_sweep(cluster=client, progress=lambda *told: reported.set(), **store)
+        result = long_sweep(cluster=client, progress=report, **store)
     finally:
         ended.set()
         killer.join()
