@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 
+import dask
 import numpy as np
 import pytest
 
@@ -199,7 +200,8 @@ def test_workers_killed_in_mid_sweep_leave_no_trace_in_the_result(client, long_w
 def _workers(client):
     """Return pid and address of the workers that the scheduler knows."""
     found = client.run_on_scheduler(_addresses)
-    pids = client.run(os.getpid, workers=found, on_error="ignore") if found else {}
+    with dask.config.set({"distributed.comm.timeouts.connect": "1s"}):  # for 30 s, of a worker that was just killed
+        pids = client.run(os.getpid, workers=found, on_error="ignore") if found else {}
     return [{"address": address, "pid": pid} for address, pid in pids.items()]
 
 
