@@ -43,7 +43,7 @@ class Effort:
 
 
 FULL = Effort(
-    rounds=5, cells=2048, impacts=5100, orbit_impacts=20_000, batch_periods=2000, slow_impacts=200,
+    rounds=7, cells=2048, impacts=5100, orbit_impacts=20_000, batch_periods=2000, slow_impacts=200,
     spread=64, settle=300, map_points=200, largest_sweep=8192, cold_starts=3,
 )  # fmt: skip
 QUICK = Effort(

@@ -66,7 +66,7 @@ def run(points: int) -> dict[str, Any]:
         folder = Path(name)
         found = {
             "points": points,
-            **overhead(folder, points, 3 if points < 1000 else 1),
+            **overhead(folder, points, 3),
             "tile_ms": a_tile(folder, 900),
         }
     return {**found, "peak_memory_mb": peak_memory()}
