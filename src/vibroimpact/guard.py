@@ -18,7 +18,6 @@ import zlib
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -42,7 +41,6 @@ RECORDS = "progress/tiles"  # the array that holds a record per tile of a stored
 DIGEST = 2  # that the tile is done and, from here on, the digest of its numbers; earlier versions wrote 1
 MAGIC = b"\x28\xb5\x2f\xfd"  # of a frame of zstd
 HEAP = b"GCOL\1\0\0\0"  # begins what holds the words of an HDF5 file
-_making = Lock()  # held while a folder is made where something else may lie
 
 
 class Declared(NamedTuple):
@@ -211,13 +209,12 @@ class GuardedStore(LocalStore):
             if place.is_symlink():
                 raise self._refused(str(place.relative_to(self.root)), "is a link; put the folder in its place")
             if not place.is_dir():
-                with _making:  # Zarr writes chunks in several threads
-                    _make_folder(place)
+                _make_folder(place)
         clear(self.root / key)
 
 
 def _make_folder(place: Path) -> None:
-    """Make a folder in the place of whatever has its name; another process may make it at the same moment."""
+    """Make a folder in the place of whatever has its name; another thread or process may at the same moment."""
     if not place.is_dir():
         try:
             place.unlink(missing_ok=True)
