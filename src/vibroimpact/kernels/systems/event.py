@@ -26,7 +26,7 @@ from vibroimpact.kernels.systems.march import (
 )
 from vibroimpact.kernels.systems.push import meet
 from vibroimpact.kernels.systems.step import step
-from vibroimpact.kernels.systems.tangent import before, confine, cross, cross_one, measure_growth, recur
+from vibroimpact.kernels.systems.tangent import before, cross_one, measure_growth, pass_over, recur
 from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
 
 ALIKE = 2e-12  # of V: how near the speed of an impact must come back to be looked at
@@ -62,17 +62,6 @@ def proceed(rows, k, wide):
     step(rows, k, wide)
 
 
-@inner(inline="always")
-def _neighbour(rows, k, room, note, z, struck, closing, window):
-    """Carry the deviation over an event, and count its growth from the first impact of the window on."""
-    if struck and room.speed[z] > 0.0:
-        cross(rows, k, room, z)
-    if closing or rows[k.closed] > 0.0:
-        confine(rows, k)
-    if struck:
-        measure_growth(rows, note, k, None, note[HITS] < window.total, note[HITS] > window.transient)
-
-
 @inner
 def occur(rows, k, room, note, window):
     """Make what ended the step of one cell, and sum it up."""
@@ -82,7 +71,9 @@ def occur(rows, k, room, note, window):
     struck, closing = happen(rows, k, room)
     z = int(rows[k.which])
     if k.thorough:
-        _neighbour(rows, k, room, note, z, struck, closing, window)
+        pass_over(rows, k, room, struck, closing)
+        if struck:  # growth counts from the first impact of the window on
+            measure_growth(rows, note, k, None, note[HITS] < window.total, note[HITS] > window.transient)
     recorded = add_all(rows, k, room, note, struck, window)
     if window.closes and recorded:
         _watch(note, rows, k, None, note[HITS] > 0.0, rows[k.which], room.speed[z])

@@ -184,15 +184,21 @@ def confine(rows, k):
 
 
 @inner(inline="always")
-def happen_beside(rows, k, room):
-    """Make what ended a step, and carry the deviation over it; return the set of stops struck."""
-    before(rows, k, room)
-    struck, closing = happen(rows, k, room)
+def pass_over(rows, k, room, struck, closing):
+    """Carry the deviation over what was just made; `before` comes before that."""
     z = int(rows[k.which])
     if struck and room.speed[z] > 0.0:
         cross(rows, k, room, z)
     if closing or rows[k.closed] > 0.0:
         confine(rows, k)
+
+
+@inner(inline="always")
+def happen_beside(rows, k, room):
+    """Make what ended a step, and carry the deviation over it; return the set of stops struck."""
+    before(rows, k, room)
+    struck, closing = happen(rows, k, room)
+    pass_over(rows, k, room, struck, closing)
     return struck
 
 
