@@ -32,12 +32,12 @@ def seconds(job: Callable[[], Any]) -> float:
     return time.perf_counter() - begin
 
 
-def overhead(folder: Path, points: int, rounds: int) -> dict[str, float]:
+def overhead(folder: Path, points: int) -> dict[str, float]:
     """Return the seconds of a map in memory and in a store, in turns, and of taking up the finished store."""
     osc, grid = vi.ImpactOscillator(), axes(points)
     vi.parameter_map(osc, omega=[2.0, 2.8], workers=WORKERS)  # compiles
     plain, stored, again = [], [], []
-    for turn in range(rounds):
+    for turn in range(3):
         store = folder / f"{points}-{turn}.zarr"
         plain.append(seconds(lambda: vi.parameter_map(osc, workers=WORKERS, **grid)))
         for found in (stored, again):
@@ -66,7 +66,7 @@ def run(points: int) -> dict[str, Any]:
         folder = Path(name)
         found = {
             "points": points,
-            **overhead(folder, points, 3),
+            **overhead(folder, points),
             "tile_ms": a_tile(folder, 900),
         }
     return {**found, "peak_memory_mb": peak_memory()}

@@ -39,7 +39,7 @@ def layout_for(cells: SystemCells, *flags: bool) -> Layout:
     return layout_of(*given, shape.giving, shape.rigid, *flags)
 
 
-def noted(layout: Layout) -> int:
+def _noted(layout: Layout) -> int:
     """Return the length of a cell's note."""
     return march.SUMS + march.EACH * (layout.stops + 1)
 
@@ -63,7 +63,7 @@ def room_for(layout: Layout) -> Room:
 def _alone(layout: Layout) -> closing.Alone:
     """Return the room in which a cycle is walked."""
     k, size = layout._replace(thorough=True, wary=False, draining=False), 2 * layout.modes
-    lanes, notes, note = aligned(k.rows * LANES), aligned(noted(k) * LANES), np.zeros(noted(k))
+    lanes, notes, note = aligned(k.rows * LANES), aligned(_noted(k) * LANES), np.zeros(_noted(k))
     (start, end), matrices, (d, moved) = np.zeros((2, k.rows)), np.zeros((3, size, size)), np.zeros((2, size))
     return closing.Alone(k, lanes, notes, start, end, note, matrices[0], matrices[1], matrices[2], d, moved)
 
@@ -84,7 +84,7 @@ def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
         total, wanted = march.Window(0.0, math.inf), window.keep
         times = np.array(window.schedule(start_periods, start_phase))
         schedule = walk.Schedule(float(wanted), times[0, 0], times[1, 0], float(window.per_period))
-    rows, spare, note, room = np.zeros(k.rows), np.zeros(k.rows), np.zeros(noted(k)), room_for(k)
+    rows, spare, note, room = np.zeros(k.rows), np.zeros(k.rows), np.zeros(_noted(k)), room_for(k)
     limit = total.total if isinstance(window, ImpactWindow) else window.skip_periods + wanted / window.per_period + 1.0
     note[: march.MADE] = budgets_of(cell, measurement.tolerances, limit)
     seen = walk.Seen(
@@ -221,14 +221,14 @@ class SystemSweep:
         self.omega = cells["omega"]
         self.gives: Any = (cells.block("spring") > 0.0).any(axis=0)
         self.budgets = budgets_of(cells, measurement.tolerances, self.total.total)
-        self.results, self.ends = np.zeros((len(cells), noted(self.layout))), np.zeros(len(cells), np.int8)
+        self.results, self.ends = np.zeros((len(cells), _noted(self.layout))), np.zeros(len(cells), np.int8)
         self._tickets = np.zeros(1, np.int64)
 
     def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
         """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
         k = self.layout
-        memory, notes, owner = aligned(k.rows * LANES), aligned(noted(k) * LANES), np.full(LANES, -1)
-        rows, note, room = np.zeros(k.rows), np.zeros(noted(k)), room_for(k)
+        memory, notes, owner = aligned(k.rows * LANES), aligned(_noted(k) * LANES), np.full(LANES, -1)
+        rows, note, room = np.zeros(k.rows), np.zeros(_noted(k)), room_for(k)
         ended, busy, alone = np.empty(4096, np.int64), 1, _alone(k)
         while busy and not stopped():
             number, busy = lanes.run_lanes(

@@ -162,8 +162,12 @@ class Cycle:
 
     def multipliers(self, unknown: Floats) -> tuple[complex, ...]:
         """Return the Floquet multipliers of the cycle, or of half of it, the largest first."""
-        jacobian = self.monodromy(unknown)
-        if not np.isfinite(jacobian).all():  # at a graze
-            return (complex(math.inf), *(0j for _ in jacobian[1:]))
-        found: NDArray[np.complex128] = np.linalg.eigvals(jacobian).astype(complex)
-        return tuple(complex(value) for value in sorted(found, key=lambda value: (-abs(value), -value.imag)))
+        return multipliers_of(self.monodromy(unknown))
+
+
+def multipliers_of(jacobian: Floats) -> tuple[complex, ...]:
+    """Return the eigenvalues of a cycle's Jacobian, the largest first."""
+    if not np.isfinite(jacobian).all():  # at a graze
+        return (complex(math.inf), *(0j for _ in jacobian[1:]))
+    found: NDArray[np.complex128] = np.linalg.eigvals(jacobian).astype(complex)
+    return tuple(complex(value) for value in sorted(found, key=lambda value: (-abs(value), -value.imag)))

@@ -24,6 +24,7 @@ from vibroimpact.options import Tolerances
 from vibroimpact.orbits.orbit import SAME
 from vibroimpact.orbits.search import CLOSE, MOST, SINGULAR, Orbits, Solved
 from vibroimpact.orbits.systems.contacts import Contact
+from vibroimpact.orbits.systems.cycle import multipliers_of
 from vibroimpact.orbits.systems.orbit import Rest, SystemOrbit
 from vibroimpact.oscillator import Model, State
 from vibroimpact.parameters import invalid
@@ -59,7 +60,7 @@ def find_sticking(model: Model, n_periods: int, near: SystemOrbit | State | None
         state = near.start if isinstance(near, SystemOrbit) else near or _settled(system)
         if not (isinstance(near, SystemOrbit) and near.sticks):
             state = _quiet(system, carrier, state, n_periods)
-        found = _solve(carrier, state, system.period, n_periods)
+        found, derivative = _solve(carrier, state, system.period, n_periods)
     except ValueError as error:  # beyond a stop, or not to be followed
         return Orbits(outcome="not_converged", message=str(error))
     if found.singular:
@@ -78,8 +79,8 @@ def find_sticking(model: Model, n_periods: int, near: SystemOrbit | State | None
     if periods < n_periods:
         message = f"converged to a {cycle_name(periods, -1)} orbit instead of a {name} one"
         return Orbits(outcome="other_name", message=message)
-    multipliers = _multipliers(carrier, found.z, state.time / system.period, n_periods)
-    return Orbits([_orbit(model, cycle, state, multipliers, n_periods)], message=f"1 {name} orbit")
+    orbit = _orbit(model, cycle, state, multipliers_of(derivative), n_periods)
+    return Orbits([orbit], message=f"1 {name} orbit")
 
 
 def _settled(system: ImpactSystem) -> State:
@@ -133,14 +134,17 @@ def _quiet(system: ImpactSystem, carrier: Carrier, state: State, n_periods: int)
     return _state(carrier, x, middles[at] % 1.0 * system.period)
 
 
-def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> Solved:
-    """Return the fixed point that Newton's method reaches; steps are halved while they take the motion farther off."""
+def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tuple[Solved, Floats]:
+    """Return the fixed point that Newton's method reaches, and P' there.
+
+    Steps are halved while they take the motion farther off.
+    """
     x, phase = carrier.state(np.array(state.displacement), np.array(state.velocity)), state.time / period % 1.0
     end, derivative = carrier.over(x, phase, n_periods)
     for _ in range(MOST):
         matrix = np.eye(len(x)) - derivative
         if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > SINGULAR:
-            return Solved(x, False, True)
+            return Solved(x, False, True), derivative
         step, part, size = np.linalg.solve(matrix, end - x), 1.0, np.abs(x).max()
         small = np.abs(step).max() < CLOSE * size
         while part > 1e-3:
@@ -153,15 +157,8 @@ def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> Sol
             break
         x, end, derivative = trial, later, slope
         if small:
-            return Solved(x, True)
-    return Solved(x, False)
-
-
-def _multipliers(carrier: Carrier, x: Floats, phase: float, n_periods: int) -> tuple[complex, ...]:
-    """Return the Floquet multipliers, the largest first; those that a rest makes 0 are so to rounding."""
-    _, derivative = carrier.over(x, phase % 1.0, n_periods)
-    found = np.linalg.eigvals(derivative).astype(complex)
-    return tuple(complex(value) for value in sorted(found, key=lambda value: (-abs(value), -value.imag)))
+            return Solved(x, True), derivative
+    return Solved(x, False), derivative
 
 
 def _orbit(model: Model, cycle: _Cycle, state: State, multipliers: tuple[complex, ...], n_periods: int) -> SystemOrbit:
