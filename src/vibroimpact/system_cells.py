@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -151,7 +152,7 @@ class SystemCells(Cells):
         return cells
 
     @property
-    def places(self) -> dict[str, slice]:
+    def places(self) -> Mapping[str, slice]:
         """Where each block of numbers stands in a row."""
         return _places(self.shape)
 
@@ -323,7 +324,8 @@ def _times(turns: Floats) -> dict[str, Floats]:
     return {"turn": turn, "time": np.column_stack([whole, turns - whole])}
 
 
-def _places(shape: Shape) -> dict[str, slice]:
+@cache
+def _places(shape: Shape) -> Mapping[str, slice]:
     ends = np.cumsum([0, *shape.sizes.values()]).tolist()
     return {name: slice(first, last) for name, (first, last) in zip(shape.sizes, pairwise(ends), strict=True)}
 

@@ -68,6 +68,12 @@ class Alone(NamedTuple):
 
 
 @inner
+def _proceed(lanes, k):
+    """Take lanes on, compiled once for both walks."""
+    proceed(lanes, k, 0)
+
+
+@inner
 def _make(rows, k, room, note, window, alone, impacts):
     """Take the cell on by so many recorded impacts; return whether it came exactly so far."""
     lanes, notes, until = alone.lanes, alone.notes, note[HITS] + impacts
@@ -75,7 +81,7 @@ def _make(rows, k, room, note, window, alone, impacts):
         lower(lanes, lane, rows, k.constants)
         lower(notes, lane, note, len(note))
     for _ in range(WALK):
-        proceed(lanes, k, 0)
+        _proceed(lanes, k)
         usual(lanes, notes, k, 0, window)
         if lanes[k.hit * LANES] != NOTHING:
             lift(lanes, 0, rows)
@@ -120,7 +126,7 @@ def _walk(room, alone, impacts, first):
             confine(rows, k)
         lower(lanes, lane, rows, k.constants)
     for _ in range(WALK):
-        proceed(lanes, k, 0)
+        _proceed(lanes, k)
         more = 0
         for lane in range(min(LANES, 2 * k.modes - first) if lanes[k.hit * LANES] != NOTHING else 0):
             lift(lanes, lane, rows)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.law import bounce, closed
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, NOTHING
-from vibroimpact.kernels.systems.leap import LEAPS, leap_half, leap_whole, leap_within, may_leap
+from vibroimpact.kernels.systems.leap import LEAPS, leap, leap_within, look, may_leap
 from vibroimpact.kernels.systems.march import (
     CHATTERED,
     HITS,
@@ -47,16 +47,19 @@ def lower(lanes, lane, cell, number):
         lanes[row * LANES + lane] = cell[row]
 
 
-@inner
+@inner(forceinline=True)
 def proceed(rows, k, wide):
-    """Make leaps as far as they are certified, and a step."""
-    on = leapt = leap_half(rows, k, wide, may_leap(rows, k, wide))
-    for _ in range(LEAPS):
-        if not anywhere(on):
-            break
-        on = leap_whole(rows, k, wide, on)
-    if anywhere(leapt):
-        leap_half(rows, k, wide, leapt)
+    """Make leaps as far as they are certified, half a one before and after whole ones, and a step."""
+    willing = leapt = may_leap(rows, k, wide)
+    if anywhere(willing):
+        look(rows, k, wide)
+    number = 0
+    while number < LEAPS + 2 and anywhere(willing):
+        willing = leap(rows, k, wide, 0 < number <= LEAPS, willing)
+        leapt = leapt if number else willing
+        number += 1
+        if number > LEAPS or not anywhere(willing):
+            number, willing = max(number, LEAPS + 1), leapt
     if k.giving and k.modes == 1:
         leap_within(rows, k, wide)
     step(rows, k, wide)
@@ -92,7 +95,7 @@ def occur(rows, k, room, note, window):
     note[STICKS] += rows[k.closed] > 0.0 and window.transient < note[HITS] < window.total
 
 
-@inner
+@inner(forceinline=True)
 def usual(rows, notes, k, wide, window):
     """Make the usual impacts and contacts that ended steps; they are then no hits any more."""
     made, v, impulse, r = bounce(rows, k, wide)

@@ -97,6 +97,7 @@ class Layout(NamedTuple):
     flight: int
     pull: int
     leapt: int
+    apart: int
     stop: int
     hold: int
     near: int
@@ -139,7 +140,7 @@ def layout_of(
         "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
         "margin": s, "give": s, "slide": n, "sliding": s * n, "lift": s * (n + 1 + 2 * m),
         "halves": leap, "wholes": leap, "within": 2 * s * (own + 3) * (giving and n == 1), "constants": 0,
-        "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE, "leapt": 4 * n,
+        "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE, "leapt": 2 * n, "apart": 4 * s,
         "stop": s * SIZE, "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1, "rows": 0,
     }  # fmt: skip
     places, row = {}, 0

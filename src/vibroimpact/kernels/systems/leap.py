@@ -40,11 +40,11 @@ from vibroimpact.kernels.systems.layout import CLOSED, OPEN, STRUCK
 from vibroimpact.kernels.systems.push import account, drain, stands
 from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH
 from vibroimpact.kernels.systems.step import fly, miss
-from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
+from vibroimpact.kernels.vectors import anywhere, fma, get, most, put, select
 
 # Before a step come a half, wholes while they are certified, up to so many, and a half again; their lengths in steps.
 # A whole one is two halves: over a half the series holds.
-LEAPS, HALF = 32, 0.5
+LEAPS, HALF = 8, 0.5
 WHOLE = 2.0 * HALF
 # A contact's leaps, in steps of its pace: the longer one, with the step after it, ends most, the shorter one weak ones.
 WITHIN = 2.0, 1.3
@@ -91,42 +91,59 @@ def _lift(rows, z, amplitude, sine, cosine, k, wide):
 
 
 @inner(forceinline=True)
-def _leap(rows, k, wide, first, length, willing):
-    """Make a leap of that many steps where it is wanted and certified; return where it was."""
+def _apart(rows, z, amplitude, sine, cosine, k, wide):
+    """Return a clearance and its acceleration by all but damping."""
+    u, _ = stop_moves(rows, z, sine, cosine, k, wide)
+    for j in range(k.modes):
+        u = fma(-get(rows, k.alpha + z * k.modes + j, wide), get(rows, amplitude + j, wide), u)
+    return u, _lift(rows, z, amplitude, sine, cosine, k, wide)
+
+
+@inner(forceinline=True)
+def look(rows, k, wide):
+    """Leave what leaps need to know of the clearances where they begin."""
+    for z in range(k.stops):
+        u, w = _apart(rows, z, k.eta, get(rows, k.turn, wide), get(rows, k.turn + 1, wide), k, wide)
+        put(rows, k.apart + 2 * z, wide, u)
+        put(rows, k.apart + 2 * z + 1, wide, w)
+
+
+@inner(forceinline=True)
+def leap(rows, k, wide, whole, willing):
+    """Make a leap, a whole one or half a one, where it is wanted and certified; return where it was."""
+    first, length = (k.wholes, WHOLE) if whole else (k.halves, HALF)
     turns(rows, k, wide)
-    n, last = k.modes, first + k.modes * k.flow
+    n, last, beyond = k.modes, first + k.modes * k.flow, k.apart + 2 * k.stops
     s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
     s1, c1 = turned(s, c, get(rows, last, wide), get(rows, last + 1, wide))
     for j in range(n):
-        y, (y1, p1) = get(rows, k.eta + j, wide), _flown(rows, first, j, k, wide)
+        y1, p1 = _flown(rows, first, j, k, wide)
         put(rows, k.leapt + j, wide, y1)
         put(rows, k.leapt + n + j, wide, p1)
-        put(rows, k.leapt + 2 * n + j, wide, select(abs(y) > abs(y1), abs(y), abs(y1)))
-        put(rows, k.leapt + 3 * n + j, wide, abs(y1 - y))
     for z in range(k.stops):
-        u0, _ = stop_moves(rows, z, s, c, k, wide)
-        u1, _ = stop_moves(rows, z, s1, c1, k, wide)
         at = last + 2 + z * (1 + 2 * n)
         rest = get(rows, at, wide)
         for j in range(n):
-            alpha = get(rows, k.alpha + z * n + j, wide)
-            u0 = fma(-alpha, get(rows, k.eta + j, wide), u0)
-            u1 = fma(-alpha, get(rows, k.leapt + j, wide), u1)
-            rest = fma(get(rows, at + 1 + j, wide), get(rows, k.leapt + 2 * n + j, wide), rest)
-            rest = fma(get(rows, at + 1 + n + j, wide), get(rows, k.leapt + 3 * n + j, wide), rest)
-        w0, w1 = _lift(rows, z, k.eta, s, c, k, wide), _lift(rows, z, k.leapt, s1, c1, k, wide)
+            y, y1 = get(rows, k.eta + j, wide), get(rows, k.leapt + j, wide)
+            rest = fma(get(rows, at + 1 + j, wide), most(abs(y), abs(y1)), rest)
+            rest = fma(get(rows, at + 1 + n + j, wide), abs(y1 - y), rest)
+        u0, w0 = get(rows, k.apart + 2 * z, wide), get(rows, k.apart + 2 * z + 1, wide)
+        u1, w1 = _apart(rows, z, k.leapt, s1, c1, k, wide)
+        put(rows, beyond + 2 * z, wide, u1)
+        put(rows, beyond + 2 * z + 1, wide, w1)
         kind = get(rows, k.kind + z, wide)
         struck = kind == STRUCK
         u0 = select(struck, 0.0, u0)
         room = u0 + u1 + 2.0 * math.sqrt(select(u0 > 0.0, u0 * u1, 0.0))
-        bend = rest + select(w0 > w1, w0, w1)
         willing = willing & (struck | ((kind == OPEN) & (u0 > 0.0)))
-        sag = 0.5 * length * length * bend
+        sag = 0.5 * length * length * (rest + most(w0, w1))
         willing = willing & (u1 > 0.0) & (room > sag)
         if k.wary:
             put(rows, k.near + z, wide, select(_above(u0, u1, sag, get(rows, k.missed + z, wide)), 0.0, 1.0))
     if k.wary:
         _search(rows, willing, length + 0.0 * s, k, wide)
+    for row in range(2 * k.stops):
+        put(rows, k.apart + row, wide, select(willing, get(rows, beyond + row, wide), get(rows, k.apart + row, wide)))
     _take(rows, willing, s, s1, c1, first, length, k, wide)
     return willing
 
@@ -185,18 +202,6 @@ def may_leap(rows, k, wide):
     """Return where leaps may be tried."""
     may = get(rows, k.closed, wide) <= (-1.0 if k.draining else 0.0)
     return may & (get(rows, k.engaged, wide) <= 0.0) if k.giving else may
-
-
-@inner
-def leap_half(rows, k, wide, willing):
-    """Make half a leap where it is certified; return where it was."""
-    return _leap(rows, k, wide, k.halves, HALF, willing)
-
-
-@inner
-def leap_whole(rows, k, wide, willing):
-    """Make a leap where it is certified; return where it was."""
-    return _leap(rows, k, wide, k.wholes, WHOLE, willing)
 
 
 @inner

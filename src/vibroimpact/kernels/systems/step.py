@@ -182,8 +182,8 @@ def _carry(rows, x, held, k, wide):
     carry(rows, k.deta, k.drate, x, k, wide)
 
 
-@inner
-def fly(rows, held, k, wide):
+@inner(forceinline=True)
+def fly_here(rows, held, k, wide):
     """Leave the series of all modes, and of the forces of stops that are closed or push where some are `held`."""
     if held and k.modes == 1 and not k.rigid:
         fly_alone(rows, k, wide)
@@ -191,6 +191,12 @@ def fly(rows, held, k, wide):
         fly_together(rows, k, wide, DEGREE, held)
     else:
         fly_apart(rows, k, wide)
+
+
+@inner
+def fly(rows, held, k, wide):
+    """Do the same, compiled once for all that do it rarely."""
+    fly_here(rows, held, k, wide)
 
 
 @inner
@@ -203,12 +209,12 @@ def fly_on(rows, x, k):
     _carry(rows, x, held, k, None)
 
 
-@inner
+@inner(forceinline=True)
 def step(rows, k, wide):
     """Make a certified step; leave the state after it, how far it went, which stop ended it and how."""
     turns(rows, k, wide)
     held = anywhere(get(rows, k.closed, wide) > 0.0) or (k.giving and anywhere(get(rows, k.engaged, wide) > 0.0))
-    fly(rows, held, k, wide)
+    fly_here(rows, held, k, wide)
     x, others, which, sought = _certify(rows, held, k, wide)
     close, end = _approach(load(rows, k.near, wide), x, others, sought)
     for z in range(k.stops if k.wary else 0):

@@ -10,7 +10,7 @@ from vibroimpact.kernels.machine import compiled, copy, inner
 from vibroimpact.kernels.systems.flow import move, turns
 from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
-from vibroimpact.kernels.systems.leap import HALF, LEAPS, WHOLE, leap_half, leap_whole, leap_within, may_leap
+from vibroimpact.kernels.systems.leap import HALF, LEAPS, leap, leap_within, look, may_leap
 from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, MADE, TURN, add_all, ending, happen, moment
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
@@ -60,12 +60,12 @@ def _look(rows, k, seen, periods, phase, schedule):
 
 
 @inner
-def _leap(rows, spare, k, seen, schedule, length, willing):
+def _leap(rows, spare, k, seen, schedule, whole, willing):
     """Make a leap, half a one or a whole; the looks within it need series from its beginning. Return whether it was."""
     if schedule.number > 0.0:
         copy(rows, spare)
-    leapt = leap_half(rows, k, None, willing) if length == HALF else leap_whole(rows, k, None, willing)
-    for _ in range(int(length / HALF) if schedule.number > 0.0 and leapt else 0):
+    leapt = leap(rows, k, None, whole, willing)
+    for _ in range(1 + whole if schedule.number > 0.0 and leapt else 0):
         periods, phase = moment(spare[k.turn], spare[k.turn + 1], spare[k.turn + 2])
         turns(spare, k, None)
         fly(spare, False, k, None)
@@ -195,11 +195,12 @@ def seat(rows, k, row, room, seen):
 def follow(rows, spare, k, room, note, seen, window, schedule, most):
     """Follow a cell until its window is full, a buffer is, it ends, or so many steps are made; return why."""
     for number in range(most):
-        on = leapt = _leap(rows, spare, k, seen, schedule, HALF, may_leap(rows, k, None))
+        look(rows, k, None)
+        on = leapt = _leap(rows, spare, k, seen, schedule, False, may_leap(rows, k, None))
         for _ in range(LEAPS if on else 0):
-            on = on and _leap(rows, spare, k, seen, schedule, WHOLE, on)
+            on = on and _leap(rows, spare, k, seen, schedule, True, on)
         if leapt:
-            _leap(rows, spare, k, seen, schedule, HALF, leapt)
+            _leap(rows, spare, k, seen, schedule, False, leapt)
         if k.giving and k.modes == 1:
             _leap_within(rows, spare, k, seen, schedule)
             if schedule.number > 0.0 and seen.filled[1] >= schedule.number:
