@@ -9,7 +9,7 @@ from systems import a_random_system, two_masses
 from vibroimpact.backends.system_rows import in_steps, steps_of
 from vibroimpact.backends.systems import layout_for
 from vibroimpact.kernels.systems.layout import OPEN, STRUCK
-from vibroimpact.kernels.systems.leap import HALF, WHOLE, leap, look
+from vibroimpact.kernels.systems.leap import FAR, HALF, LEAPS, WHOLE, leap, leap_far, look
 
 POINTS = 100
 LENGTHS = HALF, WHOLE
@@ -81,10 +81,10 @@ class Leaping:
         free[n:] *= 10.0 ** rng.uniform(-1, 1)
         return np.concatenate([free, [1.0], waves]), angle
 
-    def course(self, state, length):
+    def course(self, state, length, points=POINTS):
         """Return the states on the way, and what the clearances are but for the gaps."""
-        step, states = expm(self.matrix * self.step * length / POINTS), [state]
-        for _ in range(POINTS):
+        step, states = expm(self.matrix * self.step * length / points), [state]
+        for _ in range(points):
             states.append(step @ states[-1])
         return np.array(states), np.array(states) @ self.seen.T
 
@@ -105,7 +105,11 @@ class Leaping:
         rows[k.gap : k.gap + k.stops], rows[k.kind : k.kind + k.stops] = gaps, kinds
         before = rows.copy()
         look(rows, k, None)
-        made = leap(rows, k, None, length == WHOLE, True)
+        if length == FAR:
+            leap_far(rows, k, None, True)
+            made = round(rows[k.age] / FAR)
+        else:
+            made = leap(rows, k, None, length == WHOLE, True)
         if not made:
             np.testing.assert_array_equal(rows[: k.known], before[: k.known])
         y, p = (k.eta, k.rate) if deviation is None else (k.deta, k.drate)
@@ -192,3 +196,70 @@ def test_a_cell_moves_alike_beside_others_that_dampers_couple():
     )
     for name in indices:
         np.testing.assert_array_equal(alone[name].values, beside[name].values[:1])
+
+
+def spread_out(rng, n):
+    """Return a random system of which some modes are up to 100 times as fast as others; none is coupled to another."""
+    model, rates = a_random_system(rng, n), 10.0 ** rng.uniform(-1, 1, n)
+    damping, load = 10.0 ** rng.uniform(-3, 0, n) * rates, rng.standard_normal(n) * rates
+    force = vi.Force(omega=model.omega, harmonics={1: load, 3: 0.2 * load}, constant=load)
+    return remade(model, mass=np.eye(n), damping=np.diag(damping), stiffness=np.diag(rates**2), force=force)
+
+
+def test_far_leaps_end_before_a_stop_is_touched_and_where_they_should():
+    rng, made, tried, closest = np.random.default_rng(5), 0, 0, np.inf
+    for _ in range(300):
+        one = Leaping(spread_out(rng, int(rng.integers(2, 5))))
+        for _ in range(20 if one.k.far else 0):
+            state, angle = one.state(rng)
+            states, without = one.course(state, LEAPS * FAR, LEAPS * POINTS)
+            swing = np.ptp(without, axis=0)
+            gaps = -without[0] + 10.0 ** rng.uniform(-2, 1, one.k.stops) * swing
+            leapt, after = one.leap(state, angle, gaps, np.full(one.k.stops, OPEN), FAR)
+            way = (gaps + without[: leapt * POINTS + 1])[1:]
+            assert (way > 0.0).all()
+            there = states[leapt * POINTS][: len(after)]
+            np.testing.assert_allclose(after, there, rtol=0, atol=LEAPS * one.rounding * np.abs(states).max())
+            made, tried = made + (leapt > 0), tried + 1
+            closest = min(closest, (way / swing).min(initial=np.inf))
+    assert tried > 1000
+    assert made > 100
+    assert closest < 0.2  # of a swing: the bound is no idle one
+
+
+def test_a_cell_that_leaps_far_has_the_same_bits_beside_one_that_a_damper_couples():
+    @vi.family
+    def design(dashpot=0.0):
+        damping = np.diag([0.02, 0.4]) + dashpot * np.array([[1.0, 1.0], [1.0, 1.0]])
+        stop = vi.Stop(direction=[1, 1], gap=0.5, restitution=0.7)
+        force = vi.Force(omega=0.9, harmonics={1: [1.0, 1.0]})
+        return vi.ImpactSystem(
+            mass=np.eye(2), damping=damping, stiffness=np.diag([1.0, 400.0]), force=force, stops=[stop]
+        )
+
+    assert layout_for(design().cells({})).far
+    names = "std", "mean_velocity", "lyapunov"
+    both = vi.parameter_map(design, dashpot=[0.0, 0.1], indices=names)
+    alone = vi.parameter_map(design, dashpot=[0.0], indices=names)
+    for name in names:
+        assert both[name].values[0] == alone[name].values[0]
+
+
+def test_what_is_seen_within_far_leaps_is_the_motion():
+    rng, seen = np.random.default_rng(6), 0
+    for _ in range(20):
+        model = spread_out(rng, 3)
+        model = remade(model, stops=[stop.replace(gap=1e3) for stop in model.stops])
+        one = Leaping(model)
+        if not one.k.far:
+            continue
+        state = np.concatenate([rng.standard_normal(6), [1.0], np.tile([0.0, 1.0], len(one.waves))])
+        start = vi.State(state[:3].tolist(), state[3:6].tolist())
+        motion, step = vi.simulate(model, start=start, periods=5, samples_per_period=37), model.period / 37
+        turn = expm(one.matrix * step)
+        for displacement, velocity in zip(motion["displacement"].values, motion["velocity"].values, strict=True):
+            size = 1e-11 * np.abs(state).max()
+            np.testing.assert_allclose(np.concatenate([displacement, velocity]), state[:6], rtol=0, atol=size)
+            state = turn @ state
+        seen += 1
+    assert seen > 3

@@ -7,13 +7,15 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibroimpact.backends.base import Floats
 from vibroimpact.kernels.systems.layout import Layout
-from vibroimpact.kernels.systems.leap import HALF, WHOLE, WITHIN
+from vibroimpact.kernels.systems.leap import FAR, HALF, WHOLE, WITHIN
 
 _TERMS = 30  # of a series over a leap: 2^31/31! is below rounding
 _AT_ONCE = 512  # cells: their series are kept term by term
+SLOW = 0.5  # how far a far leap may bend a mode that is slow, as a part of what it then is
 SAFE = 1.001  # above the speed from which on a leap within a contact is certified: far above rounding
 
 
@@ -32,22 +34,73 @@ def _block(table: Floats, first: int, *shape: int) -> Floats:
 
 def _prepare(k: Layout, table: Floats) -> None:
     """Leave the flows of leaps in flight, and bounds: the head of `kernels.systems.leap` has the law."""
-    number, n, s, m = len(table), k.modes, k.stops, k.harmonics
+    n, s, m = k.modes, k.stops, k.harmonics
     square, load, alpha = _block(table, k.square, n), _block(table, k.load, n), _block(table, k.alpha, s, n)
     force, motion = _block(table, k.force, n, m, 2), _block(table, k.motion, s, m, 2)
     damping, theta = _block(table, k.damping, n, n), _block(table, k.theta, 1)
-    squared = (theta * np.arange(1, m + 1))[:, None, :] ** 2
-    turning = -squared[..., None] * motion - (alpha @ force.reshape(number, n, 2 * m)).reshape(number, s, m, 2)
-    lift = [alpha * square[:, None], -alpha @ load[..., None], turning.reshape(number, s, 2 * m)]
-    _block(table, k.lift, s, n + 1 + 2 * m)[:] = np.concatenate(lift, axis=-1)
-    loads = np.abs(load) + np.hypot(force[..., 0], force[..., 1]).sum(axis=-1)
-    swings = (squared * np.hypot(turning[..., 0], turning[..., 1])).sum(axis=-1)
-    own = damping if k.coupled else np.einsum("cjj->cj", damping)[..., None]
+    weight, loads = _block(table, k.weight, n), np.abs(load) + np.hypot(force[..., 0], force[..., 1]).sum(axis=-1)
+    lift, swings = _lift(square, load, force, motion, alpha, theta)
+    _block(table, k.lift, s, n + 1 + 2 * m)[:] = lift
+    alone = np.einsum("cjj->cj", damping)
+    own = damping if k.coupled else alone[..., None]
     for first, length in ((k.halves, HALF), (k.wholes, WHOLE)):
         flow = _flow(square, own, load, force, theta, length)
-        bounds = _bounds(square, damping, _block(table, k.weight, n), alpha, loads, swings, length)
         table[:, first : first + flow.shape[1]] = flow
+        bounds = _bounds(square, damping, weight, alpha, loads, swings, length)
         _block(table, first + flow.shape[1], s, 1 + 2 * n)[:] = bounds
+    if k.far:
+        slow = slow_modes(square, damping, theta)
+        part = alpha * slow[:, None]
+        lift, swings = _lift(square, load, force, motion, part, theta)
+        _block(table, k.slow, s, n)[:], _block(table, k.drawn, s, n + 1 + 2 * m)[:] = part, lift
+        bounds = _bounds(square * slow, damping * slow[:, None], weight, part, loads, swings, FAR)
+        _block(table, k.fars + n * k.flow + 2, s, 1 + 2 * n)[:] = bounds
+        _block(table, k.reach, s, 1 + 2 * n)[:] = _reach(square, alone, load, force, alpha, theta, slow)
+        flow = _flow(square, alone[..., None], load, force, theta, WHOLE)
+        for _ in range(round(math.log2(FAR / WHOLE))):
+            flow = _twice(flow, n, m)
+        flow = _spread(flow, n) if k.coupled else flow
+        table[:, k.fars : k.fars + flow.shape[1]] = flow
+
+
+def slow_modes(square: Floats, damping: Floats, theta: Floats) -> NDArray[np.bool_]:
+    """Return which modes are slow over a far leap; none of a cell to which far leaps are no use.
+
+    Periods are counted by the sign of sin wt: a leap must not be half of one.
+    """
+    own = np.einsum("cjj->cj", damping)
+    slow = FAR**2 / 8.0 * square + 0.5 * FAR * own < SLOW
+    apart = np.count_nonzero(damping, axis=(1, 2)) == np.count_nonzero(own, axis=1)
+    useful = (FAR * theta[:, 0] < 3.0) & apart & (own >= 0.0).all(axis=-1) & ~slow.all(axis=-1)
+    found: NDArray[np.bool_] = slow & useful[:, None]
+    return found
+
+
+def _reach(
+    square: Floats, damping: Floats, load: Floats, force: Floats, alpha: Floats, theta: Floats, slow: NDArray[np.bool_]
+) -> Floats:
+    """Return how far fast modes move each stop's clearance at most: a constant, and the parts of |eta| and |eta'|."""
+    stiff, turning = np.where(slow | (square <= 0.0), 1.0, square), theta * np.arange(1, force.shape[2] + 1)
+    parts = np.abs(alpha) * ~slow[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):  # resonance without damping: no bound, or none is defined
+        answer = 1.0 / np.abs(stiff[..., None] - turning[:, None] ** 2 + 1j * turning[:, None] * damping[..., None])
+        swing = answer * np.hypot(force[..., 0], force[..., 1])
+        rate = (turning[:, None] * swing).sum(axis=-1) / np.sqrt(stiff)
+        most = 2.0 * (np.abs(load) / stiff + swing.sum(axis=-1)) + rate
+        constant = np.where(parts > 0.0, parts * most[:, None], 0.0).sum(axis=-1, keepdims=True)
+    constant[~slow.any(axis=-1)] = np.inf
+    return np.concatenate([constant, parts, parts / np.sqrt(stiff)[:, None]], axis=-1)
+
+
+def _lift(
+    square: Floats, load: Floats, force: Floats, motion: Floats, alpha: Floats, theta: Floats
+) -> tuple[Floats, Floats]:
+    """Return what accelerates the clearances by all but damping, and the amplitude of its second derivative."""
+    number, n, m = force.shape[:3]
+    squared = (theta * np.arange(1, m + 1))[:, None] ** 2
+    turning = -squared[..., None] * motion - (alpha @ force.reshape(number, n, 2 * m)).reshape(motion.shape)
+    parts = [alpha * square[:, None], -alpha @ load[..., None], turning.reshape(number, motion.shape[1], 2 * m)]
+    return np.concatenate(parts, axis=-1), (squared * np.hypot(turning[..., 0], turning[..., 1])).sum(axis=-1)
 
 
 def _bounds(
@@ -92,6 +145,31 @@ def _flow(square: Floats, damping: Floats, load: Floats, force: Floats, theta: F
     modes = modes.reshape(number, n * modes.shape[2])
     angle = np.reshape(length, (-1, 1)) * theta
     return np.hstack([modes, np.sin(angle), np.cos(angle)])
+
+
+def _twice(flow: Floats, n: int, m: int) -> Floats:
+    """Return the flow of modes that no damping couples over twice the length."""
+    number, sine, cosine = len(flow), flow[:, -2:-1], flow[:, -1:]
+    modes, angle = flow[:, :-2].reshape(number, n, -1), np.arctan2(sine, cosine) * np.arange(1, m + 1)
+    loaded, free, turned = (
+        modes[..., :2],
+        modes[..., 2:6].reshape(-1, n, 2, 2),
+        modes[..., 6:].reshape(number, n, m, 2, 2),
+    )
+    turn = np.stack([np.cos(angle), np.sin(angle), -np.sin(angle), np.cos(angle)], axis=-1).reshape(number, 1, m, 2, 2)
+    loaded = loaded + (free @ loaded[..., None])[..., 0]
+    turned = free[:, :, None] @ turned + turned @ turn
+    parts = [loaded, (free @ free).reshape(number, n, 4), turned.reshape(number, n, 4 * m)]
+    both = [2.0 * sine * cosine, cosine**2 - sine**2]
+    return np.hstack([np.concatenate(parts, axis=-1).reshape(number, -1), *both])
+
+
+def _spread(flow: Floats, n: int) -> Floats:
+    """Return the same flow in the form that it has where damping couples modes: with zeros for the others."""
+    modes = flow[:, :-2].reshape(len(flow), n, -1)
+    free = (modes[:, :, None, 2:6] * np.eye(n)[..., None]).reshape(len(flow), n, 4 * n)
+    modes = np.concatenate([modes[..., :2], free, modes[..., 6:]], axis=-1)
+    return np.hstack([modes.reshape(len(flow), -1), flow[:, -2:]])
 
 
 def _prepare_contacts(k: Layout, table: Floats) -> None:

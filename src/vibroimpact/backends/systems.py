@@ -17,6 +17,7 @@ from vibroimpact.backends.base import (
     SystemSamples,
 )
 from vibroimpact.backends.cpu import aligned, ended_as, statuses
+from vibroimpact.backends.system_leaps import slow_modes
 from vibroimpact.backends.system_rows import budgets_of, in_steps, steps_of
 from vibroimpact.indices import EVERY
 from vibroimpact.kernels.cell import FILLED, RUNNING
@@ -34,9 +35,11 @@ _ROOM = 4096  # rows of a buffer, which is emptied when it is full
 
 def layout_for(cells: SystemCells, *flags: bool) -> Layout:
     """Return the rows of these cells; flags are those of `layout_of`, from `forceful` on."""
-    shape = cells.shape
+    shape, step, n = cells.shape, steps_of(cells)[:, None], cells.shape.modes
+    damping = (step * cells.block("damping")).reshape(-1, n, n)
+    slow = slow_modes(step**2 * cells.block("square"), damping, step * cells.block("omega"))
     given = shape.modes, shape.stops, shape.harmonics, shape.coupled, shape.moving
-    return layout_of(*given, shape.giving, shape.rigid, *flags)
+    return layout_of(*given, shape.giving, shape.rigid, bool(slow.any()), *flags)
 
 
 def _noted(layout: Layout) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.law import bounce, closed
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, NOTHING
-from vibroimpact.kernels.systems.leap import LEAPS, leap, leap_within, look, may_leap
+from vibroimpact.kernels.systems.leap import LEAPS, leap, leap_far, leap_within, look, may_leap
 from vibroimpact.kernels.systems.march import (
     CHATTERED,
     HITS,
@@ -56,7 +56,10 @@ def proceed(rows, k, wide):
     number = 0
     while number < LEAPS + 2 and anywhere(willing):
         willing = leap(rows, k, wide, 0 < number <= LEAPS, willing)
-        leapt = leapt if number else willing
+        if number == 0:
+            leapt = willing
+            if k.far:
+                leap_far(rows, k, wide, willing)
         number += 1
         if number > LEAPS or not anywhere(willing):
             number, willing = max(number, LEAPS + 1), leapt

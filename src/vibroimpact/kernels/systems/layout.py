@@ -25,8 +25,10 @@ class Layout(NamedTuple):
     `pace` is the length of a step while they do, as a part of it, and `thrust`, `work`, `pushed`, `peak` and `depth`
     are impulse, energy taken, time, largest force and penetration of the contact; `drained` is the energy that dampers
     took. The others up to `constants` are constant, with the addresses of laws of restitution (`law`, 0 where it is a
-    number), the length of a step in s (`tick`), the flows of leaps, `halves`, `wholes` and those `within` contacts,
-    `flow` numbers a mode, and `lift`, what accelerates the clearances. From `pairs` on it is room to work.
+    number), the length of a step in s (`tick`), the flows of leaps, `halves`, `wholes`, `fars` and those
+    `within` contacts, `flow` numbers a mode, and `lift`, what accelerates the clearances. Of far leaps `slow` and
+    `drawn` are the parts of `alpha` and `lift` that slow modes have, and `reach` is how far fast ones swing. From
+    `pairs` on it is room to work.
     """
 
     modes: int
@@ -40,6 +42,7 @@ class Layout(NamedTuple):
     rigid: bool
     forceful: bool
     draining: bool
+    far: bool
     flow: int
     eta: int
     rate: int
@@ -91,6 +94,10 @@ class Layout(NamedTuple):
     lift: int
     halves: int
     wholes: int
+    fars: int
+    slow: int
+    drawn: int
+    reach: int
     within: int
     constants: int
     pairs: int
@@ -115,6 +122,7 @@ def layout_of(
     moving: bool,
     giving: bool = False,
     rigid: bool = True,
+    far: bool = False,
     forceful: bool = False,
     thorough: bool = False,
     wary: bool = False,
@@ -123,7 +131,8 @@ def layout_of(
     """Return the rows of systems of that many modes, stops and harmonics.
 
     `coupled`: damping is not proportional in some of them; `moving`: so is a stop; `thorough`: a neighbour of each
-    motion is carried along; `wary`: near-misses are looked for, too; `giving`: stops give; `rigid`: some do not;
+    motion is carried along; `wary`: near-misses are looked for, too; `giving`: stops give; `rigid`: some do not; `far`:
+    modes of some are so slow that far leaps are worth a trial;
     `forceful`: impulses, largest forces or what stops that give take are asked for; `draining`: so is what the dampers
     take.
     """
@@ -139,7 +148,8 @@ def layout_of(
         "gap": s, "motion": 2 * m * s, "restitution": s, "law": s, "tick": 1,
         "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
         "margin": s, "give": s, "slide": n, "sliding": s * n, "lift": s * (n + 1 + 2 * m),
-        "halves": leap, "wholes": leap, "within": 2 * s * (own + 3) * (giving and n == 1), "constants": 0,
+        "halves": leap, "wholes": leap, "fars": leap * far, "slow": s * n * far, "drawn": s * (n + 1 + 2 * m) * far,
+        "reach": s * (1 + 2 * n) * far, "within": 2 * s * (own + 3) * (giving and n == 1), "constants": 0,
         "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE, "leapt": 2 * n, "apart": 4 * s,
         "stop": s * SIZE, "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1, "rows": 0,
     }  # fmt: skip
@@ -147,4 +157,4 @@ def layout_of(
     for name, size in sizes.items():
         places[name] = row
         row += size
-    return Layout(n, s, m, coupled, moving, thorough, wary, giving, rigid, forceful, draining, own, **places)
+    return Layout(n, s, m, coupled, moving, thorough, wary, giving, rigid, forceful, draining, far, own, **places)

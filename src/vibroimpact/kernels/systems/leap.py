@@ -17,6 +17,14 @@ and u lies above its chord less B x (X - x)/2. That is above zero on the way whe
 (theory, equation 2.2), after an impact with u0 = 0. A leap is certified where it is so for every stop; one that is not
 changes nothing. No stop may be closed.
 
+Fast modes, which swing about where they stand, do not bend what a *far* leap of many steps is certified by. Of one that
+loads leave with amplitude P and speed P' at most, and that damping does not couple, energy only falls, so that
+
+    |eta| <= 2 P + P'/sqrt(L) + |eta0| + |eta0'|/sqrt(L)
+
+for ever. A clearance lies above that of the slow modes alone, which has the bound above, less |alpha| times that of the
+fast ones; there sqrt(u0) + sqrt(u1) has to be so large once it is taken from both.
+
 A contact of a lone mode with a stop that gives begins with d = -u = 0, d' = v > 0 and is linear, d'' + D d' + K d =
 a(x), D and K with the stop's damper and spring in them and a from the load and the stop's motion. With s(x) the answer
 to a unit speed at x = 0, that of the force k d + c d' is r = k s + c s', R its integral, and while r > 0
@@ -45,7 +53,7 @@ from vibroimpact.kernels.vectors import anywhere, fma, get, most, put, select
 # Before a step come a half, wholes while they are certified, up to so many, and a half again; their lengths in steps.
 # A whole one is two halves: over a half the series holds.
 LEAPS, HALF = 8, 0.5
-WHOLE = 2.0 * HALF
+WHOLE, FAR = 2.0 * HALF, 16.0 * HALF
 # A contact's leaps, in steps of its pace: the longer one, with the step after it, ends most, the shorter one weak ones.
 WITHIN = 2.0, 1.3
 
@@ -77,9 +85,8 @@ def _flown(rows, first, j, k, wide):
 
 
 @inner(forceinline=True)
-def _lift(rows, z, amplitude, sine, cosine, k, wide):
+def _lift(rows, at, amplitude, sine, cosine, k, wide):
     """Return a clearance's acceleration by all but damping, w = g'' - alpha (f - L eta)."""
-    at = k.lift + z * (k.modes + 1 + 2 * k.harmonics)
     w, a, b = get(rows, at + k.modes, wide), sine, cosine
     for j in range(k.modes):
         w = fma(get(rows, at + j, wide), get(rows, amplitude + j, wide), w)
@@ -91,44 +98,57 @@ def _lift(rows, z, amplitude, sine, cosine, k, wide):
 
 
 @inner(forceinline=True)
-def _apart(rows, z, amplitude, sine, cosine, k, wide):
-    """Return a clearance and its acceleration by all but damping."""
+def _apart(rows, z, alpha, lift, amplitude, sine, cosine, k, wide):
+    """Return a clearance and its acceleration by all but damping, of all modes or of those in rows `alpha`, `lift`."""
     u, _ = stop_moves(rows, z, sine, cosine, k, wide)
     for j in range(k.modes):
-        u = fma(-get(rows, k.alpha + z * k.modes + j, wide), get(rows, amplitude + j, wide), u)
-    return u, _lift(rows, z, amplitude, sine, cosine, k, wide)
+        u = fma(-get(rows, alpha + z * k.modes + j, wide), get(rows, amplitude + j, wide), u)
+    return u, _lift(rows, lift + z * (k.modes + 1 + 2 * k.harmonics), amplitude, sine, cosine, k, wide)
 
 
 @inner(forceinline=True)
 def look(rows, k, wide):
     """Leave what leaps need to know of the clearances where they begin."""
     for z in range(k.stops):
-        u, w = _apart(rows, z, k.eta, get(rows, k.turn, wide), get(rows, k.turn + 1, wide), k, wide)
+        s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
+        u, w = _apart(rows, z, k.alpha, k.lift, k.eta, s, c, k, wide)
         put(rows, k.apart + 2 * z, wide, u)
         put(rows, k.apart + 2 * z + 1, wide, w)
+
+
+@inner(forceinline=True)
+def _fly_over(rows, first, k, wide):
+    """Leave amplitudes and rates after a leap; return (sin wt, cos wt) before and after it."""
+    turns(rows, k, wide)
+    for j in range(k.modes):
+        y1, p1 = _flown(rows, first, j, k, wide)
+        put(rows, k.leapt + j, wide, y1)
+        put(rows, k.leapt + k.modes + j, wide, p1)
+    s, c, last = get(rows, k.turn, wide), get(rows, k.turn + 1, wide), first + k.modes * k.flow
+    return s, c, turned(s, c, get(rows, last, wide), get(rows, last + 1, wide))
+
+
+@inner(forceinline=True)
+def _bend(rows, first, z, w0, w1, k, wide):
+    """Return what a clearance's second derivative is at most within a leap."""
+    at = first + k.modes * k.flow + 2 + z * (1 + 2 * k.modes)
+    rest = get(rows, at, wide)
+    for j in range(k.modes):
+        y, y1 = get(rows, k.eta + j, wide), get(rows, k.leapt + j, wide)
+        rest = fma(get(rows, at + 1 + j, wide), most(abs(y), abs(y1)), rest)
+        rest = fma(get(rows, at + 1 + k.modes + j, wide), abs(y1 - y), rest)
+    return rest + most(w0, w1)
 
 
 @inner(forceinline=True)
 def leap(rows, k, wide, whole, willing):
     """Make a leap, a whole one or half a one, where it is wanted and certified; return where it was."""
     first, length = (k.wholes, WHOLE) if whole else (k.halves, HALF)
-    turns(rows, k, wide)
-    n, last, beyond = k.modes, first + k.modes * k.flow, k.apart + 2 * k.stops
-    s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
-    s1, c1 = turned(s, c, get(rows, last, wide), get(rows, last + 1, wide))
-    for j in range(n):
-        y1, p1 = _flown(rows, first, j, k, wide)
-        put(rows, k.leapt + j, wide, y1)
-        put(rows, k.leapt + n + j, wide, p1)
+    s, _, (s1, c1) = _fly_over(rows, first, k, wide)
+    beyond = k.apart + 2 * k.stops
     for z in range(k.stops):
-        at = last + 2 + z * (1 + 2 * n)
-        rest = get(rows, at, wide)
-        for j in range(n):
-            y, y1 = get(rows, k.eta + j, wide), get(rows, k.leapt + j, wide)
-            rest = fma(get(rows, at + 1 + j, wide), most(abs(y), abs(y1)), rest)
-            rest = fma(get(rows, at + 1 + n + j, wide), abs(y1 - y), rest)
         u0, w0 = get(rows, k.apart + 2 * z, wide), get(rows, k.apart + 2 * z + 1, wide)
-        u1, w1 = _apart(rows, z, k.leapt, s1, c1, k, wide)
+        u1, w1 = _apart(rows, z, k.alpha, k.lift, k.leapt, s1, c1, k, wide)
         put(rows, beyond + 2 * z, wide, u1)
         put(rows, beyond + 2 * z + 1, wide, w1)
         kind = get(rows, k.kind + z, wide)
@@ -136,7 +156,7 @@ def leap(rows, k, wide, whole, willing):
         u0 = select(struck, 0.0, u0)
         room = u0 + u1 + 2.0 * math.sqrt(select(u0 > 0.0, u0 * u1, 0.0))
         willing = willing & (struck | ((kind == OPEN) & (u0 > 0.0)))
-        sag = 0.5 * length * length * (rest + most(w0, w1))
+        sag = 0.5 * length * length * _bend(rows, first, z, w0, w1, k, wide)
         willing = willing & (u1 > 0.0) & (room > sag)
         if k.wary:
             put(rows, k.near + z, wide, select(_above(u0, u1, sag, get(rows, k.missed + z, wide)), 0.0, 1.0))
@@ -148,9 +168,33 @@ def leap(rows, k, wide, whole, willing):
     return willing
 
 
+@inner
+def leap_far(rows, k, wide, willing):
+    """Make far leaps where they are wanted, while they are certified, up to so many."""
+    number = 0
+    while number < LEAPS and anywhere(willing):
+        s, c, (s1, c1) = _fly_over(rows, k.fars, k, wide)
+        for z in range(k.stops):
+            at = k.reach + z * (1 + 2 * k.modes)
+            away = get(rows, at, wide)
+            for j in range(k.modes):
+                away = fma(get(rows, at + 1 + j, wide), abs(get(rows, k.eta + j, wide)), away)
+                away = fma(get(rows, at + 1 + k.modes + j, wide), abs(get(rows, k.rate + j, wide)), away)
+            if k.wary:
+                away = away + get(rows, k.missed + z, wide)
+            u0, w0 = _apart(rows, z, k.slow, k.drawn, k.eta, s, c, k, wide)
+            u1, w1 = _apart(rows, z, k.slow, k.drawn, k.leapt, s1, c1, k, wide)
+            sag = 0.5 * FAR * FAR * _bend(rows, k.fars, z, w0, w1, k, wide)
+            willing = willing & (get(rows, k.kind + z, wide) == OPEN) & _above(u0, u1, sag, away)
+        if anywhere(willing):
+            _take(rows, willing, s, s1, c1, k.fars, FAR, k, wide)
+        number += 1
+    look(rows, k, wide)
+
+
 @inner(forceinline=True)
 def _above(u0, u1, sag, closest):
-    """Return whether a clearance stays above the closest miss known, certified as that it stays above zero is."""
+    """Return whether a clearance stays above that much, certified as that it stays above zero is."""
     a, b = u0 - closest, u1 - closest
     return (a > 0.0) & (b > 0.0) & (a + b + 2.0 * math.sqrt(select(a > 0.0, abs(a * b), 0.0)) > sag)
 
