@@ -339,20 +339,24 @@ def test_a_family_of_systems_has_attractors():
 def test_chaos_that_ends_in_a_cycle_is_not_called_quasi_periodic_where_the_exponents_of_both_cancel():
     # of some starts the 32,767 impacts watched are half chaos, half the approach to a cycle: their mean exponent is 0
     class Watching(Runner):
-        again = 0
+        again = ()
 
         def run(self, cells, window, *more):
-            self.again += len(cells) if window is settling.AFTER_LATE else 0
+            self.again = cells.table.copy() if window is settling.AFTER_LATE else self.again
             return super().run(cells, window, *more)
 
     beam, runner = vi.models.clamped_beam_with_stop(), Watching()
     starts, windows = spread_cells(beam, 2048), [ImpactWindow(2047, 2048), settling.LATE_OF_SYSTEMS]
-    for first in range(0, 2048, 128):
+    for first in range(1920, -1, -128):
         settled = settling.settle(runner, beam, starts[first + np.arange(128)], windows)
         assert not (settled.kind == MotionClass.QUASI_PERIODIC).any()
-        if runner.again:
-            return
-    pytest.fail("no start was watched again")
+        if len(runner.again):
+            break
+    for row in runner.again:
+        (at,) = np.flatnonzero((settled.cells.table == row).all(axis=1))
+        assert settled[at].name == "period-8 impact-12"
+        assert settled.indices["lyapunov"][at] < 0.0
+    assert len(runner.again) > 0
 
 
 def test_a_particle_that_nothing_strikes_makes_no_cycle_quasi_periodic():

@@ -50,7 +50,8 @@ from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH
 from vibroimpact.kernels.systems.step import fly, miss
 from vibroimpact.kernels.vectors import anywhere, fma, get, most, put, select
 
-# Before a step come a half, wholes while they are certified, up to so many, and a half again; their lengths in steps.
+# Before a step come a half, far ones and wholes while they are certified, up to so many of each, and a half again.
+# Lengths are in steps.
 # A whole one is two halves: over a half the series holds.
 LEAPS, HALF = 8, 0.5
 WHOLE, FAR = 2.0 * HALF, 16.0 * HALF

@@ -10,7 +10,7 @@ from vibroimpact.kernels.machine import compiled, copy, inner
 from vibroimpact.kernels.systems.flow import move, turns
 from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
-from vibroimpact.kernels.systems.leap import HALF, LEAPS, leap, leap_far, leap_within, look, may_leap
+from vibroimpact.kernels.systems.leap import FAR, HALF, LEAPS, WHOLE, leap, leap_far, leap_within, look, may_leap
 from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, MADE, TURN, add_all, ending, happen, moment
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
@@ -60,14 +60,14 @@ def _look(rows, k, seen, periods, phase, schedule):
 
 
 @inner
-def _leap(rows, spare, k, seen, schedule, far, whole, willing):
-    """Make far leaps, a whole one or half a one; looks within need series. Return whether another may follow."""
+def _leap(rows, spare, k, seen, schedule, length, willing):
+    """Make a leap of that length, or far ones; looks within need series. Return whether another may follow."""
     if schedule.number > 0.0:
         copy(rows, spare)
-    if far:
+    if length == FAR:
         leap_far(rows, k, None, willing)
     else:
-        willing = leap(rows, k, None, whole, willing)
+        willing = leap(rows, k, None, length == WHOLE, willing)
     for _ in range(int((rows[k.age] - spare[k.age]) / HALF) if schedule.number > 0.0 else 0):
         periods, phase = moment(spare[k.turn], spare[k.turn + 1], spare[k.turn + 2])
         turns(spare, k, None)
@@ -199,13 +199,13 @@ def follow(rows, spare, k, room, note, seen, window, schedule, most):
     """Follow a cell until its window is full, a buffer is, it ends, or so many steps are made; return why."""
     for number in range(most):
         look(rows, k, None)
-        on = leapt = _leap(rows, spare, k, seen, schedule, False, False, may_leap(rows, k, None))
+        on = leapt = _leap(rows, spare, k, seen, schedule, HALF, may_leap(rows, k, None))
         if k.far and on:
-            _leap(rows, spare, k, seen, schedule, True, False, on)
+            _leap(rows, spare, k, seen, schedule, FAR, on)
         for _ in range(LEAPS if on else 0):
-            on = on and _leap(rows, spare, k, seen, schedule, False, True, on)
+            on = on and _leap(rows, spare, k, seen, schedule, WHOLE, on)
         if leapt:
-            _leap(rows, spare, k, seen, schedule, False, False, leapt)
+            _leap(rows, spare, k, seen, schedule, HALF, leapt)
         if k.giving and k.modes == 1:
             _leap_within(rows, spare, k, seen, schedule)
             if schedule.number > 0.0 and seen.filled[1] >= schedule.number:
