@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.matrices import KEPT, ROUNDING, modes, scaled
+from vibroimpact.matrices import KEPT, ROUNDING, blocks, modes, scaled
 
 TURNED = 1e-6  # at most, in rad: eigenvectors by rounding
 FREE = 0.01  # of the driving frequency: slower modes are masses without a spring where speeds are estimated
@@ -41,6 +41,9 @@ class ModalForm:
         D, the modal damping over the modal masses (of its row).
     decoupled : bool
         Whether D is diagonal; of its other entries those that rounding explains are exactly 0.
+    neutral : (2, n) boolean array
+        Of eta and of eta' those of a free centre. A rigid-body mode that moves no stop's clearance comes first, and
+        nothing depends on its eta; on its eta' neither, if damping couples it to no other mode.
     directions, jumps : (s, n) array
         alpha = a `shapes`, and alpha over the modal masses.
     constant : (n,) array
@@ -68,6 +71,7 @@ class ModalForm:
     squares: Floats
     damping: Floats
     decoupled: bool
+    neutral: Any
     directions: Floats
     jumps: Floats
     constant: Floats
@@ -109,8 +113,11 @@ def numbers_of(stops: Any) -> dict[str, Any]:
 def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, stops: Any) -> ModalForm:
     """Return the modal form of matrices that are checked, with their force and stops."""
     n = len(mass)
-    shapes, masses, squares, coupling, decoupled = _linear(n, *(part.tobytes() for part in (mass, damping, stiffness)))
-    directions = np.array([stop.direction for stop in stops]).reshape(-1, n) @ shapes
+    given = np.array([stop.direction for stop in stops]).reshape(-1, n)
+    linear = _linear(n, *(part.tobytes() for part in (mass, damping, stiffness, given)))
+    shapes, masses, squares, coupling, decoupled, neutral = linear
+    directions = given @ shapes
+    directions[:, neutral[0]] = 0.0
     orders = sorted({*force.harmonics, *(order for stop in stops for order in stop.motion)})
     none = np.zeros(n)
     forces = np.array([force.harmonics.get(order, none) for order in orders], np.complex128).reshape(-1, n)
@@ -121,6 +128,7 @@ def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, sto
         squares=squares,
         damping=coupling,
         decoupled=decoupled,
+        neutral=neutral,
         directions=directions,
         jumps=directions / masses,
         constant=(none if force.constant is None else force.constant) @ shapes / masses,
@@ -135,24 +143,64 @@ def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, sto
 
 
 @lru_cache(KEPT)
-def _linear(n: int, *entries: bytes) -> tuple[Floats, Floats, Floats, Floats, bool]:
-    """Return shapes, modal masses, squares and damping of three matrices; designs of one family share them."""
-    mass, damping, stiffness = (np.frombuffer(part).reshape(n, n) for part in entries)
+def _linear(n: int, *entries: bytes) -> tuple[Floats, Floats, Floats, Floats, bool, Any]:
+    """Return shapes, modal masses, squares, damping and what is neutral of three matrices and the stops' directions;
+    designs of one family share them.
+    """
+    mass, damping, stiffness, directions = (np.frombuffer(part).reshape(-1, n) for part in entries)
     shapes, squares = modes(mass, stiffness)
-    shapes = _parted(shapes, squares, mass, damping)
+    shapes, free = _centred(shapes, squares, mass, directions)
+    shapes = _parted(shapes, squares, mass, damping, free)
     masses = np.einsum("ji,jk,ki->i", shapes, mass, shapes)
     coupling = shapes.T @ damping @ shapes / masses[:, None]
-    coupling[_by_rounding(coupling, damping, shapes, masses, squares)] = 0.0
+    coupling[_by_rounding(coupling, damping, shapes, masses, squares, free)] = 0.0
     decoupled = np.count_nonzero(coupling) == np.count_nonzero(np.diag(coupling))
-    for part in (shapes, masses, squares, coupling):
+    neutral = np.tile(np.arange(n) < free, (2, 1))
+    for _ in range(free):  # what a mode feels that is not neutral is not neutral either
+        neutral[1] &= ~coupling[~neutral[1]].any(axis=0)
+    for part in (shapes, masses, squares, coupling, neutral):
         part.setflags(write=False)
-    return shapes, masses, squares, coupling, decoupled
+    return shapes, masses, squares, coupling, decoupled, neutral
 
 
-def _parted(shapes: Floats, squares: Floats, mass: Floats, damping: Floats) -> Floats:
-    """Return the modes, those of one frequency combined so that damping does not couple them, if it is symmetric."""
+def _centred(shapes: Floats, squares: Floats, mass: Floats, directions: Floats) -> tuple[Floats, int]:
+    """Return the modes, rigid-body ones combined so that those come first which move no clearance; and their number."""
+    rigid = int(np.count_nonzero(squares == 0.0))
+    alike = shapes[:, :rigid]
+    alike = alike / np.sqrt(np.einsum("ji,jk,ki->i", alike, mass, alike) / mass[0, 0])
+    rounding = _admixed(shapes, squares)[:rigid] * (np.abs(directions) @ np.abs(alike))
+    seen = directions @ alike
+    seen[np.abs(seen) <= rounding] = 0.0
+    seen /= np.linalg.norm(directions, axis=1)[:, None]
+    free, felt = [], []
+    for group in blocks(seen.T @ seen) if rigid else []:
+        own, part = shapes[:, group], seen[:, group]
+        _, sizes, turn = np.linalg.svd(part)
+        rank = int(np.count_nonzero(sizes > len(squares) * ROUNDING * np.abs(part).max(initial=0.0)))
+        if 0 < rank < len(group):
+            own = scaled(alike[:, group] @ turn.T)
+        felt.append(own[:, :rank])
+        free.append(own[:, rank:])
+    number = sum(part.shape[1] for part in free)
+    return (np.hstack([*free, *felt, shapes[:, rigid:]]) if number else shapes), number
+
+
+def _admixed(shapes: Floats, squares: Floats) -> Floats:
+    """Return by how much at most rounding of the stiffnesses turns each mode towards elastic ones of its group."""
+    n, grouped = len(squares), np.abs(shapes).T @ np.abs(shapes) > 0.0
+    largest = np.where(grouped, squares, 0.0).max(axis=1)
+    softest = np.where(grouped & (squares > 0.0), squares, np.inf).min(axis=1)
+    found: Floats = np.minimum(n * ROUNDING * (1.0 + largest / softest), TURNED)
+    return found
+
+
+def _parted(shapes: Floats, squares: Floats, mass: Floats, damping: Floats, free: int) -> Floats:
+    """Return the modes, those of one frequency combined so that damping does not couple them, if it is symmetric.
+
+    The first ones, which are `free` of all stops, are combined with none of the others.
+    """
     shapes, n = shapes.copy(), len(squares)
-    starts = [0, *(np.flatnonzero(np.diff(squares) > n * ROUNDING * squares[1:]) + 1), n]
+    starts = sorted({0, free, *(np.flatnonzero(np.diff(squares) > n * ROUNDING * squares[1:]) + 1).tolist(), n})
     for low, high in pairwise(starts):
         alike = shapes[:, low:high]
         coupling, masses = alike.T @ damping @ alike, alike.T @ mass @ alike
@@ -164,8 +212,8 @@ def _parted(shapes: Floats, squares: Floats, mass: Floats, damping: Floats) -> F
     return shapes
 
 
-def _by_rounding(coupling: Floats, damping: Floats, shapes: Floats, masses: Floats, squares: Floats) -> Any:
-    """Return which modal damping off the diagonal rounding explains.
+def _by_rounding(coupling: Floats, damping: Floats, shapes: Floats, masses: Floats, squares: Floats, free: int) -> Any:
+    """Return which modal damping off the diagonal rounding explains, and which of the `free` modes on it.
 
     It is rounding of the products, and that of the eigenvectors: two of one group of coordinates, whose squares are
     apart by some part of the group's largest, are turned into each other by rounding over that part.
@@ -180,7 +228,8 @@ def _by_rounding(coupling: Floats, damping: Floats, shapes: Floats, masses: Floa
     rates = np.diag(coupling)
     balance = np.sqrt(masses / masses[:, None])  # of rows over their own masses
     by_turning = np.minimum(turned, TURNED) * np.abs(rates[:, None] - rates) * balance
-    return (np.abs(coupling) <= n * ROUNDING * products + by_turning) & ~np.eye(n, dtype=bool)
+    apart_or_free = ~np.eye(n, dtype=bool) | (np.arange(n) < free)
+    return (np.abs(coupling) <= n * ROUNDING * products + by_turning) & apart_or_free
 
 
 def velocity_scale(form: ModalForm) -> float:

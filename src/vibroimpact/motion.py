@@ -108,13 +108,14 @@ def decide(
 
 
 def may_wind(model: Model) -> bool:
-    """Return whether motions may be quasi-periodic: of two coordinates or more.
+    """Return whether motions may be quasi-periodic: of two coordinates or more beside a free centre.
 
     The stroboscopic section of one coordinate is a plane, also between two stops, where each rate before an impact and
     that after it are one point. A closed curve of the section would enclose an area that each period keeps; but it
     shrinks where a stop or a damper takes energy.
     """
-    return np.size(model.at().mass) > 1
+    system: Any = model.at()
+    return np.size(system.mass) > 1 and int((~system.modal().neutral[1]).sum()) > 1
 
 
 def stored(kinds: NDArray[Any]) -> NDArray[np.int8]:

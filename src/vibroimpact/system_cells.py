@@ -50,7 +50,7 @@ class Shape:
             "eta": n, "rate": n, "turn": 3, "square": n, "damping": n * n, "load": n, "force": 2 * m * n,
             "alpha": s * n, "jump": s * n, "weight": n, "gap": s, "motion": 2 * m * s, "restitution": s,
             "spring": s, "dashpot": s, "law": s, "omega": 1, "scale": 1, "steady": n + 2 * m * n, "margin": s,
-            "give": s, "slide": n, "sliding": s * n, "fastest": 1, "shapes": n * n, "time": 2,
+            "give": s, "slide": n, "sliding": s * n, "neutral": 2 * n, "fastest": 1, "shapes": n * n, "time": 2,
         }  # fmt: skip
 
 
@@ -187,9 +187,11 @@ class SystemCells(Cells):
         """Return the cells, each from a numbered impact of those spread over its stops, phases and velocities.
 
         Number j strikes stop j modulo their number; `striking` puts the resting system there. The velocities of several
-        coordinates are spread besides, each mode's to as much energy as V takes at the stop. Without stops none is.
+        coordinates are spread besides, each mode's to as much energy as V takes at the stop, but for a centre whose
+        drift nothing feels. Without stops none is.
         """
-        n, s = self.shape.modes, self.shape.stops
+        felt = (self.block("neutral")[:, self.shape.modes :] == 0.0).any(axis=0)
+        n, s = int(np.count_nonzero(felt)), self.shape.stops
         if not s:
             return self
         counted = np.asarray(numbers, np.int64)
@@ -197,7 +199,9 @@ class SystemCells(Cells):
         which, cells = counted % s, self
         if others:
             speed = self["scale"] / np.sqrt(self._at_stops(which)[2])
-            cells = self._with({"rate": speed[:, None] * np.column_stack(others) / np.sqrt(self.block("weight"))})
+            rate = np.zeros_like(self.block("rate"))
+            rate[:, felt] = speed[:, None] * np.column_stack(others) / np.sqrt(self.block("weight")[:, felt])
+            cells = self._with({"rate": rate})
         return cells.striking(which, self["scale"] * velocity, phase)
 
     def striking(self, stops: Any, velocities: Any, phases: Any) -> SystemCells:
@@ -367,6 +371,7 @@ def _row(form: ModalForm, shape: Shape) -> tuple[Floats, Floats, Floats]:
         "alpha": form.directions,
         "jump": form.jumps,
         "weight": form.masses,
+        "neutral": form.neutral,
         "motion": np.stack([motions.real, motions.imag], -1),
         "omega": form.omega,
         "fastest": fastest_rate(form),

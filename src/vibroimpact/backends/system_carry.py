@@ -25,6 +25,7 @@ class Carrier:
         self.layout = layout_for(cells, False, True)
         self._row = in_steps(cells, tolerances.chatter, self.layout)[0]
         self._shapes, self._step = cells.shapes[0], float(steps_of(cells)[0])
+        self.neutral = cells.block("neutral")[0] > 0.0  # of the state: the place and the drift of a free centre
 
     def state(self, displacement: Floats, velocity: Floats) -> Floats:
         """Return the state of coordinates and their rates."""

@@ -45,7 +45,7 @@ def in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
     table = np.zeros((len(cells), layout.constants))
     for name, size in cells.shape.sizes.items():
         first = getattr(layout, _RENAMED.get(name, name), None)
-        if first is not None:
+        if first is not None and (layout.free or name != "neutral"):
             table[:, first : first + size] = cells.block(name) * step ** _POWERS.get(name, 0)
     _address_laws(layout, table)
     table[:, layout.tick] = step[:, 0]

@@ -34,12 +34,13 @@ _ROOM = 4096  # rows of a buffer, which is emptied when it is full
 
 
 def layout_for(cells: SystemCells, *flags: bool) -> Layout:
-    """Return the rows of these cells; flags are those of `layout_of`, from `forceful` on."""
+    """Return the rows of these cells; flags are those of `layout_of`, from `forceful` to `draining`."""
     shape, step, n = cells.shape, steps_of(cells)[:, None], cells.shape.modes
     damping = (step * cells.block("damping")).reshape(-1, n, n)
     slow = slow_modes(step**2 * cells.block("square"), damping, step * cells.block("omega"))
     given = shape.modes, shape.stops, shape.harmonics, shape.coupled, shape.moving
-    return layout_of(*given, shape.giving, shape.rigid, bool(slow.any()), *flags)
+    free = bool(cells.block("neutral").any())
+    return layout_of(*given, shape.giving, shape.rigid, bool(slow.any()), free, *flags)
 
 
 def _noted(layout: Layout) -> int:

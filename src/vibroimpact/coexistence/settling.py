@@ -107,8 +107,9 @@ def attracts(osc: ImpactOscillator | ImpactSystem) -> bool:
     """Return whether impacts or damping shrink areas, without which nothing is attracted."""
     if isinstance(osc, ImpactSystem):
         form = osc.modal()
+        rates = np.diag(form.damping)[~form.neutral[1]]
         takes = any(stop.law or (stop.ratio or 0.0) < 1.0 for stop in osc.stops if not stop.compliant)
-        return bool(takes or np.trace(form.damping) > 0.0 or form.viscosity.any())
+        return bool(takes or rates.sum() > 0.0 or form.viscosity.any())
     return osc.damping > 0.0 or osc.restitution < 1.0
 
 
@@ -295,17 +296,18 @@ def attracting_kinds(osc: ImpactOscillator | ImpactSystem, outcome: Outcome, kep
 
 
 def _loads(osc: ImpactOscillator | ImpactSystem) -> tuple[bool, bool, bool]:
-    """Return whether anything drives a model, whether all of its free motion decays, and whether its rest is a contact.
+    """Return whether anything drives a model, whether all of its free motion decays, and whether its rest is a contact;
+    all but what happens to a free centre.
 
     Lanes of systems never end as decaying, which alone needs the last.
     """
     if isinstance(osc, ImpactSystem):
         form = osc.modal()
-        n, zero = len(form.squares), np.zeros_like(form.damping)
-        flow = np.block([[zero, np.eye(n)], [-np.diag(form.squares), -form.damping]])
+        n, zero, felt = len(form.squares), np.zeros_like(form.damping), ~form.neutral.ravel()
+        flow = np.block([[zero, np.eye(n)], [-np.diag(form.squares), -form.damping]])[np.ix_(felt, felt)]
         size = np.abs(flow).sum(axis=1).max()
         decays = float(np.linalg.eigvals(flow).real.max()) < -n * ROUNDING * size
-        return bool(form.forces.any() or form.motions.any()), decays, False
+        return bool(form.forces[:, ~form.neutral[1]].any() or form.motions.any()), decays, False
     return osc.amplitude > 0.0, osc.damping > 0.0, osc.gap <= 0.0
 
 

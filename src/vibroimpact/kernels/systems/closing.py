@@ -40,7 +40,7 @@ from vibroimpact.kernels.systems.march import (
     WATCHED,
     moment,
 )
-from vibroimpact.kernels.systems.tangent import accelerate, confine, happen_beside
+from vibroimpact.kernels.systems.tangent import accelerate, confine, happen_beside, leave_centre
 from vibroimpact.kernels.vectors import LANES
 
 SURE = 1e-12  # of V: the most that the remaining way may change an impact
@@ -103,6 +103,7 @@ def _cross(rows, k, room):
     the weakest, and the size of the deviation.
     """
     struck, hard, weakest, size = happen_beside(rows, k, room), int(0.0), math.inf, 0.0
+    leave_centre(rows, k, None)
     for y in range(k.stops):
         if struck >> y & 1 and room.speed[y] >= rows[k.cut]:
             hard, weakest = hard + 1, min(weakest, room.speed[y])
@@ -122,6 +123,7 @@ def _walk(room, alone, impacts, first):
         copy(alone.start, rows)
         for j in range(2 * k.modes):
             rows[k.deta + j] = 1.0 if j == first + lane else 0.0
+        leave_centre(rows, k, None)
         if rows[k.closed] > 0.0:
             confine(rows, k)
         lower(lanes, lane, rows, k.constants)
@@ -138,6 +140,7 @@ def _walk(room, alone, impacts, first):
             break
     for lane in range(min(LANES, 2 * k.modes - first)):
         lift(lanes, lane, rows)
+        leave_centre(rows, k, None)
         copy(rows[k.deta : k.deta + 2 * k.modes], alone.jacobian[:, first + lane])
     return found == impacts and rows[k.lawless] == 0.0, weakest, largest
 
@@ -154,7 +157,10 @@ def _compare(room, alone):
     for j in range(k.modes):
         alone.apart[j] = b[k.eta + j] - a[k.eta + j] - b[k.rate + j] * dx
         alone.apart[k.modes + j] = b[k.rate + j] - a[k.rate + j] - room.after[j] * dx
-        size += abs(alone.apart[j]) + abs(alone.apart[k.modes + j])
+    for j in range(2 * k.modes):
+        if k.free and a[k.neutral + j] > 0.0:
+            alone.apart[j] = 0.0
+        size += abs(alone.apart[j])
     for z in range(k.stops):
         held = (a[k.kind + z] >= CLOSED) == (b[k.kind + z] >= CLOSED)
         if not (held and (a[k.leaving + z] > 0.0) == (b[k.leaving + z] > 0.0)):

@@ -27,7 +27,8 @@ class Layout(NamedTuple):
     took. The others up to `constants` are constant, with the addresses of laws of restitution (`law`, 0 where it is a
     number), the length of a step in s (`tick`), the flows of leaps, `halves`, `wholes`, `fars` and those
     `within` contacts, `flow` numbers a mode, and `lift`, what accelerates the clearances. Of far leaps `slow` and
-    `drawn` are the parts of `alpha` and `lift` that slow modes have, and `reach` is how far fast ones swing. From
+    `drawn` are the parts of `alpha` and `lift` that slow modes have, and `reach` is how far fast ones swing. Of a
+    free centre `neutral` marks the amplitudes and rates that nothing depends on: no deviation counts there. From
     `pairs` on it is room to work.
     """
 
@@ -43,6 +44,7 @@ class Layout(NamedTuple):
     forceful: bool
     draining: bool
     far: bool
+    free: bool
     flow: int
     eta: int
     rate: int
@@ -99,6 +101,7 @@ class Layout(NamedTuple):
     drawn: int
     reach: int
     within: int
+    neutral: int
     constants: int
     pairs: int
     flight: int
@@ -123,6 +126,7 @@ def layout_of(
     giving: bool = False,
     rigid: bool = True,
     far: bool = False,
+    free: bool = False,
     forceful: bool = False,
     thorough: bool = False,
     wary: bool = False,
@@ -132,7 +136,7 @@ def layout_of(
 
     `coupled`: damping is not proportional in some of them; `moving`: so is a stop; `thorough`: a neighbour of each
     motion is carried along; `wary`: near-misses are looked for, too; `giving`: stops give; `rigid`: some do not; `far`:
-    modes of some are so slow that far leaps are worth a trial;
+    modes of some are so slow that far leaps are worth a trial; `free`: some have a free centre;
     `forceful`: impulses, largest forces or what stops that give take are asked for; `draining`: so is what the dampers
     take.
     """
@@ -149,7 +153,8 @@ def layout_of(
         "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
         "margin": s, "give": s, "slide": n, "sliding": s * n, "lift": s * (n + 1 + 2 * m),
         "halves": leap, "wholes": leap, "fars": leap * far, "slow": s * n * far, "drawn": s * (n + 1 + 2 * m) * far,
-        "reach": s * (1 + 2 * n) * far, "within": 2 * s * (own + 3) * (giving and n == 1), "constants": 0,
+        "reach": s * (1 + 2 * n) * far, "within": 2 * s * (own + 3) * (giving and n == 1),
+        "neutral": 2 * n * free, "constants": 0,
         "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE, "leapt": 2 * n, "apart": 4 * s,
         "stop": s * SIZE, "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1, "rows": 0,
     }  # fmt: skip
@@ -157,4 +162,4 @@ def layout_of(
     for name, size in sizes.items():
         places[name] = row
         row += size
-    return Layout(n, s, m, coupled, moving, thorough, wary, giving, rigid, forceful, draining, far, own, **places)
+    return Layout(n, s, m, coupled, moving, thorough, wary, giving, rigid, forceful, draining, far, free, own, **places)

@@ -10,7 +10,7 @@ from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.law import release, stalled, strike
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT
 from vibroimpact.kernels.systems.push import attend
-from vibroimpact.kernels.systems.rest import measure
+from vibroimpact.kernels.systems.rest import all_held, measure
 from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 LOOK = 32  # steps between two looks at whether a cell has ended
@@ -115,7 +115,7 @@ def ending(rows, k, room, note, total):
     if note[HITS] >= total:
         return FILLED
     closed = rows[k.closed]
-    if closed >= k.modes and rows[k.age] * rows[k.theta] > TURN:
+    if all_held(rows, k) and rows[k.age] * rows[k.theta] > TURN:
         return PINNED  # nothing is free to move, and the force has gone through a whole period
     if closed == 0.0 and rows[k.engaged] == 0.0 and _never_again(rows, k, room):
         return QUIET

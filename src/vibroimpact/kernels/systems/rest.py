@@ -38,6 +38,15 @@ def measure(rows, k, room):
 
 
 @inner
+def all_held(rows, k):
+    """Return whether closed stops hold all that a stop feels."""
+    number = rows[k.closed]
+    for j in range(k.modes if k.free else 0):
+        number += rows[k.neutral + k.modes + j]
+    return number >= k.modes
+
+
+@inner
 def derive(rows, k, last):
     """Leave derivatives of the modes up to `last`, under what is closed; those of clearances follow."""
     turns(rows, k, None)

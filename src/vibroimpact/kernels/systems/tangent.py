@@ -40,10 +40,11 @@ from vibroimpact.kernels.systems.march import (
     mark,
 )
 from vibroimpact.kernels.systems.push import stands
-from vibroimpact.kernels.systems.rest import measure
+from vibroimpact.kernels.systems.rest import all_held, measure
 from vibroimpact.kernels.vectors import anywhere, fma, get, no, put, select
 
 NEAR = 1e-7  # of V, of the modes' rates and their amplitudes: an impact that comes back so near is the same
+LOST = 2.0**-27  # of the deviation's length: its square is below rounding
 
 
 @inner
@@ -178,7 +179,7 @@ def confine(rows, k):
             for y in range(s):
                 for j in range(n):
                     rows[row + j] += rows[k.jump + y * n + j] * rows[k.held + y * s + z] * moved
-    if rows[k.closed] >= n:
+    if all_held(rows, k):
         for j in range(n):
             rows[k.deta + j] = rows[k.drate + j] = 0.0
 
@@ -210,33 +211,54 @@ def deviate(rows, k):
 
 
 @inner
+def leave_centre(rows, k, wide):
+    """Take from the deviation the place and the drift of a free centre: nothing depends on them."""
+    for j in range(2 * k.modes if k.free else 0):  # amplitudes, then rates
+        own = get(rows, k.deta + j, wide)
+        put(rows, k.deta + j, wide, select(get(rows, k.neutral + j, wide) > 0.0, 0.0, own))
+
+
+@inner
 def measure_growth(rows, notes, k, wide, here, counted):
     """Make the deviation of length 1 again, and add the logarithm of what it was, or begin to count here.
 
-    One that a closed stop took wholly is begun anew before it counts; after that the exponent is minus infinity.
+    What a closed stop took of it is begun anew before it counts; after that the exponent is minus infinity of one that
+    is taken wholly.
     """
+    leave_centre(rows, k, wide)
     square = 0.0 * get(rows, k.deta, wide)
-    for j in range(2 * k.modes):  # amplitudes, then rates
+    for j in range(2 * k.modes):
         square = fma(get(rows, k.deta + j, wide), get(rows, k.deta + j, wide), square)
     left, grown = square > 0.0, get(notes, GREW, wide)
     length = math.sqrt(select(here & left, square, 1.0))
-    for j in range(k.modes):
-        deta, drate = get(rows, k.deta + j, wide) / length, get(rows, k.drate + j, wide) / length
-        anew = here & no(left) & no(counted)
-        put(rows, k.deta + j, wide, select(anew, 1.0 / (j + 1.0), deta))
-        put(rows, k.drate + j, wide, select(anew, 1.0 / (j + 2.0), drate))
+    for j in range(2 * k.modes):
+        put(rows, k.deta + j, wide, get(rows, k.deta + j, wide) / length)
+    if anywhere(here & no(counted)):
+        _begin_anew(rows, k, wide, here & no(counted), left)
     grew = select(left, math.log(length), -math.inf)
     put(notes, GREW, wide, select(here, select(counted, grown + grew, 0.0), grown))
+
+
+@inner
+def _begin_anew(rows, k, wide, here, left):
+    """Give the modes of which nothing is left some deviation again: where others are left, so little of it that it
+    changes no length.
+    """
+    for j in range(k.modes):
+        deta, drate = get(rows, k.deta + j, wide), get(rows, k.drate + j, wide)
+        anew, size = here & (abs(deta) < LOST) & (abs(drate) < LOST), select(left, LOST, 1.0)
+        put(rows, k.deta + j, wide, select(anew, size / (j + 1.0), deta))
+        put(rows, k.drate + j, wide, select(anew, size / (j + 2.0), drate))
 
 
 @inner
 def recur(rows, notes, k, wide, here, total):
     """Compare a recorded impact with the one that is known, or make it the known one.
 
-    It has come back if the state is the same within NEAR of V after whole periods: the next impact of a chatter that
-    completes is as near, too. Without chatter it must be as much nearer than it ever was before, or a cycle that is
-    reached by turns from either side would be named double. Every power of two of impacts the known one is replaced,
-    unless a cycle is known and there are fewer left than it has.
+    It has come back if the state is the same within NEAR of V after whole periods, wherever a free centre is: the next
+    impact of a chatter that completes is as near, too. Without chatter it must be as much nearer than it ever was
+    before, or a cycle that is reached by turns from either side would be named double. Every power of two of impacts
+    the known one is replaced, unless a cycle is known and there are fewer left than it has.
     """
     hits, z, periods = get(notes, HITS, wide), get(rows, k.which, wide), get(rows, k.turn + 2, wide)
     enough = get(notes, PERIODS, wide) * hits <= (total - hits) * periods
@@ -257,6 +279,8 @@ def recur(rows, notes, k, wide, here, total):
         at = k.eta + j if j < 2 * k.modes else k.turn + j - 2 * k.modes
         off = abs(get(rows, at, wide) - get(rows, k.known + j, wide))
         off = speed * off if j >= 2 * k.modes else off
+        if k.free and j < 2 * k.modes:
+            off = select(get(rows, k.neutral + j, wide) > 0.0, 0.0, off)
         apart = select(off > apart, off, apart)
     chatters = get(notes, CHATTERED, wide) > 0.0
     back = asked & (apart <= NEAR * select(chatters, speed, nearest))

@@ -116,6 +116,8 @@ def _equations(cycle: Cycle, stop: int, r: float) -> tuple[Floats, Floats]:
     matrix[: 2 * n, -1] += grown[:, n:] @ matrix[n : 2 * n, -1]
     matrix[-2, n:] = *-beta, 1.0
     matrix[-1, :n] = beta / flow.units / near
+    matrix[: 2 * n] = cycle.pinned(matrix[: 2 * n], np.eye(2 * n, 2 * n + 1))
+    driven = cycle.pinned(driven, np.zeros_like(driven))
     return matrix, np.vstack([driven, -bound @ flow.turning, bound / near])
 
 

@@ -16,6 +16,10 @@ after it by the state before it and by time (1 and 0 but for impacts on rigid st
     dx_{i+1} = Phi_i (Gamma_i dx_i + (k_i - x'_i+) dtheta_i) + x'_{i+1}- dtheta_{i+1}.
 
 Multipliers are those of the product of flows and saltation matrices; for a mirrored half cycle times s.
+
+Nothing depends on the place of a free centre, and mostly not on its drift: their multipliers (1, where no drag brakes
+it) are left out. The equations take of its closure what can be closed, which ends a drift that nothing drives, and put
+the centre to zero where it can be anywhere.
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.cells import Floats
+from vibroimpact.matrices import ROUNDING
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event, Pushing
 from vibroimpact.orbits.systems.flow import Flow
@@ -149,20 +154,47 @@ class Cycle:
         misses[p:] = x - self.sign * unknown[p:]
         matrix[p:] = slope
         matrix[p:, p:] -= self.sign * np.eye(2 * n)
+        if len(flow.centre):
+            misses[p:] = self.pinned(misses[p:, None], unknown[p:, None])[:, 0]
+            matrix[p:] = self.pinned(matrix[p:], np.eye(2 * n, p + 2 * n, p))
         return misses, matrix
 
+    @cached_property
+    def _pin(self) -> tuple[Floats, Floats]:
+        """What can be closed of a free centre, as combinations of its equations, and what of its state is put to 0."""
+        drift = self.flow.drift(self.length)
+        left, sizes, right = np.linalg.svd(drift - self.sign * np.eye(len(drift)))
+        closes = (sizes > len(drift) * ROUNDING * sizes.max(initial=0.0))[:, None]
+        return np.where(closes, left.T, 0.0), np.where(closes, 0.0, right)
+
+    def pinned(self, closures: Floats, states: Floats) -> Floats:
+        """Return the equations that close the cycle, a row each, those of a free centre made solvable.
+
+        `states` are the same columns of the equations that put the state to zero.
+        """
+        centre = self.flow.centre
+        if len(centre):
+            closes, stays = self._pin
+            closures = closures.copy()
+            closures[..., centre, :] = closes @ closures[..., centre, :] + stays @ states[..., centre, :]
+        return closures
+
     def monodromy(self, unknown: Floats) -> Floats:
-        """Return the Jacobian of the cycle from just before its first event, in scaled modes."""
+        """Return the Jacobian of the cycle from just before its first event, in scaled modes, beside a free centre."""
         flow, angles = self.flow, self.angles(unknown)
         found: Floats = self.sign * np.eye(2 * flow.n)
         for i, (event, x) in enumerate(zip(self.events, self.states(unknown), strict=False)):
             found = flow.saltation(event, x, flow.drive(angles[i]), self.phases[i]) @ found
             found = found + flow.over(angles[i + 1] - angles[i], self.phases[i + 1])[0] @ found
-        return found
+        return found[np.ix_(~flow.neutral, ~flow.neutral)]
 
     def multipliers(self, unknown: Floats) -> tuple[complex, ...]:
         """Return the Floquet multipliers of the cycle, or of half of it, the largest first."""
         return multipliers_of(self.monodromy(unknown))
+
+    def neutral(self) -> tuple[complex, ...]:
+        """Return those of a free centre, which are left out."""
+        return multipliers_of(self.sign * self.flow.drift(self.length))
 
 
 def multipliers_of(jacobian: Floats) -> tuple[complex, ...]:

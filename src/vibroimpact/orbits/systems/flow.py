@@ -23,7 +23,7 @@ unrounded, and the exponent is as large as the fastest rate, not as its square.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -76,6 +76,8 @@ class Flow:
         self.gives = form.stiffness > 0.0
         self.laws = [None if stop.ratio is not None else stop.law for stop in system.stops]
         roots, self.orders = np.sqrt(form.masses), form.orders.astype(float)
+        self.neutral: Any = form.neutral.ravel()  # of the state: the place and the drift of a free centre
+        self.centre = np.flatnonzero(self.neutral)
         self.rates = np.sqrt(form.squares) / self.omega
         self.units = np.maximum(self.rates, 1.0)
         self.damping = roots[:, None] * form.damping / roots / self.omega
@@ -143,6 +145,11 @@ class Flow:
         if phase.back is None or phase.turned is None:
             return moved, driven
         return phase.back @ moved @ phase.turned, phase.back @ driven
+
+    def drift(self, angle: float) -> Floats:
+        """Return Phi of a free centre over an angle, whatever is struck meanwhile."""
+        number, within = len(self.centre), np.ix_(self.centre, self.centre)
+        return np.eye(number) + self.over(angle)[0][within] if number else np.eye(0)
 
     def fly(self, x: Floats, begin: float, end: float, pushing: Pushing = ()) -> Floats:
         """Return the state at the angle `end` of a flight that has the state x at `begin`."""

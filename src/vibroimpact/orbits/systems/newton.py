@@ -29,6 +29,7 @@ def from_angles(cycle: Cycle, angles: Floats) -> Floats:
 def solve(cycle: Cycle, start: Floats) -> Solved:
     """Return the solution that damped Newton's method reaches: steps are halved while they raise the misses."""
     p, unknown = len(cycle.events), np.array(start, dtype=float)
+    unknown[p:][cycle.flow.neutral] = 0.0  # where a free centre is must not set the size
     size = float(np.abs(unknown[p:]).max()) or 1.0
     paces = [cycle.flow.phase(pushing).fastest for pushing in cycle.phases]
     quick = [cycle.flow.phase().fastest / max(pair) for pair in pairwise(paces)]  # 1 where no stop gives

@@ -96,7 +96,8 @@ def _contacts(cycle: Cycle, stop: int, durations: Floats) -> list[list[tuple[flo
     flown, blown = flow.over(cycle.length - durations)
     turned = flow.rotation(durations)
     whole, load = grown + flown + flown @ grown, driven + flown @ driven + blown @ turned
-    states = _solutions((cycle.sign - 1.0) * np.eye(n) - whole, load)
+    closing = cycle.pinned((cycle.sign - 1.0) * np.eye(n) - whole, np.eye(n))
+    states = _solutions(closing, cycle.pinned(load, np.zeros_like(load)))
     ends = states + grown @ states + driven
     (begin, bound), (end, force) = map(flow.watched, cycle.events)
     rates = -flow.beta[stop] @ states[:, flow.n :] + flow.bounds[stop] @ flow.turning

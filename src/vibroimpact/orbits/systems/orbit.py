@@ -54,7 +54,8 @@ class SystemOrbit:
     start : State
         Coordinates, their rates and time just before the first impact; of an orbit that rests, while nothing happens.
     multipliers : tuple of 2n complex
-        Floquet multipliers of the cycle in the coordinates and their rates, the largest first.
+        Floquet multipliers of the cycle in the coordinates and their rates, the largest first; without the `neutral`
+        ones.
     half_multipliers : tuple of 2n complex
         Those of half a cycle and the mirror, if the orbit is its own mirror image half a cycle later; else empty.
     admissible : bool
@@ -74,6 +75,10 @@ class SystemOrbit:
     rests : tuple of Rest
         Rests at rigid stops, each the `stop` and when it `begin`s and `end`s in driving periods, as `turns` have them.
         Of a chatter the impacts above 1e-9 V are listed.
+    neutral : tuple of complex
+        Multipliers of a free centre, where masses without a spring to the ground strike one another: 1 of its place,
+        and 1, or less under drag, of its drift. No stop feels them, and they decide nothing. The drift is that with
+        which the centre returns, if there is one.
 
     Examples
     --------
@@ -102,6 +107,7 @@ class SystemOrbit:
     pushing: tuple[str, ...] = ()
     contacts: tuple[Contact, ...] = ()
     rests: tuple[Rest, ...] = ()
+    neutral: tuple[complex, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -178,15 +184,15 @@ class SystemOrbit:
 
     @property
     def determinant(self) -> float:
-        """Determinant of the cycle's Jacobian: exp(-tr(M^-1 C) t) of each leg, with the damping c a a^T of the stops
-        that push in it, times r d(r v)/dv of each impact on a rigid one; 0 of an orbit that rests.
+        """Product of the multipliers: exp(-tr(M^-1 C) t) of each leg, with the damping c a a^T of the stops that push
+        in it, times r d(r v)/dv of each impact on a rigid one; 0 of an orbit that rests.
         """
         if self.sticks:
             return 0.0
         flow, (cycle, unknown) = Flow(self.system), cycle_of(self)
         form = self.system.modal()
         rates = form.viscosity * np.diag(form.mobility)
-        lost = float(np.trace(form.damping)) * self.period
+        lost = float(np.diag(form.damping)[~form.neutral[1]].sum()) * self.period
         for duration, pushing in zip(np.diff(cycle.angles(unknown)), cycle.phases[1:], strict=True):
             lost += float(rates[list(pushing)].sum()) * duration / flow.omega
         struck = zip((self.system.stops[stop] for stop in cycle.stops), self.velocities, strict=True)
@@ -298,9 +304,11 @@ def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:
     speeds = cycle.speeds(unknown)
     speeds[np.abs(speeds) <= ROUNDING * np.abs(unknown[p:]).max()] = 0.0
     rigid = any(not flow.gives[cycle.events[at].stop] for at in np.flatnonzero(speeds == 0.0))
-    multipliers = (complex(math.inf), *(0j for _ in unknown[p + 1 :])) if rigid else cycle.multipliers(unknown)
+    felt, neutral = np.count_nonzero(~flow.neutral), cycle.neutral()
+    multipliers = (complex(math.inf), *(0j for _ in range(felt - 1))) if rigid else cycle.multipliers(unknown)
     if cycle.images:
-        halves, multipliers = multipliers, tuple(value * value for value in multipliers)
+        halves = multipliers
+        multipliers, neutral = (tuple(value * value for value in values) for values in (multipliers, neutral))
         speeds, (cycle, unknown) = np.tile(speeds, 2), cycle.whole(unknown)
     contacts = contacts_of(cycle, unknown, speeds)
     angles, state = unknown[: len(cycle.events)], flow.physical @ unknown[len(cycle.events) :]
@@ -322,4 +330,5 @@ def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:
         events=tuple((turn, kind, names[stop]) for turn, (stop, kind) in zip(turns, cycle.events, strict=True)),
         pushing=tuple(names[stop] for stop in cycle.pushing),
         contacts=contacts,
+        neutral=neutral,
     )

@@ -217,8 +217,9 @@ def halved(cycle: Cycle, unknown: Floats, images: tuple[int, ...]) -> tuple[Cycl
         return cycle, unknown
     if cycle.events[p // 2 :] != tuple(event.in_mirror(images) for event in half.events):
         return cycle, unknown
-    x, mirrored, angles = unknown[p:], cycle.states(unknown)[p // 2], unknown[:p]
+    x, mirrored = (state[~cycle.flow.neutral] for state in (unknown[p:], cycle.states(unknown)[p // 2]))
+    angles = unknown[:p]
     apart = np.abs(angles[p // 2 :] - angles[: p // 2] - half.length).max()
     if apart > SAME or np.abs(x + mirrored).max() > SAME * np.abs(x).max():
         return cycle, unknown
-    return half, np.append(angles[: p // 2], x)
+    return half, np.append(angles[: p // 2], unknown[p:])

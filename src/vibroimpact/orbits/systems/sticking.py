@@ -21,10 +21,12 @@ from vibroimpact.backends.system_carry import Carrier
 from vibroimpact.cells import Floats
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
+from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.orbit import SAME
 from vibroimpact.orbits.search import CLOSE, MOST, SINGULAR, Orbits, Solved
 from vibroimpact.orbits.systems.contacts import Contact
 from vibroimpact.orbits.systems.cycle import multipliers_of
+from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.orbit import Rest, SystemOrbit
 from vibroimpact.oscillator import Model, State
 from vibroimpact.parameters import invalid
@@ -37,7 +39,7 @@ class _Cycle(NamedTuple):
     """What happens in a cycle that is followed from a time in driving periods, in this order of time.
 
     Impacts have a time, a stop, a velocity (m/s) and an impulse (N s) each; `moves` are the coordinates at its
-    beginning and after each period.
+    beginning and after each period, less a free centre.
     """
 
     times: Floats
@@ -102,7 +104,8 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _Cycle:
     seen: Any
     window = StroboscopicWindow(0, 2 * n_periods + 1)
     (seen,) = get_backend("cpu").samples(system.cells({}, state), Measurement(window))
-    first, names = state.time / system.period, system.stop_names
+    first, names, form = state.time / system.period, system.stop_names, system.modal()
+    centre = form.inverse[form.neutral[0]].T @ form.shapes[:, form.neutral[0]].T
     times = seen.impact_periods + seen.impact_phase
     within = times < first + n_periods
     rests = []
@@ -116,7 +119,7 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _Cycle:
         seen.impact_velocity[within],
         seen.impact_impulse[within],
         tuple(rests),
-        seen.look_displacement,
+        seen.look_displacement - seen.look_displacement @ centre,
     )
 
 
@@ -135,29 +138,33 @@ def _quiet(system: ImpactSystem, carrier: Carrier, state: State, n_periods: int)
 
 
 def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tuple[Solved, Floats]:
-    """Return the fixed point that Newton's method reaches, and P' there.
+    """Return the fixed point that Newton's method reaches, and P' there, beside a free centre.
 
     Steps are halved while they take the motion farther off.
     """
     x, phase = carrier.state(np.array(state.displacement), np.array(state.velocity)), state.time / period % 1.0
+    felt = ~carrier.neutral
+    beside = np.ix_(felt, felt)
     end, derivative = carrier.over(x, phase, n_periods)
     for _ in range(MOST):
-        matrix = np.eye(len(x)) - derivative
+        derivative = derivative[beside]
+        matrix = np.eye(len(derivative)) - derivative
         if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > SINGULAR:
             return Solved(x, False, True), derivative
-        step, part, size = np.linalg.solve(matrix, end - x), 1.0, np.abs(x).max()
+        step, part, size = np.zeros(len(x)), 1.0, np.abs(x[felt]).max()
+        step[felt] = np.linalg.solve(matrix, (end - x)[felt])
         small = np.abs(step).max() < CLOSE * size
         while part > 1e-3:
             trial = x + part * step
             later, slope = carrier.over(trial, phase, n_periods)
-            if small or np.abs(later - trial).max() < np.abs(end - x).max():
+            if small or np.abs((later - trial)[felt]).max() < np.abs((end - x)[felt]).max():
                 break
             part *= 0.5
         else:
             break
         x, end, derivative = trial, later, slope
         if small:
-            return Solved(x, True), derivative
+            return Solved(x, True), derivative[beside]
     return Solved(x, False), derivative
 
 
@@ -175,5 +182,6 @@ def _orbit(model: Model, cycle: _Cycle, state: State, multipliers: tuple[complex
         multipliers=multipliers,
         family=None if model is system else model,
         contacts=tuple(Contact(impulse) for impulse in cycle.impulses.tolist()),
+        neutral=multipliers_of(Flow(system).drift(TURN * n_periods)),
         rests=tuple(Rest(stop, begin - whole, end - whole) for stop, begin, end in cycle.rests),
     )
