@@ -12,7 +12,7 @@ from systems import one_mass
 from systems import system as of
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.backends.reference.systems import LinearSystem, RigidStop, follow
-from vibroimpact.coexistence import attractors, basins, settling
+from vibroimpact.coexistence import attractors, basins, settling, systems
 from vibroimpact.coexistence.measuring import Runner, spread_cells
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import same_orbit
@@ -127,6 +127,57 @@ def test_permuted_coordinates_and_stops_change_no_label():
     there = basins(permuted, **{name.replace("1", "0"): values for name, values in STATES.items()})
     np.testing.assert_array_equal(names(here), names(there))
     np.testing.assert_allclose(here["max_velocity"], there["max_velocity"], rtol=1e-12)
+
+
+def harvester():
+    """Return a two-sided pair: a driven mass on a spring, and a free one under a weight between two stops on it."""
+    force = vi.Force(omega=math.pi, harmonics={1: [1.0, 0.0]}, constant=[0.0, -0.12201 * 0.15])
+    stops = [vi.Stop(direction=[sign, -sign], gap=0.175, restitution=0.5, name=name) for sign, name in
+             ((1, "top"), (-1, "bottom"))]  # fmt: skip
+    return vi.ImpactSystem(
+        mass=np.diag([1.0, 0.15]),
+        damping=np.diag([0.2, 0.0]),
+        stiffness=np.diag([math.pi**2, 0.0]),
+        force=force,
+        stops=stops,
+    )
+
+
+@pytest.fixture
+def solutions(monkeypatch):
+    """Return the list to which every cycle that is solved for is added."""
+    made, solve = [], systems.find_near
+    monkeypatch.setattr(systems, "find_near", lambda *given: made.append(given[1:3]) or solve(*given))
+    return made
+
+
+def test_a_cycle_of_many_initial_conditions_is_followed_and_solved_for_once(solutions, monkeypatch):
+    # Each cell's mean is one over the impacts that its own round kept, also where its cycle was closed early.
+    followed, told, follow_on = [], [], systems.follow
+    monkeypatch.setattr(systems, "follow", lambda *given: followed.append(told[-1]) or follow_on(*given))
+    grid = {"phase": np.linspace(0.0, 1.0, 15), "velocity": np.linspace(0.0, 1.0, 15)}
+    found = basins(harvester(), **grid, stop="top", progress=lambda done, total, partial: told.append((done, total)))
+    assert found["attractor"].attrs["flag_meanings"] == "undecided period-1_impact-5"
+    assert (found["attractor"] == 0).all()
+    assert len(solutions) == len(followed) == 1
+    # Not all is done before the attractors are known.
+    assert all(done < total == 225 for done, total in followed)
+    assert told[-1] == (225, 225)
+    assert [done for done, _ in told] == sorted(done for done, _ in told)
+
+
+@pytest.mark.parametrize("seed", range(0, 24, 3))
+def test_no_cycle_is_solved_for_twice(seed, solutions):
+    found = attractors(two_masses(seed))
+    assert len(solutions) == sum(attractor.kind == "periodic" for attractor in found)
+
+
+def test_an_initial_condition_outside_the_tolerance_joins_the_known_cycle_unsolved(solutions, monkeypatch):
+    monkeypatch.setattr(systems, "_members", lambda settled, left, at, seen: left == at)
+    starts = [vi.State([0.0, y]) for y in (-0.05, -0.1, 0.05)]
+    (found,) = attractors(harvester(), starts)
+    assert found.share == 1.0
+    assert len(solutions) == 1
 
 
 @pytest.mark.parametrize("seed", [0, 4, 10, 19, 22])

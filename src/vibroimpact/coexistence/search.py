@@ -114,7 +114,7 @@ def attractors(
     first kept one and mean agree with, within :math:`10^{-6} \|(1 - J)^{-1}\|`, J the derivative of the cycle's map.
     Where every mode decays, impacts determine all coordinates. All chaotic motions count as one attractor, and so do
     all quasi-periodic ones, by the rules of `classify`; so do motions that never hit again, also with a mode that
-    nothing damps. Cycles are not closed early: a second for a periodic system, half a minute for a chaotic one.
+    nothing damps. Below a second for a periodic system, seconds for a chaotic one.
 
     Examples
     --------
@@ -153,10 +153,9 @@ def attractors_by(
     def outlook(settled: Settled, window: ImpactWindow) -> MotionClass:
         return outlook_of(runner, settled) if window is windows[-1] else MotionClass.UNDECIDED
 
-    whole = [*windows, *last_round(runner, osc, windows)]
     _check_cost("starts", cells, windows[0])
-    settled = _settled(runner, osc, cells, whole, progress, lambda settled: settled.status, outlook)
-    return [basin.attractor for basin in match(runner, settled, windows[-1], len(given))]
+    _, found = _matched(runner, osc, cells, windows, len(given), progress, lambda settled: settled.status, outlook)
+    return [basin.attractor for basin in found]
 
 
 def from_rest(runner: Runner, system: ImpactSystem) -> tuple[Attractor | None, Measured]:
@@ -272,10 +271,10 @@ def basins(
         return labelled.assign(status=status_variable(dims, settled.status.reshape(shape)))
 
     survey = cache(lambda: outlook_from(runner, one, spread_cells(one), windows))
-    whole = [*windows, *last_round(runner, one, windows)]
     _check_cost("axes", cells, windows[0])
-    settled = _settled(runner, one, cells, whole, progress, so_far, lambda settled, window: survey())
-    found = match(runner, settled, windows[-1], len(cells))
+    settled, found = _matched(
+        runner, one, cells, windows, len(cells), progress, so_far, lambda settled, window: survey()
+    )
     numbers = np.full(len(cells), -1)
     for at, basin in enumerate(found):
         numbers[basin.members] = at
@@ -297,16 +296,20 @@ def _check_cost(name: str, cells: Cells, first: ImpactWindow) -> None:
     check_steps(name, what, len(cells) * impacts, COSTLY)
 
 
-def _settled(
+def _matched(
     runner: Runner,
     osc: ImpactOscillator | ImpactSystem,
     cells: Cells,
     windows: Sequence[ImpactWindow],
+    counted: int,
     progress: bool | Report,
     so_far: Callable[[Settled], Any],
     outlook: Callable[[Settled, ImpactWindow], MotionClass],
-) -> Settled:
-    """Return what cells settle to, reporting to `progress`, which may stop it."""
+) -> tuple[Settled, list[Basin]]:
+    """Return what cells settle to, and the attractors there, reporting to `progress`, which may stop it.
+
+    The last initial condition is decided when the attractors are known.
+    """
     with reporter(progress, "initial conditions") as tell:
 
         def report(settled: Settled, undecided: int) -> None:
@@ -314,9 +317,11 @@ def _settled(
             if not stopped and tell(len(cells) - undecided, len(cells), so_far(settled)) is False:
                 runner.stop.set()
 
-        settled = settle(runner, osc, cells, windows, outlook, report)
+        whole = [*windows, *last_round(runner, osc, windows)]
+        settled = settle(runner, osc, cells, whole, outlook, lambda so, undecided: report(so, max(undecided, 1)))
+        found = match(runner, settled, windows[-1], counted)
         report(settled, int(np.count_nonzero(settled.kind == MotionClass.UNDECIDED)))
-    return settled
+    return settled, found
 
 
 def _table(found: Sequence[Basin]) -> dict[str, xr.Variable]:

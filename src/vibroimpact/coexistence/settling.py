@@ -64,7 +64,7 @@ class Settled:
     def of(cls, osc: ImpactOscillator | ImpactSystem, cells: Cells) -> Settled:
         """Return what is known before anything has run: nothing."""
         number, cells = len(cells), cells[np.arange(len(cells))]
-        counts = {name: np.zeros(number, np.int64) for name in ("impacts", "steps")}
+        counts = {name: np.zeros(number, np.int64) for name in ("impacts", "steps", "kept")}
         kinds = {name: INDICES[name].dtype if name in INDICES else np.float64 for name in identifying(cells)}
         indices = {name: np.zeros(number, kind) for name, kind in kinds.items()}
         status = np.full(number, Status.INTERRUPTED, np.int8)
@@ -79,6 +79,7 @@ class Settled:
         for name in (*identifying(self.cells), "impacts"):
             self.indices[name][at] = outcome[name]
         self.indices["steps"][at] += outcome["steps"]
+        self.indices["kept"][at] = kept
         hit = np.where(outcome["n_periods"] == 0, outcome["max_velocity"], 0.0)
         self.passing[at] = np.fmax(self.passing[at], hit)
         self.kind[at] = attracting_kinds(self.osc, outcome, kept)

@@ -9,14 +9,14 @@ decays, the impacts of a cycle determine all coordinates.
 
 With P the map of a cycle, x* its fixed point and J the derivative there, :math:`P(x) - x = (J - 1)(x - x^*)`: a state
 that came back within 1e-7 V is within :math:`\|(1 - J)^{-1}\|` times that of the cycle. Ten times as much is allowed
-for; what lies farther away is followed itself, and joins the cycle that it is found on.
+for; what lies farther away is followed itself, and joins the cycle that it is found on. No cycle is solved for twice.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -63,7 +63,7 @@ class Seen:
         return float(np.nansum(self.lost)) / self.whole
 
 
-def alike(one: Any, other: Any) -> bool:
+def alike(one: Any, other: Any, tolerance: float = SAME) -> bool:
     """Return whether two cycles are one: all impacts agree, on the same stops, from some impact of either on."""
     if len(one.stops) != len(other.stops) or not len(one.stops):
         return len(one.stops) == len(other.stops)
@@ -74,7 +74,7 @@ def alike(one: Any, other: Any) -> bool:
     )
     struck, others = np.asarray(one.stops), np.asarray(other.stops)
     return any(
-        (np.roll(struck, shift) == others).all() and np.abs(np.roll(first, shift, axis=0) - second).max() <= SAME
+        (np.roll(struck, shift) == others).all() and np.abs(np.roll(first, shift, axis=0) - second).max() <= tolerance
         for shift in range(len(struck))
     )
 
@@ -90,7 +90,7 @@ def cycles(runner: Runner, settled: Settled) -> Iterator[tuple[int, Seen, Counts
     left = np.flatnonzero(np.isin(settled.kind, (MotionClass.PERIODIC, MotionClass.STICKING)))
     while left.size:
         at = int(left[settled.indices["impacts"][left].argmin()])  # the one that settled first
-        seen = follow(runner, settled, at)
+        seen = follow(runner, settled, at, [known for _, known, _ in found])
         mine = left[(left == at) | _members(settled, left, at, seen)]
         for _, known, members in found:
             if alike(known, seen):
@@ -110,8 +110,7 @@ def _members(settled: Settled, left: Counts, at: int, seen: Seen) -> NDArray[np.
     number, repeats = (settled.indices[name][at] for name in ("n_periods", "n_impacts"))
     alike = (own["n_periods"] == number) & (own["n_impacts"] == repeats) & (settled.kind[left] == settled.kind[at])
     alike &= np.abs(own["max_velocity"] - fastest) <= most * fastest
-    # Of at least 2^k - 1 impacts 2^(k - 1) were kept.
-    kept, turn = 1 << (np.frexp(own["impacts"] + 1.0)[1].astype(np.int64) - 2), np.exp(2j * np.pi * own["first_phase"])
+    kept, turn = own["kept"], np.exp(2j * np.pi * own["first_phase"])
     sums = np.concatenate([[0.0], np.cumsum(np.tile(seen.velocities, 2))])
     found = np.zeros(len(left), bool)
     for j in range(p):
@@ -126,10 +125,11 @@ def _members(settled: Settled, left: Counts, at: int, seen: Seen) -> NDArray[np.
     return found
 
 
-def follow(runner: Runner, settled: Settled, at: int) -> Seen:
+def follow(runner: Runner, settled: Settled, at: int, known: Sequence[Seen] = ()) -> Seen:
     """Return the cycle that an initial condition leads to, from as many impacts after the one that came back as before.
 
-    One of a few impacts is then solved for, if it neither rests nor strikes several stops at once.
+    If it is none of those known, one of a few impacts is then solved for, if it neither rests nor strikes several stops
+    at once.
     """
     system: Any = settled.osc
     n, p = (int(settled.indices[name][at]) for name in ("n_periods", "n_impacts"))
@@ -145,12 +145,15 @@ def follow(runner: Runner, settled: Settled, at: int) -> Seen:
     last = first + p if p > 0 else int(np.searchsorted(turns, turns[first] + n - 1e-6))
     n, cycle = _smallest(seen, slice(first, last), n)
     phases, speeds, stops = seen.impact_phase[cycle], speeds[cycle], seen.impact_stop[cycle]
-    plain = p > 0 and not len(seen.rest_stop) and not seen.impact_simultaneous.any()
     lost, end = seen.impact_energy[cycle], ended(system, seen)
+    found = Seen(phases, speeds, stops, lost, end, float(n), _by_growth(settled, at, n * system.period))
+    for other in known:
+        if alike(other, found, other.tolerance):
+            return other
+    plain = p > 0 and not len(seen.rest_stop) and not seen.impact_simultaneous.any()
     orbit = _solved(system, n, stops, turns[cycle], speeds, end) if plain and len(stops) <= SOLVED else None
     if orbit is None:
-        start = ended(system, _sampled(runner, settled, at, ImpactWindow(settling, first + 1)))
-        return Seen(phases, speeds, stops, lost, start, float(n), _by_growth(settled, at, n * system.period))
+        return replace(found, start=ended(system, _sampled(runner, settled, at, ImpactWindow(settling, first + 1))))
     numbers = np.array([system.stop_names.index(stop) for stop in orbit.stops])
     start = _state_of(system, carried(system, orbit.start), orbit.start.time)
     phases, speeds = np.array(orbit.phases), np.array(orbit.velocities)
