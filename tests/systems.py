@@ -154,3 +154,42 @@ def difference(seed, model, q, speed, most=20):
             wrong = abs(getattr(event, name) - own[name].values[at]) / scales[name] / growth[at]
             worst = max(worst, (wrong if wrong == wrong else np.inf, f"{name} of impact {at}"))
     return len(sure), *worst
+
+
+def a_random_machine(rng):
+    """Return a chain of one to three masses, some of them free, between stops that are rigid or compliant.
+
+    Gaps are 0 to 1.2 times what the steady motion closes, or preloads; in a fifth the stops move with their housing.
+    """
+    n = int(rng.integers(1, 4))
+    mass, springs = np.diag(10.0 ** rng.uniform(-0.5, 0.5, n)), 10.0 ** rng.uniform(-0.7, 0.7, n + 1)
+    springs[-1] *= rng.random() < 0.5
+    if n > 1 and rng.random() < 0.25:
+        springs[rng.integers(1, n)] = 0.0
+    along = np.diff(np.eye(n + 1), axis=0, prepend=0.0)[:, :n]
+    stiffness = along.T @ np.diag(springs) @ along
+    damping = 10.0 ** rng.uniform(-2.5, -1.0) * stiffness + 10.0 ** rng.uniform(-2.5, -1.0) * mass
+    force, omega = rng.standard_normal(n) + 1j * rng.standard_normal(n), rng.uniform(0.4, 3.0)
+    direction = np.eye(n)[rng.integers(n)]
+    if n > 1 and rng.random() < 0.4:
+        direction = direction - np.roll(direction, 1)
+    steady = np.linalg.solve(stiffness - omega**2 * mass + 1j * omega * damping, force)
+    reach, two_sided = abs(direction @ steady), rng.random() < 0.6
+    contact = (
+        {"stiffness": 10.0 ** rng.uniform(0.3, 3.0) * springs[0], "damping": rng.choice([0.0, 0.3])}
+        if rng.random() < 0.4
+        else {"restitution": rng.uniform(0.1, 0.95)}
+    )
+    housing = 0.2 * reach * np.exp(1j * rng.uniform(0.0, 6.0)) * (rng.random() < 0.2)
+    gaps = reach * rng.uniform([0.0 if two_sided else -0.2, 0.1], 1.2)
+    sides = zip((1, -1), gaps, strict=True) if two_sided else [(1, gaps[0])]
+    return vi.ImpactSystem(
+        mass=mass,
+        damping=damping,
+        stiffness=stiffness,
+        force=vi.Force(omega=omega, harmonics={1: force}, constant=0.3 * rng.standard_normal(n) * (rng.random() < 0.3)),
+        stops=[
+            vi.Stop(direction=side * direction, gap=gap, motion={1: side * housing} if housing else {}, **contact)
+            for side, gap in sides
+        ],
+    )

@@ -1,5 +1,7 @@
 """Cells of systems that end once their cycle is certain say what all their impacts would have said."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from vibroimpact.indices import INDICES, VELOCITY_INDICES
 
 ALL = tuple(INDICES)
 SPEEDS = tuple(sorted(VELOCITY_INDICES))
+EXPONENTS = ("lyapunov", "lyapunov_per_impact")
 TURNS = ("n_periods", "n_impacts")  # not numbers that converge
 
 
@@ -42,7 +45,10 @@ def both(model, indices, omega, **settings):
 
 
 def agree(closed, stepped, names):
-    """Check every index of every cell to 1e-11 of its size over the map, bitwise where nothing closed."""
+    """Check every index of every cell to 1e-11 of its size over the map, bitwise where nothing closed.
+
+    But for exponents: a cell that closed has that of its cycle, the other an average along the orbit.
+    """
     same = closed["status"].values == stepped["status"].values
     assert (closed["status"].values[~same] == vi.Status.CLOSED).all()
     for name in names:
@@ -50,7 +56,8 @@ def agree(closed, stepped, names):
         known = np.isfinite(b)
         assert np.array_equal(a[~known], b[~known], equal_nan=True), name
         scale = max(1.0, np.abs(b[known]).max(initial=0.0))
-        assert a[known] == pytest.approx(b[known], rel=0.0, abs=1e-11 * scale), name
+        near = 1e-11 * scale if name not in EXPONENTS else math.inf
+        assert a[known] == pytest.approx(b[known], rel=0.0, abs=near), name
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -61,6 +68,24 @@ def test_every_index_is_the_same_with_and_without(name, indices):
     assert (stepped["status"].values != vi.Status.CLOSED).all()
     assert closed.attrs["impacts_computed"] < 0.5 * stepped.attrs["impacts_computed"]
     assert closed.attrs["steps_computed"] < 0.5 * stepped.attrs["steps_computed"]
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_a_cell_that_closes_has_the_exponent_of_its_orbit(name):
+    model, omegas = SYSTEMS[name]
+    axis = {"omega": [model.omega] if omegas is None else omegas}
+    sweep = vi.parameter_map(model, **axis, indices=ALL, transient_impacts=1500)
+    compared = 0
+    for omega in sweep["omega"].values[sweep["n_periods"].values > 0]:
+        there, cell = model.replace(omega=float(omega)), sweep.sel(omega=omega)
+        p = -1 if int(cell["status"]) == vi.Status.STICKING else int(cell["n_impacts"])
+        for orbit in vi.find_orbit(there, n_periods=int(cell["n_periods"]), n_impacts=p):
+            if orbit.stable and max(orbit.velocities) == pytest.approx(float(cell["max_velocity"]), rel=1e-6):
+                compared += 1
+                assert float(cell["lyapunov"]) == pytest.approx(orbit.lyapunov, rel=1e-7)
+                per_period = float(cell["lyapunov_per_impact"] * cell["impacts_per_period"])
+                assert per_period == pytest.approx(orbit.lyapunov * there.period, rel=1e-7)
+    assert compared > 0
 
 
 @pytest.mark.parametrize("transient", [0, 7, 1000])

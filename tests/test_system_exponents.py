@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from designs import RESTS
 from systems import one_mass
 from test_system_orbits import bouncing_ball
 from vibroimpact import models
@@ -258,3 +259,16 @@ def test_a_mass_that_is_held_for_ever_leaves_the_exponent_of_the_other():
     for early in (False, True):
         (found,) = index(held, "lyapunov", transient_impacts=2000, early_closing=early)
         assert found == pytest.approx(orbit.lyapunov, rel=1e-3)
+
+
+@pytest.mark.parametrize("early", [True, False])
+@pytest.mark.parametrize("hardest", [5.411, 1.381])
+def test_a_rest_whose_time_rounding_decides_ends_no_cycle(hardest, early):
+    """As of one mass: neighbours part by more than 1e13 from one rest to the next, so no rest repeats another."""
+    osc = RESTS[hardest]
+    far = vi.Stop(direction=-1, gap=50.0 * osc.velocity_scale, restitution=0.5)
+    for system in (one_mass(osc), one_mass(osc, stops=[*one_mass(osc).stops, far])):
+        for model in (osc, system):
+            cell = vi.parameter_map(model, omega=[osc.omega], indices=NAMED, early_closing=early).isel(omega=0)
+            assert np.isneginf(cell["lyapunov_per_impact"])
+            assert (int(cell["n_periods"]), int(cell["n_impacts"])) == (0, -1)

@@ -255,7 +255,7 @@ class SystemSweep:
     def outcome(self, done: Counts | slice) -> Outcome:
         """Return what a back end promises of cells that have ended."""
         notes, ends = self.results[done].T, self.ends[done]
-        full, h, kept = ends == FILLED, notes[march.H], float(self.window.keep)
+        full, h = ends == FILLED, notes[march.H]
         began, ended = (_turns(*notes[at : at + 3]) for at in (march.BEGAN, march.ENDED))
         span = ended - began
         sums = notes[march.SUMS :].reshape(self.layout.stops + 1, march.EACH, -1).swapaxes(0, 1)
@@ -265,13 +265,16 @@ class SystemSweep:
             period = 2.0 * math.pi / self.omega[done]
             found |= self._forces(notes, own, found["dissipation"], span * period, period)
             if self.layout.thorough:
-                found["lyapunov"] = notes[march.GREW] / (span * period)
+                growth, per_impact = _growth(notes, began, ended, self.window)
+                found["lyapunov"], found["lyapunov_per_impact"] = growth / period, per_impact
                 found["n_periods"], found["n_impacts"] = notes[march.PERIODS], notes[march.IMPACTS]
+                unresolved = np.isneginf(notes[march.GREW]) & (notes[march.UNSURE] > notes[march.FROM])
+                found["n_periods"] = np.where(unresolved, 0.0, found["n_periods"])
+                found["n_impacts"] = np.where(unresolved, -1.0, found["n_impacts"])
                 turned = own[march.TURNED]
                 repeats = (notes[march.IMPACTS] > 0.0) & (turned.sum(axis=0) == notes[march.IMPACTS])
                 rate = (turned if self.by_stop else notes[march.IMPACTS]) / notes[march.PERIODS]
                 found["impacts_per_period"] = np.where(repeats, rate, found["impacts_per_period"])
-                found["lyapunov_per_impact"] = notes[march.GREW] / (kept - 1.0)
                 misses = own[march.MISS]
                 found["grazing_margin"] = misses if self.by_stop else misses.min(axis=0, initial=math.inf)
                 since = ended - _turns(*notes[march.SINCE : march.SINCE + 3])
@@ -299,6 +302,22 @@ class SystemSweep:
             "impacts": counted["counted"].astype(np.int64),
             "steps": (notes[march.MADE] + notes[march.BESIDE]).astype(np.int64),
         }
+
+
+def _growth(notes: Floats, began: Floats, ended: Floats, window: ImpactWindow) -> tuple[Floats, Floats]:
+    """Return ln of the growth of neighbours per period and per impact.
+
+    It is that of the window, of a cycle from the impact on that came back, and of one that is certain its own.
+    """
+    first, repeats = window.transient + 1.0, notes[march.PERIODS] > 0.0
+    since, number = _turns(*notes[march.SINCE : march.SINCE + 3]), np.maximum(notes[march.FROM], first)
+    later, grown = repeats & (number > first), notes[march.GREW] - notes[march.GROWN]
+    grown = np.where(later & ~np.isneginf(notes[march.GREW]), grown, notes[march.GREW])
+    periods = ended - np.where(later, since, began)
+    impacts = window.transient + window.keep - np.where(later, number, first)
+    certain, rate = notes[march.RATE] > 0.0, notes[march.RATE]
+    per_period = np.where(certain, notes[march.DECAY], grown / periods)
+    return per_period, np.where(certain, notes[march.DECAY] / rate, grown / impacts)
 
 
 def _of_impacts(sums: Floats, first: Floats, span: Floats, h: Floats, by_stop: bool) -> dict[str, Any]:

@@ -266,8 +266,11 @@ def match(runner: Runner, settled: Settled, longest: ImpactWindow, counted: int)
     osc, alike = settled.osc, [*QUIET]
     if isinstance(osc, ImpactSystem):
         found = [Basin(of_system(osc, settled[at], seen), own) for at, seen, own in systems.cycles(runner, settled)]
-        kinds = MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC
-        for members in (np.flatnonzero(settled.kind == kind) for kind in kinds if (settled.kind == kind).any()):
+        kinds = MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC, MotionClass.STICKING
+        endless = settled.indices["n_periods"] == 0
+        for members in (np.flatnonzero((settled.kind == kind) & endless) for kind in kinds):
+            if not members.size:
+                continue
             seen = systems.sample(runner, settled, int(members[0]), longest)
             found.append(Basin(of_system(osc, settled[int(members[0])], seen), members))
     else:

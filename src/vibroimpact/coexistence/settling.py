@@ -178,10 +178,10 @@ def settle(
         chaotic = kind == MotionClass.CHAOTIC
         if window is not windows[-1] and chaotic[left].any():
             match outlook(settled, window):
-                case MotionClass.UNDECIDED:
-                    again |= chaotic
-                case MotionClass.STICKING:
+                case MotionClass.STICKING if forgets(osc):
                     settled.follow(np.flatnonzero(chaotic), fate())
+                case MotionClass.UNDECIDED | MotionClass.STICKING:
+                    again |= chaotic
         winds = kind == MotionClass.QUASI_PERIODIC
         if window is not windows[-1] and winds[left].any():
             again |= winds & (window is not windows[-2] or not _winds_on(runner, settled, winds, windows[-1]))

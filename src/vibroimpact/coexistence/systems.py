@@ -87,7 +87,8 @@ def _points(phases: Floats, velocities: Floats, stops: Counts) -> Floats:
 def cycles(runner: Runner, settled: Settled) -> Iterator[tuple[int, Seen, Counts]]:
     """Yield every cycle that initial conditions lead to: a representative, the cycle, and all of them."""
     found: list[tuple[int, Seen, list[Counts]]] = []
-    left = np.flatnonzero(np.isin(settled.kind, (MotionClass.PERIODIC, MotionClass.STICKING)))
+    repeats = settled.indices["n_periods"] > 0
+    left = np.flatnonzero(repeats & np.isin(settled.kind, (MotionClass.PERIODIC, MotionClass.STICKING)))
     while left.size:
         at = int(left[settled.indices["impacts"][left].argmin()])  # the one that settled first
         seen = follow(runner, settled, at, [known for _, known, _ in found])

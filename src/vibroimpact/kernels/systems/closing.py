@@ -1,11 +1,11 @@
 """End a cell whose motion has settled on a cycle: its remaining impacts are known.
 
 A cycle of p impacts is walked from one of them in lanes, with a deviation along each coordinate and rate: that gives
-its Jacobian M, and the difference d of its end from its start. It is certain if a power
-of M is a contraction, which bounds all that follow, and if the way still to go to the periodic orbit, at most
-|(I - M)^-1 d| (1 + max |M^i|), changes no impact by more than 1e-12 of V. That holds through rests as well; no rest is
-taken to erase a memory. Then one cycle is made in the cell itself, and what it adds to each sum is added as often as
-whole cycles fit, first into the impacts that are left out and then into those that are kept. The remainder is made.
+its Jacobian M, and the difference d of its end from its start. It is certain if a power of M is a contraction, which
+bounds all that follow, and if the way still to go to the periodic orbit, at most |(I - M)^-1 d| (1 + max |M^i|),
+changes no impact by more than 1e-12 of V. That holds through rests as well, unless rounding decides when the next one
+comes. Then one cycle is made in the cell itself, and what it adds to each sum is added as often as whole cycles fit,
+first into the impacts that are left out and then into those that are kept. The remainder is made.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.march import (
     BEFORE,
     BESIDE,
+    DECAY,
     DRAINED,
     EACH,
     FIRST,
     FROM,
-    GREW,
     HITS,
     IMPACTS,
     KNOWN,
@@ -32,6 +32,7 @@ from vibroimpact.kernels.systems.march import (
     MISS,
     PEAK,
     PERIODS,
+    RATE,
     RESTING,
     RETURNED,
     STICKS,
@@ -40,13 +41,14 @@ from vibroimpact.kernels.systems.march import (
     WATCHED,
     moment,
 )
-from vibroimpact.kernels.systems.tangent import accelerate, confine, happen_beside, leave_centre
+from vibroimpact.kernels.systems.tangent import UNRESOLVED, accelerate, confine, deviate, happen_beside, leave_centre
 from vibroimpact.kernels.vectors import LANES
 
 SURE = 1e-12  # of V: the most that the remaining way may change an impact
 NOT_SMALL = 1e-3  # of the cycle's weakest impact: nearer to a graze nothing is linear
 WALK = 1 << 16  # steps after which a walk is given up
 SQUARED = 20  # times, M at most
+DOUBLED = 36  # times: what M^(2^i) is more than a power of its spectral radius counts 2^-i of that
 RETURNS = 4  # at most, until a cycle has its name: the impact that gives it may be replaced on the way
 NOT_SUMS = FIRST, LARGEST, PEAK, BEFORE, RESTING, MISS, TURNED  # among the numbers of a stop
 
@@ -119,6 +121,7 @@ def _walk(room, alone, impacts, first):
     Return whether it came exactly so far, its weakest impact and the largest deviation on the way.
     """
     k, lanes, rows, weakest, largest, found = alone.layout, alone.lanes, alone.end, math.inf, 1.0, 0
+    lost, later = False, 1.0
     for lane in range(LANES):
         copy(alone.start, rows)
         for j in range(2 * k.modes):
@@ -133,7 +136,15 @@ def _walk(room, alone, impacts, first):
         for lane in range(min(LANES, 2 * k.modes - first) if lanes[k.hit * LANES] != NOTHING else 0):
             lift(lanes, lane, rows)
             more, hard, size = _cross(rows, k, room)
-            weakest, largest = min(weakest, hard), max(largest, size)
+            weakest = min(weakest, hard)
+            if size == 0.0:  # begun anew, to see how far neighbours part up to the next rest
+                lost = True
+                deviate(rows, k)
+                leave_centre(rows, k, None)
+            elif lost:
+                later = max(later, size)
+            else:
+                largest = max(largest, size)
             lower(lanes, lane, rows, k.constants)
         found += more
         if found >= impacts or lanes[k.lawless * LANES] > 0.0:
@@ -141,8 +152,9 @@ def _walk(room, alone, impacts, first):
     for lane in range(min(LANES, 2 * k.modes - first)):
         lift(lanes, lane, rows)
         leave_centre(rows, k, None)
-        copy(rows[k.deta : k.deta + 2 * k.modes], alone.jacobian[:, first + lane])
-    return found == impacts and rows[k.lawless] == 0.0, weakest, largest
+        for j in range(2 * k.modes):
+            alone.jacobian[j, first + lane] = 0.0 if lost else rows[k.deta + j]
+    return found == impacts and rows[k.lawless] == 0.0, weakest, largest * later
 
 
 @inner(inline="always")
@@ -191,17 +203,12 @@ def _way_to_go(alone):
 
     The difference of turn 2^i is that of turn 2^(i - 1) and M^(2^(i - 1)) times that.
     """
-    power, product, way, moved = alone.power, alone.product, alone.apart, alone.moved
+    power, way, moved = alone.power, alone.apart, alone.moved
     for i in range(len(way)):
         copy(alone.jacobian[i], power[i])
     largest = 1.0
     for _ in range(SQUARED):
-        size, total = 0.0, 0.0
-        for j in range(len(way)):
-            column = 0.0
-            for i in range(len(way)):
-                column += abs(power[i, j])
-            size = max(size, column)
+        size, total = _size(power), 0.0
         largest = max(largest, size)
         _apply(power, way, moved)
         for j in range(len(way)):
@@ -209,14 +216,51 @@ def _way_to_go(alone):
             total += abs(way[j])
         if size < 0.5:
             return total / (1.0 - size) * (1.0 + largest)
-        for i in range(len(way)):
-            for j in range(len(way)):
-                product[i, j] = 0.0
-                for m in range(len(way)):
-                    product[i, j] += power[i, m] * power[m, j]
-        for i in range(len(way)):
-            copy(product[i], power[i])
+        _square(alone)
     return math.inf
+
+
+@inner
+def _size(matrix):
+    """Return the largest sum of the sizes of a column."""
+    largest = 0.0
+    for j in range(len(matrix)):
+        column = 0.0
+        for i in range(len(matrix)):
+            column += abs(matrix[i, j])
+        largest = max(largest, column)
+    return largest
+
+
+@inner
+def _square(alone):
+    """Make the power of M its square."""
+    power, product = alone.power, alone.product
+    for i in range(len(power)):
+        for j in range(len(power)):
+            product[i, j] = 0.0
+            for m in range(len(power)):
+                product[i, j] += power[i, m] * power[m, j]
+    for i in range(len(power)):
+        copy(product[i], power[i])
+
+
+@inner
+def _decay(alone):
+    """Return ln of the spectral radius of M, the limit of ln |M^(2^i)| / 2^i; powers are brought to size 1."""
+    power, total, share = alone.power, 0.0, 1.0
+    for i in range(len(power)):
+        copy(alone.jacobian[i], power[i])
+    for _ in range(DOUBLED):
+        size = _size(power)
+        if size == 0.0:
+            return -math.inf
+        total, share = total + share * math.log(size), 0.5 * share
+        for i in range(len(power)):
+            for j in range(len(power)):
+                power[i, j] /= size
+        _square(alone)
+    return total
 
 
 @inner(inline="always")
@@ -230,29 +274,13 @@ def _certain(rows, k, room, note, alone, impacts):
         if not whole:
             return 0.0
         least, spread = min(least, weakest), max(spread, largest)
+    if not math.log(spread) < UNRESOLVED:
+        return 0.0
     size, periods = _compare(room, alone)
     if not size < SURE * rows[k.speed]:
         return 0.0
     way = _way_to_go(alone) * spread
     return periods if way < SURE * rows[k.speed] and way < NOT_SMALL * least else 0.0
-
-
-@inner(inline="always")
-def _grow(rows, k, note, alone, times, counted):
-    """Carry the deviation, of length 1, over so many cycles."""
-    deviation = rows[k.deta : k.deta + 2 * k.modes]
-    for _ in range(times):
-        _apply(alone.jacobian, deviation, alone.moved)
-        square = 0.0
-        for j in range(2 * k.modes):
-            square += alone.moved[j] ** 2
-        if square > 0.0:
-            for j in range(2 * k.modes):
-                deviation[j] = alone.moved[j] / math.sqrt(square)
-        if counted:
-            note[GREW] += 0.5 * math.log(square) if square > 0.0 else -math.inf
-        if square == 0.0:
-            return
 
 
 @inner(inline="always")
@@ -291,6 +319,8 @@ def close(rows, k, room, note, window, alone):
     if not _make(rows, k, room, note, window, alone, 1.0):
         return
     periods, place = _certain(rows, k, room, note, alone, impacts), note[HITS]
+    if periods > 0.0 and k.thorough:
+        note[DECAY], note[RATE] = _decay(alone) / periods, impacts / periods
     for bound in (transient, total):
         if periods == 0.0:
             return
@@ -316,8 +346,6 @@ def close(rows, k, room, note, window, alone):
             for at in range(SUMS, len(note), EACH):
                 note[at + RESTING] = (note[at + LATEST] - alone.note[at + LATEST]) * note[PERIODS] / periods
         _skip(rows, k, note, alone, times, periods)
-        if k.thorough:
-            _grow(rows, k, note, alone, times, bound == total)
         if bound == total and place <= transient and 2.0 * (transient + 1.0) > total:
             known = transient + 1.0  # of the cycle, as all later ones
         note[FROM] = known if bound == transient or 2.0 * known > total else total

@@ -26,7 +26,7 @@ from vibroimpact.kernels.systems.march import (
 )
 from vibroimpact.kernels.systems.push import meet
 from vibroimpact.kernels.systems.step import step
-from vibroimpact.kernels.systems.tangent import before, cross_one, measure_growth, pass_over, recur
+from vibroimpact.kernels.systems.tangent import before, cross_one, lost, measure_growth, pass_over, recur
 from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
 
 ALIKE = 2e-12  # of V: how near the speed of an impact must come back to be looked at
@@ -78,7 +78,7 @@ def occur(rows, k, room, note, window):
     z = int(rows[k.which])
     if k.thorough:
         pass_over(rows, k, room, struck, closing)
-        if struck:  # growth counts from the first impact of the window on
+        if struck or lost(rows, k):  # growth counts from the first impact of the window on
             measure_growth(rows, note, k, None, note[HITS] < window.total, note[HITS] > window.transient)
     recorded = add_all(rows, k, room, note, struck, window)
     if window.closes and recorded:

@@ -27,15 +27,18 @@ from vibroimpact.kernels.systems.march import (
     EACH,
     FROM,
     GREW,
+    GROWN,
     HITS,
     IMPACTS,
     LATEST,
     NEAREST,
+    PARTED,
     PERIODS,
     RESTING,
     SINCE,
     SUMS,
     TURNED,
+    UNSURE,
     happen,
     mark,
 )
@@ -44,6 +47,7 @@ from vibroimpact.kernels.systems.rest import all_held, measure
 from vibroimpact.kernels.vectors import anywhere, fma, get, no, put, select
 
 NEAR = 1e-7  # of V, of the modes' rates and their amplitudes: an impact that comes back so near is the same
+UNRESOLVED = math.log(1e13)  # growth between two rests from which on rounding decides when the second one comes
 LOST = 2.0**-27  # of the deviation's length: its square is below rounding
 
 
@@ -211,6 +215,15 @@ def deviate(rows, k):
 
 
 @inner
+def lost(rows, k):
+    """Return whether a rest that is over has taken all of the deviation."""
+    size = 0.0
+    for j in range(2 * k.modes):
+        size += abs(rows[k.deta + j])
+    return size == 0.0 and not all_held(rows, k)
+
+
+@inner
 def leave_centre(rows, k, wide):
     """Take from the deviation the place and the drift of a free centre: nothing depends on them."""
     for j in range(2 * k.modes if k.free else 0):  # amplitudes, then rates
@@ -222,8 +235,8 @@ def leave_centre(rows, k, wide):
 def measure_growth(rows, notes, k, wide, here, counted):
     """Make the deviation of length 1 again, and add the logarithm of what it was, or begin to count here.
 
-    What a closed stop took of it is begun anew before it counts; after that the exponent is minus infinity of one that
-    is taken wholly.
+    What a closed stop took of it is begun anew before it counts; after that only one that is taken wholly is: its
+    exponent is minus infinity, and how far neighbours part up to the next rest says whether rounding decides that.
     """
     leave_centre(rows, k, wide)
     square = 0.0 * get(rows, k.deta, wide)
@@ -233,10 +246,14 @@ def measure_growth(rows, notes, k, wide, here, counted):
     length = math.sqrt(select(here & left, square, 1.0))
     for j in range(2 * k.modes):
         put(rows, k.deta + j, wide, get(rows, k.deta + j, wide) / length)
-    if anywhere(here & no(counted)):
-        _begin_anew(rows, k, wide, here & no(counted), left)
+    if anywhere(here & (no(counted) | no(left))):
+        _begin_anew(rows, k, wide, here & (no(counted) | no(left)), left)
     grew = select(left, math.log(length), -math.inf)
     put(notes, GREW, wide, select(here, select(counted, grown + grew, 0.0), grown))
+    parted, rests = get(notes, PARTED, wide), here & no(left)
+    unsure, sum_ = rests & (parted > UNRESOLVED), parted + grew
+    put(notes, UNSURE, wide, select(unsure, get(notes, HITS, wide), get(notes, UNSURE, wide)))
+    put(notes, PARTED, wide, select(here, select(sum_ > 0.0, sum_, 0.0), parted))
 
 
 @inner
@@ -306,7 +323,7 @@ def _know(rows, notes, k, wide, here, hits, z):
         at = SUMS + y * EACH
         put(notes, at + BEFORE, wide, select(here, get(notes, at + LATEST, wide), get(notes, at + BEFORE, wide)))
         put(notes, at + TURNED, wide, select(here, 0.0, get(notes, at + TURNED, wide)))
-    for at, value in ((FROM, hits), (AT, z), (NEAREST, get(rows, k.speed, wide))):
+    for at, value in ((FROM, hits), (AT, z), (NEAREST, get(rows, k.speed, wide)), (GROWN, get(notes, GREW, wide))):
         put(notes, at, wide, select(here, value, get(notes, at, wide)))
     for at in (CHATTERED, IMPACTS, PERIODS):
         put(notes, at, wide, select(here, 0.0, get(notes, at, wide)))

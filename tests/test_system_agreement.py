@@ -1,0 +1,72 @@
+"""Maps, classes, verdicts, attractors and orbits of one system say the same of it."""
+
+import os
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from systems import a_random_machine
+from vibroimpact.coexistence.systems import alike
+from vibroimpact.motion import MotionClass, motion_name
+from vibroimpact.orbits import same_orbit
+
+SEEDS = 200 if "FUZZ" in os.environ else 12  # `make fuzz` asks for all
+INDICES = ("lyapunov", "lyapunov_per_impact", "n_periods", "n_impacts")
+NEAR = 1e-5  # of cycles found by iteration and by Newton's method
+SETTLES = 0.98  # multipliers beyond settle too slowly for a sample to show it
+
+
+def named(sweep):
+    """Return the kind and the name of the only cell of a map."""
+    cell = vi.classify(sweep).isel(omega=0)
+    kind = MotionClass(int(cell["motion"]))
+    return kind, motion_name(kind, int(cell["n_periods"]), int(cell["n_impacts"]))
+
+
+def check_the_map(system, verdict):
+    """A motion that both decide has one name, and an exponent that agrees to 1 % of its decay."""
+    sweep = vi.parameter_map(system, omega=[system.omega], indices=INDICES)
+    kind, name = named(sweep)
+    decided = MotionClass.UNDECIDED not in (kind, verdict.motion.motion_class.stored)
+    if decided and verdict.motion.motion_class.hits:
+        assert name == verdict.motion.name
+    elif decided:
+        assert kind == verdict.motion.motion_class.stored
+    if verdict.orbit is not None and kind == MotionClass.PERIODIC:
+        exponent = verdict.orbit.lyapunov
+        assert float(sweep["lyapunov"][0]) == pytest.approx(exponent, rel=0.01), name
+
+
+def check_the_orbits(system, found):
+    """Every cycle that is reached is an orbit that `find_orbit` knows, and every stable orbit of one contact is told."""
+    cycles = [one for one in found if one.kind == MotionClass.PERIODIC.word]
+    for one in cycles:
+        assert one.orbit is not None, one.name
+        assert one.orbit.stable
+        assert one.orbit.admissible
+        if one.n_impacts == 1:
+            known = vi.find_orbit(system, n_periods=one.n_periods)
+            assert any(same_orbit(orbit, one.orbit, tolerance=NEAR) for orbit in known), (one.name, known.message)
+    for orbit in (orbit for n in (1, 2) for orbit in vi.find_orbit(system, n_periods=n)):
+        if orbit.stable and orbit.admissible and orbit.spectral_radius < SETTLES:
+            assert any(same_orbit(orbit, one.orbit, tolerance=NEAR) for one in cycles), (orbit.name, orbit.velocities)
+
+
+def check_the_starts(system, found):
+    """A state on an attractor leads to it."""
+    for one in found:
+        (again,) = vi.attractors(system, [one.start], workers=1)
+        assert again.kind == one.kind, one.name
+        assert one.kind != MotionClass.PERIODIC.word or alike(again, one), one.name
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(SEEDS))
+def test_all_that_is_said_of_a_random_machine_agrees(seed):
+    system = a_random_machine(np.random.default_rng([38, seed]))
+    verdict, found = vi.describe(system, parameters=[], workers=1), vi.attractors(system, workers=1)
+    assert {(one.start, one.share) for one in found} <= {(one.start, one.share) for one in verdict.attractors}
+    check_the_map(system, verdict)
+    check_the_orbits(system, found)
+    check_the_starts(system, found)
