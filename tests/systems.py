@@ -193,3 +193,44 @@ def a_random_machine(rng):
             for side, gap in sides
         ],
     )
+
+
+def free_masses(seed):
+    """Return two or three masses without a spring to the ground between stops on one another, rigid or compliant ones,
+    under loads that move their centre, too, some with drag in proportion to their masses.
+    """
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 4))
+    mass, between, damping = np.diag(rng.uniform(0.3, 2.0, n)), np.zeros((n, n)), np.zeros((n, n))
+    if seed % 3 == 0:
+        shape = rng.standard_normal((n, n))
+        mass = shape @ shape.T + np.eye(n)
+    for i, j in zip(*np.triu_indices(n, 1), strict=True):
+        apart = np.eye(n)[i] - np.eye(n)[j]
+        between += rng.uniform(0.2, 3.0) * (n == 3 and rng.random() < 0.5) * np.outer(apart, apart)
+    stops = []
+    for _ in range(int(rng.integers(1, 3))):
+        i, j = rng.choice(n, 2, replace=False)
+        contact = {"stiffness": rng.uniform(50.0, 300.0), "damping": rng.uniform(0.1, 2.0)}
+        contact = contact if seed % 4 == 1 else {"restitution": rng.uniform(0.3, 0.9)}
+        apart = np.eye(n)[i] - np.eye(n)[j]
+        damping += rng.uniform(0.02, 0.3) * (rng.random() < 0.6) * np.outer(apart, apart)
+        stops += [vi.Stop(direction=sign * apart, gap=rng.uniform(0.1, 0.8), **contact) for sign in (1, -1)]
+    damping += 0.1 * between + 0.05 * (seed % 2) * mass
+    load, constant = rng.standard_normal(n), rng.choice([0.0, 0.2]) * rng.standard_normal(n)
+    return system(mass, damping, between, rng.uniform(0.7, 2.0), stops, {1: load}, constant)
+
+
+def beside_its_centre(model):
+    """Return a system in coordinates without the rigid-body motions that no stop feels, and how many those are."""
+    felt = np.vstack([model.stiffness, [stop.direction for stop in model.stops]])
+    _, sizes, rows = np.linalg.svd(felt)
+    rank = int((sizes > 1e-10 * sizes[0]).sum())
+    basis = np.linalg.svd(rows[rank:] @ model.mass)[2][len(rows) - rank :].T
+    assert np.abs(rows[rank:] @ model.damping @ basis).max(initial=0.0) < 1e-12
+    mass, damping, between = (basis.T @ part @ basis for part in (model.mass, model.damping, model.stiffness))
+    between[np.abs(between) < 1e-13] = damping[np.abs(damping) < 1e-14] = 0.0
+    constant = None if model.force.constant is None else model.force.constant @ basis
+    stops = [stop.replace(direction=stop.direction @ basis) for stop in model.stops]
+    load = {order: force @ basis for order, force in model.force.harmonics.items()}
+    return system(mass, damping, between, model.omega, stops, load, constant), len(rows) - rank

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from systems import one_mass
+from systems import beside_its_centre, one_mass
 from systems import system as of
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.backends.reference.systems import LinearSystem, RigidStop, follow
@@ -419,3 +419,27 @@ def test_a_particle_that_nothing_strikes_makes_no_cycle_quasi_periodic():
     assert found.name == "period-2 impact-4"
     section = vi.impact_section(damper, transient_impacts=1000, sample_impacts=9)
     assert section["velocity"].values[4:8] == pytest.approx(section["velocity"].values[:4], rel=1e-6)
+
+
+def free_pair(gap, load, mass=(1.0, 1.0), damping=0.0):
+    stops = [vi.Stop(direction=[sign, -sign], gap=gap, restitution=0.5) for sign in (1, -1)]
+    return of(np.diag(mass), damping * np.array([[1.0, -1.0], [-1.0, 1.0]]), 0.0, 1.0, stops, {1: load})
+
+
+def test_two_free_masses_lead_where_their_relative_motion_does():
+    (found,) = attractors(free_pair(3.0, [1.0, -1.0]))
+    assert (found.name, found.share) == ("period-1 impact-2", 1.0)
+    assert found.velocities == pytest.approx([4.014863874979368] * 2, rel=1e-12)
+    pair = free_pair(0.9, [1.0, -0.5], mass=(1.0, 1.5))
+    both = [attractors(model) for model in (pair, beside_its_centre(pair)[0])]
+    seen, own = ([(one.name, one.share, round(one.max_velocity, 6)) for one in found] for found in both)
+    assert seen == own
+
+
+@pytest.mark.parametrize(("damping", "names"), [(0.0, []), (0.1, ["no impact"])])
+def test_a_load_that_moves_the_centre_alone_drives_no_impacts(damping, names):
+    pair = free_pair(0.5, [0.3, 1.7], mass=(0.3, 1.7), damping=damping)
+    assert [one.name for one in attractors(pair)] == names
+    mass = 0.3 * 1.7 / 2.0
+    stops = [vi.Stop(direction=sign, gap=0.5, restitution=0.5) for sign in (1, -1)]
+    assert [one.name for one in attractors(of(mass, damping, 0.0, 1.0, stops))] == names

@@ -7,7 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from designs import RESTS
-from systems import one_mass
+from systems import beside_its_centre, free_masses, one_mass
 from test_system_orbits import bouncing_ball
 from vibroimpact import models
 from vibroimpact.backends.system_carry import Carrier
@@ -272,3 +272,71 @@ def test_a_rest_whose_time_rounding_decides_ends_no_cycle(hardest, early):
             cell = vi.parameter_map(model, omega=[osc.omega], indices=NAMED, early_closing=early).isel(omega=0)
             assert np.isneginf(cell["lyapunov_per_impact"])
             assert (int(cell["n_periods"]), int(cell["n_impacts"])) == (0, -1)
+
+
+# Masses whose centre is free
+
+
+def two_free_masses(gap, **changes):
+    given = {
+        "mass": np.eye(2),
+        "damping": 0.0,
+        "stiffness": 0.0,
+        "force": vi.Force(omega=1.0, harmonics={1: [1.0, -1.0]}),
+        "stops": [vi.Stop(direction=[sign, -sign], gap=gap, restitution=0.5) for sign in (1, -1)],
+    }
+    return vi.ImpactSystem(**given | changes)
+
+
+def test_two_free_masses_have_the_exponent_of_the_one_mass_that_moves_as_one_does_from_the_other():
+    pair = two_free_masses(0.5)
+    one, _ = beside_its_centre(pair)
+    (found, periods), (own, _) = (index(model, "lyapunov", "n_periods") for model in (pair, one))
+    assert periods == 0
+    assert found == pytest.approx(own, abs=0.02)  # of 3000 impacts of chaos
+    assert own == pytest.approx(0.196, abs=0.02)
+    section = vi.impact_section(pair, transient_impacts=0, sample_impacts=100)
+    assert section.sizes["stick"]  # in the transient, which took all of the deviation but the drift
+
+
+def test_drag_and_loads_on_the_centre_alone_change_no_exponent():
+    mass = np.diag([1.0, 3.0])
+    load = vi.Force(omega=1.0, harmonics={1: [1.0, -1.0]})
+    pushed = vi.Force(omega=1.0, harmonics={1: [2.0, 2.0]}, constant=[0.1, 0.3])
+    plain, moved = (two_free_masses(3.0, mass=mass, force=force) for force in (load, pushed))
+    named = [index(model, *NAMED, transient_impacts=500) for model in (plain, moved)]
+    assert named[0][:2] == named[1][:2] == [1, 2]
+    assert named[0][2] == pytest.approx(named[1][2], rel=1e-9)
+    braked = two_free_masses(3.0, mass=mass, damping=1e-3 * mass, force=pushed)
+    own = index(beside_its_centre(braked)[0], *NAMED, transient_impacts=500)
+    assert index(braked, *NAMED, transient_impacts=500) == pytest.approx(own, abs=1e-3)  # a complex pair: 1/N
+
+
+def test_free_masses_have_the_names_and_exponents_of_their_relative_motion():
+    named = 0
+    for seed in range(24):
+        model = free_masses(seed)
+        own, centres = beside_its_centre(model)
+        seen = [index(one, "n_periods", "n_impacts", "max_velocity", "lyapunov", sample_impacts=500,
+                      transient_impacts=1500) for one in (model, own)]  # fmt: skip
+        assert centres > 0
+        if any(0 < one[0] <= 8 for one in seen):
+            assert seen[0][:2] == seen[1][:2], seed
+            assert seen[0][2] == pytest.approx(seen[1][2], rel=1e-6)
+            assert seen[0][3] == pytest.approx(seen[1][3], abs=0.02), seed  # a complex pair: 1/N
+            named += 1
+    assert named > 8
+
+
+def test_a_rest_in_the_transient_hides_no_chaos_behind_another_part_of_the_machine():
+    """The first mass, on its own, comes to rest once before it is chaotic; the second one only decays."""
+    machine = vi.ImpactSystem(
+        mass=np.eye(2),
+        damping=np.diag([0.0, 0.2]),
+        stiffness=np.diag([0.0, 2.0]),
+        force=vi.Force(omega=1.0, harmonics={1: [2.0, 1.0]}),
+        stops=[vi.Stop(direction=[sign, 0], gap=0.5, restitution=0.5) for sign in (1, -1)],
+    )
+    assert vi.impact_section(machine, transient_impacts=0, sample_impacts=100).sizes["stick"] == 1
+    (found,) = index(machine, "lyapunov")
+    assert found == pytest.approx(0.196, abs=0.02)

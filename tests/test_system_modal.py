@@ -297,3 +297,48 @@ def test_a_load_that_springs_carry_only_shifts_the_rest_position():
     stops = [stop.replace(gap=stop.gap + stop.direction @ shift) for stop in system.stops]
     there = vi.ImpactSystem(**{**system.arguments(), "force": force, "stops": stops})
     assert there.velocity_scale == pytest.approx(system.velocity_scale, rel=1e-10)
+
+
+# A free centre
+
+
+def on_one_another(mass, damping=0.0, stiffness=0.0, stops=((1, -1),)):
+    made = [vi.Stop(direction=direction, gap=0.5) for direction in stops]
+    return vi.ImpactSystem(mass=mass, damping=damping, stiffness=stiffness, force=vi.Force(omega=1.0), stops=made)
+
+
+def test_the_centre_of_free_masses_is_a_mode_that_no_stop_feels():
+    form = on_one_another(np.diag([0.3, 1.1])).modal()
+    assert form.neutral.tolist() == [[True, False]] * 2
+    assert form.directions[:, 0] == 0.0
+    assert form.shapes[:, 0] == pytest.approx(1.0, rel=1e-15)
+    assert form.shapes[:, 1] / form.shapes[0, 1] == pytest.approx([1.0, -0.3 / 1.1])
+    assert not on_one_another(np.eye(2), stops=((1, -1), (1, 0))).modal().neutral.any()
+    assert not on_one_another(np.eye(2), stiffness=np.diag([1.0, 0.0])).modal().neutral.any()
+    third = on_one_another(np.eye(3), stops=((1, -1, 0),)).modal().neutral
+    assert third.sum(axis=1).tolist() == [2, 2]  # of the pair, and the third mass
+
+
+@pytest.mark.parametrize("soft", [1.0, 1e-3])
+def test_rounding_of_a_chain_of_stiff_and_soft_springs_hides_no_free_centre(soft):
+    links = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])
+    stiffness = links.T @ np.diag([0.1e6, 0.3 * soft]) @ links
+    form = on_one_another(np.diag([0.7, 1.3, 0.9]), 0.01 * stiffness, stiffness, ((1, 0, -1),)).modal()
+    assert form.neutral.tolist() == [[True, False, False]] * 2
+    assert not form.directions[:, 0].any()
+    assert not form.damping[0].any()
+
+
+def test_a_drift_is_felt_where_drag_differs_from_mass_to_mass_and_a_place_never():
+    alike, differing = (on_one_another(np.eye(2), np.diag(drag)).modal() for drag in ([0.1, 0.1], [0.1, 0.3]))
+    assert alike.neutral.tolist() == [[True, False], [True, False]]
+    assert differing.neutral.tolist() == [[True, False], [False, False]]
+    assert alike.decoupled
+    assert alike.damping == pytest.approx(0.1 * np.eye(2))
+
+
+def test_powers_of_two_scale_the_modes_of_free_masses_exactly():
+    one, two = (on_one_another(unit * np.diag([0.3, 1.1, 0.7]), stops=((1, -1, 0), (0, 1, -1))).modal()
+                for unit in (1.0, 2.0))  # fmt: skip
+    assert (one.shapes == two.shapes).all()
+    assert (2.0 * one.masses == two.masses).all()

@@ -658,13 +658,13 @@ def test_stops_that_are_struck_together_are_no_single_impact():
 
 
 def free_pair(constant=None, harmonic=0.0):
-    """Return a mass in front of a stop, and a free one that nothing stops."""
+    """Return a mass in front of a stop, and a free one between stops far away."""
     return vi.ImpactSystem(
         mass=np.eye(2),
         damping=np.diag([0.1, 0.0]),
         stiffness=np.diag([1.0, 0.0]),
         force=vi.Force(omega=2.0, harmonics={1: [1.0, harmonic]}, constant=constant),
-        stops=[vi.Stop(direction=[1, 0], gap=0.0, restitution=0.8)],
+        stops=[vi.Stop(direction=[1, 0], gap=0.0, restitution=0.8), vi.Stop(direction=[0, 1], gap=9.0)],
     )
 
 

@@ -120,6 +120,7 @@ def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, sto
     directions[:, neutral[0]] = 0.0
     orders = sorted({*force.harmonics, *(order for stop in stops for order in stop.motion)})
     none = np.zeros(n)
+    constant = none if force.constant is None else force.constant
     forces = np.array([force.harmonics.get(order, none) for order in orders], np.complex128).reshape(-1, n)
     return ModalForm(
         shapes=shapes,
@@ -131,15 +132,23 @@ def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, sto
         neutral=neutral,
         directions=directions,
         jumps=directions / masses,
-        constant=(none if force.constant is None else force.constant) @ shapes / masses,
+        constant=_along(constant, shapes, neutral) / masses,
         orders=np.array(orders, np.int64),
-        forces=forces @ shapes / masses,
+        forces=_along(forces, shapes, neutral) / masses,
         **numbers_of(stops),
         motions=np.array([[stop.motion.get(order, 0.0) for order in orders] for stop in stops], np.complex128).reshape(
             len(stops), len(orders)
         ),
         omega=force.omega,
     )
+
+
+def _along(forces: Any, shapes: Floats, neutral: Any) -> Any:
+    """Return the modal forces; what rounding leaves of those that only move a free centre is 0 on the other modes."""
+    found = forces @ shapes
+    if neutral.any():
+        found[np.abs(found) <= len(shapes) * ROUNDING * (np.abs(forces) @ np.abs(shapes))] = 0.0
+    return found
 
 
 @lru_cache(KEPT)

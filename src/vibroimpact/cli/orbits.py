@@ -113,7 +113,7 @@ def orbits_dataset(found: Orbits[Any], model: Model, arguments: Mapping[str, Any
     several = not isinstance(model.at(), ImpactOscillator)
     for part, text in parts.items():
         rows = [[getattr(complex(value), part) for value in orbit.multipliers] for orbit in found]
-        table = np.array(rows).reshape(len(found), 2 * np.size(model.at().mass, 0) if several else 2)
+        table = np.array(rows) if rows else np.empty((0, 2 * np.size(model.at().mass, 0) if several else 2))
         if several:
             content[f"multiplier_{part}"] = number(("orbit", "multiplier"), table, text)
         else:
@@ -171,7 +171,7 @@ SUMMED = "name", "stable", "trace", "determinant"
 
 def _plain(orbit: Orbit | SystemOrbit) -> dict[str, Any]:
     content = {key: value for key, value in vars(orbit).items() if key not in ("oscillator", "system", "family")}
-    for key in {"multipliers", "half_multipliers"} & set(content):
+    for key in {"multipliers", "half_multipliers", "neutral"} & set(content):
         content[key] = [[z.real, z.imag] for z in content[key]]
     if "start" in content:
         content["start"] = asdict(content["start"])

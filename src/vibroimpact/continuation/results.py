@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -120,7 +121,8 @@ class Branch:
     def dataset(self) -> xr.Dataset:
         """The branch as a labelled dataset over `point`, its special points over `special`."""
         p, model = max(orbit.n_impacts for orbit in self.orbits), self.orbits[0].model
-        multipliers = np.array([orbit.multipliers for orbit in self.orbits])
+        several = zip_longest(*(orbit.multipliers for orbit in self.orbits), fillvalue=math.nan)
+        multipliers = np.array(list(several)).T  # a centre that drag brakes has one more than a free one
         content = orbit_variables(self.orbits, p, "point") | {
             "multiplier_real": number(("point", "multiplier"), multipliers.real, "real part of multiplier"),
             "multiplier_imag": number(("point", "multiplier"), multipliers.imag, "imaginary part of multiplier"),
