@@ -37,8 +37,8 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
        .. math:: N \lambda_\mathrm{impact} > 53 \ln 2 \approx 36.7,
 
        in a window of at least 10 driving periods;
-    6. *quasi-periodic*, of systems of two coordinates or more: no cycle, and over N >= 1000 sampled impacts neighbours
-       keep their distance, or part no faster than in proportion to N,
+    6. *quasi-periodic*, of systems of two coordinates or more, a free centre not counted: no cycle, and over N >= 1000
+       sampled impacts neighbours keep their distance, or part no faster than in proportion to N,
 
        .. math:: -1 \le N \lambda_\mathrm{impact} \le \ln N;
 
