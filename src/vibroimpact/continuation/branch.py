@@ -130,7 +130,7 @@ def continue_orbit(
     system, z = system_of(orbit, (parameter,), (ends,))
     x = _corrected(system, system.pack(z))
     with reporter(progress, "orbits") as report:
-        down, up = both_ways(partial(walk, system, x, longest, virtual), report)
+        down, up = both_ways(partial(_made, system, x, longest, virtual), report)
     special = [special.bifurcation(parameter) for special in down.special[::-1] + up.special]
     orbits = [p.orbit for p in down.points[:0:-1] + up.points]
     message = course("branch", orbits, (parameter,), (down.end, up.end))
@@ -166,6 +166,14 @@ def _corrected(system: Equations, x: Floats) -> Floats:
     if np.abs(system.misses(x)).max() < 1e-9:
         return x  # at a fold: solved, though the parameter does not fix it
     raise ValueError("`orbit` does not return to itself; give a periodic orbit that find_orbit returned")
+
+
+def _made(system: Equations, x: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
+    """Yield a branch as `walk` does, and make the orbit of each point where its flights are known still."""
+    made = 0
+    for way in walk(system, x, longest, virtual, direction):
+        made += sum(point.orbit is not None for point in way.points[made:])
+        yield way
 
 
 def walk(

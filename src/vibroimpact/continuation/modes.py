@@ -27,6 +27,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibroimpact.cells import Floats
 from vibroimpact.continuation.following import BRANCH, DOUBLING, FOLD, LAST_IMPACT, TORUS, TOUCH, Equations, Nearest
@@ -340,7 +341,7 @@ class Modes(Equations):
         return system, x, np.append(np.linalg.svd(system.flights_jacobian(x))[2][-1], 0.0)
 
 
-def _nearest_zero(values: Sequence[complex]) -> float:
+def _nearest_zero(values: Sequence[complex] | NDArray[np.complex128]) -> float:
     """Return the product of the two numbers nearest to zero, with the sign of the product of all, which is real."""
     sizes = np.sort(np.abs(values))
     if not np.isfinite(sizes).all() or sizes[0] == 0.0:
@@ -348,12 +349,16 @@ def _nearest_zero(values: Sequence[complex]) -> float:
     return math.copysign(float(np.prod(sizes[:2])), float(np.prod(np.array(values) / np.abs(values)).real))
 
 
+def _products(multipliers: Sequence[complex]) -> NDArray[np.complex128]:
+    """Return the products of all pairs."""
+    with np.errstate(invalid="ignore"):  # one is infinite at a graze
+        return np.asarray(np.outer(multipliers, multipliers)[np.triu_indices(len(multipliers), 1)])
+
+
 _TESTS: dict[str, Any] = {
     FOLD: lambda multipliers: _nearest_zero([1.0 - value for value in multipliers]),
     DOUBLING: lambda multipliers: _nearest_zero([1.0 + value for value in multipliers]),
-    TORUS: lambda multipliers: (
-        _nearest_zero([1.0 - a * b for a, b in combinations(multipliers, 2)]) if len(multipliers) > 2 else 1.0
-    ),
+    TORUS: lambda multipliers: _nearest_zero(1.0 - _products(multipliers)) if len(multipliers) > 2 else 1.0,
 }
 
 

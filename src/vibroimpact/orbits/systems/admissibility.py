@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibroimpact.backends.base import Counts
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import STRIDE, TURN
@@ -19,6 +20,7 @@ MOST_SAMPLES = 1 << 16  # in a leg
 FEWEST_SAMPLES = 16
 TERMS = 14  # of a power series over one stride: 0.15^14/14! is below rounding
 BISECTIONS = 60
+RESOLVED = float(np.finfo(float).eps)  # of a step: how far from a minimum one may be, whose value is flat there
 
 
 def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
@@ -46,8 +48,7 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
         after = flow.struck(event.stop, states[i], begin)
         if flow.restitution[event.stop] == 0.0 and flow.clearance(event.stop, after, begin, pushing)[2] < 0.0:
             return f"after impact {number} it comes to rest at {names[event.stop]!r}"
-        leg = Leg(flow, np.append(after, begin), duration, pushing)
-        met = _first_beyond(leg, event.stop, cycle.event_after(i).stop)
+        met = _first_beyond(*flown(cycle, unknown, i), event.stop, cycle.event_after(i).stop)
         if met is not None:
             angle, other, depth = met
             if depth == 0.0:
@@ -60,22 +61,35 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
     return ""
 
 
-def _first_beyond(leg: Leg, left: int, ending: int) -> tuple[float, int, float] | None:
+def flown(cycle: Cycle, unknown: Floats, i: int) -> tuple[Leg, list[Course]]:
+    """Return leg i of an orbit, and the courses of the stops in it."""
+    known = cycle.known(unknown)
+    if i not in known:
+        flow, angles, event = cycle.flow, cycle.angles(unknown), cycle.events[i]
+        begin = flow.drive(angles[i])
+        start = np.append(flow.struck(event.stop, cycle.states(unknown)[i], begin), begin)
+        leg = Leg(flow, start, float(angles[i + 1] - angles[i]), cycle.phases[i + 1])
+        known[i] = leg, list(courses(leg, event.stop))
+    found: tuple[Leg, list[Course]] = known[i]
+    return found
+
+
+def _first_beyond(leg: Leg, met: list[Course], left: int, ending: int) -> tuple[float, int, float] | None:
     """Return where a leg first gets beyond a stop, or pulls at one: the angle since its begin, the stop, the depth.
 
     A leg that ends on another stop than expected, too, has depth 0 there.
     """
     firsts, found = [], []
-    for course in courses(leg):
-        ends = [at for at, stop in ((0, left), (-1, ending)) if stop == course.stop]
-        course.gaps[ends] = np.maximum(course.gaps[ends], 0.0)
-        places, depths = np.append(course.places, course.angles), -np.append(course.lowest, course.gaps)
+    for course in met:
+        gaps, ends = course.gaps.copy(), [at for at, stop in ((0, left), (-1, ending)) if stop == course.stop]
+        gaps[ends] = np.maximum(gaps[ends], 0.0)
+        places, depths = np.append(course.places, course.angles), -np.append(course.lowest, gaps)
         beyond = depths > ROUNDING * course.size
         if beyond.any():
             deepest = int(np.argmax(depths))
             firsts.append(float(places[beyond].min()))
             found.append((float(places[deepest]), course.stop, float(depths[deepest] * leg.flow.lengths[course.stop])))
-        elif course.stop != ending and course.gaps[-1] <= ROUNDING * course.size and course.closing:
+        elif course.stop != ending and gaps[-1] <= ROUNDING * course.size and course.closing:
             firsts.append(leg.duration)
             found.append((leg.duration, course.stop, 0.0))
     return found[int(np.argmin(firsts))] if found else None
@@ -87,15 +101,12 @@ def nearest_of(cycle: Cycle, unknown: Floats) -> tuple[int, float, float, int, f
     They are the leg, the driving angle and the clearance over its size (infinite where none has a minimum), the stop,
     and the least clearance over its size at an event of another stop than its own.
     """
-    flow, states, angles = cycle.flow, cycle.states(unknown), cycle.angles(unknown)
     nearest, beside = (0, math.nan, math.inf, 0), math.inf
-    for i, event in enumerate(cycle.events):
-        begin = flow.drive(angles[i])
-        start = np.append(flow.struck(event.stop, states[i], begin), begin)
-        for course in courses(Leg(flow, start, float(angles[i + 1] - angles[i]), cycle.phases[i + 1]), event.stop):
+    for i, angle in enumerate(unknown[: len(cycle.events)]):
+        for course in flown(cycle, unknown, i)[1]:
             if len(course.lowest) and course.lowest.min() / course.size < nearest[2]:
                 at = int(np.argmin(course.lowest))
-                nearest = i, float(angles[i] + course.places[at]), float(course.lowest[at] / course.size), course.stop
+                nearest = i, float(angle + course.places[at]), float(course.lowest[at] / course.size), course.stop
             if course.stop != cycle.event_after(i).stop:
                 beside = min(beside, float(course.gaps[-1] / course.size))
     return *nearest, beside
@@ -130,39 +141,62 @@ def courses(leg: Leg, struck: int = -1) -> Iterator[Course]:
 
     A stop that has let go and is still pressed in, u < 0, stays away from what moves as long as its force would pull.
     """
-    flow, n = leg.flow, 2 * leg.flow.n
-    angles, states = sampled(leg)
+    flow, n, seen = leg.flow, 2 * leg.flow.n, sampled(leg)
     for stop, row in enumerate(clearances(flow, leg.pushing)):
-        lag = flow.lag(stop)
-        pull, gaps, rates = pulls(row, lag), row[0] @ states, row[1] @ states
-        parts = row[0][:, None] * states
-        size = float(max(np.abs(parts[:n].sum(axis=0)).max(), np.abs(parts[n:].sum(axis=0)).max()))
+        lag, bound = flow.lag(stop), row[0].copy()
+        bound[:n] = 0.0
+        pull = pulls(row, lag)
+        gaps, rates, bounds = seen.along(np.stack([row[0], row[1], bound]))
+        size = float(max(np.abs(gaps - bounds).max(), np.abs(bounds).max()))
         if stop == struck and flow.restitution[stop] == 0.0:
             rates[0] = 0.0
         closing = bool(rates[-1] < 0.0)
         if stop in leg.pushing:
-            forces = -(pull[0] @ states)
-            places, lowest = turning_points(-pull, states, angles, -(pull[1] @ states))
-            yield Course(stop, angles, forces, places, lowest, size, closing)
+            forces, slopes = seen.along(-pull[:2])
+            yield Course(stop, seen.angles, forces, *turning_points(-pull, seen, slopes), size, closing)
             continue
-        places, lowest = turning_points(row, states, angles, rates)
+        places, lowest = turning_points(row, seen, rates)
         if lag:
-            gaps = np.maximum(gaps, pull[0] @ states)
-            others, least = turning_points(pull, states, angles, pull[1] @ states)
-            pressed = np.interp(others, angles, row[0] @ states) < 0.0
+            pulled, slopes = seen.along(pull[:2])
+            others, least = turning_points(pull, seen, slopes)
+            pressed = np.interp(others, seen.angles, gaps) < 0.0
             places, lowest = np.append(places, others[pressed]), np.append(lowest, least[pressed])
-        yield Course(stop, angles, gaps, places, lowest, size, closing)
+            gaps = np.maximum(gaps, pulled)
+        yield Course(stop, seen.angles, gaps, places, lowest, size, closing)
 
 
-def turning_points(series: Floats, states: Floats, angles: Floats, slopes: Floats) -> tuple[Floats, Floats]:
-    """Return where what power series of the states describe has minima between samples, and their values."""
+class Samples(NamedTuple):
+    """States and drives at equal steps of a leg, at `angles` since its start.
+
+    Those after every so many steps are the columns of `coarse`, and the matrices `fine` lead over 0, 1, ... steps on:
+    what is linear in them takes about as many products as samples, and none of all states.
+    """
+
+    angles: Floats
+    fine: Floats
+    coarse: Floats
+
+    def along(self, forms: Floats) -> Floats:
+        """Return linear forms of state and drive at all samples, a row for each."""
+        found = self.coarse.T @ (forms @ self.fine).transpose(1, 2, 0)
+        return found.reshape(len(forms), -1)[:, : len(self.angles)]
+
+    def at(self, forms: Floats, which: Counts) -> Floats:
+        """Return linear forms of state and drive at some samples, a row for each."""
+        block, step = np.divmod(which, len(self.fine))
+        found: Floats = ((forms @ self.fine)[step] @ self.coarse.T[block][..., None])[..., 0].T
+        return found
+
+
+def turning_points(series: Floats, seen: Samples, slopes: Floats) -> tuple[Floats, Floats]:
+    """Return where what power series of state and drive describe has minima between samples, and their values."""
     turning = np.flatnonzero((slopes[:-1] < 0.0) & (slopes[1:] >= 0.0))
-    offsets, lowest = _minima(series @ states[:, turning], float(angles[1]))
-    return angles[turning] + offsets, lowest
+    offsets, lowest = _minima(seen.at(series, turning), float(seen.angles[1]))
+    return seen.angles[turning] + offsets, lowest
 
 
-def sampled(leg: Leg) -> tuple[Floats, Floats]:
-    """Return angles since the start of a leg, and the states and drives (columns) there."""
+def sampled(leg: Leg) -> Samples:
+    """Return samples of a leg, every 0.15 rad of the fastest rate."""
     flow, n, size = leg.flow, 2 * leg.flow.n, len(leg.start)
     number = max(FEWEST_SAMPLES, math.ceil(leg.duration * flow.phase(leg.pushing).fastest / STRIDE))
     step = leg.duration / number
@@ -171,12 +205,14 @@ def sampled(leg: Leg) -> tuple[Floats, Floats]:
     power[:n, :n] += grown
     power[:n, n:] = driven
     power[n:, n:] = flow.rotation(step)
-    states = leg.start[:, None]
-    while states.shape[1] <= number:
-        states = np.hstack([states, power @ states])
+    fine, coarse = np.eye(size)[None], leg.start[:, None]
+    for _ in range((number + 1).bit_length() // 2):
+        fine = np.concatenate([fine, power @ fine])
         power = power @ power
-    angles: Floats = step * np.arange(number + 1.0)
-    return angles, states[:, : number + 1]
+    while coarse.shape[1] * len(fine) <= number:
+        coarse = np.hstack([coarse, power @ coarse])
+        power = power @ power
+    return Samples(step * np.arange(number + 1.0), fine, coarse)
 
 
 def clearances(flow: Flow, pushing: Pushing) -> Floats:
@@ -198,12 +234,20 @@ def pulls(row: Floats, lag: float) -> Floats:
 
 
 def _minima(series: Floats, step: float) -> tuple[Floats, Floats]:
-    """Return where the slopes of power series pass zero upwards between 0 and a step, and their values there."""
+    """Return where the slopes of power series pass zero upwards between 0 and a step, and their values there.
+
+    Newton's method; where it leaves the interval in which the sign changes, that is halved.
+    """
     low, high = np.zeros(series.shape[1]), np.full(series.shape[1], step)
     slopes = series[1:] * np.arange(1, len(series))[:, None]
+    bends = slopes[1:] * np.arange(1, len(slopes))[:, None]
     at = 0.5 * (low + high)
     for _ in range(BISECTIONS):
-        falling = np.polynomial.polynomial.polyval(at, slopes, tensor=False) < 0.0
-        low, high = np.where(falling, at, low), np.where(falling, high, at)
-        at = 0.5 * (low + high)
+        slope, bend = (np.polynomial.polynomial.polyval(at, each, tensor=False) for each in (slopes, bends))
+        low, high = np.where(slope < 0.0, at, low), np.where(slope < 0.0, high, at)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            following = at - slope / bend
+        before, at = at, np.where((following >= low) & (following <= high), following, 0.5 * (low + high))
+        if np.abs(at - before).max(initial=0.0) <= RESOLVED * step:
+            break
     return at, np.polynomial.polynomial.polyval(at, series, tensor=False)

@@ -27,6 +27,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,12 +111,33 @@ class Cycle:
         angles = np.append(unknown[first:p], unknown[:first] + self.length)
         return found, np.append(angles, self.states(unknown)[first])
 
+    @cached_property
+    def _known(self) -> dict[Any, Any]:
+        return {}
+
+    def known(self, unknown: Floats) -> dict[Any, Any]:
+        """Return what is remembered of the solution that was looked at last, if it is this one, and is added to."""
+        content = unknown.tobytes()
+        if self._known.get("solution") != content:
+            self._known.clear()
+            self._known["solution"] = content
+        return self._known
+
     def states(self, unknown: Floats) -> list[Floats]:
         """Return the states just before the events, and before the first one of the next cycle."""
+        known = self.known(unknown)
+        if "states" not in known:
+            known["states"] = self._flown(unknown.copy())
+        found: list[Floats] = known["states"]
+        return found
+
+    def _flown(self, unknown: Floats) -> list[Floats]:
         found, angles = [unknown[len(self.events) :]], self.angles(unknown)
+        drives = self.flow.drive(angles)
         for i, event in enumerate(self.events):
-            after = self.flow.struck(event.stop, found[-1], self.flow.drive(angles[i]))
-            found.append(self.flow.fly(after, angles[i], angles[i + 1], self.phases[i + 1]))
+            after = self.flow.struck(event.stop, found[-1], drives[i])
+            grown, driven = self.flow.over(angles[i + 1] - angles[i], self.phases[i + 1])
+            found.append(after + grown @ after + driven @ drives[i])
         return found
 
     def speeds(self, unknown: Floats) -> Floats:
@@ -126,7 +148,7 @@ class Cycle:
         flow, states = self.flow, self.states(unknown)
         found = np.full(len(self.events), math.inf)
         for at in self.impacts:
-            found[at] = -flow.clearance(self.events[at].stop, states[at], flow.drive(unknown[at]))[1]
+            found[at] = -flow.closing(self.events[at].stop, states[at], flow.drive(unknown[at]))
         return found
 
     def velocities(self, unknown: Floats) -> Floats:
@@ -138,19 +160,22 @@ class Cycle:
         """Return the misses and their derivative: the levels at the events, then by how much the cycle is open."""
         flow, p, n = self.flow, len(self.events), self.flow.n
         angles, x = self.angles(unknown), unknown[p:]
+        drives = flow.drive(angles)
         slope = np.hstack([np.zeros((2 * n, p)), np.eye(2 * n)])
         misses, matrix = np.zeros(p + 2 * n), np.zeros((p + 2 * n, p + 2 * n))
         for i, event in enumerate(self.events):
-            z, pushing = flow.drive(angles[i]), self.phases[i + 1]
+            z, pushing = drives[i], self.phases[i + 1]
             misses[i], row, rise = flow.level(event, x, z)
             matrix[i] = row @ slope
             matrix[i, i] += rise
             after = flow.struck(event.stop, x, z)
-            slope = flow.reflection(event.stop, x, z) @ slope
-            slope[:, i] += flow.kicked(event.stop, x, z) - flow.rate(after, z, pushing)
+            if not flow.gives[event.stop]:
+                slope = flow.reflection(event.stop, x, z) @ slope
+                slope[:, i] += flow.kicked(event.stop, x, z)
+            slope[:, i] -= flow.rate(after, z, pushing)
             grown, driven = flow.over(angles[i + 1] - angles[i], pushing)
             x, slope = after + grown @ after + driven @ z, slope + grown @ slope
-            slope[:, (i + 1) % p] += flow.rate(x, flow.drive(angles[i + 1]), pushing)
+            slope[:, (i + 1) % p] += flow.rate(x, drives[i + 1], pushing)
         misses[p:] = x - self.sign * unknown[p:]
         matrix[p:] = slope
         matrix[p:, p:] -= self.sign * np.eye(2 * n)

@@ -32,6 +32,7 @@ from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event, Pushing
 from vibroimpact.system import ImpactSystem
 
 TERMS = 18  # 1/19! is below rounding
+KEPT = 64  # flights that are remembered: those of a cycle, while its equations are differentiated and its orbit made
 
 
 def growth(matrix: Floats) -> Floats:
@@ -97,6 +98,7 @@ class Flow:
         none = np.zeros((self.n, self.n))
         self.physical = np.block([[to_displacement, none], [none, to_rate]])
         self._phases: dict[Pushing, Phase] = {}
+        self._flights: dict[tuple[float, Pushing], tuple[Floats, Floats]] = {}
 
     def drive(self, angle: float | Floats) -> Floats:
         """Return z at a driving angle, or a row for each of many."""
@@ -139,6 +141,16 @@ class Flow:
 
     def over(self, angle: float | Floats, pushing: Pushing = ()) -> tuple[Floats, Floats]:
         """Return Phi - 1 and Psi of a flight over an angle, or of flights over many."""
+        if np.ndim(angle):
+            return self._over(angle, pushing)
+        key = float(angle), pushing
+        if key not in self._flights:
+            if len(self._flights) == KEPT:
+                self._flights.clear()
+            self._flights[key] = self._over(*key)
+        return self._flights[key]
+
+    def _over(self, angle: float | Floats, pushing: Pushing) -> tuple[Floats, Floats]:
         phase, n = self.phase(pushing), 2 * self.n
         grown = growth(phase.whole * np.asarray(angle)[..., None, None])
         moved, driven = grown[..., :n, :n], grown[..., :n, n:] * phase.sizes
@@ -173,6 +185,10 @@ class Flow:
             float(bound @ (self.turning @ turned) - beta @ rate[self.n :]),
         )
 
+    def closing(self, stop: int, x: Floats, z: Floats) -> float:
+        """Return the first derivative of the clearance of a stop over its length."""
+        return float(self.bounds[stop] @ (self.turning @ z) - self.beta[stop] @ x[self.n :])
+
     def rebound(self, stop: int, closing: float) -> tuple[float, float]:
         """Return r and R of an impact at which the clearance over its length has that rate; -1, which changes nothing,
         where contact with a stop that gives begins.
@@ -187,20 +203,20 @@ class Flow:
 
     def struck(self, stop: int, x: Floats, z: Floats) -> Floats:
         """Return the state just after an impact."""
-        found, closing = x.copy(), self.clearance(stop, x, z)[1]
+        found, closing = x.copy(), self.closing(stop, x, z)
         found[self.n :] += (1.0 + self.rebound(stop, closing)[0]) * closing * self.beta[stop]
         return found
 
     def reflection(self, stop: int, x: Floats, z: Floats) -> Floats:
         """Return the derivative of the state after an impact by the one before it, at a fixed time."""
-        found, factor = np.eye(2 * self.n), 1.0 + self.rebound(stop, self.clearance(stop, x, z)[1])[1]
+        found, factor = np.eye(2 * self.n), 1.0 + self.rebound(stop, self.closing(stop, x, z))[1]
         found[self.n :, self.n :] -= factor * np.outer(self.beta[stop], self.beta[stop])
         return found
 
     def kicked(self, stop: int, x: Floats, z: Floats) -> Floats:
         """Return the derivative of the state after an impact by the driving angle, at a fixed state before it."""
         found, bound = np.zeros(2 * self.n), self.bounds[stop]
-        factor = 1.0 + self.rebound(stop, self.clearance(stop, x, z)[1])[1]
+        factor = 1.0 + self.rebound(stop, self.closing(stop, x, z))[1]
         found[self.n :] = factor * float(bound @ self.turning @ self.turning @ z) * self.beta[stop]
         return found
 
