@@ -11,6 +11,7 @@ import vibroimpact as vi
 from cells import make_cells
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.options import Tolerances
+from vibroimpact.orbits.systems import admissibility, flow
 
 OSC = vi.ImpactOscillator()
 SPREAD = np.linspace(0.05, 5.0, 128)
@@ -81,3 +82,36 @@ def test_a_first_sweep_waits_for_no_library_that_it_does_without(sweep):
         "print('heavy:', {'zarr', 'dask.base', 'pint', 'distributed', 'matplotlib'} & set(sys.modules))"
     )
     assert "heavy: set()" in subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
+
+
+def two_masses_and_a_spring_stop():
+    force, stop = vi.Force(omega=1.0, harmonics={1: [1.0, 0.0]}), vi.Stop(direction=[1, 0], gap=0.3, stiffness=50.0)
+    stiffness = np.array([[2.0, -1.0], [-1.0, 1.0]])
+    return vi.ImpactSystem(
+        mass=np.diag([1, 2]), damping=0.1 * np.eye(2), stiffness=stiffness, force=force, stops=[stop]
+    )
+
+
+@pytest.mark.parametrize(
+    ("model", "span"),
+    [(vi.models.cantilever_with_stop(modes=4), (74.0, 77.0)), (two_masses_and_a_spring_stop(), (0.9, 1.1))],
+)
+def test_each_orbit_of_a_branch_is_made_once(model, span, monkeypatch):
+    legs, exponentials, courses, growth = [], [], admissibility.courses, flow.growth
+
+    def looked_at(leg, *struck):
+        legs.append((leg.start.tobytes(), leg.duration, leg.pushing))
+        return courses(leg, *struck)
+
+    monkeypatch.setattr(admissibility, "courses", looked_at)
+    monkeypatch.setattr(flow, "growth", lambda matrix: exponentials.append(matrix.tobytes()) or growth(matrix))
+    orbit = vi.find_orbit(model)[0]
+    legs.clear()
+    exponentials.clear()
+    branch = vi.continue_orbit(orbit, "omega", span, step=0.05)
+    # The first orbit begins both ways, and special points have an orbit of their own and one on the branch.
+    assert len(branch.orbits) > 20
+    assert len(legs) - len(set(legs)) <= len(branch.special) + 3
+    # Newton's method takes some four, with two differences by the parameter each.
+    assert len(exponentials) - len(set(exponentials)) <= 0.05 * len(exponentials)
+    assert len(exponentials) <= 16 * len(legs)

@@ -147,14 +147,15 @@ def attractors_by(
     """Return the attractors of a model as `attractors` does, by a runner that may know fates already."""
     check_taken(osc, runner)
     given = spread_cells(osc) if starts is None else state_cells(osc, starts)
-    cells = given.join([given, *orbit_cells(osc)]) if starts is None else given
     windows = rounds(osc, sampling.transient_impacts, sampling.sample_impacts)
 
     def outlook(settled: Settled, window: ImpactWindow) -> MotionClass:
         return outlook_of(runner, settled) if window is windows[-1] else MotionClass.UNDECIDED
 
-    _check_cost("starts", cells, windows[0])
-    _, found = _matched(runner, osc, cells, windows, len(given), progress, lambda settled: settled.status, outlook)
+    _check_cost("starts", given, windows[0])
+    with reporter(progress, "initial conditions") as tell:
+        cells = given.join([given, *orbit_cells(osc)]) if starts is None else given
+        _, found = _matched(runner, osc, cells, windows, len(given), tell, lambda settled: settled.status, outlook)
     return [basin.attractor for basin in found]
 
 
@@ -272,9 +273,10 @@ def basins(
 
     survey = cache(lambda: outlook_from(runner, one, spread_cells(one), windows))
     _check_cost("axes", cells, windows[0])
-    settled, found = _matched(
-        runner, one, cells, windows, len(cells), progress, so_far, lambda settled, window: survey()
-    )
+    with reporter(progress, "initial conditions") as tell:
+        settled, found = _matched(
+            runner, one, cells, windows, len(cells), tell, so_far, lambda settled, window: survey()
+        )
     numbers = np.full(len(cells), -1)
     for at, basin in enumerate(found):
         numbers[basin.members] = at
@@ -302,25 +304,24 @@ def _matched(
     cells: Cells,
     windows: Sequence[ImpactWindow],
     counted: int,
-    progress: bool | Report,
+    tell: Report,
     so_far: Callable[[Settled], Any],
     outlook: Callable[[Settled, ImpactWindow], MotionClass],
 ) -> tuple[Settled, list[Basin]]:
-    """Return what cells settle to, and the attractors there, reporting to `progress`, which may stop it.
+    """Return what cells settle to, and the attractors there, reporting to `tell`, which may stop it.
 
     The last initial condition is decided when the attractors are known.
     """
-    with reporter(progress, "initial conditions") as tell:
 
-        def report(settled: Settled, undecided: int) -> None:
-            stopped = runner.stop.is_set()  # what had ended by then still comes in
-            if not stopped and tell(len(cells) - undecided, len(cells), so_far(settled)) is False:
-                runner.stop.set()
+    def report(settled: Settled, undecided: int) -> None:
+        stopped = runner.stop.is_set()  # what had ended by then still comes in
+        if not stopped and tell(len(cells) - undecided, len(cells), so_far(settled)) is False:
+            runner.stop.set()
 
-        whole = [*windows, *last_round(runner, osc, windows)]
-        settled = settle(runner, osc, cells, whole, outlook, lambda so, undecided: report(so, max(undecided, 1)))
-        found = match(runner, settled, windows[-1], counted)
-        report(settled, int(np.count_nonzero(settled.kind == MotionClass.UNDECIDED)))
+    whole = [*windows, *last_round(runner, osc, windows)]
+    settled = settle(runner, osc, cells, whole, outlook, lambda so, undecided: report(so, max(undecided, 1)))
+    found = match(runner, settled, windows[-1], counted)
+    report(settled, int(np.count_nonzero(settled.kind == MotionClass.UNDECIDED)))
     return settled, found
 
 
