@@ -158,6 +158,50 @@ def test_a_coordinate_shows_only_the_stops_that_act_on_it_alone(shown):
     assert ax.get_ylabel() == "coordinate 1 $q_\\mathrm{1}$ [m]"
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_the_line_of_a_coordinate_has_the_corner_of_every_impact_whichever_stop_is_struck(shown, seed):
+    """Two modes that every stop strikes together; a chord from sample to sample would cut a corner by up to 1e-2."""
+    random = np.random.default_rng(seed)
+    mass, along = random.uniform(0.5, 2.0, 2), random.uniform(0.3, 1.0, 2)
+    stops = [
+        vi.Stop(direction=along, gap=0.2, restitution=0.7, name="far"),
+        vi.Stop(direction=[-along[0], along[1]], gap=0.3, restitution=0.5, motion={1: 0.05}, name="near"),
+        vi.Stop(direction=-along, gap=0.4, stiffness=50.0, name="soft"),
+    ]
+    force = vi.Force(omega=1.3, harmonics={1: random.uniform(0.3, 1.0, 2)})
+    pair = vi.ImpactSystem(
+        mass=np.diag(mass), damping=0.1 * np.eye(2), stiffness=np.diag([1.0, 7.0]), force=force, stops=stops
+    )
+    motion, truth = (vi.simulate(pair, periods=6, samples_per_period=number) for number in (100, 10_000))
+    assert set(motion["impact_stop"].values) == {"far", "near", "soft"}
+    for shows in ({"coordinate": 0}, {"coordinate": 1}, {"stop": "far"}):
+        time, place = shown.time_history(motion, **shows).lines[0].get_data()
+        assert np.isin(motion["impact_time"].values, time).all()
+        held = truth["clearance"].sel(stop="far") if "stop" in shows else truth["displacement"].isel(**shows)
+        assert float(np.abs(np.interp(truth["time"], time, place) - held).max()) < 1e-4 * np.ptp(place)
+
+
+def test_the_bar_of_a_rest_moves_with_its_stop(shown):
+    """The mass lies on the table: a sample taken during a rest is on the bar, and so is its rate in the portrait."""
+    ball = vi.models.bouncing_ball()
+    motion = vi.simulate(ball, periods=6)
+    along = {}
+    for picture in (shown.time_history, shown.phase_portrait):
+        (bars,) = (entry for entry in picture(motion).collections if "table is closed" in str(entry.get_label()))
+        along[picture] = np.concatenate(bars.get_segments())
+    time, place = along[shown.time_history].T
+    rate = along[shown.phase_portrait][:, 1]
+    rests = zip(motion["stick_time"].values, motion["release_time"].fillna(motion["time"][-1]).values, strict=True)
+    held = np.any([(motion["time"] >= begin) & (motion["time"] <= end) for begin, end in rests], axis=0)
+    assert held.sum() > 100
+    seen = motion.isel(time=np.flatnonzero(held), coordinate=0)
+    size = np.ptp(motion["displacement"].values)
+    np.testing.assert_allclose(np.interp(seen["time"], time, place), seen["displacement"], rtol=0, atol=1e-4 * size)
+    size = np.ptp(motion["velocity"].values)
+    np.testing.assert_allclose(np.interp(seen["time"], time, rate), seen["velocity"], rtol=0, atol=1e-3 * size)
+    assert np.ptp(place) > 0.5 * 2 * abs(ball.stops[0].motion[1])
+
+
 def test_rests_are_drawn_at_the_stop_that_is_closed(shown):
     ax = shown.time_history(vi.simulate(vi.models.bouncing_ball(), periods=6), stop="table")
     (bars,) = (entry for entry in ax.collections if "table is closed" in str(entry.get_label()))

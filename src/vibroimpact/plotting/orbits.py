@@ -14,7 +14,7 @@ from matplotlib.collections import LineCollection
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.style import BLUE, DOTS, GREEN, INK, RED, RINGS, Floats, on_axes
-from vibroimpact.plotting.systems import View, color_of, draw_forces, draw_walls, view_of
+from vibroimpact.plotting.systems import View, between_impacts, color_of, draw_forces, draw_walls, view_of
 from vibroimpact.status import Status
 from vibroimpact.system import ImpactSystem
 
@@ -60,18 +60,14 @@ def ended(dataset: xr.Dataset) -> Status | None:
 
 
 def _broken_orbit(states: tuple[Floats, ...], impacts: tuple[Floats, ...]) -> tuple[Floats, Floats, Floats]:
-    """Return time, y and y' with each impact put in: arrival, a break (NaN), departure.
+    """Return time, y and y' with each impact put in: arrival, a break (NaN) where y' jumps, departure.
 
     `states` are time, y and y' of samples, `impacts` their times, y, and y' before and after. Samples alone would cut
     the corner at each impact with a chord that the mass never follows.
     """
     (sampled, place, rate), (times, at, before, after_it) = states, impacts
-    jump = np.column_stack([before, np.full_like(before, np.nan), after_it]).ravel()
-    # A sample at an impact holds the state after it, but rounding may put its time before: it adds nothing.
-    around = np.concatenate([[-np.inf], times, [np.inf]])
-    after = np.searchsorted(times, sampled)
-    nearest = np.minimum(sampled - around[after], around[after + 1] - sampled)
-    own = nearest >= 1e-6 * np.ptp(sampled[:2])
+    jump = np.column_stack([before, np.where(before == after_it, before, np.nan), after_it]).ravel()
+    own = between_impacts(sampled, times)
     t = np.concatenate([np.repeat(times, 3), sampled[own]])
     y = np.concatenate([np.where(np.isnan(jump), np.nan, np.repeat(at, 3)), place[own]])
     dy = np.concatenate([jump, rate[own]])
@@ -108,10 +104,9 @@ def _sticks(simulation: xr.Dataset) -> Floats:
     return np.column_stack([starts, np.where(np.isnan(ends), float(simulation["time"][-1]), ends)])
 
 
-def draw_sticks(ax: Axes, spans: Any, height: float, name: str, zorder: float) -> None:
-    """Draw a bar for each (start, end) of a stick."""
-    bars = [[(start, height), (end, height)] for start, end in spans]
-    look: dict[str, Any] = {"colors": GREEN, "linewidths": 5, "zorder": zorder}
+def draw_sticks(ax: Axes, bars: Any, name: str, zorder: float) -> None:
+    """Draw a bar along each stick: a line of times and places."""
+    look: dict[str, Any] = {"colors": GREEN, "linewidths": 5, "zorder": zorder, "capstyle": "butt"}
     ax.add_collection(LineCollection(bars, label=name, **look), autolim=False)
 
 
@@ -156,24 +151,23 @@ class _Motion:
             if count := simulation.sizes["impact"]:
                 yield slice(None), RED, labels.counted(count, "impact")
             return
-        for wall in self.view.walls:
-            here = simulation["impact_stop"].values == wall.name
-            if here.any():
-                text = f"{labels.counted(int(here.sum()), 'impact')} on {wall.name}"
-                yield here, color_of(self.view.system, wall.name), text
+        for wall, here in self.view.struck(simulation):
+            text = f"{labels.counted(int(here.sum()), 'impact')} on {wall.name}"
+            yield here, color_of(self.view.system, wall.name), text
 
-    def rests(self, simulation: xr.Dataset) -> Iterator[tuple[float, Any, str]]:
-        """Yield where, at each stop that is drawn, the mass rests, the (start, end) of each stick, and its name."""
+    def rests(self, simulation: xr.Dataset) -> Iterator[tuple[list[Floats], str]]:
+        """Yield, of each stop that is drawn, time, y and y' along each stick at it, and the name of these sticks."""
         sticks = _sticks(simulation)
         if isinstance(self.model, ImpactOscillator):
             if len(sticks):
-                yield self.model.gap, sticks, labels.counted(len(sticks), "stick") + " (at rest at the stop)"
+                rests = [np.column_stack([span, [self.model.gap] * 2, [0.0] * 2]) for span in sticks]
+                yield rests, labels.counted(len(sticks), "stick") + " (at rest at the stop)"
             return
         for wall in self.view.walls if self.view else ():
             own = sticks[simulation["stick_stop"].values == wall.name]
             if len(own) and self.view:
-                place = float(self.view.place(wall, own[:1, 0])[0])
-                yield place, own, f"{labels.counted(len(own), 'stick')} ({wall.name} is closed)"
+                rests = [self.view.held(wall, *span) for span in own]
+                yield rests, f"{labels.counted(len(own), 'stick')} ({wall.name} is closed)"
 
     def limits(self, ax: Axes, time: Floats, *, upright: bool) -> tuple[float, float]:
         """Draw the stops and return the limits of the axis of y."""
@@ -201,8 +195,7 @@ def _started(simulation: xr.Dataset, coordinate: int | None, stop: str | None) -
         y, rate = simulation["displacement"], simulation["velocity"]
         impacts = np.full_like(speeds, osc.gap), speeds, -osc.restitution * speeds
     states = simulation["time"].values, y.values, rate.values
-    told = np.isfinite(impacts[0]) | (True if view is None else view.broken(simulation))
-    line = _broken_orbit(states, tuple(part[told] for part in (times, *impacts)))
+    line = _broken_orbit(states, (times, *impacts))
     return _Motion(model, view, y, rate, impacts, line)
 
 
@@ -245,8 +238,8 @@ def time_history(
     for here, color, text in motion.groups(simulation):
         look = DOTS | {"color": color, "markersize": 4, "zorder": 5}
         ax.plot(impacts[here], motion.impacts[0][here], label=text, **look)
-    for place, sticks, name in motion.rests(simulation):
-        draw_sticks(ax, sticks, place, name, 4)
+    for rests, name in motion.rests(simulation):
+        draw_sticks(ax, [rest[:, :2] for rest in rests], name, 4)
     ax.set_xlim(float(simulation["time"][0]), float(simulation["time"][-1]))
     if own and isinstance(motion.model, ImpactSystem) and "force" in simulation:
         labels.label_axis(ax.yaxis, motion.y)
@@ -305,9 +298,12 @@ def phase_portrait(
         if jumps:
             ax.add_collection(LineCollection(jumps, label=text, **thin), autolim=False)
         ax.plot(place, before, **DOTS, color=color, markersize=3, zorder=4, label="" if jumps else text)
-    for place, _, name in motion.rests(simulation):
+    for rests, name in motion.rests(simulation):
         name = name.removesuffix(" (at rest at the stop)")
-        ax.plot([place], [0.0], "s", color=GREEN, markersize=7, markeredgewidth=0, label=name, zorder=5)
+        if all(np.ptp(rest[:, 1:], axis=0).any() for rest in rests):  # with a stop that moves
+            draw_sticks(ax, [rest[:, 1:] for rest in rests], name, 5)
+        else:
+            ax.plot(*rests[0][:1, 1:].T, "s", color=GREEN, markersize=7, markeredgewidth=0, label=name, zorder=5)
     ring = RINGS | {"markeredgecolor": INK, "markersize": 5, "zorder": 6}
     ax.plot(float(motion.y[0]), float(motion.rate[0]), label="start", **ring)
     ax.set_xlim(*motion.limits(ax, simulation["time"].values, upright=True))

@@ -190,7 +190,7 @@ def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     else:
         _draw_points(ax, points, tolerance, "impact", wrap=True)
     if osc and "stick_time" in section and (sticks := _stick_phases(section, osc.period)):
-        draw_sticks(ax, sticks, 0.0, "stick (at rest at the stop)", 2)
+        draw_sticks(ax, [[(start, 0.0), (end, 0.0)] for start, end in sticks], "stick (at rest at the stop)", 2)
     ax.set_ylim(-0.03 * fastest, 1.08 * fastest)
     labels.label_axes(ax, section["phase"], section["velocity"])
     legend(ax, section)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -12,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.colors import to_rgba
 from matplotlib.patches import Rectangle
+from scipy.interpolate import CubicHermiteSpline
 
 from vibroimpact.parameters import choice, invalid, whole_number
 from vibroimpact.plotting import labels, style
@@ -19,6 +22,7 @@ from vibroimpact.plotting.style import INK, RED, Floats, Mask
 from vibroimpact.system import ImpactSystem
 
 STOPS = (RED, "#e69f00", "#7a3dd8", "#0b7a75", "#7a5230")  # impacts on each, in the order of the system
+SMOOTH = 200  # places of a moving stop per driving period, as of a motion by default
 FAR = 3.0  # spans of the motion: a wall farther off is only pointed at
 PARALLEL = 1e-12
 
@@ -81,15 +85,22 @@ class View:
             self.system.stops[number].motion for number in (wall.number, self.stop) if number is not None
         )
 
-    def impacts(self, simulation: xr.Dataset) -> tuple[Floats, Floats, Floats]:
-        """Return y and its rates before and after each impact; NaN for stops that do not act on y alone.
+    def held(self, wall: Wall, start: float, end: float) -> Floats:
+        """Return time, y and y' while a wall is closed; of one that moves at so many times that it draws no polygon."""
+        number = 2 + math.ceil((end - start) / self.system.period * SMOOTH) * self.moves(wall)
+        time = np.linspace(start, end, number)
+        return np.column_stack([time, self.place(wall, time), self.place(wall, time, rate=True)])
 
-        Where a contact with a stop that gives begins no rate jumps.
+    def impacts(self, simulation: xr.Dataset) -> tuple[Floats, Floats, Floats]:
+        """Return y and its rates before and after each impact, whichever stop is struck.
+
+        Of a stop that acts on y alone they are the wall's and those of the law of restitution. At any other y' jumps by
+        -form . M^-1 d p, with p the impulse along d; without these jumps y is smooth, and the cubic through the samples
+        leads to the impact. Where a contact with a stop that gives begins no rate jumps.
         """
         time, speed = simulation["impact_time"].values, simulation["impact_velocity"].values
-        found = np.full((3, len(time)), np.nan)
-        for wall in self.walls:
-            here = simulation["impact_stop"].values == wall.name
+        found = self._through(simulation, time, self._jumps(simulation))
+        for wall, here in self.struck(simulation):
             moves = self.place(wall, time[here], rate=True)
             r = -1.0 if wall.gives else self.system.stops[wall.number].rebound(speed[here])
             found[0, here] = self.place(wall, time[here])
@@ -97,11 +108,36 @@ class View:
             found[2, here] = moves - r * speed[here] / wall.ratio
         return found[0], found[1], found[2]
 
-    def broken(self, simulation: xr.Dataset) -> Mask:
-        """Return the impacts at which the line through y and its rate is broken: those on rigid stops."""
-        rigid = [str(stop.name) for stop in self.system.stops if not stop.compliant]
-        found: Mask = np.isin(simulation["impact_stop"].values, rigid)
+    def struck(self, simulation: xr.Dataset) -> Iterator[tuple[Wall, Mask]]:
+        """Yield each wall that is struck, and at which impacts."""
+        for wall in self.walls:
+            here: Mask = simulation["impact_stop"].values == wall.name
+            if here.any():
+                yield wall, here
+
+    def _jumps(self, simulation: xr.Dataset) -> Floats:
+        """Return by how much y' jumps at each impact."""
+        struck, found = simulation["impact_stop"].values, np.zeros(simulation.sizes["impact"])
+        for stop in (stop for stop in self.system.stops if not stop.compliant):
+            here, per_impulse = struck == stop.name, self.form @ np.linalg.solve(self.system.mass, stop.direction)
+            found[here] = -per_impulse * simulation["impulse"].values[here]
         return found
+
+    def _through(self, simulation: xr.Dataset, at: Floats, jumps: Floats) -> Floats:
+        """Return y and its rates before and after each jump, from the samples around it."""
+        time = simulation["time"].values
+        y = self.values(time, simulation["displacement"].values)
+        rate = self.values(time, simulation["velocity"].values, rate=True)
+        own = between_impacts(time, at)
+        if own.sum() < 2:
+            return np.full((3, len(at)), np.nan)
+        total, moment = (np.append(0.0, np.cumsum(jumps * by)) for by in (1.0, at))
+        passed = np.searchsorted(at, time)
+        smooth = CubicHermiteSpline(
+            time[own], (y - time * total[passed] + moment[passed])[own], (rate - total[passed])[own]
+        )
+        here = smooth(at) + at * total[:-1] - moment[:-1], smooth(at, 1) + total[:-1], smooth(at, 1) + total[1:]
+        return np.array(here)
 
     def labelled(self, dataset: xr.Dataset, *, rate: bool = False) -> xr.DataArray:
         """Return y, or its rate, over the time or the periods of a result, with name, unit and symbol."""
@@ -144,6 +180,17 @@ def view_of(dataset: xr.Dataset, coordinate: int | None, stop: str | None) -> Vi
 
 def _of_stop(system: ImpactSystem, number: int) -> View:
     return View(system, -np.array(system.stops[number].direction), number)
+
+
+def between_impacts(sampled: Floats, times: Floats) -> Mask:
+    """Return which samples lie between impacts.
+
+    A sample at an impact holds the state after it, but rounding may put its time before: it adds nothing.
+    """
+    around = np.concatenate([[-np.inf], times, [np.inf]])
+    after = np.searchsorted(times, sampled)
+    found: Mask = np.minimum(sampled - around[after], around[after + 1] - sampled) >= 1e-6 * np.ptp(sampled[:2])
+    return found
 
 
 def color_of(system: ImpactSystem, name: str) -> str:
