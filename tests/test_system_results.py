@@ -7,6 +7,7 @@ import xarray as xr
 import systems as make
 import vibroimpact as vi
 from systems import one_mass, two_masses
+from test_system_basins import two_masses as random_masses
 from vibroimpact import models
 from vibroimpact.dataset import model_of
 from vibroimpact.kernels.systems.series import SIZE, trough
@@ -350,6 +351,22 @@ def test_indices_by_stop_are_those_of_the_impacts_on_each_stop():
             np.testing.assert_allclose(found["mean_velocity"], own.mean(), rtol=1e-9)
             np.testing.assert_allclose(found["std"], own.std(), rtol=1e-9, atol=1e-9 * own.max())
             np.testing.assert_allclose(found["max_velocity"], own.max(), rtol=1e-9)
+
+
+def test_a_map_of_one_stop_says_in_which_cells_it_is_not_struck(shown):
+    """Counted by another index, which is 0 there: impacts per period on that stop."""
+    plane = {"omega": np.linspace(0.8, 2.2, 8), "left_gap": np.linspace(0.1, 1.2, 6)}
+    names = ("max_velocity", "impact_phase_spread", "impacts_per_period")
+    how = {"by_stop": True, "indices": names, "transient_impacts": 300, "sample_impacts": 50}
+    sweep = vi.parameter_map(random_masses(4), **plane, **how)
+    for stop in ("left", "right"):
+        own = sweep.sel(stop=stop)
+        count = int((own["impacts_per_period"] == 0.0).sum())
+        assert 0 < count < own["status"].size
+        for name in names[:2]:
+            texts = [text.get_text() for text in shown.index_contour(own, index=name).get_legend().get_texts()]
+            assert f"{stop} is not struck ({count} cells)" in texts
+            assert "no value" not in " ".join(texts)
 
 
 def test_indices_by_stop_are_stored_with_their_stops(tmp_path):

@@ -98,7 +98,7 @@ def _reasons(sweep: xr.Dataset, field: xr.DataArray, values: Any) -> Iterator[tu
     if field.name not in COUNTS:
         sticks = np.isneginf(values)
         yield sticks, STICKING, rf"sticking: {labels.symbol_of(field)} = $-\infty$"
-        yield ~sticks, NO_VALUE, "no near-miss" if field.name == "grazing_margin" else "no value"
+        yield ~sticks, NO_VALUE, _without(field)
         return
     kinds = _kinds(sweep, field)
     sticks = (values < 0) | (kinds == MotionClass.STICKING)
@@ -106,6 +106,15 @@ def _reasons(sweep: xr.Dataset, field: xr.DataArray, values: Any) -> Iterator[tu
     for kind in (MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC, MotionClass.UNDECIDED):
         yield ~sticks & (kinds == kind), COLORS[kind], WORDS[kind]
     yield ~sticks & (kinds < 0), INK, "no cycle found: chaotic or undecided"
+
+
+def _without(field: xr.DataArray) -> str:
+    """Return why an index of a motion that goes on has no value: of one stop, that only others are struck."""
+    if field.name == "grazing_margin":
+        return "no near-miss"
+    if field.name == "max_force":
+        return "rigid stop"
+    return f"{field['stop'].item()} is not struck" if "stop" in field.coords else "no value"
 
 
 def _kinds(sweep: xr.Dataset, field: xr.DataArray) -> Any:
