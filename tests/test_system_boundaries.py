@@ -8,9 +8,12 @@ from systems import one_mass
 from test_system_continuation import GRAVITY, ball, of_the_ball, points, symmetric
 from test_system_orbits import facing, three_masses, two_sided
 from vibroimpact.continuation import Boundaries, boundary_curves, continue_boundary, continue_orbit, coverage, curves
+from vibroimpact.continuation.curves import curves_through
 from vibroimpact.continuation.results import SYSTEM_KINDS
+from vibroimpact.dataset import bundle
 from vibroimpact.orbits import find_orbit, orbit_distance
 from vibroimpact.orbits.systems import find
+from vibroimpact.report import sentences_of
 
 
 @vi.family
@@ -92,6 +95,39 @@ def test_boundaries_of_systems_survive_files_and_are_drawn(tmp_path, pitchfork):
     assert vi.load(tmp_path / "curve.nc").identical(curve.dataset)
     ax = vi.plotting.boundaries(curve)
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["pitchfork of period-1 impact-2"]
+
+
+def test_the_graze_at_which_a_symmetric_orbit_of_two_impacts_ends_is_one_of_the_motion_without_impacts():
+    """Both impacts have velocity 0 there: what touches is the steady motion, of no impact, as on R = g."""
+    model = symmetric_family.replace(omega=2.0)
+    orbit = next(found for found in find_orbit(model, n_impacts=2) if found.symmetric and not found.stable)
+    (graze,) = points(continue_orbit(orbit, "omega", (1.5, 2.1), step=0.05, virtual=False), "grazing")
+    system = graze.orbit.system
+    stiffness, damping, mass = (float(np.ravel(part)[0]) for part in (system.stiffness, system.damping, system.mass))
+    swing = 1.0 / abs(stiffness - mass * graze.value**2 + 1j * graze.value * damping)
+    assert swing == pytest.approx(0.5, rel=1e-9)
+    (curve,) = curves_through([graze], ("omega", "gap"), ((1.5, 2.1), (0.2, 0.8)), step=0.1)
+    assert max(max(orbit.velocities) for orbit in curve.orbits) == 0.0
+    (text,) = vi.plotting.boundaries(curve).get_legend().get_texts()
+    assert text.get_text() == "grazing of the motion without impacts"
+    assert "grazing of the motion without impacts" in " ".join(
+        sentences_of(bundle([curve.dataset], "boundary_curves", {}))
+    )
+
+
+def test_a_branch_along_which_a_contact_is_born_is_named_by_the_impacts_that_it_has():
+    pair = two_sided(
+        stops=[
+            vi.Stop(direction=1, gap=0.2, stiffness=100.0, name="above"),
+            vi.Stop(direction=-1, gap=1.4, stiffness=100.0, name="below"),
+        ],
+        force=vi.Force(omega=2.0, harmonics={1: 1.0}),
+    )
+    branch = continue_orbit(find(pair, stops="above")[0], "below_gap", (1.0, 1.5))
+    assert {orbit.n_impacts for orbit in branch.orbits} == {1, 2}
+    texts = [text.get_text() for text in vi.plotting.branch_diagram(branch).get_legend().get_texts()]
+    assert texts[0] == "period-1 impact-1 to impact-2"
+    assert "period-1 impact-1 to impact-2: " in sentences_of(branch.dataset)[0]
 
 
 def test_the_motion_of_a_cell_is_followed_to_the_pitchfork_that_ends_it(pitchfork):

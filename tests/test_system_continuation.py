@@ -263,3 +263,22 @@ def test_branches_survive_files(tmp_path, two_sided_branch):
     vi.save(two_sided_branch.dataset, tmp_path / "branch.nc")
     loaded = vi.load(tmp_path / "branch.nc")
     assert loaded.identical(two_sided_branch.dataset)
+
+
+def test_a_branch_that_loses_its_last_contact_ends_where_the_steady_motion_touches_the_stop():
+    """x'' + .05 x' + x = sin wt touches where (1 - w^2)^2 + (.05 w)^2 = 1/gap^2; the message and the point agree."""
+    gap, damping = 5.8, 0.05
+    stops = [vi.Stop(direction=1, gap=gap, stiffness=0.1)]
+    soft = vi.ImpactSystem(
+        mass=1, damping=damping, stiffness=1, force=vi.Force(omega=1.0, harmonics={1: 1}), stops=stops
+    )
+    half = 1.0 - 0.5 * damping**2
+    squares = half + np.array([-1.0, 1.0]) * np.sqrt(half**2 - 1.0 + 1.0 / gap**2)
+    (orbit,) = vi.find_orbit(soft)
+    branch = vi.continue_orbit(orbit, "omega", (0.8, 1.3))
+    assert branch.outcome == ("grazing", "grazing")
+    ends = branch.values[[0, -1]]
+    assert ends == pytest.approx(np.sqrt(squares), abs=1e-11)
+    assert [point.value for point in branch.special if point.kind == "grazing"] == ends.tolist()
+    for low in ends:
+        assert f"omega = {low:.12g}, where it grazes the stop" in branch.message

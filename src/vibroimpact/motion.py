@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 # The one threshold of chaos: ln of the growth that carries the last binary digit of a double to the motion's own size.
 CERTAIN_GROWTH = 53 * math.log(2.0)
+WITHOUT = "the motion without impacts"  # along the graze at which it first touches a stop
 WINDS = 1000  # impacts: in fewer a motion that settles slowly looks as if it never did
 
 
@@ -150,6 +151,19 @@ def cycle_name(n_periods: int, n_impacts: int, sticks: bool = False) -> str:
     """Return the name of an orbit of n periods and p impacts; one with -1 impacts sticks."""
     kind = MotionClass.STICKING if sticks or n_impacts == -1 else MotionClass.PERIODIC
     return motion_name(kind, n_periods, n_impacts)
+
+
+def motion_along(followed: xr.Dataset, sticks: bool = False) -> str:
+    """Return the motion along a branch or a curve: at velocity 0 none hits; at stops that give contacts come and go."""
+    n, p = (int(followed.attrs[name]) for name in ("n_periods", "n_impacts"))
+    if sticks or p < 1:
+        return cycle_name(n, p, sticks)
+    speeds = followed["velocity"].transpose("point", "impact").values
+    if not np.nanmax(speeds, initial=0.0) > 0.0:
+        return WITHOUT
+    counts = np.isfinite(speeds).sum(axis=1)
+    few, many = int(counts.min()), int(counts.max())
+    return cycle_name(n, few) + (f" to impact-{many}" if many > few else "")
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from functools import partial
 from typing import Any
 
@@ -188,9 +188,11 @@ def walk(
     way = Way([Point(system, x, along)])
     while True:
         graze = yield from _walk_to_graze(way, longest, virtual, strides)
+        if graze is None:
+            break
         here = way.points[-1]
-        turned = math.copysign(1.0, graze.on_branch[-1] - here.x[-1]) if graze is not None else 0.0
-        further = graze.system.beyond(graze.x, turned) if graze is not None else None
+        way.points.append(Point(graze.system, graze.x, here.tangent))
+        further = graze.system.beyond(graze.x, math.copysign(1.0, graze.on_branch[-1] - here.x[-1]))
         if further is None:
             break
         way.points.append(Point(*further))
@@ -209,7 +211,7 @@ def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Gen
                 way.end = "grazing"
                 way.special.append(graze)
             elif way.end == "impacts_merge":
-                way.points.append(_last_in_order(here, there))
+                way.points.append(_last(here, there, lambda point: system.in_order(point.x)))
             return graze
         halved = _halved(here, there)
         if halved is not None:
@@ -228,6 +230,7 @@ def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Gen
                 return None
         if not virtual and here.clear and not there.clear:
             way.end = "inadmissible"
+            way.points.append(_last(here, there, lambda point: point.clear))
             return None
         way.points.append(there)
         here = there
@@ -260,15 +263,16 @@ def _inside(a: Point, b: Point, longest: float) -> list[Point]:
     return [*_inside(a, middle, longest), middle, *_inside(middle, b, longest)]
 
 
-def _last_in_order(inside: Point, outside: Point) -> Point:
-    """Return the last point between two at which the impacts follow one another in their order."""
-    low, high = inside.x, outside.x
+def _last(inside: Point, outside: Point, holds: Callable[[Point], bool]) -> Point:
+    """Return the last point between two at which something holds that does at the first."""
     for _ in range(SHARP):
-        found, made, _ = inside.system.newton(0.5 * (low + high), high - low)
+        way = outside.x - inside.x
+        found, made, jacobian = inside.system.newton(inside.x + 0.5 * way, way)
         if not made:
             break
-        low, high = (found, high) if inside.system.in_order(found) else (low, found)
-    return inside if low is inside.x else Point(inside.system, low, inside.system.tangent(low, inside.tangent))
+        middle = Point(inside.system, found, inside.system.tangent(found, inside.tangent, jacobian))
+        inside, outside = (middle, outside) if holds(middle) else (inside, middle)
+    return inside
 
 
 def _halved(a: Point, b: Point) -> Solution | None:

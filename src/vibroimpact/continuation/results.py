@@ -203,7 +203,7 @@ def _along(
 
 def course(what: str, orbits: Sequence[Any], names: Sequence[str], ends: tuple[str, str]) -> str:
     """Return from where to where a branch or a curve leads, and why it ends there."""
-    first, last = (", ".join(f"{name} = {orbits[j].value(name):.9g}" for name in names) for j in (0, -1))
+    first, last = (", ".join(f"{name} = {orbits[j].value(name):.12g}" for name in names) for j in (0, -1))
     if "closed" in ends:
         return f"a closed {what} through {last}"
     return f"from {first}, {ENDS[ends[0]]}, to {last}, {ENDS[ends[1]]}"

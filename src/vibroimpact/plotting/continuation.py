@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
-from vibroimpact.motion import cycle_name
+from vibroimpact.motion import motion_along
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.cells import draw_cells
 from vibroimpact.plotting.diagrams import check_diagram, check_sweep, draw_samples, mark_empty, set_height
@@ -82,11 +82,6 @@ def _kinds(codes: xr.DataArray) -> list[str]:
     return [names[int(code)] for code in np.atleast_1d(codes.values)]
 
 
-def orbit_name(followed: xr.Dataset, sticks: bool = False) -> str:
-    """Return the name of the orbits on a branch or a curve."""
-    return cycle_name(int(followed.attrs["n_periods"]), int(followed.attrs["n_impacts"]), sticks)
-
-
 def _along(followed: xr.Dataset) -> list[str]:
     """Return the parameters that vary along a branch or a curve."""
     return [str(name) for name, coord in followed.coords.items() if coord.dims == ("point",) and name != "point"]
@@ -132,10 +127,10 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
     ax = style.new_axes(ax, (8.0, 5.0), labels.title(drawn[0] if diagram is None else diagram))
     heights = _draw_beneath(ax, drawn, diagram, parameter)
     entries = ax.get_legend_handles_labels()[0]
-    colors = dict(zip(dict.fromkeys(map(orbit_name, drawn)), cycle(COLORS)))
+    colors = dict(zip(dict.fromkeys(map(motion_along, drawn)), cycle(COLORS)))
     looks: set[int] = set()
     seen = [heights]
-    for branch, name in zip(drawn, map(orbit_name, drawn), strict=True):
+    for branch, name in zip(drawn, map(motion_along, drawn), strict=True):
         for part in split(branch, parameter):
             ax.plot(part.values, part.velocities, color=colors[name], zorder=3, **LOOKS[part.look] | {"label": None})
             looks.add(part.look)
@@ -289,7 +284,7 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
         ax.set(xlim=limits[0], ylim=limits[1])
     else:
         labels.label_axes(ax, drawn[0][x], drawn[0][y])
-    ordered = sorted(entries, key=lambda text: text.partition(" of period-")[::-1])  # by orbit, then by kind
+    ordered = sorted(entries, key=lambda text: text.partition(" of ")[::-1])  # by orbit, then by kind
     style.legend_added(ax, [*below, *(entries[text] for text in ordered)])
     return ax
 
@@ -325,7 +320,7 @@ def _draw_curve(ax: Axes, curve: xr.Dataset, x: str, y: str) -> Line2D:
         linewidth=1.7,
         linestyle=DASHES.get(n, MORE_PERIODS),
         path_effects=[withStroke(linewidth=3.1, foreground=halo)],
-        label=f"{'end' if sticks else SPECIAL[kind].name} of {orbit_name(curve, sticks)}",
+        label=f"{'end' if sticks else SPECIAL[kind].name} of {motion_along(curve, sticks)}",
         zorder=5,
     )
     return line

@@ -12,7 +12,7 @@ import numpy as np
 
 from vibroimpact.dataset import bifurcation_name, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
-from vibroimpact.motion import cycle_name, listed, recognise, recurrence
+from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along, recognise, recurrence
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.report.quantities import axis_range, begun, counted, quantity, spaced, span
 from vibroimpact.report.sweeps import diagram_sentences, map_sentences
@@ -160,8 +160,8 @@ def _multiplier(value: complex) -> str:
 
 
 def _orbit_type(part: xr.Dataset) -> str:
-    """Return the type of an orbit, or of those of a branch or a curve."""
-    n, p = (int(part[key] if key in part else part.attrs[key]) for key in ("n_periods", "n_impacts"))
+    """Return the type of an orbit."""
+    n, p = (int(part[key]) for key in ("n_periods", "n_impacts"))
     return cycle_name(n, p, sticks=float(part.get("stuck_time", 0.0)) > 0.0)
 
 
@@ -170,7 +170,7 @@ def _branches(dataset: xr.Dataset) -> Iterator[str]:
     for at, branch in enumerate(branches, start=1):
         (parameter,) = _varied(branch)
         head = f"branch {at} of {len(branches)}, " if len(branches) > 1 else ""
-        yield f"{head}{_orbit_type(branch)}: {counted(branch.sizes['point'], 'orbit')}, {branch.attrs['message']}"
+        yield f"{head}{motion_along(branch)}: {counted(branch.sizes['point'], 'orbit')}, {branch.attrs['message']}"
         intervals = [f"{low:.6g} to {high:.6g}" for low, high in _stable_intervals(branch, parameter)]
         yield f"  stable for {parameter} {listed(intervals)}" if intervals else "  nowhere stable"
         kinds = str(branch["special_kind"].attrs["flag_meanings"]).split()
@@ -215,13 +215,14 @@ def _boundaries(dataset: xr.Dataset) -> Iterator[str]:
 
 def _that_ends(curve: xr.Dataset) -> str:
     """Return the motion that a curve bounds: at velocity 0 the steady one; or that it is no attractor there."""
-    if not np.nanmax(curve["velocity"].values, initial=0.0) > 0.0 and curve.attrs["n_impacts"] > 0:
-        return "the motion without impacts, which first touches the stop"
+    motion = motion_along(curve)
+    if motion == WITHOUT:
+        return f"{motion}, which first touches the stop"
     grazes = str(curve["kind"].attrs["flag_meanings"]).split()[int(curve["kind"])] == "grazing"
     stable = curve["stable"].values == 1
     if not grazes or stable.all():
-        return _orbit_type(curve)
-    return f"{_orbit_type(curve)}, " + (f"stable at {stable.sum()} of these points" if stable.any() else "unstable")
+        return motion
+    return f"{motion}, " + (f"stable at {stable.sum()} of these points" if stable.any() else "unstable")
 
 
 # Basins and comparisons
