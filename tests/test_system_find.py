@@ -48,7 +48,19 @@ def test_an_orbit_of_another_system_is_a_guess():
 def test_orbits_that_are_not_there_are_not_found():
     found = vi.find_orbit(two_sided(), n_impacts=4)
     assert not found
-    assert "does not settle to a period-1 impact-4 orbit" in found.message
+    assert "the motion from rest does not settle to a period-1 impact-4 orbit within 32768 impacts" in found.message
+
+
+def test_an_orbit_that_is_reached_after_a_long_transient_is_found():
+    stop = vi.Stop(direction=1, gap=0.1520699669575002, restitution=0.8122562355431232)
+    force = vi.Force(omega=2.7116540730750396, harmonics={1: 1})
+    slow = vi.ImpactSystem(mass=1, damping=0.04840109500397925, stiffness=1, force=force, stops=[stop])
+    early = vi.impact_section(slow, transient_impacts=2000, sample_impacts=6)
+    assert abs(float(early["velocity"][5] - early["velocity"][0])) > 1e-4
+    (orbit,) = vi.find_orbit(slow, n_periods=4, n_impacts=5)
+    late = vi.impact_section(slow, transient_impacts=20_000, sample_impacts=5)
+    assert orbit.stable
+    assert sorted(orbit.velocities) == pytest.approx(sorted(late["velocity"].values), rel=1e-9)
 
 
 @pytest.mark.parametrize(

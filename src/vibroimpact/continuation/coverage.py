@@ -218,7 +218,7 @@ def _orbit_of(model: Model, n: int, p: int) -> AnyOrbit | None:
     """Return the cycle that the motion from rest ends on, or None if it is no stable one of that type."""
     osc = model.at()
     if not isinstance(osc, ImpactOscillator):
-        reached = systems.settled(model, n, p, WINDOW.transient + WINDOW.keep)
+        reached = systems.settled(model, n, p, [WINDOW.transient + WINDOW.keep])
         return next((orbit for orbit in reached if orbit.stable and orbit.admissible), None)
     last = ImpactWindow(WINDOW.transient + WINDOW.keep - 1, 1)
     (seen,) = get_backend("cpu").samples(osc.cells({}), Measurement(last))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
-from vibroimpact.motion import cycle_name
+from vibroimpact.motion import cycle_length, cycle_name
 from vibroimpact.orbits.orbit import SAME, same_orbit
 from vibroimpact.orbits.search import Orbits
 from vibroimpact.orbits.systems.orbit import SystemOrbit
@@ -16,7 +16,10 @@ from vibroimpact.orbits.systems.symmetry import mirror
 from vibroimpact.oscillator import Model, State
 from vibroimpact.parameters import invalid
 
-TRANSIENT = 2000  # impacts of the motion from rest before those that Newton's method starts from
+# Impacts of the motion from rest before those that Newton's method starts from: the second, as in verdicts, where the
+# first end in no cycle yet.
+TRANSIENTS = 2000, 1 << 15
+LOOK = 128  # impacts in which a cycle of up to half as many is recognised
 
 
 def find_named(model: Model, n_periods: int, n_impacts: int, near: Any) -> Orbits[SystemOrbit]:
@@ -47,20 +50,29 @@ def find_named(model: Model, n_periods: int, n_impacts: int, near: Any) -> Orbit
         return Orbits(found, outcome="inadmissible", message=found[0].message)
     name = cycle_name(n_periods, n_impacts)
     if not found:
-        return Orbits(outcome="none", message=f"the motion from rest does not settle to a {name} orbit; give `near`")
+        tried = f"does not settle to a {name} orbit within {TRANSIENTS[-1]} impacts"
+        return Orbits(outcome="none", message=f"the motion from rest {tried}; give `near`")
     return Orbits(found, message=f"{good} {name} orbit{'s' if good > 1 else ''}")
 
 
-def settled(model: Model, n_periods: int, n_impacts: int, transient: int = TRANSIENT) -> list[SystemOrbit]:
+def settled(model: Model, n_periods: int, n_impacts: int, transients: Sequence[int] = TRANSIENTS) -> list[SystemOrbit]:
     """Return the orbit that the motion from rest has settled to, if it has that name."""
-    system, window = model.at(), ImpactWindow(transient, n_impacts + 1)
+    system = model.at()
     seen: Any
-    (seen,) = get_backend("cpu").samples(system.cells({}), Measurement(window))
-    turns = seen.impact_periods + seen.impact_phase
-    if len(turns) <= n_impacts or abs(turns[-1] - turns[0] - n_periods) > SAME * n_periods:
-        return []
-    stops = [system.stop_names[at] for at in seen.impact_stop[:-1]]
-    return list(find_near(model, n_periods, stops, (turns[:-1] * system.period).tolist(), ended(system, seen)))
+    for transient in transients:
+        window = ImpactWindow(transient, max(n_impacts + 1, LOOK))
+        (seen,) = get_backend("cpu").samples(system.cells({}), Measurement(window))
+        turns = (seen.impact_periods + seen.impact_phase)[-n_impacts - 1 :]
+        if len(turns) <= n_impacts:
+            break
+        if abs(turns[-1] - turns[0] - n_periods) <= SAME * n_periods:
+            stops = [system.stop_names[at] for at in seen.impact_stop[-n_impacts - 1 : -1]]
+            times = (turns[:-1] * system.period).tolist()
+            if found := find_near(model, n_periods, stops, times, ended(system, seen)):
+                return list(found)
+        elif cycle_length(seen.impact_velocity, seen.impact_phase):  # of another name
+            break
+    return []
 
 
 def ended(system: Any, seen: Any) -> State:
