@@ -39,7 +39,7 @@ def check_the_map(system, verdict):
 
 
 def check_the_orbits(system, found):
-    """Every cycle that is reached is an orbit that `find_orbit` knows, and every stable orbit of one contact is told."""
+    """Every cycle that is reached is an orbit that `find_orbit` knows, and every stable one-contact orbit is told."""
     cycles = [one for one in found if one.kind == MotionClass.PERIODIC.word]
     for one in cycles:
         assert one.orbit is not None, one.name

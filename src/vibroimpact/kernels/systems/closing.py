@@ -4,9 +4,9 @@ A cycle of p impacts is walked from one of them in lanes, with a deviation along
 its Jacobian M, and the difference d of its end from its start, both beside a free centre. It is certain if a power of
 M is a contraction, which bounds all that follow, and if the way still to go to the periodic orbit, at most
 |(I - M)^-1 d| (1 + max |M^i|), changes no impact by more than 1e-12 of V. That holds through rests as well, unless
-rounding decides when the next one comes. Then one cycle is made in the cell itself, and what it adds to each sum is added
-as often as whole cycles fit, first into the impacts that are left out and then into those that are kept. The remainder
-is made.
+rounding decides when the next one comes. Then one cycle is made in the cell itself, and what it adds to each sum is
+added as often as whole cycles fit, first into the impacts that are left out and then into those that are kept. The
+remainder is made.
 """
 
 from __future__ import annotations
