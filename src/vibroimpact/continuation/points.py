@@ -30,6 +30,7 @@ from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.systems import AnyOrbit
 from vibroimpact.parameters import invalid
+from vibroimpact.scales import scale_of
 
 HALVINGS = 12  # of a step, in search of what happens inside
 TRIES = 12  # of an amplitude, halved each time
@@ -262,6 +263,6 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
 
 def _twice(point: BifurcationPoint) -> tuple[Equations, Floats, Floats]:
     """Return the doubled equations, the orbit traversed twice, and the direction in which the rounds separate."""
-    value, width = point.value, max(abs(point.value), 1e-3)
+    value, width = point.value, scale_of(point.orbit.model, point.parameter, point.value).size
     once, z = system_of(point.orbit, (point.parameter,), ((value - width, value + width),))
     return once.doubled(z)

@@ -288,8 +288,12 @@ def _scaled(motions: Sequence[Coexisting], varied: Range) -> Advice | None:
 
 
 def _rounded(value: float, varied: Range, outwards: int) -> float:
-    """Return a value whose change has two digits, rounded outwards or (0) to the nearest, inside the varied."""
-    step = 10.0 ** math.floor(math.log10(abs(value - varied.value)) - 1.0)
-    steps = value / step - outwards * 1e-9
+    """Return a value whose change has two digits, rounded outwards or (0) to the nearest, inside the varied.
+
+    The change is that relative to the scale: so advice is the same in any unit.
+    """
+    change = varied.change(value)
+    power = math.floor(math.log10(abs(change)) - 1.0)
+    steps = change / 10.0**power - outwards * 1e-9
     whole = round(steps) if not outwards else math.ceil(steps) if outwards > 0 else math.floor(steps)
-    return min(max(float(f"{whole * step:.12g}"), varied.low), varied.high)
+    return min(max(varied.value + float(f"{whole}e{power}") * varied.scale, varied.low), varied.high)

@@ -22,13 +22,13 @@ from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.orbit import Impacts, value_of
 from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names
 from vibroimpact.parameters import Parameter, invalid, several
+from vibroimpact.scales import LIGHT, scale_of
 from vibroimpact.system import ImpactSystem
 
 DEAREST = 1 << 29  # certified steps around a motion: five times those of the dearest of usual designs
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
 ALIKE = 5e-3  # `orbit_distance` from the settled motion within which an orbit or attractor is the same
 LONGEST = 16  # impacts in a cycle that is still solved for
-LIGHT = 0.05  # of critical damping: how much is tried where there is none
 CROWDED = 1.5  # values along a path lie at (j/n)^1.5 of its way: a near boundary matters more than a far one
 FARTHEST = 1000.0  # how many times a parameter may be varied, at most
 TRIALS = 24  # bisections of a range whose end is no design of a family
@@ -287,39 +287,18 @@ def percent(share: float) -> str:
 def range_of(model: Model, name: str, within: float) -> Range:
     """Return the range from value / (1 + within) to value * (1 + within), or around zero what its physics scales with.
 
-    The gap is measured against the static deflection f/k where that is larger, damping that is zero against critical
-    damping, a force that is zero against k |g|, a restitution that is zero against 1. A parameter of a family is varied
-    by `within` times its size where it is not positive, and no further than the family makes a design.
+    The gap of one mass, and a number that is not positive, is varied by `within` times its `scale_of`, damping by
+    `LIGHT` of that; and no further than the family makes a design.
     """
     value, parameter = value_of(model, name), model.parameters[name]
-    if isinstance(model, ImpactOscillator) and (name == "gap" or value <= 0.0):
-        chosen = _gap(model, value, within) if name == "gap" else _from_zero(model, name, within)
-    elif value > 0.0:
-        chosen = Range(model, name, value, value / (1.0 + within), min(value * (1.0 + within), parameter.high), value)
+    scale = scale_of(model, name, value)
+    if value > 0.0 and not (isinstance(model, ImpactOscillator) and name == "gap"):
+        low, high = value / (1.0 + within), min(value * (1.0 + within), parameter.high)
     else:
-        size = abs(value) or 1.0
-        low, high = max(value - within * size, parameter.low), min(value + within * size, parameter.high)
-        chosen = Range(model, name, value, low, high, size, "" if value else f"1 {parameter.unit}".removesuffix(" 1"))
+        far = within * scale.size * (LIGHT if scale.of == "critical damping" else 1.0)
+        low, high = max(value - far, parameter.low), min(value + far, parameter.high)
+    chosen = Range(model, name, value, low, high, *scale)
     return replace(chosen, low=_possible(chosen, -1), high=_possible(chosen, 1))
-
-
-def _gap(osc: ImpactOscillator, value: float, within: float) -> Range:
-    deflection = osc.amplitude / osc.stiffness
-    scale = max(abs(value), deflection)
-    of = "f/k" if deflection >= abs(value) else ""
-    if scale == 0.0:
-        scale, of = 1.0, "1 m"
-    return Range(osc, "gap", value, value - within * scale, value + within * scale, scale, of)
-
-
-def _from_zero(osc: ImpactOscillator, name: str, within: float) -> Range:
-    if name in ("damping", "damping_ratio"):
-        critical = 1.0 if name == "damping_ratio" else 2.0 * math.sqrt(osc.stiffness * osc.mass)
-        return Range(osc, name, 0.0, 0.0, LIGHT * within * critical, critical, "critical damping")
-    if name == "restitution":
-        return Range(osc, name, 0.0, 0.0, min(1.0, within), 1.0, "1")
-    hold = osc.stiffness * abs(osc.gap)
-    return Range(osc, name, 0.0, 0.0, within * (hold or 1.0), hold or 1.0, "k |g|" if hold else "1 N")
 
 
 def _possible(chosen: Range, direction: int) -> float:
