@@ -68,6 +68,7 @@ def changed(system, mass=1.0, force=1.0, length=1.0, time=1.0, basis=None):
     given, basis = system.arguments(), np.eye(len(system.mass)) if basis is None else basis
     load = mass * length / time**2 * force
     stiff = load / length
+    units = {"stiffness": stiff, "damping": stiff * time}
 
     def of(matrix, unit):
         return unit * (basis.T @ matrix @ basis)
@@ -84,6 +85,7 @@ def changed(system, mass=1.0, force=1.0, length=1.0, time=1.0, basis=None):
                 direction=stop.direction @ basis,
                 gap=length * stop.gap,
                 motion={h: length * by for h, by in stop.motion.items()},
+                **{kind: unit * getattr(stop, kind) for kind, unit in units.items() if stop.compliant},
             )
             for stop in system.stops
         ],

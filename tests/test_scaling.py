@@ -1,9 +1,14 @@
-"""Scaling identities on whole maps: sticking and chaotic cells included."""
+"""Scaling identities on whole maps and verdicts: sticking and chaotic motions included."""
+
+import os
 
 import numpy as np
 import pytest
 
 import vibroimpact as vi
+from designs import random_designs
+from systems import changed
+from vibroimpact.scales import scale_of
 
 OMEGA = np.linspace(0.1, 5.0, 15)
 MASS = np.linspace(0.2, 4.0, 5)
@@ -68,3 +73,109 @@ def test_shifting_the_start_by_whole_periods_changes_nothing():
     later = vi.impact_section(osc, start=vi.State(-1.0, 0.0, 64 * osc.period), transient_impacts=0, sample_impacts=20)
     assert later["velocity"].values == pytest.approx(now["velocity"].values, rel=1e-12)
     assert later["time"].values - now["time"].values == pytest.approx(64 * osc.period, rel=1e-13)
+
+
+# Verdicts in other units
+
+SYSTEMS = range(100) if "FUZZ" in os.environ else (0, 1, 4, 5)  # `make fuzz` asks for all
+STEEL = vi.ImpactSystem(
+    mass=2,
+    damping=4,
+    stiffness=2e4,
+    force=vi.Force(omega=150, harmonics={1: 5}),
+    stops=[vi.Stop(direction=1, gap=0, stiffness=2e5)],
+)
+
+
+def a_system(rng):
+    """Return one mass or two on springs, at one stop or between two, rigid or not, with and without gaps."""
+    n = int(rng.integers(1, 3))
+    springs = rng.uniform(0.5, 2.0, n + 1)
+    stiffness = np.diag(springs[:-1] + springs[1:]) - np.diag(springs[1:-1], 1) - np.diag(springs[1:-1], -1)
+    stops = []
+    for sign in (1.0, -1.0)[: int(rng.integers(1, 3))]:
+        gives = {"stiffness": rng.uniform(5.0, 50.0), "damping": rng.choice([0.0, rng.uniform(0.0, 1.0)])}
+        own = gives if rng.random() < 0.5 else {"restitution": rng.choice([0.0, rng.uniform(0.3, 0.9)])}
+        gap = rng.choice([0.0, rng.uniform(0.05, 0.8)])
+        stops.append(vi.Stop(direction=sign * np.eye(n)[-1], gap=gap, **own))
+    return vi.ImpactSystem(
+        mass=np.diag(rng.uniform(0.5, 2.0, n)),
+        damping=rng.uniform(0.02, 0.1) * stiffness,
+        stiffness=stiffness,
+        force=vi.Force(omega=rng.uniform(0.5, 3.0), harmonics={1: np.eye(n)[0]}),
+        stops=stops,
+    )
+
+
+def in_units(osc, mass, length, time):
+    """Return a design in other units."""
+    if isinstance(osc, vi.ImpactSystem):
+        return changed(osc, mass=mass, length=length, time=time)
+    return osc.replace(**{name: value * unit(name, mass, length, time) for name, value in osc.values.items()})
+
+
+def unit(name, mass, length, time):
+    """Return what a parameter's value is multiplied by."""
+    kinds = {"mass": mass, "damping": mass / time, "stiffness": mass / time**2, "amplitude": mass * length / time**2}
+    return (kinds | {"omega": 1.0 / time, "gap": length, "restitution": 1.0})[name.rpartition("_")[2]]
+
+
+def assert_the_same_in_units(osc, parameters, mass, length, time):
+    """All that is said of a design in one unit is said of it in another; only numbers with a unit are multiplied."""
+    here, there = (vi.describe(one, parameters=parameters) for one in (osc, in_units(osc, mass, length, time)))
+    speed = length / time
+
+    def words(verdict):
+        edges = [(edge.parameter, edge.direction, edge.kind, edge.of, edge.beyond) for edge in verdict.boundaries]
+        motions = [(one.name, one.share, one.n_periods, one.stop) for one in verdict.attractors]
+        advice = [(one.parameter, one.of, one.benefit, one.motion, one.tried) for one in verdict.advice]
+        return verdict.motion.name, edges, motions, advice
+
+    def numbers(verdict, unit_of, speed):
+        for edge in verdict.boundaries:
+            yield from (edge.change, edge.spacing)
+            yield from (x * unit_of(edge.parameter) for x in (edge.value, edge.searched_to, edge.beyond_at))
+        for motion in verdict.attractors:
+            yield motion.max_velocity * speed
+        for one in verdict.advice:
+            yield from (one.change, one.value * unit_of(one.parameter), one.max_velocity * speed, one.before * speed)
+
+    assert words(here) == words(there), (osc, mass, length, time)
+    expected = [*numbers(here, lambda name: unit(name, mass, length, time), speed)]
+    assert [*numbers(there, lambda name: 1.0, 1.0)] == pytest.approx(expected, rel=1e-9, nan_ok=True)
+    return here
+
+
+@pytest.mark.parametrize("seed", SYSTEMS)
+def test_a_verdict_on_a_system_does_not_depend_on_units(seed):
+    rng = np.random.default_rng([3801, seed])
+    system, powers = a_system(rng), 2.0 ** rng.integers(-9, 10, 3)
+    zeros = [name for name, value in system.values.items() if value == 0.0]
+    assert_the_same_in_units(system, [rng.choice(zeros or list(system.values))], *powers.tolist())
+
+
+@pytest.mark.parametrize("seed", range(100 if "FUZZ" in os.environ else 11))
+def test_a_verdict_on_one_mass_does_not_depend_on_units(seed):
+    rng = np.random.default_rng([3802, seed])
+    (osc,), powers = random_designs(rng, 1), 2.0 ** rng.integers(-9, 10, 3)
+    osc = osc.replace(**{str(rng.choice(["damping", "restitution", "gap"])): 0.0})
+    assert_the_same_in_units(osc, sorted({"gap", str(rng.choice(list(osc.values)))}), *powers.tolist())
+
+
+def test_a_verdict_is_the_same_in_metres_and_in_millimetres():
+    """N, m, kg and N, mm, t: a gap of 0 is compared with the static deflection f/k, damping with the critical one."""
+    down, up, *_ = assert_the_same_in_units(STEEL, ["stop_1_gap", "stop_1_damping"], 1e-3, 1e3, 1.0).boundaries
+    assert (down.of, down.change) == ("the static deflection", pytest.approx(down.value / (5 / 2e4)))
+    assert (up.kind, up.value) == ("fold", pytest.approx(0.672389e-3, rel=1e-6))
+
+
+def test_a_parameter_of_a_family_that_is_zero_is_compared_with_what_changes_the_design_as_much():
+    """Half a millimetre of clearance is as much as the deflection f/k; as much force as there is doubles it."""
+
+    def shaker(clearance_mm=0.0, more=0.0, ratio=0.0):
+        return vi.ImpactOscillator(
+            mass=2.0, stiffness=2e4, damping=400.0 * ratio, amplitude=10.0 + more, omega=150.0, gap=clearance_mm / 1e3
+        )
+
+    sizes = {name: scale_of(vi.family(shaker), name, 0.0).size for name in ("clearance_mm", "more", "ratio")}
+    assert sizes == pytest.approx({"clearance_mm": 0.5, "more": 10.0, "ratio": 0.05})

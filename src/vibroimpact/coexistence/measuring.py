@@ -97,9 +97,15 @@ def orbit_cells(osc: ImpactOscillator | ImpactSystem) -> list[Cells]:
     every = range(1, KNOWN_PERIODS + 1)
     if isinstance(osc, ImpactSystem):
         orbits = (orbit for n in every for orbit in find_orbit(osc, n_periods=n))
-        return [carried(osc, orbit.start) for orbit in orbits if orbit.stable and orbit.admissible]
-    stable = (orbit for n in every for orbit in stable_orbits(osc, n))
-    return [Start(0.0, orbit.velocities[0], orbit.phases[0]).cell(osc) for orbit in stable]
+        return [orbit_cell(osc, orbit) for orbit in orbits if orbit.stable and orbit.admissible]
+    return [orbit_cell(osc, orbit) for n in every for orbit in stable_orbits(osc, n)]
+
+
+def orbit_cell(osc: ImpactOscillator | ImpactSystem, orbit: Any) -> Cells:
+    """Return the cell of a design that starts on one of its orbits."""
+    if isinstance(osc, ImpactSystem):
+        return carried(osc, orbit.start)
+    return Start(0.0, orbit.velocities[0], orbit.phases[0]).cell(osc)
 
 
 def copies(system: ImpactSystem | SystemCells, number: int) -> SystemCells:

@@ -30,7 +30,7 @@ from vibroimpact.motion import MotionClass
 from vibroimpact.orbits.orbit import Impacts, same_orbit
 from vibroimpact.orbits.systems import SystemOrbit, ended, find_near
 from vibroimpact.orbits.systems.orbit import cycle_of
-from vibroimpact.oscillator import State
+from vibroimpact.oscillator import Model, State
 from vibroimpact.system import ImpactSystem
 
 SAME = 1e-6  # ten times how near a state must come back; of phases as points of the unit circle, and of the hardest hit
@@ -152,7 +152,7 @@ def follow(runner: Runner, settled: Settled, at: int, known: Sequence[Seen] = ()
         if alike(other, found, other.tolerance):
             return other
     plain = p > 0 and not len(seen.rest_stop) and not seen.impact_simultaneous.any()
-    orbit = _solved(system, n, stops, turns[cycle], speeds, end) if plain and len(stops) <= SOLVED else None
+    orbit = solved(system, n, stops, turns[cycle], speeds, end) if plain and len(stops) <= SOLVED else None
     if orbit is None:
         return replace(found, start=ended(system, _sampled(runner, settled, at, ImpactWindow(settling, first + 1))))
     numbers = np.array([system.stop_names.index(stop) for stop in orbit.stops])
@@ -215,14 +215,13 @@ def _smallest(seen: SystemSamples, cycle: slice, n: int) -> tuple[int, slice]:
     return n, cycle
 
 
-def _solved(
-    system: ImpactSystem, n: int, stops: Counts, turns: Floats, speeds: Floats, end: State
-) -> SystemOrbit | None:
+def solved(model: Model, n: int, stops: Counts, turns: Floats, speeds: Floats, end: State) -> SystemOrbit | None:
     """Return the stable orbit that Newton's method reaches from a cycle's impacts or a state, if it is that cycle."""
+    system = model.at()
     names = [system.stop_names[stop] for stop in stops]
     times = ((turns - math.floor(turns[0])) * system.period).tolist()
     impacts = Impacts(turns % 1.0, speeds)
-    for orbit in find_near(system, n, names, times, end):
+    for orbit in find_near(model, n, names, times, end):
         if orbit.stable and orbit.admissible and same_orbit(orbit, impacts, tolerance=NEAR):
             return orbit
     return None

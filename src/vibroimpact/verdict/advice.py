@@ -1,30 +1,35 @@
 """Ways to soften the impacts: the smallest change of one parameter with a clear benefit, from every initial condition.
 
 A change is found with a few initial conditions and judged by many: 256 spread over the impact surface, the known orbits
-of one impact there, and the present motions, changed at 128 instants of each cycle. One from which the mass would then
+of one impact there, the present motions, changed at 128 instants of each cycle, and their orbits, continued along the
+parameter to the value. One from which the mass would then
 hit harder than what is to be softened is enough to reject it, and the next value is tried.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
 from vibroimpact.cells import Floats, cells_at
-from vibroimpact.coexistence.measuring import Measured, Runner, carried, copies, orbit_cells, spread_cells
+from vibroimpact.coexistence.measuring import Measured, Runner, carried, copies, orbit_cell, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.system import ImpactSystem
 from vibroimpact.system_cells import SystemCells
+from vibroimpact.verdict.branches import Branches, present_orbits
 from vibroimpact.verdict.present import Coexisting, Present, Range, measure
 
 PLACES = 36  # values along a path
-HALVINGS = 8  # of the step in which the benefit begins
+FINER, HALVINGS = 2, 6  # times that steps near the present value are halved; of the step in which the benefit begins
+NEARER = PLACES // 3  # of these are looked at first
+ANY, ENDS = ("softer", "no_chaos", "no_impact"), ("no_impact",)  # benefits that are looked for
 SOFTER = 0.8 * (1.0 + 1e-9)  # of the hardest hit: a clear benefit
 SCOUTS = 6  # spread initial conditions with which a value is found
 INSTANTS = 128  # of each present cycle at which the change is made
@@ -109,30 +114,63 @@ def hit(motion: Measured) -> float:
 
 
 @dataclass
-class Search:
-    """A path, the benefits looked for, and the step of it in which they begin."""
+class Line:
+    """Values of a parameter to one side of the present one, from there outwards, and the benefit at each."""
 
     range: Range
-    direction: int
-    path: list[float]
+    values: list[float]
+    benefits: list[str] = field(default_factory=list)
+
+    def begin(self, wanted: Sequence[str]) -> int | None:
+        """Return the place of the first value with a benefit that its next neighbour has too; None without one."""
+        good = [benefit in wanted for benefit in self.benefits]
+        pairs = zip(good, [*good[1:], good[-1]], strict=True)
+        return next((j for j, (here, beyond) in enumerate(pairs) if here and beyond), None)
+
+    def between(self, nearer: float) -> list[float]:
+        """Return values between neighbours, where a change is smaller than one and only one, or none, has a benefit."""
+        ends = zip([self.range.value, *self.values], ["", *self.benefits], strict=True)
+        return [
+            self.range.between(inner, outer, 0.5)
+            for (inner, one), (outer, other) in pairwise(ends)
+            if abs(self.range.change(inner)) < nearer and not (one and other)
+        ]
+
+    def add(self, values: Sequence[float], benefits: Iterable[str]) -> None:
+        """Add values and the benefits there."""
+        known = [*zip(self.values, self.benefits, strict=True), *zip(values, benefits, strict=True)]
+        known.sort(key=lambda pair: abs(self.range.change(pair[0])))
+        self.values, self.benefits = [value for value, _ in known], [benefit for _, benefit in known]
+
+
+@dataclass
+class Search:
+    """A line, the benefits looked for, and the step of it in which they begin."""
+
+    line: Line
     wanted: tuple[str, ...]
     inside: float = math.nan
     outside: float = math.nan
     values: list[float] = field(default_factory=list)
 
-    def begins(self, good: Sequence[bool]) -> None:
-        """Note the first value with a benefit that its next neighbour has too, and those beyond it."""
-        pairs = zip(good, [*good[1:], good[-1]], strict=True)
-        first = next((j for j, (here, beyond) in enumerate(pairs) if here and beyond), None)
+    @property
+    def range(self) -> Range:
+        """The parameter that is varied."""
+        return self.line.range
+
+    def begins(self) -> bool:
+        """Note where on the line the benefits begin, and the values beyond that have them; return whether they do."""
+        first, values = self.line.begin(self.wanted), self.line.values
         if first is not None:
-            self.inside = self.path[first - 1] if first else self.range.value
-            self.outside = self.path[first]
-            self.values = self.path[first : first + TRIED]
+            self.inside, self.outside = values[first - 1] if first else self.range.value, values[first]
+            beyond = zip(values[first:], self.line.benefits[first:], strict=True)
+            self.values = [value for value, benefit in beyond if benefit in self.wanted][:TRIED]
+        return first is not None
 
     def candidates(self) -> list[float]:
         """Return rounded values, the smallest change first."""
-        near = [_rounded(self.outside, self.range, 0)]
-        return near + [_rounded(value, self.range, self.direction) for value in (self.outside, *self.values)]
+        near, outwards = [_rounded(self.outside, self.range, 0)], 1 if self.outside > self.range.value else -1
+        return near + [_rounded(value, self.range, outwards) for value in (self.outside, *self.values)]
 
 
 @dataclass(frozen=True)
@@ -176,19 +214,24 @@ class Judge:
     target: Target
     runner: Runner
     cycles: Sequence[Cycle]
+    orbits: Sequence[Any]
+    branches: Branches
 
-    def glance(self, designs: Sequence[Any]) -> list[str]:
-        """Return the benefit of each design from rest, the present motions, and, if that holds, some spread impacts."""
+    def glance(self, designs: Sequence[Any], wanted: Sequence[tuple[str, ...]]) -> list[str]:
+        """Return the benefit of each design, if wanted, from rest, the present motions, and then spread impacts."""
         if designs and isinstance(designs[0], ImpactSystem):
             cells = SystemCells.of_systems(designs)  # of one shape; they know all that initial conditions need
             designs = [cells[at : at + 1] for at in range(len(designs))]
         return self._benefits(
             designs,
+            wanted,
             lambda design: [_at_rest(design), *(cycle.cells(design, INSTANTS) for cycle in self.cycles)],
             lambda design: [spread_cells(design, SCOUTS)],
         )
 
-    def _benefits(self, designs: Sequence[Any], *stages: Callable[[Any], list[Cells]]) -> list[str]:
+    def _benefits(
+        self, designs: Sequence[Any], wanted: Sequence[tuple[str, ...]], *stages: Callable[[Any], list[Cells]]
+    ) -> list[str]:
         motions: list[list[Measured]] = [[] for _ in designs]
         benefits = [""] * len(designs)
         left = list(range(len(designs)))
@@ -197,68 +240,112 @@ class Judge:
             found = iter(measure(self.runner, Cells.join(cells), SCAN) if cells else ())
             for at, part in zip(left, cells, strict=True):
                 motions[at] += [next(found) for _ in range(len(part))]
-                benefits[at] = self.target.benefit(motions[at])
+                benefit = self.target.benefit(motions[at])
+                benefits[at] = benefit if benefit in wanted[at] else ""
             left = [at for at in left if benefits[at]]
         return benefits
 
-    def settled(self, design: Any) -> list[Measured]:
+    def settled(self, varied: Range, value: float) -> list[Measured]:
         """Return the motions from all initial conditions, or from as few as show that there is no benefit."""
-        spread, cycles = spread_cells(design), [cycle.cells(design) for cycle in self.cycles]
-        many = Cells.join([design.cells({}), spread, *cycles, *orbit_cells(design)])
-        number = len(many)
-        mixed = np.argsort(np.arange(number) % FEW, kind="stable")
         motions: list[Measured] = []
-        for some in np.split(mixed, [number // FEW, number // 4, number // 2]):
-            motions += measure(self.runner, many[some], TEST)
+        for cells in self._starts(varied, value):
+            motions += measure(self.runner, cells, TEST)
             if not self.target.benefit(motions):
                 break
         return motions
 
+    def _starts(self, varied: Range, value: float) -> Iterator[Cells]:
+        """Yield initial conditions, a few of all kinds first: one on each orbit takes longer to find.
+
+        A slow change leads along the branches of the present orbits.
+        """
+        design = varied.at(value)
+        many = Cells.join([design.cells({}), spread_cells(design), *(cycle.cells(design) for cycle in self.cycles)])
+        number = len(many)
+        mixed = np.argsort(np.arange(number) % FEW, kind="stable")
+        first, *others = np.split(mixed, [number // FEW, number // 4, number // 2])
+        yield many[first]
+        if on := [orbit_cell(design, orbit) for orbit in self.branches.at(self.orbits, varied, value)]:
+            yield Cells.join(on)
+        if known := orbit_cells(design):
+            yield Cells.join(known)
+        yield from (many[some] for some in others)
+
 
 def advise(
-    present: Present, motions: Sequence[Coexisting], ranges: Sequence[Range], runner: Runner
+    present: Present,
+    motions: Sequence[Coexisting],
+    ranges: Sequence[Range],
+    runner: Runner,
+    branches: Branches | None = None,
 ) -> tuple[Advice, ...]:
     """Return for each parameter the smallest change to gentler motions, and to none that hit; the smallest first."""
     reached = [motion for motion in motions if motion.reached]
     target = Target.of(reached)
     if not 0.0 < target.hardest < math.inf:
         return ()
-    judge = Judge(target, runner, present_cycles(present.oscillator, reached, runner))
-    searches = [
-        Search(each, direction, path, wanted)
-        for each in ranges
-        for direction in (-1, 1)
-        if (path := each.path(direction, PLACES)) and not each.only_scales
-        for wanted in (("softer", "no_chaos", "no_impact"), ("no_impact",))
-    ]
-    _locate(searches, judge)
-    good = [search for search in searches if search.values]
+    cycles, orbits = present_cycles(present.oscillator, reached, runner), present_orbits(present, reached, runner)
+    judge = Judge(target, runner, cycles, orbits, Branches() if branches is None else branches)
+    varied = [each for each in ranges if not each.only_scales]
+    lines = [Line(each, path) for each in varied for direction in (-1, 1) if (path := each.path(direction, PLACES))]
+    _look_along(lines, judge)
+    good = [search for line in lines for wanted in (ANY, ENDS) if (search := Search(line, wanted)).begins()]
     _refine(good, judge)
     found = [_scaled(reached, each) for each in ranges if each.only_scales]
     for each in ranges:
         mine = [search for search in good if search.range is each]
-        first = _smallest([search for search in mine if len(search.wanted) > 1], judge)
+        first = _smallest([search for search in mine if search.wanted == ANY], judge)
         if first is not None and first.benefit != "no_impact":
-            found.append(_smallest([search for search in mine if len(search.wanted) == 1], judge))
+            found.append(_smallest([search for search in mine if search.wanted == ENDS], judge))
         found.append(first)
     return tuple(sorted((advice for advice in found if advice is not None), key=lambda advice: abs(advice.change)))
 
 
-def _locate(searches: Sequence[Search], judge: Judge) -> None:
-    """Find along each path the first value with a benefit that its next neighbour has too."""
-    paths = {(search.range.name, search.direction): search for search in searches}
-    benefits = iter(judge.glance([search.range.at(value) for search in paths.values() for value in search.path]))
-    found = {key: [next(benefits) for _ in search.path] for key, search in paths.items()}
-    for search in searches:
-        search.begins([benefit in search.wanted for benefit in found[search.range.name, search.direction]])
+def _look_along(lines: Sequence[Line], judge: Judge) -> None:
+    """Find the benefits along each line, and at values between where a change would be smaller than any with one.
+
+    Windows with a benefit may be narrower than the steps; near the present value they matter most. Beyond several
+    values with a benefit it matters only whether impacts end.
+    """
+    paths, every = [line.values for line in lines], [ANY for _ in lines]
+    for line in lines:
+        line.values = []
+    _look(lines, [path[:NEARER] for path in paths], every, judge)
+    _look(lines, [path[NEARER:] for path in paths], [ENDS if _enough(line, lines) else ANY for line in lines], judge)
+    for _ in range(FINER):
+        _look(lines, [line.between(_change_of(line.range, lines))[: PLACES // 4] for line in lines], every, judge)
+
+
+def _look(
+    lines: Sequence[Line], added: Sequence[Sequence[float]], wanted: Sequence[tuple[str, ...]], judge: Judge
+) -> None:
+    """Add values to each line, with the benefits there if these are wanted of it."""
+    there = [line.range.at(value) for line, values in zip(lines, added, strict=True) for value in values]
+    benefits = iter(judge.glance(there, [one for one, values in zip(wanted, added, strict=True) for _ in values]))
+    for line, values in zip(lines, added, strict=True):
+        line.add(values, [next(benefits) for _ in values])
+
+
+def _enough(line: Line, lines: Sequence[Line]) -> bool:
+    """Whether as many values of a line's parameter have a benefit as will be tried."""
+    number = sum(sum(map(bool, one.benefits)) for one in lines if one.range is line.range)
+    return number >= TRIED and _change_of(line.range, lines) < math.inf
+
+
+def _change_of(varied: Range, lines: Sequence[Line]) -> float:
+    """Return the smallest change of a parameter to where benefits begin on one of its lines."""
+    mine = [line for line in lines if line.range is varied]
+    begun = [line.values[first] for line in mine if (first := line.begin(ANY)) is not None]
+    return min((abs(varied.change(value)) for value in begun), default=math.inf)
 
 
 def _refine(searches: Sequence[Search], judge: Judge) -> None:
     for _ in range(HALVINGS if searches else 0):
         middles = [search.range.between(search.inside, search.outside, 0.5) for search in searches]
         there = [search.range.at(value) for search, value in zip(searches, middles, strict=True)]
-        for search, middle, benefit in zip(searches, middles, judge.glance(there), strict=True):
-            if benefit in search.wanted:
+        benefits = judge.glance(there, [search.wanted for search in searches])
+        for search, middle, benefit in zip(searches, middles, benefits, strict=True):
+            if benefit:
                 search.outside = middle
             else:
                 search.inside = middle
@@ -269,7 +356,7 @@ def _smallest(searches: Sequence[Search], judge: Judge) -> Advice | None:
     values = {value: search for search in searches for value in search.candidates()}
     for value, search in sorted(values.items(), key=lambda pair: abs(pair[1].range.change(pair[0]))):
         varied = search.range
-        motions = judge.settled(varied.at(value))
+        motions = judge.settled(varied, value)
         benefit, worst = judge.target.benefit(motions), max(motions, key=hit)
         if benefit in search.wanted:
             what = varied.name, value, varied.change(value), varied.of, benefit, worst.name

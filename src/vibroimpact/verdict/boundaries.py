@@ -17,19 +17,16 @@ import numpy as np
 
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence.measuring import AT_REST, Runner, Start, cells_of
-from vibroimpact.continuation.branch import walk
-from vibroimpact.continuation.system import system_of
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.status import Status
+from vibroimpact.verdict.branches import Branch, Branches
 from vibroimpact.verdict.carried import SECTIONS, UNSURE, Track, carry
 from vibroimpact.verdict.onsets import Onset, Side, from_rest, from_some
 from vibroimpact.verdict.present import CROWDED, Coexisting, Present, Range, measure
 
 NOISE = 1e-12  # relative: what is smaller is rounding
-STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch near a bifurcation
-STRIDE = 0.08  # elsewhere
 MOST = 800  # orbits times impacts that are solved for along one direction
 GOLDEN, GOLDEN_SHARE = 60, 0.5 * (math.sqrt(5.0) - 1.0)  # steps of a golden section, to 3e-13 of its beginning
 SCANNED = 60  # values along a path at which a condition is evaluated
@@ -185,14 +182,16 @@ def nearest_boundaries(
     runner: Runner,
     done: Callable[[], bool] = lambda: True,
     coexisting: Sequence[Coexisting] = (),
+    branches: Branches | None = None,
 ) -> tuple[Edge, ...]:
     """Return the nearest boundary of a motion down and up each parameter; `done` is called for each, False stops.
 
     Where motions that hit coexist with one that does not, some initial conditions settle to impacts here already.
     """
     found: list[Found | None] = []
+    branches = Branches() if branches is None else branches
     for each in ranges:
-        found += [_exact(present, Found(each, direction)) for direction in (-1, 1)]
+        found += [_exact(present, Found(each, direction), branches) for direction in (-1, 1)]
         if not done():
             return ()
     sides = [Found(each, direction) for each in ranges for direction in (-1, 1)]
@@ -248,7 +247,7 @@ def _with_beyond(found: Sequence[Found], group: tuple[str, int, int], runner: Ru
 # Boundaries that are solutions of equations
 
 
-def _exact(present: Present, side: Found) -> Found | None:
+def _exact(present: Present, side: Found, branches: Branches) -> Found | None:
     """Return the boundary, or `none` up to the end of the range; None where no equation gives it."""
     if side.range.only_scales or not side.path(1):
         return side
@@ -262,7 +261,7 @@ def _exact(present: Present, side: Found) -> Found | None:
     if present.orbit.sticks:
         return _end_of_sticking(present, side)
     try:
-        return bifurcation(present.orbit, side)
+        return bifurcation(branches.of(present.orbit, side.range, side.direction), side)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return None  # the branch runs where its equations have no meaning
 
@@ -273,22 +272,17 @@ def _start_of(orbit: Any) -> Start:
     return Start(0.0, orbit.velocities[hit], orbit.phases[hit])
 
 
-def bifurcation(orbit: Any, side: Found, longest: float = STEP) -> Found | None:
-    """Follow the orbit until it folds, doubles, grazes or strikes two stops at once.
-
-    Steps are at most `longest` near such points.
-    """
-    system, z = system_of(orbit, (side.range.name,), ((side.range.low, side.range.high),))
-    way = None
-    for way in walk(system, system.pack(z), longest, False, side.direction, round(STRIDE / longest)):
-        for special in way.special:
+def bifurcation(branch: Branch, side: Found) -> Found | None:
+    """Follow the branch of an orbit until it folds, doubles, grazes or strikes two stops at once."""
+    while branch.goes_on(MOST):
+        way = branch.way
+        for special in way.special if way else []:
             at = special.orbit
             if at.admissible:
                 value = special.system.values(special.x)[0]
-                kind = "period_halving" if at.n_periods < orbit.n_periods else special.kind
+                kind = "period_halving" if at.n_periods < branch.orbit.n_periods else special.kind
                 return replace(side, kind=kind, value=value, start=_start_of(at))
-        if len(way.points) * orbit.n_impacts > MOST:
-            return None
+    way = branch.way
     if way is not None and way.end == "impacts_merge":
         last = way.points[-1]
         return replace(side, kind=way.end, value=last.system.values(last.x)[0], start=_start_of(last.orbit))

@@ -16,6 +16,7 @@ from vibroimpact.progress import Report, reporter
 from vibroimpact.system import ImpactSystem
 from vibroimpact.verdict.advice import Advice, advise
 from vibroimpact.verdict.boundaries import Edge, nearest_boundaries
+from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.present import (
     DEAREST,
     Coexisting,
@@ -269,12 +270,13 @@ def _describe(
     found["attractors"] = coexisting_motions(present, runner)
     if not going():
         return False
+    branches = Branches()
     if isinstance(present.oscillator, ImpactSystem):
-        found["boundaries"] = orbit_boundaries(present.orbit, ranges, going)
+        found["boundaries"] = orbit_boundaries(present.orbit, ranges, going, branches)
     else:
-        found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"])
+        found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"], branches)
     if len(found["boundaries"]) < 2 * len(ranges):
         return False
-    found["advice"] = advise(present, found["attractors"], ranges, runner)
+    found["advice"] = advise(present, found["attractors"], ranges, runner, branches)
     going()
     return True

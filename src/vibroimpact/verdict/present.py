@@ -91,14 +91,15 @@ def present_motion(model: Model, runner: Runner) -> Present:
     if measured.motion_class == MotionClass.STICKING:
         orbit = _sticking_orbit(model, measured.n_periods)
     else:
-        orbit = _cycle(model, measured, Impacts(seen.impact_phase, seen.impact_velocity))
+        hits = Impacts(seen.impact_phase, seen.impact_velocity)
+        orbit = stable_cycle(model, measured.n_periods, measured.n_impacts, hits)
     if orbit is not None and not orbit.sticks:
         motion = replace(motion, velocities=orbit.velocities, phases=orbit.phases)
     else:
         recognised = recognise(labelled_impacts(seen, in_seconds(osc), provenance("impact_section", osc, {}), osc))
         motion = recognised if recognised.kind == motion.kind else motion
-    hits = zip(seen.impact_velocity.tolist(), seen.impact_phase.tolist(), strict=True)
-    after = (Start(0.0, -osc.restitution * velocity, phase) for velocity, phase in hits)
+    pairs = zip(seen.impact_velocity.tolist(), seen.impact_phase.tolist(), strict=True)
+    after = (Start(0.0, -osc.restitution * velocity, phase) for velocity, phase in pairs)
     return Present(model, osc, final, motion, orbit, next(after, None))
 
 
@@ -116,15 +117,15 @@ def _sticking_orbit(model: Model, n_periods: int) -> Orbit | None:
     return next(iter(find_orbit(model, n_periods=n_periods, n_impacts=-1)), None)
 
 
-def _cycle(model: Model, measured: Measured, seen: Impacts) -> Orbit | None:
-    """Return the stable orbit that the settled motion is on."""
-    if measured.n_impacts > LONGEST or len(seen.velocities) < measured.n_impacts:
+def stable_cycle(model: Model, n_periods: int, n_impacts: int, seen: Impacts) -> Orbit | None:
+    """Return the stable orbit that a settled motion is on, from its last impacts."""
+    if n_impacts > LONGEST or len(seen.velocities) < n_impacts:
         return None
-    last = Impacts(*(column[-measured.n_impacts :] for column in seen))
+    last = Impacts(*(column[-n_impacts:] for column in seen))
     near = float(last.phases[-1]), float(last.velocities[-1])
     found = [
         orbit
-        for orbit in find_orbit(model, n_periods=measured.n_periods, n_impacts=measured.n_impacts, near=near)
+        for orbit in find_orbit(model, n_periods=n_periods, n_impacts=n_impacts, near=near)
         if orbit.stable and orbit.admissible and same_orbit(orbit, last, tolerance=ALIKE)
     ]
     return min(found, key=partial(orbit_distance, last), default=None)

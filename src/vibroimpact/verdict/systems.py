@@ -14,6 +14,7 @@ from vibroimpact.coexistence.measuring import SPREAD
 from vibroimpact.motion import MotionClass, listed
 from vibroimpact.report.quantities import counted
 from vibroimpact.verdict.boundaries import Edge, Found, bifurcation
+from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.present import Range, percent
 from vibroimpact.verdict.text import (
     KNOWN,
@@ -34,11 +35,12 @@ if TYPE_CHECKING:
 TOUCHING = (
     1e-9  # of what a clearance is the difference of: one so small is a contact; of speeds and impulses: they are equal
 )
-COARSE = 0.02  # of the range, the longest step along a branch near a bifurcation: ten times as dear as of one mass
 BESIDE = 1e-3  # per period: an exponent so small says nothing of whether perturbations decay
 
 
-def orbit_boundaries(orbit: Any, ranges: Sequence[Range], done: Callable[[], bool]) -> tuple[Edge, ...]:
+def orbit_boundaries(
+    orbit: Any, ranges: Sequence[Range], done: Callable[[], bool], branches: Branches
+) -> tuple[Edge, ...]:
     """Return the nearest bifurcations of an orbit down and up each parameter; `done` is called for each, False stops.
 
     Where there is no orbit, or its branch cannot be followed, nothing is known (`searched_to` is NaN).
@@ -48,7 +50,8 @@ def orbit_boundaries(orbit: Any, ranges: Sequence[Range], done: Callable[[], boo
         for direction in (-1, 1):
             side = Found(each, direction)
             try:
-                found = side if not side.path(1) else bifurcation(orbit, side, COARSE) if orbit else None
+                branch = branches.of(orbit, each, direction) if orbit and side.path(1) else None
+                found = bifurcation(branch, side) if branch else None if side.path(1) else side
             except (ArithmeticError, ValueError, np.linalg.LinAlgError):
                 found = None
             found = found or replace(side, reached=math.nan)

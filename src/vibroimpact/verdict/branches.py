@@ -1,0 +1,124 @@
+"""The orbits that present motions are on, continued along a parameter: to their boundaries, and to advised values.
+
+A change that is made slowly leads along their branches, which initial conditions of the changed design may miss.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from vibroimpact.backends import ImpactWindow
+from vibroimpact.coexistence.measuring import HARDLY_EVER, Runner, carried
+from vibroimpact.coexistence.systems import solved
+from vibroimpact.continuation.branch import walk
+from vibroimpact.continuation.following import Way
+from vibroimpact.continuation.system import system_of
+from vibroimpact.orbits.orbit import Impacts
+from vibroimpact.orbits.systems import SystemOrbit, ended
+from vibroimpact.system import ImpactSystem
+from vibroimpact.verdict.present import LONGEST, Coexisting, Present, Range, stable_cycle
+
+STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch near a bifurcation
+COARSE = 0.02  # the same of systems: ten times as dear as of one mass
+STRIDE = 0.08  # elsewhere
+MOST = 400  # orbits times impacts that are solved for along one branch
+WHOLE = 1e-6  # of a period, or a change: what differs by less is one
+
+
+def present_orbits(present: Present, motions: Sequence[Coexisting], runner: Runner) -> list[Any]:
+    """Return the stable orbits that the present motions are on: of those that repeat and do not rest at a stop."""
+    found = (present.orbit if one.from_rest else _orbit_of(present, one, runner) for one in motions)
+    return [orbit for orbit in found if orbit is not None and not orbit.sticks]
+
+
+def _orbit_of(present: Present, motion: Coexisting, runner: Runner) -> Any:
+    """Return the orbit that a coexisting motion is on, solved for from its impacts; None where that is not possible."""
+    n, made = motion.n_periods, present.oscillator
+    if not motion.max_velocity or not 0 < n <= HARDLY_EVER:
+        return None
+    seen: Any
+    (seen,) = runner.samples(carried(made, motion.start), ImpactWindow(0, LONGEST + 1))
+    turns, speeds = seen.impact_periods + seen.impact_phase, seen.impact_velocity
+    p = int(np.searchsorted(turns, turns[0] + n - WHOLE)) if len(turns) == LONGEST + 1 else LONGEST + 1
+    if p > LONGEST:
+        return None
+    if isinstance(made, ImpactSystem):
+        return solved(present.model, n, seen.impact_stop[:p], turns[:p], speeds[:p], ended(made, seen))
+    return stable_cycle(present.model, n, p, Impacts(seen.impact_phase[:p], speeds[:p]))
+
+
+class Branch:
+    """A branch of an orbit along a parameter in one direction, followed only as far as it was asked for."""
+
+    def __init__(self, orbit: Any, varied: Range, direction: int) -> None:
+        self.orbit, self.varied, self.direction = orbit, varied, direction
+        self.way: Way | None = None
+        self._ways = self._walk()
+
+    def _walk(self) -> Iterator[Way]:
+        longest = COARSE if isinstance(self.orbit, SystemOrbit) else STEP
+        system, z = system_of(self.orbit, (self.varied.name,), ((self.varied.low, self.varied.high),))
+        yield from walk(system, system.pack(z), longest, False, self.direction, round(STRIDE / longest))
+
+    def goes_on(self, most: int) -> bool:
+        """Follow the branch by one point more, for so many orbits times impacts; return whether it goes on."""
+        if self.way is not None and len(self.way.points) * self.orbit.n_impacts > most:
+            return False
+        following = next(self._ways, None)
+        self.way = following or self.way
+        return following is not None
+
+    def at(self, value: float) -> list[Any]:
+        """Return the stable, admissible orbits at a value, on the branch up to where it first passes that.
+
+        A branch that turns and comes back past its beginning is left: what is stable there is a present motion itself.
+        """
+        while not self._passes(value) and self.goes_on(MOST):
+            pass
+        pairs = pairwise(self.way.points if self.way else [])
+        found = [self._crossing(a, b, value) for a, b in pairs if a.system is b.system]
+        return [orbit for orbit in found if orbit is not None and orbit.stable and orbit.admissible]
+
+    def _passes(self, value: float) -> bool:
+        """Whether the branch has passed a value, or comes back past its beginning."""
+        begun, points = self.varied.value, self.way.points if self.way else []
+        ways = [(_value(point) - begun) / (value - begun) for point in points]
+        return bool(ways) and (max(ways) >= 1.0 or min(ways) < -WHOLE)
+
+    def _crossing(self, a: Any, b: Any, value: float) -> Any:
+        """Return the orbit at a value between two points, or None where that is not between them."""
+        low, high = _value(a), _value(b)
+        if not min(low, high) <= value <= max(low, high) or low == high:
+            return None
+        x = a.x + (value - low) / (high - low) * (b.x - a.x)
+        found, made, _ = a.system.newton(x, np.eye(len(x))[-1])
+        return a.system.orbit(found) if made else None
+
+
+def _value(point: Any) -> float:
+    return float(point.system.values(point.x)[0])
+
+
+class Branches(dict[tuple[int, str, int], Branch]):
+    """The branches of orbits along parameters that were asked for."""
+
+    def of(self, orbit: Any, varied: Range, direction: int) -> Branch:
+        """Return the branch of an orbit downwards (-1) or upwards (+1) along a parameter."""
+        key = id(orbit), varied.name, direction  # the branch keeps the orbit, and so its number
+        if key not in self:
+            self[key] = Branch(orbit, varied, direction)
+        return self[key]
+
+    def at(self, orbits: Sequence[Any], varied: Range, value: float) -> list[Any]:
+        """Return the stable, admissible orbits on the branches of some at a value of a parameter."""
+        found: list[Any] = []
+        for orbit in orbits:
+            try:
+                found += self.of(orbit, varied, 1 if value > varied.value else -1).at(value)
+            except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+                continue  # it runs where its equations have no meaning
+        return found
