@@ -63,6 +63,26 @@ def a_random_system(rng, n, s=2, damping=None):
     )
 
 
+def on_springs(rng):
+    """Return one mass or two on springs, at one stop or between two, rigid or not, with and without gaps."""
+    n = int(rng.integers(1, 3))
+    springs = rng.uniform(0.5, 2.0, n + 1)
+    stiffness = np.diag(springs[:-1] + springs[1:]) - np.diag(springs[1:-1], 1) - np.diag(springs[1:-1], -1)
+    stops = []
+    for sign in (1.0, -1.0)[: int(rng.integers(1, 3))]:
+        gives = {"stiffness": rng.uniform(5.0, 50.0), "damping": rng.choice([0.0, rng.uniform(0.0, 1.0)])}
+        own = gives if rng.random() < 0.5 else {"restitution": rng.choice([0.0, rng.uniform(0.3, 0.9)])}
+        gap = rng.choice([0.0, rng.uniform(0.05, 0.8)])
+        stops.append(vi.Stop(direction=sign * np.eye(n)[-1], gap=gap, **own))
+    return vi.ImpactSystem(
+        mass=np.diag(rng.uniform(0.5, 2.0, n)),
+        damping=rng.uniform(0.02, 0.1) * stiffness,
+        stiffness=stiffness,
+        force=vi.Force(omega=rng.uniform(0.5, 3.0), harmonics={1: np.eye(n)[0]}),
+        stops=stops,
+    )
+
+
 def changed(system, mass=1.0, force=1.0, length=1.0, time=1.0, basis=None):
     """Return the system in other units and coordinates, q = `basis` q'."""
     given, basis = system.arguments(), np.eye(len(system.mass)) if basis is None else basis

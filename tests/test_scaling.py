@@ -7,7 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from designs import random_designs
-from systems import changed
+from systems import changed, on_springs
 from vibroimpact.scales import scale_of
 
 OMEGA = np.linspace(0.1, 5.0, 15)
@@ -87,26 +87,6 @@ STEEL = vi.ImpactSystem(
 )
 
 
-def a_system(rng):
-    """Return one mass or two on springs, at one stop or between two, rigid or not, with and without gaps."""
-    n = int(rng.integers(1, 3))
-    springs = rng.uniform(0.5, 2.0, n + 1)
-    stiffness = np.diag(springs[:-1] + springs[1:]) - np.diag(springs[1:-1], 1) - np.diag(springs[1:-1], -1)
-    stops = []
-    for sign in (1.0, -1.0)[: int(rng.integers(1, 3))]:
-        gives = {"stiffness": rng.uniform(5.0, 50.0), "damping": rng.choice([0.0, rng.uniform(0.0, 1.0)])}
-        own = gives if rng.random() < 0.5 else {"restitution": rng.choice([0.0, rng.uniform(0.3, 0.9)])}
-        gap = rng.choice([0.0, rng.uniform(0.05, 0.8)])
-        stops.append(vi.Stop(direction=sign * np.eye(n)[-1], gap=gap, **own))
-    return vi.ImpactSystem(
-        mass=np.diag(rng.uniform(0.5, 2.0, n)),
-        damping=rng.uniform(0.02, 0.1) * stiffness,
-        stiffness=stiffness,
-        force=vi.Force(omega=rng.uniform(0.5, 3.0), harmonics={1: np.eye(n)[0]}),
-        stops=stops,
-    )
-
-
 def in_units(osc, mass, length, time):
     """Return a design in other units."""
     if isinstance(osc, vi.ImpactSystem):
@@ -149,7 +129,7 @@ def assert_the_same_in_units(osc, parameters, mass, length, time):
 @pytest.mark.parametrize("seed", SYSTEMS)
 def test_a_verdict_on_a_system_does_not_depend_on_units(seed):
     rng = np.random.default_rng([3801, seed])
-    system, powers = a_system(rng), 2.0 ** rng.integers(-9, 10, 3)
+    system, powers = on_springs(rng), 2.0 ** rng.integers(-9, 10, 3)
     zeros = [name for name, value in system.values.items() if value == 0.0]
     assert_the_same_in_units(system, [rng.choice(zeros or list(system.values))], *powers.tolist())
 

@@ -2,39 +2,38 @@
 
 A change is found with a few initial conditions and judged by many: 256 spread over the impact surface, the known orbits
 of one impact there, the present motions, changed at 128 instants of each cycle, and their orbits, continued along the
-parameter to the value. One from which the mass would then
-hit harder than what is to be softened is enough to reject it, and the next value is tried.
+parameter to the value. One from which the mass would then hit harder than what is to be softened is enough to reject
+it, and the next value is tried.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
 from vibroimpact.cells import Floats, cells_at
+from vibroimpact.coexistence.final import LATE, irregular, rests
 from vibroimpact.coexistence.measuring import Measured, Runner, carried, copies, orbit_cell, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.system import ImpactSystem
 from vibroimpact.system_cells import SystemCells
 from vibroimpact.verdict.branches import Branches, present_orbits
+from vibroimpact.verdict.lines import ANY, ENDS, TRIED, Line, Search, rounded
 from vibroimpact.verdict.present import Coexisting, Present, Range, measure
 
 PLACES = 36  # values along a path
 FINER, HALVINGS = 2, 6  # times that steps near the present value are halved; of the step in which the benefit begins
 NEARER = PLACES // 3  # of these are looked at first
-ANY, ENDS = ("softer", "no_chaos", "no_impact"), ("no_impact",)  # benefits that are looked for
 SOFTER = 0.8 * (1.0 + 1e-9)  # of the hardest hit: a clear benefit
 SCOUTS = 6  # spread initial conditions with which a value is found
 INSTANTS = 128  # of each present cycle at which the change is made
 SCAN, TEST = ImpactWindow(500, 1500), ImpactWindow(1000, 2000)
-TRIED = 6  # values beyond the first good one at which advice is tested
 FEW = 8  # one in so many initial conditions is asked first: these reject most of what is rejected
 
 
@@ -113,66 +112,6 @@ def hit(motion: Measured) -> float:
     return motion.hardest if known and not math.isnan(motion.hardest) else math.inf
 
 
-@dataclass
-class Line:
-    """Values of a parameter to one side of the present one, from there outwards, and the benefit at each."""
-
-    range: Range
-    values: list[float]
-    benefits: list[str] = field(default_factory=list)
-
-    def begin(self, wanted: Sequence[str]) -> int | None:
-        """Return the place of the first value with a benefit that its next neighbour has too; None without one."""
-        good = [benefit in wanted for benefit in self.benefits]
-        pairs = zip(good, [*good[1:], good[-1]], strict=True)
-        return next((j for j, (here, beyond) in enumerate(pairs) if here and beyond), None)
-
-    def between(self, nearer: float) -> list[float]:
-        """Return values between neighbours, where a change is smaller than one and only one, or none, has a benefit."""
-        ends = zip([self.range.value, *self.values], ["", *self.benefits], strict=True)
-        return [
-            self.range.between(inner, outer, 0.5)
-            for (inner, one), (outer, other) in pairwise(ends)
-            if abs(self.range.change(inner)) < nearer and not (one and other)
-        ]
-
-    def add(self, values: Sequence[float], benefits: Iterable[str]) -> None:
-        """Add values and the benefits there."""
-        known = [*zip(self.values, self.benefits, strict=True), *zip(values, benefits, strict=True)]
-        known.sort(key=lambda pair: abs(self.range.change(pair[0])))
-        self.values, self.benefits = [value for value, _ in known], [benefit for _, benefit in known]
-
-
-@dataclass
-class Search:
-    """A line, the benefits looked for, and the step of it in which they begin."""
-
-    line: Line
-    wanted: tuple[str, ...]
-    inside: float = math.nan
-    outside: float = math.nan
-    values: list[float] = field(default_factory=list)
-
-    @property
-    def range(self) -> Range:
-        """The parameter that is varied."""
-        return self.line.range
-
-    def begins(self) -> bool:
-        """Note where on the line the benefits begin, and the values beyond that have them; return whether they do."""
-        first, values = self.line.begin(self.wanted), self.line.values
-        if first is not None:
-            self.inside, self.outside = values[first - 1] if first else self.range.value, values[first]
-            beyond = zip(values[first:], self.line.benefits[first:], strict=True)
-            self.values = [value for value, benefit in beyond if benefit in self.wanted][:TRIED]
-        return first is not None
-
-    def candidates(self) -> list[float]:
-        """Return rounded values, the smallest change first."""
-        near, outwards = [_rounded(self.outside, self.range, 0)], 1 if self.outside > self.range.value else -1
-        return near + [_rounded(value, self.range, outwards) for value in (self.outside, *self.values)]
-
-
 @dataclass(frozen=True)
 class Cycle:
     """States of a present motion through its cycle: displacements in m, velocities in m/s, driving phases."""
@@ -248,10 +187,24 @@ class Judge:
     def settled(self, varied: Range, value: float) -> list[Measured]:
         """Return the motions from all initial conditions, or from as few as show that there is no benefit."""
         motions: list[Measured] = []
+        begun: list[Cells] = []
         for cells in self._starts(varied, value):
+            begun.append(cells)
             motions += measure(self.runner, cells, TEST)
             if not self.target.benefit(motions):
-                break
+                return motions
+        return self._watched(Cells.join(begun), motions)
+
+    def _watched(self, cells: Cells, motions: list[Measured]) -> list[Measured]:
+        """Return motions, those that look chaotic as what they end in, if the hardest of them is a transient."""
+        wild = [at for at, motion in enumerate(motions) if irregular(motion) and not rests(motion)]
+        if not wild:
+            return motions
+        hardest = max(wild, key=lambda at: hit(motions[at]))
+        (late,) = measure(self.runner, cells[hardest : hardest + 1], LATE)
+        if not irregular(late):
+            for at, motion in zip(wild, measure(self.runner, cells[np.array(wild)], LATE), strict=True):
+                motions[at] = motion
         return motions
 
     def _starts(self, varied: Range, value: float) -> Iterator[Cells]:
@@ -367,20 +320,8 @@ def _smallest(searches: Sequence[Search], judge: Judge) -> Advice | None:
 def _scaled(motions: Sequence[Coexisting], varied: Range) -> Advice | None:
     """Return the change of a force to which all motions are proportional; None without room."""
     worst = max(motions, key=lambda motion: motion.max_velocity)
-    value = _rounded(SOFTER * varied.value, varied, -1)
+    value = rounded(SOFTER * varied.value, varied, -1)
     change, hardest = varied.change(value), value / varied.value * worst.max_velocity
     if hardest > SOFTER * worst.max_velocity:
         return None
     return Advice(varied.name, value, change, varied.of, "softer", worst.name, hardest, worst.max_velocity, 0)
-
-
-def _rounded(value: float, varied: Range, outwards: int) -> float:
-    """Return a value whose change has two digits, rounded outwards or (0) to the nearest, inside the varied.
-
-    The change is that relative to the scale: so advice is the same in any unit.
-    """
-    change = varied.change(value)
-    power = math.floor(math.log10(abs(change)) - 1.0)
-    steps = change / 10.0**power - outwards * 1e-9
-    whole = round(steps) if not outwards else math.ceil(steps) if outwards > 0 else math.floor(steps)
-    return min(max(varied.value + float(f"{whole}e{power}") * varied.scale, varied.low), varied.high)
