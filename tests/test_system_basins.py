@@ -443,3 +443,10 @@ def test_a_load_that_moves_the_centre_alone_drives_no_impacts(damping, names):
     mass = 0.3 * 1.7 / 2.0
     stops = [vi.Stop(direction=sign, gap=0.5, restitution=0.5) for sign in (1, -1)]
     assert [one.name for one in attractors(of(mass, damping, 0.0, 1.0, stops))] == names
+
+
+def test_free_masses_that_are_pressed_together_are_in_contact_for_ever():
+    stops = [vi.Stop(direction=[1.0, -1.0], gap=0.0)]
+    pressed = of(np.eye(2), 0.0, 0.0, 1.0, stops, {1: [0.1, 0.0]}, [1.0, -1.0])
+    (found,) = attractors(pressed)
+    assert (found.name, found.share) == ("permanently in contact", 1.0)
