@@ -90,6 +90,13 @@ def test_speeds_that_pages_state_are_those_of_the_last_benchmark():
     assert [ratio for ratio in ratios if some(ratio) not in compared] == []
 
 
+def test_the_description_in_the_readme_is_what_describe_prints():
+    shown = (ROOT / "README.md").read_text().partition("$ vibroimpact describe -p omega=2.6\n")[2].partition("```")[0]
+    told = str(vi.describe(vi.ImpactOscillator(omega=2.6))).splitlines()
+    assert shown
+    assert set(shown.splitlines()) <= set(told)
+
+
 @pytest.mark.parametrize("name", MODULES)
 def test_every_docstring_example_gives_what_it_shows(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

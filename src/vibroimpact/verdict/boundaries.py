@@ -75,7 +75,8 @@ class Edge:
     change : float
         From the present value to there, signed, relative to the present value, or to `of`.
     of : str
-        What the change is relative to, where that is not the present value: "f/k" for a gap smaller than that.
+        What the change is relative to, where that is not the present value: "f/k" for a gap smaller than that, "the
+        static deflection" of a system for one that is 0, "critical damping"; of a family's parameter at 0 a number.
     half_width : float
         0 where `value` solves the boundary's own equation (to some 1e-11); else it lies within this of `value`.
     beyond : str

@@ -174,7 +174,8 @@ def describe(
         `frequency` may replace `omega`. Those of a family are the function's own.
     within : float, > 0
         How far each is varied: from value / (1 + within) to value * (1 + within), where 3 is a quarter to fourfold; the
-        gap by `within` times the larger of |g| and f/k.
+        gap by `within` times the larger of |g| and f/k. What is 0 has a scale that the design gives it: a gap its
+        static deflection, damping a twentieth of the critical one.
     tolerances : Tolerances, optional
         Numerical tolerances.
     workers : int, optional
@@ -203,7 +204,8 @@ def describe(
     `from_rest` and `from_some` of an edge say from where on others hit. Advice softens the hardest hit of all
     coexisting motions that initial conditions lead to: by at least a fifth, or it ends all impacts, or chaos at no
     harder hits. It is given only if nothing hits harder at the advised value from rest, from 256 spread impacts, on the
-    stable orbits of one impact, and after the change was made at 128 instants of each present cycle. One to
+    stable orbits of one impact and on those of the present branches, continued to the value, and after the change was
+    made at 128 instants of each present cycle. Changes have two digits, relative to what they are a share of. One to
     three seconds on two cores, rarely four, and seven for chaos with long flights; 4,000 to 14,000 motions.
 
     Of a system a verdict says what holds for any number of coordinates and stops: the motion from rest, what strikes
