@@ -8,7 +8,11 @@ import pytest
 import vibroimpact as vi
 from designs import random_designs
 from systems import changed, on_springs
+from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.scales import scale_of
+from vibroimpact.verdict.branches import Branches
+from vibroimpact.verdict.present import present_motion, range_of
+from vibroimpact.verdict.systems import orbit_boundaries
 
 OMEGA = np.linspace(0.1, 5.0, 15)
 MASS = np.linspace(0.2, 4.0, 5)
@@ -123,7 +127,6 @@ def assert_the_same_in_units(osc, parameters, mass, length, time):
     assert words(here) == words(there), (osc, mass, length, time)
     expected = [*numbers(here, lambda name: unit(name, mass, length, time), speed)]
     assert [*numbers(there, lambda name: 1.0, 1.0)] == pytest.approx(expected, rel=1e-9, nan_ok=True)
-    return here
 
 
 @pytest.mark.parametrize("seed", SYSTEMS)
@@ -142,10 +145,26 @@ def test_a_verdict_on_one_mass_does_not_depend_on_units(seed):
     assert_the_same_in_units(osc, sorted({"gap", str(rng.choice(list(osc.values)))}), *powers.tolist())
 
 
-def test_a_verdict_is_the_same_in_metres_and_in_millimetres():
+def test_boundaries_are_the_same_in_metres_and_in_millimetres():
     """N, m, kg and N, mm, t: a gap of 0 is compared with the static deflection f/k, damping with the critical one."""
-    down, up, *_ = assert_the_same_in_units(STEEL, ["stop_1_gap", "stop_1_damping"], 1e-3, 1e3, 1.0).boundaries
-    assert (down.of, down.change) == ("the static deflection", pytest.approx(down.value / (5 / 2e4)))
+    gap, damping = "stop_1_gap", "stop_1_damping"
+    here, there = (
+        orbit_boundaries(
+            present_motion(one, Runner()).orbit,
+            [range_of(one, name, 3.0) for name in (gap, damping)],
+            lambda: True,
+            Branches(),
+        )
+        for one in (STEEL, in_units(STEEL, 1e-3, 1e3, 1.0))
+    )
+    assert [(edge.kind, edge.of) for edge in here] == [(edge.kind, edge.of) for edge in there]
+    assert [edge.change for edge in here] == pytest.approx([edge.change for edge in there], rel=1e-9, nan_ok=True)
+    down, up, *_ = here
+    assert (down.kind, down.of, down.change) == (
+        "grazing",
+        "the static deflection",
+        pytest.approx(down.value / (5 / 2e4)),
+    )
     assert (up.kind, up.value) == ("fold", pytest.approx(0.672389e-3, rel=1e-6))
 
 
