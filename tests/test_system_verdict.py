@@ -3,12 +3,13 @@
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import vibroimpact as vi
-from systems import linear
+from systems import linear, one_mass
 from test_system_basins import THREE, TWINS, two_masses, two_sided
 from vibroimpact.backends.reference.systems import follow
 from vibroimpact.report import sentences_of
@@ -173,10 +174,78 @@ def test_a_verdict_is_plain_data_and_two_are_a_table():
     for designs in (both.dataset, [verdict.oscillator for verdict in both.verdicts]):
         axes = np.reshape(vi.plotting.comparison_figure(designs, periods=2).axes, (3, 2))
         assert [ax.get_title().split("\n")[0] for ax in axes[0]] == [
-            f"{name}: {verdict.motion.name}" for name, verdict in zip("AB", both.verdicts, strict=True)
+            f"{name}: {verdict.motion.name} from rest" for name, verdict in zip("AB", both.verdicts, strict=True)
         ]
         assert ["5 rad/s" in axes[0, 0].get_title(), "4.6 rad/s" in axes[0, 1].get_title()] == [True, True]
         assert all(TWINS.stop_names[0] in {text.get_text() for text in ax.texts} for ax in axes[:2].flat)
+
+
+@pytest.fixture(scope="module")
+def quiet_from_rest():
+    """Two modes of 30 and 110 Hz between stops: nine initial conditions in ten lead to impacts, rest does not."""
+    bounce, rates = 0.770821, 2.0 * math.pi * np.array([30.0, 110.0])
+    stops = [
+        vi.Stop(direction=[-1, -1], gap=6e-4, restitution=bounce, name="left"),
+        vi.Stop(direction=[1, -1], gap=8.60185e-4, restitution=bounce, name="right"),
+    ]
+    force = vi.Force(omega=2.0 * math.pi * 114.739, harmonics={1: [2.2238, 1.1119]})
+    return vi.ImpactSystem(
+        mass=0.1 * np.eye(2),
+        damping=np.diag(0.002 * rates),
+        stiffness=np.diag(0.1 * rates**2),
+        force=force,
+        stops=stops,
+    )
+
+
+def test_a_verdict_a_table_and_a_picture_say_who_hits_where_a_start_from_rest_does_not(quiet_from_rest):
+    both = vi.compare(quiet_from_rest, quiet_from_rest.replace(left_gap=2e-3), parameters=[])
+    first, second = both.verdicts
+    hits = vi.parameter_map(
+        quiet_from_rest, omega=[quiet_from_rest.omega], start=257, indices=("max_velocity",), transient_impacts=3000,
+        sample_impacts=200,
+    )["max_velocity"].values[0, 1:]  # fmt: skip
+    share = float(np.isfinite(hits).mean())
+    assert share > 0.5
+    assert first.motion.name == second.motion.name == "no impact"
+    assert first.worst.share == pytest.approx(share, abs=0.02)
+    assert first.worst.max_velocity == pytest.approx(np.nanmax(hits), rel=0.2)  # a sample of chaos
+    told = f"hits hardest from {100 * first.worst.share:.2g} % of the initial conditions: chaotic"
+    assert told in line(first, "motion")
+    assert "hits hardest" not in str(second)
+    (row,) = (row for row in str(both).splitlines() if row.startswith("hardest hit, from any initial condition [m/s]"))
+    assert row.split()[-5:] == [f"({100 * first.worst.share:.2g}", "%", "of", "them)", "0"]
+    assert both.dataset["worst_velocity"].values.tolist() == [first.worst.max_velocity, 0.0]
+    assert any(words.startswith("  hardest hit from any initial condition: ") for words in sentences_of(both.dataset))
+    title = f"chaotic, up to {first.worst.max_velocity:.4g} m/s, from {100 * first.worst.share:.1f} % of the"
+    titles = [ax.get_title() for ax in vi.plotting.comparison_figure(both.dataset, periods=2).axes[:2]]
+    assert titles[0].split("\n")[:2] == [
+        "A: no impact from rest",
+        f"{title} initial conditions",
+    ]
+    assert titles[1].split("\n")[0] == "B: no impact from rest"
+    assert "initial conditions" not in titles[1]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_others_are_said_to_hit_harder_where_they_do(seed):
+    verdict = vi.describe(two_masses(100 + seed), parameters=[])
+    others = [motion for motion in verdict.attractors if motion.share and not motion.from_rest]
+    hardest = max((motion.max_velocity for motion in others), default=0.0)
+    assert ("hits hardest" in str(verdict)) == (hardest > verdict.max_velocity * (1 + 1e-9))
+    here, *rest = verdict.attractors
+    unknown = replace(verdict, kind="budget", attractors=(replace(here, max_velocity=math.nan), *rest))
+    assert unknown.worst == max(others, key=lambda motion: motion.max_velocity, default=None) or hardest == 0.0
+
+
+def test_one_mass_and_the_same_as_a_system_are_told_in_the_same_words():
+    for osc in (vi.ImpactOscillator(omega=2.6), vi.ImpactOscillator(omega=2.0, gap=0.3)):
+        one, same = (vi.describe(model, parameters=[]) for model in (osc, one_mass(osc)))
+        assert line(one, "motion") == line(same, "motion")
+        assert line(one, "energy").replace("the stop ", "the stops ") == line(same, "energy")
+        told = line(same, "coexisting").removeprefix("of 256 spread initial conditions, impacts on stop_1: ")
+        told = told.replace(", impacts on stop_1,", "").replace(" on stop_1", "")
+        assert told == line(one, "coexisting").replace(" of the initial conditions", "")
 
 
 def test_a_verdict_that_is_stopped_holds_what_was_found():

@@ -472,8 +472,8 @@ def test_the_figure_shows_both_designs_from_either_kind_of_input(comparison):
     for figure in figures:
         assert len(figure.axes) == 6
         titles = [ax.get_title() for ax in figure.axes[:2]]
-        assert titles[0].startswith("old: period-1 impact-1")
-        assert titles[1].startswith("new: no impact")
+        assert titles[0].startswith("old: period-1 impact-1 from rest")
+        assert titles[1].startswith("new: no impact from rest")
         assert figure.axes[2].get_xlim() == figure.axes[3].get_xlim()
         matplotlib.pyplot.close(figure)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -23,6 +23,7 @@ from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.orbits import phase_portrait, time_history
 from vibroimpact.plotting.sections import impact_map
 from vibroimpact.plotting.style import BLUE, INK, RED, on_axes
+from vibroimpact.plotting.ticks import quantity
 from vibroimpact.sections import impact_section, simulate, stroboscopic_section
 from vibroimpact.sweeps import parameter_map
 
@@ -166,7 +167,8 @@ def comparison_figure(
 
     Notes
     -----
-    Each motion starts from rest and is drawn after 1000 driving periods. Figures in a row share their
+    Each motion starts from rest and is drawn after 1000 driving periods. Where others hit harder, the title of a
+    comparison says how hard, and from which share of the initial conditions. Figures in a row share their
     view unless the motions differ more than fourfold in size, or the walls of a system stand in it.
 
     Examples
@@ -174,21 +176,21 @@ def comparison_figure(
     >>> import vibroimpact as vi
     >>> figure = comparison_figure([vi.ImpactOscillator(omega=1.4), vi.ImpactOscillator(omega=2.8)])
     >>> len(figure.axes), figure.axes[1].get_title().splitlines()[0]
-    (6, 'B: chaotic')
+    (6, 'B: chaotic from rest')
     """
     import matplotlib.pyplot as plt
 
-    models, names, differing = _designs(designs, several("names", names, "two names"))
+    models, heads, differing = _designs(designs, several("names", names, "two names"))
     style.load_back_end()
     with mpl.rc_context(style.STYLE):
         figure, axes = plt.subplots(3, 2, figsize=check_size(size), layout="constrained")
-    for column, (osc, name, texts) in enumerate(zip(models, names, differing, strict=True)):
+    for column, (osc, head, texts) in enumerate(zip(models, heads, differing, strict=True)):
         section = impact_section(osc, transient_impacts=SETTLED, sample_impacts=SAMPLED)
         motion = simulate(osc, start=_settled(osc), periods=periods)
         time_history(motion, ax=axes[0, column])
         phase_portrait(motion, ax=axes[1, column])
         impact_map(section, ax=axes[2, column])
-        axes[0, column].set_title(f"{name}: {_named(osc)}\n{',  '.join(texts)}", fontsize=10)
+        axes[0, column].set_title("\n".join([*head, ",  ".join(texts)]), fontsize=10)
     gaps = [osc.gap for osc in models if isinstance(osc, ImpactOscillator)]
     if len(gaps) == len(models):
         _share(axes[0], "y", gaps)
@@ -199,11 +201,11 @@ def comparison_figure(
     return figure
 
 
-Designs = tuple[list[Any], list[str], list[list[str]]]
+Designs = tuple[list[Any], list[list[str]], list[list[str]]]
 
 
 def _designs(designs: Any, names: Sequence[str]) -> Designs:
-    """Return the oscillators or systems of two designs, their names, and what they differ in, as text."""
+    """Return the oscillators or systems of two designs, their names and motions, and what they differ in, as text."""
     if isinstance(designs, xr.Dataset) and designs.attrs.get("function") == "compare":
         return _compared(designs)
     models = designs if isinstance(designs, (list, tuple)) else ()
@@ -211,7 +213,8 @@ def _designs(designs: Any, names: Sequence[str]) -> Designs:
         a, b = (model.values for model in models)
         differing = [name for name in a if a[name] != b.get(name)]
         texts = [[labels.parameter_text(name, model) for name in differing if name in model.values] for model in models]
-        return [model.at() for model in models], [str(name) for name in names], texts
+        heads = [[f"{name}: {_named(model)} from rest"] for name, model in zip(names, models, strict=True)]
+        return [model.at() for model in models], heads, texts
     allowed = "the dataset of a comparison, or two models with two names"
     raise labels.refused("designs", designs, allowed, "pass for example compare(a, b).dataset")
 
@@ -223,7 +226,16 @@ def _compared(dataset: xr.Dataset) -> Designs:
     parameters = [dataset[name] for name in own if name in dataset]
     differing = [(labels.described(pair), pair.values) for pair in parameters if pair.values[0] != pair.values[1]]
     texts = [[labels.held_text(symbol, values[i], units) for (_, units, symbol), values in differing] for i in range(2)]
-    return models, [str(name) for name in dataset["design"].values], texts
+    return models, [list(_heads(dataset.isel(design=i))) for i in range(2)], texts
+
+
+def _heads(design: xr.Dataset) -> Iterator[str]:
+    """Yield what a design does: its motion from rest, and a harder one that other initial conditions lead to."""
+    yield f"{design['design'].item()}: {design['motion'].item()} from rest"
+    if "worst_share" in design and np.isfinite(share := float(design["worst_share"])):
+        speed = quantity(float(design["worst_velocity"]), "m/s", 4)
+        whence = f"from {labels.percent(share)} of the initial conditions"
+        yield f"{design['worst_motion'].item()}, up to {speed}, {whence}"
 
 
 def _named(model: Model) -> str:

@@ -251,7 +251,7 @@ def _basins(dataset: xr.Dataset) -> Iterator[str]:
 def _comparison(dataset: xr.Dataset) -> Iterator[str]:
     names = [str(name) for name in dataset["design"].values]
     yield f"{names[0]} and {names[1]}: {' and '.join(map(str, dataset['motion'].values))}"
-    for name in (name for name in (*model_of(dataset).parameters, *EVERY) if name in dataset):
+    for name in (name for name in (*model_of(dataset).parameters, *EVERY, "worst_velocity") if name in dataset):
         scales = [spread_scale(name, float(speed)) for speed in dataset["max_velocity"].values]
         first, second = map(shown_spread, dataset[name].values.tolist(), scales)
         units = dataset[name].attrs["units"]

@@ -66,7 +66,7 @@ class Comparison:
                 yield hertz + star, _number(a / (2.0 * math.pi)), _number(b / (2.0 * math.pi))
         yield "motion, from rest", first.motion.name, second.motion.name
         yield "hardest hit, from rest [m/s]", _number(first.max_velocity), _number(second.max_velocity)
-        yield "hardest hit, from any of 256 [m/s]", _worst(first), _worst(second)
+        yield "hardest hit, from any initial condition [m/s]", _worst(first), _worst(second)
         for name in INDICES:
             yield _labelled(*VARIABLES[name][:2]), _index(first, name), _index(second, name)
         yield "mean power lost [W]", _number(first.power), _number(second.power)
@@ -107,6 +107,7 @@ class Comparison:
         power, motion = zip(*((verdict.power, verdict.motion.name) for verdict in self.verdicts), strict=True)
         content["power"] = plain_variable("design", list(power), {"long_name": "mean power lost", "units": "W"})
         content["motion"] = plain_variable("design", _texts(motion), {"long_name": "name of the motion"})
+        content |= _worst_variables(self.verdicts)
         content["status"] = status_variable("design", [Status[v.status.upper()] for v in self.verdicts])
         first, second = (verdict.boundaries for verdict in self.verdicts)
         varied = [edge.parameter for edge in first[::2]]
@@ -123,6 +124,19 @@ class Comparison:
 def _texts(items: Iterable[str]) -> np.ndarray[Any, Any]:
     """Return text as stores keep it: of any length."""
     return np.array(list(items), dtype=object)
+
+
+def _worst_variables(verdicts: tuple[Verdict, Verdict]) -> dict[str, xr.Variable]:
+    """Return the hardest hit from any initial condition, of which motion, and what share of them leads to it."""
+    hit, speeds = "hardest hit from any initial condition", [_hardest(verdict) for verdict in verdicts]
+    names = [(verdict.harder or verdict.motion).name for verdict in verdicts]
+    shares = [verdict.harder.share if verdict.harder else math.nan for verdict in verdicts]
+    share = "share of the initial conditions that lead to it; none where a start from rest does"
+    return {
+        "worst_velocity": plain_variable("design", speeds, {"long_name": hit, "units": "m/s"}),
+        "worst_motion": plain_variable("design", _texts(names), {"long_name": f"motion with the {hit}"}),
+        "worst_share": plain_variable("design", shares, {"long_name": share, "units": "1"}),
+    }
 
 
 def _boundary_variables(verdicts: tuple[Verdict, Verdict]) -> dict[str, xr.Variable]:
@@ -175,10 +189,16 @@ def _boundary(verdict: Verdict, edge: Edge) -> str:
 
 
 def _worst(verdict: Verdict) -> str:
-    worst = verdict.worst
-    if worst is None:
-        return "0" if verdict.attractors else "-"
-    return _number(worst.max_velocity) + ("" if worst.from_rest else f" ({percent(worst.share)} of them)")
+    share = f" ({percent(verdict.harder.share)} of them)" if verdict.harder else ""
+    return _number(_hardest(verdict)) + share
+
+
+def _hardest(verdict: Verdict) -> float:
+    """Return the hardest hit from any initial condition tried; 0 if all are known not to lead to impacts."""
+    if verdict.worst:
+        return verdict.worst.max_velocity
+    decided = sum(motion.share for motion in verdict.attractors) > 1.0 - 1e-9
+    return 0.0 if decided and verdict.max_velocity == 0.0 else math.nan
 
 
 def _others(verdict: Verdict) -> str:

@@ -31,6 +31,7 @@ from vibroimpact.verdict.present import (
 from vibroimpact.verdict.systems import lines_of_system, orbit_boundaries
 from vibroimpact.verdict.text import lines
 
+ALIKE = 1e-9  # relative: hits that differ by less are as hard
 BESIDE = 3  # parts of the work besides one per parameter
 
 
@@ -109,22 +110,34 @@ class Verdict:
     @property
     def worst(self) -> Coexisting | None:
         """The motion with the hardest hits of those that initial conditions lead to; None if none of them hits."""
-        hardest = max((m for m in self.attractors if m.reached), key=lambda m: m.max_velocity, default=None)
-        return hardest if hardest and hardest.max_velocity > 0.0 else None
+        hitting = (motion for motion in self.attractors if motion.reached and motion.max_velocity > 0.0)  # not NaN
+        return max(hitting, key=lambda motion: motion.max_velocity, default=None)
+
+    @property
+    def harder(self) -> Coexisting | None:
+        """The worst motion if it is harder than that from rest, or this one's hits are unknown; of twins none is."""
+        worst = self.worst
+        softer = worst is None or worst.from_rest or worst.max_velocity <= (1.0 + ALIKE) * self.max_velocity
+        return None if softer else worst
+
+    @property
+    def of_system(self) -> bool:
+        """Whether it is on a system, not on one mass with one stop."""
+        return isinstance(self.oscillator, ImpactSystem)
 
     def __str__(self) -> str:
-        told = lines_of_system(self) if isinstance(self.oscillator, ImpactSystem) else lines(self)
+        told = lines_of_system(self) if self.of_system else lines(self)
         return "\n".join(told)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain dictionaries, lists, numbers and text, ready for JSON: NaN as None, infinity as "-inf"."""
         content = {
             **({} if self.model is self.oscillator else {"model": {"family": str(self.model), **self.model.values}}),
-            "system" if isinstance(self.oscillator, ImpactSystem) else "oscillator": numbers_of(self.oscillator),
+            "system" if self.of_system else "oscillator": numbers_of(self.oscillator),
             "kind": self.kind,
             "motion": asdict(self.motion) | {"name": self.motion.name},
             "multipliers": [[z.real, z.imag] for z in self.orbit.multipliers] if self.orbit else None,
-            **({"stops": self.stops} if isinstance(self.oscillator, ImpactSystem) else {}),
+            **({"stops": self.stops} if self.of_system else {}),
             "status": self.status,
             "indices": self.indices,
             "watched": self.watched,

@@ -3,31 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vibroimpact import report
-from vibroimpact.coexistence.measuring import SPREAD
 from vibroimpact.motion import MotionClass, listed
 from vibroimpact.report.quantities import counted
 from vibroimpact.verdict.boundaries import Edge, Found, bifurcation
 from vibroimpact.verdict.branches import Branches
-from vibroimpact.verdict.present import Range, percent
-from vibroimpact.verdict.text import (
-    KNOWN,
-    LISTED,
-    SHOWN,
-    advice_lines,
-    edge_words,
-    laid_out,
-    number,
-    parameters_line,
-    speed,
-    stopped,
-)
+from vibroimpact.verdict.present import Range
+from vibroimpact.verdict.text import KNOWN, LISTED, edge_words, hardest_line, lines, number, parameters_line, speed
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.describe import Verdict
@@ -63,19 +51,14 @@ def orbit_boundaries(
 
 def lines_of_system(verdict: Verdict) -> Iterator[str]:
     """Yield the lines of a verdict on a system."""
-    parts: list[tuple[str, Iterable[str]]] = [
-        ("system", [str(verdict.oscillator), parameters_line(verdict.model)]),
-        ("motion", _motion(verdict)),
-        ("hits", _hits(verdict)),
-        ("energy", _energy(verdict)),
-        ("stability", _stability(verdict)),
-        ("boundaries", _boundaries(verdict)),
-        ("coexisting", _coexisting(verdict)),
-        ("advice", advice_lines(verdict)),
-    ]
-    yield from laid_out(parts)
-    if not verdict.complete:
-        yield from laid_out([("stopped", [stopped(verdict)])])
+    yield from lines(verdict, {
+        "system": _system, "motion": _motion, "hits": _hits, "stability": _stability, "boundaries": _boundaries
+    })  # fmt: skip
+
+
+def _system(verdict: Verdict) -> Iterator[str]:
+    yield str(verdict.oscillator)
+    yield parameters_line(verdict.model)
 
 
 def _motion(verdict: Verdict) -> Iterator[str]:
@@ -90,10 +73,7 @@ def _motion(verdict: Verdict) -> Iterator[str]:
         yield f"from rest {motion.name}: {verdict.motion.status.sentence}"
     else:
         yield f"from rest {motion.name}{_clear_of(verdict)}"
-    worst = verdict.worst
-    if worst is not None and worst.max_velocity > (1.0 + TOUCHING) * verdict.max_velocity:  # of twins both hit as hard
-        share = percent(worst.share)
-        yield f"hits hardest from {share} of the initial conditions: {worst.name}, {speed(worst.max_velocity)}"
+    yield from hardest_line(verdict)
 
 
 def _clear_of(verdict: Verdict) -> str:
@@ -158,14 +138,6 @@ def _pressed(orbit: Any) -> Iterator[str]:
         yield f"largest force {force} on {stop}, which pushes for {time} and is pressed in by {depth}"
 
 
-def _energy(verdict: Verdict) -> Iterator[str]:
-    lost = verdict.indices["dissipation"]
-    if math.isfinite(lost) and not verdict.motion.n_periods:
-        yield f"about {lost:.2g} J lost at the stops per period, {verdict.power:.2g} W on average"
-    elif math.isfinite(lost):
-        yield f"{lost:.4g} J lost at the stops per period, {verdict.power:.4g} W on average"
-
-
 def _stability(verdict: Verdict) -> Iterator[str]:
     period, exponent = verdict.oscillator.period, verdict.indices["lyapunov"]
     if math.isnan(exponent):
@@ -215,29 +187,3 @@ def _boundaries(verdict: Verdict) -> Iterator[str]:
         )
     if not edges and verdict.complete:
         yield "no parameter was varied"
-
-
-def _coexisting(verdict: Verdict) -> Iterator[str]:
-    motions = verdict.attractors
-    undecided = 1.0 - sum(motion.share for motion in motions)
-    sample = (
-        f"{SPREAD} spread initial conditions, impacts on {listed(list(verdict.oscillator.stop_names)) or 'no stop'}"
-    )
-    if len(motions) == 1 and undecided < 1e-9:
-        mixed = "" if motions[0].repeats else f", but all {verdict.motion.name} motions count as one"
-        yield f"none found: {sample}, settle to this motion{mixed}"
-        return
-    if motions:
-        yield f"of {sample}:"
-    for motion in motions[:SHOWN]:
-        on = f" on {motion.stop}" if motion.stop else ""
-        hit = f", hardest hit {speed(motion.max_velocity)}{on}" if motion.max_velocity > 0.0 else ""
-        here = " (this motion)" if motion.from_rest else ""
-        rare = motion.share == 0.0 and not motion.from_rest
-        share = "stable, but reached from none of them" if rare else f"{100.0 * motion.share:.3g} %"
-        lasting = " as far as it was watched" if motion.name in ("chaotic", "quasi-periodic") else ""
-        yield f"{share}: {motion.name}{lasting}{here}{hit}"
-    if len(motions) > SHOWN:
-        yield f"and {len(motions) - SHOWN} more"
-    if motions and undecided >= 1e-9:
-        yield f"{100.0 * undecided:.3g} %: undecided"

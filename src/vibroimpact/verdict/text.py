@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from vibroimpact import report
 from vibroimpact.coexistence.measuring import PAPER, SPREAD
+from vibroimpact.motion import listed
 from vibroimpact.oscillator import Model
 from vibroimpact.verdict.advice import INSTANTS, Advice
 from vibroimpact.verdict.boundaries import NOISE, ONSETS, Edge
@@ -32,20 +33,25 @@ MANY_GAPS = 10.0  # a change so many times the gap is given relative to f/k alon
 _TIED = "\u00a0"
 
 
-def lines(verdict: Verdict) -> Iterator[str]:
-    """Yield the lines of a verdict."""
-    parts: list[tuple[str, Iterable[str]]] = [
-        ("oscillator", [parameters_line(verdict.model)]),
-        ("motion", _motion(verdict)),
-        ("hits", _hits(verdict)),
-        ("energy", _energy(verdict)),
-        ("at rest", _rest(verdict)),
-        ("stability", _stability(verdict)),
-        ("boundaries", _boundaries(verdict)),
-        ("coexisting", _coexisting(verdict)),
-        ("advice", advice_lines(verdict)),
-    ]
-    yield from laid_out(parts)
+Writer = Callable[["Verdict"], Iterator[str]]
+
+
+def lines(verdict: Verdict, own: Mapping[str, Writer] | None = None) -> Iterator[str]:
+    """Yield the lines of a verdict; `own` are writers for what is said of systems in other words."""
+    writers: dict[str, Writer] = {
+        "oscillator": lambda verdict: iter([parameters_line(verdict.model)]),
+        "motion": _motion,
+        "hits": _hits,
+        "energy": _energy,
+        "at rest": _rest,
+        "stability": _stability,
+        "boundaries": _boundaries,
+        "coexisting": _coexisting,
+        "advice": advice_lines,
+    }
+    if own is not None:
+        writers = {"system": own["system"], **{title: writers[title] for title in list(writers)[1:]}, **own}
+    yield from laid_out((title, writer(verdict)) for title, writer in writers.items())
     if not verdict.complete:
         yield from laid_out([("stopped", [stopped(verdict)])])
 
@@ -103,12 +109,7 @@ def _motion(verdict: Verdict) -> Iterator[str]:
     else:
         yield f"from rest {motion.sentence(osc.period)}"
     yield from _watched(verdict)
-    worst = verdict.worst
-    if worst is not None and not worst.from_rest:
-        yield (
-            f"hits hardest from {percent(worst.share)} of the initial conditions: {worst.name}, "
-            f"{speed(worst.max_velocity)}"
-        )
+    yield from hardest_line(verdict)
     if verdict.kind == "no_impact" and math.isfinite(osc.steady_amplitude):
         yield (
             f"it swings by {osc.steady_amplitude:.4g} m and stays {osc.gap - osc.steady_amplitude:.3g} m clear of the "
@@ -116,6 +117,13 @@ def _motion(verdict: Verdict) -> Iterator[str]:
         )
     if verdict.kind == "stuck_forever":
         yield f"the preload -k g = {abs(osc.stiffness * osc.gap):.4g} N against the force f = {osc.amplitude:.4g} N"
+
+
+def hardest_line(verdict: Verdict) -> Iterator[str]:
+    """Yield which initial conditions lead to harder hits than rest does."""
+    if worst := verdict.harder:
+        share = percent(worst.share)
+        yield f"hits hardest from {share} of the initial conditions: {worst.name}, {speed(worst.max_velocity)}"
 
 
 def _watched(verdict: Verdict) -> Iterator[str]:
@@ -157,15 +165,17 @@ def _hits(verdict: Verdict) -> Iterator[str]:
 
 
 def _energy(verdict: Verdict) -> Iterator[str]:
-    lost = verdict.indices["dissipation"]
+    lost, sampled = verdict.indices["dissipation"], verdict.of_system and not verdict.motion.n_periods
+    about, digits = ("about ", 2) if sampled else ("", 4)
     if math.isfinite(lost):
-        yield f"{lost:.4g} J lost at the stop per period, {verdict.power:.4g} W on average"
+        stop = "stops" if verdict.of_system else "stop"
+        yield f"{about}{lost:.{digits}g} J lost at the {stop} per period, {verdict.power:.{digits}g} W on average"
 
 
 def _rest(verdict: Verdict) -> Iterator[str]:
     share = verdict.indices["stick_fraction"]
     if verdict.kind == "sticking" and math.isfinite(share):
-        yield f"{100.0 * share:.3g} % of the time at rest at the stop"
+        yield f"{100.0 * share:.3g} % of the time at rest at {'a' if verdict.of_system else 'the'} stop"
 
 
 def _stability(verdict: Verdict) -> Iterator[str]:
@@ -290,21 +300,31 @@ def change_words(model: Model, parameter: str, value: float) -> str:
 
 
 def _coexisting(verdict: Verdict) -> Iterator[str]:
-    undecided = 1.0 - sum(motion.share for motion in verdict.attractors)
-    if len(verdict.attractors) == 1 and undecided < 1e-9:
-        (only,) = verdict.attractors
-        yield f"none found: {SPREAD} spread initial conditions settle to this motion{_slow(only)}"
+    """Yield the motions that initial conditions settle to; of a system on which stops these are impacts."""
+    motions, sample, of = verdict.attractors, f"{SPREAD} spread initial conditions", " of the initial conditions"
+    undecided = 1.0 - sum(motion.share for motion in motions)
+    if verdict.of_system:
+        sample += f", impacts on {listed(list(verdict.oscillator.stop_names)) or 'no stop'}"
+    if len(motions) == 1 and undecided < 1e-9:
+        mixed = verdict.of_system and not motions[0].repeats
+        comma, but = "," * verdict.of_system, f", but all {motions[0].name} motions count as one" * mixed
+        yield f"none found: {sample}{comma} settle to this motion{but}{_slow(motions[0])}"
         return
-    for motion in verdict.attractors[:SHOWN]:
+    if verdict.of_system and motions:
+        yield f"of {sample}:"
+        of = ""
+    for motion in motions[:SHOWN]:
+        lasting = " as far as it was watched" * (verdict.of_system and motion.name in ("chaotic", "quasi-periodic"))
         hit = f", hardest hit {speed(motion.max_velocity)}" if motion.max_velocity > 0.0 else ""
-        here = " (this motion)" if motion.from_rest else ""
-        share = f"{100.0 * motion.share:.3g} % of the initial conditions"
+        hit += f" on {motion.stop}" if hit and motion.stop else ""
         rare = motion.share == 0.0 and not motion.from_rest
-        yield f"{'stable, but reached from none of them' if rare else share}: {motion.name}{here}{hit}{_slow(motion)}"
-    if len(verdict.attractors) > SHOWN:
-        yield f"and {len(verdict.attractors) - SHOWN} more"
-    if verdict.attractors and undecided >= 1e-9:
-        yield f"{100.0 * undecided:.3g} % of the initial conditions: undecided"
+        share = "stable, but reached from none of them" if rare else f"{100.0 * motion.share:.3g} %{of}"
+        here = " (this motion)" if motion.from_rest else ""
+        yield f"{share}: {motion.name}{lasting}{here}{hit}{_slow(motion)}"
+    if len(motions) > SHOWN:
+        yield f"and {len(motions) - SHOWN} more"
+    if motions and undecided >= 1e-9:
+        yield f"{100.0 * undecided:.3g} %{of}: undecided"
 
 
 def _slow(motion: Coexisting) -> str:
