@@ -86,6 +86,18 @@ def test_without_virtual_orbits_the_branch_ends_at_the_graze(values):
     assert branch.orbits[-1].oscillator.omega == 1.5
 
 
+def test_where_a_plastic_mass_is_held_the_branch_ends_at_one_value_whatever_the_steps():
+    """Without restitution the force may hold the mass after its impact: no condition along the branch changes there."""
+    (orbit,) = find_orbit(vi.ImpactOscillator(omega=2.6, restitution=0.0, damping=0.05))
+    branches = [continue_orbit(orbit, "omega", (0.5, 4.0), step=step, virtual=False) for step in (0.01, 0.017, 0.04)]
+    assert {branch.outcome for branch in branches} == {("inadmissible", "range")}
+    ends = [branch.values[0] for branch in branches]
+    assert ends == pytest.approx([ends[0]] * 3, rel=1e-9)
+    assert all(
+        f"omega = {end:.12g}, where its orbits" in branch.message for end, branch in zip(ends, branches, strict=True)
+    )
+
+
 @pytest.mark.parametrize("omega", [1.1, 2.0, 3.0])
 def test_without_a_gap_no_branch_folds(omega):
     for parameter, ends in [("omega", (omega - 0.05, omega + 0.5)), ("restitution", (0.1, 1.0)), ("damping", (0, 1))]:

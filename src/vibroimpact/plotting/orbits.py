@@ -261,7 +261,7 @@ def phase_portrait(
     The line is broken at each impact; a thin dashed line joins arrival (y' = v) and departure (y' = -r v). Between
     samples it follows the cubic through the states at either end. Of a system, a coordinate or the clearance of a stop
     is drawn against its rate, with all stops that act on it alone; a stop that moves is drawn where it is farthest, and
-    the line is broken where other rigid stops are struck. No velocity jumps at a stop that gives: how deep the motion
+    the line is broken where other rigid stops make it jump. No velocity jumps at a stop that gives: how deep the motion
     goes is shaded.
 
     Parameters
