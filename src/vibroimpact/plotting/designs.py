@@ -213,7 +213,7 @@ def _designs(designs: Any, names: Sequence[str]) -> Designs:
         a, b = (model.values for model in models)
         differing = [name for name in a if a[name] != b.get(name)]
         texts = [[labels.parameter_text(name, model) for name in differing if name in model.values] for model in models]
-        heads = [[f"{name}: {_named(model)} from rest"] for name, model in zip(names, models, strict=True)]
+        heads = [[f"{name}: {_named(model.at())} from rest"] for name, model in zip(names, models, strict=True)]
         return [model.at() for model in models], heads, texts
     allowed = "the dataset of a comparison, or two models with two names"
     raise labels.refused("designs", designs, allowed, "pass for example compare(a, b).dataset")
@@ -238,10 +238,10 @@ def _heads(design: xr.Dataset) -> Iterator[str]:
         yield f"{design['worst_motion'].item()}, up to {speed}, {whence}"
 
 
-def _named(model: Model) -> str:
+def _named(model: Any) -> str:
     """Return the name of the motion that a start from rest settles to."""
     window: dict[str, Any] = {"transient_impacts": SETTLED, "sample_impacts": SAMPLED}
-    cell = classify(parameter_map(model, omega=[model.at().omega], indices=NEEDED[:-1], **window)).isel(omega=0)
+    cell = classify(parameter_map(model, omega=[model.omega], indices=NEEDED[:-1], **window)).isel(omega=0)
     return motion_name(int(refined(cell["motion"], cell["status"])), int(cell["n_periods"]), int(cell["n_impacts"]))
 
 

@@ -96,7 +96,7 @@ class Comparison:
 
     @property
     def dataset(self) -> xr.Dataset:
-        """Parameters, indices and boundaries as a labelled dataset over `design`."""
+        """Parameters, indices, boundaries and the hardest hit from any initial condition, over `design`."""
         content: dict[str, Any] = {
             parameter.name: plain_variable("design", list(values), label(parameter))
             for parameter, values in self._parameters()
