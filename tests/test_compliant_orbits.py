@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import vibroimpact as vi
 from vibroimpact.continuation import continue_boundary, continue_orbit, switch_branch
@@ -132,6 +133,116 @@ def test_without_damping_multipliers_go_on_beyond_a_graze():
     assert {orbit.n_impacts for orbit in found.orbits} == {1, 2}
     assert all(orbit.admissible for orbit in found.orbits)
     assert 0.0 < min(born.velocities) < 0.02
+
+
+# All orbits of one contact
+
+
+def one_mass(omega, force, gap, spring, **changes):
+    """Return one mass in front of one stop that gives."""
+    stops = [vi.Stop(direction=1, gap=gap, stiffness=spring)]
+    given = {"mass": 1.0, "stiffness": 1.0, "force": vi.Force(omega=omega, harmonics={1: force}), "stops": stops}
+    return vi.ImpactSystem(**given | changes)
+
+
+LIGHTEST = one_mass(0.70799343999615 * (1.0 + 3e-5), 1.0, 2.0, 10.0, damping=0.05)
+
+
+@pytest.mark.parametrize(
+    ("system", "velocity"),
+    [
+        (one_mass(150.0, 5.0, 0.66e-3, 2e5, mass=2.0, damping=4.0, stiffness=2e4), 1.17778),
+        (one_mass(1.33, 0.05, 0.785, 10.298, damping=0.02), 2.1299),
+        (LIGHTEST, 0.01528),
+    ],
+    ids=["near a fold", "lightly damped", "just beyond a graze"],
+)
+def test_a_stable_orbit_of_one_contact_is_found(system, velocity):
+    (stable,) = (orbit for orbit in vi.find_orbit(system) if orbit.stable)
+    assert stable.admissible
+    assert stable.velocities[0] == pytest.approx(velocity, abs=6e-6 if velocity < 0.1 else 6e-5)
+    begin = stable.start.time
+    state = np.concatenate([stable.start.displacement, stable.start.velocity])
+    assert integrated(stable, state, begin, stable.period, (0,)) == pytest.approx(state, abs=1e-9 * abs(state).max())
+
+
+def test_ever_lighter_contacts_are_found_up_to_the_graze():
+    # A contact as light as that leaves the motion as it was: it reaches e of its amplitude beyond the stop.
+    amplitude, found = abs(1.0 / (1.0 - 1.3**2 + 0.26j)), []
+    for beyond in 10.0 ** -np.arange(2.0, 9.0):
+        orbits = vi.find_orbit(one_mass(1.3, 1.0, amplitude * (1.0 - beyond), 10.0, damping=0.2))
+        lightest = min(orbit.velocities[0] for orbit in orbits if orbit.stable)
+        found.append(lightest / amplitude / math.sqrt(beyond))
+    assert found[-3:] == pytest.approx([1.3 * math.sqrt(2.0)] * 3, rel=1e-2)
+
+
+def test_both_orbits_of_a_resonance_are_found_for_ever_less_damping():
+    # Without damping and force the mass swings freely with the period, half of it in contact.
+    frequency, gap, apart = 0.6466310406398371, 0.01, []
+    omega = 2.0 * math.pi * frequency
+
+    def swing(velocity):
+        outside = 2.0 * (math.pi - math.atan2(velocity, math.sqrt(10.0) * gap)) / math.sqrt(10.0)
+        return outside + 2.0 * math.atan2(velocity, math.sqrt(60.0) * gap / 6.0) / math.sqrt(60.0)
+
+    free = brentq(lambda velocity: swing(velocity) - 1.0 / frequency, 0.01, 10.0)
+    for damping in (1e-2, 1e-3, 1e-4, 1e-5):
+        force = 2.0 * damping * 0.036 * omega
+        both = vi.find_orbit(one_mass(omega, force, gap, 50.0, damping=damping, stiffness=10.0))
+        assert [orbit.stable for orbit in both] == [True, False]
+        apart.append([orbit.velocities[0] - free for orbit in both])
+    assert np.abs(apart[-1]).max() < 1e-4 * free
+    assert np.ptp(apart[-2]) / np.ptp(apart[-1]) == pytest.approx(10.0, rel=0.05)
+
+
+def test_orbits_of_a_stiff_undamped_stop_are_found_and_the_durations_left_out_are_told():
+    (orbit,) = find(bilinear(1e7, 0.0))
+    assert 0.0 < orbit.contacts[0].contact_time < 0.002
+    told = find(bilinear(1e7, 0.0, force=vi.Force(omega=2.0, harmonics={1: 0.1}))).message
+    assert "some may be missed" in told
+
+
+def a_random_design(rng):
+    """Return a family over the gap of one or two masses before one or two springs, and where the free motion grazes."""
+    n, omega = int(rng.integers(1, 3)), rng.uniform(0.5, 2.5)
+    chain = np.array([[1.0]]) if n == 1 else np.array([[2.0, -1.0], [-1.0, 1.0]])
+    damping, force = rng.uniform(0.02, 0.3) * chain, vi.Force(omega=omega, harmonics={1: np.eye(n)[rng.integers(n)]})
+    dynamic = chain - omega**2 * np.eye(n) + 1j * omega * damping
+    swing = abs(np.linalg.solve(dynamic, force.harmonics[1])[0])
+    stiffness, lost = 10.0 ** rng.uniform(0.0, 3.5), float(rng.choice([0.0, 0.05]))
+    sides = [1.0, -1.0][: int(rng.integers(1, 3))]
+
+    @vi.family
+    def design(gap=swing):
+        springs = [
+            vi.Stop(direction=side * np.eye(n)[0], gap=gap * scale, stiffness=stiffness, damping=lost * stiffness**0.5)
+            for side, scale in zip(sides, (1.0, 1.2), strict=False)
+        ]
+        return vi.ImpactSystem(mass=np.eye(n), damping=damping, stiffness=chain, force=force, stops=springs)
+
+    return design, swing
+
+
+def test_every_motion_of_one_contact_that_a_sweep_of_the_gap_meets_is_found():
+    rng, met = np.random.default_rng(38), 0
+    for _ in range(6):
+        design, swing = a_random_design(rng)
+        gaps = swing * np.linspace(0.3, 1.3, 12)
+        for direction in ("up", "down"):
+            seen = vi.bifurcation_diagram(
+                design, direction=direction, transient_impacts=300, sample_impacts=4, gap=gaps
+            )
+            for gap, velocities, stops in zip(gaps, seen["velocity"].values, seen["stop"].values, strict=True):
+                if np.isnan(velocities).any() or np.ptp(velocities) > 1e-9 * velocities[0] or np.ptp(stops):
+                    continue
+                met += 1
+                orbits = [
+                    orbit for n in (1, 2) for orbit in vi.find_orbit(design.at(gap=gap), n_periods=n) if orbit.stable
+                ]
+                names = design.at().stop_names
+                same = [one for one in orbits if one.stops == (names[int(stops[0])],)]
+                assert min(abs(one.velocities[0] - velocities[0]) for one in same) < 1e-6 * velocities[0], (gap, design)
+    assert met > 20
 
 
 # An independent integrator

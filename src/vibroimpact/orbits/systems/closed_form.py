@@ -52,7 +52,7 @@ def one_impact(cycle: Cycle) -> tuple[list[Floats], str]:
             rises = _beyond(cycle, high, other) > 0.0
             if (_beyond(cycle, low, one) > 0.0) != rises:
                 found += _under_law(cycle, [low, high], np.unwrap([one[0], other[0]]), rises)
-    return found, "" if found else _at_ratio(cycle, 0.5)[1] or _nowhere(cycle)
+    return found, "" if found else _at_ratio(cycle, 0.5)[1] or nowhere(cycle)
 
 
 def _nearest(unknowns: list[Floats], angle: float) -> Floats | None:
@@ -91,8 +91,10 @@ def _at_ratio(cycle: Cycle, r: float) -> tuple[list[Floats], str]:
     size = cycle.length * float(np.linalg.norm(flow.phase().load)) + float(np.linalg.norm(flow.bounds[stop]))
     nulls, negligible = left[:, rank:].T @ sides, VANISHED * size
     if rank < matrix.shape[1]:
-        driven = np.linalg.svd(nulls, compute_uv=False)[1] > negligible  # more than one condition on the phase
-        return [], _not_isolated(cycle, right[rank], bool(driven))
+        if unforced(cycle) and (r < 1.0 or flow.damping.any()):
+            return [], nowhere(cycle)
+        driven = np.linalg.svd(nulls, compute_uv=False)[1:] > negligible  # more than one condition on the phase
+        return [], not_isolated(cycle, right[rank], bool(driven.any()))
     solution = right.T @ ((left[:, :rank].T / sizes[:, None]) @ sides)
     if np.abs(nulls).max() <= negligible:
         return [], _at_any_phase(cycle, bool(np.abs(solution[-1]).max() > negligible))
@@ -101,7 +103,7 @@ def _at_ratio(cycle: Cycle, r: float) -> tuple[list[Floats], str]:
         x, v = np.split(solution @ flow.drive(angle), [2 * flow.n])
         if v[0] > VANISHED * float(np.linalg.norm(x)):
             found.append(np.append(angle, x))
-    return found, "" if found else _nowhere(cycle)
+    return found, "" if found else nowhere(cycle)
 
 
 def _equations(cycle: Cycle, stop: int, r: float) -> tuple[Floats, Floats]:
@@ -198,8 +200,8 @@ def _what(cycle: Cycle) -> str:
     return f"half of {periods}" if cycle.images else periods
 
 
-def _not_isolated(cycle: Cycle, null: Floats, driven: bool) -> str:
-    """Return what the free motion is that can be added, and whether the force drives it."""
+def not_isolated(cycle: Cycle, null: Floats, driven: bool) -> str:
+    """Return what the free motion is that can be added, a state and a velocity, and whether the force drives it."""
     flow, x = cycle.flow, null[:-1]
     if abs(null[-1]) > 1e-8:
         if driven:
@@ -222,8 +224,13 @@ def _at_any_phase(cycle: Cycle, hits: bool) -> str:
     )
 
 
-def _nowhere(cycle: Cycle) -> str:
-    flow = cycle.flow
-    if not (flow.push[:, 1:].any() or flow.bounds[:, 1:].any()):
+def nowhere(cycle: Cycle) -> str:
+    """Return why there are none, where nothing else says so."""
+    if unforced(cycle):
         return "unforced: impacts and damping dissipate energy, and nothing supplies it"
     return f"no velocity > 0 returns to itself after {_what(cycle)}"
+
+
+def unforced(cycle: Cycle) -> bool:
+    """Return whether neither the load nor a stop changes over a driving period."""
+    return not (cycle.flow.push[:, 1:].any() or cycle.flow.bounds[:, 1:].any())

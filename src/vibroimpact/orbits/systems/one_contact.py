@@ -1,20 +1,22 @@
 r"""All orbits with one contact of a stop that gives in a cycle, or one in each half of a symmetric one.
 
 At a given duration tau of the contact everything is linear: with the flows of the contact and of the flight after it,
-the state x where contact begins follows from 2n equations, and
+the state x where contact begins is a trigonometric polynomial in its driving angle, by 2n equations N x = P z that say
+that the cycle closes. Then
 
-    u = 0 where it begins,    force = 0 where it ends
+    u = 0 where contact begins,    u + l u' = 0 where it ends, where the force is zero
 
-are trigonometric polynomials in its driving angle. At the angles at which the first holds and u falls the force at the
-end is a function of tau, and where it changes sign Newton's method for the orbit begins. So no guess is needed, and
-unstable orbits are found, too. Durations are looked at on a grid, finer than a tenth of a radian of the fastest rate in
-contact up to one turn of it, then ever coarser, and angles on one of 256 a turn: pairs of orbits between two of either
-are missed (of angles those that are about to graze), as are contacts in which a stop pushes for many such turns.
+are two equations for tau and the angle. Multiplied by det N, which is zero where a free motion has the length of the
+cycle, their coefficients are smooth functions of tau, and `common_zeros` finds all solutions. So no guess is needed,
+and unstable orbits are found, too.
+
+A contact of no duration, and of an undamped stop a flight of none, would solve both. So the second equation is taken
+less the first and divided by the duration: the mean of u' over the contact, and l u', over tau + l, where of an
+undamped stop tau (Theta - tau)/Theta is tau. What is left at tau = 0 are grazes, and the lightest contacts beside them
+are simple zeros.
 """
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -22,23 +24,31 @@ from vibroimpact.cells import Floats
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.systems.admissibility import Leg, courses
+from vibroimpact.orbits.systems.closed_form import EPS, VANISHED, not_isolated, nowhere, unforced
+from vibroimpact.orbits.systems.common_zeros import NODES, common_zeros
 from vibroimpact.orbits.systems.cycle import Cycle
-from vibroimpact.orbits.systems.events import IMPACT, LET_GO, Event
+from vibroimpact.orbits.systems.events import IMPACT, LET_GO, Event, Pushing
+from vibroimpact.orbits.systems.flow import Flow, growth
 from vibroimpact.orbits.systems.newton import solve
 
-FINE = 0.1  # radians of the fastest rate in contact
-COARSE = 1.03  # ratio of durations beyond one turn of it
-NEAR = 0.5  # radians: angles at neighbouring durations that belong together
+MANY = 256  # orbits of one contact
 SAME = 1e-8  # of the orbit's size
-ANGLES = 256  # a turn of the highest order at which contact may begin
+CLOSED = 1e-3  # of the orbit's size, and of the largest force: what is farther from an orbit is none
+SHARES = (np.arange(8) + 0.5) / 8  # of a contact, at which the stop must not pull
 
 
 def one_contact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
-    """Return the cycles of all orbits with one contact in a cycle, their unknowns, and why there are none."""
-    ((stop, _),) = cycle.events
-    made = Cycle(cycle.flow, cycle.n_periods, (Event(stop, IMPACT), Event(stop, LET_GO)), cycle.images)
+    """Return the cycles of all orbits with one contact in a cycle, their unknowns, and why there may be no others."""
+    flow, ((stop, _),) = cycle.flow, cycle.events
+    made = Cycle(flow, cycle.n_periods, (Event(stop, IMPACT), Event(stop, LET_GO)), cycle.images)
+    if why := _not_isolated(made):
+        return [], why
+    zeros = common_zeros(lambda lows, width: _coefficients(made, lows, width), cycle.length, flow.orders)
+    starts = _starts(made, zeros.durations, zeros.angles)
+    if len(starts) > MANY:
+        return [], "contacts of many durations repeat: orbits are not isolated"
     found: list[Floats] = []
-    for start in _starts(made, stop):
+    for start in starts:
         solved = solve(made, start)
         if solved.converged and not _pulls(made, solved.z, stop):
             apart = [np.abs(_on_circle(solved.z, made) - _on_circle(known, made)).max() for known in found]
@@ -46,7 +56,42 @@ def one_contact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
                 solved.z[:2] -= TURN * np.floor(solved.z[0] / TURN)
                 found.append(solved.z)
     what = "half a cycle" if cycle.images else f"{cycle.n_periods} driving period{'s' if cycle.n_periods > 1 else ''}"
-    return [(made, z) for z in found], "" if found else f"no contact was found that repeats after {what}"
+    why = "" if found else f"no contact was found that repeats after {what}"
+    if zeros.left:
+        begin, end = np.array(zeros.left) / flow.omega
+        why = f"{why}{'; ' if why else ''}of contacts of {begin:.3g} to {end:.3g} s some may be missed"
+    return [(made, z) for z in found], why
+
+
+def _not_isolated(cycle: Cycle) -> str:
+    """Return why orbits are not isolated or do not exist, whatever the duration; empty if they can be."""
+    flow, n = cycle.flow, 2 * cycle.flow.n
+    if unforced(cycle):
+        lossless = not (flow.damping.any() or flow.viscosity.any())
+        return "unforced and without loss: orbits are not isolated" if lossless else nowhere(cycle)
+    matrices, loads, _ = _equations(cycle, cycle.length * np.array([0.21, 0.47, 0.79]))
+    left, sizes, right = np.linalg.svd(matrices)
+    steepest = 1.0 + cycle.length * float(np.linalg.norm(flow.phase().matrix, 2))
+    at = int(np.argmax(sizes[:, -1] / sizes[:, 0]))  # a free motion that the stop does not feel is there at all of them
+    rank = int((sizes[at] > 16.0 * EPS * steepest * sizes[at, 0]).sum())
+    if rank == n:
+        return ""
+    size = cycle.length * float(np.linalg.norm(flow.phase().load)) + float(np.linalg.norm(flow.bounds))
+    conditions = np.linalg.svd(left[at, :, rank:].T @ loads[at], compute_uv=False)
+    return not_isolated(cycle, np.append(right[at, rank], 0.0), bool((conditions[2:] > VANISHED * size).any()))
+
+
+def _equations(cycle: Cycle, durations: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return those of the cycle and of both its events: what multiplies the state, and z; and the growth in contact."""
+    flow, n, (begin, end) = cycle.flow, 2 * cycle.flow.n, map(cycle.flow.watched, cycle.events)
+    contact = _growth(flow, durations, (cycle.events[0].stop,))
+    whole = _then(contact, _growth(flow, cycle.length - durations))[:, :n]
+    whole[:, :, :n] -= (cycle.sign - 1.0) * np.eye(n)
+    whole = cycle.pinned(whole, np.eye(*whole.shape[1:]))
+    ends = np.concatenate(end) @ (contact + np.eye(contact.shape[-1]))
+    begins = np.broadcast_to(np.concatenate(begin), ends.shape)
+    both = np.concatenate([whole, np.stack([begins, ends], axis=1)], axis=1)
+    return both[..., :n], both[..., n:], contact
 
 
 def _on_circle(z: Floats, cycle: Cycle) -> Floats:
@@ -63,59 +108,74 @@ def _pulls(cycle: Cycle, z: Floats, stop: int) -> bool:
     return bool(least < -ROUNDING * course.size)
 
 
-def _durations(cycle: Cycle, stop: int) -> Floats:
-    fastest = cycle.flow.phase((stop,)).fastest
-    turn = min(TURN / fastest, cycle.length)
-    fine = np.arange(FINE / fastest, turn, FINE / fastest)
-    coarse = turn * COARSE ** np.arange(max(0.0, np.log(cycle.length / turn) / np.log(COARSE)))
-    both = np.concatenate([fine, coarse, cycle.length - coarse])
-    return np.unique(both[(both > 0.0) & (both < cycle.length)])
+def _starts(cycle: Cycle, durations: Floats, angles: Floats) -> list[Floats]:
+    """Return the unknowns at zeros that belong to a contact: its state nearly closes, and the stop does not pull.
+
+    The state is that which solves the equations of the cycle and of both events best.
+    """
+    flow, stop, end = cycle.flow, cycle.events[0].stop, np.concatenate(cycle.flow.watched(cycle.events[1]))
+    z = flow.drive(angles)
+    matrices, loads, contact = _equations(cycle, durations)
+    sides = np.einsum("pij,pj->pi", loads, z)
+    states = -np.einsum("pij,pj->pi", np.linalg.pinv(matrices), sides)
+    misses = np.abs(np.einsum("pij,pj->pi", matrices, states) + sides).max(axis=1)
+    begun = np.concatenate([states, z], axis=1)
+    parts = _growth(flow, np.outer(SHARES, durations).ravel(), (stop,)).reshape(len(SHARES), *contact.shape)
+    pulls = (begun + np.einsum("spij,pj->spi", parts, begun)) @ end
+    rates = z @ (flow.bounds[stop] @ flow.turning) - states[:, flow.n :] @ flow.beta[stop]
+    good = (misses <= CLOSED * np.abs(states).max(axis=1)) & (rates < 0.0) & (durations > 0.0)
+    good &= pulls.max(axis=0) <= CLOSED * np.abs(pulls).max(axis=0)
+    return [
+        np.concatenate(row) for row in zip(np.transpose([angles, angles + durations])[good], states[good], strict=True)
+    ]
 
 
-def _starts(cycle: Cycle, stop: int) -> Iterator[Floats]:
-    """Yield where Newton's method begins: between durations at which the force at the end changes sign."""
-    before: list[tuple[float, float, Floats]] = []
-    durations = _durations(cycle, stop)
-    for last, duration, here in zip([0.0, *durations], durations, _contacts(cycle, stop, durations), strict=False):
-        for angle, level, x in here:
-            near = [other for other in before if abs((other[0] - angle + 0.5 * TURN) % TURN - 0.5 * TURN) < NEAR]
-            for old, was, y in sorted(near, key=lambda other: abs(np.sin(0.5 * (other[0] - angle))))[:1]:
-                if (was < 0.0) != (level < 0.0):
-                    share = was / (was - level)
-                    turned = (angle - old + 0.5 * TURN) % TURN - 0.5 * TURN
-                    begin = old + share * turned
-                    end = begin + last + share * (duration - last)
-                    yield np.concatenate([[begin, end], y + share * (x - y)])
-        before = here
-
-
-def _contacts(cycle: Cycle, stop: int, durations: Floats) -> list[list[tuple[float, float, Floats]]]:
-    """Return the angles at which contacts of each duration begin, their forces' levels at the end, and the states."""
-    flow, n = cycle.flow, 2 * cycle.flow.n
-    grown, driven = flow.over(durations, (stop,))
-    flown, blown = flow.over(cycle.length - durations)
-    turned = flow.rotation(durations)
-    whole, load = grown + flown + flown @ grown, driven + flown @ driven + blown @ turned
-    closing = cycle.pinned((cycle.sign - 1.0) * np.eye(n) - whole, np.eye(n))
-    states = _solutions(closing, cycle.pinned(load, np.zeros_like(load)))
-    ends = states + grown @ states + driven
-    (begin, bound), (end, force) = map(flow.watched, cycle.events)
-    rates = -flow.beta[stop] @ states[:, flow.n :] + flow.bounds[stop] @ flow.turning
-    levels = end @ ends + force @ turned
-    angles = np.linspace(0.0, TURN, ANGLES * int(flow.orders.max(initial=1.0)) + 1)
-    heights = (begin @ states + bound) @ flow.drive(angles).T
-    found: list[list[tuple[float, float, Floats]]] = [[] for _ in durations]
-    for i, j in np.argwhere((heights[:, :-1] < 0.0) != (heights[:, 1:] < 0.0)).tolist():
-        low, high = heights[i, j : j + 2]
-        angle = angles[j] + low / (low - high) * (angles[j + 1] - angles[j])
-        z = flow.drive(angle)
-        if rates[i] @ z < 0.0:
-            found[i].append((float(angle), float(levels[i] @ z), states[i] @ z))
+def _coefficients(cycle: Cycle, lows: Floats, width: float) -> Floats:
+    """Return those of both equations at the Chebyshev points of intervals of durations."""
+    flow, n, stop = cycle.flow, 2 * cycle.flow.n, cycle.events[0].stop
+    offsets = 0.5 * width * (NODES + 1.0)
+    durations, flights = lows[:, None] + offsets, (cycle.length - lows - width)[:, None] + offsets[::-1]
+    contact = _then(_growth(flow, lows, (stop,))[:, None], _growth(flow, offsets, (stop,)))
+    flight = _then(_growth(flow, offsets[::-1]), _growth(flow, cycle.length - lows - width)[:, None])
+    whole = _then(contact, flight)
+    matrices = cycle.pinned((cycle.sign - 1.0) * np.eye(n) - whole[..., :n, :n], np.eye(n))
+    load = whole[..., :n, n:]
+    determinants = np.linalg.det(matrices)
+    if not determinants.all():  # exactly singular: what is beside it is as true to rounding
+        matrices[determinants == 0.0] += EPS * np.eye(n)
+        determinants = np.linalg.det(matrices)
+    states = np.linalg.solve(matrices, cycle.pinned(load, np.zeros_like(load)))
+    none, beta, bound, lag = np.zeros(flow.n), flow.beta[stop], flow.bounds[stop], flow.lag(stop)
+    clearance = np.concatenate([-beta / flow.units, none, bound])
+    rate = np.concatenate([none, -beta, bound @ flow.turning])
+    shift = np.concatenate([flow.units * beta, none, np.zeros(len(bound))])[:, None]  # the clearance by -1
+    same = np.broadcast_to(np.eye(len(bound)), (*durations.shape, len(bound), len(bound)))
+    begin = np.concatenate([states, same], axis=-2)
+    end = begin + contact @ begin
+    end = end + shift * (clearance @ end + lag * (rate @ end))[..., None, :]
+    begin = begin + shift * (clearance @ begin)[..., None, :]
+    moved, gone = contact @ begin, flight @ end
+    pressed, back, weights = clearance @ moved + lag * (rate @ (begin + moved)), clearance @ gone, flights + lag
+    if cycle.images:
+        image = cycle.images[stop]
+        clearance = np.concatenate([-flow.beta[image] / flow.units, none, flow.bounds[image]])
+        back, weights = clearance @ (end + gone), np.ones_like(flights)
+    else:
+        back = back - lag * (rate @ end)
+    scales = determinants[..., None] / np.stack([weights, durations + lag], axis=-1)
+    found: Floats = scales[..., None] * np.stack([back, pressed], axis=-2)
     return found
 
 
-def _solutions(matrices: Floats, loads: Floats) -> Floats:
-    """Return the solutions of many linear equations, NaN where there is none."""
-    singular = np.linalg.det(matrices) == 0.0
-    found = np.linalg.solve(np.where(singular[:, None, None], np.eye(matrices.shape[-1]), matrices), loads)
-    return np.where(singular[:, None, None], np.nan, found)
+def _growth(flow: Flow, angles: Floats, pushing: Pushing = ()) -> Floats:
+    """Return by what state and drive grow over angles."""
+    grown, driven = flow.over(angles, pushing)
+    turned = growth(flow.turning * angles[:, None, None])
+    none = np.zeros((len(angles), *flow.push.T.shape[:1], grown.shape[-1]))
+    return np.concatenate([np.concatenate([grown, driven], -1), np.concatenate([none, turned], -1)], -2)
+
+
+def _then(first: Floats, second: Floats) -> Floats:
+    """Return the growth over one flight after another."""
+    found: Floats = first + second + second @ first
+    return found

@@ -76,9 +76,14 @@ def find(
     fastest mode where that is larger. Multipliers are those of the product of flows and saltation matrices [1]_. A
     system is symmetric if the load has odd harmonics only and each stop has its mirror image. About 2 ms per orbit.
 
-    On a stop that gives, an impact is where contact begins, and one contact leaves one equation, for its duration: its
-    roots are bracketed on a grid, and pairs closer than that are missed. It takes some 0.2 s. Times of several impacts
-    are a guess only where contacts are about half a turn of a mass on the stop's spring; a state does better.
+    On a compliant stop an impact is where contact begins. With one contact the state follows from its duration and
+    phase, and the two equations that are left for these are solved by subdivision: parts of the plane are left out
+    only where a bound excludes a solution, and divided until each holds one at most. So all orbits are found, light
+    contacts, folds and light damping included, except pairs that a fold has brought nearer to each other than 1/4000 of
+    an interval of durations. The bounds rest on how the last terms of Chebyshev series decay. In an undamped stop that
+    is stiff contacts can last for many of its periods: durations that were not searched through are named in `message`.
+    It takes 20 to 100 ms. Times of several impacts are a guess only where contacts are about half a turn of a mass on
+    the stop's spring; a state does better.
 
     References
     ----------
@@ -132,7 +137,10 @@ def cycles_of_one_impact(system: ImpactSystem, n_periods: int) -> list[Cycle]:
 
 
 def of_one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
-    """Return all orbits with the one impact of a cycle, as solutions of their equations, and why there are none."""
+    """Return all orbits with the one impact of a cycle, as solutions of their equations, and why there are none.
+
+    On a compliant stop also which others may have been missed.
+    """
     if cycle.flow.gives[cycle.events[0].stop]:
         return one_contact(cycle)
     unknowns, why = one_impact(cycle)
@@ -140,13 +148,17 @@ def of_one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
 
 
 def _of_one(model: Model, cycles: Iterable[Cycle]) -> Orbits[SystemOrbit]:
-    orbits, reasons = [], []
+    found, reasons = Orbits[SystemOrbit](), []
     for cycle in cycles:
         solutions, why = of_one_impact(cycle)
-        orbits += [make_orbit(model, *solution) for solution in solutions]
+        found += [make_orbit(model, *solution) for solution in solutions]
         if why:
-            reasons.append(f"{model.at().stop_names[cycle.events[0].stop]}: {why}")
-    return _sorted(orbits) if orbits else Orbits(outcome="none", message="; ".join(reasons))
+            reasons.append((bool(solutions), f"{model.at().stop_names[cycle.events[0].stop]}: {why}"))
+    if not found:
+        return Orbits(outcome="none", message="; ".join(reason for _, reason in reasons))
+    found = _sorted(found)
+    found.message = "; ".join([found.message, *(reason for beside, reason in reasons if beside)])
+    return found
 
 
 def _sorted(orbits: Iterable[SystemOrbit]) -> Orbits[SystemOrbit]:

@@ -1,0 +1,201 @@
+r"""All common zeros of two trigonometric polynomials whose coefficients are smooth functions of a duration.
+
+    F_i(tau, theta) = sum_h a_ih(tau) z_h(theta) = 0,    z = (1, sin h theta, ..., cos h theta, ...),    i = 1, 2.
+
+The coefficients are interpolated at Chebyshev points of intervals, which are halved until the last terms of the series
+have fallen to `RESOLVED` of the largest: they estimate what is left out (J. P. Boyd, Chebyshev and Fourier Spectral
+Methods, Dover (2001), section 2.12). Then rectangles of duration and angle are quartered. With F and its derivatives J
+in the middle of a rectangle of half sides 1, and bounds R of what the second derivatives and the rest of the series
+add,
+
+    |F_i| > |J_i1| + |J_i2| + R_i,  or  |J^-1 F|_i > 1 + (|J^-1| R)_i:    it holds no zero,
+    (|J^-1| R)_1 < 1/2 and (|J^-1| R)_2 < 1/2:                            it holds one at most.
+
+So the number of zeros cannot change unseen, except in rectangles of which neither is known after `HALVINGS` of both
+sides: there two zeros are nearer to each other than that, and Newton's method is left to find them. The halved side is
+that along which the second derivatives add more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from vibroimpact.cells import Floats
+from vibroimpact.orbits.equations import TURN
+
+Coefficients = Callable[[Floats, float], Floats]
+
+DEGREE = 16  # of the series
+RESOLVED = 1e-9
+FEWEST, MOST = 4, 128  # intervals of one length; of more, those of longer durations are left out
+SMOOTH = 0.1  # the last terms fall to less where an interval is halved, unless they are rounding
+SECTORS = 8  # rectangles a turn of the highest order
+HALVINGS = 12
+RECTANGLES = 1 << 13  # at most; in the intervals with the most, Newton's method begins in all
+STEPS = 12  # of Newton's method: between two zeros that nearly touch each step halves the distance
+ARRIVED = 1e-6  # of a rectangle's side: the last step is shorter
+
+NODES = -np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
+TO_TERMS = np.linalg.inv(chebyshev.chebvander(NODES, DEGREE))
+SLOPES, BENDS = (chebyshev.chebder(np.eye(DEGREE + 1), order) for order in (1, 2))
+
+
+class Zeros(NamedTuple):
+    """Common zeros, and between which durations others may have been missed; None if there are no such durations."""
+
+    durations: Floats
+    angles: Floats
+    left: tuple[float, float] | None
+
+
+class Series(NamedTuple):
+    """Coefficients over intervals: middles, half lengths, terms (interval, function, degree, z), bounds of the rest."""
+
+    middles: Floats
+    halves: Floats
+    terms: Floats
+    rest: Floats
+
+
+class Rectangles(NamedTuple):
+    """Rectangles: their intervals, their middles (places in the intervals, -1 to 1, and angles), and half sides."""
+
+    intervals: NDArray[np.intp]
+    places: Floats
+    angles: Floats
+    halves: Floats
+    wides: Floats
+
+    def of(self, chosen: NDArray[np.bool_]) -> Rectangles:
+        """Return some of them."""
+        intervals, *rest = self
+        return Rectangles(intervals[chosen], *(column[chosen] for column in rest))
+
+    def halved(self, along: NDArray[np.bool_]) -> Rectangles:
+        """Return the two halves of each, cut at a place where `along`, else at an angle."""
+        halves, wides = np.where(along, 0.5, 1.0) * self.halves, np.where(along, 1.0, 0.5) * self.wides
+        offset, turn = np.where(along, halves, 0.0), np.where(along, 0.0, wides)
+        low = Rectangles(self.intervals, self.places - offset, self.angles - turn, halves, wides)
+        high = Rectangles(self.intervals, self.places + offset, self.angles + turn, halves, wides)
+        return _joined([low, high])
+
+
+def _joined(parts: Sequence[Rectangles]) -> Rectangles:
+    return Rectangles(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+def common_zeros(coefficients: Coefficients, length: float, orders: Floats) -> Zeros:
+    """Return all common zeros between the durations 0 and `length`.
+
+    `coefficients` returns those at the Chebyshev points of intervals that begin at some durations and are of one width,
+    by interval, point, function and z.
+    """
+    series, ends = _interpolated(coefficients, length)
+    number, sectors = len(series.middles), SECTORS * int(orders.max(initial=1.0))
+    wide = 0.5 * TURN / sectors
+    angles = np.tile(wide * (1.0 + 2.0 * np.arange(sectors)), number)
+    one = np.ones(len(angles))
+    rectangles = Rectangles(np.repeat(np.arange(number), sectors), 0.0 * one, angles, one, wide * one)
+    second, found = _second(series, orders), []
+    for _ in range(2 * HALVINGS):
+        possible, single, along = _tested(series, orders, second, rectangles)
+        found.append(rectangles.of(single))
+        counts = np.bincount(rectangles.intervals[more := possible & ~single], minlength=number)
+        order = np.argsort(counts)
+        crowded = order[np.cumsum(counts[order]) > RECTANGLES]
+        found.append(rectangles.of(more & (aside := np.isin(rectangles.intervals, crowded))))
+        ends = np.concatenate([ends, (series.middles + np.array([[-1.0], [1.0]]) * series.halves)[:, crowded].ravel()])
+        rectangles = rectangles.of(more := more & ~aside).halved(along[more])
+        if not more.any():
+            break
+    left = (float(ends.min()), float(ends.max())) if len(ends) else None
+    return Zeros(*_refined(series, orders, _joined([*found, rectangles])), left)
+
+
+def _interpolated(coefficients: Coefficients, length: float) -> tuple[Series, Floats]:
+    """Return the series of coefficients between 0 and a length, and the ends of intervals that are left out."""
+    width, found, left = length / FEWEST, [], np.array([])
+    lows, before = width * np.arange(float(FEWEST)), np.full((FEWEST, 2), np.inf)
+    while len(lows):
+        terms = np.einsum("kj,pjiz->pikz", TO_TERMS, coefficients(lows, width))
+        rest, sizes = np.abs(terms[:, :, -2:]).sum(axis=(2, 3)), np.abs(terms).max(axis=(2, 3))
+        rounded = (rest > SMOOTH * before) & (rest <= SMOOTH * sizes)
+        done = ((rest <= RESOLVED * sizes) | rounded).all(axis=1)
+        found.append(Series(lows[done] + 0.5 * width, np.full(done.sum(), 0.5 * width), terms[done], rest[done]))
+        before, width = np.repeat(rest[~done], 2, axis=0), 0.5 * width
+        lows = (lows[~done, None] + [0.0, width]).ravel()
+        if len(lows) > MOST:
+            left = np.concatenate([left, lows[MOST:], lows[MOST:] + width])
+            lows, before = lows[:MOST], before[:MOST]
+    return Series(*map(np.concatenate, zip(*found, strict=True))), left
+
+
+def _second(series: Series, orders: Floats) -> list[Floats]:
+    """Return bounds of the second derivatives in each interval: by place, by both, by angle."""
+    turns = np.concatenate([[0.0], orders, orders])
+    every = series.terms, SLOPES @ series.terms, BENDS @ series.terms
+    values, slopes, bends = (np.abs(terms).sum(axis=2) for terms in every)
+    return [bends.sum(axis=-1), slopes @ turns, values @ turns**2]
+
+
+def _values(series: Series, orders: Floats, at: Rectangles) -> tuple[Floats, Floats]:
+    """Return both functions in the middles of rectangles, and their derivatives by place and angle."""
+    powers = chebyshev.chebvander(at.places, DEGREE)
+    weights = np.stack([powers, powers[:, :-1] @ SLOPES], axis=1)
+    rows, rates = np.einsum("pdk,pikz->dpiz", weights, series.terms[at.intervals])
+    turned = np.multiply.outer(at.angles, orders)
+    sine, cosine, one = np.sin(turned), np.cos(turned), np.ones((len(turned), 1))
+    z = np.concatenate([one, sine, cosine], axis=1)
+    turning = np.concatenate([0.0 * one, orders * cosine, -orders * sine], axis=1)
+    slopes = [np.einsum("piz,pz->pi", rates, z), np.einsum("piz,pz->pi", rows, turning)]
+    return np.einsum("piz,pz->pi", rows, z), np.stack(slopes, axis=-1)
+
+
+def _inverse(slopes: Floats) -> Floats:
+    """Return the inverses of matrices of two rows, infinite or NaN where there is none."""
+    (a, b), (c, d) = slopes[:, 0].T, slopes[:, 1].T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found: Floats = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+    return found.transpose(2, 0, 1)
+
+
+def _tested(
+    series: Series, orders: Floats, second: list[Floats], rectangles: Rectangles
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which rectangles may hold a zero, which of these hold one at most, and which bend more by the place."""
+    half, wide = rectangles.halves[:, None], rectangles.wides[:, None]
+    values, slopes = _values(series, orders, rectangles)
+    slopes = slopes * np.stack([half, wide], axis=2)
+    bend, twist, curl = (each[rectangles.intervals] for each in second)
+    bend, curl = 0.5 * bend * half**2, 0.5 * curl * wide**2
+    left = series.rest[rectangles.intervals] + bend + twist * half * wide + curl
+    possible = (np.abs(values) <= np.abs(slopes).sum(axis=2) + left).all(axis=1)
+    with np.errstate(invalid="ignore"):
+        inverse = _inverse(slopes)
+        steps = np.abs(np.einsum("pij,pj->pi", inverse, values))
+        spread = np.einsum("pij,pj->pi", np.abs(inverse), left)
+        possible &= ~(steps > 1.0 + spread).any(axis=1)
+    along = ((bend - curl) / left).sum(axis=1) > 0.0
+    return possible, possible & (spread < 0.5).all(axis=1), along
+
+
+def _refined(series: Series, orders: Floats, at: Rectangles) -> tuple[Floats, Floats]:
+    """Return durations and angles of the zeros that Newton's method reaches."""
+    steps = np.zeros((0, 2))
+    for _ in range(STEPS):
+        values, slopes = _values(series, orders, at)
+        with np.errstate(invalid="ignore"):
+            steps = np.einsum("pij,pj->pi", _inverse(slopes), values)
+        at = at.of(inside := (np.abs(steps) < 1.0).all(axis=1) & (np.abs(at.places) < 1.1))
+        steps = steps[inside]
+        at = at._replace(places=at.places - steps[:, 0], angles=at.angles - steps[:, 1])
+    at = at.of((np.abs(steps) < ARRIVED).all(axis=1) & (np.abs(at.places) < 1.0 + ARRIVED))
+    durations, angles = series.middles[at.intervals] + series.halves[at.intervals] * at.places, at.angles % TURN
+    places = np.stack([durations, np.cos(angles), np.sin(angles)], axis=-1)
+    first = np.unique(np.round(places / ARRIVED), axis=0, return_index=True)[1]
+    return durations[first], angles[first]
