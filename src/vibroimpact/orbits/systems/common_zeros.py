@@ -33,7 +33,8 @@ Coefficients = Callable[[Floats, float], Floats]
 DEGREE = 16  # of the series
 RESOLVED = 1e-9
 FEWEST, MOST = 4, 128  # intervals of one length; of more, those of longer durations are left out
-SMOOTH = 0.1  # the last terms fall to less where an interval is halved, unless they are rounding
+SMOOTH = 0.1  # the last terms fall to less where an interval is halved, unless they are rounding,
+ROUNDED = 1e-6  # which they are at most that part of the largest to be
 SECTORS = 8  # rectangles a turn of the highest order
 HALVINGS = 12
 RECTANGLES = 1 << 13  # at most; in the intervals with the most, Newton's method begins in all
@@ -124,7 +125,7 @@ def _interpolated(coefficients: Coefficients, length: float) -> tuple[Series, Fl
     while len(lows):
         terms = np.einsum("kj,pjiz->pikz", TO_TERMS, coefficients(lows, width))
         rest, sizes = np.abs(terms[:, :, -2:]).sum(axis=(2, 3)), np.abs(terms).max(axis=(2, 3))
-        rounded = (rest > SMOOTH * before) & (rest <= SMOOTH * sizes)
+        rounded = (rest > SMOOTH * before) & (rest <= ROUNDED * sizes)
         done = ((rest <= RESOLVED * sizes) | rounded).all(axis=1)
         found.append(Series(lows[done] + 0.5 * width, np.full(done.sum(), 0.5 * width), terms[done], rest[done]))
         before, width = np.repeat(rest[~done], 2, axis=0), 0.5 * width
