@@ -7,6 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from systems import beside_its_centre, free_masses
+from vibroimpact.orbits.systems import find
 
 
 def two_sided(**changes):
@@ -45,6 +46,71 @@ def test_an_orbit_of_another_system_is_a_guess():
     assert near[0].velocities != orbit.velocities
 
 
+def test_an_attractor_and_any_state_on_it_are_guesses():
+    system = two_sided(below=0.3)
+    settled = next(found for found in vi.attractors(system) if found.kind == "periodic")
+    name = {"n_periods": settled.n_periods, "n_impacts": settled.n_impacts}
+    (orbit,) = vi.find_orbit(system, near=settled, **name)
+    assert orbit.stable
+    assert sorted(orbit.velocities) == pytest.approx(sorted(settled.velocities), rel=1e-9)
+    displacement, velocity, _ = orbit.motion([0.4])
+    (again,) = vi.find_orbit(system, near=vi.State(displacement[0], velocity[0], 0.4), **name)
+    assert sorted(again.velocities) == pytest.approx(sorted(orbit.velocities), rel=1e-9)
+
+
+def test_of_one_contact_the_orbit_near_a_guess_is_reached():
+    stops = [vi.Stop(direction=1, gap=0.785, stiffness=10.298, name="stop")]
+    force = vi.Force(omega=1.33, harmonics={1: 0.05})
+    system = vi.ImpactSystem(mass=1.0, damping=0.02, stiffness=1.0, force=force, stops=stops)
+    both = vi.find_orbit(system)
+    for orbit in both:
+        assert [near.velocities for near in find(system, near=orbit)] == [pytest.approx(orbit.velocities, rel=1e-9)]
+        assert len(vi.find_orbit(system, near=orbit)) == len(both)
+
+
+def test_a_state_of_another_number_of_coordinates_is_refused():
+    with pytest.raises(ValueError, match="coordinate"):
+        vi.find_orbit(two_sided(), n_impacts=2, near=vi.State((0.1, 0.2), (0.0, 0.0)))
+
+
+def test_unforced_and_free_systems_say_why_nothing_repeats():
+    def push(constant):
+        return vi.Force(omega=1.0, harmonics={1: [1.0, -1.0]}, constant=constant)
+
+    for stop in ({"restitution": 0.8}, {"stiffness": 100.0, "damping": 1.0}):
+        stops, unforced = [vi.Stop(direction=[1, -1], gap=1.0, **stop)], vi.Force(omega=1.0)
+        free = vi.ImpactSystem(mass=np.eye(2), stiffness=np.zeros((2, 2)), force=unforced, stops=stops)
+        assert "nothing supplies it" in vi.find_orbit(free).message
+        for constant, words in (([0.1, -0.1], "not isolated"), ([0.1, 0.0], "driven away by the load")):
+            driven = vi.ImpactSystem(mass=np.eye(2), stiffness=np.zeros((2, 2)), force=push(constant), stops=stops)
+            assert words in vi.find_orbit(driven).message
+
+
+def a_degenerate_system(rng):
+    """Return a system of one to three coordinates: free, unforced, with equal modes or undamped."""
+    n = int(rng.integers(1, 4))
+    mass, stiffness = np.diag(rng.choice([1.0, 2.0], n)), np.diag(rng.choice([0.0, 1.0], n))
+    pair = np.eye(n)[0] - np.eye(n)[-1] if n > 1 else np.ones(1)
+    stiffness = stiffness + rng.integers(2) * np.outer(pair, pair)
+    loads = [{}, {1: np.zeros(n)}, {2: np.ones(n)}, {1: rng.standard_normal(n), 3: np.ones(n)}]
+    force = vi.Force(omega=rng.choice([0.7, 1.0]), harmonics=loads[rng.integers(4)])
+    kinds = [{"restitution": 0.0}, {"restitution": 1.0}, {"stiffness": 1.0}, {"stiffness": 100.0, "damping": 1.0}]
+    stop = vi.Stop(
+        direction=[pair, np.eye(n)[0]][rng.integers(2)], gap=rng.choice([0.0, 1.0]), **kinds[rng.integers(4)]
+    )
+    return vi.ImpactSystem(
+        mass=mass, damping=rng.choice([0.0, 0.1]) * stiffness, stiffness=stiffness, force=force, stops=[stop]
+    )
+
+
+def test_of_degenerate_systems_orbits_are_found_or_it_is_said_why_not():
+    rng = np.random.default_rng(7)
+    for _ in range(25):
+        found = vi.find_orbit(a_degenerate_system(rng), n_periods=int(rng.integers(1, 3)))
+        assert found.message
+        assert found or found.outcome == "none"
+
+
 def test_orbits_that_are_not_there_are_not_found():
     found = vi.find_orbit(two_sided(), n_impacts=4)
     assert not found
@@ -66,7 +132,7 @@ def test_an_orbit_that_is_reached_after_a_long_transient_is_found():
 @pytest.mark.parametrize(
     ("how", "words"),
     [
-        ({"n_impacts": 2, "near": (0.1, 2.0)}, "an orbit of a system"),
+        ({"n_impacts": 2, "near": (0.1, 2.0)}, "an orbit or an attractor of a system"),
         ({"n_impacts": 0}, "n_impacts"),
     ],
 )

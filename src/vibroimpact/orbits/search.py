@@ -65,11 +65,11 @@ def find_orbit(
         Driving periods in a cycle, n.
     n_impacts : int, >= 1 or -1
         Impacts in a cycle, p; -1 for an orbit with a complete chatter, which sticks.
-    near : Orbit, State or (phase, velocity), optional
-        Initial guess: an orbit of this or another oscillator, a state at the stop, or phase in [0, 1) and velocity > 0
-        (m/s) of an impact. None tries the attractor reached from rest and a grid over the impact surface. Not used for
-        one impact, where all solutions are known in closed form. Of a system an orbit, or, with `n_impacts=-1`, a
-        state near one; None tries symmetric orbits (two impacts) and the motion from rest.
+    near : Orbit, Attractor, State or (phase, velocity), optional
+        Initial guess: an orbit or an attractor of this or another oscillator, a state at the stop, or phase in [0, 1)
+        and velocity > 0 (m/s) of an impact. None tries the attractor reached from rest and a grid over the impact
+        surface. Not used for one impact on a rigid stop, where all solutions are known in closed form. Of a system an
+        orbit, an attractor or any state near one; None tries symmetric orbits (two impacts) and the motion from rest.
 
     Returns
     -------
@@ -108,6 +108,8 @@ def find_orbit(
     'no initial guess converged to a period-1 impact-2 orbit'
     """
     check_model(osc)
+    if isinstance(start := getattr(near, "start", None), State) and hasattr(near, "orbit"):  # an attractor
+        near = near.orbit or start
     cycle = Cycle(whole_number("n_periods", n_periods, 1), whole_number("n_impacts", n_impacts, -1, IMPACTS))
     if cycle.n_impacts == 0:
         raise invalid("n_impacts", n_impacts, "a whole number >= 1, or -1 for a complete chatter")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +11,7 @@ from vibroimpact.motion import cycle_length, cycle_name
 from vibroimpact.orbits.orbit import SAME, same_orbit
 from vibroimpact.orbits.search import Orbits
 from vibroimpact.orbits.systems.orbit import SystemOrbit
-from vibroimpact.orbits.systems.search import find
+from vibroimpact.orbits.systems.search import find, ordered, struck_from
 from vibroimpact.orbits.systems.sticking import find_sticking
 from vibroimpact.orbits.systems.symmetry import mirror
 from vibroimpact.oscillator import Model, State
@@ -28,31 +29,50 @@ def find_named(model: Model, n_periods: int, n_impacts: int, near: Any) -> Orbit
     All those of one impact, and of two that are mirror images of one another; others, and one that rests, from `near`,
     or where the motion from rest has settled to one.
     """
-    if n_impacts == -1 and (near is None or isinstance(near, (SystemOrbit, State))):
+    if near is not None and not isinstance(near, (SystemOrbit, State)):
+        raise invalid("near", near, "an orbit or an attractor of a system, or a State")
+    if n_impacts == -1:
         return find_sticking(model, n_periods, near)
-    if near is not None and not isinstance(near, SystemOrbit):
-        raise invalid("near", near, "an orbit of a system", "give one that find_orbit returned")
+    if isinstance(near, SystemOrbit) and len(near.stops) != n_impacts:
+        raise invalid("near", near.name, f"an orbit of {n_impacts} impacts", f"or give n_impacts={len(near.stops)}")
     if n_impacts == 1:
-        return find(model, n_periods=n_periods)
+        return _with_near(find(model, n_periods=n_periods), model, n_periods, near)
     if near is not None:
-        if len(near.stops) != n_impacts:
-            raise invalid("near", near.name, f"an orbit of {n_impacts} impacts", f"or give n_impacts={len(near.stops)}")
-        return find(model, n_periods=n_periods, near=near)
+        return _from_near(model, n_periods, n_impacts, near)
     found: list[SystemOrbit] = []
     if n_impacts == 2 and n_periods % 2 and not mirror(model.at())[1]:
         found += find(model, n_periods=n_periods, symmetric=True)
     found += [
         orbit for orbit in settled(model, n_periods, n_impacts) if not any(same_orbit(orbit, known) for known in found)
     ]
-    found.sort(key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)))
-    good = sum(orbit.admissible for orbit in found)
-    if found and not good:
-        return Orbits(found, outcome="inadmissible", message=found[0].message)
+    found = found or [orbit for orbit in find_sticking(model, n_periods, None) if orbit.n_impacts == n_impacts]
+    if found:
+        return ordered(found)
     name = cycle_name(n_periods, n_impacts)
-    if not found:
-        tried = f"does not settle to a {name} orbit within {TRANSIENTS[-1]} impacts"
-        return Orbits(outcome="none", message=f"the motion from rest {tried}; give `near`")
-    return Orbits(found, message=f"{good} {name} orbit{'s' if good > 1 else ''}")
+    tried = f"does not settle to a {name} orbit within {TRANSIENTS[-1]} impacts"
+    return Orbits(outcome="none", message=f"the motion from rest {tried}; give `near`")
+
+
+def _from_near(model: Model, n_periods: int, n_impacts: int, near: SystemOrbit | State) -> Orbits[SystemOrbit]:
+    """Return the orbit that Newton's method reaches from another, or from the motion from a state."""
+    if isinstance(near, SystemOrbit):
+        return find(model, n_periods=n_periods, near=near)
+    stops = struck_from(model.at(), n_periods, n_impacts, near)
+    if stops is None:
+        message = f"the motion from there does not come near a {cycle_name(n_periods, n_impacts)} orbit at once"
+        return Orbits(outcome="not_converged", message=f"{message}; begin nearer to one")
+    return find(model, n_periods=n_periods, stops=stops, near=near)
+
+
+def _with_near(
+    orbits: Orbits[SystemOrbit], model: Model, n_periods: int, near: SystemOrbit | State | None
+) -> Orbits[SystemOrbit]:
+    """Return orbits, and the one near a guess if it is none of them."""
+    stops = model.at().stops
+    if near is None or not any(stop.compliant for stop in stops) or (isinstance(near, SystemOrbit) and near.sticks):
+        return orbits
+    more = [one for one in _from_near(model, n_periods, 1, near) if not any(same_orbit(one, each) for each in orbits)]
+    return ordered([*orbits, *more]) if more else orbits
 
 
 def settled(model: Model, n_periods: int, n_impacts: int, transients: Sequence[int] = TRANSIENTS) -> list[SystemOrbit]:
@@ -60,7 +80,7 @@ def settled(model: Model, n_periods: int, n_impacts: int, transients: Sequence[i
     system = model.at()
     seen: Any
     for transient in transients:
-        window = ImpactWindow(transient, max(n_impacts + 1, LOOK))
+        window = ImpactWindow(transient, n_impacts * math.ceil(LOOK / n_impacts) + 1)  # it ends as the transient does
         (seen,) = get_backend("cpu").samples(system.cells({}), Measurement(window))
         turns = (seen.impact_periods + seen.impact_phase)[-n_impacts - 1 :]
         if len(turns) <= n_impacts:

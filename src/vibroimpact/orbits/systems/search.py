@@ -52,7 +52,8 @@ def find(
         Take motions that are mirrored, q -> -q, after half a cycle (n odd); `stops` are those of half a cycle.
     near : SystemOrbit, State or sequence of float, optional
         Initial guess, needed for several impacts: an orbit of this or another system, a state near it, or the times of
-        the impacts in s. For one impact only a state is used: there all solutions are known without a guess.
+        the impacts in s. For one impact on a rigid stop only a state is used: there all solutions are known without a
+        guess.
 
     Returns
     -------
@@ -121,7 +122,8 @@ def find(
     if any(not 1 <= len(sequence) <= IMPACTS for sequence in sequences) or not sequences:
         raise invalid("stops", stops, f"1 to {IMPACTS} stops to strike")
     flow, mirrored = Flow(system), images if symmetric else ()
-    if len(sequences[0]) == 1 and not isinstance(near, State):
+    known = near is None or not (isinstance(near, State) or flow.gives[sequences[0][0]])
+    if len(sequences[0]) == 1 and known:
         return _of_one(model, [Cycle(flow, n_periods, struck(sequence), mirrored) for sequence in sequences])
     return _from(model, *_guess(flow, n_periods, sequences[0], mirrored, near), images)
 
@@ -156,12 +158,22 @@ def _of_one(model: Model, cycles: Iterable[Cycle]) -> Orbits[SystemOrbit]:
             reasons.append((bool(solutions), f"{model.at().stop_names[cycle.events[0].stop]}: {why}"))
     if not found:
         return Orbits(outcome="none", message="; ".join(reason for _, reason in reasons))
-    found = _sorted(found)
+    found = ordered(found)
     found.message = "; ".join([found.message, *(reason for beside, reason in reasons if beside)])
     return found
 
 
-def _sorted(orbits: Iterable[SystemOrbit]) -> Orbits[SystemOrbit]:
+def struck_from(system: ImpactSystem, n_periods: int, n_impacts: int, state: State) -> list[str] | None:
+    """Return the stops of the cycle of so many impacts that the motion from a state nearly repeats; None if of none."""
+    system.cells({}, state)  # refused where it does not fit
+    flow = Flow(system)
+    x = np.linalg.solve(flow.physical, np.append(state.displacement, state.velocity))
+    found = cycle_from(flow, n_periods, x, state.time * flow.omega, n_impacts)
+    return found and [system.stop_names[stop] for stop in found[0].stops]
+
+
+def ordered(orbits: Iterable[SystemOrbit]) -> Orbits[SystemOrbit]:
+    """Return orbits, stable ones first, then admissible ones, then hard ones, and what they are."""
     found = sorted(orbits, key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)))
     good = sum(orbit.admissible for orbit in found)
     if good:
@@ -218,7 +230,7 @@ def _from(model: Model, cycle: Cycle, start: Floats, images: tuple[int, ...]) ->
     if own != whole and orbit.stops == orbit.stops[: own.n_impacts] * (orbit.n_impacts // own.n_impacts):
         message = f"converged to a {own.name} orbit instead of a {name} one"
         return Orbits(outcome="other_name", message=message)
-    return _sorted([orbit])
+    return ordered([orbit])
 
 
 def halved(cycle: Cycle, unknown: Floats, images: tuple[int, ...]) -> tuple[Cycle, Floats]:

@@ -39,15 +39,17 @@ def pressed(flow: Flow, x: Floats, z: Floats) -> Pushing:
 
 
 def cycle_from(
-    flow: Flow, n_periods: int, x: Floats, angle: float, stops: tuple[int, ...]
+    flow: Flow, n_periods: int, x: Floats, angle: float, stops: tuple[int, ...] | int
 ) -> tuple[Cycle, Floats] | None:
     """Return the cycle in which a motion from a state strikes these stops in turn, the hardest first, and its unknown.
 
-    None if it does not, or not nearly as long after as Newton's method may mend.
+    Of a number of impacts, whichever stops they are on. None if it does not, or not nearly as long after as Newton's
+    method may mend.
     """
+    number = stops if isinstance(stops, int) else len(stops)
     met: list[Met] = []
     pushing, last, left = pressed(flow, x, flow.drive(angle)), angle + TURN * (2 * n_periods + 1), -1
-    while sum(each.event.kind == IMPACT for each in met) <= len(stops):
+    while sum(each.event.kind == IMPACT for each in met) <= number:
         if angle > last or len(met) > MOST:
             return None
         longest = CHUNK / flow.phase(pushing).fastest
@@ -64,8 +66,12 @@ def cycle_from(
     if abs(again.angle - events[0].angle - cycle.length) > 0.1 or again.event != events[0].event:
         return None
     unknown = np.append([each.angle for each in events], events[0].x)
-    speeds, turns = cycle.speeds(unknown), range(len(stops))
-    fitting = [cycle.impacts[turn] for turn in turns if cycle.stops[turn:] + cycle.stops[:turn] == stops]
+    speeds, turns = cycle.speeds(unknown), range(number)
+    fitting = [
+        cycle.impacts[turn]
+        for turn in turns
+        if isinstance(stops, int) or cycle.stops[turn:] + cycle.stops[:turn] == stops
+    ]
     if not fitting:
         return None
     cycle, unknown = cycle.rotated(unknown, max(fitting, key=lambda at: speeds[at]))
