@@ -11,6 +11,7 @@ from test_system_basins import two_masses as random_masses
 from vibroimpact import models
 from vibroimpact.dataset import model_of
 from vibroimpact.kernels.systems.series import SIZE, trough
+from vibroimpact.motion import motion_name
 from vibroimpact.report import sentences_of
 
 OSC = vi.ImpactOscillator(damping=0.1, restitution=0.5, gap=0.5)
@@ -493,6 +494,18 @@ def test_a_map_stop_by_stop_of_a_family_is_drawn_of_one_stop_and_else_asks_for_o
         vi.plotting.index_contour(sweep, index)
 
 
-def test_what_names_a_section_of_one_mass_says_what_names_motions_of_systems():
-    with pytest.raises(ValueError, match="motions of a system are named by `classify`"):
-        vi.recognise(vi.impact_section(two_masses(), **SHORT))
+def test_a_motion_of_a_system_has_the_name_that_a_map_gives_it():
+    """Also from an initial condition, which the section holds; periodic, sticking, chaotic ones and none."""
+    window, names = {"transient_impacts": 1000, "sample_impacts": 3000}, set()
+    needed = ("lyapunov_per_impact", "n_periods", "n_impacts")
+    driven = [two_masses(force=vi.Force(omega=omega, harmonics={1: [5.0, 0.0]})) for omega in np.linspace(4.0, 14.0, 8)]
+    for model in [*driven, vi.models.bouncing_ball()]:
+        start = None if model in driven[::2] else vi.State([0.01] * len(model.mass), [0.2] * len(model.mass), 0.3)
+        found = vi.recognise(vi.impact_section(model, start=start, **window))
+        sweep = vi.parameter_map(model, omega=[model.omega], start=start, indices=needed, **window)
+        named = vi.classify(sweep)
+        told = motion_name(*(int(named[part][0]) for part in ("motion", "n_periods", "n_impacts")))
+        assert told in (found.name, found.motion_class.stored.label)
+        assert not found.n_impacts > 0 or len(found.velocities) == len(found.phases) == found.n_impacts
+        names.add(found.kind)
+    assert {"periodic", "sticking", "chaotic"} <= names

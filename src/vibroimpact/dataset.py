@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from vibroimpact.cells import FASTEST
 from vibroimpact.indices import EVERY
-from vibroimpact.oscillator import ImpactOscillator, Model
+from vibroimpact.oscillator import ImpactOscillator, Model, State
 from vibroimpact.parameters import Parameter
 from vibroimpact.status import Status
 from vibroimpact.stops import Force, Stop
@@ -181,6 +182,15 @@ def _begun(start: Any, rest: str) -> str:
     if isinstance(start.displacement, tuple):
         return f"q = {list(start.displacement)} m, q' = {list(start.velocity)} m/s at t = {start.time:g} s"
     return f"y = {start.displacement:g} m, y' = {start.velocity:g} m/s at t = {start.time:g} s"
+
+
+def start_of(dataset: xr.Dataset) -> State | None:
+    """Return the initial condition of one motion; None is at rest."""
+    start = json.loads(dataset.attrs["arguments"])["start"]
+    if start is None:
+        return None
+    given: Any = ast.parse(start, mode="eval").body
+    return State(**{part.arg: ast.literal_eval(part.value) for part in given.keywords})
 
 
 def oscillator_of(dataset: xr.Dataset) -> ImpactOscillator:

@@ -6,6 +6,7 @@ and names it with `motion_name`.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,9 +17,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.cells import Floats
-from vibroimpact.dataset import oscillator_of
+from vibroimpact.dataset import model_of, oscillator_of, start_of
 from vibroimpact.neighbours import resolved, separations
+from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import ImpactOscillator, Model
 from vibroimpact.parameters import invalid, real_number, whole_number
 from vibroimpact.status import Status
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
 # The one threshold of chaos: ln of the growth that carries the last binary digit of a double to the motion's own size.
 CERTAIN_GROWTH = 53 * math.log(2.0)
 WITHOUT = "the motion without impacts"  # along the graze at which it first touches a stop
+_NAMING = ("lyapunov_per_impact", "n_periods", "n_impacts")
 WINDS = 1000  # impacts: in fewer a motion that settles slowly looks as if it never did
 
 
@@ -230,7 +234,7 @@ class Motion:
         if kind == MotionClass.QUASI_PERIODIC:
             return "quasi-periodic, the impacts do not repeat, and neighbours neither part nor approach"
         if kind == MotionClass.UNDECIDED:
-            return "undecided, the sampled impacts do not repeat and are too few to prove chaos; sample more"
+            return "undecided, no cycle of whole driving periods was found, nor is it surely chaotic; sample more"
         return f"{self.name}: {self.status.sentence.removeprefix(f'{self.name}: ')}"
 
 
@@ -257,11 +261,14 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
     part by more than 1e13 on the way (`resolved`): then it is intermittent sticking in this section, which the smallest
     push may end. What does not repeat is chaotic if neighbours part by more than 2^53.
 
+    For systems, impacts must repeat stop by stop. What does not repeat, or rests, is named as `classify` names it: the
+    section does not hold the coordinates, so that the motion is computed once more from its initial condition.
+
     Parameters
     ----------
     section : xarray.Dataset
         What `impact_section` returned: `time` in s, `phase`, `velocity` in m/s (dim `impact`), `release_time`
-        (dim `stick`), `status`, and the oscillator in its attributes.
+        (dim `stick`), `status`, and the oscillator or the system in its attributes.
     tolerance : float, > 0
         How well impacts must repeat, relative to the largest velocity, and phases as points of the unit circle.
     longest : int, >= 1
@@ -291,6 +298,8 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
     ['period-1 impact-1', 'chaotic']
     """
     _check(section, tolerance, longest)
+    if "system" in section.attrs:
+        return _of_system(section, tolerance, longest)
     status = Status(int(section["status"]))
     osc = oscillator_of(section)
     time, phase, velocity = (np.asarray(section[name], dtype=np.float64) for name in ("time", "phase", "velocity"))
@@ -315,6 +324,34 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
         return Motion(kind.word, status=status)
     impacts = _from_hardest(velocity[cycle], phase[cycle]) if n else ((), ())
     return Motion(kind.word, n, p, *impacts, status)
+
+
+def _of_system(section: xr.Dataset, tolerance: float, longest: int) -> Motion:
+    system, status = model_of(section), Status(int(section["status"]))
+    velocity, phase = (np.asarray(section[name], dtype=np.float64) for name in ("velocity", "phase"))
+    n, p, growth, keep = *system_cycle(section, system.period, tolerance=tolerance, longest=longest), 0.0, 0
+    if status.has_indices and (not n or section.sizes["stick"]):
+        how = json.loads(section.attrs["arguments"])
+        keep = how["sample_impacts"]
+        wanted = Measurement(ImpactWindow(how["transient_impacts"], keep), Tolerances(), indices=_NAMING)
+        found = get_backend("cpu").indices(system.cells({}, start_of(section)), wanted)
+        growth, n, p = (found[name][0] for name in _NAMING)
+        growth *= keep
+    kind = MotionClass(int(decide(status, growth, n, p, keep if may_wind(system) else 0)))
+    if kind not in (MotionClass.PERIODIC, MotionClass.STICKING):
+        return Motion(kind.word, status=status)
+    turns = section["time"].values / system.period
+    cycle = slice(-int(p), None) if p > 0 else turns > turns[-1] - n + 1e-6
+    return Motion(kind.word, int(n), int(p), *_from_hardest(velocity[cycle], phase[cycle]), status)
+
+
+def system_cycle(section: xr.Dataset, period: float, **limits: Any) -> tuple[int, int]:
+    """Return after how many driving periods and impacts the impacts of a system repeat, stop by stop, or 0 and 0."""
+    speed, phase, time, stop = (section[name].values for name in ("velocity", "phase", "time", "stop"))
+    codes = np.unique(stop, return_inverse=True)[1].astype(float)
+    p = recurrence(speed, np.exp(2j * np.pi * phase), codes, **limits)
+    waits = np.rint((time[p:] - time[:-p]) / period)[len(time) // 2 - p :] if p else np.zeros(0)
+    return (int(waits[0]), p) if len(waits) and (waits == waits[0]).all() else (0, 0)
 
 
 def recurrence(*columns: NDArray[Any], tolerance: float = 1e-6, longest: int = 64) -> int:
@@ -350,14 +387,10 @@ def cycle_length(velocity: Floats, phase: Floats, *, tolerance: float = 1e-6, lo
 
 
 def _check(section: xr.Dataset, tolerance: float, longest: int) -> None:
-    if "system" in getattr(section, "attrs", {}):
-        raise ValueError(
-            "`section` must be that of one mass with one stop; motions of a system are named by `classify`, from "
-            "parameter_map with indices=('lyapunov_per_impact', 'n_periods', 'n_impacts')"
-        )
     known = map(str, getattr(section, "variables", ()))
-    missing = {"time", "phase", "velocity", "release_time", "status"}.difference(known)
-    if missing or "oscillator" not in section.attrs:
+    of_systems = {"stop"} if "system" in getattr(section, "attrs", {}) else set()
+    missing = ({"time", "phase", "velocity", "release_time", "status"} | of_systems).difference(known)
+    if missing or not {"oscillator", "system"} & set(section.attrs):
         raise ValueError(
             f"`section` must be an impact section; it holds no {min(missing, default='oscillator')!r}; "
             "give what `impact_section` returned"

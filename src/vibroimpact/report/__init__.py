@@ -76,7 +76,7 @@ def motion_of(section: xr.Dataset) -> str:
     model = model_of(section)
     if isinstance(model, ImpactOscillator):
         return recognise(section).sentence(model.period)
-    return system_sentence(section, model.period)
+    return system_sentence(section, model)
 
 
 def _impacts(dataset: xr.Dataset) -> Iterator[str]:

@@ -7,38 +7,41 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.motion import cycle_name, listed, recurrence
+from vibroimpact.motion import cycle_name, listed, recurrence, system_cycle
 from vibroimpact.report.quantities import counted, quantity
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from vibroimpact.system import ImpactSystem
+
 FEW = 4  # impacts of a cycle that are listed one by one
 STILL = 1e-9  # of the largest coordinate: one that moves less shows rounding
 
 
-def system_sentence(section: xr.Dataset, period: float) -> str:
+def system_sentence(section: xr.Dataset, system: ImpactSystem) -> str:
     """Return in a sentence whether the impacts of a system repeat, from its impact section."""
     status, speed = Status(int(section["status"])), section["velocity"].values
     if not status.has_indices:
         return status.sentence
     names, codes = np.unique(section["stop"].values, return_inverse=True)
-    time, turn = section["time"].values, np.exp(2j * np.pi * section["phase"].values)
-    p = recurrence(speed, turn, codes.astype(float))
-    waits = np.rint((time[p:] - time[:-p]) / period)[len(time) // 2 - p :] if p else np.zeros(0)
-    if not len(waits) or (waits != waits[0]).any():
+    period, time = system.period, section["time"].values
+    n, p = system_cycle(section, period)
+    if not n:
         return "the sampled impacts do not repeat"
-    n, cycle = int(waits[0]), codes[-p:]
     if section.sizes.get("stick", 0):
         where = listed(sorted(set(section["stick_stop"].values.tolist())))
         return f"{cycle_name(n, p, sticks=True)}, closes {where}, hardest hit {speed[-p:].max():.3g} m/s"
-    if p <= FEW:
-        hits = listed([f"{v:.3g} m/s on {names[stop]}" for v, stop in zip(speed[-p:], cycle, strict=True)])
-    else:
-        each = [f"{names[stop]} ({(cycle == stop).sum()})" for stop in np.unique(cycle)]
-        hits = f"{speed[-p:].min():.3g} to {speed[-p:].max():.3g} m/s on {listed(each)}"
-    return f"{cycle_name(n, p)}, hits at {hits} every {n * period:.3g} s"
+    return f"{cycle_name(n, p)}, {_listed(speed[-p:], codes[-p:], names)} every {n * period:.3g} s"
+
+
+def _listed(speed: Any, cycle: Any, names: Any) -> str:
+    """Return the impacts of a cycle, one by one if they are few."""
+    if len(speed) <= FEW:
+        return "hits at " + listed([f"{v:.3g} m/s on {names[stop]}" for v, stop in zip(speed, cycle, strict=True)])
+    each = [f"{names[stop]} ({(cycle == stop).sum()})" for stop in np.unique(cycle)]
+    return f"hits at {speed.min():.3g} to {speed.max():.3g} m/s on {listed(each)}"
 
 
 def each_stop(dataset: xr.Dataset) -> Iterator[str]:
