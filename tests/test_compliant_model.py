@@ -33,6 +33,10 @@ def test_a_stop_that_gives_has_stiffness_and_damping_where_a_rigid_one_has_resti
         ({"stiffness": float("inf")}, "`stiffness` must be"),
         ({"damping": -1.0}, "`damping` must be"),
         ({"stiffness": None}, "give a `stiffness`"),
+        (
+            {"stiffness": 0},
+            "`stiffness` must be .* > 0, got 0; give .* of a compliant stop .*; leave it out for a rigid",
+        ),
         ({"restitution": 0.5}, "`restitution` must be None"),
     ],
 )

@@ -6,7 +6,7 @@ import keyword
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -22,7 +22,14 @@ from vibroimpact.parameters import SMALLEST, invalid, several, unknown, whole_nu
 SHORTEST = 1e-9  # driving periods: shorter contacts are those of a rigid stop
 STOPS = 5  # at most: an impact is solved among all their sets
 KINDS = "gap", "restitution", "stiffness", "damping"  # of numbers of stops that are parameters
-USUAL = ImpactOscillator.parameters  # of which a system has some, with the same ranges and remedies
+# Of which a system has some, with the same ranges; a stop without a stiffness is another one.
+USUAL = {
+    **ImpactOscillator.parameters,
+    "stiffness": replace(
+        ImpactOscillator.parameters["stiffness"],
+        hint="give the stiffness of a compliant stop in N/m; leave it out for a rigid stop",
+    ),
+}
 
 
 def vector(name: str, value: Any, kind: type = np.float64) -> Any:
