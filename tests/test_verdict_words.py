@@ -71,6 +71,14 @@ def test_advice_without_a_gap_is_measured_by_the_hardest_motion_that_is_reached(
     assert advice.before == pytest.approx(hardest, rel=1e-12)
 
 
+def test_no_impacts_are_claimed_of_initial_conditions_that_are_undecided():
+    """Without loss nothing attracts; from rest the spring presses the mass to the stop."""
+    verdict = str(describe(vi.ImpactOscillator(amplitude=0.0, damping=0.0, restitution=1.0, gap=-0.5), parameters=[]))
+    assert "100 % of the initial conditions: undecided" in verdict
+    assert "no impacts from rest, but 100 % of the initial conditions are undecided" in verdict
+    assert "from any of" not in verdict
+
+
 def test_where_nothing_helps_the_parameters_that_were_tried_are_named():
     osc = vi.ImpactOscillator(omega=2.6)
     for names in (["mass", "stiffness"], ["restitution"]):

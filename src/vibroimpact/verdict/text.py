@@ -342,6 +342,8 @@ def advice_lines(verdict: Verdict) -> Iterator[str]:
         return
     if verdict.worst is None and verdict.kind == "budget":
         yield "none, as the motion from rest was not followed to its end"
+    elif verdict.worst is None and (undecided := 1.0 - sum(motion.share for motion in verdict.attractors)) >= 1e-9:
+        yield f"none: no impacts from rest, but {100.0 * undecided:.3g} % of the initial conditions are undecided"
     elif verdict.worst is None:
         yield f"no impacts from rest or from any of {SPREAD} spread initial conditions"
     elif not verdict.boundaries:
