@@ -13,10 +13,12 @@ from systems import system as of
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.backends.reference.systems import LinearSystem, RigidStop, follow
 from vibroimpact.coexistence import attractors, basins, settling, systems
+from vibroimpact.coexistence.losses import lasting_stops
 from vibroimpact.coexistence.measuring import Runner, spread_cells
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import same_orbit
 from vibroimpact.orbits.systems import find
+from vibroimpact.report import sentences_of
 from vibroimpact.status import Status
 
 
@@ -320,6 +322,100 @@ def test_a_system_without_stops_is_refused_but_has_a_map():
 def test_impacts_that_nothing_drives_die_out(damping, name):
     found = attractors(of(1.0, damping, 1.0, 2.0, [vi.Stop(direction=1, gap=0.5)]))
     assert [one.name for one in found] == [name]
+
+
+def between_walls(restitution, damping=0.0, spring=0.0, gaps=(1.0, 1.0)):
+    sides = zip((1, -1), gaps, restitution, strict=True)
+    walls = [vi.Stop(direction=sign, gap=gap, restitution=r) for sign, gap, r in sides]
+    return of(1.0, damping, spring, 1.0, walls)
+
+
+def test_a_mass_that_bounces_between_elastic_walls_for_ever_is_undecided():
+    walls = between_walls((1.0, 1.0))
+    hits = vi.impact_section(walls, start=vi.State(0.0, 1.0), transient_impacts=0)
+    np.testing.assert_allclose(hits["velocity"], 1.0, rtol=1e-12)
+    np.testing.assert_allclose(np.diff(hits["time"]), 2.0, rtol=1e-9)
+    assert attractors(walls) == []
+    found = basins(walls, displacement=[-0.5, 0.5], velocity=[0.0, 1.0])
+    assert found["attractor"].values.tolist() == [[0, -1], [0, -1]]  # what is at rest stays so
+    verdict = str(vi.describe(walls, parameters=[]))
+    assert "100 %: undecided" in verdict
+    assert "no impacts from rest, but 100 % of the initial conditions are undecided" in verdict
+    assert "from any of" not in verdict
+
+
+def test_a_weight_on_an_undamped_spring_stop_jumps_for_ever():
+    g, k = 9.81, 1000.0
+    weight = of(1.0, 0.0, 0.0, 1.0, [vi.Stop(direction=1, gap=1.0, stiffness=k)], constant=[g])
+    assert attractors(weight) == []
+    assert attractors(weight, [vi.State(0.0)]) == []
+    section = vi.impact_section(weight, sample_impacts=2000)
+    speed, rate = math.sqrt(2.0 * g), math.sqrt(k)
+    period = 2.0 * speed / g + 2.0 / rate * (math.pi - math.atan(speed * rate / g))
+    np.testing.assert_allclose(section["velocity"], speed, rtol=1e-9)
+    np.testing.assert_allclose(np.diff(section["time"]), period, rtol=1e-9)
+    assert f"hits at 4.43 m/s on stop_1 every {period:.4g} s; nothing drives them" in sentences_of(section)[0]
+    verdict = str(vi.describe(weight, parameters=[]))
+    assert "from rest undecided: impacts on stop_1 lose no energy" in verdict
+    assert "no impact," not in verdict
+
+
+@pytest.mark.parametrize(
+    "stop", [{"restitution": 0.8}, {"stiffness": 1000.0, "damping": 30.0}, {"stiffness": 1000.0, "damping": 0.0}]
+)
+def test_a_weight_that_a_stop_or_a_damper_brakes_comes_to_rest_on_it(stop):
+    drag = 0.0 if stop.get("damping") != 0.0 else 3.0
+    weight = of(1.0, drag, 0.0, 1.0, [vi.Stop(direction=1, gap=1.0, **stop)], constant=[9.81])
+    (found,) = attractors(weight, [vi.State(0.0), vi.State(0.5, 2.0)])
+    assert (found.name, found.share) == ("at rest", 1.0)
+    assert found.start.displacement == pytest.approx((1.0 + 9.81 / stop.get("stiffness", math.inf),), abs=1e-6)
+
+
+def test_what_hits_an_elastic_wall_in_front_of_a_lossy_one_is_undecided_unless_damping_brakes_it():
+    slow, between, fast = (vi.State(0.0, speed) for speed in (0.8, 1.2, 3.0))
+    lossy = between_walls((0.8, 1.0), spring=1.0, gaps=(1.5, 1.0))
+    assert [(one.name, one.share) for one in attractors(lossy, [slow])] == [("no impact", 1.0)]
+    assert attractors(lossy, [between, fast]) == []
+    for damped in (between_walls((0.8, 1.0), 0.1, 1.0), between_walls((1.0, 1.0), 0.1, 1.0)):
+        assert [(one.name, one.share) for one in attractors(damped, [slow, between, fast])] == [("at rest", 1.0)]
+
+
+def test_an_undamped_mode_between_elastic_walls_leaves_the_attractors_of_another_one():
+    bar = vi.Stop(direction=[0, 1], gap=0.1, name="bar")
+    walls = [vi.Stop(direction=[sign, 0], gap=0.5, restitution=1.0) for sign in (1, -1)]
+    both = of(np.eye(2), np.diag([0.0, 0.1]), np.eye(2), 2.0, [bar, *walls], {1: [0.0, 1.0]})
+    alone = of(1.0, 0.1, 1.0, 2.0, [bar.replace(direction=1)], {1: 1.0})
+    swings, bounces = vi.State([0.3, 0.0], [0.2, 0.0]), vi.State([0.3, 0.0], [1.0, 0.0])
+    (truth,) = attractors(alone, [vi.State(0.0)])
+    (found,) = attractors(both, [vi.State([0.0, 0.0]), swings, bounces, bounces])
+    assert (found.name, found.share) == (truth.name, 0.5)
+    assert found.velocities == pytest.approx(truth.velocities, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_energy_stays_where_a_stop_can_be_struck_for_ever(seed):
+    """Held to the energy after an impulse on a stop, of systems of which damping reaches some modes only."""
+    rng = np.random.default_rng([38, seed])
+    n = int(rng.integers(1, 4))
+    basis = np.linalg.qr(rng.normal(size=(n, n)))[0]
+    squares = rng.uniform(0.5, 4.0, n) * (rng.random(n) < 0.8)
+    rates = rng.uniform(0.05, 0.2, n) * (rng.random(n) < 0.5)
+    aims = np.eye(n)[rng.integers(n)] if rng.random() < 0.6 else np.ones(n) / n**0.5
+    kind = {"restitution": rng.choice([1.0, 1.0, 0.7])} if rng.random() < 0.5 else {
+        "stiffness": 30.0, "damping": rng.choice([0.0, 0.0, 1.0])}  # fmt: skip
+    stops = [vi.Stop(direction=sign * basis @ aims, gap=0.1, **kind) for sign in (1, -1)]
+    spring = basis @ np.diag(squares) @ basis.T
+    model = of(np.eye(n), basis @ np.diag(rates) @ basis.T, 0.5 * (spring + spring.T), 1.0, stops)
+    start = vi.State(np.zeros(n), model.stops[0].direction)
+    motion = vi.simulate(model, start=start, periods=20, samples_per_period=8)
+    q, v = motion["displacement"].values, motion["velocity"].values
+    pushed = np.array([np.maximum(-model.clearances(x), 0.0) for x in q]) ** 2 @ np.array(
+        [stop.stiffness or 0.0 for stop in model.stops]
+    )
+    energy = 0.5 * (((q @ model.stiffness) * q + v * v).sum(axis=1) + pushed)
+    kept = bool(abs(energy[-1] / energy[0] - 1.0) < 1e-8)
+    assert motion.sizes["impact"] > 0
+    assert kept == lasting_stops(model).all() == lasting_stops(model).any()
 
 
 def test_a_mass_adrift_is_where_it_was_left():

@@ -286,15 +286,21 @@ def _seen(n: int, *entries: bytes) -> Floats:
     if not len(directions):
         return np.zeros((n, 0))
     damping = (roots[:, None] * coupling.reshape(n, n) / roots).T
-    maps = [matrix / (np.abs(matrix).max() or 1.0) for matrix in (np.diag(squares), damping)]
     new = (directions.reshape(-1, n) / roots).T
-    new, found = new / np.linalg.norm(new, axis=0), np.zeros((len(roots), 0))
+    found = closed(new / np.linalg.norm(new, axis=0), np.diag(squares), damping)
+    return np.eye(len(roots)) if found.shape[1] >= len(roots) else found
+
+
+def closed(columns: Floats, *maps: Floats) -> Floats:
+    """Return an orthonormal basis of the least space that holds columns of size 1 and is closed under maps."""
+    sized = [matrix / (np.abs(matrix).max() or 1.0) for matrix in maps]
+    new, found = columns, np.zeros((len(columns), 0))
     while new.size:
         left, sizes, _ = np.linalg.svd(new - found @ (found.T @ new), full_matrices=False)
         new = left[:, sizes > 1e-10]
         found = np.hstack([found, new])
-        new = np.hstack([matrix @ new for matrix in maps])
-    return np.eye(len(roots)) if found.shape[1] >= len(roots) else found
+        new = np.hstack([matrix @ new for matrix in sized])
+    return found
 
 
 def fastest_rate(form: ModalForm) -> float:

@@ -297,6 +297,7 @@ class SystemSweep:
             columns["first_stop"] = np.where(known, stop, -1)
             columns["first_phase"] = began % 1.0
             columns["first_velocity"] = own[march.FIRST, stop, np.arange(len(ends))] / h
+            columns["struck"] = (own[march.COUNT] > 0.0).T @ (1 << np.arange(self.layout.stops))  # a bit for each stop
         return columns | {
             "status": statuses(counted, ends, self.window),
             "impacts": counted["counted"].astype(np.int64),

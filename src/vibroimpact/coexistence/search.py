@@ -112,7 +112,9 @@ def attractors(
     motion that rests at a stop is a cycle like others. An initial condition is decided once its whole state comes back
     to within 1e-7 V; it leads to the cycle (followed on, and solved for where it does not rest) whose impacts its own
     first kept one and mean agree with, within :math:`10^{-6} \|(1 - J)^{-1}\|`, J the derivative of the cycle's map.
-    Where every mode decays, impacts determine all coordinates. All chaotic motions count as one attractor, and so do
+    Where every mode decays, impacts determine all coordinates. Impacts on a rigid stop with r = 1, or on an undamped
+    compliant one, last where no damping reaches what they start: nothing attracts there, and what strikes such a stop
+    is undecided. All chaotic motions count as one attractor, and so do
     all quasi-periodic ones, by the rules of `classify`; so do motions that never hit again, also with a mode that
     nothing damps. Below a second for a periodic system, seconds for a chaotic one.
 

@@ -10,7 +10,7 @@ for 1e5 impacts; if nearly all of them rest, all that is chaotic does; else ever
 and sorted by where it goes. Those that are still undecided are watched too. What was chaotic before and seems
 quasi-periodic then may be half chaos and half a cycle: it is watched once more, from there on. For a grid, 256 initial
 conditions spread over the impact surface decide whether chaos lasts, so that what one leads to never depends on the
-others. With r = 1 and c = 0 areas are kept and nothing attracts: only that it never hits is decided.
+others. What hits stops for ever without loss (r = 1 and c = 0) attracts nothing: only that it never hits is decided.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.backends.base import Counts, Floats, Outcome
 from vibroimpact.coexistence.final import LATE, Fate, fate_of_release, thrifty
+from vibroimpact.coexistence.losses import attracts, driven, lasting_stops, rest_is_contact
 from vibroimpact.coexistence.measuring import IDENTIFYING, Measured, Runner, identifying, named
 from vibroimpact.indices import INDICES
 from vibroimpact.matrices import ROUNDING
@@ -102,16 +103,6 @@ class Settled:
 def forgets(osc: ImpactOscillator | ImpactSystem) -> bool:
     """Return whether a rest at a stop erases all memory: of one mass at one stop, where nothing else moves on."""
     return isinstance(osc, ImpactOscillator)
-
-
-def attracts(osc: ImpactOscillator | ImpactSystem) -> bool:
-    """Return whether impacts or damping shrink areas, without which nothing is attracted."""
-    if isinstance(osc, ImpactSystem):
-        form = osc.modal()
-        rates = np.diag(form.damping)[~form.neutral[1]]
-        takes = any(stop.law or (stop.ratio or 0.0) < 1.0 for stop in osc.stops if not stop.compliant)
-        return bool(takes or rates.sum() > 0.0 or form.viscosity.any())
-    return osc.damping > 0.0 or osc.restitution < 1.0
 
 
 def rounds(osc: ImpactOscillator | ImpactSystem, transient: int, keep: int) -> list[ImpactWindow]:
@@ -273,34 +264,39 @@ def clusters(columns: Sequence[tuple[Floats, float]]) -> list[Counts]:
 def attracting_kinds(osc: ImpactOscillator | ImpactSystem, outcome: Outcome, kept: int) -> NDArray[np.int8]:
     """Return the kind of motion that each cell settles to, from the outcome of a window of `kept` impacts.
 
-    To the rule of `classify` comes what the model decides: without loss nothing attracts, and without force a mass
-    comes to rest, unless it swings on, undamped, just clear of the stop. A system may pass an unstable cycle slowly:
-    one from which neighbours part is not believed, unless no faster than in proportion, as a mass does that nothing
-    holds or strikes.
+    To the rule of `classify` comes what the model decides: hits that last without loss attract nothing, and without
+    force a mass comes to rest, unless it swings on, undamped, just clear of the stop; what else still hits is dying
+    out, even where impacts come back to within 1e-7 V. A system may pass an unstable cycle slowly: one from which
+    neighbours part is not believed, unless no faster than in proportion, as a mass does that nothing holds or strikes.
     """
     growth = outcome["lyapunov_per_impact"] * kept
     cycles = outcome["n_periods"] if forgets(osc) else np.where(growth > math.log(kept), 0, outcome["n_periods"])
     kinds = decide(outcome["status"], growth, cycles, outcome["n_impacts"], kept if may_wind(osc) else 0)
-    driven, damped, touching = _loads(osc)
+    forced, damped, touching = _loads(osc)
     settles_to = np.arange(len(MotionClass), dtype=np.int8)
     settles_to[[MotionClass.BUDGET, MotionClass.INTERRUPTED]] = MotionClass.UNDECIDED
     settles_to[MotionClass.DECAYING] = MotionClass.AT_REST if damped or touching else MotionClass.NO_IMPACT
-    if not driven:
+    if not forced:
         settles_to[MotionClass.STUCK_FOREVER] = MotionClass.AT_REST
         settles_to[MotionClass.NO_IMPACT] = MotionClass.AT_REST if damped else MotionClass.NO_IMPACT
-        if not forgets(osc):  # what still hits is dying out, even where impacts come back to within 1e-7 V
-            settles_to[[MotionClass.UNDECIDED, *_LASTING]] = settles_to[MotionClass.NO_IMPACT]
-    if not attracts(osc):
-        settles_to[[MotionClass.PERIODIC, MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC]] = MotionClass.UNDECIDED
+        if not forgets(osc):
+            settles_to[[MotionClass.UNDECIDED, *_LASTING]] = settles_to[MotionClass.DECAYING]
     found: NDArray[np.int8] = settles_to[kinds]
+    found[_lasts(osc, outcome) & np.isin(kinds, (MotionClass.UNDECIDED, *_LASTING))] = MotionClass.UNDECIDED
     return found
 
 
-def _loads(osc: ImpactOscillator | ImpactSystem) -> tuple[bool, bool, bool]:
-    """Return whether anything drives a model, whether all of its free motion decays, and whether its rest is a contact;
-    all but what happens to a free centre.
+def _lasts(osc: ImpactOscillator | ImpactSystem, outcome: Outcome) -> NDArray[np.bool_]:
+    """Return of which cells hits may last without loss, so that those that hit as hard do not approach each other."""
+    if isinstance(osc, ImpactSystem):
+        lasting: NDArray[np.bool_] = outcome["struck"] & lasting_stops(osc) @ (1 << np.arange(len(osc.stops))) != 0
+        return lasting
+    return np.full(len(outcome["status"]), not attracts(osc))
 
-    Lanes of systems never end as decaying, which alone needs the last.
+
+def _loads(osc: ImpactOscillator | ImpactSystem) -> tuple[bool, bool, bool]:
+    """Return whether anything drives a model, whether all its free motion decays, and whether its rest is a contact;
+    all but what happens to a free centre.
     """
     if isinstance(osc, ImpactSystem):
         form = osc.modal()
@@ -308,7 +304,7 @@ def _loads(osc: ImpactOscillator | ImpactSystem) -> tuple[bool, bool, bool]:
         flow = np.block([[zero, np.eye(n)], [-np.diag(form.squares), -form.damping]])[np.ix_(felt, felt)]
         size = np.abs(flow).sum(axis=1).max()
         decays = float(np.linalg.eigvals(flow).real.max()) < -n * ROUNDING * size
-        return bool(form.forces[:, ~form.neutral[1]].any() or form.motions.any()), decays, False
+        return driven(form), decays, rest_is_contact(form)
     return osc.amplitude > 0.0, osc.damping > 0.0, osc.gap <= 0.0
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vibroimpact.coexistence.losses import driven
 from vibroimpact.motion import cycle_name, listed, recurrence, system_cycle
 from vibroimpact.report.quantities import counted, quantity
 from vibroimpact.status import Status
@@ -28,6 +29,10 @@ def system_sentence(section: xr.Dataset, system: ImpactSystem) -> str:
     names, codes = np.unique(section["stop"].values, return_inverse=True)
     period, time = system.period, section["time"].values
     n, p = system_cycle(section, period)
+    if not driven(system.modal()):
+        p = recurrence(speed[1:], np.diff(time), codes[1:].astype(float))
+        every = f"every {quantity(time[-1] - time[-1 - p], 's', 4)}; nothing drives them"
+        return f"{_listed(speed[-p:], codes[-p:], names)} {every}" if p else "the sampled impacts do not repeat"
     if not n:
         return "the sampled impacts do not repeat"
     if section.sizes.get("stick", 0):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact import report
+from vibroimpact.coexistence.losses import lasting_stops
 from vibroimpact.motion import MotionClass, listed
 from vibroimpact.report.quantities import counted
 from vibroimpact.verdict.boundaries import Edge, Found, bifurcation
@@ -67,6 +68,9 @@ def _motion(verdict: Verdict) -> Iterator[str]:
         yield f"from rest {motion.name}, repeats every {motion.n_periods * system.period:.4g} s"
     elif kind in (MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC):
         yield f"from rest {motion.name}, watched over {verdict.watched} impacts"
+    elif kind == MotionClass.UNDECIDED and (lasting := lasting_stops(system)).any():
+        names = listed([name for name, lasts in zip(system.stop_names, lasting, strict=True) if lasts])
+        yield f"from rest undecided: impacts on {names} lose no energy, so that no motion with them attracts others"
     elif kind == MotionClass.UNDECIDED:
         yield f"from rest undecided: the impacts do not repeat within {verdict.watched}, nor are they surely chaotic"
     elif kind == MotionClass.BUDGET:

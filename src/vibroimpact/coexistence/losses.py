@@ -1,0 +1,67 @@
+"""What a model loses energy to: whether impacts die out, or last without loss and attract nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact.cells import Floats
+from vibroimpact.matrices import ROUNDING
+from vibroimpact.modal import ModalForm, closed
+from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.system import ImpactSystem
+
+APART = ROUNDING**0.5  # half of the digits: of unit vectors, a smaller product is 0
+
+
+def driven(form: ModalForm) -> bool:
+    """Return whether a force or a stop that moves does work on a system, beside its free centre."""
+    return bool(form.forces[:, ~form.neutral[1]].any() or form.motions.any())
+
+
+def attracts(osc: ImpactOscillator | ImpactSystem) -> bool:
+    """Return whether impacts or damping shrink areas, without which nothing is attracted."""
+    if isinstance(osc, ImpactSystem):
+        return not (osc.stops and lasting_stops(osc).all())
+    return osc.damping > 0.0 or osc.restitution < 1.0
+
+
+def lasting_stops(system: ImpactSystem) -> NDArray[np.bool_]:
+    r"""Return which stops can be struck for ever without any loss.
+
+    They take no energy, and neither does the damping, S = (D + D^T)/2 in mass-normalised modes, of what impulses on
+    them start. With W the least space that holds the columns of S and is closed under Omega^2 and D^T, impulses of
+    sizes c, one or several at once, change velocities by B c and start a motion without loss if W^T B c = 0, B c not 0.
+    Where something drives a system, impacts on several stops do not stay together, and those on one count.
+    """
+    form = system.modal()
+    roots = np.sqrt(form.masses)
+    damping = roots[:, None] * form.damping / roots
+    lossless = np.array([stop.damping == 0.0 if stop.compliant else stop.ratio == 1.0 for stop in system.stops], bool)
+    kicks = (form.directions / roots)[lossless].T
+    kicks = kicks / np.linalg.norm(kicks, axis=0)
+    taking = damping + damping.T
+    heard = closed(taking / (np.abs(taking).max() or 1.0), np.diag(form.squares), damping.T).T @ kicks
+    if driven(form):
+        lossless[lossless] = np.linalg.norm(heard, axis=0) <= APART
+        return lossless
+    silent = _rows(heard, False).T
+    together = silent @ _rows(kicks @ silent, True).T
+    lossless[lossless] = (np.abs(together) > APART).any(axis=1)
+    return lossless
+
+
+def _rows(matrix: Floats, kept: bool) -> Floats:
+    """Return orthonormal rows that span those of a matrix, or all that is normal to them."""
+    _, sizes, rows = np.linalg.svd(matrix)
+    rank = int((sizes > APART).sum())
+    found: Floats = rows[:rank] if kept else rows[rank:]
+    return found
+
+
+def rest_is_contact(form: ModalForm) -> bool:
+    """Return whether stops are in the way of where constant loads hold a system, or push it on for ever."""
+    elastic = form.squares > 0.0
+    still = np.divide(form.constant, form.squares, where=elastic, out=np.zeros(len(elastic)))
+    pushed = form.constant[~elastic & ~form.neutral[1]]
+    return bool((pushed != 0.0).any() or (form.directions @ still >= form.gaps).any())
