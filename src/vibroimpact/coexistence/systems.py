@@ -171,7 +171,8 @@ def sample(runner: Runner, settled: Settled, at: int, window: ImpactWindow) -> S
 
 def resting(runner: Runner, settled: Settled, at: int) -> State:
     """Return where an initial condition that ends without impacts comes to stay."""
-    return ended(settled.osc, _sampled(runner, settled, at, ImpactWindow(0, 1 << 20)))
+    twice = 2 * int(settled.indices["impacts"][at]) + 1  # as long as it took to know: weak impacts may last for ever
+    return ended(settled.osc, _sampled(runner, settled, at, ImpactWindow(0, twice)))
 
 
 def steady_state(system: ImpactSystem) -> State:
