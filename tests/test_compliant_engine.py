@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from systems import linear
+from vibroimpact.backends.reference.systems import follow
 
 FEW = {"transient_impacts": 0, "sample_impacts": 8}
 
@@ -305,3 +307,71 @@ def test_a_contact_of_one_mass_takes_a_leap_and_few_steps(damper, stiffness):
     )
     seen = vi.parameter_map(mass, omega=np.linspace(0.5, 3.0, 16), early_closing=False, sample_impacts=300)
     assert seen.attrs["steps_computed"] < 3.5 * seen.attrs["impacts_computed"]
+
+
+def free(**stop):
+    """Return a mass of 1 that nothing but its stops holds."""
+    return oscillator(spring(100.0, gap=0.0), *stop.values(), stiffness=0.0, damping=0.0, force=0.0, omega=1.0)
+
+
+def test_a_mass_that_begins_at_a_stop_with_a_speed_strikes_it_at_once():
+    seen = section(free(), start=vi.State(0.0, 1.0))
+    assert seen["velocity"].values.tolist() == [1.0]
+    assert seen["time"].values.tolist() == [0.0]
+    assert float(seen["contact_time"][0]) == pytest.approx(math.pi / 10.0, rel=1e-14)
+    assert float(seen["impulse"][0]) == pytest.approx(2.0, rel=1e-14)
+    assert vi.Status(int(seen["status"])) == vi.Status.STOPPED_IMPACTING  # it leaves at -1, for good
+    witness = follow(linear(free()), [0.0], [1.0], impacts=1)
+    assert [(event.time, event.velocity) for event in witness.impacts] == [(0.0, 1.0)]
+    assert witness.end.velocity == pytest.approx([-1.0], rel=1e-12)
+
+
+def test_an_impact_at_the_start_counts_in_maps_as_in_sections():
+    """Between two stops that give, the first impact of every second is known only if that at the start is."""
+    box, start = free(back=spring(100.0, gap=2.0, direction=-1.0)), vi.State(0.0, 1.0)
+    how = {"start": start, "transient_impacts": 0, "sample_impacts": 2}
+    names = ["mean_velocity", "dissipation", "impacts_per_period"]
+    cell = vi.parameter_map(box, omega=[1.0], indices=names, **how)
+    seen = section(box, **how)
+    assert seen["stop"].values.tolist() == ["stop_1", "stop_2"]
+    between = math.pi / 10.0 + 2.0
+    assert float(seen["time"][1]) == pytest.approx(between, rel=1e-14)
+    assert float(cell["impacts_per_period"][0]) == pytest.approx(2.0 * math.pi / between, rel=1e-14)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+@pytest.mark.parametrize("stop", [spring(10.0, gap=0.0), spring(10.0, 0.5, 0.0), vi.Stop(direction=1.0, gap=0.0)])
+def test_a_system_at_rest_that_touches_a_stop_stays_in_contact_as_one_mass_does(stop, damping):
+    one = vi.ImpactOscillator(amplitude=0.0, gap=0.0, damping=damping)
+    assert vi.Status(int(section(one)["status"])) == vi.Status.STUCK_FOREVER
+    system = oscillator(stop, damping=damping, force=0.0)
+    assert vi.Status(int(section(system)["status"])) == vi.Status.STUCK_FOREVER
+    cell = vi.parameter_map(system, omega=[1.3], indices=["std"], **FEW)
+    assert vi.Status(int(cell["status"][0])) == vi.Status.STUCK_FOREVER
+
+
+def test_what_is_pressed_from_rest_is_in_contact_without_an_impact():
+    load = {"stiffness": 0.0, "damping": 0.1, "force": 0.0, "constant": 1.0}
+    seen = section(oscillator(spring(10.0, gap=0.0), **load), start=vi.State(0.0, 0.0))
+    assert seen.sizes["impact"] == 0
+    assert vi.Status(int(seen["status"])) == vi.Status.STUCK_FOREVER
+
+
+@pytest.mark.parametrize(("force", "stays"), [(0.9, True), (1.1, False)])
+def test_a_preloaded_stop_is_never_left_while_the_steady_force_pushes(force, stays):
+    """Penetration d'' + .4 d' + 4 d = 1 + force/G sin wt, G the amplitude for unit force: the stop pushes with 3 d."""
+    omega = 1.3
+    gain = 4.0 / abs(4.0 - omega**2 + 0.4j * omega)
+    system = oscillator(spring(3.0, gap=0.0), damping=0.4, omega=omega, force=force / gain, constant=1.0)
+    status = vi.Status(int(section(system, sample_impacts=40)["status"]))
+    assert (status == vi.Status.STUCK_FOREVER) == stays
+
+
+def test_a_motion_is_returned_although_its_last_contact_never_ends():
+    spread, load = np.array([[2.0, -1.0], [-1.0, 1.0]]), vi.Force(omega=1.3, harmonics={1: [0.1, 0.1]})
+    stop = spring(50.0, 0.5, -2.0, [1.0, 0.0])
+    system = vi.ImpactSystem(mass=np.eye(2), damping=0.05 * spread, stiffness=spread, force=load, stops=[stop])
+    number = section(system, sample_impacts=1000).sizes["impact"]
+    seen = section(system, sample_impacts=number)
+    assert seen.sizes["impact"] == number > 10
+    assert np.isnan(seen["contact_time"].values).tolist() == [False] * (number - 1) + [True]

@@ -43,7 +43,7 @@ _SENTENCES = {
     Status.SHORT_WINDOW: "the sampled impacts span fewer than 10 driving periods; raise `sample_impacts`",
     Status.NO_IMPACT: "the mass never reaches the stop from these initial conditions",
     Status.STOPPED_IMPACTING: "impacts cease after a transient; the motion settles clear of the stop",
-    Status.STUCK_FOREVER: "permanently in contact: the mass came to rest at the stop and the force never releases it",
+    Status.STUCK_FOREVER: "permanently in contact: the mass stays at the stop, and the force never releases it",
     Status.DECAYING: "unforced impacts decay for ever; give an `amplitude` or sample fewer impacts",
     Status.BUDGET: "a flight or the whole motion exceeded its budget; raise `flight_periods` or `steps_per_impact`",
     Status.INTERRUPTED: "the sweep was stopped before this cell was finished; run it again",

@@ -21,7 +21,7 @@ from vibroimpact.backends.system_leaps import slow_modes
 from vibroimpact.backends.system_rows import budgets_of, in_steps, steps_of
 from vibroimpact.indices import EVERY
 from vibroimpact.kernels.cell import FILLED, RUNNING
-from vibroimpact.kernels.systems import closing, lanes, march, walk
+from vibroimpact.kernels.systems import closing, form, lanes, march, walk
 from vibroimpact.kernels.systems.complementarity import Room
 from vibroimpact.kernels.systems.layout import Layout, layout_of
 from vibroimpact.kernels.vectors import LANES
@@ -55,13 +55,11 @@ def _turns(sine: Floats, cosine: Floats, periods: Floats) -> Floats:
 
 def room_for(layout: Layout) -> Room:
     """Return room to work for one cell."""
-    s = max(layout.stops, 1)
-    return Room(
-        np.zeros((s, s)),
-        np.zeros((s, s + 1)),
-        *(np.zeros(s) for _ in range(7)),
-        *(np.zeros(layout.modes) for _ in range(3)),
-    )
+    n, s, parts = layout.modes, max(layout.stops, 1), 1 + 2 * layout.harmonics
+    by_axis: list[Any] = [*[(n, n)] * 4, *[n] * 5, *[(parts, n)] * 3, *[(s, n)] * 2, (s, parts), *[n] * 3]
+    of_phase = form.Form(*map(np.zeros, [*by_axis, (2 * n, 2 * n + 1)]))
+    of_stops: list[Any] = [(s, s), (s, s + 1), *[s] * 7, *[n] * 3]
+    return Room(*[*map(np.zeros, of_stops), of_phase])
 
 
 def _alone(layout: Layout) -> closing.Alone:

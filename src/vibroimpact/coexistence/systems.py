@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import ImpactWindow
+from vibroimpact.backends import ImpactWindow, StroboscopicWindow
 from vibroimpact.backends.base import Counts, Floats, SystemSamples
 from vibroimpact.coexistence.measuring import Runner, carried
 from vibroimpact.coexistence.settling import Settled
@@ -31,12 +31,14 @@ from vibroimpact.orbits.orbit import Impacts, same_orbit
 from vibroimpact.orbits.systems import SystemOrbit, ended, find_near
 from vibroimpact.orbits.systems.orbit import cycle_of
 from vibroimpact.oscillator import Model, State
+from vibroimpact.status import Status
 from vibroimpact.system import ImpactSystem
 
 SAME = 1e-6  # ten times how near a state must come back; of phases as points of the unit circle, and of the hardest hit
 FARTHEST = 1e-3  # of those: so far from a cycle its derivative says little
 SOLVED = 64  # impacts of the longest cycle that is solved for
 NEAR = 1e-3  # of an orbit solved for, from the impacts that it was solved from
+STEADY = 1000  # driving periods after which a motion in permanent contact is steady
 TIED = 1e-9  # of the hardest hit: hits as hard as that are as hard
 
 
@@ -170,9 +172,16 @@ def sample(runner: Runner, settled: Settled, at: int, window: ImpactWindow) -> S
 
 
 def resting(runner: Runner, settled: Settled, at: int) -> State:
-    """Return where an initial condition that ends without impacts comes to stay."""
+    """Return where an initial condition that ends without impacts comes to stay.
+
+    In permanent contact the other coordinates may still move: that is followed until it is steady.
+    """
     twice = 2 * int(settled.indices["impacts"][at]) + 1  # as long as it took to know: weak impacts may last for ever
-    return ended(settled.osc, _sampled(runner, settled, at, ImpactWindow(0, twice)))
+    system, seen = settled.osc, _sampled(runner, settled, at, ImpactWindow(0, twice))
+    if seen.status == Status.STUCK_FOREVER and system.modal().squares.all():
+        last = int(seen.impact_periods[-1]) if len(seen.impact_periods) else 0
+        seen = _sampled(runner, settled, at, StroboscopicWindow(last + STEADY, 1))
+    return ended(system, seen)
 
 
 def steady_state(system: ImpactSystem) -> State:
@@ -188,7 +197,7 @@ def steady_state(system: ImpactSystem) -> State:
     return State(form.shapes @ eta, form.shapes @ rate)
 
 
-def _sampled(runner: Runner, settled: Settled, at: int, window: ImpactWindow) -> SystemSamples:
+def _sampled(runner: Runner, settled: Settled, at: int, window: ImpactWindow | StroboscopicWindow) -> SystemSamples:
     (seen,) = runner.samples(settled.cells[at : at + 1], window)
     found: Any = seen
     return found  # type: ignore[no-any-return]

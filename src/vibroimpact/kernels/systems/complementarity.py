@@ -17,7 +17,7 @@ ROUNDING = 1e-13  # relative: a smaller rate, force or acceleration may be zero
 
 class Room(NamedTuple):
     """Arrays to solve in, one entry a stop, and what an impact was: speeds, impulses, durations of chatter, d(r v)/dv;
-    of the modes accelerations before and after, and by what the rates jumped.
+    of the modes accelerations before and after, and by what the rates jumped; and room for the form of a phase.
     """
 
     gram: Any
@@ -32,6 +32,7 @@ class Room(NamedTuple):
     before: Any
     after: Any
     jumped: Any
+    form: Any
 
 
 @inner

@@ -15,6 +15,7 @@ from vibroimpact.kernels.systems.event import FIRST_LOOK, lift, lower, occur, pr
 from vibroimpact.kernels.systems.law import begin
 from vibroimpact.kernels.systems.layout import NOTHING
 from vibroimpact.kernels.systems.march import (
+    ASK,
     EACH,
     GRANTED,
     HITS,
@@ -89,7 +90,9 @@ def _ended(lanes, lane, notes, rows, note, k, room, window):
     lift(lanes, lane, rows)
     lift(notes, lane, note)
     note[MADE] = made
-    return ending(rows, k, room, note, window.total)
+    end = ending(rows, k, room, note, window.total)
+    notes[ASK * LANES + lane] = note[ASK]
+    return end
 
 
 @compiled

@@ -27,7 +27,7 @@ from vibroimpact.kernels.restitution import restitution
 from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary
 from vibroimpact.kernels.systems.flow import stop_moves, turns
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, OPEN, RELEASED, STRUCK
-from vibroimpact.kernels.systems.push import attend
+from vibroimpact.kernels.systems.push import attend, stands
 from vibroimpact.kernels.systems.rest import NOWHERE, SHORTENED, TOUCH, derivative, derive, hold, measure, settle
 from vibroimpact.kernels.vectors import get, put, select
 
@@ -36,17 +36,23 @@ ENDLESS = 0.1  # of 1 - r: with less of (1 - p)(1 - r) a chatter is taken to end
 
 @inner
 def begin(rows, k, room):
-    """Settle the stops at which the start is at rest; return the set of those that closed."""
+    """Settle the stops at which the start is at rest; return the set of those that closed.
+
+    A stop that gives and is touched at a speed of approach is struck at the end of the first step, of length zero.
+    """
     turns(rows, k, None)
-    touching, members = measure(rows, k, room), int(0.0)
+    touching, members, ahead = measure(rows, k, room), int(0.0), int(0.0)
     for z in range(k.stops):
         size = abs(room.rate[z])
         for j in range(k.modes):
             size += abs(rows[k.alpha + z * k.modes + j] * rows[k.rate + j])
         if touching >> z & 1 and abs(room.rate[z]) <= ROUNDING * size:
             members |= 1 << z
+        if rows[k.spring + z] > 0.0 and room.rate[z] < -ROUNDING * size:
+            u, _, reach = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
+            ahead |= int(abs(u) <= TOUCH * reach + NOWHERE * rows[k.speed]) << z
     closing = settle(rows, k, room, members) if members else 0
-    return closing | attend(rows, k, room)[1] if k.giving else closing
+    return closing | attend(rows, k, room, ahead)[1] if k.giving else closing
 
 
 @inner

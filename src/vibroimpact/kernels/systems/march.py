@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, QUIET, RUNNING, SPENT
+from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, QUIET, QUIET_FOR, RUNNING, SPENT
 from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.systems.lasting import lasting
 from vibroimpact.kernels.systems.law import release, stalled, strike
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT
 from vibroimpact.kernels.systems.push import attend
@@ -15,7 +16,6 @@ from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 LOOK = 32  # steps between two looks at whether a cell has ended
 TURN = 2.0 * math.pi
-PRESSED = 100.0  # driving periods for which a stop was not let go: it will not be
 
 # Numbers of a cell's note: the length of its step, what it is granted, and what it has come to; sin wt, cos wt,
 # whole periods of the first and of the last impact of the window, and the stop of the first.
@@ -29,13 +29,14 @@ FROM, SINCE, AT, CHATTERED, NEAREST, IMPACTS, PERIODS = 14, 15, 18, 19, 20, 21, 
 # the impact that is known; of a cycle that is certain, ln of the spectral radius and impacts, per period; ln of the
 # growth since a rest took all of the deviation, and the number of the last impact with a rest that rounding decided
 WATCHED, WHICH, NUMBER, NEXT, RETURNED, KNOWN, BESIDE, GROWN, DECAY, RATE, PARTED, UNSURE = range(23, 35)
-# The energy that dampers took within the window. Then of its impacts on each stop: how many, the first speed, sums of
-# what the others differ by and of squares of that, the largest speed, sums of cos wt and sin wt, and the energy lost
-# after the window's first impact, the impulse and the largest force.
+# The energy that dampers took within the window, and the age at which it is asked again whether a phase lasts. Then of
+# its impacts on each stop: how many, the first speed, sums of what the others differ by and of squares of that, the
+# largest speed, sums of cos wt and sin wt, and the energy lost after the window's first impact, the impulse and the
+# largest force.
 # Of its rests, in periods (and of those at any stop, in a block of their own): how long up to now, less the time now
 # while it is closed; up to the last impact, and up to the known one; in a cycle. Its closest miss, and how many
 # impacts it had since the known one until that returned.
-DRAINED, SUMS, EACH = 35, 36, 16
+DRAINED, ASK, SUMS, EACH = 35, 36, 37, 16
 COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, THRUST, PEAK = range(10)
 RESTED, LATEST, BEFORE, RESTING, MISS, TURNED = range(10, EACH)
 
@@ -121,9 +122,23 @@ def ending(rows, k, room, note, total):
         return PINNED  # nothing is free to move, and the force has gone through a whole period
     if closed == 0.0 and rows[k.engaged] == 0.0 and _never_again(rows, k, room):
         return QUIET
-    if rows[k.age] > note[FLIGHT] or rows[k.made] > note[GRANTED]:
-        return PINNED if rows[k.pace] < 1.0 and rows[k.age] * rows[k.theta] > PRESSED * TURN else SPENT
-    return RUNNING
+    spent = rows[k.age] > note[FLIGHT] or rows[k.made] > note[GRANTED]
+    end = lasting(rows, k, room) if spent or asks(rows, k, note) else RUNNING
+    return SPENT if spent and end == RUNNING else end
+
+
+@inner
+def asks(rows, k, note):
+    """Return whether to ask if a phase lasts: a period after an impact, and whenever twice as much has passed."""
+    age = rows[k.age]
+    if age < max(QUIET_FOR, TURN / rows[k.theta]):
+        return False
+    if 2.0 * age < note[ASK]:
+        note[ASK] = 0.0  # that was before the impact
+    if age < note[ASK]:
+        return False
+    note[ASK] = 2.0 * age
+    return True
 
 
 @inner
@@ -147,7 +162,7 @@ def happen(rows, k, room):
     else:
         struck, closing = strike(rows, k, room)
     if k.giving:
-        began, more = attend(rows, k, room)
+        began, more = attend(rows, k, room, int(0.0))
         return struck | began, closing | more
     return struck, closing
 

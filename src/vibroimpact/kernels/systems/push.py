@@ -189,8 +189,8 @@ def meet(rows, k, wide, contact):
 
 
 @inner
-def attend(rows, k, room):
-    """Decide of every stop that gives whether it pushes, has let go or is free.
+def attend(rows, k, room, ahead):
+    """Decide of every stop that gives, but for those `ahead`, whether it pushes, has let go or is free.
 
     Return those that were free and push, with their speeds left, and the rigid ones that close by it. Where a damper
     begins or ends to push, accelerations jump, and stops that are closed or left from rest are settled anew.
@@ -201,7 +201,8 @@ def attend(rows, k, room):
         kind = rows[k.kind + z]
         if rows[k.spring + z] > 0.0:
             free = kind < CLOSED and rows[k.leaving + z] == 0.0
-            changed |= _decide(rows, z, k)
+            if not ahead >> z & 1:
+                changed |= _decide(rows, z, k)
             if free and rows[k.kind + z] >= CLOSED:
                 began |= 1 << z
                 room.speed[z] = max(-room.rate[z], 0.0)
@@ -242,14 +243,14 @@ def _decide(rows, z, k):
     rows[k.kind + z], rows[k.leaving + z] = OPEN, 0.0
     derive(rows, k, DEGREE)
     touched = u >= -clear
-    order, value, lasts = _first(rows, z, k, 1, 1.0, 0.0) if touched else (0, 0.0, 1.0)
+    order, value, lasts = first(rows, z, k, 1, 1.0, 0.0) if touched else (0, 0.0, 1.0)
     if touched and value >= 0.0:
         free = STRUCK if order == 1 else RESTING if order == 2 else RELEASED if order == 3 else -lasts
         rows[k.kind + z] = free
         return pushed
     # of k u + c u', which has one zero less than u after a touch, if c > 0
     after = (order - 1 if c > 0.0 else order) if touched else 0
-    order, value, lasts = _first(rows, z, k, after, rows[k.spring + z], c)
+    order, value, lasts = first(rows, z, k, after, rows[k.spring + z], c)
     if value > 0.0:
         away = STRUCK if order == 1 else RESTING if order == 2 else RELEASED if order == 3 else -lasts
         rows[k.kind + z], rows[k.leaving + z] = OPEN if order == 0 else away, 1.0
@@ -260,19 +261,19 @@ def _decide(rows, z, k):
 
 
 @inner
-def _first(rows, z, k, least, p, q):
+def first(rows, z, k, least, p, q):
     """Return the order from `least` on of the first derivative of p u + q u' that is not rounding, its value, and up to
     where it surely decides the sign.
     """
-    order, first, size, leads, factor, others = 0, 0.0, 0.0, 1.0, 1.0, 0.0
+    order, lead, size, leads, factor, others = 0, 0.0, 0.0, 1.0, 1.0, 0.0
     for o in range(SIZE - 1):
         factor *= max(o, 1)
         if o < least:
             continue
         value = p * derivative(rows, z, o, k) + q * derivative(rows, z, o + 1, k)
         size = max(size, p * size_of(rows, z, o, k) + q * size_of(rows, z, o + 1, k))
-        if first != 0.0:
-            others += abs(value) / factor if value * first < 0.0 else 0.0
+        if lead != 0.0:
+            others += abs(value) / factor if value * lead < 0.0 else 0.0
         elif abs(value) > ROUNDING * size:
-            order, first, leads = o, value, abs(value) / factor
-    return order, first, leads / max(2.0 * others, leads)
+            order, lead, leads = o, value, abs(value) / factor
+    return order, lead, leads / max(2.0 * others, leads)

@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 from vibroimpact.kernels.cell import FILLED, LAWLESS, RUNNING, SPENT
 from vibroimpact.kernels.machine import compiled, copy, inner
 from vibroimpact.kernels.systems.flow import move, turns
+from vibroimpact.kernels.systems.lasting import lasting
 from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.leap import FAR, HALF, LEAPS, WHOLE, leap, leap_far, leap_within, look, may_leap
-from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, MADE, TURN, add_all, ending, happen, moment
+from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, MADE, TURN, add_all, asks, ending, happen, moment
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
 from vibroimpact.kernels.systems.step import fly, fly_on, step
@@ -219,7 +220,8 @@ def follow(rows, spare, k, room, note, seen, window, schedule, most):
             return LAWLESS
         full = note[HITS] >= window.total
         if full and _waits(rows, k):
-            full = note[MADE] > note[GRANTED]
+            full = rows[k.made] > note[GRANTED]
+            full |= number % LOOK == 0 and asks(rows, k, note) and lasting(rows, k, room) != RUNNING
         if full or (schedule.number > 0.0 and seen.filled[1] >= schedule.number):
             return FILLED
         if seen.filled[0] + k.stops > len(seen.impacts) or seen.filled[2] + k.stops > len(seen.rests):
