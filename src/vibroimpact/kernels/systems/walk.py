@@ -101,7 +101,8 @@ def _note_rests(rows, k, seen, room, closing):
     periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
     for at in range(seen.filled[2]):
         row = seen.rests[at]
-        if math.isnan(row[3]) and rows[k.kind + int(row[0])] < CLOSED:
+        z = int(row[0])
+        if math.isnan(row[3]) and (rows[k.kind + z] < CLOSED or closing >> z & 1):  # opened and closed at one instant
             row[3], row[4] = periods, phase
     for z in range(k.stops):
         if closing >> z & 1:
