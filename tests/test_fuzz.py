@@ -18,12 +18,15 @@ from itertools import product
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import vibroimpact as vi
 from calls import BRIEF, ODD, WRONG, arguments, calls
 from vibroimpact.cli import main
+from vibroimpact.report import sentences_of
 
 TIMES = int(os.environ.get("FUZZ", "1"))
 GIGABYTE = 1 << (20 if sys.platform != "darwin" else 30)  # in the unit of `ru_maxrss`
@@ -194,3 +197,80 @@ def test_command_lines(data):
         line[at : at + data.draw(st.integers(0, 1))] = [data.draw(words)]
     with watched():
         assert_ends_in_words(line)
+
+
+def degenerate(rng):
+    """Return a system of one to three coordinates: free masses, equal modes, no force, no damping, one stop or two."""
+    n, stops, chain = int(rng.integers(1, 4)), [], np.zeros((3, 3))
+    for i in range(2):
+        chain[i : i + 2, i : i + 2] += [[1.0, -1.0], [-1.0, 1.0]]
+    stiffness = [np.zeros((n, n)), 4.0 * np.eye(n), np.diag([1.0, 0.0, 0.0][:n]), chain[:n, :n]][rng.integers(4)]
+    damping = rng.choice([0.0, 0.0, 0.1, 0.5]) * [np.eye(n), stiffness, np.diag([1.0, 0.0, 0.0][:n])][rng.integers(3)]
+    for sign in (1, -1)[: rng.integers(1, 3)]:
+        direction = rng.integers(-1, 2, n)
+        direction[rng.integers(n)] = sign
+        kind = {"restitution": rng.choice([0.0, 0.5, 1.0])} if rng.random() < 0.6 else {
+            "stiffness": rng.choice([10.0, 1e4]), "damping": rng.choice([0.0, 1.0])}  # fmt: skip
+        moves = {1: 0.1} if rng.random() < 0.15 else {}
+        stops.append(vi.Stop(direction=direction, gap=rng.choice([0.0, 0.0, 0.3, 1.0]), motion=moves, **kind))
+    load = {"harmonics": {1: rng.integers(-1, 2, n)}} if rng.random() < 0.5 else {}
+    load |= {"constant": rng.integers(-1, 2, n)} if rng.random() < 0.4 else {}
+    force = vi.Force(omega=rng.choice([1.3, 2.6]), **load)
+    return vi.ImpactSystem(mass=np.eye(n), damping=damping, stiffness=stiffness, force=force, stops=stops)
+
+
+def uses_of(model):
+    """Return what may be asked of a system, each with the pictures of what comes back."""
+    few, short = {"sample_impacts": 20, "transient_impacts": 5}, vi.Tolerances(flight_periods=30, steps_per_impact=30)
+    gap, moving = model.stops[0].gap, np.ones(len(model.mass))
+    names = ["lyapunov", "lyapunov_per_impact", "n_periods", "n_impacts", "max_velocity"]
+    axes = {"displacement_0": [-0.1, 0.0], "velocity_0": [-0.5, 0.5]}
+    plane = axes if len(moving) > 1 else {name.removesuffix("_0"): values for name, values in axes.items()}
+
+    def recognised():
+        vi.recognise(vi.impact_section(model, **few))
+
+    def classified():
+        vi.classify(vi.parameter_map(model, omega=[1.3, 1.4], indices=names, **few))
+
+    def found():
+        orbits = [orbit for n in (1, 2) for orbit in vi.find_orbit(model, n_periods=n)]
+        for orbit in orbits[:1]:
+            vi.continue_orbit(orbit, "stop_1_gap", (gap - 0.1, gap + 0.1), step=0.1)
+
+    def attracted():
+        vi.attractors(model, [vi.State(0.0 * moving), vi.State(0.0 * moving, -0.3 * moving)], tolerances=short, **few)
+
+    return [
+        (lambda: vi.simulate(model, periods=2, samples_per_period=20), ["time_history", "phase_portrait"]),
+        (lambda: vi.impact_section(model, **few), ["impact_map"]),
+        (lambda: vi.stroboscopic_section(model, sample_periods=5, transient_periods=2), ["stroboscopic_map"]),
+        (lambda: vi.bifurcation_diagram(model, stop_1_gap=[gap, gap + 0.1], **few), ["bifurcation_diagram"]),
+        (lambda: vi.bifurcation_diagram(model, omega=[1.3, 1.4], direction="up", **few), []),
+        (
+            lambda: vi.parameter_map(model, omega=[1.3, 1.4], stop_1_gap=[gap, gap + 0.1], indices=names, **few),
+            ["motion_map", "index_contour", "exponent_map"],
+        ),
+        (lambda: vi.basins(model, tolerances=short, **plane, **few), ["basin_portrait"]),
+        *((call, []) for call in (recognised, classified, found, attracted)),
+    ]
+
+
+@pytest.mark.parametrize("seed", range(13 * TIMES))
+def test_degenerate_systems_are_answered_or_refused_in_words(seed):
+    model = degenerate(np.random.default_rng([38, seed]))
+    for use, pictures in uses_of(model):
+        with watched():
+            result = use()
+            if result is not None:
+                assert sentences_of(result)
+            for picture in pictures:
+                getattr(vi.plotting, picture)(result)
+
+
+@pytest.mark.parametrize("seed", range(1, 1 + 2 * TIMES))
+def test_degenerate_systems_are_described_and_compared(seed):
+    model = degenerate(np.random.default_rng([39, seed]))
+    for use in (vi.describe, lambda one, **how: vi.compare(one, one.replace(stop_1_gap=1.1), **how)):
+        with watched():
+            assert str(use(model, parameters=[], tolerances=vi.Tolerances(flight_periods=30, steps_per_impact=30)))
