@@ -42,6 +42,7 @@ from vibroimpact.kernels.systems.march import (
     WATCHED,
     moment,
 )
+from vibroimpact.kernels.systems.rest import all_held
 from vibroimpact.kernels.systems.tangent import UNRESOLVED, accelerate, confine, deviate, happen_beside, leave_centre
 from vibroimpact.kernels.vectors import LANES
 
@@ -138,8 +139,8 @@ def _walk(room, alone, impacts, first):
             lift(lanes, lane, rows)
             more, hard, size = _cross(rows, k, room)
             weakest = min(weakest, hard)
-            if size == 0.0:  # begun anew, to see how far neighbours part up to the next rest
-                lost = True
+            lost |= all_held(rows, k)
+            if lost and size == 0.0:  # begun anew, to see how far neighbours part up to the next rest
                 deviate(rows, k)
                 leave_centre(rows, k, None)
             elif lost:
