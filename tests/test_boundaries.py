@@ -15,9 +15,9 @@ from vibroimpact.continuation import (
 )
 from vibroimpact.continuation.sticking import sticking_curve
 from vibroimpact.files import load, save
-from vibroimpact.motion import recognise
 from vibroimpact.orbits import find_orbit
 from vibroimpact.orbits.sticking import end_of_sticking
+from vibroimpact.recognition import recognise
 
 PLANES = {  # the second axis of the paper's maps; omega is the first
     "mass": (0.1, 5.0),

@@ -8,7 +8,7 @@ from designs import RESTS, TRANSIENTS, random_oscillator
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence.final import WATCHED, final_motion, irregular, rests
 from vibroimpact.coexistence.measuring import PAPER, Runner
-from vibroimpact.motion import recognise
+from vibroimpact.recognition import recognise
 
 SEEN = ImpactWindow(1000, 400)
 RUNNER = Runner()

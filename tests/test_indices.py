@@ -169,7 +169,7 @@ def test_names_agree_with_impacts_a_period(spread):
 
 
 def test_names_agree_with_those_read_off_the_impacts(spread):
-    from vibroimpact.motion import recognise
+    from vibroimpact.recognition import recognise
 
     for at in range(0, len(SPREAD), 7):
         cell = spread[True].isel(omega=at)

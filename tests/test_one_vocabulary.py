@@ -19,7 +19,8 @@ from vibroimpact.coexistence.final import final_motion
 from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.explorer.point import compute_point
 from vibroimpact.explorer.state import View
-from vibroimpact.motion import MotionClass, decide, motion_name, recognise, refined
+from vibroimpact.motion import MotionClass, decide, motion_name, refined
+from vibroimpact.recognition import recognise
 from vibroimpact.refinement.picture import motion_codes
 
 SAMPLES = {"transient_impacts": 500, "sample_impacts": 500}

@@ -13,7 +13,7 @@ from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, 
 from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.backends.reference.indices import Tangent
 from vibroimpact.indices import INDICES
-from vibroimpact.motion import recognise
+from vibroimpact.recognition import recognise
 
 REFERENCE = get_backend("reference")
 LENGTH, BEGIN = 2.4, (1.0, 0.7)  # deviations are |y| + LENGTH/L |y'|, and begin in this direction

@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from vibroimpact.diagrams import bifurcation_diagram
     from vibroimpact.explorer.notebook import explore
     from vibroimpact.families import family
-    from vibroimpact.motion import recognise
     from vibroimpact.options import Tolerances
     from vibroimpact.orbits import Orbit, find_orbit
     from vibroimpact.orbits.sticking import end_of_sticking
     from vibroimpact.oscillator import ImpactOscillator, State
+    from vibroimpact.recognition import recognise
     from vibroimpact.refinement import to_uniform
     from vibroimpact.sections import impact_map, impact_section, simulate, stroboscopic_section
     from vibroimpact.stops import Force, Stop
@@ -35,7 +35,7 @@ _NAMES = {
     "families": "family",
     "sections": "impact_map simulate impact_section stroboscopic_section",
     "status": "Status",
-    "motion": "recognise",
+    "recognition": "recognise",
     "diagrams": "bifurcation_diagram",
     "sweeps": "parameter_map refined_map",
     "refinement": "to_uniform",

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from vibroimpact.classes import NEEDED, classify
 from vibroimpact.dataset import model_of
 from vibroimpact.indices import EVERY, ROUNDING, spread_scale
-from vibroimpact.motion import MotionClass, cycle_length, decide, may_wind, motion_name, recurrence, refined
+from vibroimpact.motion import MotionClass, decide, may_wind, motion_name, refined
+from vibroimpact.recognition import cycle_length, recurrence
 from vibroimpact.report.quantities import axis_range, begun, counted, quantity, spaced, span
 from vibroimpact.status import Status
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.coexistence.losses import driven
-from vibroimpact.motion import cycle_name, listed, recurrence, system_cycle
+from vibroimpact.motion import cycle_name, listed
+from vibroimpact.recognition import recurrence, system_cycle
 from vibroimpact.report.quantities import counted, quantity
 from vibroimpact.status import Status
 

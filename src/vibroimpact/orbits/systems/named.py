@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
-from vibroimpact.motion import cycle_length, cycle_name
+from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.orbit import SAME, same_orbit
 from vibroimpact.orbits.search import Orbits
 from vibroimpact.orbits.systems.orbit import SystemOrbit
@@ -16,6 +16,7 @@ from vibroimpact.orbits.systems.sticking import find_sticking
 from vibroimpact.orbits.systems.symmetry import mirror
 from vibroimpact.oscillator import Model, State
 from vibroimpact.parameters import invalid
+from vibroimpact.recognition import cycle_length
 
 # Impacts of the motion from rest before those that Newton's method starts from: the second, as in verdicts, where the
 # first end in no cycle yet.
