@@ -189,7 +189,7 @@ def test_a_guess_that_does_not_fit_is_refused():
         vi.find_orbit(sticking(), n_impacts=-1, near=vi.State([0.0, 0.0, 0.0]))
     with pytest.raises(ValueError, match="must be an orbit of 2 coordinates"):
         vi.find_orbit(sticking(), n_impacts=-1, near=the_orbit(one_mass(SLOW)))
-    with pytest.raises(ValueError, match="an orbit of a system"):
+    with pytest.raises(ValueError, match="an orbit or an attractor of a system"):
         vi.find_orbit(sticking(), n_impacts=-1, near=(0.1, 1.0))
 
 

@@ -84,6 +84,8 @@ def _under_law(cycle: Cycle, ratios: list[float], angles: Floats, rises: bool) -
 def _at_ratio(cycle: Cycle, r: float) -> tuple[list[Floats], str]:
     """Return the unknowns at one restitution."""
     flow, ((stop, _),) = cycle.flow, cycle.events
+    if unforced(cycle) and r < 1.0:
+        return [], nowhere(cycle)
     matrix, sides = _equations(cycle, stop, r)
     left, sizes, right = np.linalg.svd(matrix)
     steepest = 1.0 + cycle.length * float(np.linalg.norm(flow.phase().matrix, 2))
@@ -91,7 +93,7 @@ def _at_ratio(cycle: Cycle, r: float) -> tuple[list[Floats], str]:
     size = cycle.length * float(np.linalg.norm(flow.phase().load)) + float(np.linalg.norm(flow.bounds[stop]))
     nulls, negligible = left[:, rank:].T @ sides, VANISHED * size
     if rank < matrix.shape[1]:
-        if unforced(cycle) and (r < 1.0 or flow.damping.any()):
+        if unforced(cycle) and flow.damping.any():
             return [], nowhere(cycle)
         driven = np.linalg.svd(nulls, compute_uv=False)[1:] > negligible  # more than one condition on the phase
         return [], not_isolated(cycle, right[rank], bool(driven.any()))
