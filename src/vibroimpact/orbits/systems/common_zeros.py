@@ -37,7 +37,7 @@ SMOOTH = 0.1  # the last terms fall to less where an interval is halved, unless 
 ROUNDED = 1e-6  # which they are at most that part of the largest to be
 SECTORS = 8  # rectangles a turn of the highest order
 HALVINGS = 12
-RECTANGLES = 1 << 13  # at most; in the intervals with the most, Newton's method begins in all
+RECTANGLES, CROWD = 1 << 13, 1 << 8  # at most, and in one interval; where there are more, Newton's method begins in all
 STEPS = 12  # of Newton's method: between two zeros that nearly touch each step halves the distance
 ARRIVED = 1e-6  # of a rectangle's side: the last step is shorter
 
@@ -108,7 +108,7 @@ def common_zeros(coefficients: Coefficients, length: float, orders: Floats) -> Z
         found.append(rectangles.of(single))
         counts = np.bincount(rectangles.intervals[more := possible & ~single], minlength=number)
         order = np.argsort(counts)
-        crowded = order[np.cumsum(counts[order]) > RECTANGLES]
+        crowded = order[(np.cumsum(counts[order]) > RECTANGLES) | (counts[order] > CROWD)]
         found.append(rectangles.of(more & (aside := np.isin(rectangles.intervals, crowded))))
         ends = np.concatenate([ends, (series.middles + np.array([[-1.0], [1.0]]) * series.halves)[:, crowded].ravel()])
         rectangles = rectangles.of(more := more & ~aside).halved(along[more])
@@ -148,7 +148,9 @@ def _values(series: Series, orders: Floats, at: Rectangles) -> tuple[Floats, Flo
     """Return both functions in the middles of rectangles, and their derivatives by place and angle."""
     powers = chebyshev.chebvander(at.places, DEGREE)
     weights = np.stack([powers, powers[:, :-1] @ SLOPES], axis=1)
-    rows, rates = np.einsum("pdk,pikz->dpiz", weights, series.terms[at.intervals])
+    number, size = len(at.places), series.terms.shape[-1]
+    terms = series.terms[at.intervals].swapaxes(1, 2).reshape(number, DEGREE + 1, 2 * size)
+    rows, rates = (weights @ terms).reshape(number, 2, 2, size).swapaxes(0, 1)
     turned = np.multiply.outer(at.angles, orders)
     sine, cosine, one = np.sin(turned), np.cos(turned), np.ones((len(turned), 1))
     z = np.concatenate([one, sine, cosine], axis=1)
