@@ -208,7 +208,7 @@ class Judge:
         return motions
 
     def _starts(self, varied: Range, value: float) -> Iterator[Cells]:
-        """Yield initial conditions, a few of all kinds first, and last those on orbits, which take longest to find.
+        """Yield initial conditions, a few of all kinds first: one on each orbit takes longer to find.
 
         A slow change leads along the branches of the present orbits.
         """
@@ -216,12 +216,13 @@ class Judge:
         many = Cells.join([design.cells({}), spread_cells(design), *(cycle.cells(design) for cycle in self.cycles)])
         number = len(many)
         mixed = np.argsort(np.arange(number) % FEW, kind="stable")
-        for some in np.split(mixed, [number // FEW, number // 4, number // 2]):
-            yield many[some]
+        first, *others = np.split(mixed, [number // FEW, number // 4, number // 2])
+        yield many[first]
         if on := [orbit_cell(design, orbit) for orbit in self.branches.at(self.orbits, varied, value)]:
             yield Cells.join(on)
         if known := orbit_cells(design):
             yield Cells.join(known)
+        yield from (many[some] for some in others)
 
 
 def advise(
