@@ -234,8 +234,9 @@ def _heads(design: xr.Dataset) -> Iterator[str]:
     yield f"{design['design'].item()}: {design['motion'].item()} from rest"
     if "worst_share" in design and np.isfinite(share := float(design["worst_share"])):
         speed = quantity(float(design["worst_velocity"]), "m/s", 4)
-        whence = f"from {labels.percent(share)} of the initial conditions"
-        yield f"{design['worst_motion'].item()}, up to {speed}, {whence}"
+        whence = f"from {labels.percent(share)} of initial conditions"
+        yield f"{whence}: {design['worst_motion'].item()}"
+        yield f"up to {speed}"
 
 
 def _named(model: Any) -> str:
