@@ -239,17 +239,16 @@ def test_every_motion_of_one_contact_that_a_sweep_of_the_gap_meets_is_found(part
                 if np.isnan(velocities).any() or np.ptp(velocities) > 1e-9 * velocities[0] or np.ptp(stops):
                     continue
                 met += 1
-                orbits = [
-                    orbit for n in (1, 2) for orbit in vi.find_orbit(design.at(gap=gap), n_periods=n) if orbit.stable
-                ]
-                names = design.at().stop_names
-                same = [one for one in orbits if one.stops == (names[int(stops[0])],)]
-                near = [one for one in same if abs(one.velocities[0] - velocities[0]) < 1e-6 * velocities[0]]
-                assert near, (gap, design)
+                found = (
+                    one for n in range(1, 7) for one in vi.find_orbit(design.at(gap=gap), n_periods=n) if one.stable
+                )
+                struck, speed = (design.at().stop_names[int(stops[0])],), velocities[0]
+                same = (one for one in found if one.stops == struck and abs(one.velocities[0] - speed) < 1e-6 * speed)
+                assert (orbit := next(same, None)), (gap, design)
                 if met % 20 == 1:
                     attracting = [one.orbit for one in vi.attractors(design.at(gap=gap), workers=1) if one.orbit]
-                    assert any(vi.orbits.same_orbit(near[0], one, tolerance=1e-5) for one in attracting), (gap, design)
-    assert met > 20
+                    assert any(vi.orbits.same_orbit(orbit, one, tolerance=1e-5) for one in attracting), (gap, design)
+    assert met > (0 if part else 20)
 
 
 # An independent integrator
