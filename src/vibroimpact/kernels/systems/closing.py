@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from vibroimpact.kernels.cycle import UNRESOLVED
 from vibroimpact.kernels.machine import copy, inner
 from vibroimpact.kernels.systems.event import lift, lower, occur, proceed, usual
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
@@ -43,7 +44,7 @@ from vibroimpact.kernels.systems.march import (
     moment,
 )
 from vibroimpact.kernels.systems.rest import all_held
-from vibroimpact.kernels.systems.tangent import UNRESOLVED, accelerate, confine, deviate, happen_beside, leave_centre
+from vibroimpact.kernels.systems.tangent import accelerate, confine, deviate, happen_beside, leave_centre
 from vibroimpact.kernels.vectors import LANES
 
 SURE = 1e-12  # of V: the most that the remaining way may change an impact
@@ -276,7 +277,7 @@ def _certain(rows, k, room, note, alone, impacts):
         if not whole:
             return 0.0
         least, spread = min(least, weakest), max(spread, largest)
-    if not math.log(spread) < UNRESOLVED:
+    if not spread < UNRESOLVED:
         return 0.0
     size, periods = _compare(room, alone)
     if not size < SURE * rows[k.speed]:
