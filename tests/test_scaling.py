@@ -8,7 +8,9 @@ import pytest
 import vibroimpact as vi
 from designs import random_designs
 from systems import changed, on_springs
-from vibroimpact.coexistence.measuring import Runner
+from vibroimpact.backends.system_rows import in_steps
+from vibroimpact.backends.systems import layout_for
+from vibroimpact.coexistence.measuring import Runner, spread_cells
 from vibroimpact.scales import scale_of
 from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.present import present_motion, range_of
@@ -127,6 +129,18 @@ def assert_the_same_in_units(osc, parameters, mass, length, time):
     assert words(here) == words(there), (osc, mass, length, time)
     expected = [*numbers(here, lambda name: unit(name, mass, length, time), speed)]
     assert [*numbers(there, lambda name: 1.0, 1.0)] == pytest.approx(expected, rel=1e-9, nan_ok=True)
+
+
+def test_what_kernels_are_given_of_a_system_has_the_same_digits_in_any_unit():
+    for seed in range(100):
+        rng = np.random.default_rng([3803, seed])
+        system, powers = on_springs(rng), 2.0 ** rng.integers(-9, 10, 3)
+        here, there = (spread_cells(one, 4) for one in (system, in_units(system, *powers.tolist())))
+        rows, others = (in_steps(cells, 1e-9, layout_for(cells)) for cells in (here, there))
+        known = (rows != 0.0) & np.isfinite(rows)
+        assert np.array_equal(known, (others != 0.0) & np.isfinite(others)), seed
+        digits, _ = np.frexp(others[known] / rows[known])
+        assert (digits == 0.5).all(), seed
 
 
 @pytest.mark.parametrize("seed", SYSTEMS)

@@ -265,7 +265,9 @@ def speed_parts(form: ModalForm) -> tuple[Floats, Floats, Floats, float]:
     pushes = [np.where(elastic, 0.0, form.constant) / form.omega]
     for order, force in zip(form.orders, form.forces, strict=True):
         pushes.append(force / np.sqrt(np.where(elastic, form.squares, (order * form.omega) ** 2)))
-    pushed = sum(np.linalg.norm(seen.T @ (np.sqrt(form.masses) * push)) for push in pushes) * np.sqrt(struck)
+    unit = _power_of_two(form.masses.max())
+    roots = np.sqrt(form.masses / unit)
+    pushed = sum(np.linalg.norm(seen.T @ (roots * push)) for push in pushes) * np.sqrt(unit * struck)
     moved = np.abs(form.motions) @ (form.orders * form.omega)
     shares = form.directions * form.jumps
     sprung = np.where(elastic, 0.0, shares).sum(axis=1) <= len(elastic) * ROUNDING * struck
@@ -282,13 +284,18 @@ def _seen(n: int, *entries: bytes) -> Floats:
     They span the least space that holds the stops' directions and is closed under Omega^2 and D^T.
     """
     directions, masses, squares, coupling = map(np.frombuffer, entries)
-    roots = np.sqrt(masses)
+    roots = np.sqrt(masses / _power_of_two(masses.max()))
     if not len(directions):
         return np.zeros((n, 0))
     damping = (roots[:, None] * coupling.reshape(n, n) / roots).T
     new = (directions.reshape(-1, n) / roots).T
     found = closed(new / np.linalg.norm(new, axis=0), np.diag(squares), damping)
     return np.eye(len(roots)) if found.shape[1] >= len(roots) else found
+
+
+def _power_of_two(size: float) -> float:
+    """Return the unit in which a size is of order one: what is computed in it has the same digits in any other unit."""
+    return math.ldexp(1.0, math.frexp(size)[1])
 
 
 def closed(columns: Floats, *maps: Floats) -> Floats:
@@ -314,9 +321,10 @@ def fastest_rate(form: ModalForm) -> float:
 def _free_rate(*parts: bytes) -> float:
     """Return the largest rate of free motion, damped or not."""
     squares, entries = map(np.frombuffer, parts)
-    n = len(squares)
-    companion = np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(squares), -entries.reshape(n, n)]])
-    return max(float(np.abs(np.linalg.eigvals(companion)).max()), float(np.sqrt(squares.max())))
+    n, unit = len(squares), _power_of_two(math.sqrt(squares.max()) or np.abs(entries).max())
+    squared, damping = np.diag(squares / unit / unit), entries.reshape(n, n) / unit
+    companion = np.block([[np.zeros((n, n)), np.eye(n)], [-squared, -damping]])
+    return unit * max(float(np.abs(np.linalg.eigvals(companion)).max()), float(np.sqrt(squared.max())))
 
 
 def steady_motion(form: ModalForm, forces: Any, motions: Any) -> tuple[dict[str, Any], Floats, Floats]:

@@ -198,9 +198,9 @@ class SystemCells(Cells):
         phase, velocity, *others = spread(counted, n if n > 1 else 0)
         which, cells = counted % s, self
         if others:
-            speed = self["scale"] / np.sqrt(self._at_stops(which)[2])
+            lightness = self._at_stops(which)[2][:, None] * self.block("weight")[:, felt]
             rate = np.zeros_like(self.block("rate"))
-            rate[:, felt] = speed[:, None] * np.column_stack(others) / np.sqrt(self.block("weight")[:, felt])
+            rate[:, felt] = self["scale"][:, None] * np.column_stack(others) / np.sqrt(lightness)
             cells = self._with({"rate": rate})
         return cells.striking(which, self["scale"] * velocity, phase)
 
