@@ -138,6 +138,14 @@ def test_a_rest_that_leaves_a_memory_is_closed_by_its_multipliers():
     assert closed.attrs["impacts_computed"] < 0.3 * stepped.attrs["impacts_computed"]
 
 
+def test_a_chatter_that_erases_all_memory_is_closed_after_few_of_its_rests():
+    """Neighbours part on the way to each rest, but each cycle begins anew: what is left out repeats to rounding."""
+    closed, stepped = both(vi.models.idle_gear(), SPEEDS, [138.0, 140.64, 143.0])
+    assert closed["status"].values.tolist() == stepped["status"].values.tolist() == [vi.Status.STICKING] * 3
+    assert closed.attrs["impacts_computed"] < 0.4 * stepped.attrs["impacts_computed"]
+    agree(closed, stepped, SPEEDS)
+
+
 @pytest.mark.parametrize("indices", [SPEEDS, ALL], ids=["speeds", "all"])
 def test_what_does_not_settle_has_all_its_impacts(indices):
     """Chaos of one mass, quasi-periodic motions of two, and a motion that keeps its energy."""

@@ -82,6 +82,36 @@ def test_all_that_is_said_of_a_mass_pressed_to_its_stop_agrees():
     assert attractor.start.displacement[0] == pytest.approx(-1.0, abs=1e-9)
 
 
+def test_teeth_that_stay_pressed_while_their_force_comes_and_goes_are_in_contact_for_ever():
+    """A damper takes the force to zero before the flanks part; the torque presses them on before they do."""
+    pair, stiffness = vi.models.gear_pair(), [8.3e7, 8.38e7, 8.4e7, 8.45e7, 8.47e7]
+    cells = vi.parameter_map(pair, drive_stiffness=stiffness, indices=["max_velocity"])
+    assert cells["status"].values.tolist() == [Status.STUCK_FOREVER] * 4 + [Status.CLOSED]
+    for one in stiffness[1:4]:
+        changed = pair.replace(drive_stiffness=one)
+        late = vi.simulate(changed, periods=400).isel(time=slice(-4000, None), stop=0)
+        assert late["clearance"].max() < 0.0
+        assert (late["force"] == 0.0).any()
+        assert int(impacts(changed, 100)["status"]) == Status.STUCK_FOREVER
+        assert vi.describe(changed, parameters=[], workers=1).motion.name == "permanently in contact"
+
+
+def test_a_mass_between_a_rigid_stop_and_one_that_gives_at_its_rest_position_is_as_stiff_as_both():
+    """Released where the force is zero it is at both stops at once, and leaves one into the other."""
+    stops = [vi.Stop(direction=1, gap=0.0, restitution=0.8), vi.Stop(direction=-1, gap=0.0, stiffness=39.4)]
+    between = system(1.0, 0.07, 2.7, 1.6, stops, force={1: 1.0})
+    alone = system(1.0, 0.07, 2.7 + 39.4, 1.6, stops[:1], force={1: 1.0})
+    columns = []
+    for one in (between, alone):
+        seen = impacts(one, 1000)
+        hard = (seen["stop"].values == "stop_1") & (seen["velocity"].values > 1e-6)  # how a chatter ends is scaled by V
+        columns.append(np.array([seen["time"].values[hard], seen["velocity"].values[hard]])[:, :300])
+    assert columns[0].shape == columns[1].shape == (2, 300)
+    assert columns[0] == pytest.approx(columns[1], rel=1e-8, abs=1e-12)
+    cells = [vi.parameter_map(one, omega=[1.6], indices=["n_periods"]) for one in (between, alone)]
+    assert [int(cell["n_periods"][0]) for cell in cells] == [1, 1]
+
+
 def of_any_kind(rng):
     """Return a random system of one to three coordinates: free masses, drag, loads, stops that give and preloads."""
     n, s = int(rng.integers(1, 4)), int(rng.integers(1, 3))

@@ -86,7 +86,7 @@ def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
         total, wanted = march.Window(0.0, math.inf), window.keep
         times = np.array(window.schedule(start_periods, start_phase))
         schedule = walk.Schedule(float(wanted), times[0, 0], times[1, 0], float(window.per_period))
-    rows, spare, note, room = np.zeros(k.rows), np.zeros(k.rows), np.zeros(_noted(k)), room_for(k)
+    (rows, spare, begun), note, room = np.zeros((3, k.rows)), np.zeros(_noted(k)), room_for(k)
     limit = total.total if isinstance(window, ImpactWindow) else window.skip_periods + wanted / window.per_period + 1.0
     note[: march.MADE] = budgets_of(cell, measurement.tolerances, limit)
     seen = walk.Seen(
@@ -96,7 +96,7 @@ def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
     impacts: list[Floats] = []
     rests, end = [], RUNNING
     while end == RUNNING:
-        end = walk.follow(rows, spare, k, room, note, seen, total, schedule, _STEPS)
+        end = walk.follow(rows, spare, begun, k, room, note, seen, total, schedule, _STEPS)
         seen = _take_impacts(impacts, seen, rows[k.entry : k.entry + k.stops], end != RUNNING)
         if seen.filled[2] + k.stops > _ROOM:  # those still closed stay
             done = seen.rests[: seen.filled[2]]

@@ -3,10 +3,10 @@
 A cycle of p impacts is walked from one of them in lanes, with a deviation along each coordinate and rate: that gives
 its Jacobian M, and the difference d of its end from its start, both beside a free centre. It is certain if a power of
 M is a contraction, which bounds all that follow, and if the way still to go to the periodic orbit, at most
-|(I - M)^-1 d| (1 + max |M^i|), changes no impact by more than 1e-12 of V. That holds through rests as well, unless
-rounding decides when the next one comes. Then one cycle is made in the cell itself, and what it adds to each sum is
-added as often as whole cycles fit, first into the impacts that are left out and then into those that are kept. The
-remainder is made.
+|(I - M)^-1 d| (1 + max |M^i|), changes no impact by more than 1e-12 of V. A cycle in which all comes to rest begins
+anew each time: it is certain once d is rounding, unless that decides when the next rest comes. Then one cycle is made
+in the cell itself, and what it adds to each sum is added as often as whole cycles fit, first into the impacts that are
+left out and then into those that are kept. The remainder is made.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ from vibroimpact.kernels.systems.march import (
     WATCHED,
     moment,
 )
+from vibroimpact.kernels.systems.pressed import LONGEST, WALK, comes_back
 from vibroimpact.kernels.systems.rest import all_held
 from vibroimpact.kernels.systems.tangent import accelerate, confine, deviate, happen_beside, leave_centre
 from vibroimpact.kernels.vectors import LANES
 
 SURE = 1e-12  # of V: the most that the remaining way may change an impact
 NOT_SMALL = 1e-3  # of the cycle's weakest impact: nearer to a graze nothing is linear
-WALK = 1 << 16  # steps after which a walk is given up
 SQUARED = 20  # times, M at most
 DOUBLED = 36  # times: what M^(2^i) is more than a power of its spectral radius counts 2^-i of that
 RETURNS = 4  # at most, until a cycle has its name: the impact that gives it may be replaced on the way
@@ -121,7 +121,8 @@ def _cross(rows, k, room):
 def _walk(room, alone, impacts, first):
     """Walk a cycle in lanes, each with a deviation along another coordinate or rate, from `first` on.
 
-    Return whether it came exactly so far, its weakest impact and the largest deviation on the way.
+    Return whether it came exactly so far, its weakest impact, the largest deviation on the way, and whether all that
+    moved has come to rest: then the cycle begins anew.
     """
     k, lanes, rows, weakest, largest, found = alone.layout, alone.lanes, alone.end, math.inf, 1.0, 0
     lost, later = False, 1.0
@@ -157,7 +158,7 @@ def _walk(room, alone, impacts, first):
         leave_centre(rows, k, None)
         for j in range(2 * k.modes):
             alone.jacobian[j, first + lane] = 0.0 if lost else rows[k.deta + j]
-    return found == impacts and rows[k.lawless] == 0.0, weakest, largest * later
+    return found == impacts and rows[k.lawless] == 0.0, weakest, largest * later, lost
 
 
 @inner(inline="always")
@@ -270,9 +271,9 @@ def _decay(alone):
 def _certain(rows, k, room, note, alone, impacts):
     """Return the periods after which so many impacts repeat for ever, or 0 where that is not certain."""
     copy(rows, alone.start)
-    least, spread = math.inf, 1.0
+    least, spread, lost = math.inf, 1.0, False
     for first in range(0, 2 * k.modes, LANES):
-        whole, weakest, largest = _walk(room, alone, impacts, first)
+        whole, weakest, largest, lost = _walk(room, alone, impacts, first)
         note[BESIDE] += alone.end[k.made] - rows[k.made]
         if not whole:
             return 0.0
@@ -282,6 +283,8 @@ def _certain(rows, k, room, note, alone, impacts):
     size, periods = _compare(room, alone)
     if not size < SURE * rows[k.speed]:
         return 0.0
+    if lost:
+        return periods
     way = _way_to_go(alone) * spread
     return periods if way < SURE * rows[k.speed] and way < NOT_SMALL * least else 0.0
 
@@ -298,6 +301,31 @@ def _skip(rows, k, note, alone, times, periods):
     note[HITS] += known
     note[KNOWN] += known
     rows[k.turn + 2] += times * periods
+
+
+@inner
+def stays_pressed(rows, k, room, note, window, alone):
+    """Return whether a pressed cell comes back to a state without an impact; see `pressed`."""
+    lanes, work, begun = alone.lanes, alone.end, alone.start
+    copy(rows, work)
+    copy(note, alone.note)
+    begun[k.which] = -1.0
+    for _ in range(WALK):
+        if work[k.turn + 2] > rows[k.turn + 2] + LONGEST:
+            return False
+        for lane in range(LANES):
+            lower(lanes, lane, work, k.constants)
+        _proceed(lanes, k)
+        lift(lanes, 0, work)
+        if lanes[k.hit * LANES] == NOTHING:
+            continue
+        pushed = work[k.kind + int(work[k.which])] >= CLOSED
+        occur(work, k, room, alone.note, window)
+        if alone.note[HITS] > note[HITS] or work[k.lawless] > 0.0:
+            return False
+        if comes_back(work, k, pushed, begun):
+            return True
+    return False
 
 
 @inner

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 
-from vibroimpact.kernels.cell import QUIET_FOR, RUNNING
+from vibroimpact.kernels.cell import PINNED, QUIET_FOR, RUNNING
 from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket
-from vibroimpact.kernels.systems.closing import close
+from vibroimpact.kernels.systems.closing import close, stays_pressed
 from vibroimpact.kernels.systems.event import FIRST_LOOK, lift, lower, occur, proceed, usual
 from vibroimpact.kernels.systems.law import begin
 from vibroimpact.kernels.systems.layout import NOTHING
@@ -30,6 +30,7 @@ from vibroimpact.kernels.systems.march import (
     note_misses,
     note_rests,
 )
+from vibroimpact.kernels.systems.pressed import asks_again, is_pressed
 from vibroimpact.kernels.systems.tangent import confine, deviate
 from vibroimpact.kernels.vectors import LANES, anywhere, get
 
@@ -81,17 +82,20 @@ def _close(lanes, lane, notes, rows, note, k, room, window, alone):
 
 
 @inner(inline="always")
-def _ended(lanes, lane, notes, rows, note, k, room, window):
+def _ended(lanes, lane, notes, rows, note, k, room, window, alone):
     """Return why the cell in a lane ends here, or RUNNING; an ended one's note is left."""
     hits, age, made = notes[HITS * LANES + lane], lanes[k.age * LANES + lane], lanes[k.made * LANES + lane]
     lawful = lanes[k.lawless * LANES + lane] == 0.0
-    if lawful and hits < window.total and made <= notes[GRANTED * LANES + lane] and age <= QUIET_FOR:
+    still = k.giving and asks_again(notes, LANES, lane, lanes[(k.turn + 2) * LANES + lane])
+    if lawful and hits < window.total and made <= notes[GRANTED * LANES + lane] and age <= QUIET_FOR and not still:
         return RUNNING
     lift(lanes, lane, rows)
     lift(notes, lane, note)
     note[MADE] = made
     end = ending(rows, k, room, note, window.total)
     notes[ASK * LANES + lane] = note[ASK]
+    if end == RUNNING and still and is_pressed(rows, k) and stays_pressed(rows, k, room, note, window, alone):
+        return PINNED
     return end
 
 
@@ -118,7 +122,7 @@ def run_lanes(
                 continue
             if window.closes and notes[RETURNED * LANES + lane] > 0.0:
                 _close(lanes, lane, notes, rows, note, k, room, window, alone)
-            end = _ended(lanes, lane, notes, rows, note, k, room, window)
+            end = _ended(lanes, lane, notes, rows, note, k, room, window, alone)
             if end != RUNNING:
                 copy(note, results[owner[lane]])
                 ends[owner[lane]] = end

@@ -29,14 +29,15 @@ FROM, SINCE, AT, CHATTERED, NEAREST, IMPACTS, PERIODS = 14, 15, 18, 19, 20, 21, 
 # the impact that is known; of a cycle that is certain, ln of the spectral radius and impacts, per period; ln of the
 # growth since a rest took all of the deviation, and the number of the last impact with a rest that rounding decided
 WATCHED, WHICH, NUMBER, NEXT, RETURNED, KNOWN, BESIDE, GROWN, DECAY, RATE, PARTED, UNSURE = range(23, 35)
-# The energy that dampers took within the window, and the age at which it is asked again whether a phase lasts. Then of
-# its impacts on each stop: how many, the first speed, sums of what the others differ by and of squares of that, the
+# The energy that dampers took within the window, and the age at which it is asked again whether a phase lasts; the
+# period in which it is asked again whether a pressed motion repeats, in how many, and after which impact. Then of its
+# impacts on each stop: how many, the first speed, sums of what the others differ by and of squares of that, the
 # largest speed, sums of cos wt and sin wt, and the energy lost after the window's first impact, the impulse and the
 # largest force.
 # Of its rests, in periods (and of those at any stop, in a block of their own): how long up to now, less the time now
 # while it is closed; up to the last impact, and up to the known one; in a cycle. Its closest miss, and how many
 # impacts it had since the known one until that returned.
-DRAINED, ASK, SUMS, EACH = 35, 36, 37, 16
+DRAINED, ASK, AGAIN, WAITS, STILL, SUMS, EACH = 35, 36, 37, 38, 39, 40, 16
 COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, THRUST, PEAK = range(10)
 RESTED, LATEST, BEFORE, RESTING, MISS, TURNED = range(10, EACH)
 

@@ -49,6 +49,7 @@ from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 NEAR = 0.1  # of the rate: by how much it may change on the way to a contact that is solved for
 BACK = 1e-12  # steps: a contact that rounding puts further behind is here
+NO_WAY = 1e-24  # steps: a stop that allows no more is touched
 
 
 @inner(forceinline=True)
@@ -224,7 +225,7 @@ def step(rows, k, wide):
     if k.draining:
         drain(rows, end, k, wide)
     move(rows, end, close, k, wide)
-    stalled = select(end <= 0.0, STALLED, NOTHING)
+    stalled = select(end <= NO_WAY, STALLED, NOTHING)
     put(rows, k.which, wide, which)
     put(rows, k.hit, wide, select(close, CONTACT, stalled))
     if k.thorough:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from vibroimpact.kernels.cell import FILLED, LAWLESS, RUNNING, SPENT
+from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, RUNNING, SPENT
 from vibroimpact.kernels.machine import compiled, copy, inner
 from vibroimpact.kernels.systems.flow import move, turns
 from vibroimpact.kernels.systems.lasting import lasting
@@ -13,6 +13,7 @@ from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.leap import FAR, HALF, LEAPS, WHOLE, leap, leap_far, leap_within, look, may_leap
 from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, MADE, TURN, add_all, asks, ending, happen, moment
+from vibroimpact.kernels.systems.pressed import LONGEST, WALK, asks_again, comes_back, is_pressed
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
 from vibroimpact.kernels.systems.step import fly, fly_on, step
@@ -186,6 +187,29 @@ def _waits(rows, k):
     return waits
 
 
+@inner
+def _stays_pressed(rows, work, begun, k, room):
+    """Return whether a pressed cell comes back to a state without an impact; see `pressed`."""
+    copy(rows, work)
+    begun[k.which] = -1.0
+    for _ in range(WALK):
+        if work[k.turn + 2] > rows[k.turn + 2] + LONGEST:
+            return False
+        step(work, k, None)
+        if work[k.hit] == NOTHING:
+            continue
+        pushed = work[k.kind + int(work[k.which])] >= CLOSED
+        struck, _ = happen(work, k, room)
+        for z in range(k.stops):
+            if struck >> z & 1 and room.speed[z] >= work[k.cut]:
+                return False
+        if work[k.lawless] > 0.0:
+            return False
+        if comes_back(work, k, pushed, begun):
+            return True
+    return False
+
+
 @compiled
 def seat(rows, k, row, room, seen):
     """Put a cell, a row of its constants, where one is followed alone."""
@@ -197,7 +221,7 @@ def seat(rows, k, row, room, seen):
 
 
 @compiled
-def follow(rows, spare, k, room, note, seen, window, schedule, most):
+def follow(rows, spare, begun, k, room, note, seen, window, schedule, most):
     """Follow a cell until its window is full, a buffer is, it ends, or so many steps are made; return why."""
     for number in range(most):
         look(rows, k, None)
@@ -229,6 +253,9 @@ def follow(rows, spare, k, room, note, seen, window, schedule, most):
             return RUNNING
         if number % LOOK == 0 and note[HITS] < window.total:
             end = ending(rows, k, room, note, window.total)
+            still = k.giving and asks_again(note, 1, 0, rows[k.turn + 2]) and is_pressed(rows, k)
+            if end == RUNNING and still and _stays_pressed(rows, spare, begun, k, room):
+                end = PINNED
             if end != RUNNING and (schedule.number == 0.0 or end == SPENT):
                 return end
     return RUNNING

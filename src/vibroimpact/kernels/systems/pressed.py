@@ -1,0 +1,66 @@
+"""Whether a motion without impacts repeats: stops let go and push again, but stay pressed in all the while.
+
+A damper takes the force of a stop to zero before the stop is free, and what pushes on may press it in again before it
+is: nothing is struck, and no phase lasts. Such a motion goes on for ever once it comes back to its state at a moment
+when a stop lets go, within 1e-12 of V and at the same phase. That is asked a few periods after an impact, and whenever
+twice as many have passed.
+"""
+
+from __future__ import annotations
+
+from vibroimpact.kernels.machine import copy, inner
+from vibroimpact.kernels.systems.layout import CLOSED
+from vibroimpact.kernels.systems.march import AGAIN, HITS, STILL, TURN, WAITS
+
+SAME = 1e-12  # of V, and of a period
+AFTER = 4.0  # periods after an impact it is asked first
+LONGEST = 8.0  # periods in which it must come back
+WALK = 1 << 16  # steps after which a walk is given up
+
+
+@inner
+def asks_again(notes, stride, lane, periods):
+    """Return whether to ask in this period, in a lane or (stride 1) a cell alone."""
+    hits, still, again, waits = (
+        HITS * stride + lane,
+        STILL * stride + lane,
+        AGAIN * stride + lane,
+        WAITS * stride + lane,
+    )
+    if notes[hits] != notes[still]:
+        notes[still], notes[waits], notes[again] = notes[hits], AFTER, periods + AFTER
+    if periods < notes[again]:
+        return False
+    notes[waits], notes[again] = 2.0 * notes[waits], periods + 2.0 * notes[waits]
+    return True
+
+
+@inner
+def is_pressed(rows, k):
+    """Return whether a stop that gives pushes, or may push again before it is free, and one let go or pushed lately."""
+    found = False
+    if rows[k.age] * rows[k.theta] > LONGEST * TURN:
+        return found
+    for z in range(k.stops):
+        found |= rows[k.spring + z] > 0.0 and (rows[k.kind + z] >= CLOSED or rows[k.leaving + z] > 0.0)
+    return found
+
+
+@inner
+def comes_back(rows, k, pushed, begun):
+    """Return whether a stop that `pushed` lets go as it did when that was noted; `begun[k.which]` is -1 before."""
+    z = int(rows[k.which])
+    if not (pushed and rows[k.kind + z] < CLOSED and rows[k.leaving + z] > 0.0):
+        return False
+    if begun[k.which] < 0.0:
+        copy(rows, begun)
+        return False
+    apart = abs(rows[k.turn] - begun[k.turn]) + abs(rows[k.turn + 1] - begun[k.turn + 1])
+    same, size = begun[k.which] == rows[k.which] and apart < SAME, 0.0
+    for j in range(k.modes):
+        drifts = k.free and rows[k.neutral + j] > 0.0
+        size += 0.0 if drifts else abs(rows[k.eta + j] - begun[k.eta + j]) + abs(rows[k.rate + j] - begun[k.rate + j])
+    for y in range(k.stops):
+        same &= (rows[k.kind + y] >= CLOSED) == (begun[k.kind + y] >= CLOSED)
+        same &= (rows[k.leaving + y] > 0.0) == (begun[k.leaving + y] > 0.0)
+    return same and size < SAME * rows[k.speed]
