@@ -58,9 +58,12 @@ def check_the_orbits(system, found):
 
 
 def check_the_starts(system, found):
-    """A state on an attractor leads to it."""
+    """A state on an attractor leads to it; one on a motion that was watched for long may lead to another in the end."""
     for one in found:
         (again,) = vi.attractors(system, [one.start], workers=1)
+        if one.kind == MotionClass.CHAOTIC.word and again.kind != one.kind:
+            assert any(alike(again, other) for other in found if other is not one), again.name
+            continue
         assert again.kind == one.kind, one.name
         assert one.kind != MotionClass.PERIODIC.word or alike(again, one), one.name
 

@@ -68,7 +68,7 @@ def _places(dataset: xr.Dataset) -> Iterator[str]:
     if "coordinate" not in dataset.dims:
         yield f"displacement {span(dataset['displacement'])}"
         return
-    for at in range(dataset.sizes["coordinate"]):
+    for at in range(dataset.sizes["coordinate"] if dataset["displacement"].size else 0):
         yield f"coordinate {at}: {span(dataset['displacement'].isel(coordinate=at))}"
 
 

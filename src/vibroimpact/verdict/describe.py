@@ -18,13 +18,13 @@ from vibroimpact.verdict.advice import Advice, advise
 from vibroimpact.verdict.boundaries import Edge, nearest_boundaries
 from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.present import (
-    DEAREST,
     Coexisting,
     Present,
     Range,
     check_parameters,
     check_within,
     coexisting_motions,
+    dearest,
     present_motion,
     range_of,
 )
@@ -70,7 +70,8 @@ class Verdict:
         For each parameter the smallest change that softens the impacts, and the smallest that ends them; the smallest
         of all first.
     complete : bool
-        False where `progress` asked to stop before the end, or more than 2^29 certified steps would have been taken.
+        False where `progress` asked to stop before the end, or more than 2^29 certified steps (2^27 of a
+        system) would have been taken.
     cells, steps : int
         Motions computed for it, and their certified steps.
     stops : tuple of str
@@ -252,7 +253,7 @@ def describe(
 
         present = present_motion(osc, runner)
         found: dict[str, Any] = {}
-        runner.most = runner.steps + DEAREST
+        runner.most = runner.steps + dearest(present.oscillator)
         try:
             complete = _describe(present, ranges, runner, going, found)
         except SpentError:

@@ -27,12 +27,18 @@ from vibroimpact.scales import LIGHT, scale_of
 from vibroimpact.system import ImpactSystem
 
 DEAREST = 1 << 29  # certified steps around a motion: five times those of the dearest of usual designs
+DEARER = 4  # times is a step of a system
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
 ALIKE = 5e-3  # `orbit_distance` from the settled motion within which an orbit or attractor is the same
 LONGEST = 16  # impacts in a cycle that is still solved for
 CROWDED = 1.5  # values along a path lie at (j/n)^1.5 of its way: a near boundary matters more than a far one
 FARTHEST = 1000.0  # how many times a parameter may be varied, at most
 TRIALS = 24  # bisections of a range whose end is no design of a family
+
+
+def dearest(osc: Any) -> int:
+    """Return how many certified steps a verdict may take."""
+    return DEAREST // (DEARER if isinstance(osc, ImpactSystem) else 1)
 
 
 def measure(runner: Runner, cells: Cells, window: ImpactWindow) -> list[Measured]:

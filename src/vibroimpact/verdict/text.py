@@ -16,7 +16,7 @@ from vibroimpact.verdict.advice import INSTANTS, Advice
 from vibroimpact.verdict.boundaries import NOISE, ONSETS, Edge
 from vibroimpact.verdict.carried import LONG, PLACES
 from vibroimpact.verdict.onsets import Onset
-from vibroimpact.verdict.present import DEAREST, Coexisting, percent, range_of
+from vibroimpact.verdict.present import Coexisting, dearest, percent, range_of
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.describe import Verdict
@@ -65,11 +65,11 @@ def laid_out(parts: Iterable[tuple[str, Iterable[str]]]) -> Iterator[str]:
 
 def stopped(verdict: Verdict) -> str:
     """Return why a verdict is not complete: what it may cost has a limit, far above what usual designs take."""
-    if verdict.steps < DEAREST:
+    if verdict.steps < dearest(verdict.oscillator):
         return "before the end; run it again to complete it"
     return (
         f"before the end, after {verdict.steps:.2g} certified steps: the motions of this design take too many, as its "
-        "paces lie too far apart; name fewer `parameters`, or look at single motions with `simulate`"
+        "paces lie too far apart, or none repeats; name fewer `parameters`, or look at single motions with `simulate`"
     )
 
 

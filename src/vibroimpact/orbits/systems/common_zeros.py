@@ -35,6 +35,7 @@ RESOLVED = 1e-9
 FEWEST, MOST = 4, 128  # intervals of one length; of more, those of longer durations are left out
 SMOOTH = 0.1  # the last terms fall to less where an interval is halved, unless they are rounding,
 ROUNDED = 1e-6  # which they are at most that part of the largest to be
+SHORTEST = 2.0**-40  # of the length: shorter intervals hold nothing but rounding
 SECTORS = 8  # rectangles a turn of the highest order
 HALVINGS = 12
 RECTANGLES, CROWD = 1 << 13, 1 << 8  # at most, and in one interval; where there are more, Newton's method begins in all
@@ -130,6 +131,8 @@ def _interpolated(coefficients: Coefficients, length: float) -> tuple[Series, Fl
         found.append(Series(lows[done] + 0.5 * width, np.full(done.sum(), 0.5 * width), terms[done], rest[done]))
         before, width = np.repeat(rest[~done], 2, axis=0), 0.5 * width
         lows = (lows[~done, None] + [0.0, width]).ravel()
+        if width < SHORTEST * length:
+            left, lows = np.concatenate([left, lows, lows + width]), lows[:0]
         if len(lows) > MOST:
             left = np.concatenate([left, lows[MOST:], lows[MOST:] + width])
             lows, before = lows[:MOST], before[:MOST]
@@ -183,7 +186,7 @@ def _tested(
         steps = np.abs(np.einsum("pij,pj->pi", inverse, values))
         spread = np.einsum("pij,pj->pi", np.abs(inverse), left)
         possible &= ~(steps > 1.0 + spread).any(axis=1)
-    along = ((bend - curl) / left).sum(axis=1) > 0.0
+    along = np.divide(bend - curl, left, out=np.zeros_like(left), where=left > 0.0).sum(axis=1) > 0.0
     return possible, possible & (spread < 0.5).all(axis=1), along
 
 

@@ -105,7 +105,7 @@ def find_near(
     model: Model, n_periods: int, stops: Sequence[str], times: Sequence[float], state: State
 ) -> Orbits[SystemOrbit]:
     """Return the orbit that a motion has settled to, by the times of its impacts, or by a state where contacts last."""
-    near = state if any(stop.compliant for stop in model.at().stops) else times
+    near = state if any(stop.compliant for stop in model.at().stops if stop.name in stops) else times
     try:
         return find(model, n_periods=n_periods, stops=stops, near=near)
     except ValueError:  # the motion does not repeat these impacts
