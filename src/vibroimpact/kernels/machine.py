@@ -70,7 +70,18 @@ BARE: Any = {"error_model": "numpy", "_nrt": False}
 
 
 class _Part(JITCodeLibrary):
-    """What LLVM is given of a function that only others call: they hold a copy of it, and it is optimised there."""
+    """What LLVM is given of a function that only others call, which may hold a copy of it and are optimised after it.
+
+    `hints` are attributes of LLVM's that say how.
+    """
+
+    hints: tuple[str, ...] = ()
+
+    def _optimize_functions(self, module: Any) -> None:
+        super()._optimize_functions(module)
+        for function in module.functions:
+            for hint in () if function.is_declaration else self.hints:
+                function.add_function_attribute(hint)
 
     def _optimize_final_module(self) -> None:
         pass
@@ -79,10 +90,19 @@ class _Part(JITCodeLibrary):
         self._finalized = True
 
 
-class _PartCompiler(Compiler):
-    def __init__(self, typing: Any, target: Any, library: Any, *rest: Any) -> None:
-        super().__init__(typing, target, _Part(target.codegen(), "part"), *rest)
-        self.state.flags.no_compile = True
+def _compiler(*hints: str) -> type[Compiler]:
+    """Return the compiler of parts with such hints."""
+    library = type("_HintedPart", (_Part,), {"hints": hints})
+
+    class PartCompiler(Compiler):
+        def __init__(self, typing: Any, target: Any, _: Any, *rest: Any) -> None:
+            super().__init__(typing, target, library(target.codegen(), "part"), *rest)
+            self.state.flags.no_compile = True
+
+    return PartCompiler
+
+
+_PartCompiler = _compiler()
 
 
 def inner(function: Callable[..., Any] | None = None, **options: Any) -> Any:
@@ -113,6 +133,10 @@ def inner(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 
 # Optimised on its own before it becomes a part of others: loops over lanes gain a tenth.
 loop = partial(inner, pipeline_class=Compiler)
+# Several call it, and none takes a copy.
+once = partial(inner, pipeline_class=_compiler("noinline"))
+# Hardly ever called, so that it is made small: nothing else would pay for the time that it takes.
+rare = partial(inner, pipeline_class=_compiler("noinline", "cold", "minsize", "optsize"))
 
 
 @inner

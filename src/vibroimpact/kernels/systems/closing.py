@@ -15,8 +15,8 @@ import math
 from typing import Any, NamedTuple
 
 from vibroimpact.kernels.cycle import UNRESOLVED
-from vibroimpact.kernels.machine import copy, inner
-from vibroimpact.kernels.systems.event import lift, lower, occur, proceed, usual
+from vibroimpact.kernels.machine import copy, rare
+from vibroimpact.kernels.systems.event import advance, lift, lower, occur
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.march import (
     BEFORE,
@@ -72,13 +72,7 @@ class Alone(NamedTuple):
     moved: Any
 
 
-@inner
-def _proceed(lanes, k):
-    """Take lanes on, compiled once for both walks."""
-    proceed(lanes, k, 0)
-
-
-@inner
+@rare
 def _make(rows, k, room, note, window, alone, impacts):
     """Take the cell on by so many recorded impacts; return whether it came exactly so far."""
     lanes, notes, until = alone.lanes, alone.notes, note[HITS] + impacts
@@ -86,8 +80,7 @@ def _make(rows, k, room, note, window, alone, impacts):
         lower(lanes, lane, rows, k.constants)
         lower(notes, lane, note, len(note))
     for _ in range(WALK):
-        _proceed(lanes, k)
-        usual(lanes, notes, k, 0, window)
+        advance(lanes, notes, k, window, int(1.0))
         if lanes[k.hit * LANES] != NOTHING:
             lift(lanes, 0, rows)
             lift(notes, 0, note)
@@ -102,7 +95,7 @@ def _make(rows, k, room, note, window, alone, impacts):
     return note[HITS] == until and rows[k.lawless] == 0.0
 
 
-@inner(inline="always")
+@rare
 def _cross(rows, k, room):
     """Make what ended a step, and carry the deviation over it; return the set of stops struck hard enough, and how hard
     the weakest, and the size of the deviation.
@@ -117,8 +110,8 @@ def _cross(rows, k, room):
     return hard, weakest, size
 
 
-@inner(inline="always")
-def _walk(room, alone, impacts, first):
+@rare
+def _walk(room, alone, window, impacts, first):
     """Walk a cycle in lanes, each with a deviation along another coordinate or rate, from `first` on.
 
     Return whether it came exactly so far, its weakest impact, the largest deviation on the way, and whether all that
@@ -135,7 +128,7 @@ def _walk(room, alone, impacts, first):
             confine(rows, k)
         lower(lanes, lane, rows, k.constants)
     for _ in range(WALK):
-        _proceed(lanes, k)
+        advance(lanes, alone.notes, k, window, int(0.0))
         more = 0
         for lane in range(min(LANES, 2 * k.modes - first) if lanes[k.hit * LANES] != NOTHING else 0):
             lift(lanes, lane, rows)
@@ -161,7 +154,7 @@ def _walk(room, alone, impacts, first):
     return found == impacts and rows[k.lawless] == 0.0, weakest, largest * later, lost
 
 
-@inner(inline="always")
+@rare
 def _compare(room, alone):
     """Leave the difference of a cycle's end from its start, at its phase; return its size and the periods between.
 
@@ -189,7 +182,7 @@ def _compare(room, alone):
     return size, ended - began + wrapped
 
 
-@inner
+@rare
 def _apply(matrix, vector, moved):
     """Leave matrix times vector; return the sum of the sizes of its entries."""
     total = 0.0
@@ -201,7 +194,7 @@ def _apply(matrix, vector, moved):
     return total
 
 
-@inner(inline="always")
+@rare
 def _way_to_go(alone):
     """Return how far a later turn of the cycle can be from this one; infinite unless a power of M is a contraction.
 
@@ -224,7 +217,7 @@ def _way_to_go(alone):
     return math.inf
 
 
-@inner
+@rare
 def _size(matrix):
     """Return the largest sum of the sizes of a column."""
     largest = 0.0
@@ -236,7 +229,7 @@ def _size(matrix):
     return largest
 
 
-@inner
+@rare
 def _square(alone):
     """Make the power of M its square."""
     power, product = alone.power, alone.product
@@ -249,7 +242,7 @@ def _square(alone):
         copy(product[i], power[i])
 
 
-@inner
+@rare
 def _decay(alone):
     """Return ln of the spectral radius of M, the limit of ln |M^(2^i)| / 2^i; powers are brought to size 1."""
     power, total, share = alone.power, 0.0, 1.0
@@ -267,13 +260,13 @@ def _decay(alone):
     return total
 
 
-@inner(inline="always")
-def _certain(rows, k, room, note, alone, impacts):
+@rare
+def _certain(rows, k, room, note, window, alone, impacts):
     """Return the periods after which so many impacts repeat for ever, or 0 where that is not certain."""
     copy(rows, alone.start)
     least, spread, lost = math.inf, 1.0, False
     for first in range(0, 2 * k.modes, LANES):
-        whole, weakest, largest, lost = _walk(room, alone, impacts, first)
+        whole, weakest, largest, lost = _walk(room, alone, window, impacts, first)
         note[BESIDE] += alone.end[k.made] - rows[k.made]
         if not whole:
             return 0.0
@@ -289,7 +282,7 @@ def _certain(rows, k, room, note, alone, impacts):
     return periods if way < SURE * rows[k.speed] and way < NOT_SMALL * least else 0.0
 
 
-@inner(inline="always")
+@rare
 def _skip(rows, k, note, alone, times, periods):
     """Add what the last cycle added so many times more; `alone.note` is that of its beginning."""
     for at in range(SUMS, len(note)):
@@ -303,7 +296,7 @@ def _skip(rows, k, note, alone, times, periods):
     rows[k.turn + 2] += times * periods
 
 
-@inner
+@rare
 def stays_pressed(rows, k, room, note, window, alone):
     """Return whether a pressed cell comes back to a state without an impact; see `pressed`."""
     lanes, work, begun = alone.lanes, alone.end, alone.start
@@ -315,7 +308,7 @@ def stays_pressed(rows, k, room, note, window, alone):
             return False
         for lane in range(LANES):
             lower(lanes, lane, work, k.constants)
-        _proceed(lanes, k)
+        advance(lanes, alone.notes, k, window, int(0.0))
         lift(lanes, 0, work)
         if lanes[k.hit * LANES] == NOTHING:
             continue
@@ -328,7 +321,7 @@ def stays_pressed(rows, k, room, note, window, alone):
     return False
 
 
-@inner
+@rare
 def _ready(note, impacts, place, unnamed, first):
     """Return up to which impact a cell goes on: to the Jacobian's place in the cycle, in its window, and named."""
     to = max(note[HITS], first)
@@ -337,7 +330,7 @@ def _ready(note, impacts, place, unnamed, first):
     return place + math.ceil((to - place) / impacts) * impacts
 
 
-@inner
+@rare
 def close(rows, k, room, note, window, alone):
     """Leave out the impacts of a cell that are known, if its motion has settled on a cycle.
 
@@ -349,7 +342,7 @@ def close(rows, k, room, note, window, alone):
         return  # too little would be gained
     if not _make(rows, k, room, note, window, alone, 1.0):
         return
-    periods, place = _certain(rows, k, room, note, alone, impacts), note[HITS]
+    periods, place = _certain(rows, k, room, note, window, alone, impacts), note[HITS]
     if periods > 0.0 and k.thorough:
         note[DECAY], note[RATE] = _decay(alone) / periods, impacts / periods
     for bound in (transient, total):

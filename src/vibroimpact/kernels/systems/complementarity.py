@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.machine import rare
 
 ROUNDING = 1e-13  # relative: a smaller rate, force or acceleration may be zero
 
@@ -35,7 +35,7 @@ class Room(NamedTuple):
     form: Any
 
 
-@inner
+@rare
 def solve(room, members, size):
     """Solve gram x = -free over a set of stops, x = 0 elsewhere; return whether it is regular."""
     a, order = room.equations, 0
@@ -61,7 +61,7 @@ def solve(room, members, size):
     return True
 
 
-@inner
+@rare
 def complementary(room, members, size):
     """Find x >= 0 with free + gram x >= 0 and no stop with both above zero; return the set of those with x.
 

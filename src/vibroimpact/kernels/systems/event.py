@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.machine import inner, once
 from vibroimpact.kernels.systems.law import bounce, closed
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, NOTHING
 from vibroimpact.kernels.systems.leap import LEAPS, leap, leap_far, leap_within, look, may_leap
@@ -126,6 +126,14 @@ def usual(rows, notes, k, wide, window):
     if anywhere(begins):
         _add(notes, rows, k, wide, begins, v, 0.0 * v, 0.0 * v, window)
     put(rows, k.hit, wide, select(begins | ends, NOTHING, hit))
+
+
+@once
+def advance(lanes, notes, k, window, sums):
+    """Make leaps and a step of all lanes and, if `sums`, no literal, the usual impacts that end it."""
+    proceed(lanes, k, 0)
+    if sums:
+        usual(lanes, notes, k, 0, window)
 
 
 @inner(forceinline=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.machine import rare
 from vibroimpact.kernels.systems.layout import CLOSED
 
 GONE, DRIFTS, SLIDES, SWINGS = 0.0, 1.0, 2.0, 3.0  # axes: into a closed stop; mu = 0 without and with damping; mu > 0
@@ -41,7 +41,7 @@ class Form(NamedTuple):
     equations: Any
 
 
-@inner
+@rare
 def find_form(rows, k, f):
     """Leave the form of the present phase, and the deviation from its steady motion; return whether there is one."""
     _matrices(rows, k, f)
@@ -54,24 +54,24 @@ def find_form(rows, k, f):
     return True
 
 
-@inner(forceinline=True)
+@rare
 def pushes(rows, z, k):
     """Return whether a compliant stop pushes."""
     return rows[k.spring + z] > 0.0 and rows[k.kind + z] >= CLOSED
 
 
-@inner(forceinline=True)
+@rare
 def holds(rows, z, k):
     """Return whether a rigid stop is held closed by a force."""
     return rows[k.closed] > 0.0 and rows[k.held + z * (k.stops + 1)] > 0.0
 
 
-@inner(forceinline=True)
+@rare
 def _alpha(rows, z, j, k):
     return rows[k.alpha + z * k.modes + j] / math.sqrt(rows[k.weight + j])
 
 
-@inner
+@rare
 def _matrices(rows, k, f):
     """Leave stiffness and damping of x."""
     for i in range(k.modes):
@@ -85,13 +85,13 @@ def _matrices(rows, k, f):
                     f.drag[i, j] += rows[k.dashpot + z] * own
 
 
-@inner(forceinline=True)
+@rare
 def _moves(rows, z, h, k):
     """Return a number of a stop's own place: its gap, then two of each harmonic."""
     return rows[k.gap + z] if h == 0 else rows[k.motion + 2 * k.harmonics * z + h - 1]
 
 
-@inner(forceinline=True)
+@rare
 def _sprung(rows, z, h, k):
     """Return the same number of k times that place and c times its rate."""
     value = rows[k.spring + z] * _moves(rows, z, h, k)
@@ -101,7 +101,7 @@ def _sprung(rows, z, h, k):
     return value - rate * _moves(rows, z, h + 1, k) if h % 2 else value + rate * _moves(rows, z, h - 1, k)
 
 
-@inner
+@rare
 def _loads(rows, k, f):
     """Leave the forces on x, and where the closed stops put it, along M^-1 a."""
     for h in range(1 + 2 * k.harmonics):
@@ -116,7 +116,7 @@ def _loads(rows, k, f):
                     f.places[h, j] += _alpha(rows, z, j, k) * held * _moves(rows, y, h, k)
 
 
-@inner
+@rare
 def _watch(rows, k, f):
     """Leave what ends the phase: of every stop a, b, and the constant and harmonics."""
     n, s = k.modes, k.stops
@@ -140,7 +140,7 @@ def _watch(rows, k, f):
                     f.on_rate[z, j] -= held * _alpha(rows, y, i, k) * f.drag[i, j]
 
 
-@inner
+@rare
 def _find_axes(rows, k, f):
     """Leave axes along which the stiffness is diagonal, what each of them is, and the damping along them."""
     n, trace, drags, turned = k.modes, 0.0, 0.0, rows[k.closed] > 0.0 or rows[k.engaged] > 0.0
@@ -166,7 +166,7 @@ def _find_axes(rows, k, f):
             f.sort[i] = DRIFTS
 
 
-@inner
+@rare
 def _project(rows, k, f, apart):
     """Leave the stiffness within what closed stops leave free, that of the rest of space `apart`; no axis is turned."""
     n, s = k.modes, k.stops
@@ -187,7 +187,7 @@ def _project(rows, k, f, apart):
             f.axes[i, j] = 1.0 if i == j else 0.0
 
 
-@inner
+@rare
 def _turn(matrix, axes, sort, which):
     """Turn the axes of one sort until a symmetric matrix is diagonal among them, by C. G. J. Jacobi's rotations."""
     n = len(sort)
@@ -214,7 +214,7 @@ def _turn(matrix, axes, sort, which):
             return
 
 
-@inner
+@rare
 def _dampen(k, f):
     """Leave the damping along the axes, zero where it is rounding or along none."""
     n = k.modes
@@ -229,7 +229,7 @@ def _dampen(k, f):
             f.damping[i, j] = 0.0 if gone or abs(value) <= n * SMALL * size else value
 
 
-@inner
+@rare
 def coupled(f, i):
     """Return whether damping couples an axis to another."""
     found = False
@@ -238,7 +238,7 @@ def coupled(f, i):
     return found
 
 
-@inner
+@rare
 def solve(a, size):
     """Solve size equations in place, right sides in the column after; return whether they are regular."""
     for i in range(size):
@@ -267,7 +267,7 @@ def solve(a, size):
     return True
 
 
-@inner
+@rare
 def along(f, h, i):
     """Return a number of the force along an axis."""
     total = 0.0
@@ -276,7 +276,7 @@ def along(f, h, i):
     return total
 
 
-@inner
+@rare
 def _slide(k, f):
     """Leave how fast the axes slide in the end, and the constant place of the others; return whether that is known."""
     n = k.modes
@@ -302,7 +302,7 @@ def _slide(k, f):
     return True
 
 
-@inner
+@rare
 def _swing(rows, k, f):
     """Leave the harmonics of the steady motion; return whether there is one."""
     n = k.modes
@@ -328,7 +328,7 @@ def _swing(rows, k, f):
     return True
 
 
-@inner
+@rare
 def _deviate(rows, k, f):
     """Leave the deviation from the steady motion along the axes, and where x stands in that."""
     n = k.modes

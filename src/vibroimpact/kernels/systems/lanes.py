@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 
 from vibroimpact.kernels.cell import PINNED, QUIET_FOR, RUNNING
+from vibroimpact.kernels.held import held
 from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket
 from vibroimpact.kernels.systems.closing import close, stays_pressed
-from vibroimpact.kernels.systems.event import FIRST_LOOK, lift, lower, occur, proceed, usual
+from vibroimpact.kernels.systems.event import FIRST_LOOK, advance, lift, lower, occur
 from vibroimpact.kernels.systems.law import begin
 from vibroimpact.kernels.systems.layout import NOTHING
 from vibroimpact.kernels.systems.march import (
@@ -104,14 +105,14 @@ def run_lanes(
     table, budgets, results, ends, tickets, lanes, owner, notes, ended, rows, note, k, room, window, alone, looks
 ):  # fmt: skip
     """Step lanes until so many looks are made or cells ended; return how many ended, and how many lanes are busy."""
+    k, room, alone = held(k), held(room), held(alone)
     number, busy = 0, 0
     for lane in range(LANES):
         if owner[lane] == -1:
             owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room, window)
     for _ in range(looks):
         for _ in range(LOOK):
-            proceed(lanes, k, 0)
-            usual(lanes, notes, k, 0, window)
+            advance(lanes, notes, k, window, int(1.0))
             if anywhere(get(lanes, k.hit, 0) > NOTHING):
                 for lane in range(LANES):
                     if lanes[k.hit * LANES + lane] != NOTHING and owner[lane] >= 0:

@@ -26,7 +26,7 @@ from __future__ import annotations
 import math
 
 from vibroimpact.kernels.cell import PINNED, QUIET, RUNNING
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.machine import rare
 from vibroimpact.kernels.systems.form import (
     DRIFTS,
     GONE,
@@ -47,7 +47,7 @@ from vibroimpact.kernels.systems.series import DEGREE
 POINTS = 32  # per period of the highest harmonic, at which several are summed up
 
 
-@inner
+@rare
 def lasting(rows, k, room):
     """Return PINNED or QUIET where the present phase never ends, in contact or clear of all stops; else RUNNING."""
     f, touches = room.form, rows[k.closed] > 0.0 or rows[k.engaged] > 0.0
@@ -63,7 +63,7 @@ def lasting(rows, k, room):
     return PINNED if touches or idle > 0 else QUIET
 
 
-@inner
+@rare
 def _idle(rows, k):
     """Return the stops that are touched for ever without any force."""
     found, pace = int(0.0), rows[k.pace]
@@ -78,7 +78,7 @@ def _idle(rows, k):
     return found
 
 
-@inner
+@rare
 def _least(rows, k, f, z):
     """Return a lower bound of what is watched of a stop, at all later times."""
     n, lengths, rates = k.modes, 0.0, 0.0
@@ -103,7 +103,7 @@ def _least(rows, k, f, z):
     return _constant(k, f, z) + _trough(k, f, z, rows[k.theta]) + _drift(k, f) - _transient(k, f)
 
 
-@inner
+@rare
 def _constant(k, f, z):
     """Return the constant part of what is watched of a stop, less what rounding may have made of it."""
     total, size = f.own[z, 0], abs(f.own[z, 0])
@@ -121,7 +121,7 @@ def _constant(k, f, z):
     return total - k.modes * SMALL * size
 
 
-@inner
+@rare
 def _trough(k, f, z, theta):
     """Return the least value of the harmonics of what is watched of a stop, or a bound below it."""
     swings, bends, number = 0.0, 0.0, 0
@@ -146,7 +146,7 @@ def _trough(k, f, z, theta):
     return max(-swings, least - 0.125 * (2.0 * math.pi / points) ** 2 * bends)
 
 
-@inner
+@rare
 def _drift(k, f):
     """Return the least value of the parabola that drifting axes make, at any later time; -inf if there is none."""
     start = slope = bend = slopes = bends = 0.0
@@ -168,7 +168,7 @@ def _drift(k, f):
     return start - (0.25 * slope * slope / bend if slope < 0.0 else 0.0)
 
 
-@inner
+@rare
 def _transient(k, f):
     """Return the most that the deviation of the axes that damping and springs hold can take."""
     single = give = energy = 0.0

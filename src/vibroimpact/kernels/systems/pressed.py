@@ -8,7 +8,7 @@ twice as many have passed.
 
 from __future__ import annotations
 
-from vibroimpact.kernels.machine import copy, inner
+from vibroimpact.kernels.machine import copy, rare
 from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.systems.march import AGAIN, HITS, STILL, TURN, WAITS
 
@@ -18,7 +18,7 @@ LONGEST = 8.0  # periods in which it must come back
 WALK = 1 << 16  # steps after which a walk is given up
 
 
-@inner
+@rare
 def asks_again(notes, stride, lane, periods):
     """Return whether to ask in this period, in a lane or (stride 1) a cell alone."""
     hits, still, again, waits = (
@@ -35,7 +35,7 @@ def asks_again(notes, stride, lane, periods):
     return True
 
 
-@inner
+@rare
 def is_pressed(rows, k):
     """Return whether a stop that gives pushes, or may push again before it is free, and one let go or pushed lately."""
     found = False
@@ -46,7 +46,7 @@ def is_pressed(rows, k):
     return found
 
 
-@inner
+@rare
 def comes_back(rows, k, pushed, begun):
     """Return whether a stop that `pushed` lets go as it did when that was noted; `begun[k.which]` is -1 before."""
     z = int(rows[k.which])

@@ -6,6 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, RUNNING, SPENT
+from vibroimpact.kernels.held import held
 from vibroimpact.kernels.machine import compiled, copy, inner
 from vibroimpact.kernels.systems.flow import move, turns
 from vibroimpact.kernels.systems.lasting import lasting
@@ -213,6 +214,7 @@ def _stays_pressed(rows, work, begun, k, room):
 @compiled
 def seat(rows, k, row, room, seen):
     """Put a cell, a row of its constants, where one is followed alone."""
+    k, room, seen = held(k), held(room), held(seen)
     rows[:] = 0.0
     copy(row, rows)
     rows[k.pace] = 1.0
@@ -223,6 +225,7 @@ def seat(rows, k, row, room, seen):
 @compiled
 def follow(rows, spare, begun, k, room, note, seen, window, schedule, most):
     """Follow a cell until its window is full, a buffer is, it ends, or so many steps are made; return why."""
+    k, room, seen = held(k), held(room), held(seen)
     for number in range(most):
         look(rows, k, None)
         on = leapt = _leap(rows, spare, k, seen, schedule, HALF, may_leap(rows, k, None))
@@ -264,6 +267,7 @@ def follow(rows, spare, begun, k, room, note, seen, window, schedule, most):
 @compiled
 def carry_over(rows, spare, k, room, periods, most):
     """Carry a cell and its deviation over driving periods; return whether it came so far in that many steps."""
+    k, room = held(k), held(room)
     if rows[k.closed] > 0.0:
         confine(rows, k)
     began, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
