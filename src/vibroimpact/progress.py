@@ -14,6 +14,7 @@ from time import perf_counter
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from vibroimpact import compiling
 from vibroimpact.parameters import truth
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ class Meter:
         opening: Callable[[], None] | None = None,
     ) -> None:
         self.label, self.keeps, self.patience, self.settle = label, keeps, patience, settle
-        self._opening = opening
+        self._told = compiling.told_first(opening or (lambda: None))
         self.stopped = False  # a sweep reads it between two reports, too
         self._bar: Progress | None = None
         self._shown = 0.0
@@ -99,7 +100,8 @@ class Meter:
         self._end: SimpleQueue[bool] = SimpleQueue()  # a signal may break into anything but its `put`
 
     def __enter__(self) -> Self:
-        self._began = perf_counter()
+        self._began, self._compiled = perf_counter(), compiling.spent()
+        self._open = self._told.__enter__()
         if threading.current_thread() is threading.main_thread():
             threading.Thread(target=self._end_at_once, daemon=True).start()
             self._before = signal.signal(signal.SIGINT, self._stop)
@@ -115,14 +117,13 @@ class Meter:
         if self._before is not None:
             signal.signal(signal.SIGINT, self._before)
             self._end.put(False)
-        if error is None:  # nothing was left to report
-            self._open()
+        self._told.__exit__(kind, error, at)  # if nothing was left to report
         self.seconds = perf_counter() - self._began
 
     def __call__(self, done: int, total: int | None, partial: Any) -> bool:
         """Show how far the computation is; return whether to continue."""
         self._open()
-        seconds = perf_counter() - self._began
+        seconds = perf_counter() - self._began - (compiling.spent() - self._compiled)
         impacts = getattr(partial, "attrs", {}).get("impacts_computed", 0)
         detail = partial if isinstance(partial, str) else speed(impacts, seconds)
         if self._bar is not None:
@@ -137,11 +138,6 @@ class Meter:
             parts = [f"{self.label}: {100 * done / total:.0f} % of {total}", detail, left]
             print(", ".join(part for part in parts if part), file=sys.stderr, flush=True)
         return not self.stopped
-
-    def _open(self) -> None:
-        if self._opening is not None:
-            opening, self._opening = self._opening, None
-            opening()
 
     def _stop(self, signal_number: int, frame: FrameType | None) -> None:
         # os.write: a print here could meet one that the signal broke into
@@ -164,6 +160,28 @@ class Meter:
             kept = "finished tiles are kept" if self.settle else "nothing was kept"
             os.write(2, f"\nvibroimpact: stopped at once, {kept}\n".encode())
             os._exit(130)
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let Ctrl-C end the process at once while it compiles: Python would wait for the compiler, for seconds."""
+    reads, writes = os.pipe()
+    os.set_blocking(writes, False)
+
+    def watch() -> None:
+        while byte := os.read(reads, 1):
+            if byte[0] == signal.SIGINT and (what := compiling.under_way()):
+                os.write(2, f"\nvibroimpact: interrupted while compiling {what}\n".encode())
+                os._exit(130)
+        os.close(reads)
+
+    threading.Thread(target=watch, daemon=True).start()
+    before = signal.set_wakeup_fd(writes, warn_on_full_buffer=False)
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(writes)
 
 
 def speed(impacts: int, seconds: float) -> str:

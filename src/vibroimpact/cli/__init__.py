@@ -6,10 +6,11 @@ import os
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Annotated, Any
 
 from vibroimpact.parameters import printable
+from vibroimpact.progress import interruptible
 
 __all__ = ["main"]
 
@@ -59,7 +60,9 @@ def refusing(*errors: type[OSError]) -> Iterator[None]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code: 0, 1 (failed), 2 (wrong request) or 130 (interrupted)."""
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # a refused chunk leaves tasks of Zarr's loop behind
-    code = _run(arguments)
+    main_thread = threading.current_thread() is threading.main_thread()
+    with interruptible() if main_thread else nullcontext():
+        code = _run(arguments)
     if code == INTERRUPTED and arguments is None:
         _exit_without_threads(code)
     return code
@@ -121,7 +124,7 @@ def commands() -> Any:
     from typer.main import get_command
 
     from vibroimpact.cli.compute import basins, compare, describe, diagram, parameter_map, section, simulate
-    from vibroimpact.cli.files import explore, info, plot, reproduce
+    from vibroimpact.cli.files import explore, info, plot, reproduce, warm_up
     from vibroimpact.cli.orbits import boundary, follow, orbit
 
     app = typer.Typer(
@@ -168,7 +171,7 @@ def commands() -> Any:
         "Orbits and boundaries": {"orbit": orbit, "continue": follow, "boundary": boundary, "basins": basins},
         "Verdicts": {"describe": describe, "compare": compare},
         "Explorer": {"explore": explore},
-        "Files": {"plot": plot, "info": info, "reproduce": reproduce},
+        "Files": {"plot": plot, "info": info, "reproduce": reproduce, "warm-up": warm_up},
     }
     for panel, entries in panels.items():
         for name, command in entries.items():

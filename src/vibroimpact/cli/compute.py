@@ -12,6 +12,7 @@ import typer
 from vibroimpact.cli import Interrupted, WrongRequest, files, output, refusing
 from vibroimpact.cli import options as o
 from vibroimpact.cli.options import parse_axis
+from vibroimpact.compiling import told_first
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
@@ -61,9 +62,8 @@ def _motion(function: str, study: Study, options: Options) -> None:
         if options[shown] is not None and not output.is_figure(options):
             raise WrongRequest(f"`--{shown}` needs a figure; add for example --out figure.png")
     began = perf_counter()
-    with refusing():
+    with refusing(), told_first(study.tell):
         dataset = _call(function, study)
-    study.tell()
     output.hand_on(dataset, options, perf_counter() - began)
 
 

@@ -144,6 +144,26 @@ def explore(options: Options) -> None:
         )
 
 
+@o.with_options(replace(o.CLUSTER, help="Compile on each machine of a Dask cluster: tcp://HOST:PORT of its scheduler."))
+def warm_up(options: Options) -> None:
+    """Compile all that is compiled at its first use, for an image, a cluster, or a first command that does not wait.
+
+    That takes one to three minutes, once on a machine, and again after an update.
+
+    For example:
+
+      vibroimpact warm-up
+    """
+    from vibroimpact import warming
+
+    with refusing(), Meter("kernels", keeps=False) as meter:
+        if options["cluster"] is None:
+            warming.warm_up(meter)
+        else:
+            warming.warm_up_cluster(options["cluster"], meter)
+    typer.echo(f"all kernels are compiled ({meter.seconds:.3g} s)")
+
+
 # Maps that are written tile by tile
 
 

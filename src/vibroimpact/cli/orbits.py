@@ -14,6 +14,7 @@ import typer
 from vibroimpact.cli import Ended, WrongRequest, output, refusing
 from vibroimpact.cli import options as o
 from vibroimpact.cli.options import numbers
+from vibroimpact.compiling import told_first
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.progress import Meter
 
@@ -51,8 +52,8 @@ def orbit(options: Options) -> None:
     study = options.study()
     output.check_looks(options, (".json",))
     began = perf_counter()
-    found = _find(study, options)
-    study.tell()
+    with told_first(study.tell):
+        found = _find(study, options)
     out = options["out"]
     if out is not None and out.suffix.lower() == ".json":
         output.write_json(orbits_json(found, study.model), options, out)

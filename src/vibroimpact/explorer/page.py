@@ -6,6 +6,7 @@ import threading
 from collections.abc import Awaitable, Callable
 from typing import Any
 
+from vibroimpact import compiling
 from vibroimpact.explorer.address import to_query
 from vibroimpact.explorer.controls import TICKS, Commands, Controls
 from vibroimpact.explorer.files import KINDS, File, export
@@ -60,10 +61,19 @@ class Page:
             "curves": self.plane.show_curves,
             "others": lambda others: {**self.point.show_others(others), **self._show_controls()},
             "pins": self.point.show_pins,
-            "rest": lambda _: {"busy": {"busy": self.explorer.busy}},
+            "rest": lambda _: self._show_work(),
             "message": lambda text: {"message": {"text": text}},
             "file": _show_file,
         }
+        compiling.watching.append(self._work_changed)
+
+    def close(self) -> None:
+        """Stop all work for this page."""
+        compiling.watching.remove(self._work_changed)
+        self.explorer.close()
+
+    def _work_changed(self) -> None:
+        self.receive([("rest", None)])
 
     def export(self, kind: str) -> None:
         """Make a file of the view and let the browser keep it."""
@@ -113,7 +123,13 @@ class Page:
             **self._show_controls(),
             "ticks": {name: getattr(view, name) for name in TICKS},
             "#about": {"html": self.controls.about()},
-            "busy": {"busy": self.explorer.busy},
+            **self._show_work(),
+        }
+
+    def _show_work(self) -> Parts:
+        what = compiling.under_way()
+        return {
+            "busy": {"busy": self.explorer.busy, "compiling": f"compiling {what}, once on this machine" if what else ""}
         }
 
     def _show_controls(self) -> Parts:

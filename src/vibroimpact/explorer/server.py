@@ -7,6 +7,7 @@ import ctypes
 import functools
 import gc
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -59,7 +60,12 @@ class Tabs:
         self._view, self._stored, self._find = view, stored, find
         self._pool = Pool()
         self.open: set[Socket] = set()
-        compute_point(view)  # compiles or loads what the first click needs
+        threading.Thread(target=self._get_ready, daemon=True).start()
+
+    def _get_ready(self) -> None:
+        """Compile or load what the first click needs, while the address is printed and the page opens."""
+        with contextlib.suppress(ValueError):  # what cannot be shown the page says
+            compute_point(self._view)
 
     def enter(self, tab: Socket) -> Page | None:
         """Return the page of a tab, with the view that its address names; None if too many are open."""
@@ -129,7 +135,7 @@ class Socket(WebSocketHandler):
         """End the work for a tab that was closed."""
         self._tabs.leave(self)
         if self._page is not None:
-            self._page.explorer.close()
+            self._page.close()
 
 
 class PageFile(RequestHandler):

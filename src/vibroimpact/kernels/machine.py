@@ -10,6 +10,7 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
@@ -20,8 +21,11 @@ from numba import njit, types
 from numba.core import config as _config
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.event import Event, Listener, register
 from numba.extending import intrinsic
 from platformdirs import user_cache_dir
+
+from vibroimpact import compiling
 
 
 def _import_without_scipy(name: str) -> None:
@@ -155,13 +159,63 @@ def whole(x):
     return (x + WHOLE) - WHOLE
 
 
-def compiled(function: Callable[..., Any]) -> Any:
-    """Compile a driver of kernels without the interpreter lock, cached on disk where that can be written."""
-    kept, how = config.CACHE_DIR, BARE | {"nogil": True}
-    config.CACHE_DIR = cache_folder()
-    try:
-        return njit(**how, cache=True)(function)
-    except RuntimeError:  # no folder to write to: compile anew in each process
-        return njit(**how)(function)
-    finally:
-        config.CACHE_DIR = kept
+_told: dict[Any, tuple[str, float, str]] = {}  # drivers: what they compute, in about how many seconds, where it is kept
+ONCE, ANEW = "once on this machine", "in each process, as {} cannot be written: NUMBA_CACHE_DIR names another folder"
+
+
+class _Teller(Listener):
+    """Tells what is compiled: what is found in the cache is not."""
+
+    def on_start(self, event: Event) -> None:
+        if told := _told.get(event.data["dispatcher"]):
+            compiling.begin(*told)
+
+    def on_end(self, event: Event) -> None:
+        if event.data["dispatcher"] in _told:
+            compiling.end()
+
+
+register("numba:compile", _Teller())
+
+
+def compiled(what: str, seconds: float) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a driver of kernels without the interpreter lock, cached on disk where that can be written.
+
+    `what` it computes and in about how many seconds it is compiled is told when that begins.
+    """
+
+    def driver(function: Callable[..., Any]) -> Any:
+        kept, how = config.CACHE_DIR, BARE | {"nogil": True}
+        config.CACHE_DIR = cache_folder()
+        try:
+            os.makedirs(cache_folder(), exist_ok=True)  # else Numba takes one where versions mix
+            made = njit(**how, cache=True)(function)
+            _told[made] = what, seconds, ONCE
+            _mend(made._cache)
+        except (OSError, RuntimeError):  # no folder to write to
+            made = njit(**how)(function)
+            _told[made] = what, seconds, ANEW.format(cache_folder())
+        finally:
+            config.CACHE_DIR = kept
+        return made
+
+    return driver
+
+
+def _mend(cache: Any) -> None:
+    """Let a cache that cannot be read, or no longer be written, be none."""
+    load, save = cache.load_overload, cache.save_overload
+
+    def loaded(*what: Any) -> Any:
+        try:
+            return load(*what)
+        except Exception:  # a file cut off or overwritten: whatever unpickling it raises
+            with suppress(OSError):
+                cache.flush()
+            return None
+
+    def saved(*what: Any) -> None:
+        with suppress(OSError):
+            save(*what)
+
+    cache.load_overload, cache.save_overload = loaded, saved

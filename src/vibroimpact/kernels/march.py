@@ -7,7 +7,7 @@ import math
 from vibroimpact.kernels.machine import compiled
 
 
-@compiled
+@compiled("a march", 1)
 def march(law, y, v, step, last, impact_step, impact_velocity):
     """March from `step` to `last`, or until the arrays are full; return y, y', the step and the impacts found.
 

@@ -76,7 +76,7 @@ class Recorder(NamedTuple):
 END = MEMORY - 1  # the place of the ending
 
 
-@compiled
+@compiled("motions", 0.2)
 def begin(row, memory, window, first, limits):
     """Put the cell in a row of a table at its start; `window` and its `first` look are those of a plan."""
     cell = cell_of(row)
@@ -94,7 +94,7 @@ def begin(row, memory, window, first, limits):
     store_progress(memory, 0, Progress(cell.periods, cell.phase, 0.0, 0.0, 0.0, 0.0, LOOK, RUNNING))
 
 
-@compiled
+@compiled("motions", 0.1)
 def state_of(memory):
     """Return clearance in m, velocity in m/s, whole periods and phase of a cell, and its progress."""
     motion = load_motion(memory, 0)
@@ -219,7 +219,7 @@ def overhear(recorder, start, trace, rows):
         read(recorder, trace, rows, 1, 0)
 
 
-@compiled
+@compiled("motions", 1)
 def record(recorder, trace, walks):
     """Step on until the window is filled, the motion ends, or a buffer is full, for so many walks; `trace` is room for
     one.
@@ -232,7 +232,7 @@ def record(recorder, trace, walks):
         read(recorder, trace, rows, 1, 0)
 
 
-@compiled
+@compiled("motions of many", 1)
 def record_lanes(lanes, trace, recorders, walks):
     """Step the lanes until a cell ends, or a buffer of one is full, for so many walks; those that have ended are left
     alone.

@@ -108,7 +108,7 @@ def may_close(lanes, i, note, total, facts):
     return (releases > note[RELEASES]) | (recurs & ((count < total) | (facts is not None)))
 
 
-@compiled
+@compiled("maps", 7)
 def run_cells(
     cells, results, ends, tickets, seat, finished, transient, total, chatter, flight_periods, steps_per_impact,
     early_closing, looks, facts,
@@ -151,7 +151,7 @@ def run_cells(
     return number, busy
 
 
-@compiled
+@compiled("motions with their indices", 7)
 def follow_cell(
     cells, results, ends, seat, transient, total, chatter, flight_periods, steps_per_impact, early_closing, looks,
     facts, recorder,

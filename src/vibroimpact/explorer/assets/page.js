@@ -145,7 +145,12 @@
     }
     if (came.has("address")) query = `?${came.get("address").query}`;
     if (came.has("ticks")) for (const box of ticks) box.checked = came.get("ticks")[box.value];
-    if (came.has("busy")) came.get("busy").busy ? be("computing") : be("ready", "ready");
+    if (came.has("busy")) {
+      const { busy, compiling } = came.get("busy");
+      if (!busy) be("ready", "ready");
+      else if (compiling) be("compiling", `${compiling} …`);
+      else be("computing");
+    }
     if (came.has("home") && unread) follow_fragment();
     if (came.has("address") || came.has("home")) write_soon();
     if (came.has("motion_0")) requestAnimationFrame(() => { counts.drawn += 1; counts.drawn_at = performance.now(); });

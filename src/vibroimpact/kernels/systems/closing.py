@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from vibroimpact.kernels.cycle import UNRESOLVED
 from vibroimpact.kernels.machine import copy, rare
-from vibroimpact.kernels.systems.event import advance, lift, lower, occur
+from vibroimpact.kernels.systems.event import go_on, lift, lower, occur
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.march import (
     BEFORE,
@@ -80,7 +80,7 @@ def _make(rows, k, room, note, window, alone, impacts):
         lower(lanes, lane, rows, k.constants)
         lower(notes, lane, note, len(note))
     for _ in range(WALK):
-        advance(lanes, notes, k, window, int(1.0))
+        go_on(lanes, notes, k, window, int(1.0))
         if lanes[k.hit * LANES] != NOTHING:
             lift(lanes, 0, rows)
             lift(notes, 0, note)
@@ -128,7 +128,7 @@ def _walk(room, alone, window, impacts, first):
             confine(rows, k)
         lower(lanes, lane, rows, k.constants)
     for _ in range(WALK):
-        advance(lanes, alone.notes, k, window, int(0.0))
+        go_on(lanes, alone.notes, k, window, int(0.0))
         more = 0
         for lane in range(min(LANES, 2 * k.modes - first) if lanes[k.hit * LANES] != NOTHING else 0):
             lift(lanes, lane, rows)
@@ -308,7 +308,7 @@ def stays_pressed(rows, k, room, note, window, alone):
             return False
         for lane in range(LANES):
             lower(lanes, lane, work, k.constants)
-        advance(lanes, alone.notes, k, window, int(0.0))
+        go_on(lanes, alone.notes, k, window, int(0.0))
         lift(lanes, 0, work)
         if lanes[k.hit * LANES] == NOTHING:
             continue

@@ -129,7 +129,7 @@ def usual(rows, notes, k, wide, window):
 
 
 @once
-def advance(lanes, notes, k, window, sums):
+def go_on(lanes, notes, k, window, sums):
     """Make leaps and a step of all lanes and, if `sums`, no literal, the usual impacts that end it."""
     proceed(lanes, k, 0)
     if sums:

@@ -12,7 +12,7 @@ from vibroimpact.kernels.cell import PINNED, QUIET_FOR, RUNNING
 from vibroimpact.kernels.held import held
 from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket
 from vibroimpact.kernels.systems.closing import close, stays_pressed
-from vibroimpact.kernels.systems.event import FIRST_LOOK, advance, lift, lower, occur
+from vibroimpact.kernels.systems.event import FIRST_LOOK, go_on, lift, lower, occur
 from vibroimpact.kernels.systems.law import begin
 from vibroimpact.kernels.systems.layout import NOTHING
 from vibroimpact.kernels.systems.march import (
@@ -100,7 +100,7 @@ def _ended(lanes, lane, notes, rows, note, k, room, window, alone):
     return end
 
 
-@compiled
+@compiled("maps of systems", 30)
 def run_lanes(
     table, budgets, results, ends, tickets, lanes, owner, notes, ended, rows, note, k, room, window, alone, looks
 ):  # fmt: skip
@@ -112,7 +112,7 @@ def run_lanes(
             owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room, window)
     for _ in range(looks):
         for _ in range(LOOK):
-            advance(lanes, notes, k, window, int(1.0))
+            go_on(lanes, notes, k, window, int(1.0))
             if anywhere(get(lanes, k.hit, 0) > NOTHING):
                 for lane in range(LANES):
                     if lanes[k.hit * LANES + lane] != NOTHING and owner[lane] >= 0:

@@ -211,7 +211,7 @@ def _stays_pressed(rows, work, begun, k, room):
     return False
 
 
-@compiled
+@compiled("motions of systems, its start", 8)
 def seat(rows, k, row, room, seen):
     """Put a cell, a row of its constants, where one is followed alone."""
     k, room, seen = held(k), held(room), held(seen)
@@ -222,7 +222,7 @@ def seat(rows, k, row, room, seen):
     _note_rests(rows, k, seen, room, begin(rows, k, room))
 
 
-@compiled
+@compiled("motions of systems", 25)
 def follow(rows, spare, begun, k, room, note, seen, window, schedule, most):
     """Follow a cell until its window is full, a buffer is, it ends, or so many steps are made; return why."""
     k, room, seen = held(k), held(room), held(seen)
@@ -264,7 +264,7 @@ def follow(rows, spare, begun, k, room, note, seen, window, schedule, most):
     return RUNNING
 
 
-@compiled
+@compiled("multipliers of systems", 15)
 def carry_over(rows, spare, k, room, periods, most):
     """Carry a cell and its deviation over driving periods; return whether it came so far in that many steps."""
     k, room = held(k), held(room)

@@ -1,0 +1,69 @@
+"""What is being compiled: told on the error stream as soon as it begins, since it may take most of a minute.
+
+What is compiled is kept for later processes, so that this happens once on a machine.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import perf_counter
+
+TOLD = 1.0  # s: what takes less is not told
+
+watching: list[Callable[[], None]] = []  # called when something begins to be compiled, and when it is
+
+_first: list[Callable[[], None]] = []
+_begun: list[tuple[str, float]] = []
+_spent = 0.0
+
+
+@contextmanager
+def told_first(tell: Callable[[], None]) -> Iterator[Callable[[], None]]:
+    """Yield what calls `tell` if it was not called before: here once something is compiled, or at the end."""
+    left = [tell]
+
+    def once() -> None:
+        while left:
+            left.pop()()
+
+    _first.append(once)
+    try:
+        yield once
+    finally:
+        _first.remove(once)
+    once()
+
+
+def begin(what: str, seconds: float, kept: str) -> None:
+    """Say what is compiled from now on, about how long that takes, and whether it is kept."""
+    _begun.append((what, perf_counter()))
+    if seconds < TOLD or len(_begun) > 1:
+        return
+    for tell in list(_first):
+        tell()
+    # By way of `sys.stderr` as it is now, so that it does not run into a bar.
+    print(f"compiling {what}: about {seconds:.0f} s, {kept}", file=sys.stderr, flush=True)
+    for tell in list(watching):
+        tell()
+
+
+def end() -> None:
+    """Note that what was begun last is compiled."""
+    global _spent
+    _, began = _begun.pop()
+    if not _begun:
+        _spent += perf_counter() - began
+        for tell in list(watching):
+            tell()
+
+
+def spent() -> float:
+    """Return for how many seconds this process has compiled up to now."""
+    return _spent + (perf_counter() - _begun[0][1] if _begun else 0.0)
+
+
+def under_way() -> str:
+    """Return what is being compiled; nothing if nothing is."""
+    return _begun[0][0] if _begun else ""

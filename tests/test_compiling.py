@@ -1,0 +1,92 @@
+"""What is compiled is told before it begins, is kept, and can be interrupted."""
+
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from vibroimpact import compiling, warming
+from vibroimpact.kernels import machine
+
+COMMAND = [sys.executable, "-m", "vibroimpact"]
+TOLD = re.compile(r"compiling (.+): about (\d+) s, once on this machine")
+
+
+def run(cache, *arguments):
+    """Return what a command says on its error stream, with kernels in a folder."""
+    done = subprocess.run(
+        [*COMMAND, *arguments], env=os.environ | {"NUMBA_CACHE_DIR": str(cache)}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stderr.splitlines()
+
+
+def test_a_command_says_what_it_compiles_after_its_model_and_once(tmp_path):
+    first, second = (run(tmp_path, "section", "-p", "omega=1.4") for _ in range(2))
+    (at,) = (number for number, line in enumerate(first) if TOLD.fullmatch(line))
+    assert "omega" in "".join(first[:at])
+    assert [line for line in first if not TOLD.fullmatch(line)] == second
+
+
+def test_a_cache_cut_off_by_a_full_disk_or_by_another_program_is_none(tmp_path):
+    run(tmp_path, "section")
+    files = list(tmp_path.rglob("*.nb[ci]"))
+    assert files
+    for file in files:
+        file.write_bytes(file.read_bytes()[:20])
+    assert any(TOLD.fullmatch(line) for line in run(tmp_path, "section"))
+    assert not any(TOLD.fullmatch(line) for line in run(tmp_path, "section"))
+
+
+def test_without_a_folder_to_write_to_each_process_compiles_and_says_how_to_change_that():
+    told = [line for line in run("/proc/none", "section") if line.startswith("compiling")]
+    assert len(told) == 1
+    assert "in each process, as /proc/none/" in told[0]
+    assert "NUMBA_CACHE_DIR" in told[0]
+
+
+def test_two_processes_may_compile_the_same_at_once(tmp_path):
+    where = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    both = [subprocess.Popen([*COMMAND, "section"], env=where, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    said = [process.communicate()[0] for process in both]
+    assert [process.returncode for process in both] == [0, 0]
+    assert said[0] == said[1]
+
+
+@pytest.mark.parametrize("arguments", [("map", "--x", "frequency=1:2:3"), ("simulate",)])
+def test_ctrl_c_while_compiling_ends_the_process(tmp_path, arguments):
+    """On a terminal, with the line on the model before; a compiler that is waited for would have ended with 0."""
+    mine, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [*COMMAND, *arguments, "--model", "impact_damper"],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        stdout=theirs, stderr=theirs, stdin=theirs, start_new_session=True,
+    )  # fmt: skip
+    os.close(theirs)
+    said = ""
+    while "once on this machine" not in said:
+        said += os.read(mine, 4096).decode()
+    process.send_signal(signal.SIGINT)
+    assert process.wait() == 130
+    assert "impact_damper" in said[: said.index("compiling")]
+    assert "interrupted while compiling" in os.read(mine, 4096).decode()
+
+
+def test_warming_up_compiles_every_driver():
+    for family in warming.FAMILIES:
+        family()
+    assert [what for driver, (what, *_) in machine._told.items() if not driver.signatures] == []
+
+
+def test_what_is_compiled_does_not_count_as_computing(monkeypatch):
+    now = iter([0.0, 5.0, 6.0, 6.0, 6.0])
+    monkeypatch.setattr(compiling, "perf_counter", lambda: next(now))
+    before = compiling.spent()
+    compiling.begin("nothing", 0.1, "")
+    assert (compiling.under_way(), compiling.spent() - before) == ("nothing", 5.0)
+    compiling.end()
+    assert (compiling.under_way(), compiling.spent() - before) == ("", 6.0)
