@@ -1,7 +1,7 @@
-# Each target sets itself up: .venv/ holds the package and its tools, and follows pyproject.toml.
+# Each target sets up what it needs: .venv/ holds the package, grows by tools for tests, checks and benchmarks, and
+# follows pyproject.toml.
 PYTHON ?= python3
 BIN := .venv/bin
-STAMP := .venv/.set-up
 TELLING := storage stores plotting_maps explorer_controls cli cluster
 
 .PHONY: help demo test check check-oldest check-newest fuzz bench docs figures dist clean
@@ -19,20 +19,20 @@ help:
 	@echo "make dist     build wheel and source archive, and try the wheel alone"
 	@echo "make clean    remove what make made"
 
-$(STAMP): pyproject.toml tools/bootstrap.py
-	$(PYTHON) tools/bootstrap.py
+.venv/.has-%: pyproject.toml tools/bootstrap.py
+	$(PYTHON) tools/bootstrap.py $(filter-out package,$*)
 	@touch $@
 
-demo: $(STAMP)
+demo: .venv/.has-package
 	$(BIN)/vibroimpact reproduce --out demo --overwrite
 	@echo "The report lies at $(CURDIR)/demo/report.html"
 
 # Tests start hundreds of processes; without bytecode each of them compiles the package's source anew.
 test: export PYTHONDONTWRITEBYTECODE =
-test: $(STAMP)
+test: .venv/.has-tests
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
-check: $(STAMP)
+check: .venv/.has-tests .venv/.has-checks
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
@@ -45,29 +45,29 @@ check-oldest: EDGE = python3.11 --resolution lowest-direct
 check-oldest: WARNINGS = -W default
 check-newest: EDGE = $(shell for v in 14 13 12 11; do python3.$$v -V >/dev/null 2>&1 && echo python3.$$v && break; done) \
   --prerelease disallow --upgrade
-check-oldest check-newest: $(STAMP)
+check-oldest check-newest: .venv/.has-tests .venv/.has-checks
 	$(BIN)/uv venv --quiet --clear --no-python-downloads --python $(firstword $(EDGE)) build/$@
 	$(BIN)/uv pip install --quiet --python build/$@ $(wordlist 2,9,$(EDGE)) --editable '.[test,cluster,web]'
 	$(BIN)/uv pip list --python build/$@
 	NUMBA_CACHE_DIR=$(CURDIR)/build/$@/numba build/$@/bin/python -m pytest -n auto --dist worksteal $(WARNINGS) $(TELLING:%=tests/test_%.py)
 
-fuzz: $(STAMP)
+fuzz: .venv/.has-tests
 	FUZZ=40 $(BIN)/python -m pytest -n auto tests/test_fuzz.py tests/test_hostile_files.py tests/test_advice.py \
 	  tests/test_compliant_random.py tests/test_compliant_orbits.py tests/test_scaling.py tests/test_system_agreement.py \
 	  tests/test_system_endings.py tests/test_system_hard_cases.py
 
 bench: export PYTHONDONTWRITEBYTECODE =
-bench: $(STAMP)
+bench: .venv/.has-tests .venv/.has-benchmarks
 	$(BIN)/python -m benchmarks.run
 
-docs: $(STAMP)
+docs: .venv/.has-tests .venv/.has-checks
 	$(BIN)/sphinx-build -W --keep-going --quiet -b html docs docs/_build/html
 	@echo "The documentation lies at $(CURDIR)/docs/_build/html/index.html"
 
-figures: $(STAMP)
+figures: .venv/.has-tests .venv/.has-checks
 	$(BIN)/python docs/figures.py
 
-dist: $(STAMP)
+dist: .venv/.has-checks
 	$(BIN)/python tools/dist.py
 
 clean:

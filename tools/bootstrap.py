@@ -1,6 +1,6 @@
-"""Set up `.venv/` with the package and all its extras but `cuda`; needs nothing but Python.
+"""Set up `.venv/` with the package and what some work needs; needs nothing but Python.
 
-Run as `python3 tools/bootstrap.py`. It uses uv if that is on the PATH, else Python's own `venv` and pip, else
+Run as `python3 tools/bootstrap.py [tests] [checks] [benchmarks]`: each adds to what is there. It uses uv if that is on the PATH, else Python's own `venv` and pip, else
 (a Python shipped without `ensurepip`) an empty environment filled by the pip outside it. Its syntax is that of
 Python 3.6, so that an older Python gets as far as being told.
 """
@@ -15,11 +15,15 @@ ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 PYTHON = VENV / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 NEEDED = (3, 11)
-LEFT_OUT = {"cuda"}  # wants an NVIDIA driver
+EXTRAS = {  # that each kind of work needs; `cuda` wants an NVIDIA driver
+    "tests": ["cluster", "test", "units", "web", "web-test"],
+    "checks": ["docs", "lint"],
+    "benchmarks": ["bench"],
+}
 
 
-def main() -> int:
-    """Set up, and say in one line what went wrong if it did."""
+def main(works: list) -> int:
+    """Set up for some kinds of work, and say in one line what went wrong if it did."""
     if sys.version_info < NEEDED:
         found = ".".join(str(part) for part in sys.version_info[:3])
         wanted = ".".join(str(part) for part in NEEDED)
@@ -27,7 +31,7 @@ def main() -> int:
         print(f"Install it, then name it: make PYTHON=python{wanted} ...")
         return 1
     try:
-        _install(_environment())
+        _install(_environment(), works)
     except subprocess.CalledProcessError as error:
         print(f"bootstrap: `{' '.join(map(str, error.cmd))}` failed; its own message stands above", file=sys.stderr)
         return 1
@@ -65,16 +69,12 @@ def _environment() -> list:
     return [sys.executable, "-m", "pip", "--python", PYTHON, "--disable-pip-version-check", "install", "--compile"]
 
 
-def _install(installer: list) -> None:
-    import tomllib
-
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    extras = sorted(set(project["optional-dependencies"]) - LEFT_OUT)
-    print(
-        f"setting up {VENV.relative_to(ROOT)} with Python {sys.version.split()[0]} and {', '.join(extras)}", flush=True
-    )
-    _run(*installer, "--quiet", "--editable", f".[{','.join(extras)}]")
+def _install(installer: list, works: list) -> None:
+    extras = sorted(extra for work in works for extra in EXTRAS[work])
+    shown = f", {', '.join(extras)}" if extras else ""
+    print(f"setting up {VENV.relative_to(ROOT)} with Python {sys.version.split()[0]}: the package{shown}", flush=True)
+    _run(*installer, "--quiet", "--editable", f".[{','.join(extras)}]" if extras else ".")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))
