@@ -1,8 +1,8 @@
 """Set up `.venv/` with the package and what some work needs; needs nothing but Python.
 
-Run as `python3 tools/bootstrap.py [tests] [checks] [benchmarks]`: each adds to what is there. It uses uv if that is on the PATH, else Python's own `venv` and pip, else
-(a Python shipped without `ensurepip`) an empty environment filled by the pip outside it. Its syntax is that of
-Python 3.6, so that an older Python gets as far as being told.
+Run as `python3 tools/bootstrap.py [tests] [checks] [benchmarks]`: each adds to what is there. It uses uv if that is on
+the PATH, else Python's own `venv` and pip, else (a Python shipped without `ensurepip`) an empty environment filled by
+the pip outside it. Its syntax is that of Python 3.6, so that an older Python gets as far as being told.
 """
 
 import os
