@@ -1,6 +1,7 @@
 """What several test files share: the 50-digit values and a shorthand for oscillators."""
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -20,23 +21,17 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     return (os.cpu_count() or 1) + 1
 
 
-# What compiles the kernels: those of one mass in lanes, and alone; of systems in lanes, and of a single one.
-COMPILING = (
-    "[vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], indices=[name]) for name in ('std', 'lyapunov')]",
-    "vi.simulate(vi.ImpactOscillator())",
-    "vi.parameter_map(vi.models.two_sided_oscillator(), omega=[160.0], sample_impacts=20)",
-    "vi.simulate(vi.models.two_sided_oscillator(), periods=1)",
-)
-
-
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_setupnodes(config: pytest.Config) -> None:
-    """Compile the kernels once, side by side, before every worker of a whole run does; a second where it is done."""
-    if config.args_source is not pytest.Config.ArgsSource.TESTPATHS:
-        return
-    command = [sys.executable, "-W", "ignore", "-c"]
-    for process in [subprocess.Popen([*command, f"import vibroimpact as vi; {lines}"]) for lines in COMPILING]:
-        process.wait()
+    """Compile the kernels once, before every worker of a whole run does; a few seconds where it is done."""
+    if config.args_source is pytest.Config.ArgsSource.TESTPATHS:
+        subprocess.run([sys.executable, "-m", "vibroimpact", "warm-up"], check=True)
+
+
+@pytest.fixture(autouse=True)
+def _untold(monkeypatch):
+    """Let what is compiled not be told: which test compiles first depends on how they are shared out."""
+    monkeypatch.setattr("vibroimpact.compiling.TOLD", math.inf)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

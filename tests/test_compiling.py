@@ -52,7 +52,7 @@ def test_without_a_folder_to_write_to_each_process_compiles_and_says_how_to_chan
 def test_two_processes_may_compile_the_same_at_once(tmp_path):
     where = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     both = [subprocess.Popen([*COMMAND, "section"], env=where, stdout=subprocess.PIPE, text=True) for _ in range(2)]
-    said = [process.communicate()[0] for process in both]
+    said = [process.communicate()[0].partition("computed in")[0] for process in both]
     assert [process.returncode for process in both] == [0, 0]
     assert said[0] == said[1]
 
@@ -73,7 +73,7 @@ def test_ctrl_c_while_compiling_ends_the_process(tmp_path, arguments):
     process.send_signal(signal.SIGINT)
     assert process.wait() == 130
     assert "impact_damper" in said[: said.index("compiling")]
-    assert "interrupted while compiling" in os.read(mine, 4096).decode()
+    assert "interrupted" in os.read(mine, 4096).decode()  # by the compiler's thread, or between two parts by its own
 
 
 def test_warming_up_compiles_every_driver():

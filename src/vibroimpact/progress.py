@@ -166,7 +166,8 @@ class Meter:
 def interruptible() -> Iterator[None]:
     """Let Ctrl-C end the process at once while it compiles: Python would wait for the compiler, for seconds."""
     reads, writes = os.pipe()
-    os.set_blocking(writes, False)
+    if os.name != "nt":  # there any pipe will do, and older Pythons cannot change one
+        os.set_blocking(writes, False)
 
     def watch() -> None:
         while byte := os.read(reads, 1):

@@ -5,7 +5,6 @@ Each family of kernels is compiled in a process of its own, side by side: they s
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -74,7 +73,7 @@ def warm_up_cluster(cluster: Any, report: Report) -> None:
 def _in_a_process(family: str) -> None:
     """Compile a family in a process of its own, which says nothing; what it fails with is this one's error."""
     call = f"from vibroimpact import warming; warming.{family}()"
-    ended = subprocess.run([sys.executable, "-c", call], env=os.environ, capture_output=True, text=True, check=False)
+    ended = subprocess.run([sys.executable, "-c", call], capture_output=True, text=True, check=False)
     if ended.returncode:
         last = (ended.stderr.strip().splitlines() or [f"exit code {ended.returncode}"])[-1]
         raise RuntimeError(f"kernels of {family.replace('_', ' ')} could not be compiled: {last}")

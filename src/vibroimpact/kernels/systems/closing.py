@@ -43,7 +43,7 @@ from vibroimpact.kernels.systems.march import (
     WATCHED,
     moment,
 )
-from vibroimpact.kernels.systems.pressed import LONGEST, WALK, comes_back
+from vibroimpact.kernels.systems.pressed import LONGEST, WALK, comes_back, same_contacts
 from vibroimpact.kernels.systems.rest import all_held
 from vibroimpact.kernels.systems.tangent import accelerate, confine, deviate, happen_beside, leave_centre
 from vibroimpact.kernels.vectors import LANES
@@ -170,10 +170,8 @@ def _compare(room, alone):
         if k.free and a[k.neutral + j] > 0.0:
             alone.apart[j] = 0.0
         size += abs(alone.apart[j])
-    for z in range(k.stops):
-        held = (a[k.kind + z] >= CLOSED) == (b[k.kind + z] >= CLOSED)
-        if not (held and (a[k.leaving + z] > 0.0) == (b[k.leaving + z] > 0.0)):
-            size = math.inf
+    if not same_contacts(a, b, k):
+        size = math.inf
     (began, phase), (ended, later) = (
         moment(a[k.turn], a[k.turn + 1], a[k.turn + 2]),
         moment(b[k.turn], b[k.turn + 1], b[k.turn + 2]),

@@ -8,7 +8,7 @@ twice as many have passed.
 
 from __future__ import annotations
 
-from vibroimpact.kernels.machine import copy, rare
+from vibroimpact.kernels.machine import copy, inner, rare
 from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.systems.march import AGAIN, HITS, STILL, TURN, WAITS
 
@@ -21,12 +21,8 @@ WALK = 1 << 16  # steps after which a walk is given up
 @rare
 def asks_again(notes, stride, lane, periods):
     """Return whether to ask in this period, in a lane or (stride 1) a cell alone."""
-    hits, still, again, waits = (
-        HITS * stride + lane,
-        STILL * stride + lane,
-        AGAIN * stride + lane,
-        WAITS * stride + lane,
-    )
+    hits, still = HITS * stride + lane, STILL * stride + lane
+    again, waits = AGAIN * stride + lane, WAITS * stride + lane
     if notes[hits] != notes[still]:
         notes[still], notes[waits], notes[again] = notes[hits], AFTER, periods + AFTER
     if periods < notes[again]:
@@ -35,14 +31,30 @@ def asks_again(notes, stride, lane, periods):
     return True
 
 
+@inner
+def in_contact(rows, z, k):
+    """Return whether a stop that gives pushes, or may push again before it is free."""
+    return rows[k.kind + z] >= CLOSED or rows[k.leaving + z] > 0.0
+
+
+@inner
+def same_contacts(a, b, k):
+    """Return whether the same stops are closed or pushed, and pressed in, in two states."""
+    same = True
+    for z in range(k.stops):
+        same &= (a[k.kind + z] >= CLOSED) == (b[k.kind + z] >= CLOSED)
+        same &= (a[k.leaving + z] > 0.0) == (b[k.leaving + z] > 0.0)
+    return same
+
+
 @rare
 def is_pressed(rows, k):
-    """Return whether a stop that gives pushes, or may push again before it is free, and one let go or pushed lately."""
+    """Return whether a stop that gives is in contact, and one let go or pushed lately."""
     found = False
     if rows[k.age] * rows[k.theta] > LONGEST * TURN:
         return found
     for z in range(k.stops):
-        found |= rows[k.spring + z] > 0.0 and (rows[k.kind + z] >= CLOSED or rows[k.leaving + z] > 0.0)
+        found |= rows[k.spring + z] > 0.0 and in_contact(rows, z, k)
     return found
 
 
@@ -56,11 +68,10 @@ def comes_back(rows, k, pushed, begun):
         copy(rows, begun)
         return False
     apart = abs(rows[k.turn] - begun[k.turn]) + abs(rows[k.turn + 1] - begun[k.turn + 1])
-    same, size = begun[k.which] == rows[k.which] and apart < SAME, 0.0
-    for j in range(k.modes):
-        drifts = k.free and rows[k.neutral + j] > 0.0
-        size += 0.0 if drifts else abs(rows[k.eta + j] - begun[k.eta + j]) + abs(rows[k.rate + j] - begun[k.rate + j])
-    for y in range(k.stops):
-        same &= (rows[k.kind + y] >= CLOSED) == (begun[k.kind + y] >= CLOSED)
-        same &= (rows[k.leaving + y] > 0.0) == (begun[k.leaving + y] > 0.0)
+    same = begun[k.which] == rows[k.which] and apart < SAME and same_contacts(rows, begun, k)
+    size = 0.0
+    for at, neutral in ((k.eta, k.neutral), (k.rate, k.neutral + k.modes)):
+        for j in range(k.modes):
+            drifts = k.free and rows[neutral + j] > 0.0
+            size += 0.0 if drifts else abs(rows[at + j] - begun[at + j])
     return same and size < SAME * rows[k.speed]

@@ -48,7 +48,7 @@ from vibroimpact.kernels.systems.rest import all_held, measure
 from vibroimpact.kernels.vectors import anywhere, fma, get, no, put, select
 
 NEAR = 1e-7  # of V, of the modes' rates and their amplitudes: an impact that comes back so near is the same
-FAR = math.log(UNRESOLVED)  # growth between two rests from which on rounding decides when the second one comes
+ROUNDED_FROM = math.log(UNRESOLVED)  # growth between two rests from which on rounding decides when the second one comes
 LOST = 2.0**-27  # of the deviation's length: its square is below rounding
 
 
@@ -252,7 +252,7 @@ def measure_growth(rows, notes, k, wide, here, counted):
     grew = select(left, math.log(length), -math.inf)
     put(notes, GREW, wide, select(here, select(counted, grown + grew, 0.0), grown))
     parted, rests = get(notes, PARTED, wide), here & no(left)
-    unsure, sum_ = rests & (parted > FAR), parted + grew
+    unsure, sum_ = rests & (parted > ROUNDED_FROM), parted + grew
     put(notes, UNSURE, wide, select(unsure, get(notes, HITS, wide), get(notes, UNSURE, wide)))
     put(notes, PARTED, wide, select(here, select(sum_ > 0.0, sum_, 0.0), parted))
 

@@ -14,7 +14,7 @@ from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.leap import FAR, HALF, LEAPS, WHOLE, leap, leap_far, leap_within, look, may_leap
 from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, MADE, TURN, add_all, asks, ending, happen, moment
-from vibroimpact.kernels.systems.pressed import LONGEST, WALK, asks_again, comes_back, is_pressed
+from vibroimpact.kernels.systems.pressed import LONGEST, WALK, asks_again, comes_back, in_contact, is_pressed
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
 from vibroimpact.kernels.systems.step import fly, fly_on, step
@@ -149,18 +149,12 @@ def _conclude(rows, k, seen):
                 rows[first + z] = 0.0
 
 
-@inner(forceinline=True)
-def _in_contact(rows, z, k):
-    """Return whether a stop that gives pushes, or may push again before it is free."""
-    return rows[k.kind + z] >= CLOSED or rows[k.leaving + z] > 0.0
-
-
 @inner
 def _after_step(rows, k, room, note, seen, window):
     """Make what ended a step, and record it."""
     before = note[HITS]
     for z in range(k.stops if k.giving else 0):
-        if not _in_contact(rows, z, k):
+        if not in_contact(rows, z, k):
             rows[k.entry + z] = 0.0
     usual, v, impulse, _ = bounce(rows, k, None)
     note[MADE] = rows[k.made]
@@ -184,7 +178,7 @@ def _waits(rows, k):
     """Return whether a contact that was recorded goes on."""
     waits = False
     for z in range(k.stops):
-        waits |= rows[k.entry + z] > 0.0 and _in_contact(rows, z, k)
+        waits |= rows[k.entry + z] > 0.0 and in_contact(rows, z, k)
     return waits
 
 
