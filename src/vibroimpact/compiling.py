@@ -59,9 +59,9 @@ def end() -> None:
             tell()
 
 
-def spent() -> float:
-    """Return for how many seconds this process has compiled up to now."""
-    return _spent + (perf_counter() - _begun[0][1] if _begun else 0.0)
+def clock() -> float:
+    """Return the seconds of a clock that stands still while this process compiles: limits and rates go by it."""
+    return (_begun[0][1] if _begun else perf_counter()) - _spent
 
 
 def under_way() -> str:

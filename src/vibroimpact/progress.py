@@ -100,7 +100,7 @@ class Meter:
         self._end: SimpleQueue[bool] = SimpleQueue()  # a signal may break into anything but its `put`
 
     def __enter__(self) -> Self:
-        self._began, self._compiled = perf_counter(), compiling.spent()
+        self._began, self._computed = perf_counter(), compiling.clock()
         self._open = self._told.__enter__()
         if threading.current_thread() is threading.main_thread():
             threading.Thread(target=self._end_at_once, daemon=True).start()
@@ -123,7 +123,7 @@ class Meter:
     def __call__(self, done: int, total: int | None, partial: Any) -> bool:
         """Show how far the computation is; return whether to continue."""
         self._open()
-        seconds = perf_counter() - self._began - (compiling.spent() - self._compiled)
+        seconds = compiling.clock() - self._computed
         impacts = getattr(partial, "attrs", {}).get("impacts_computed", 0)
         detail = partial if isinstance(partial, str) else speed(impacts, seconds)
         if self._bar is not None:

@@ -15,6 +15,7 @@ from enum import IntEnum
 from functools import partial
 from itertools import count
 
+from vibroimpact.compiling import clock
 from vibroimpact.execution.threads import worker_count
 from vibroimpact.explorer.plane import TRIED, KeepGoing, Plane, bands, sides
 
@@ -258,11 +259,11 @@ class Clock:
     """Whether a search is still wanted, and has time left; `complete` says whether that was so whenever it asked."""
 
     def __init__(self, wanted: Callable[[], bool], seconds: float) -> None:
-        self._wanted, self._deadline, self.complete = wanted, time.monotonic() + seconds, True
+        self._wanted, self._deadline, self.complete = wanted, clock() + seconds, True
 
     def __call__(self) -> bool:
         """Return whether to go on."""
-        self.complete = self.complete and self._wanted() and time.monotonic() < self._deadline
+        self.complete = self.complete and self._wanted() and clock() < self._deadline
         return self.complete
 
 
@@ -322,11 +323,11 @@ class Refinement:
 
     def _run(self, level: int, job: Callable[[KeepGoing], bool]) -> None:
         """Compute a part; the last one of a lattice shows it and begins the next."""
-        begun = time.monotonic()
+        begun = clock()
         granted = PLANE_SECONDS * self._work.pool.workers - self._spent
 
         def keep_going() -> bool:
-            return self.wanted and time.monotonic() - begun < granted
+            return self.wanted and clock() - begun < granted
 
         try:
             filled = keep_going() and job(keep_going)
@@ -334,7 +335,7 @@ class Refinement:
             self._give_up()  # the other parts would fail as well
             raise
         with self._work.lock:
-            self._spent += time.monotonic() - begun
+            self._spent += clock() - begun
             self._left -= filled
             complete = self.wanted and not self._left
         if not filled:

@@ -148,8 +148,8 @@
     if (came.has("busy")) {
       const { busy, compiling } = came.get("busy");
       if (!busy) be("ready", "ready");
-      else if (compiling) be("compiling", `${compiling} …`);
-      else be("computing");
+      else be(compiling ? "compiling" : "computing");
+      byId("state").title = compiling;
     }
     if (came.has("home") && unread) follow_fragment();
     if (came.has("address") || came.has("home")) write_soon();
