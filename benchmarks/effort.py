@@ -26,7 +26,7 @@ class Effort:
     largest_sweep : int
         Cells of the largest sweep where the growth with cells is measured.
     cold_starts : int
-        Starts with an empty cache of compiled kernels.
+        Starts with an empty cache of compiled kernels, some 100 s each.
     """
 
     rounds: int
@@ -48,5 +48,5 @@ FULL = Effort(
 )  # fmt: skip
 QUICK = Effort(
     rounds=1, cells=256, impacts=600, orbit_impacts=1000, batch_periods=100, slow_impacts=20,
-    spread=8, settle=300, map_points=8, largest_sweep=256, cold_starts=1,
+    spread=8, settle=300, map_points=8, largest_sweep=256, cold_starts=0,
 )  # fmt: skip

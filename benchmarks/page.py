@@ -18,6 +18,9 @@ STARTUP_TITLES = {
     "describe": "`vibroimpact describe -p omega=2.6`, kernels in the cache",
     "first_map_empty_cache": "a first small map, empty cache",
     "kernel_compile": "so much of it compiling kernels",
+    "first_map_of_a_system": "a first small map of a system (an impact damper), empty cache",
+    "section_after_it": "a first impact section of it after that",
+    "first_verdict_on_a_system": "a first verdict on a system (one mass between two stops), empty cache",
 }
 
 

@@ -14,12 +14,18 @@ FIRST_MAP = (
     "import numpy as np, vibroimpact as vi; "
     "vi.parameter_map(vi.ImpactOscillator(), omega=np.linspace(2, 3, 16), sample_impacts=200)"
 )
+SYSTEM_MAP = (
+    "import numpy as np, vibroimpact as vi; damper = vi.models.impact_damper(); "
+    "vi.parameter_map(damper, omega=damper.omega * np.linspace(0.8, 1.2, 16), sample_impacts=200)"
+)
+SYSTEM_SECTION = "import vibroimpact as vi; vi.impact_section(vi.models.impact_damper(), sample_impacts=200)"
 DIAGRAM = (
     "import numpy as np, vibroimpact as vi; "
     "vi.bifurcation_diagram(vi.ImpactOscillator(), omega=np.linspace(0.05, 5, 1000))"
 )
 BYTECODE = {"PYTHONDONTWRITEBYTECODE": ""}  # written by the first of them, as an installer does
 DESCRIBE = ("-m", "vibroimpact", "describe", "-p", "omega=2.6")
+SYSTEM_VERDICT = "import vibroimpact as vi; vi.describe(vi.models.two_sided_oscillator())"
 
 
 def measure(effort: Effort) -> dict[str, float | None]:
@@ -28,12 +34,18 @@ def measure(effort: Effort) -> dict[str, float | None]:
     def seconds(*arguments: str, **environment: str) -> float:
         return median(child(*arguments, **BYTECODE, **environment)[0] for _ in range(effort.rounds))
 
-    empty: list[float] = []
-    for _ in range(effort.cold_starts):
-        with TemporaryDirectory() as folder:
-            empty.append(child("-c", FIRST_MAP, NUMBA_CACHE_DIR=folder)[0])
+    def cold(*codes: str) -> list[float | None]:
+        """Return the seconds of processes one after the other, the first with an empty cache."""
+        rounds = []
+        for _ in range(effort.cold_starts):
+            with TemporaryDirectory() as folder:
+                rounds.append([child("-c", code, NUMBA_CACHE_DIR=folder)[0] for code in codes])
+        return [median(times) for times in zip(*rounds, strict=True)] if rounds else [None] * len(codes)
+
     warm = seconds("-c", FIRST_MAP)  # this process has filled the cache
-    cold = median(empty) if empty else None
+    (first,) = cold(FIRST_MAP)
+    of_system, section = cold(SYSTEM_MAP, SYSTEM_SECTION)
+    (verdict,) = cold(SYSTEM_VERDICT)
     return {
         "python": seconds("-c", "pass"),
         "import": seconds("-c", IMPORT),
@@ -42,6 +54,9 @@ def measure(effort: Effort) -> dict[str, float | None]:
         "first_map_warm_cache": warm,
         "diagram": seconds("-c", DIAGRAM),
         "describe": seconds(*DESCRIBE),
-        "first_map_empty_cache": cold,
-        "kernel_compile": None if cold is None else cold - warm,
+        "first_map_empty_cache": first,
+        "kernel_compile": None if first is None else first - warm,
+        "first_map_of_a_system": of_system,
+        "section_after_it": section,
+        "first_verdict_on_a_system": verdict,
     }

@@ -74,6 +74,14 @@ def _gpu_rate(result: Result) -> float | None:
     return float(result["gpu"]["every_impact"]["impacts_computed_per_s"]) if result["gpu"] else None
 
 
+def _over_first_map(name: str) -> Callable[[Result], float | None]:
+    def ratio(result: Result) -> float | None:
+        found, first = result["startup"][name], result["startup"]["first_map_empty_cache"]
+        return found / first if found and first else None
+
+    return ratio
+
+
 def _of_systems(name: str) -> Callable[[Result], float | None]:
     return lambda result: result["systems"][name]
 
@@ -113,6 +121,9 @@ TARGETS = (
     Target("`vibroimpact --help`", "s", 0.35, lambda result: result["startup"]["help"]),
     Target("first map, warm cache", "s", 1.2, lambda result: result["startup"]["first_map_warm_cache"]),
     Target("compiling the kernels", "s", 15, lambda result: result["startup"]["kernel_compile"]),
+    Target("first map of a system over that of one mass, cold", "", 2.0, _over_first_map("first_map_of_a_system")),
+    Target("first verdict on a system over the same, cold", "", 2.5, _over_first_map("first_verdict_on_a_system")),
+    Target("first section of a system after a map", "s", 3.0, lambda result: result["startup"]["section_after_it"]),
     Target("a verdict, warm cache", "s", 1.5, lambda result: result["startup"]["describe"]),
     Target("a diagram of 1000 frequencies, warm cache", "s", 2.0, lambda result: result["startup"]["diagram"]),
     Target("impacts a second on a GPU, no closing, chaos and cycles mixed", "", 1e9, _gpu_rate, 4e9, True),

@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from vibroimpact import compiling, warming
-from vibroimpact.kernels import machine
+from vibroimpact.kernels import deferred, machine
 
 COMMAND = [sys.executable, "-m", "vibroimpact"]
 TOLD = re.compile(r"compiling (.+): about (\d+) s, once on this machine")
@@ -76,9 +76,66 @@ def test_ctrl_c_while_compiling_ends_the_process(tmp_path, arguments):
     assert "interrupted" in os.read(mine, 4096).decode()  # by the compiler's thread, or between two parts by its own
 
 
+COUNT = """
+import sys
+import numba.core.event as event
+import vibroimpact as vi
+from vibroimpact import compiling
+
+compiling.TOLD = float("inf")
+compiled = []
+event.register("numba:compile", type("Count", (event.Listener,), {
+    "on_start": lambda self, event: compiled.append(event.data["dispatcher"].__name__), "on_end": lambda *_: None})())
+"""
+
+
+def counted(cache, *lines):
+    """Return how many functions each of some lines compiles, in one process."""
+    counts = "".join(f"before = len(compiled); {line}; print(len(compiled) - before)\n" for line in lines)
+    where = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
+    told = subprocess.run([sys.executable, "-c", COUNT + counts], env=where, capture_output=True, text=True, check=True)
+    return [int(line) for line in told.stdout.splitlines()]
+
+
+def test_a_first_map_of_a_system_compiles_about_as_much_as_one_of_one_mass(tmp_path):
+    """Functions are what compiling takes its time for; there were 337 once of any system, in each kernel anew."""
+    (one,) = counted(tmp_path / "one", "vi.parameter_map(vi.ImpactOscillator(), omega=[1.0, 2.0])")
+    first, closing, section, simulated = counted(
+        tmp_path / "system",
+        "vi.parameter_map(vi.models.impact_damper(), omega=[1.0, 2.0])",
+        "vi.parameter_map(vi.models.two_sided_oscillator(), omega=[1.0, 2.0])",
+        "vi.impact_section(vi.models.impact_damper())",
+        "vi.simulate(vi.models.two_sided_oscillator(), periods=3)",
+    )
+    assert first < one
+    assert first + closing < 1.5 * one
+    assert section + simulated < 0.75 * one
+
+
+def test_what_a_kernel_is_interrupted_at_is_compiled_before_the_interrupt_is_felt(tmp_path):
+    """No exception can pass through a kernel that waits for a part of it."""
+    code = (
+        "import os, signal, vibroimpact as vi\n"
+        "from vibroimpact import compiling\n"
+        "def interrupt():\n"
+        "    if compiling.under_way() == 'starts of systems': os.kill(os.getpid(), signal.SIGINT)\n"
+        "compiling.TOLD = 0.0\n"
+        "compiling.watching.append(interrupt)\n"
+        "try:\n"
+        "    for _ in range(1000): vi.impact_section(vi.models.impact_damper())\n"
+        "except KeyboardInterrupt:\n"
+        "    print('felt', len(vi.impact_section(vi.models.impact_damper()).impact) > 0)\n"
+    )
+    where = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=where, capture_output=True, text=True, check=True)
+    assert done.stdout == "felt True\n"
+
+
 def test_warming_up_compiles_every_driver():
     for family in warming.FAMILIES:
         family()
+    for part in deferred.noted():
+        deferred.compile_part(part)
     assert [what for driver, (what, *_) in machine._told.items() if not driver.signatures] == []
 
 

@@ -210,14 +210,22 @@ def test_a_slow_boundary_is_asked_between_its_points_whether_to_go_on():
     assert few == calls[:50]
 
 
-def test_a_plane_that_takes_too_long_is_given_up_and_told_of_once(explorer, heard, monkeypatch):
-    monkeypatch.setattr(work, "PLANE_SECONDS", 0.0)
-    explorer.start()
-    assert explorer.wait(20)
+def test_a_plane_that_takes_too_long_is_left_and_told_of_once_and_goes_on_when_asked(explorer, heard, monkeypatch):
+    with monkeypatch.context() as hurried:
+        hurried.setattr(work, "PLANE_SECONDS", 0.0)
+        explorer.start()
+        assert explorer.wait(20)
     messages = received(heard, "message")
     assert len(messages) == 1
-    assert "takes more than 0 s; zoom in" in messages[0]
+    assert "takes more than 0 s: go on with it, zoom in" in messages[0]
     assert explorer.plane is None
+    assert received(heard, "late") == [False, True]
+    explorer.go_on()
+    explorer.go_on()  # it goes on already
+    assert explorer.wait(60)
+    assert explorer.plane.side == FINEST
+    assert received(heard, "late") == [False, True, False, False]
+    assert received(heard, "message") == messages
 
 
 def test_a_plane_that_cannot_be_computed_is_told_of_once(explorer, heard, monkeypatch):

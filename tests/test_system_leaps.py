@@ -106,7 +106,7 @@ class Leaping:
         before = rows.copy()
         look(rows, k, None)
         if length == FAR:
-            leap_far(rows, k, None, True)
+            leap_far.part(rows, k, None, True)
             made = round(rows[k.age] / FAR)
         else:
             made = leap(rows, k, None, length == WHOLE, True)

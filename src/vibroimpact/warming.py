@@ -1,21 +1,24 @@
 """Compile all kernels beforehand, for an image, a cluster, or a first command that does not wait.
 
-Each family of kernels is compiled in a process of its own, side by side: they share the cache.
+Processes compile side by side: first what computing needs, then all that this may ever ask for; they share the cache.
 """
 
 from __future__ import annotations
 
+import multiprocessing
 import subprocess
 import sys
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from typing import Any
 
 import numpy as np
 
 import vibroimpact as vi
+from vibroimpact import compiling
 from vibroimpact.execution.threads import worker_count
 from vibroimpact.indices import INDICES
+from vibroimpact.kernels.deferred import compile_part, noted
 from vibroimpact.progress import Report
 
 
@@ -45,11 +48,19 @@ FAMILIES: tuple[Callable[[], None], ...] = one_mass, maps_of_systems, motions_of
 
 def warm_up(report: Report) -> None:
     """Compile on this machine, on all its cores."""
-    with ThreadPoolExecutor(worker_count(None)) as threads:
-        under_way = [threads.submit(_in_a_process, family.__name__) for family in FAMILIES]
-        for done, future in enumerate(as_completed(under_way), 1):
-            future.result()
-            if report(done, len(FAMILIES), None) is False:
+    known: set[bytes] = set()
+    done, fresh = 0, multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(worker_count(None), fresh, _say_nothing) as processes:
+        waiting = {processes.submit(family) for family in FAMILIES}
+        while waiting:
+            ended, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for task in ended:
+                task.result()
+            done, new = done + len(ended), noted() - known
+            known |= new
+            waiting |= {processes.submit(_compile, part) for part in new}
+            if report(done, done + len(waiting), None) is False:
+                processes.shutdown(cancel_futures=True)
                 break
 
 
@@ -60,20 +71,25 @@ def warm_up_cluster(cluster: Any, report: Report) -> None:
     with connect(cluster) as client:
         workers = client.scheduler_info(n_workers=-1)["workers"]
         one_each = {about["host"]: address for address, about in workers.items()}
-        tasks = [
-            client.submit(_in_a_process, family.__name__, workers=[address], pure=False)
-            for address in one_each.values()
-            for family in FAMILIES
-        ]
+        tasks = [client.submit(_warm_up_here, workers=[address], pure=False) for address in one_each.values()]
         for done, task in enumerate(tasks, 1):
             task.result()
             report(done, len(tasks), None)
 
 
-def _in_a_process(family: str) -> None:
-    """Compile a family in a process of its own, which says nothing; what it fails with is this one's error."""
-    call = f"from vibroimpact import warming; warming.{family}()"
-    ended = subprocess.run([sys.executable, "-c", call], capture_output=True, text=True, check=False)
+def _say_nothing() -> None:
+    compiling.TOLD = np.inf
+
+
+def _compile(part: bytes) -> None:
+    compile_part(part)
+
+
+def _warm_up_here() -> None:
+    """Compile on this machine by a command of its own; what it fails with is this one's error."""
+    ended = subprocess.run(
+        [sys.executable, "-m", "vibroimpact", "warm-up"], capture_output=True, text=True, check=False
+    )
     if ended.returncode:
         last = (ended.stderr.strip().splitlines() or [f"exit code {ended.returncode}"])[-1]
-        raise RuntimeError(f"kernels of {family.replace('_', ' ')} could not be compiled: {last}")
+        raise RuntimeError(f"kernels could not be compiled: {last}")

@@ -64,7 +64,7 @@ def room_for(layout: Layout) -> Room:
 
 def _alone(layout: Layout) -> closing.Alone:
     """Return the room in which a cycle is walked."""
-    k, size = layout._replace(thorough=True, wary=False, draining=False), 2 * layout.modes
+    k, size = layout._replace(thorough=True, wary=False, forceful=False, draining=False), 2 * layout.modes
     lanes, notes, note = aligned(k.rows * LANES), aligned(_noted(k) * LANES), np.zeros(_noted(k))
     (start, end), matrices, (d, moved) = np.zeros((2, k.rows)), np.zeros((3, size, size)), np.zeros((2, size))
     return closing.Alone(k, lanes, notes, start, end, note, matrices[0], matrices[1], matrices[2], d, moved)

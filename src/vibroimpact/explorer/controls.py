@@ -216,6 +216,7 @@ class Commands:
         self._explorer, self._controls, self._export = explorer, controls, export
         self._simple: dict[str, Callable[[], Any]] = {
             "undo": explorer.undo,
+            "go_on": explorer.go_on,
             "redo": explorer.redo,
             "pin": explorer.pin,
             "unpin": explorer.unpin,

@@ -56,6 +56,7 @@ class Page:
             "view": self._show_view,
             "plane": self.plane.show_plane,
             "hatch": self.plane.show_hatch,
+            "late": self.plane.show_late,
             "point": self.point.show_point,
             "line": show_line,
             "curves": self.plane.show_curves,

@@ -37,7 +37,7 @@ class Explorer:
     listener : callable, optional
         Gets lists of messages that belong together, from any thread: ("view", View), ("plane", Plane),
         ("hatch", Plane), ("point", Point), ("line", Line), ("curves", Curves or None), ("others", list of Other),
-        ("pins", list of Point) and ("message", str).
+        ("pins", list of Point), ("late", whether the plane was left for lack of time) and ("message", str).
     stored : callable, optional
         Given a view, returns a `Plane` taken from a stored sweep, or None.
     find : callable, optional
@@ -75,6 +75,7 @@ class Explorer:
         self._past: list[View] = []
         self._future: list[View] = []
         self._gesture: tuple[str, float] = ("", 0.0)
+        self._refinement: Refinement | None = None  # of this view's plane
 
     @property
     def closed(self) -> bool:
@@ -166,6 +167,12 @@ class Explorer:
     def unpin(self) -> bool:
         """Drop all pins."""
         return self.set("pin", pins=())
+
+    def go_on(self) -> None:
+        """Go on with a plane that was left coarse for lack of time."""
+        self._send(("late", False))
+        if self._refinement is not None:
+            self._refinement.go_on()
 
     def undo(self) -> bool:
         """Go back to the view before."""
@@ -274,12 +281,14 @@ class Explorer:
         self._work.submit("pins", Urgency.CLICK, job)
 
     def _renew_plane(self) -> None:
-        self.plane = None
+        self.plane = self._refinement = None
+        self._send(("late", False))
         known = self.stored(self.view) if self.stored else None
         if known is not None:
             self._work.submit("plane", Urgency.COARSE, lambda: self._show_plane(known))
         else:
-            Refinement(Plane.unknown(self.view), self._work, self._show_plane, self._show_hatch, self._late)
+            begun = Plane.unknown(self.view), self._work, self._show_plane, self._show_hatch, self._late
+            self._refinement = Refinement(*begun)
 
     def _show_plane(self, plane: Plane) -> None:
         with self._lock:
@@ -296,11 +305,13 @@ class Explorer:
             self._send(("hatch", plane))
             if plane.tried is False:
                 limit = f"{work.PLANE_SECONDS:g} s"
-                self._send(("message", f"hatching of cells without impact from rest incomplete: stopped after {limit}"))
+                told = f"hatching of cells without impact from rest incomplete: stopped after {limit}"
+                self._send(("message", told), ("late", True))
 
     def _late(self) -> None:
         limit = f"{work.PLANE_SECONDS:g} s"
-        self._send(("message", f"This plane takes more than {limit}; zoom in, or sample fewer impacts per cell."))
+        told = f"This plane takes more than {limit}: go on with it, zoom in, or sample fewer impacts per cell."
+        self._send(("message", told), ("late", True))
 
     def _renew_line(self) -> None:
         self._search("line", Urgency.LINE, compute_line, "diagram", LINE_SECONDS)

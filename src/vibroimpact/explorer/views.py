@@ -114,6 +114,12 @@ class PlaneView:
         hatch: dict[str, Any] = {"side": side, "speeds": plane.elsewhere.T.ravel() if plane and side else []}
         return {"hatch": hatch, "#hatch": {"html": words}}
 
+    @staticmethod
+    def show_late(late: bool) -> Parts:
+        """Offer to go on with a plane that was left for lack of time."""
+        button = "<button type='button' value='go_on' title='Compute for as long again'>Go on</button>"
+        return {"#late": {"html": button if late else ""}}
+
     def show_curves(self, curves: Curves | None) -> Parts:
         """Draw boundaries over the plane, or remove them."""
         curves = curves or Curves([], [], [], [])

@@ -283,7 +283,7 @@ class Refinement:
     hatch : callable
         Gets the plane when other initial conditions begin to be tried, and when that has ended.
     late : callable
-        Called once if the plane takes longer than `PLANE_SECONDS`.
+        Called when the plane takes longer than `PLANE_SECONDS`: then it waits to `go_on`.
     """
 
     def __init__(
@@ -296,7 +296,8 @@ class Refinement:
     ) -> None:
         self.plane, self._work, self._show, self._hatch, self._late = plane, work, show, hatch, late
         self._stamp, self._begun = work.renew("plane"), time.monotonic()
-        self._spent, self._left = 0.0, 0
+        self._spent, self._level = 0.0, 0
+        self._left: list[Callable[[KeepGoing], bool]] = []  # parts of a lattice that are not yet filled
         self._sides = sides(plane.view)
         self._queue(0)
 
@@ -317,9 +318,23 @@ class Refinement:
             jobs = [partial(self.plane.try_others, places) for places in self.plane.quiet()]
             if jobs:
                 self._hatch(self.plane)
-        self._left = len(jobs)
-        for job in jobs:
-            self._work.submit("plane", urgency, partial(self._run, level, job), self._stamp)
+        self._level, self._left = level, jobs
+        self._submit(urgency)
+
+    def _submit(self, urgency: Urgency) -> None:
+        for job in list(self._left):
+            self._work.submit("plane", urgency, partial(self._run, self._level, job), self._stamp)
+
+    def go_on(self) -> None:
+        """Take up again what was left for lack of time."""
+        with self._work.lock:
+            if self.wanted or not self._left:
+                return
+            self._stamp, self._spent = self._work.renew("plane"), 0.0
+        if self._level == len(self._sides):
+            self.plane.tried = None
+            self._hatch(self.plane)
+        self._submit(Urgency.HATCH if self._level == len(self._sides) else Urgency.FINE)
 
     def _run(self, level: int, job: Callable[[KeepGoing], bool]) -> None:
         """Compute a part; the last one of a lattice shows it and begins the next."""
@@ -336,7 +351,8 @@ class Refinement:
             raise
         with self._work.lock:
             self._spent += clock() - begun
-            self._left -= filled
+            if filled:
+                self._left.remove(job)
             complete = self.wanted and not self._left
         if not filled:
             if self._give_up():

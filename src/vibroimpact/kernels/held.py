@@ -8,23 +8,39 @@ from __future__ import annotations
 from typing import Any
 
 from numba import types
-from numba.core import cgutils
+from numba.core import cgutils, ir
+from numba.core.compiler import Compiler
+from numba.core.compiler_machinery import FunctionPass, register_pass
+from numba.core.ir_utils import build_definitions
+from numba.core.typeconv.castgraph import Conversion
 from numba.core.typing.templates import AttributeTemplate
-from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model
+from numba.core.untyped_passes import RewriteSemanticConstants
+from numba.extending import infer_getattr, intrinsic, lower_cast, lower_getattr_generic, models, register_model
 
 
 class Held(types.Type):
-    """The type of the address of a named tuple."""
+    """The type of the address of a named tuple, some of whose fields may be known to be False."""
 
-    def __init__(self, of: Any) -> None:
+    def __init__(self, of: Any, lacks: frozenset[str] = frozenset()) -> None:
         self.of = of
-        super().__init__(f"held({of})")
+        self.lacks = lacks
+        super().__init__(f"held({of}, without {sorted(lacks)})")
+
+    def can_convert_to(self, typing: Any, other: Any) -> Any:
+        """Return that it is one of which less is known, too."""
+        known = isinstance(other, Held) and other.of == self.of and other.lacks <= self.lacks
+        return Conversion.safe if known else None
 
 
 @register_model(Held)
 class _Model(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, manager.lookup(kind.of).get_value_type().as_pointer())
+
+
+@lower_cast(Held, Held)
+def _forget(context: Any, builder: Any, before: Any, after: Any, address: Any) -> Any:
+    return address
 
 
 @infer_getattr
@@ -56,3 +72,54 @@ def held(typing: Any, value: Any) -> Any:
         return cgutils.alloca_once_value(builder, args[0])
 
     return Held(value)(value), codegen
+
+
+def without(*fields: str) -> Any:
+    """Return what says of a held tuple that these fields are False: what they ask for is then not compiled."""
+
+    @intrinsic
+    def lacking(typing: Any, value: Any) -> Any:
+        return Held(value.of, value.lacks | {*fields})(value), lambda context, builder, signature, args: args[0]
+
+    return lacking
+
+
+@register_pass(mutates_CFG=False, analysis_only=False)
+class _Lacks(FunctionPass):
+    """Write False for fields that are known to be, so that what hangs on them is left out before it is compiled."""
+
+    _name = "fields_known_to_be_false"
+
+    def __init__(self) -> None:
+        super().__init__()
+
+    def run_pass(self, state: Any) -> bool:
+        """Return whether something was changed."""
+        lacks = {
+            name: getattr(kind, "lacks", ()) for name, kind in zip(state.func_ir.arg_names, state.args, strict=False)
+        }
+        found = False
+        for block in state.func_ir.blocks.values():
+            for line in block.find_insts(ir.Assign):
+                field = line.value
+                if (
+                    isinstance(field, ir.Expr)
+                    and field.op == "getattr"
+                    and field.attr in lacks.get(field.value.name, ())
+                ):
+                    line.value, found = ir.Const(False, line.loc), True
+        if found:
+            state.func_ir._definitions = build_definitions(state.func_ir.blocks)
+        return found
+
+
+class Pruning(Compiler):
+    """A compiler that leaves out what hangs on fields that are known to be False."""
+
+    def define_pipelines(self) -> Any:
+        """Return the usual passes and this one."""
+        pipelines = super().define_pipelines()
+        for pipeline in pipelines:
+            pipeline.add_pass_after(_Lacks, RewriteSemanticConstants)
+            pipeline.finalize()
+        return pipelines

@@ -6,6 +6,7 @@ after a hash of all kernel sources: changed sources find an empty folder.
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import os
 import sys
@@ -20,12 +21,12 @@ from llvmlite import ir
 from numba import njit, types
 from numba.core import config as _config
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
 from numba.core.event import Event, Listener, register
 from numba.extending import intrinsic
 from platformdirs import user_cache_dir
 
 from vibroimpact import compiling
+from vibroimpact.kernels.held import Pruning
 
 
 def _import_without_scipy(name: str) -> None:
@@ -94,11 +95,11 @@ class _Part(JITCodeLibrary):
         self._finalized = True
 
 
-def _compiler(*hints: str) -> type[Compiler]:
+def _compiler(*hints: str) -> type[Pruning]:
     """Return the compiler of parts with such hints."""
     library = type("_HintedPart", (_Part,), {"hints": hints})
 
-    class PartCompiler(Compiler):
+    class PartCompiler(Pruning):
         def __init__(self, typing: Any, target: Any, _: Any, *rest: Any) -> None:
             super().__init__(typing, target, library(target.codegen(), "part"), *rest)
             self.state.flags.no_compile = True
@@ -136,9 +137,7 @@ def inner(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 
 
 # Optimised on its own before it becomes a part of others: loops over lanes gain a tenth.
-loop = partial(inner, pipeline_class=Compiler)
-# Several call it, and none takes a copy.
-once = partial(inner, pipeline_class=_compiler("noinline"))
+loop = partial(inner, pipeline_class=Pruning)
 # Hardly ever called, so that it is made small: nothing else would pay for the time that it takes.
 rare = partial(inner, pipeline_class=_compiler("noinline", "cold", "minsize", "optsize"))
 
@@ -164,15 +163,22 @@ ONCE, ANEW = "once on this machine", "in each process, as {} cannot be written: 
 
 
 class _Teller(Listener):
-    """Tells what is compiled: what is found in the cache is not."""
+    """Tells what is compiled: what is found in the cache is not. No garbage is looked for meanwhile: a tenth less time.
+
+    One thread compiles at a time.
+    """
 
     def on_start(self, event: Event) -> None:
         if told := _told.get(event.data["dispatcher"]):
+            self.collects = gc.isenabled()
+            gc.disable()
             compiling.begin(*told)
 
     def on_end(self, event: Event) -> None:
         if event.data["dispatcher"] in _told:
             compiling.end()
+            if self.collects:
+                gc.enable()
 
 
 register("numba:compile", _Teller())
@@ -185,7 +191,7 @@ def compiled(what: str, seconds: float) -> Callable[[Callable[..., Any]], Any]:
     """
 
     def driver(function: Callable[..., Any]) -> Any:
-        kept, how = config.CACHE_DIR, BARE | {"nogil": True}
+        kept, how = config.CACHE_DIR, BARE | {"nogil": True, "pipeline_class": Pruning}
         config.CACHE_DIR = cache_folder()
         try:
             os.makedirs(cache_folder(), exist_ok=True)  # else Numba takes one where versions mix

@@ -18,7 +18,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
-from vibroimpact.kernels.machine import config, inner
+from vibroimpact.kernels.machine import config
 
 # One value is two registers of 512 bits, or of 256, so that what one waits for the other fills; where the processor has
 # narrower ones than a value is made for, most of it is spilled.
@@ -255,17 +255,6 @@ def write(context: Any, builder: Any, pointer: Any, value: Any, kinds: tuple[Any
 
 
 @intrinsic
-def take(typingctx: Any, array: Any, place: Any, wide: Any) -> Any:
-    """Return the numbers from a place on, or the one number there."""
-    kind = kind_at(wide)
-
-    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return read(builder, place_of(context, builder, (array, values[0]), values[1], kind))
-
-    return kind(array, types.intp, wide), codegen
-
-
-@intrinsic
 def give(typingctx: Any, array: Any, place: Any, wide: Any, value: Any) -> Any:
     """Store numbers from a place on, or the one number there."""
     kind = kind_at(wide)
@@ -278,16 +267,33 @@ def give(typingctx: Any, array: Any, place: Any, wide: Any, value: Any) -> Any:
     return types.none(array, types.intp, wide, value), codegen
 
 
-@inner(forceinline=True)
-def get(array, row, wide):
+@intrinsic
+def get(typingctx: Any, array: Any, row: Any, wide: Any) -> Any:
     """Return a row's numbers, or the one number."""
-    return take(array, row if wide is None else row * LANES, wide)
+    kind = kind_at(wide)
+
+    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return read(builder, place_of(context, builder, (array, values[0]), _first(builder, values[1], kind), kind))
+
+    return kind(array, types.intp, wide), codegen
 
 
-@inner(forceinline=True)
-def put(array, row, wide, value):
+@intrinsic
+def put(typingctx: Any, array: Any, row: Any, wide: Any, value: Any) -> Any:
     """Store a row's numbers, or the one number."""
-    give(array, row if wide is None else row * LANES, wide, value)
+    kind = kind_at(wide)
+
+    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        pointer = place_of(context, builder, (array, values[0]), _first(builder, values[1], kind), kind)
+        write(context, builder, pointer, values[3], (value, kind))
+        return context.get_dummy_value()
+
+    return types.none(array, types.intp, wide, value), codegen
+
+
+def _first(builder: Any, row: Any, kind: Any) -> Any:
+    """Return where a row begins."""
+    return builder.mul(row, row.type(LANES), flags=["nsw"]) if kind is NUMBERS else row
 
 
 @intrinsic

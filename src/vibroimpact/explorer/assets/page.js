@@ -48,6 +48,8 @@
   for (const box of ticks) box.addEventListener("change", () => command(box.value));
   for (const button of document.querySelectorAll("#buttons button")) button.addEventListener("click", () => command(button.value));
 
+  byId("late").addEventListener("click", ({ target }) => { if (target.value) command(target.value); });
+
   // ---- export, link, help, keys
   const menu = byId("export");
   menu.addEventListener("click", ({ target }) => {

@@ -14,9 +14,12 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from numba import types
+
 from vibroimpact.kernels.cycle import UNRESOLVED
+from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import copy, rare
-from vibroimpact.kernels.systems.event import go_on, lift, lower, occur
+from vibroimpact.kernels.systems.event import go_on, lift, lower, occur, walk_on
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.march import (
     BEFORE,
@@ -80,7 +83,7 @@ def _make(rows, k, room, note, window, alone, impacts):
         lower(lanes, lane, rows, k.constants)
         lower(notes, lane, note, len(note))
     for _ in range(WALK):
-        go_on(lanes, notes, k, window, int(1.0))
+        go_on(lanes, notes, k, window)
         if lanes[k.hit * LANES] != NOTHING:
             lift(lanes, 0, rows)
             lift(notes, 0, note)
@@ -111,7 +114,7 @@ def _cross(rows, k, room):
 
 
 @rare
-def _walk(room, alone, window, impacts, first):
+def _walk(room, alone, impacts, first):
     """Walk a cycle in lanes, each with a deviation along another coordinate or rate, from `first` on.
 
     Return whether it came exactly so far, its weakest impact, the largest deviation on the way, and whether all that
@@ -128,7 +131,7 @@ def _walk(room, alone, window, impacts, first):
             confine(rows, k)
         lower(lanes, lane, rows, k.constants)
     for _ in range(WALK):
-        go_on(lanes, alone.notes, k, window, int(0.0))
+        walk_on(lanes, k)
         more = 0
         for lane in range(min(LANES, 2 * k.modes - first) if lanes[k.hit * LANES] != NOTHING else 0):
             lift(lanes, lane, rows)
@@ -264,7 +267,7 @@ def _certain(rows, k, room, note, window, alone, impacts):
     copy(rows, alone.start)
     least, spread, lost = math.inf, 1.0, False
     for first in range(0, 2 * k.modes, LANES):
-        whole, weakest, largest, lost = _walk(room, alone, window, impacts, first)
+        whole, weakest, largest, lost = _walk(room, alone, impacts, first)
         note[BESIDE] += alone.end[k.made] - rows[k.made]
         if not whole:
             return 0.0
@@ -294,7 +297,7 @@ def _skip(rows, k, note, alone, times, periods):
     rows[k.turn + 2] += times * periods
 
 
-@rare
+@deferred("pressed motions", 0.6, types.boolean)
 def stays_pressed(rows, k, room, note, window, alone):
     """Return whether a pressed cell comes back to a state without an impact; see `pressed`."""
     lanes, work, begun = alone.lanes, alone.end, alone.start
@@ -306,7 +309,7 @@ def stays_pressed(rows, k, room, note, window, alone):
             return False
         for lane in range(LANES):
             lower(lanes, lane, work, k.constants)
-        go_on(lanes, alone.notes, k, window, int(0.0))
+        walk_on(lanes, k)
         lift(lanes, 0, work)
         if lanes[k.hit * LANES] == NOTHING:
             continue
@@ -328,7 +331,7 @@ def _ready(note, impacts, place, unnamed, first):
     return place + math.ceil((to - place) / impacts) * impacts
 
 
-@rare
+@deferred("cycles of systems", 3)
 def close(rows, k, room, note, window, alone):
     """Leave out the impacts of a cell that are known, if its motion has settled on a cycle.
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from vibroimpact.kernels.machine import inner, once
+from vibroimpact.kernels.deferred import deferred
+from vibroimpact.kernels.held import without
+from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.law import bounce, closed
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, NOTHING
 from vibroimpact.kernels.systems.leap import LEAPS, leap, leap_far, leap_within, look, may_leap
@@ -68,8 +70,8 @@ def proceed(rows, k, wide):
     step(rows, k, wide)
 
 
-@inner
-def occur(rows, k, room, note, window):
+@deferred("impacts beside the usual", 3, by_kind=True)
+def _occur(rows, k, room, note, window):
     """Make what ended the step of one cell, and sum it up."""
     shut = closed(rows, k)
     if k.thorough:
@@ -92,9 +94,10 @@ def occur(rows, k, room, note, window):
     if k.thorough and closing:
         for y in range(k.stops):
             note[CHATTERED] += closing >> y & 1 and room.tail[y] > 0.0
-    for y in range(k.stops if k.giving or k.forceful else 0):
-        if rows[k.kind + y] < CLOSED:
-            conclude(note, rows, k, None, rows[k.kind + y] < CLOSED, y, window)
+    if k.giving or k.forceful:
+        for y in range(k.stops):
+            if rows[k.kind + y] < CLOSED:
+                conclude(note, rows, k, None, rows[k.kind + y] < CLOSED, y, window)
     note[STICKS] += rows[k.closed] > 0.0 and window.transient < note[HITS] < window.total
 
 
@@ -128,12 +131,67 @@ def usual(rows, notes, k, wide, window):
     put(rows, k.hit, wide, select(begins | ends, NOTHING, hit))
 
 
-@once
-def go_on(lanes, notes, k, window, sums):
-    """Make leaps and a step of all lanes and, if `sums`, no literal, the usual impacts that end it."""
+# What a motion is not asked for is left out of what makes it, and so is what stops that give need where there are none.
+_rigid = without("giving")
+_unseen = without("wary", "forceful", "draining")
+_plain = without("thorough", "wary", "forceful", "draining")
+
+
+@inner(forceinline=True)
+def _is_unseen(k):
+    return not (k.wary or k.forceful or k.draining)
+
+
+@deferred("steps of systems", 5, by_kind=True)
+def _walk_on(lanes, k):
+    """Make leaps and a step of all lanes."""
     proceed(lanes, k, 0)
-    if sums:
-        usual(lanes, notes, k, 0, window)
+
+
+@inner
+def walk_on(lanes, k):
+    """Do so, whatever is to be seen of them; a deviation is carried along."""
+    if k.giving:
+        if _is_unseen(k):
+            _walk_on(lanes, _unseen(k))
+        else:
+            _walk_on(lanes, k)
+    elif _is_unseen(k):
+        _walk_on(lanes, _rigid(_unseen(k)))
+    else:
+        _walk_on(lanes, _rigid(k))
+
+
+@deferred("impacts of systems", 2, by_kind=True)
+def _add_usual(lanes, notes, k, window):
+    """Make the usual impacts of all lanes, and sum them up."""
+    usual(lanes, notes, k, 0, window)
+
+
+@inner
+def go_on(lanes, notes, k, window):
+    """Make leaps and a step of all lanes and the usual impacts that end it, all summed up."""
+    walk_on(lanes, k)
+    if not anywhere(get(lanes, k.hit, 0) == CONTACT):
+        return
+    if k.giving:
+        if k.thorough or not _is_unseen(k):
+            _add_usual(lanes, notes, k, window)
+        else:
+            _add_usual(lanes, notes, _plain(k), window)
+    elif k.thorough or not _is_unseen(k):
+        _add_usual(lanes, notes, _rigid(k), window)
+    else:
+        _add_usual(lanes, notes, _rigid(_plain(k)), window)
+
+
+@inner
+def occur(rows, k, room, note, window):
+    """Make what ended the step of one cell, and sum it up."""
+    if k.thorough or not _is_unseen(k):
+        _occur(rows, k, room, note, window)
+    else:
+        _occur(rows, _plain(k), room, note, window)
 
 
 @inner(forceinline=True)

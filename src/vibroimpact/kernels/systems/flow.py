@@ -129,8 +129,9 @@ def couple(rows, k, wide, last, held, loaded):
                 damping = pace * get(rows, k.damping + j * n + i, wide)
                 b = fma(-damping, get(rows, k.flight + i * SIZE + o + 1, wide), b)
             put(rows, k.flight + j * SIZE + o + 2, wide, b)
-        for z in range(s if k.giving else 0):
-            _push(rows, z, o, pace, k, wide)
+        if k.giving:
+            for z in range(s):
+                _push(rows, z, o, pace, k, wide)
         for z in range(s if k.rigid else 0):
             put(rows, k.near + z, wide, clearance(rows, z, o + 2, k, wide))
         for z in range(s if k.rigid else 0):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from vibroimpact.kernels.cell import PINNED, QUIET_FOR, RUNNING
+from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.held import held
 from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket
 from vibroimpact.kernels.systems.closing import close, stays_pressed
@@ -50,16 +51,21 @@ def _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room, wind
     rows[k.pace] = 1.0
     closing = begin(rows, k, room)
     if k.thorough:
-        deviate(rows, k)
-    if k.thorough:
-        note[SUMS + MISS :: EACH] = math.inf
-        note_misses(rows, note, k, None, True, window)
-    if k.thorough and closing:
-        confine(rows, k)
-        note_rests(rows, k, room, note, int(0.0), closing, False)
+        _watch(rows, k, room, note, closing, window)
     lower(lanes, lane, rows, k.rows)
     lower(notes, lane, note, len(note))
     return cell
+
+
+@deferred("neighbours of motions", 0.5)
+def _watch(rows, k, room, note, closing, window):
+    """Begin with a deviation, and to look for misses and rests."""
+    deviate(rows, k)
+    note[SUMS + MISS :: EACH] = math.inf
+    note_misses(rows, note, k, None, True, window)
+    if closing:
+        confine(rows, k)
+        note_rests(rows, k, room, note, int(0.0), closing, False)
 
 
 @inner(inline="always")
@@ -100,7 +106,7 @@ def _ended(lanes, lane, notes, rows, note, k, room, window, alone):
     return end
 
 
-@compiled("maps of systems", 30)
+@compiled("maps of systems", 3)
 def run_lanes(
     table, budgets, results, ends, tickets, lanes, owner, notes, ended, rows, note, k, room, window, alone, looks
 ):  # fmt: skip
@@ -112,7 +118,7 @@ def run_lanes(
             owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room, window)
     for _ in range(looks):
         for _ in range(LOOK):
-            go_on(lanes, notes, k, window, int(1.0))
+            go_on(lanes, notes, k, window)
             if anywhere(get(lanes, k.hit, 0) > NOTHING):
                 for lane in range(LANES):
                     if lanes[k.hit * LANES + lane] != NOTHING and owner[lane] >= 0:

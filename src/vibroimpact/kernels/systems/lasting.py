@@ -25,7 +25,10 @@ from __future__ import annotations
 
 import math
 
+from numba import types
+
 from vibroimpact.kernels.cell import PINNED, QUIET, RUNNING
+from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import rare
 from vibroimpact.kernels.systems.form import (
     DRIFTS,
@@ -47,7 +50,7 @@ from vibroimpact.kernels.systems.series import DEGREE
 POINTS = 32  # per period of the highest harmonic, at which several are summed up
 
 
-@rare
+@deferred("motions without impacts", 5, types.intp)
 def lasting(rows, k, room):
     """Return PINNED or QUIET where the present phase never ends, in contact or clear of all stops; else RUNNING."""
     f, touches = room.form, rows[k.closed] > 0.0 or rows[k.engaged] > 0.0

@@ -21,6 +21,9 @@ impacts, and ends at no time. Such a chatter is held from the cut on.
 
 from __future__ import annotations
 
+from numba import types
+
+from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.law import COMPLETES, HOLD, SHORT
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.restitution import restitution
@@ -34,7 +37,7 @@ from vibroimpact.kernels.vectors import get, put, select
 ENDLESS = 0.1  # of 1 - r: with less of (1 - p)(1 - r) a chatter is taken to end at no time
 
 
-@inner
+@deferred("starts of systems", 0.6, types.intp)
 def begin(rows, k, room):
     """Settle the stops at which the start is at rest; return the set of those that closed.
 

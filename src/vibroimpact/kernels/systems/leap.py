@@ -41,6 +41,7 @@ from __future__ import annotations
 
 import math
 
+from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.flight import BARELY
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.flow import move, stop_moves, turned, turns
@@ -169,7 +170,7 @@ def leap(rows, k, wide, whole, willing):
     return willing
 
 
-@inner
+@deferred("long leaps", 1)
 def leap_far(rows, k, wide, willing):
     """Make far leaps where they are wanted, while they are certified, up to so many."""
     number = 0
@@ -251,11 +252,10 @@ def may_leap(rows, k, wide):
 
 @inner
 def leap_within(rows, k, wide):
-    """Leap from the beginning of a contact of a lone mode, where it is certified; return where it was."""
+    """Leap from the beginning of a contact of a lone mode, where it is certified."""
     begun = (get(rows, k.age, wide) <= 0.0) & (get(rows, k.engaged, wide) == 1.0) & (get(rows, k.closed, wide) <= 0.0)
-    leapt = begun & (get(rows, k.age, wide) > 0.0)
     if not anywhere(begun):
-        return leapt
+        return
     for own in range(2 * k.stops):
         z, length, first = own // 2, WITHIN[own % 2], k.within + own * (k.flow + 3)
         s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
@@ -274,8 +274,7 @@ def leap_within(rows, k, wide):
         s1, c1 = turned(s, c, get(rows, last, wide), get(rows, last + 1, wide))
         _take(rows, here, s, s1, c1, first, length * get(rows, k.pace, wide), k, wide)
         put(rows, k.kind + z, wide, select(here, CLOSED, get(rows, k.kind + z, wide)))
-        leapt, begun = leapt | here, begun & (get(rows, k.age, wide) <= 0.0)
-    return leapt
+        begun = begun & (get(rows, k.age, wide) <= 0.0)
 
 
 @inner
@@ -287,8 +286,9 @@ def _see(rows, end, k, wide):
     for _ in range(2):
         turns(rows, k, wide)
         fly(rows, True, k, wide)
-        for z in range(k.stops if k.wary else 0):
-            miss(rows, z, end, here, True, k, wide)
+        if k.wary:
+            for z in range(k.stops):
+                miss(rows, z, end, here, True, k, wide)
         account(rows, end, k, wide)
         if k.draining:
             drain(rows, end, k, wide)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from numba import types
+
 from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, QUIET, QUIET_FOR, RUNNING, SPENT
+from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.lasting import lasting
 from vibroimpact.kernels.systems.law import release, stalled, strike
@@ -111,7 +114,7 @@ def _farthest(y, p, load, damping):
     return y + min(slowed, -0.5 * p * p / load if load < 0.0 else math.inf)
 
 
-@inner
+@deferred("ends of motions", 0.6, types.intp)
 def ending(rows, k, room, note, total):
     """Return why a cell ends here, or RUNNING."""
     if rows[k.lawless] > 0.0:
@@ -142,7 +145,7 @@ def asks(rows, k, note):
     return True
 
 
-@inner
+@deferred("impacts on several stops", 4, types.UniTuple(types.intp, 2))
 def happen(rows, k, room):
     """Make what ended a step, but for the usual impact; return the sets of stops struck, and closed by it."""
     z, struck, closing = int(rows[k.which]), int(0.0), int(0.0)

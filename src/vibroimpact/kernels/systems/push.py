@@ -13,6 +13,9 @@ from __future__ import annotations
 
 import math
 
+from numba import types
+
+from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.complementarity import ROUNDING
 from vibroimpact.kernels.systems.flow import clearances, stop_moves, turns
@@ -188,7 +191,7 @@ def meet(rows, k, wide, contact):
     return begins, ends, speed
 
 
-@inner
+@deferred("stops that give", 1, types.UniTuple(types.intp, 2))
 def attend(rows, k, room, ahead):
     """Decide of every stop that gives, but for those `ahead`, whether it pushes, has let go or is free.
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from numba import types
+
+from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary, solve
 from vibroimpact.kernels.systems.flow import fly_together, stop_moves, turns
@@ -46,7 +49,7 @@ def all_held(rows, k):
     return number >= k.modes
 
 
-@inner
+@deferred("derivatives of motions", 1)
 def derive(rows, k, last):
     """Leave derivatives of the modes up to `last`, under what is closed; those of clearances follow."""
     turns(rows, k, None)
@@ -78,7 +81,7 @@ def hold(rows, k, room, chosen):
     rows[k.closed] = number
 
 
-@inner
+@deferred("contact that is held", 3, types.intp)
 def settle(rows, k, room, members):
     """Decide which of the stops at rest close; leave how each is left or held, and the state on the closed ones.
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 
+from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.flow import carry, clearances, couple, fly_alone, fly_apart, fly_together, move, turns
 from vibroimpact.kernels.systems.layout import (
@@ -186,7 +187,7 @@ def _carry(rows, x, held, k, wide):
 @inner(forceinline=True)
 def fly_here(rows, held, k, wide):
     """Leave the series of all modes, and of the forces of stops that are closed or push where some are `held`."""
-    if held and k.modes == 1 and not k.rigid:
+    if k.giving and held and k.modes == 1 and not k.rigid:
         fly_alone(rows, k, wide)
     elif held or k.coupled:
         fly_together(rows, k, wide, DEGREE, held)
@@ -200,12 +201,18 @@ def fly(rows, held, k, wide):
     fly_here(rows, held, k, wide)
 
 
+@deferred("series of one system", 1.5)
+def fly_one(rows, held, k):
+    """Do the same of one cell."""
+    fly_here(rows, held, k, None)
+
+
 @inner
 def fly_on(rows, x, k):
     """Carry a cell and its deviation over so many steps in which nothing happens."""
     turns(rows, k, None)
     held, x = rows[k.closed] > 0.0 or (k.giving and rows[k.engaged] > 0.0), x / rows[k.pace]
-    fly(rows, held, k, None)
+    fly_one(rows, held, k)
     move(rows, x, False, k, None)
     _carry(rows, x, held, k, None)
 
@@ -218,9 +225,10 @@ def step(rows, k, wide):
     fly_here(rows, held, k, wide)
     x, others, which, sought = _certify(rows, held, k, wide)
     close, end = _approach(load(rows, k.near, wide), x, others, sought)
-    for z in range(k.stops if k.wary else 0):
-        miss(rows, z, end, end > 0.0, held, k, wide)
-    if held and k.forceful:
+    if k.wary:
+        for z in range(k.stops):
+            miss(rows, z, end, end > 0.0, held, k, wide)
+    if k.forceful and held:
         account(rows, end, k, wide)
     if k.draining:
         drain(rows, end, k, wide)
@@ -236,3 +244,9 @@ def step(rows, k, wide):
     put(rows, k.passed, wide, end)
     put(rows, k.age, wide, get(rows, k.age, wide) + end)
     put(rows, k.made, wide, get(rows, k.made, wide) + 1.0)
+
+
+@deferred("steps of one system", 3, by_kind=True)
+def step_one(rows, k):
+    """Make a certified step of one cell."""
+    step(rows, k, None)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from numba import types
+
 from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, RUNNING, SPENT
-from vibroimpact.kernels.held import held
+from vibroimpact.kernels.deferred import deferred
+from vibroimpact.kernels.held import held, without
 from vibroimpact.kernels.machine import compiled, copy, inner
 from vibroimpact.kernels.systems.flow import move, turns
 from vibroimpact.kernels.systems.lasting import lasting
@@ -17,7 +20,7 @@ from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, MADE, TURN, a
 from vibroimpact.kernels.systems.pressed import LONGEST, WALK, asks_again, comes_back, in_contact, is_pressed
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
-from vibroimpact.kernels.systems.step import fly, fly_on, step
+from vibroimpact.kernels.systems.step import fly_on, fly_one, step_one
 from vibroimpact.kernels.systems.tangent import confine, happen_beside
 
 
@@ -74,7 +77,7 @@ def _leap(rows, spare, k, seen, schedule, length, willing):
     for _ in range(int((rows[k.age] - spare[k.age]) / HALF) if schedule.number > 0.0 else 0):
         periods, phase = moment(spare[k.turn], spare[k.turn + 1], spare[k.turn + 2])
         turns(spare, k, None)
-        fly(spare, False, k, None)
+        fly_one(spare, False, k)
         spare[k.passed] = HALF
         _look(spare, k, seen, periods, phase, schedule)
         move(spare, HALF, False, k, None)
@@ -86,12 +89,13 @@ def _leap_within(rows, spare, k, seen, schedule):
     """Leap from the beginning of a contact; the looks within need series."""
     if schedule.number > 0.0:
         copy(rows, spare)
-    if leap_within(rows, k, None) and schedule.number > 0.0:
+    leap_within(rows, k, None)
+    if schedule.number > 0.0 and rows[k.age] > spare[k.age]:
         end = 0.5 * rows[k.age]
         for _ in range(2):
             periods, phase = moment(spare[k.turn], spare[k.turn + 1], spare[k.turn + 2])
             turns(spare, k, None)
-            fly(spare, True, k, None)
+            fly_one(spare, True, k)
             spare[k.passed] = end
             _look(spare, k, seen, periods, phase, schedule)
             move(spare, end / spare[k.pace], False, k, None)
@@ -115,7 +119,7 @@ def _note_rests(rows, k, seen, room, closing):
 
 
 @inner
-def _record(rows, k, room, seen, struck, before, recorded, window):
+def _record(rows, k, room, seen, struck, before, several, window):
     """Leave a row for each stop that was struck hard enough."""
     measure(rows, k, room)
     periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
@@ -125,7 +129,7 @@ def _record(rows, k, room, seen, struck, before, recorded, window):
             if window.transient < before <= window.total:
                 row = seen.impacts[seen.filled[0]]
                 row[0], row[1], row[2] = periods, phase, z
-                row[3], row[4], row[5] = room.speed[z], room.impulse[z], recorded > 1
+                row[3], row[4], row[5] = room.speed[z], room.impulse[z], several
                 row[6:9], row[9] = math.nan, 0.5 * (room.speed[z] - room.rate[z]) * room.impulse[z]
                 seen.filled[0] += 1
                 if rows[k.spring + z] > 0.0:
@@ -162,14 +166,14 @@ def _after_step(rows, k, room, note, seen, window):
         z = int(rows[k.which])
         room.speed[z], room.impulse[z] = v, impulse
         note[HITS] += 1.0
-        _record(rows, k, room, seen, 1 << z, before, 1, window)
+        _record(rows, k, room, seen, 1 << z, before, False, window)
         return
     struck, closing = happen(rows, k, room)
     recorded = add_all(rows, k, room, note, struck, window) if struck else 0
     if k.giving:
         _conclude(rows, k, seen)
     if recorded:
-        _record(rows, k, room, seen, struck, before, recorded, window)
+        _record(rows, k, room, seen, struck, before, recorded > 1, window)
     _note_rests(rows, k, seen, room, closing)
 
 
@@ -190,7 +194,7 @@ def _stays_pressed(rows, work, begun, k, room):
     for _ in range(WALK):
         if work[k.turn + 2] > rows[k.turn + 2] + LONGEST:
             return False
-        step(work, k, None)
+        step_one(work, k)
         if work[k.hit] == NOTHING:
             continue
         pushed = work[k.kind + int(work[k.which])] >= CLOSED
@@ -205,7 +209,7 @@ def _stays_pressed(rows, work, begun, k, room):
     return False
 
 
-@compiled("motions of systems, its start", 8)
+@compiled("motions of systems, its start", 1)
 def seat(rows, k, row, room, seen):
     """Put a cell, a row of its constants, where one is followed alone."""
     k, room, seen = held(k), held(room), held(seen)
@@ -216,10 +220,9 @@ def seat(rows, k, row, room, seen):
     _note_rests(rows, k, seen, room, begin(rows, k, room))
 
 
-@compiled("motions of systems", 25)
-def follow(rows, spare, begun, k, room, note, seen, window, schedule, most):
+@deferred("motions of systems", 7, types.intp, by_kind=True)
+def _follow(rows, spare, begun, k, room, note, seen, window, schedule, most):
     """Follow a cell until its window is full, a buffer is, it ends, or so many steps are made; return why."""
-    k, room, seen = held(k), held(room), held(seen)
     for number in range(most):
         look(rows, k, None)
         on = leapt = _leap(rows, spare, k, seen, schedule, HALF, may_leap(rows, k, None))
@@ -234,7 +237,7 @@ def follow(rows, spare, begun, k, room, note, seen, window, schedule, most):
             if schedule.number > 0.0 and seen.filled[1] >= schedule.number:
                 return FILLED  # within the contact
         periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
-        step(rows, k, None)
+        step_one(rows, k)
         _look(rows, k, seen, periods, phase, schedule)
         if rows[k.hit] != NOTHING:
             _after_step(rows, k, room, note, seen, window)
@@ -258,7 +261,20 @@ def follow(rows, spare, begun, k, room, note, seen, window, schedule, most):
     return RUNNING
 
 
-@compiled("multipliers of systems", 15)
+_unwatched = without("thorough", "wary", "draining")
+_rigid = without("giving", "forceful")
+
+
+@compiled("motions of systems", 0.6)
+def follow(rows, spare, begun, k, room, note, seen, window, schedule, most):
+    """Do so; neither a deviation nor misses or what dampers take are seen of it."""
+    k, room, seen = _unwatched(held(k)), held(room), held(seen)
+    if k.giving:
+        return _follow(rows, spare, begun, k, room, note, seen, window, schedule, most)
+    return _follow(rows, spare, begun, _rigid(k), room, note, seen, window, schedule, most)
+
+
+@compiled("multipliers of systems", 3)
 def carry_over(rows, spare, k, room, periods, most):
     """Carry a cell and its deviation over driving periods; return whether it came so far in that many steps."""
     k, room = held(k), held(room)
@@ -268,7 +284,7 @@ def carry_over(rows, spare, k, room, periods, most):
     passed = 0.0
     for _ in range(most):
         copy(rows, spare)
-        step(rows, k, None)
+        step_one(rows, k)
         now, later = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
         before, passed = passed, (now - began) + (later - phase)
         if passed >= periods:

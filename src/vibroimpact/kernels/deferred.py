@@ -1,0 +1,136 @@
+"""Parts of kernels that are compiled when they are first called, and kept by themselves.
+
+What a model never does is never compiled, and what several kernels do is compiled once. A kernel holds of such a part
+its name and the types that it is called with, and asks for its address when it first comes to the call.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import pickle
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache, partial
+from inspect import Parameter, signature
+from pathlib import Path
+from typing import Any
+
+from llvmlite import binding, ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from vibroimpact.kernels.held import Held
+from vibroimpact.kernels.machine import cache_folder, compiled
+
+ASK = "vibroimpact_address"  # what kernels call to learn an address
+_ADDRESS, _LENGTH = ir.IntType(8).as_pointer(), ir.IntType(64)
+
+_parts: dict[str, Any] = {}  # compilers of parts, by their names
+
+
+def deferred(
+    what: str, seconds: float, returns: Any = types.none, *, by_kind: bool = False
+) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a part of kernels when it is first called: `what` it computes and in how many seconds is told then.
+
+    `returns` is the type of what it returns, as its callers are compiled before. Whatever is known of a held tuple to
+    be False, the part is compiled once for all, or `by_kind` without that.
+    """
+
+    def kept(kind: Any) -> Any:
+        return Held(kind.of) if isinstance(kind, Held) and not by_kind else types.unliteral(kind)
+
+    def part(function: Callable[..., Any]) -> Any:
+        name = f"{function.__module__}.{function.__name__}"
+        _parts[name] = compiled(what, seconds)(function)
+
+        def define(typing: Any, *arguments: Any) -> Any:
+            made = returns(*map(kept, arguments))
+            return made, partial(_call, pickle.dumps((name, made)))
+
+        context, own = Parameter("typing", Parameter.POSITIONAL_ONLY), signature(function)
+        define.__signature__ = own.replace(parameters=[context, *own.parameters.values()])  # type: ignore[attr-defined]
+        define.__name__ = function.__name__
+        called: Any = intrinsic(define)
+        called.part = _parts[name]  # what Python calls
+        return called
+
+    return part
+
+
+def _call(asked: bytes, context: Any, builder: Any, made: Any, values: Any) -> Any:
+    """Emit a call of a part, whose address is asked for where it is not yet known."""
+    _note(asked)
+    kind = context.call_conv.get_function_type(made.return_type, made.args)
+    known = cgutils.add_global_variable(builder.module, _ADDRESS, "address_of_part")
+    known.linkage, known.initializer = "internal", _ADDRESS(None)
+    with builder.if_then(cgutils.is_null(builder, builder.load(known)), likely=False):
+        ask = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_ADDRESS, [_ADDRESS, _LENGTH]), ASK)
+        words = context.insert_const_bytes(builder.module, asked)
+        builder.store(builder.call(ask, [words, _LENGTH(len(asked))]), known)
+    part = builder.bitcast(builder.load(known), kind.as_pointer())
+    result = cgutils.alloca_once_value(builder, cgutils.get_null_value(kind.args[0].pointee))
+    failure = cgutils.alloca_once(builder, kind.args[1].pointee)  # nothing in kernels raises
+    given = context.call_conv._get_arg_packer(made.args).as_arguments(builder, values)
+    builder.call(part, [result, failure, *given])
+    return context.get_returned_value(builder, made.return_type, builder.load(result))
+
+
+@ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
+def _address(words: int, size: int) -> int:
+    """Return where the part is that a kernel asks for; without it nothing can go on."""
+    try:
+        with _uninterrupted():
+            return compile_part(ctypes.string_at(words, size))
+    except BaseException:
+        traceback.print_exc()
+        sys.stderr.flush()
+        os._exit(70)
+
+
+binding.add_symbol(ASK, ctypes.cast(_address, ctypes.c_void_p).value)
+
+
+@cache
+def compile_part(asked: bytes) -> int:
+    """Compile what a kernel asks for, or find it in the cache; return its address."""
+    name, made = pickle.loads(asked)
+    _parts[name].compile(made)
+    found = _parts[name].overloads[made.args]
+    return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Keep Ctrl-C until the kernel that called has returned: no exception can pass through it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    kept: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: kept.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_DFL if before is None else before)
+        if kept:
+            threading.Timer(0.1, signal.raise_signal, kept[:1]).start()
+
+
+# What kernels that were compiled may ask for, so that it can be compiled beforehand: a file each
+
+
+def _note(asked: bytes) -> None:
+    with suppress(OSError):
+        Path(cache_folder(), f"{hashlib.sha256(asked).hexdigest()[:16]}.part").write_bytes(asked)
+
+
+def noted() -> set[bytes]:
+    """Return all that kernels in the cache may ask for."""
+    return {path.read_bytes() for path in Path(cache_folder()).glob("*.part")}
