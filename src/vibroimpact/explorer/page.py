@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from typing import Any
 
 from vibroimpact import compiling
@@ -74,7 +75,8 @@ class Page:
         self.explorer.close()
 
     def _work_changed(self) -> None:
-        self.receive([("rest", None)])
+        with suppress(RuntimeError):  # the server's loop is closed, and nobody left to be told
+            self.receive([("rest", None)])
 
     def export(self, kind: str) -> None:
         """Make a file of the view and let the browser keep it."""
