@@ -4,15 +4,16 @@ PYTHON ?= python3
 BIN := .venv/bin
 TELLING := storage stores plotting_maps explorer_controls cli cluster
 
-.PHONY: help demo test check check-oldest check-newest fuzz bench docs figures dist clean
+.PHONY: help demo test test-all check check-oldest check-newest fuzz bench docs figures dist clean
 
 help:
 	@echo "make demo     the paper's whole study as one HTML report in demo/"
-	@echo "make test     the tests, on all cores"
+	@echo "make test     the tests between two edits, on all cores: minutes"
+	@echo "make test-all those and the long ones: random campaigns, kills, clusters, hostile files, notebooks"
 	@echo "make check    style, types, layers, documentation"
 	@echo "make check-oldest, make check-newest"
 	@echo "              tests with the oldest dependencies allowed, and with the newest there are"
-	@echo "make fuzz     20,000 hostile requests, as \`make test\` does 2,000"
+	@echo "make fuzz     20,000 hostile requests, as \`make test-all\` does 2,000"
 	@echo "make bench    how fast the engine is on this machine, beside others"
 	@echo "make docs     the documentation, in docs/_build/html/"
 	@echo "make figures  draw again the pictures of README and documentation"
@@ -28,9 +29,10 @@ demo: .venv/.has-package
 	@echo "The report lies at $(CURDIR)/demo/report.html"
 
 # Tests start hundreds of processes; without bytecode each of them compiles the package's source anew.
-test: export PYTHONDONTWRITEBYTECODE =
-test: .venv/.has-tests
-	$(BIN)/python -m pytest -n auto --dist worksteal
+test test-all: export PYTHONDONTWRITEBYTECODE =
+test: TIER = -m "not long"
+test test-all: .venv/.has-tests
+	$(BIN)/python -m pytest -n auto --dist worksteal $(TIER)
 
 check: .venv/.has-tests .venv/.has-checks
 	$(BIN)/ruff check

@@ -126,7 +126,7 @@ def check_attractors(verdict):
     assert {(one.name, one.share) for one in found} == {(one.name, one.share) for one in verdict.attractors}, osc
 
 
-@pytest.mark.long
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("part", range(PARTS))
 def test_advice_makes_nothing_worse_from_anywhere_and_all_that_is_said_agrees(part):
     rng = np.random.default_rng([1311, part])
@@ -141,6 +141,7 @@ def test_advice_makes_nothing_worse_from_anywhere_and_all_that_is_said_agrees(pa
     assert given > DESIGNS // PARTS // 2
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("seed", range(4, 8))
 def test_advice_makes_nothing_worse_for_two_masses_from_anywhere(seed):
     rng = np.random.default_rng([1312, seed])
@@ -149,6 +150,7 @@ def test_advice_makes_nothing_worse_for_two_masses_from_anywhere(seed):
     check_advice(verdict, rng)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(200) if "FUZZ" in os.environ else (0, 5))
 def test_advice_makes_nothing_worse_at_stops_that_give_from_anywhere(seed):
     rng = np.random.default_rng([1314, seed])
@@ -156,6 +158,7 @@ def test_advice_makes_nothing_worse_at_stops_that_give_from_anywhere(seed):
     check_advice(without_boundaries(system, str(rng.choice(list(system.values)))), rng)
 
 
+@pytest.mark.long
 def test_impacts_are_not_said_to_end_before_the_fold_of_their_orbit():
     """In N, mm and t: swept up from gap 0 the motion hits until its fold at 0.672389 mm, which few starts show."""
     system = vi.ImpactSystem(
@@ -187,6 +190,7 @@ def test_a_long_transient_is_not_the_motion_that_advice_promises():
     assert {motion.name for motion in late} == {"no impact"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("model", "parameter"), [(models.idle_gear, "omega"), (models.bilinear_oscillator, "spring_gap")]
 )
@@ -206,6 +210,7 @@ def test_a_ball_is_told_where_its_hard_bounces_end():
     assert fold - 0.01 < advice.value < fold
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize(
     ("osc", "parameters"),
     [
@@ -251,6 +256,7 @@ def test_preload_and_wider_gaps_are_tried():
 # What the motion from rest ends in
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("numbers", "name"),
     [

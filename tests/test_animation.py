@@ -22,6 +22,7 @@ def frames(path):
             yield np.asarray(film.convert("RGB")).astype(int)
 
 
+@pytest.mark.long
 def test_the_mass_runs_from_left_to_right_once_a_page_along_the_displacement(motion, tmp_path):
     pictures = list(frames(animate(motion, tmp_path / "motion.gif", seconds=3.0)))
     assert len(pictures) == 75
@@ -83,6 +84,7 @@ def test_without_ffmpeg_the_way_out_is_told(motion, tmp_path, monkeypatch):
         animate(motion, tmp_path / "motion.mp4")
 
 
+@pytest.mark.long
 def test_the_command_line_writes_films_of_motions_alone(run):
     code, out, _ = run("simulate -p omega=2.8 --periods 3 --out motion.gif")
     assert code == 0

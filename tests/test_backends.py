@@ -175,6 +175,7 @@ print(*(column.values.tobytes().hex() for column in columns))
 """
 
 
+@pytest.mark.long
 def test_a_processor_without_a_name_finds_the_same_bits(tmp_path):
     # Without a name of the processor lanes are compared as LLVM sees fit, not by instructions of AVX.
     plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path)}

@@ -176,6 +176,7 @@ def test_a_hard_attractor_beyond_the_initial_conditions_is_found(osc, hardest):
     assert f"stable, but reached from none of them: {found[-1].name}" in str(vi.describe(osc, parameters=[]))
 
 
+@pytest.mark.long
 def test_every_stable_orbit_of_one_impact_is_an_attractor():
     # 2,000 were tried once (seeds 1 and 7): all were found.
     random, orbits = np.random.default_rng(12), 0
@@ -215,6 +216,7 @@ def test_chaos_that_does_not_last_is_not_believed():
     assert float(found["share"][0]) == 1.0
 
 
+@pytest.mark.long
 def test_chaos_that_rests_within_1e5_impacts_is_one_attractor_that_sticks():
     """Chaos that rarely sticks: the release comes back after thousands of periods, later than most starts are run."""
     osc = vi.ImpactOscillator(mass=0.605, damping=0.0, stiffness=0.1645, omega=2.116, restitution=0.9, gap=0.5)
@@ -225,6 +227,7 @@ def test_chaos_that_rests_within_1e5_impacts_is_one_attractor_that_sticks():
     assert 0.0 < sticking.std < sticking.mean_velocity < sticking.max_velocity
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", TRANSIENTS)
 def test_chaos_that_ends_leads_to_the_cycle_that_it_ends_in(name):
     osc = TRANSIENTS[name]

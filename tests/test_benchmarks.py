@@ -40,6 +40,7 @@ def measured(result):
     return {row["name"]: row for row in result["contenders"] if not row["note"]}
 
 
+@pytest.mark.long
 def test_every_contender_is_measured_or_says_why_not(result):
     for row in result["contenders"]:
         assert row["note"] or row["cost"]["chaotic"]["ns"] > 0
@@ -48,6 +49,7 @@ def test_every_contender_is_measured_or_says_why_not(result):
     assert [cost["ratio"] for cost in first["cost"].values()] == [1.0, 1.0, 1.0]
 
 
+@pytest.mark.long
 def test_ours_is_right_in_lanes_and_alone(measured):
     for name in ("ours, one core", "ours, all cores, closing", "ours, one orbit"):
         row = measured[name]
@@ -57,18 +59,21 @@ def test_ours_is_right_in_lanes_and_alone(measured):
         assert row["sticks_and_leaves"]
 
 
+@pytest.mark.long
 def test_the_paper_s_scheme_rattles_where_the_mass_should_stick(measured):
     row = measured["the paper's scheme"]
     assert row["stalls"].startswith("rattles")
     assert row["error_settled"] > 1e-7
 
 
+@pytest.mark.long
 def test_an_event_solver_stalls_where_impacts_pile_up(measured):
     row = measured["SciPy DOP853, one orbit"]
     assert row["stalls"].startswith("stalls at")
     assert row["error_first_20"] < 1e-8
 
 
+@pytest.mark.long
 @pytest.mark.skipif(heyoka is None, reason="heyoka is not installed")
 @pytest.mark.parametrize("how", ["one orbit", "batch"])
 def test_heyoka_passes_the_stop_unless_sticking_is_added(measured, how):
@@ -87,6 +92,7 @@ def test_a_run_that_never_stuck_is_not_taken_for_one_that_did():
     assert not verdict(LowRun([0.3, next_hit, 0.2], 1e-3))["stays_in_front"]
 
 
+@pytest.mark.long
 def test_the_counts_of_the_maps_add_up(result):
     maps = result["maps"]
     assert len(maps["maps"]) == 5
@@ -96,6 +102,7 @@ def test_the_counts_of_the_maps_add_up(result):
     assert 1 < result["steps_an_impact"] < 10
 
 
+@pytest.mark.long
 def test_cost_is_followed_over_threads_impacts_cells_and_stiffness(result):
     assert result["threads"][0]["threads"] == 1
     assert result["threads"][0]["speed_up"] == 1.0
@@ -104,6 +111,7 @@ def test_cost_is_followed_over_threads_impacts_cells_and_stiffness(result):
         assert all(row["ns"] > 0 and row["steps_an_impact"] > 0 for row in rows)
 
 
+@pytest.mark.long
 def test_every_number_to_meet_is_judged_or_left_open(result):
     assert len(result["targets"]) == len(TARGETS)
     for row in result["targets"]:
@@ -125,6 +133,7 @@ def test_the_page_keeps_its_words_and_changes_its_figures(tmp_path):
     assert page.read_text() == f"before\n{BEGIN}\n\nnewer\n\n{END}\nafter\n"
 
 
+@pytest.mark.long
 def test_what_is_written_names_the_machine_but_not_its_owner(written, result):
     assert result["machine"]["cores"] >= 1
     assert result["machine"]["versions"]["numba"]

@@ -51,6 +51,7 @@ def kinds_of(found):
     return {(curve.kind, curve.orbits[0].n_periods) for curve in found}
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("name", [*PLANES, "gap"])
 def test_every_point_of_every_curve_satisfies_its_own_condition(curves, name):
     for curve in curves(name):
@@ -58,12 +59,14 @@ def test_every_point_of_every_curve_satisfies_its_own_condition(curves, name):
         assert all(orbit.admissible for orbit in curve.orbits)
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("name", PLANES)
 def test_each_plane_of_the_paper_has_its_doubling_and_grazing_curves_and_no_fold(curves, name):
     expected = {("period_doubling", 1), ("period_doubling", 2), ("grazing", 1), ("grazing", 2)}
     assert kinds_of(curves(name)) == expected
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("name", PLANES)
 def test_doublings_obey_the_closed_form_of_the_trace(curves, name):
     """-2 r E cos(wd n T) + (1 + r)(q/v)(f sin(phase) - k g)/m = -1 - r^2 E^2, with E = exp(-c n T/2m)."""
@@ -269,6 +272,7 @@ def test_a_point_that_is_no_boundary_is_refused():
         continue_boundary(3, ("omega", "mass"), ((2, 3), (0.5, 2)))
 
 
+@pytest.mark.long
 def test_an_end_of_sticking_is_a_boundary_like_the_others(tmp_path):
     ranges = (0.3, 0.5), (0.6, 0.85)  # a second tongue lies above
     (curve,) = boundary_curves(

@@ -47,6 +47,7 @@ def plane(request):
     return names, box, rng, boundary_curves(osc, names, box, lines=2, step=0.04)
 
 
+@pytest.mark.long
 def test_at_random_points_of_each_curve_its_motion_attracts_on_one_side_and_not_on_the_other(plane):
     names, box, rng, curves = plane
     spans = np.array([high - low for low, high in box])
@@ -93,6 +94,7 @@ def beside(curve, at, osc, distance):
             yield make_orbit(osc, cycle, found.z)
 
 
+@pytest.mark.long
 def test_no_two_curves_are_the_same_and_no_point_is_listed_twice(plane):
     _, box, _, curves = plane
     spans = np.array([high - low for low, high in box])
@@ -129,6 +131,7 @@ def test_orbits_with_several_impacts_are_followed_where_a_map_shows_them():
     assert "other motions end elsewhere" in known.message
 
 
+@pytest.mark.long
 def test_the_steady_motion_touches_the_stop_along_one_curve_alone():
     """With velocity 0 each period-n impact-1 orbit is the steady motion, which repeats after every period."""
     curves = boundary_curves(

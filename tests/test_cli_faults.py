@@ -315,6 +315,7 @@ def test_an_interrupted_store_never_replaces_a_complete_one_until_it_is_complete
     assert names(tmp_path) == ["map.zarr"]
 
 
+@pytest.mark.long(but=4)
 @pytest.mark.parametrize("out", ["map.zarr", "map.nc", "map.csv", "map.png"])
 @pytest.mark.parametrize(
     "fault",
@@ -372,6 +373,7 @@ def test_a_plain_result_is_no_store_to_go_on_with(run, tmp_path):
     assert run("info map.zarr")[0] == 2
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="a child cannot be sent Ctrl-C alone")
 def test_ctrl_c_ends_a_running_map_with_exit_code_130_and_a_store_that_opens(tmp_path):
     out = tmp_path / "map.zarr"
@@ -379,27 +381,29 @@ def test_ctrl_c_ends_a_running_map_with_exit_code_130_and_a_store_that_opens(tmp
     assert process.stderr is not None
     process.stderr.readline()
     process.send_signal(signal.SIGINT)
-    _, complaints = process.communicate(timeout=120)
+    _, complaints = process.communicate(timeout=600)
     assert process.returncode == 130, complaints
     assert "Traceback" not in complaints
     assert names(tmp_path) == ["map.zarr"]
     assert vi.Status.INTERRUPTED in vi.load(out)["status"].values
 
 
+@pytest.mark.long
 def test_exit_codes_reach_the_shell():
     for arguments, code in ((["section", "-p", "mass=-1"], 2), (["section", "--sample-impacts", "20"], 0)):
         process = child(*arguments)
-        _, complaints = process.communicate(timeout=120)
+        _, complaints = process.communicate(timeout=600)
         assert process.returncode == code
         assert len(complaints.splitlines()) == 1
         assert complaints.startswith("vibroimpact: `mass`" if code else "ImpactOscillator: mass 1 kg")
 
 
+@pytest.mark.long
 def test_a_reader_that_has_seen_enough_causes_no_traceback():
     process = child("section", "--sample-impacts", "20")
     assert process.stdout is not None
     process.stdout.close()
     assert process.stderr is not None
     assert "Traceback" not in process.stderr.read()
-    process.wait(timeout=120)
+    process.wait(timeout=600)
     process.stderr.close()

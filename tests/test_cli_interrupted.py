@@ -52,13 +52,14 @@ def await_file(process: subprocess.Popen, folder: Path, name: str) -> None:
         assert process.poll() is None, process.communicate()
 
 
+@pytest.mark.long
 @posix
 def test_the_first_ctrl_c_gives_up_cells_that_take_too_long_and_the_store_can_be_gone_on_with(tmp_path):
     process = started(tmp_path, 1.0, f"map --x omega=2:3:5 --y mass=1:2:5 {NEVER} --out run.zarr")
     await_file(process, tmp_path, "run.zarr/progress/tiles/lock")
     said = interrupt(process)
     assert "running cells are abandoned after 1 s; what is finished is kept (Ctrl-C again to stop at once)" in said
-    out, complaints = process.communicate(timeout=60)
+    out, complaints = process.communicate(timeout=600)
     assert (process.returncode, out) == (130, "")
     assert "run the same command again to continue" in complaints
     assert "Traceback" not in complaints
@@ -69,13 +70,14 @@ def test_the_first_ctrl_c_gives_up_cells_that_take_too_long_and_the_store_can_be
         pass
 
 
+@pytest.mark.long
 @posix
 def test_the_first_ctrl_c_keeps_the_cells_that_have_ended_beside_one_that_takes_too_long(tmp_path):
     process = started(tmp_path, 1.0, f"map --x gap=0:300:4 -p omega=2 {NEVER} --out map.nc")
     assert process.stderr.readline().startswith("ImpactOscillator: mass 1 kg")
     assert "map: " in process.stderr.readline()  # those that the mass never reaches have ended
     interrupt(process)
-    _, complaints = process.communicate(timeout=60)
+    _, complaints = process.communicate(timeout=600)
     assert process.returncode == 130
     assert "what was finished is kept" in complaints
     status = vi.load(tmp_path / "map.nc")["status"].values
@@ -83,13 +85,14 @@ def test_the_first_ctrl_c_keeps_the_cells_that_have_ended_beside_one_that_takes_
     assert vi.Status.NO_IMPACT in status[1:]
 
 
+@pytest.mark.long
 @posix
 def test_the_second_ctrl_c_ends_at_once_and_leaves_no_tile_half_written(tmp_path):
     process = started(tmp_path, 1000.0, QUICK)
     await_file(process, tmp_path, "run.zarr/std/c/*/*")  # a tile takes 0.3 s to write, of which this is the first part
     assert "stopping, running cells are abandoned after 1000 s" in interrupt(process)
     assert "stopped at once, finished tiles are kept" in interrupt(process)
-    process.communicate(timeout=60)
+    process.communicate(timeout=600)
     assert process.returncode == 130
     store, done = SweepStore(tmp_path / "run.zarr"), 0
     assert not list(store.path.rglob("*.partial"))
@@ -102,6 +105,7 @@ def test_the_second_ctrl_c_ends_at_once_and_leaves_no_tile_half_written(tmp_path
     assert store.damaged() == []
 
 
+@pytest.mark.long
 @posix
 def test_the_second_ctrl_c_ends_cells_that_take_too_long(tmp_path):
     process = started(tmp_path, 1000.0, f"map --x gap=0:300:4 -p omega=2 {NEVER} --out map.nc")
@@ -109,6 +113,6 @@ def test_the_second_ctrl_c_ends_cells_that_take_too_long(tmp_path):
     assert "map: " in process.stderr.readline()
     interrupt(process)
     assert "stopped at once, nothing was kept" in interrupt(process)
-    process.communicate(timeout=60)
+    process.communicate(timeout=600)
     assert process.returncode == 130
     assert list(tmp_path.iterdir()) == []

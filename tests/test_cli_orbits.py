@@ -140,6 +140,7 @@ def test_nothing_to_follow_is_told_and_fails_only_where_a_file_was_asked_for(run
 # Boundaries
 
 
+@pytest.mark.long
 def test_boundaries_are_told_saved_and_drawn_over_maps(run, tmp_path):
     told = run(f"boundary {PLANE}")[1]
     assert told[0] == "1 curve in the plane of omega and restitution"
@@ -265,6 +266,7 @@ def test_a_verdict_is_told_in_words_and_as_json(run):
     assert json.loads("\n".join(told))["motion"]["name"] == "period-1 impact-1"
 
 
+@pytest.mark.long
 def test_two_designs_are_set_side_by_side_and_drawn(run, tmp_path):
     (tmp_path / "slow.toml").write_text("[oscillator]\nomega = 1.4\n")
     (tmp_path / "fast.toml").write_text("[oscillator]\nomega = 2.0\n")

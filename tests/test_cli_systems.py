@@ -36,6 +36,7 @@ def two(tmp_path):
     (tmp_path / "new.toml").write_text("[oscillator]\nbar_gap = 0.04\n")
 
 
+@pytest.mark.long(but=4)
 @pytest.mark.parametrize(
     ("command", "lines"),
     [
@@ -119,6 +120,7 @@ def test_a_study_file_starts_a_system_from_lists(run, tmp_path):
     )
 
 
+@pytest.mark.long
 def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
     assert run("continue --model bouncing_ball --x amplitude=1e-4:1.6e-4 --step 0.1 --out branch.zarr")[0] == 0
     kinds = vi.load(tmp_path / "branch.zarr")["special_kind"]

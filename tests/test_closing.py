@@ -140,6 +140,7 @@ def cycle_tangent(omega, v, s, c):
     return product(saltation(h * v, s, k), tangent)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["w=2.0,n=1", "w=1.4,n=1", "w=2.6,n=1"])
 def test_the_tangent_of_a_cycle_has_the_known_trace_and_determinant(values, name):
     known = values["period_n_impact_1"][name]

@@ -25,6 +25,7 @@ def run(cache, *arguments):
     return done.stderr.splitlines()
 
 
+@pytest.mark.long
 def test_a_command_says_what_it_compiles_after_its_model_and_once(tmp_path):
     first, second = (run(tmp_path, "section", "-p", "omega=1.4") for _ in range(2))
     (at,) = (number for number, line in enumerate(first) if TOLD.fullmatch(line))
@@ -32,6 +33,7 @@ def test_a_command_says_what_it_compiles_after_its_model_and_once(tmp_path):
     assert [line for line in first if not TOLD.fullmatch(line)] == second
 
 
+@pytest.mark.long
 def test_a_cache_cut_off_by_a_full_disk_or_by_another_program_is_none(tmp_path):
     run(tmp_path, "section")
     files = list(tmp_path.rglob("*.nb[ci]"))
@@ -42,6 +44,7 @@ def test_a_cache_cut_off_by_a_full_disk_or_by_another_program_is_none(tmp_path):
     assert not any(TOLD.fullmatch(line) for line in run(tmp_path, "section"))
 
 
+@pytest.mark.long
 def test_without_a_folder_to_write_to_each_process_compiles_and_says_how_to_change_that():
     told = [line for line in run("/proc/none", "section") if line.startswith("compiling")]
     assert len(told) == 1
@@ -49,6 +52,7 @@ def test_without_a_folder_to_write_to_each_process_compiles_and_says_how_to_chan
     assert "NUMBA_CACHE_DIR" in told[0]
 
 
+@pytest.mark.long
 def test_two_processes_may_compile_the_same_at_once(tmp_path):
     where = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     both = [subprocess.Popen([*COMMAND, "section"], env=where, stdout=subprocess.PIPE, text=True) for _ in range(2)]
@@ -57,6 +61,7 @@ def test_two_processes_may_compile_the_same_at_once(tmp_path):
     assert said[0] == said[1]
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("arguments", [("map", "--x", "frequency=1:2:3"), ("simulate",)])
 def test_ctrl_c_while_compiling_ends_the_process(tmp_path, arguments):
     """On a terminal, with the line on the model before; a compiler that is waited for would have ended with 0."""
@@ -97,6 +102,7 @@ def counted(cache, *lines):
     return [int(line) for line in told.stdout.splitlines()]
 
 
+@pytest.mark.long
 def test_a_first_map_of_a_system_compiles_about_as_much_as_one_of_one_mass(tmp_path):
     """Functions are what compiling takes its time for; there were 337 once of any system, in each kernel anew."""
     (one,) = counted(tmp_path / "one", "vi.parameter_map(vi.ImpactOscillator(), omega=[1.0, 2.0])")
@@ -112,6 +118,7 @@ def test_a_first_map_of_a_system_compiles_about_as_much_as_one_of_one_mass(tmp_p
     assert section + simulated < 0.75 * one
 
 
+@pytest.mark.long
 def test_what_a_kernel_is_interrupted_at_is_compiled_before_the_interrupt_is_felt(tmp_path):
     """No exception can pass through a kernel that waits for a part of it."""
     code = (

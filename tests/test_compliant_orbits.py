@@ -85,12 +85,14 @@ def branch():
     return continue_orbit(find(two_masses)[0], "omega", (0.6, 0.8))
 
 
+@pytest.mark.long
 def test_two_masses_on_a_one_sided_spring_double_and_fold_where_it_is_known(branch):
     assert specials(branch, "period_doubling") == pytest.approx([0.7387830254, 0.7555861594], abs=1e-10)
     assert specials(branch, "fold") == pytest.approx([0.7556273526], abs=1e-10)
     assert max(point.residual for point in branch.special) < 1e-12
 
 
+@pytest.mark.long
 def test_two_masses_on_a_one_sided_spring_have_a_neimark_sacker_point(branch):
     (point,) = (point for point in branch.special if point.kind == "neimark_sacker")
     first, second = point.orbit.multipliers[:2]
@@ -100,6 +102,7 @@ def test_two_masses_on_a_one_sided_spring_have_a_neimark_sacker_point(branch):
     assert point.value == pytest.approx(0.6186068742670, abs=1e-11)
 
 
+@pytest.mark.long
 def test_two_masses_on_a_one_sided_spring_swing_farthest_where_it_is_known():
     # There the constant part counts half: sqrt(q_0^2/2 + sum |q_h|^2/2) of the displacement.
     found = continue_orbit(find(two_masses.replace(omega=0.754))[0], "omega", (0.7525, 0.7552), step=0.02)
@@ -112,6 +115,7 @@ def test_two_masses_on_a_one_sided_spring_swing_farthest_where_it_is_known():
     assert found.orbits[at].value("omega") == pytest.approx(0.75399, abs=2e-4)
 
 
+@pytest.mark.long
 def test_a_contact_is_born_where_the_motion_without_stops_swings_as_far_as_the_gap(branch):
     (point,) = (point for point in branch.special if point.kind == "grazing")
     system, omega = two_masses.at(), point.value
@@ -123,6 +127,7 @@ def test_a_contact_is_born_where_the_motion_without_stops_swings_as_far_as_the_g
     assert sorted(np.abs(point.orbit.multipliers)) == pytest.approx(sorted(expected), abs=1e-12)  # nothing jumps
 
 
+@pytest.mark.long
 def test_without_damping_multipliers_go_on_beyond_a_graze():
     begin = of_one_stop(find(between.replace(below=1.4, gap=0.2, omega=2.0, stiffness=100.0), stops="above"))
     found = continue_orbit(begin, "below", (1.0, 1.5))
@@ -225,6 +230,7 @@ def a_random_design(rng):
     return design, swing
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("part", range(50 if "FUZZ" in os.environ else 1))  # `make fuzz` asks for 300 designs
 def test_every_motion_of_one_contact_that_a_sweep_of_the_gap_meets_is_found(part):
     rng, met = np.random.default_rng(38 + part), 0
@@ -374,6 +380,7 @@ def a_random_mixed_system(rng):
     )
 
 
+@pytest.mark.long
 def test_what_random_motions_settle_to_is_an_orbit_with_the_same_velocities_and_impulses():
     rng, repeating = np.random.default_rng(17), 0
     for _ in range(40):
@@ -480,6 +487,7 @@ def test_a_curve_of_pitchforks_is_followed_over_the_gap(symmetric):
     assert max(curve.residuals) < 1e-10
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", range(5))
 def test_every_boundary_is_a_ray_of_force_over_gap(branch, number):
     # Motion in units of the gap depends on the force over the gap alone.
@@ -492,6 +500,7 @@ def test_every_boundary_is_a_ray_of_force_over_gap(branch, number):
     assert (min(gaps), max(gaps)) == pytest.approx((0.5, 2.0))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["neimark_sacker", "fold"])
 def test_a_boundary_passes_through_the_special_points_of_a_branch_beside(branch, kind):
     point = next(point for point in branch.special if point.kind == kind)
@@ -503,6 +512,7 @@ def test_a_boundary_passes_through_the_special_points_of_a_branch_beside(branch,
     assert min(abs(value - omega) for value in specials(crossing, kind)) < 1e-10
 
 
+@pytest.mark.long
 def test_the_boundaries_of_a_plane_are_found_without_a_guess():
     @vi.family
     def one(gap=0.05, push=1.0):

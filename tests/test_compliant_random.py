@@ -46,6 +46,7 @@ def drawn(seed):
             return model, q, rng.normal(size=n)
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("first", range(0, SEEDS, BLOCK))
 def test_the_first_20_impacts_are_those_of_the_witness(first):
     found = [difference(seed, *drawn(seed)) for seed in range(first, first + BLOCK)]

@@ -187,6 +187,7 @@ def test_commands_tell_of_stops_that_give(run, command, words):
     assert any(re.search(words, line) for line in told), told
 
 
+@pytest.mark.long
 def test_a_map_of_forces_is_told_stored_and_drawn(run, tmp_path):
     plane = "--x buffer_stiffness=40:60:3 --y omega=1.2:1.4:2 --indices max_force,work_rate --sample-impacts 50"
     code, told, _ = run(f"map {OWN} {plane}")

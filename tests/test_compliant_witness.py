@@ -170,6 +170,7 @@ def test_the_work_of_the_force_is_the_change_of_energy_and_what_dampers_and_stop
 # Any system
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("seed", range(4))
 def test_a_step_by_step_integration_of_the_forces_gives_the_same_motion(seed):
     rng = np.random.default_rng([11, seed])

@@ -45,17 +45,20 @@ def with_examples(pages):
     return [page for page in pages if any(">>> " in block for block in blocks(page, "python"))]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", with_examples(PAGES), ids=named)
 def test_every_example_of_a_page_gives_what_it_shows(page):
     assert failures("\n".join(blocks(page, "python")), page.name, {}) == ""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "{code-cell}")], ids=named)
 def test_a_notebook_runs(page):
     exec("\n".join(blocks(page, "{code-cell}")), {})
     assert plt.get_fignums()
 
 
+@pytest.mark.long
 def test_known_cases_are_met_as_closely_as_their_page_says():
     page, names = DOCS / "about" / "cases.md", {}
     exec(doctest.script_from_examples("".join(blocks(page, "python"))), names)

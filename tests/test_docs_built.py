@@ -36,6 +36,7 @@ class Page(HTMLParser):
 page_at = cache(Page)
 
 
+@pytest.mark.long
 def test_every_link_inside_leads_to_a_page_and_an_anchor_that_are_there():
     broken = []
     for path in PAGES:

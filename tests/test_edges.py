@@ -247,6 +247,7 @@ def test_a_bisected_edge_says_how_far_apart_the_values_were():
     assert "narrower windows of other motions may lie nearer" in " ".join(str(verdict).split())
 
 
+@pytest.mark.long
 def test_a_motion_that_settles_slowly_is_no_boundary_to_itself():
     slow = vi.ImpactOscillator(damping=0.0181, omega=0.93, restitution=0.898, gap=3.77)
     verdict = describe(slow, parameters=["omega"])

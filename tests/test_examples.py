@@ -44,6 +44,7 @@ def test_the_python_blocks_of_the_readme_run():
         exec(compile(block, "README.md", "exec"), {})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", SHELL_PAGES, ids=lambda page: page.name)
 def test_shell_lines_run_and_print_what_the_page_shows(page, tmp_path, capsys):
     for study in blocks(page, "toml"):

@@ -140,6 +140,7 @@ def test_lattices_hold_the_coarser_ones_also_those_of_systems():
         assert set(lattice(coarse)) < set(lattice(fine))
 
 
+@pytest.mark.long
 def test_a_system_is_explored_with_its_pins_diagram_and_undo():
     heard = []
     view = replace(of("two_sided_oscillator"), samples=200)
@@ -148,7 +149,7 @@ def test_a_system_is_explored_with_its_pins_diagram_and_undo():
     explorer.pin()
     explorer.set_parameter("frequency", "26")
     explorer.set(stop=2)
-    assert explorer.wait(200)
+    assert explorer.wait(300)
     kinds = {what for what, _ in heard}
     assert {"view", "point", "plane", "line", "pins", "others"} <= kinds
     assert explorer.plane.side in sides(view)
@@ -221,7 +222,7 @@ def test_a_notebook_has_the_page_below_its_cell_and_no_other_site_has():
     from vibroimpact.explorer.notebook import address_of
 
     address = address_of(shaker)
-    with urlopen(address, timeout=20) as answer:
+    with urlopen(address, timeout=300) as answer:
         assert answer.headers["Content-Security-Policy"].startswith("frame-ancestors http://localhost:* ")
         assert b'id="parameters"' in answer.read()
     with pytest.raises(ValueError, match="`model` must be"):

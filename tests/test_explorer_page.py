@@ -2,6 +2,7 @@
 
 import contextlib
 import http.client
+import math
 import re
 import shutil
 import subprocess
@@ -18,21 +19,28 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
          "--disable-component-update", "--disable-sync"]  # fmt: skip
-SERVE = "from vibroimpact.explorer import explore; explore({store!r}, port={port}, browser=False)"
+# Without the limits of time: what a page shows in the end must not depend on how busy this machine is.
+SERVE = (
+    "from vibroimpact.explorer import explore, session, work; "
+    "work.PLANE_SECONDS = session.LINE_SECONDS = float('inf'); session.SEARCH_SECONDS = float({limit!r}); "
+    "explore({store!r}, port={port}, browser=False)"
+)
 QUICK = "m=1&c=0.01&k=1&f=1&w=2&r=0.8&g=0&x=w,1.8,2.2&y=m,0.9,1.1&index=std&n=200"
 
 
 @contextlib.contextmanager
-def serving(store=None, port=0):
+def serving(store=None, port=0, limit=math.inf):
     process = subprocess.Popen(
-        [sys.executable, "-c", SERVE.format(store=store, port=port)], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", SERVE.format(store=store, port=port, limit=str(limit))],
+        stdout=subprocess.PIPE,
+        text=True,
     )
     try:
         line = process.stdout.readline()
         yield re.search(r"http://\S+", line).group()
     finally:
         process.terminate()
-        process.communicate(timeout=10)
+        process.communicate(timeout=PATIENCE / 1000)
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +77,7 @@ def tab(browser, address):
     assert not complaints
 
 
-def load(page, query=QUICK, side=256):
+def load(page, query=QUICK, side=64):
     page.goto(f"{page.address}?{query}")
     until(page, "window.explorer && window.explorer.ready > 0 && window.explorer.drawn > 0")
     until(page, f"window.explorer.planes.some(p => p[0] >= {side})")
@@ -121,6 +129,7 @@ def test_a_click_shows_another_motion_and_the_address_tells_it(tab, browser):
     other.close()
 
 
+@pytest.mark.long
 def test_a_click_draws_every_plot_once_and_leaves_each_its_size(tab):
     load(tab)
     until(tab, "document.getElementById('others').textContent !== ''")
@@ -268,9 +277,8 @@ def test_zoom_ends_where_double_precision_does_and_says_so(tab):
         tab.keyboard.press("+")
         tab.wait_for_timeout(60)
     until(tab, "document.getElementById('message').textContent.includes('double precision')")
-    tab.wait_for_timeout(500)  # the address comes once a person rests
-    low, high = map(float, re.search(r"x=w,([^,&]+),([^,&]+)", tab.url).groups())
-    assert 0.0 < high - low < 1e-11
+    until(tab, "(() => { const [, low, high] = location.search.match(/x=w,([^,&]+),([^,&]+)/);"
+               "         return 0 < high - low && high - low < 1e-11; })()")  # fmt: skip
 
 
 def test_presets_set_everything(tab):
@@ -288,7 +296,7 @@ def test_a_system_is_chosen_shown_at_all_of_its_stops_and_at_one(tab):
 
     import vibroimpact as vi
 
-    load(tab, side=64)
+    load(tab)
     assert not tab.locator("#menu_stop").is_visible()
     tab.select_option("#menu_case", label="Model: impact pair")
     until(tab, "Motion.motions[0]?.walls.length === 2 && document.getElementById('number_clearance')")
@@ -377,8 +385,7 @@ def test_the_motion_plays(tab):
     load(tab)
     tab.click("#play")
     first = tab.evaluate("document.getElementById('play-canvas').toDataURL()")
-    tab.wait_for_timeout(300)
-    assert tab.evaluate("document.getElementById('play-canvas').toDataURL()") != first
+    until(tab, f"document.getElementById('play-canvas').toDataURL() !== '{first}'")
     tab.click("#play")
 
 
@@ -400,9 +407,10 @@ LABELS = """() => {
   function byId(id) { return document.getElementById(id); } }"""
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("query", [QUICK, SI, TINY, TINY + "&log=1&b=1"])
 def test_no_label_of_a_plot_covers_another_or_leaves_it(tab, query):
-    load(tab, query, side=64)
+    load(tab, query)
     plots = tab.evaluate(LABELS)
     tab.set_viewport_size({"width": 1100, "height": 640})
     plots += tab.evaluate(LABELS)
@@ -415,6 +423,7 @@ def test_no_label_of_a_plot_covers_another_or_leaves_it(tab, query):
                 assert left >= right_ or left_ >= right or top >= bottom_ or top_ >= bottom, (text, other)
 
 
+@pytest.mark.long
 def test_cells_that_hit_from_other_initial_conditions_are_hatched(tab):
     load(tab, SI)
     tab.get_by_text("no impact from rest; impacts from other initial conditions (16 tried)").wait_for(timeout=PATIENCE)
@@ -480,12 +489,13 @@ CONTRASTS = """() => {
   return found; }"""
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_all_that_is_written_stands_out_in_light_and_dark(tab, scheme):
     from vibroimpact.explorer.controls import EXPORTS
 
     tab.emulate_media(color_scheme=scheme)
-    load(tab, f"{SI}&pin=2.1,4.75,26860,5,120,0.7,0.0008", side=64)
+    load(tab, f"{SI}&pin=2.1,4.75,26860,5,120,0.7,0.0008")
     until(tab, "document.getElementById('others').textContent !== ''")
     found = tab.evaluate(CONTRASTS)
     assert {label for label, _ in EXPORTS} <= {text for text, _, _ in found}
@@ -496,6 +506,7 @@ def test_all_that_is_written_stands_out_in_light_and_dark(tab, scheme):
     assert (paper[0] > 128) is (scheme == "light")
 
 
+@pytest.mark.long
 def test_the_page_says_that_it_connects_computes_and_is_ready(tab):
     tab.add_init_script("""document.addEventListener("DOMContentLoaded", () => {
       const box = document.getElementById("state");
@@ -514,11 +525,12 @@ def test_the_page_says_that_it_connects_computes_and_is_ready(tab):
     assert tab.evaluate("window.states.slice(3)") == ["computing …", "ready"]
 
 
+@pytest.mark.long
 def test_a_page_that_loses_its_server_says_so_and_comes_back_with_what_it_showed(browser, tmp_path):
     page = browser.new_page()
     with serving(port=0) as found:
         page.address = found
-        load(page, side=64)
+        load(page)
         page.fill("#number_restitution", "0.75")
         page.press("#number_restitution", "Enter")
         until(page, "location.search.includes('r=0.75')")
@@ -530,7 +542,7 @@ def test_a_page_that_loses_its_server_says_so_and_comes_back_with_what_it_showed
 
 
 def test_every_control_has_a_name_and_the_keyboard_reaches_it(tab):
-    load(tab, side=64)
+    load(tab)
     for opened in ("#export summary", "#help-button"):
         tree = tab.locator("body").aria_snapshot()
         assert "slider" in tree
@@ -562,7 +574,7 @@ def test_every_control_has_a_name_and_the_keyboard_reaches_it(tab):
 
 
 def test_numbers_of_machines_stand_in_hertz_turns_per_minute_and_millimetres_too(tab):
-    load(tab, SI, side=64)
+    load(tab, SI)
     also = "[...document.querySelectorAll('#parameters label')].map((one) => one.dataset.also).filter(Boolean)"
     assert tab.evaluate(also) == ["24.99 Hz, 1499 rpm", "0.5 mm"]
     assert tab.evaluate("Plots.also(2, 'rad/s') + Plots.also(0, 'm') + Plots.also(7, 'kg')") == ""
@@ -573,7 +585,7 @@ def test_numbers_of_machines_stand_in_hertz_turns_per_minute_and_millimetres_too
 
 
 def test_a_pinned_motion_with_another_gap_has_its_own_wall(tab):
-    load(tab, f"{SI}&pin=2.1,4.75,26860,5,120,0.7,0.0003", side=64)
+    load(tab, f"{SI}&pin=2.1,4.75,26860,5,120,0.7,0.0003")
     until(tab, "Motion.motions[1]")
     tab.evaluate("""window.rules = []; {
       const { rule } = Motion.plots.history;
@@ -592,6 +604,7 @@ def test_a_pinned_motion_with_another_gap_has_its_own_wall(tab):
     assert ends[0] < 0.0003 < ends[1]
 
 
+@pytest.mark.long
 def test_an_exported_picture_is_the_view_at_twice_its_size(tab, tmp_path):
     """Boundaries, pins and what plots are zoomed to included; compared with a picture of the page."""
     image = pytest.importorskip("matplotlib.image")
@@ -617,7 +630,7 @@ def test_an_exported_picture_is_the_view_at_twice_its_size(tab, tmp_path):
 
 
 def test_ticks_show_what_the_view_has_and_change_it(tab):
-    load(tab, side=64)
+    load(tab)
     tab.get_by_label("logarithmic colours").check()
     until(tab, "location.search.includes('log=1')")
     tab.keyboard.press("g")  # the same by its key, though a box has the focus
@@ -646,7 +659,7 @@ def test_a_plot_takes_arrows_and_the_plane_moves_its_point_by_them(tab):
 
 
 def test_plots_follow_the_system_from_light_to_dark_at_once(tab):
-    load(tab, side=64)
+    load(tab)
     picture = "document.getElementById('portrait').toDataURL()"
     light = tab.evaluate(picture)
     tab.emulate_media(color_scheme="dark")
@@ -656,10 +669,11 @@ def test_plots_follow_the_system_from_light_to_dark_at_once(tab):
     until(tab, f"{picture} === {light!r}")
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("width", [390, 768, 1024, 1600])
 def test_the_page_fits_the_width_of_a_phone_a_tablet_and_a_screen(tab, width):
     tab.set_viewport_size({"width": width, "height": 844})
-    load(tab, SI, side=64)
+    load(tab, SI)
     assert tab.evaluate("document.documentElement.scrollWidth") == width
     boxes = [tab.locator(f"#{name}").bounding_box() for name in ("plane", "point", "controls")]
     columns = len({box["x"] for box in boxes})
@@ -677,6 +691,7 @@ def test_the_page_fits_the_width_of_a_phone_a_tablet_and_a_screen(tab, width):
     assert header["height"] < (130 if width < 768 else 80)
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize(("item", "name", "holds"), [("Python lines (.py)", "view.py", b"parameter_map"),
                                                      ("Study file (.toml)", "study.toml", b"[axes]"),
                                                      ("Picture (.png)", "view.png", b"PNG")])  # fmt: skip
@@ -692,11 +707,12 @@ def test_exports_are_files(tab, item, name, holds):
         assert holds in file.read()
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize(
     "query", ["w=<script>alert(1)</script>", "w=1e400", "x=w,5,1", "pin=a", "n=99999999", "a" * 3000]
 )
 def test_hostile_addresses_give_a_message_and_the_usual_view(tab, query):
-    load(tab, query, side=64)
+    load(tab, query)
     assert "This link cannot be shown" in tab.inner_text("#message")
     assert tab.locator("#message script").count() == 0
 
@@ -713,6 +729,7 @@ def test_two_tabs_do_not_disturb_each_other(tab, browser):
     other.close()
 
 
+@pytest.mark.long
 def test_a_stored_study_opens(browser, tmp_path):
     import numpy as np
 
@@ -734,7 +751,7 @@ def test_a_stored_study_opens(browser, tmp_path):
 def test_other_pages_may_not_open_the_websocket(address):
     place = urlsplit(address)
     for origin, status in (("http://evil.example", 403), (f"http://localhost:{place.port}", 101)):
-        connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=10)
+        connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=300)
         connection.request(
             "GET", "/ws", headers={"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
                                    "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Origin": origin,
@@ -769,6 +786,7 @@ def test_a_port_that_is_taken_is_refused_in_words(address):
             make_server(port=port)
 
 
+@pytest.mark.long
 def test_closing_a_tab_ends_its_session(browser, address):
     page = browser.new_page()
     page.address = address
@@ -781,18 +799,18 @@ def test_closing_a_tab_ends_its_session(browser, address):
     again.close()
 
 
-def test_boundaries_that_are_cut_short_are_told_of_in_the_status_line(browser, monkeypatch):
-    hasty = "from vibroimpact.explorer import session; session.SEARCH_SECONDS = 0.0; "
-    monkeypatch.setattr(sys.modules[__name__], "SERVE", hasty + SERVE)
-    with serving() as found:
+@pytest.mark.long
+def test_boundaries_that_are_cut_short_are_told_of_in_the_status_line(browser):
+    with serving(limit=0.0) as found:
         page = browser.new_page()
         page.address = found
-        load(page, side=64)
+        load(page)
         page.keyboard.press("b")
         until(page, "document.getElementById('message').textContent === 'boundaries incomplete: stopped after 0 s'")
         page.close()
 
 
+@pytest.mark.long
 def test_a_page_for_which_there_is_no_room_says_so(browser, monkeypatch):
     full = "from vibroimpact.explorer import server; server.MOST_PAGES = 0; "
     monkeypatch.setattr(sys.modules[__name__], "SERVE", full + SERVE)

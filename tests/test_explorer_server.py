@@ -28,7 +28,7 @@ class Served:
         self.port, self._ready = 0, threading.Event()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._run()))
         self._thread.start()
-        assert self._ready.wait(60)
+        assert self._ready.wait(300)
 
     async def _run(self):
         from vibroimpact.explorer import make_server
@@ -45,7 +45,7 @@ class Served:
         self._thread.join(20)
 
     def get(self, path="/", **headers):
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=300)
         connection.request("GET", path, headers={"Host": f"localhost:{self.port}", **headers})
         answer = connection.getresponse()
         text = answer.read().decode()
@@ -145,7 +145,7 @@ def test_work_begins_when_a_tab_enters_and_ends_when_it_is_closed_without_a_word
         await tab.write_message(b"type omega 2.2 2", binary=True)  # the page's script sends text
         await _leave(tab)
         await _until(lambda: served.begun[0].closed)
-        assert served.begun[0].wait(120)  # the first time it compiles
+        assert served.begun[0].wait(300)  # the first time it compiles
         assert served.begun[0].view.osc.omega == 2.1
         await _until(lambda: not served.server.tabs.open)
 
@@ -243,7 +243,7 @@ def test_a_connection_that_asks_for_nothing_is_closed(monkeypatch):
     served = Served(monkeypatch)
     try:
         for said in (b"", b"GET / HTTP/1.1\r\nHost: local"):
-            with socket.create_connection(("127.0.0.1", served.port), timeout=20) as silent:
+            with socket.create_connection(("127.0.0.1", served.port), timeout=300) as silent:
                 silent.sendall(said)
                 assert silent.recv(1) == b""
     finally:

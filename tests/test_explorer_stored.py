@@ -60,7 +60,7 @@ def test_the_cells_of_a_study_are_not_exported_as_if_they_were_computed_here(stu
     view, look, _ = open_study(study())
     explorer = Explorer(view, stored=look)
     explorer.start()
-    assert explorer.wait(60)
+    assert explorer.wait(300)
     with pytest.raises(ValueError, match=r"taken from study\.nc, 6 × 5 cells; use that file"):
         export("nc", explorer)
     explorer.close()
@@ -82,20 +82,21 @@ def test_a_store_that_vanishes_is_shown_all_the_same(tmp_path):
     shutil.rmtree(path)
     explorer = Explorer(view, stored=look)
     explorer.start()
-    assert explorer.wait(60)
+    assert explorer.wait(300)
     assert explorer.plane.stored == "run.zarr, 6 × 5 cells"
     assert np.isfinite(explorer.plane.values["std"]).all()
     explorer.close()
 
 
+@pytest.mark.long
 def test_an_index_that_the_study_does_not_tell_is_computed(study):
     view, look, _ = open_study(study())
     explorer = Explorer(view, stored=look)
     explorer.start()
-    assert explorer.wait(60)
+    assert explorer.wait(300)
     assert explorer.plane.stored
     explorer.set(index="lyapunov")
-    assert explorer.wait(60)
+    assert explorer.wait(300)
     assert not explorer.plane.stored
     assert np.isfinite(explorer.plane.values["lyapunov"]).any()
     explorer.close()

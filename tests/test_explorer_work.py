@@ -55,8 +55,8 @@ def received(heard, kind):
     return [content for what, content in heard if what == kind]
 
 
-def until(condition, seconds=20.0):
-    deadline = time.monotonic() + seconds
+def until(condition):
+    deadline = time.monotonic() + 300.0
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.005)
@@ -85,17 +85,17 @@ class Endless:
 def test_the_search_for_coexisting_motions_stops_when_the_point_moves(explorer, heard, monkeypatch, no_rest, change):
     search = Endless(monkeypatch, "attractors")
     assert explorer.click(2.05, 1.0)
-    assert search.begun.wait(10.0)
+    assert search.begun.wait(300)
     heard.clear()
     change(explorer)
-    assert search.stopped.wait(10.0)
+    assert search.stopped.wait(300)
     assert not any(received(heard, "others"))
 
 
 def test_the_search_for_coexisting_motions_goes_on_when_only_colours_change(explorer, monkeypatch, no_rest):
     search = Endless(monkeypatch, "attractors")
     explorer.click(2.05, 1.0)
-    assert search.begun.wait(10.0)
+    assert search.begun.wait(300)
     explorer.set(index="motion")
     explorer.pin()
     assert not search.stopped.wait(0.1)
@@ -106,13 +106,14 @@ def test_the_search_for_coexisting_motions_goes_on_when_only_colours_change(expl
 def test_the_search_for_boundaries_stops_when_the_plane_changes(explorer, heard, monkeypatch, no_rest, change):
     search = Endless(monkeypatch, "boundary_curves")
     explorer.set(boundaries=True)
-    assert search.begun.wait(10.0)
+    assert search.begun.wait(300)
     heard.clear()
     change(explorer)
-    assert search.stopped.wait(10.0)
+    assert search.stopped.wait(300)
     assert not any(received(heard, "curves"))
 
 
+@pytest.mark.long
 def test_hatching_stops_when_the_plane_changes(explorer, heard, monkeypatch):
     begun, stopped = threading.Event(), threading.Event()
 
@@ -126,11 +127,11 @@ def test_hatching_stops_when_the_plane_changes(explorer, heard, monkeypatch):
     monkeypatch.setattr(Plane, "quiet", lambda self: [np.zeros((1, 2), int)])
     monkeypatch.setattr(Plane, "try_others", endless)
     explorer.start()
-    assert begun.wait(20.0)
+    assert begun.wait(300)
     (first,) = received(heard, "hatch")
     assert first.tried is None
     explorer.zoom((1.9, 2.0), (1.0, 1.1))
-    assert stopped.wait(2.0)
+    assert stopped.wait(300)
     assert first.tried is None
     assert explorer.plane is not first
 
@@ -197,6 +198,7 @@ def test_the_search_for_attractors_stops_where_it_is_told_to():
     assert len(few) == 2
 
 
+@pytest.mark.long
 def test_a_slow_boundary_is_asked_between_its_points_whether_to_go_on():
     osc = ImpactOscillator(omega=0.5)
     plane = ("omega", "restitution"), ((0.3, 0.4), (0.7, 0.9))
@@ -214,7 +216,7 @@ def test_a_plane_that_takes_too_long_is_left_and_told_of_once_and_goes_on_when_a
     with monkeypatch.context() as hurried:
         hurried.setattr(work, "PLANE_SECONDS", 0.0)
         explorer.start()
-        assert explorer.wait(20)
+        assert explorer.wait(300)
     messages = received(heard, "message")
     assert len(messages) == 1
     assert "takes more than 0 s: go on with it, zoom in" in messages[0]
@@ -222,7 +224,7 @@ def test_a_plane_that_takes_too_long_is_left_and_told_of_once_and_goes_on_when_a
     assert received(heard, "late") == [False, True]
     explorer.go_on()
     explorer.go_on()  # it goes on already
-    assert explorer.wait(60)
+    assert explorer.wait(300)
     assert explorer.plane.side == FINEST
     assert received(heard, "late") == [False, True, False, False]
     assert received(heard, "message") == messages
@@ -234,17 +236,18 @@ def test_a_plane_that_cannot_be_computed_is_told_of_once(explorer, heard, monkey
 
     monkeypatch.setattr(vi, "parameter_map", fault)
     explorer.zoom((1.9, 2.1), (0.9, 1.0))
-    assert explorer.wait(20)
+    assert explorer.wait(300)
     assert [message for message in received(heard, "message") if "plane" in message] == [
         "The plane could not be computed; change the view, and please report how to reproduce this."
     ]
 
 
+@pytest.mark.long
 def test_what_was_computed_for_one_plane_is_never_shown_as_another(explorer, heard, pool):
     explorer.start()
-    assert explorer.wait(60)
+    assert explorer.wait(300)
     gate = threading.Event()
-    pool.submit("somebody else", Urgency.COARSE, lambda: gate.wait(20.0))
+    pool.submit("somebody else", Urgency.COARSE, lambda: gate.wait(300))
     heard.clear()
     assert explorer.zoom((1.9, 2.0), (1.0, 1.1))
     assert explorer.set(index="motion")
@@ -252,17 +255,17 @@ def test_what_was_computed_for_one_plane_is_never_shown_as_another(explorer, hea
     with pytest.raises(ValueError, match="still being computed"):
         export("nc", explorer)
     gate.set()
-    assert explorer.wait(60)
+    assert explorer.wait(300)
     assert {(plane.view.x_range, plane.view.index) for plane in received(heard, "plane")} == {((1.9, 2.0), "motion")}
 
 
 def test_a_search_holds_up_neither_planes_nor_clicks(pool):
     gate, done = threading.Event(), {urgency: threading.Event() for urgency in Urgency}
-    pool.submit("a", Urgency.SEARCH, lambda: gate.wait(20.0))
-    pool.submit("a", Urgency.SEARCH, lambda: gate.wait(20.0))
+    pool.submit("a", Urgency.SEARCH, lambda: gate.wait(300))
+    pool.submit("a", Urgency.SEARCH, lambda: gate.wait(300))
     for urgency in (Urgency.CLICK, Urgency.COARSE, Urgency.LINE, Urgency.FINE):
         pool.submit("b", urgency, done[urgency].set)
-        assert done[urgency].wait(5.0)
+        assert done[urgency].wait(300)
     gate.set()
 
 
@@ -272,7 +275,7 @@ def test_pages_share_one_pool_and_all_get_what_they_asked_for(pool):
     for page in pages:
         page.start()
     until(lambda: all(received(words, "point") for words in heard))
-    until(lambda: all(received(words, "plane") for words in heard), 60.0)
+    until(lambda: all(received(words, "plane") for words in heard))
     # none is whole before all have their first picture
     assert all(plane.side < FINEST for words in heard for plane in received(words, "plane")[:1])
     assert not any(received(words, "message") for words in heard)
@@ -287,7 +290,7 @@ def test_a_page_that_asks_for_much_does_not_hold_up_one_that_asks_for_little(poo
     heavy.start()
     time.sleep(0.05)
     light.start()
-    until(lambda: received(heard[1], "plane"), 60.0)
+    until(lambda: received(heard[1], "plane"))
     assert FINEST not in {plane.side for plane in received(heard[0], "plane")}
     heavy.close()
     light.close()
@@ -340,7 +343,7 @@ def test_what_may_wait_leaves_the_processor_to_clicks():
         time.sleep(0.01)
     pool.submit("page", Urgency.CLICK, lambda: (tell("click"), waiting.wait(10)))
     ours = os.getpriority(os.PRIO_PROCESS, 0)
-    seen = dict(received.get(timeout=10) for _ in range(2))
+    seen = dict(received.get(timeout=300) for _ in range(2))
     assert seen["click"] == ours
     assert seen["plane"] > ours
     pool.close()

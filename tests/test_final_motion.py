@@ -93,6 +93,7 @@ def otherwise(osc, found, moved=1e-9):
     return None if not motion.n_periods and motion.kind in ("chaotic", "sticking", "undecided") else motion.name
 
 
+@pytest.mark.long
 def test_what_is_named_irregular_still_is_so_1e5_impacts_later():
     # 500 irregular motions were tried once: 5 had ended by then, chaotic transients of 1e5 impacts and more.
     random, tried = np.random.default_rng(2026), 0

@@ -29,6 +29,7 @@ def polynomial_pair(angle):
     return sine_cosine(angle)
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize(
     "regime", ["under", "critical", "over", "k0", "k0c0", "resonant_c0", "near_resonant", "stiff", "negk"]
 )

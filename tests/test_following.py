@@ -63,6 +63,7 @@ def follow(osc, measurement, seen):
     return found, samples
 
 
+@pytest.mark.long(but=2)
 @pytest.mark.parametrize("early_closing", [True, False], ids=["closing", "stepping"])
 @pytest.mark.parametrize("indices", [tuple(INDICES), ("std",)], ids=["all indices", "std"])
 @pytest.mark.parametrize("window", SEEN.values(), ids=SEEN)
@@ -72,6 +73,7 @@ def test_one_run_gives_the_bits_of_two(window, indices, early_closing):
         follow(osc, measurement, Measurement(window, Tolerances(steps_per_impact=100)))
 
 
+@pytest.mark.long
 def test_a_recorder_whose_buffers_fill_before_they_are_emptied_goes_on_alone(monkeypatch, alone):
     monkeypatch.setattr(cpu, "ROOM", cpu.LOOK + 2)
     measurement = Measurement(PAPER, indices=tuple(INDICES))
@@ -90,6 +92,7 @@ def test_what_is_measured_longer_is_recorded_without_a_step_of_its_own(sticks, a
     assert alone == []
 
 
+@pytest.mark.long
 def test_a_recorder_takes_up_the_orbit_where_its_measurement_ended(alone):
     cell, longer = make_cells(vi.ImpactOscillator(omega=2.8)), Measurement(ImpactWindow(0, 9000))
     found, samples = get_backend("cpu").follow(cell, Measurement(ImpactWindow(100, 5000)), longer)

@@ -151,6 +151,7 @@ def own_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("part", range(4))
 def test_each_argument_of_each_function_by_itself(part):
     for name in sorted(calls())[part::4]:
@@ -171,6 +172,7 @@ def test_arguments_of_the_api(data):
         function(**{name: BRIEF[name] for name in BRIEF if name in known} | right | wrong)
 
 
+@pytest.mark.long
 @cases(150)
 @given(st.data())
 def test_study_files(data):
@@ -188,6 +190,7 @@ def test_study_files(data):
         assert_ends_in_words(["map", "study.toml"])
 
 
+@pytest.mark.long
 @cases(150)
 @given(st.data())
 def test_command_lines(data):
@@ -256,6 +259,7 @@ def uses_of(model):
     ]
 
 
+@pytest.mark.long(but=2)
 @pytest.mark.parametrize("seed", range(13 * TIMES))
 def test_degenerate_systems_are_answered_or_refused_in_words(seed):
     model = degenerate(np.random.default_rng([38, seed]))
@@ -268,6 +272,7 @@ def test_degenerate_systems_are_answered_or_refused_in_words(seed):
                 getattr(vi.plotting, picture)(result)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(1, 1 + 2 * TIMES))
 def test_degenerate_systems_are_described_and_compared(seed):
     model = degenerate(np.random.default_rng([39, seed]))

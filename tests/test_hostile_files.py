@@ -198,6 +198,7 @@ def test_records_and_axes_beyond_memory_are_refused_before_they_are_read(copied,
         SweepStore(store)
 
 
+@pytest.mark.long(but=4)
 @pytest.mark.parametrize(
     "changes",
     [
@@ -304,6 +305,7 @@ for path in sys.argv[1:]:
 """
 
 
+@pytest.mark.long
 def test_damaged_netcdf_files_are_loaded_or_refused_in_one_line_and_nothing_hangs_or_is_ignored(finished, tmp_path):
     content, chance, paths = finished["saved.nc"].read_bytes(), random.Random(1), []
     words = [at for at in range(len(content)) if content.startswith(b"GCOL", at)]
@@ -321,13 +323,14 @@ def test_damaged_netcdf_files_are_loaded_or_refused_in_one_line_and_nothing_hang
             harmed[at : at + length] = chance.choice([bytes(length), b"\xff" * length, chance.randbytes(length)])
         paths.append(tmp_path / f"{case}.nc")
         paths[-1].write_bytes(harmed)
-    done = subprocess.run([sys.executable, "-c", OPEN, *paths], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", OPEN, *paths], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     lines = done.stderr.splitlines()
     assert all(line.startswith("vibroimpact: `path` ") and "cannot be read" in line for line in lines), done.stderr
     assert 30 < len(lines) == len(set(lines)) <= 64
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of memory as on Linux")
 def test_where_memory_does_not_suffice_to_save_a_netcdf_file_nothing_is_left_and_the_process_goes_on(tmp_path):
     script = f"""
@@ -345,7 +348,7 @@ except (OSError, MemoryError) as error:
     print("refused")
 gc.collect()
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=600)
     assert (done.returncode, done.stdout, done.stderr) == (0, "refused\n", "")
     assert [path.name for path in tmp_path.iterdir()] == ["small.nc"]
 
@@ -382,6 +385,7 @@ FILES = [
 ]
 
 
+@pytest.mark.long(but=4)
 @posix
 @pytest.mark.parametrize("make", [pipe, device, link_out, folder, loop])
 @pytest.mark.parametrize("files", FILES, ids=["-".join(files) for files in FILES])
@@ -552,6 +556,7 @@ DESCRIPTIONS = ["std/zarr.json", "status/zarr.json", "omega/zarr.json", "mass/za
 DESCRIPTIONS += ["progress/tiles/zarr.json"]
 
 
+@pytest.mark.long(but=2)
 @pytest.mark.parametrize("harm", ["truncated", "emptied", "deleted", "replaced"])
 @pytest.mark.parametrize("file", DESCRIPTIONS)
 def test_a_damaged_description_is_told_and_written_anew_and_no_tile_is_computed_again(copied, whole, file, harm):
@@ -573,6 +578,7 @@ def chunks_of(store: Path) -> list[Path]:
     return sorted(file for file in store.rglob("*") if file.is_file() and "c" in file.parts)
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("name", RUNS)
 def test_info_tells_of_each_kind_of_chunk_that_is_a_folder_and_the_same_run_replaces_it(copied, whole, name):
     store = copied(name)
@@ -628,6 +634,7 @@ def blocked(file: Path, chance: random.Random) -> None:
 HARMS = [altered, altered, truncated, deleted, swapped, replaced, blocked]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(max(8, 4 * TIMES)))
 def test_whatever_happens_to_files_of_a_store_is_repaired_or_refused_in_words(finished, whole, tmp_path, seed):
     chance = random.Random(seed)

@@ -71,6 +71,7 @@ def test_lanes_give_every_index_of_the_table():
     assert set(ThoroughIndices._fields) == set(INDICES) - VELOCITY_INDICES
 
 
+@pytest.mark.long
 def test_the_exponents_of_two_vectors_sum_to_what_restitution_and_damping_take():
     for omega in (2.8, 4.3, 0.95):
         _, area, passed = walked(omega)
@@ -299,6 +300,7 @@ def test_the_margin_is_the_least_dip_of_a_finely_sampled_flight(omega):
         assert float(cell["grazing_margin"][0]) == pytest.approx(expected, abs=2e-4)
 
 
+@pytest.mark.long
 def test_the_witness_tells_the_same():
     omegas = [0.3, 0.95, 1.4, 2.0, 2.8]
     settings = {"omega": omegas, "start": vi.State(-1.0), "sample_impacts": 600, "indices": ALL}

@@ -55,6 +55,7 @@ def dropped(system, speed, number):
     return vi.impact_section(system, start=start, transient_impacts=0, sample_impacts=number)
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_a_bouncing_mass_is_replayed_by_hand(law):
     speed, time = 2.0, 2.0 / 3.0
@@ -155,6 +156,7 @@ def test_orbits_of_one_impact_satisfy_their_law(law):
         assert settled["velocity"].values == pytest.approx(orbit.velocities[0], rel=1e-9)
 
 
+@pytest.mark.long
 def test_an_orbit_is_continued_under_a_law():
     branch = vi.continue_orbit(vi.find_orbit(chain(HUNT))[0], "omega", (0.85, 0.95))
     for orbit in (branch.orbits[0], branch.orbits[-1]):

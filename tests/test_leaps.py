@@ -70,6 +70,7 @@ def random_motion(rng, k):
     return Motion(gap, size * rng.normal() if gap else size * rng.random(), np.sin(angle), np.cos(angle), 0.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("regime", REGIMES)
 def test_nothing_is_touched_on_the_way_and_the_end_is_exact(regime):
     rng, made = np.random.default_rng(7), 0
@@ -94,6 +95,7 @@ def test_nothing_is_touched_on_the_way_and_the_end_is_exact(regime):
     assert made > 150
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("regime", REGIMES)
 @pytest.mark.parametrize("length", [SHORT, LONG, FAR])
 def test_no_arc_that_passes_the_stop_is_certified_however_little(regime, length):
@@ -125,6 +127,7 @@ def test_no_arc_that_passes_the_stop_is_certified_however_little(regime, length)
     assert sharp > 0 or regime == "overdamped"  # with a share of the bound it would pass some
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("regime", REGIMES)
 def test_a_contact_is_the_first_one_to_rounding(regime):
     rng, made = np.random.default_rng(5), 0
@@ -159,6 +162,7 @@ def test_neighbours_are_carried_over_leaps_exactly(regime, x):
         )
 
 
+@pytest.mark.long
 def test_near_misses_that_leaps_pass_are_the_witness_s():
     rng, seen = np.random.default_rng(3), 0
     window = {"transient_impacts": 3, "sample_impacts": 12, "early_closing": False}

@@ -56,6 +56,7 @@ def test_what_would_not_end_or_fit_is_refused_before_it_begins(call, told):
         call()
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("numbers", [{"mass": 1e-10}, {"omega": 1e9}])
 def test_a_motion_of_two_paces_far_apart_ends_past_its_budget(numbers):
     """It would take steps of the faster pace through flights of the slower one; a budget bounds these."""

@@ -111,6 +111,7 @@ def test_a_diagram_names_each_value_as_the_map_does():
         assert name in " ".join(lines) or "other motion" in " ".join(lines)
 
 
+@pytest.mark.long
 def test_an_attractor_has_the_name_of_the_motion_that_leads_to_it(oscillators, names):
     """What does not repeat is followed further than a map does: there it is the final motion that both name."""
     runner, found, mine = Runner(), [], list(names)
@@ -145,6 +146,7 @@ def name_of_cell(osc, **sampling):
     return cell, kind, motion_name(kind, int(classes["n_periods"]), int(classes["n_impacts"]))
 
 
+@pytest.mark.long
 def test_a_verdict_names_the_motion_as_the_map_of_its_samples_or_that_as_a_transient(oscillators):
     for osc in oscillators[::10]:
         verdict = vi.describe(osc, parameters=[])

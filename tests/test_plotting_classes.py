@@ -236,6 +236,7 @@ def test_exponents_of_cells_that_all_stick_still_draw(ax):
     assert legend_texts(ax) == [r"sticking: $\lambda$ = $-\infty$ (600 cells)"]
 
 
+@pytest.mark.long
 def test_boundaries_are_drawn_point_by_point_and_named_by_kind_and_orbit(curves, ax):
     boundaries(curves, ax=ax)
     for line, curve in zip(ax.lines, curves, strict=True):
@@ -249,12 +250,14 @@ def test_boundaries_are_drawn_point_by_point_and_named_by_kind_and_orbit(curves,
     assert "m$" not in ax.get_title(), "what varies has no place in the title"
 
 
+@pytest.mark.long
 def test_orbits_of_other_periods_have_other_dashes(curves, ax):
     boundaries(curves, ax=ax)
     dashes = {curve.orbits[0].n_periods: line.is_dashed() for curve, line in zip(curves, ax.lines, strict=True)}
     assert dashes == {1: False, 2: True}
 
 
+@pytest.mark.long
 def test_boundaries_lie_over_a_map_of_their_plane_in_either_order(curves):
     std = np.arange(600.0).reshape(20, 30)
     sweep = plane(
@@ -275,12 +278,14 @@ def test_boundaries_lie_over_a_map_of_their_plane_in_either_order(curves):
     assert legend_texts(drawn)[0].startswith("boundary: $"), "the map's own legend is kept"
 
 
+@pytest.mark.long
 def test_a_map_beneath_boundaries_shows_no_lines_but_theirs(curves, ax):
     boundaries(curves, with_statuses(), "max_velocity", ax=ax)
     assert not [artist for artist in ax.collections if isinstance(artist, LineCollection)]
     assert not [text for text in legend_texts(ax) if text.startswith("boundary")]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("index", ["std", "max_velocity"])
 def test_a_plane_keeps_its_room_above_a_legend_of_many_long_lines(curves, index):
     drawn = boundaries(curves, with_statuses(), index)
@@ -308,6 +313,7 @@ def test_each_kind_of_curve_has_a_colour_of_its_own_and_a_halo_that_shows_where_
         assert abs(lightness(color) - lightness(halo)) > 45.0
 
 
+@pytest.mark.long
 def test_the_legend_of_a_map_of_motions_stays_beside_it(curves, ax):
     boundaries(curves, ax=motion_map(classes([(P, 1, 1)]), ax=ax))
     assert all(" of period-" in text for text in legend_texts(ax))
@@ -316,6 +322,7 @@ def test_the_legend_of_a_map_of_motions_stays_beside_it(curves, ax):
     assert not kept[0].get_clip_on(), "it would be cut off outside the axes"
 
 
+@pytest.mark.long
 def test_period_one_loses_its_name_across_its_period_doubling(curves):
     """The curve is where the classes change: beyond it the orbit of period 1 is not seen."""
     doubling = next(c for c in curves if c.kind == "period_doubling" and c.orbits[0].n_periods == 1)
@@ -348,6 +355,7 @@ def test_what_is_no_boundary_is_refused(arguments, told):
     assert told in str(caught.value)
 
 
+@pytest.mark.long
 def test_boundaries_of_another_plane_are_refused(curves, ax):
     other = curves[0].dataset.rename(mass="gap")
     other["gap"].attrs = variable("gap", (), 0.0).attrs

@@ -235,12 +235,14 @@ def look_at(drawn):
     return faults
 
 
+@pytest.mark.long(but=4)
 @pytest.mark.parametrize("request_", REQUESTS)
 @pytest.mark.parametrize("kind", FIGURES)
 def test_a_figure_can_be_read(kind, request_):
     assert look_at(FIGURES[kind](request_)) == {}
 
 
+@pytest.mark.long(but=2)
 @pytest.mark.parametrize(("index", "request_"), [*zip(INDICES, [*REQUESTS] * 4, strict=True)])
 def test_the_figures_of_each_index_can_be_read(index, request_):
     assert look_at(plotting.index_curve(sweep(request_, "line"), index)) == {}

@@ -162,6 +162,7 @@ def first_peak(free, start):
     return low, float(free.after(start, np.array([low]))[0][0])
 
 
+@pytest.mark.long(but=4)
 @pytest.mark.parametrize("margin", [1e-6, 1e-8, 1e-10, 1e-12])
 @pytest.mark.parametrize("case", range(12))
 def test_a_graze_is_seen_where_it_touches_and_only_there(margin, case):

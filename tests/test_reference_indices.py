@@ -69,6 +69,7 @@ def test_a_period_1_impact_2_motion_has_its_name_and_its_50_digit_multiplier(val
     assert told["lyapunov_per_impact"] == pytest.approx(math.log(float(known["absmult"])) / 2, rel=1e-11)
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize(
     ("n", "changes"),
     [
@@ -177,6 +178,7 @@ def test_the_growth_by_the_impact_map_is_that_by_saltation(osc, start):
         assert told["lyapunov_per_impact"] * told["n_impacts"] == pytest.approx(later, rel=1e-6)
 
 
+@pytest.mark.long
 def test_the_exponent_of_chaos_is_the_known_one_within_its_spread(values):
     mean, error = map(float, values["lyapunov_w=2.8"]["lam_per_time_mean_se"])
     keep = 2000
@@ -191,6 +193,7 @@ def test_a_lossless_oscillator_neither_closes_nor_loses():
     assert math.isfinite(told["lyapunov"])
 
 
+@pytest.mark.long(but=2)
 @pytest.mark.parametrize("omega", [0.2, 0.5, 1.2, 2.8, 3.0, 3.4, 4.9])
 def test_motions_are_called_what_their_sections_show(omega):
     osc = vi.ImpactOscillator(omega=omega)
@@ -224,6 +227,7 @@ def work_done(osc, hits, sticks):
     return total
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize(
     "changes",
     [
@@ -267,6 +271,7 @@ def test_a_complete_chatter_has_its_name_its_rest_and_its_loss(values):
     assert told["dissipation"] == pytest.approx(0.5 * 0.36 * squares, rel=1e-12)
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("window", [(0, 100), (37, 200), (95, 10), (300, 1)])
 def test_a_sticking_cycle_tells_the_same_whatever_the_window_once_it_was_left_twice(window):
     osc = vi.ImpactOscillator(omega=0.1)
@@ -317,6 +322,7 @@ def looks_margin(osc, hits, looks):
     return float((gap[chosen + 1] - slope**2 / (2 * bend)).min(initial=math.inf))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("changes", "start"),
     [

@@ -159,6 +159,7 @@ def test_scattered_cells_are_those_of_the_grid(first, second, start):
     assert np.array_equal(whole.table, some.table)
 
 
+@pytest.mark.long
 def test_a_stopped_sweep_goes_on_where_it_stopped_with_the_same_bits(hard, tmp_path):
     told = []
 
@@ -181,6 +182,7 @@ def test_a_stopped_sweep_goes_on_where_it_stopped_with_the_same_bits(hard, tmp_p
     assert not again  # nothing was left to do
 
 
+@pytest.mark.long
 def test_damaged_cells_are_computed_anew_and_another_study_is_refused(tmp_path):
     axes = {"omega": np.linspace(2.0, 3.0, 5), "mass": np.linspace(0.5, 1.5, 5)}
     request = {"refine": 2, "store": tmp_path / "r.zarr", **BRIEF, **axes}
@@ -202,6 +204,7 @@ def test_a_sweep_stopped_on_its_first_cells_says_which_are_missing():
     assert set(np.unique(plane["status"])) >= {vi.Status.INTERRUPTED}
 
 
+@pytest.mark.long
 def test_memory_is_that_of_the_picture_and_little_more(monkeypatch):
     for place, number in (
         ("execution.LISTED", 256),
@@ -278,6 +281,7 @@ def test_a_refined_map_of_a_system_has_the_cells_of_the_uniform_one(between_stop
     assert computed[quiet].all()
 
 
+@pytest.mark.long
 def test_a_refined_map_of_a_system_goes_on_in_its_store(between_stops, tmp_path):
     system, axes, plane = between_stops
     how = {"refine": 2, "indices": ("max_velocity",), "store": tmp_path / "plane.zarr", **BRIEF, **axes}

@@ -39,11 +39,13 @@ def whole():
     return plane()
 
 
+@pytest.mark.long
 def test_a_refined_map_on_a_cluster_has_the_bits_of_one_machine(client, whole, tmp_path):
     assert_same(plane(cluster=client), whole)
     assert_same(plane(cluster=client, tile=17, store=tmp_path / "r.zarr"), whole)
 
 
+@pytest.mark.long
 def test_a_sweep_stopped_on_a_cluster_goes_on_here_and_the_other_way_round(client, whole, tmp_path, monkeypatch):
     monkeypatch.setattr("vibroimpact.execution.LISTED", 32)
     for first, then in (({"cluster": client}, {}), ({}, {"cluster": client})):
@@ -80,6 +82,7 @@ def test_a_wrong_place_is_refused_before_anything_is_started(wrong, words, tmp_p
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 def test_the_command_line_refines_on_a_cluster(run, client, whole, tmp_path):
     command = "map --x omega=1.5:3.5:9 --y mass=0.5:1.5:7 --sample-impacts 300 --refine 2 --out r.zarr"
     code, told, complaints = run(f"{command} --cluster {client.cluster.scheduler_address}")

@@ -36,6 +36,7 @@ def whole():
     return vi.parameter_map(driver.OSC, refine=2, **driver.REFINED)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="signals and forks are those of POSIX")
 def test_a_refined_map_killed_at_random_moments_is_in_the_end_the_uninterrupted_one(tmp_path, whole):
     done = subprocess.run(
@@ -52,6 +53,7 @@ def test_a_refined_map_killed_at_random_moments_is_in_the_end_the_uninterrupted_
         assert not list((tmp_path / f"{name}.zarr").rglob("*.partial"))
 
 
+@pytest.mark.long
 def test_a_refined_map_is_not_complete_until_all_of_its_attributes_are_written(tmp_path, whole, monkeypatch):
     store, written = tmp_path / "r.zarr", []
     write = GuardedStore.set
@@ -67,6 +69,7 @@ def test_a_refined_map_is_not_complete_until_all_of_its_attributes_are_written(t
     assert all(not found for found in written[:-1])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("array", ["std", "level", "progress/cells/std", "progress/cells/cell"])
 def test_a_chunk_in_the_place_of_another_one_is_found_and_mended(tmp_path, whole, monkeypatch, array):
     monkeypatch.setattr("vibroimpact.execution.layout.PICTURE", 200)
@@ -108,6 +111,7 @@ def test_the_summary_counts_cells_while_a_refined_map_is_computed(tmp_path, whol
     assert SweepStore(store).is_complete()
 
 
+@pytest.mark.long
 def test_info_tells_how_far_a_refined_map_is_and_how_to_go_on(run, tmp_path):
     partly(tmp_path / "r.zarr")
     code, told, _ = run("info r.zarr")
@@ -121,6 +125,7 @@ def test_info_tells_how_far_a_refined_map_is_and_how_to_go_on(run, tmp_path):
     assert told[-1].startswith("continue with: ")
 
 
+@pytest.mark.long
 def test_info_tells_of_damaged_cells_and_of_a_store_just_begun(run, tmp_path):
     partly(tmp_path / "r.zarr")
     chunk = tmp_path / "r.zarr" / "progress" / "cells" / "std" / "c" / "1"
@@ -132,6 +137,7 @@ def test_info_tells_of_damaged_cells_and_of_a_store_just_begun(run, tmp_path):
     assert told[-1] == "continue with: the same parameter_map(..., store=...) call"
 
 
+@pytest.mark.long
 def test_info_of_a_finished_refined_map_has_nothing_to_go_on_with(run, tmp_path, whole):
     command = "map --x omega=1.5:3.5:13 --y mass=0.5:1.5:13 --sample-impacts 200 --refine 2 --out r.zarr"
     assert run(command)[0] == 0
@@ -144,6 +150,7 @@ def test_info_of_a_finished_refined_map_has_nothing_to_go_on_with(run, tmp_path,
     assert f"finished: {computed:,} cells computed" in run(command)[2][1]  # it exists
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["status", "cell", "n_periods"])
 def test_lists_whose_description_is_damaged_are_told_of_and_described_anew(tmp_path, whole, name):
     store = tmp_path / "r.zarr"

@@ -125,6 +125,7 @@ class _Page(HTMLParser):
         self.ids += [value or "" for name, value in attrs if name == "id"]
 
 
+@pytest.mark.long
 def test_the_report_opens_from_disk_without_network_or_script(study: Path) -> None:
     text = (study / "report.html").read_text(encoding="utf-8")
     page = _Page(text)
@@ -140,6 +141,7 @@ def test_the_report_opens_from_disk_without_network_or_script(study: Path) -> No
     assert page.tags["img"] == 20
 
 
+@pytest.mark.long
 def test_every_figure_of_the_paper_is_there_with_its_data(study: Path) -> None:
     for number in range(1, 21):
         for ending, start in (("png", b"\x89PNG"), ("svg", b"<?xml")):
@@ -153,6 +155,7 @@ def test_every_figure_of_the_paper_is_there_with_its_data(study: Path) -> None:
     assert sweep["std"].dims == ("omega", "mass")
 
 
+@pytest.mark.long
 def test_the_report_names_every_statement_and_its_level(study: Path, claims: dict[str, dict[str, Any]]) -> None:
     text = (study / "report.html").read_text(encoding="utf-8")
     assert all(f'id="c{claim.id}"' in text for claim in CLAIMS)
@@ -178,6 +181,7 @@ KNOWN = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("quotation", "verdict"), KNOWN.items())
 def test_statements_whose_truth_is_known_are_judged_so(
     claims: dict[str, dict[str, Any]], quotation: str, verdict: str
@@ -185,6 +189,7 @@ def test_statements_whose_truth_is_known_are_judged_so(
     assert claims[quotation]["verdict"] == verdict, claims[quotation]
 
 
+@pytest.mark.long
 def test_where_another_motion_comes_from_rest_coexistence_is_named(claims: dict[str, dict[str, Any]]) -> None:
     claim = claims["the period-1 impact-1 motion is within [1.25, 2.5]"]
     assert claim["verdict"] == "does not hold"
@@ -194,6 +199,7 @@ def test_where_another_motion_comes_from_rest_coexistence_is_named(claims: dict[
     assert "period-1 sticking" in resonance["because"]
 
 
+@pytest.mark.long
 def test_what_is_found_agrees_with_the_reference_values(claims: dict[str, dict[str, Any]]) -> None:
     hardest = claims["the maximum impact velocity is 0.23 (w = 0.1)"]["exact"]
     assert float(hardest.split()[0]) == pytest.approx(0.22863412623842875574, rel=1e-5)

@@ -143,6 +143,7 @@ def test_what_kernels_are_given_of_a_system_has_the_same_digits_in_any_unit():
         assert (digits == 0.5).all(), seed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", SYSTEMS)
 def test_a_verdict_on_a_system_does_not_depend_on_units(seed):
     rng = np.random.default_rng([3801, seed])
@@ -151,6 +152,7 @@ def test_a_verdict_on_a_system_does_not_depend_on_units(seed):
     assert_the_same_in_units(system, [rng.choice(zeros or list(system.values))], *powers.tolist())
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("seed", range(100 if "FUZZ" in os.environ else 11))
 def test_a_verdict_on_one_mass_does_not_depend_on_units(seed):
     rng = np.random.default_rng([3802, seed])
@@ -159,6 +161,7 @@ def test_a_verdict_on_one_mass_does_not_depend_on_units(seed):
     assert_the_same_in_units(osc, sorted({"gap", str(rng.choice(list(osc.values)))}), *powers.tolist())
 
 
+@pytest.mark.long
 def test_boundaries_are_the_same_in_metres_and_in_millimetres():
     """N, m, kg and N, mm, t: a gap of 0 is compared with the static deflection f/k, damping with the critical one."""
     gap, damping = "stop_1_gap", "stop_1_damping"

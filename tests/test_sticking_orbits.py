@@ -353,6 +353,7 @@ def test_a_curve_of_ends_of_sticking_may_be_stopped_on_request(default_end):
     assert 5 <= len(curve.orbits) <= 12
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize(
     ("names", "ranges"),
     [

@@ -207,6 +207,7 @@ def result():
     return cache(lambda kind: RESULTS[kind]())
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("kind", RESULTS)
 def test_every_value_of_every_variable_reaches_the_csv(tmp_path, kind, result):
     dataset = result(kind)
@@ -224,6 +225,7 @@ def shown(text):
         return text
 
 
+@pytest.mark.long(but=4)
 @pytest.mark.parametrize("kind", RESULTS)
 @pytest.mark.parametrize("ending", [".zarr", ".nc"])
 def test_a_result_comes_back_in_its_own_order_and_makes_the_same_table(tmp_path, kind, ending, result):
@@ -421,6 +423,7 @@ def test_what_a_killed_process_had_set_aside_is_offered_and_never_deleted(tmp_pa
     assert names(tmp_path) == ["former.zarr", "map.zarr"]
 
 
+@pytest.mark.long
 def test_what_a_killed_process_had_replaced_and_half_removed_is_never_offered_and_removed_by_the_next_one(tmp_path):
     path = vi.save(sweep(1.0), tmp_path / "map.zarr")
     die(path, "removing")
@@ -432,6 +435,7 @@ def test_what_a_killed_process_had_replaced_and_half_removed_is_never_offered_an
     assert names(tmp_path) == ["map.zarr", "moved.zarr"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ending", files.DATA_ENDINGS)
 def test_what_a_killed_process_had_half_written_is_removed_by_the_next_one(tmp_path, ending):
     path = vi.save(sweep(1.0), tmp_path / f"map{ending}")
@@ -470,6 +474,7 @@ print(int(refused))
 """
 
 
+@pytest.mark.long
 def test_of_outputs_put_in_one_place_at_the_same_moment_one_is_there_whole(tmp_path):
     told = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     children = [subprocess.Popen([sys.executable, "-c", REPLACING], **told) for _ in range(3)]
@@ -478,7 +483,7 @@ def test_of_outputs_put_in_one_place_at_the_same_moment_one_is_there_whole(tmp_p
     for number, child in enumerate(children):
         child.stdin.write(f"{tmp_path} {number}\n")
         child.stdin.flush()
-    outcomes = [(*child.communicate(timeout=120), child.returncode) for child in children]
+    outcomes = [(*child.communicate(timeout=600), child.returncode) for child in children]
     assert all((complaint, code) == ("", 0) for _, complaint, code in outcomes), outcomes
     assert sum(int(refused) for refused, *_ in outcomes) == 2  # of three that may not overwrite
     words = {file.read_text() for file in (tmp_path / "map.zarr").iterdir()}
@@ -500,6 +505,7 @@ except OSError as error:
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="needs a limit on the size of files")
 @pytest.mark.parametrize("ending", files.DATA_ENDINGS)
 def test_a_full_disk_is_told_and_nothing_is_left(tmp_path, ending):

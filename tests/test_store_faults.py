@@ -49,7 +49,7 @@ def store(finished, tmp_path):
 
 def told_by(command: str, folder: Path, *arguments: object) -> dict:
     """Run the driver; return what it tells."""
-    done = subprocess.run([*DRIVER, command, folder, *map(str, arguments)], capture_output=True, text=True, timeout=240)
+    done = subprocess.run([*DRIVER, command, folder, *map(str, arguments)], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -87,6 +87,7 @@ def resumed(store: Path) -> int:
 # Killed and interrupted
 
 
+@pytest.mark.long
 @posix
 @pytest.mark.parametrize(("sent", "times", "code"), [("SIGKILL", 32, -9), ("SIGINT", 12, 130)])
 def test_a_sweep_ended_at_random_moments_is_in_the_end_the_uninterrupted_one(tmp_path, whole, sent, times, code):
@@ -101,6 +102,7 @@ def test_a_sweep_ended_at_random_moments_is_in_the_end_the_uninterrupted_one(tmp
         assert_whole(tmp_path / name, whole)
 
 
+@pytest.mark.long
 @posix
 @pytest.mark.parametrize("presses", [1, 2])
 def test_after_ctrl_c_nothing_more_is_written_and_finished_tiles_are_kept(tmp_path, whole, presses):
@@ -109,7 +111,7 @@ def test_after_ctrl_c_nothing_more_is_written_and_finished_tiles_are_kept(tmp_pa
     for _ in range(presses):
         time.sleep(0.1)  # into the middle of a tile, then into the wait for it
         process.send_signal(signal.SIGINT)
-    out, complaints = process.communicate(timeout=60)
+    out, complaints = process.communicate(timeout=600)
     assert (process.returncode, complaints) == (0, "")
     told = json.loads(out.splitlines()[-1])
     assert told["quiet"]
@@ -118,6 +120,7 @@ def test_after_ctrl_c_nothing_more_is_written_and_finished_tiles_are_kept(tmp_pa
     assert_whole(store, whole)
 
 
+@pytest.mark.long
 @posix
 def test_a_thousand_kills_in_small_lose_nothing_and_leave_nothing():
     words = ["10", "7", "map.zarr, overwriting", "map.nc, overwriting"]  # the rest: `python -m benchmarks.kills`
@@ -129,6 +132,7 @@ def test_a_thousand_kills_in_small_lose_nothing_and_leave_nothing():
 # Two on one store
 
 
+@pytest.mark.long
 @posix
 def test_two_that_begin_a_store_at_the_same_moment_never_both_compute_a_tile(tmp_path, whole):
     for number, outcome in enumerate(told_by("race", tmp_path, 6)):
@@ -137,6 +141,7 @@ def test_two_that_begin_a_store_at_the_same_moment_never_both_compute_a_tile(tmp
         assert_whole(tmp_path / f"{number}.zarr", whole)
 
 
+@pytest.mark.long
 @posix
 def test_a_second_writer_is_refused_until_the_first_is_gone_even_if_it_was_killed(tmp_path, whole):
     store = tmp_path / "run.zarr"
@@ -168,6 +173,7 @@ def test_a_sweep_that_writes_a_store_is_refused_to_its_own_process_too(tmp_path)
 # Out of disk, not allowed
 
 
+@pytest.mark.long
 @posix
 def test_where_files_cannot_grow_the_error_says_what_to_do_and_finished_tiles_stay(tmp_path, whole):
     store = tmp_path / "run.zarr"
@@ -287,6 +293,7 @@ FILES = {
 }
 
 
+@pytest.mark.long(but=2)
 @pytest.mark.parametrize("harm", HARMS)
 @pytest.mark.parametrize("file", FILES)
 def test_a_damaged_tile_is_found_and_computed_again(store, whole, harm, file):
@@ -301,6 +308,7 @@ def test_a_damaged_tile_is_found_and_computed_again(store, whole, harm, file):
     assert_whole(store, whole)
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("name", ["std", "n_periods", "status"])
 def test_a_chunk_in_the_place_of_another_one_of_its_array_is_found_and_computed_again(store, whole, name):
     swapped(store / name / "c/2/1", store / name / "c/4/3")
@@ -332,6 +340,7 @@ def test_a_store_of_an_earlier_version_whose_records_hold_no_digest_is_read_and_
     assert_whole(store, whole)
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("harm", HARMS)
 def test_tiles_whose_records_are_damaged_are_computed_again(store, whole, harm):
     HARMS[harm](store / "progress/tiles/c/0/0", None)
@@ -340,6 +349,7 @@ def test_tiles_whose_records_are_damaged_are_computed_again(store, whole, harm):
     assert_whole(store, whole)
 
 
+@pytest.mark.long
 def test_whichever_bit_of_a_tile_is_altered_its_numbers_are_refused_or_the_same(store):
     found, number = SweepStore(store), 9
     records, before = found.records(), found.read(number)
@@ -422,6 +432,7 @@ def test_what_killed_writers_left_in_a_store_is_swept_up(store, whole):
 # The clock, and names
 
 
+@pytest.mark.long
 @posix
 def test_nothing_depends_on_the_clock_on_the_wall(tmp_path, whole):
     told_by("clock", tmp_path / "run.zarr")

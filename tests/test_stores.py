@@ -60,6 +60,7 @@ def partly(tmp_path) -> Path:
 # The same sweep
 
 
+@pytest.mark.long(but=4)
 @pytest.mark.parametrize(
     "axes",
     [
@@ -225,6 +226,7 @@ def test_the_curve_of_a_partly_finished_store_says_which_part_is_missing(tmp_pat
 # Size
 
 
+@pytest.mark.long
 def test_a_map_of_sixteen_million_cells_is_begun_in_bounded_memory(tmp_path):
     command = [sys.executable, driver.__file__, "large", tmp_path / "run.zarr"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=True)
@@ -258,6 +260,7 @@ def test_tiles_cover_every_cell_once_and_none_is_larger_than_asked_by_much(shape
 # Where it lies
 
 
+@pytest.mark.long(but=4)
 @pytest.mark.parametrize(
     "name", ["two words.zarr", "Stöße α.zarr", "run[1]*?.zarr", "a#b%20.zarr", "a.b.zarr", "-x.zarr", "UP.ZARR"]
 )

@@ -168,6 +168,7 @@ def test_a_cycle_of_many_initial_conditions_is_followed_and_solved_for_once(solu
     assert [done for done, _ in told] == sorted(done for done, _ in told)
 
 
+@pytest.mark.long(but=4)
 @pytest.mark.parametrize("seed", range(0, 24, 3))
 def test_no_cycle_is_solved_for_twice(seed, solutions):
     found = attractors(two_masses(seed))
@@ -208,6 +209,7 @@ def test_every_periodic_attractor_is_a_stable_admissible_orbit(seed):
         assert same_orbit(again, attractor, tolerance=1e-9)
 
 
+@pytest.mark.long
 def test_the_witness_leads_to_the_same_attractors():
     stops = tuple(RigidStop(stop.direction, stop.gap, stop.restitution, {}) for stop in THREE.stops)
     load = dict(THREE.force.harmonics)
@@ -483,6 +485,7 @@ def test_a_family_of_systems_has_attractors():
     assert [one.name for one in attractors(design)] == [one.name for one in attractors(TWINS)]
 
 
+@pytest.mark.long
 def test_chaos_that_ends_in_a_cycle_is_not_called_quasi_periodic_where_the_exponents_of_both_cancel():
     # of some starts the 32,767 impacts watched are half chaos, half the approach to a cycle: their mean exponent is 0
     class Watching(Runner):

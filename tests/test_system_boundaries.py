@@ -29,6 +29,7 @@ def pitchfork():
     return points(continue_orbit(orbit, "omega", (1.0, 2.1), step=0.1), "pitchfork")[0]
 
 
+@pytest.mark.long
 def test_boundaries_of_the_ball_are_the_closed_forms():
     plane = ("amplitude", "restitution"), ((0.01, 0.04), (0.4, 0.9))
     found = boundary_curves(ball, *plane, n_periods=(1,), lines=2, step=0.1)
@@ -51,6 +52,7 @@ def test_one_mass_as_a_system_has_the_boundaries_of_the_oscillator():
         assert 1 + known.trace + known.determinant == pytest.approx(0, abs=1e-10)
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("kind", ["neimark_sacker", "grazing"])
 def test_a_boundary_of_three_masses_keeps_its_condition(kind):
     branch = continue_orbit(find(three_masses())[0], "bar_gap", (0.1, 0.87), step=0.1)
@@ -115,6 +117,7 @@ def test_the_graze_at_which_a_symmetric_orbit_of_two_impacts_ends_is_one_of_the_
     )
 
 
+@pytest.mark.long
 def test_a_branch_along_which_a_contact_is_born_is_named_by_the_impacts_that_it_has():
     pair = two_sided(
         stops=[

@@ -60,6 +60,7 @@ def agree(closed, stepped, names):
         assert a[known] == pytest.approx(b[known], rel=0.0, abs=near), name
 
 
+@pytest.mark.long(but=4)
 @pytest.mark.parametrize("name", SYSTEMS)
 @pytest.mark.parametrize("indices", [SPEEDS, ALL], ids=["speeds", "all"])
 def test_every_index_is_the_same_with_and_without(name, indices):
@@ -114,6 +115,7 @@ def test_a_chatter_of_every_period_has_its_name_and_its_rest_wherever_a_window_b
 MACHINES = ("bouncing_ball", "idle_gear", "two_sided_oscillator", "impact_damper", "tuned_mass_damper", "gear_pair")
 
 
+@pytest.mark.long(but=4)
 @pytest.mark.parametrize("seed", range(12))
 def test_random_windows_of_machines_say_what_all_their_impacts_say(seed):
     rng = np.random.default_rng([1201, seed])

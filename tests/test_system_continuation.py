@@ -118,6 +118,7 @@ def test_doubled_orbits_are_those_of_the_oscillator():
 # The same system in other coordinates
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("how", ["permuted and mirrored, in other units", "a mode more"])
 def test_special_points_do_not_depend_on_coordinates(how):
     system = three_masses()
@@ -265,6 +266,7 @@ def test_branches_survive_files(tmp_path, two_sided_branch):
     assert loaded.identical(two_sided_branch.dataset)
 
 
+@pytest.mark.long
 def test_a_branch_that_loses_its_last_contact_ends_where_the_steady_motion_touches_the_stop():
     """x'' + .05 x' + x = sin wt touches where (1 - w^2)^2 + (.05 w)^2 = 1/gap^2; the message and the point agree."""
     gap, damping = 5.8, 0.05

@@ -82,6 +82,7 @@ def test_all_that_is_said_of_a_mass_pressed_to_its_stop_agrees():
     assert attractor.start.displacement[0] == pytest.approx(-1.0, abs=1e-9)
 
 
+@pytest.mark.long
 def test_teeth_that_stay_pressed_while_their_force_comes_and_goes_are_in_contact_for_ever():
     """A damper takes the force to zero before the flanks part; the torque presses them on before they do."""
     pair, stiffness = vi.models.gear_pair(), [8.3e7, 8.38e7, 8.4e7, 8.45e7, 8.47e7]
@@ -142,6 +143,7 @@ def of_any_kind(rng):
     )
 
 
+@pytest.mark.long
 def test_motions_said_to_have_no_more_impacts_have_none_in_a_thousand_periods():
     """And those said to be in contact are: no impact, no release, and a stop that is touched or pushed in."""
     seen = dict.fromkeys(Status, 0)

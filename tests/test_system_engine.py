@@ -210,6 +210,7 @@ def test_energy_never_grows_at_ten_thousand_impacts():
 # One coordinate and one stop, at random.
 
 
+@pytest.mark.long
 def test_random_systems_of_one_coordinate_move_as_the_oscillator_does():
     rng = np.random.default_rng(20261123)
     names, sticks, settled = ("velocity", "time", "phase", "stick_time", "release_time"), 0, 0

@@ -186,6 +186,7 @@ def test_one_mass_never_moves_quasi_periodically_not_even_without_loss():
 # test_system_orbits.
 
 
+@pytest.mark.long(but=6)
 @pytest.mark.parametrize("early_closing", [False, True])
 @pytest.mark.parametrize(("restitution", "n_periods"), [(0.5, 1), (0.8, 1), (0.25, 2)])
 @pytest.mark.parametrize("multiplier", [-0.98, -0.996, -0.9995, -1.0005, -1.004])
@@ -312,6 +313,7 @@ def test_drag_and_loads_on_the_centre_alone_change_no_exponent():
     assert index(braked, *NAMED, transient_impacts=500) == pytest.approx(own, abs=1e-3)  # a complex pair: 1/N
 
 
+@pytest.mark.long
 def test_free_masses_have_the_names_and_exponents_of_their_relative_motion():
     named = 0
     for seed in range(24):

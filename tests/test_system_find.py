@@ -220,6 +220,7 @@ def test_drag_leaves_the_place_of_the_centre_free_and_the_multipliers_are_those_
     assert sorted(map(abs, (*orbit.multipliers, *orbit.neutral))) == pytest.approx(sizes, abs=1e-6)
 
 
+@pytest.mark.long
 def test_free_masses_have_the_orbits_of_their_relative_motion():
     known = 0
     for seed in range(10):

@@ -146,6 +146,7 @@ def test_random_systems_make_the_impacts_of_the_witness():
     assert sticks > 8
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("first", range(0, SEEDS, BLOCK))
 def test_the_first_20_impacts_of_random_systems_are_those_of_the_witness(first):
     """Up to two stops struck so soon after one another that rounding decides which is struck next."""
@@ -187,6 +188,7 @@ def of_whole_numbers(rng):
     return model, (rng.integers(-1, 2, n) * rng.integers(0, 2)).astype(float)
 
 
+@pytest.mark.long
 def test_systems_of_whole_numbers_make_the_impacts_of_the_witness():
     """Two motions stay together until rounding decides: a stop is just touched, or struck just after another."""
     compared = 0
@@ -306,6 +308,7 @@ def test_a_free_mass_that_damping_couples_to_another_is_waited_for():
     assert seen.impacts[0].time > 4 * free.period
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("gyroscopic", [False, True])
 @pytest.mark.parametrize("load", [0.0, 0.1])
 def test_masses_that_only_dampers_hold_are_given_up_where_they_never_come_back(load, gyroscopic):

@@ -125,6 +125,7 @@ def motions(kind, seed, number=30):
             yield rng, one, *one.state(rng)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("length", LENGTHS)
 def test_no_leap_is_made_over_a_stop_that_is_touched_and_others_end_where_they_should(kind, length):
@@ -144,6 +145,7 @@ def test_no_leap_is_made_over_a_stop_that_is_touched_and_others_end_where_they_s
     assert made > 200  # of 600
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("length", LENGTHS)
 def test_no_leap_is_made_from_an_impact_to_the_next(kind, length):
@@ -166,6 +168,7 @@ def test_no_leap_is_made_from_an_impact_to_the_next(kind, length):
     assert made > 10
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_neighbour_leaps_as_the_motion_without_load_does(kind):
     for rng, one, state, angle in motions(kind, 3, 10):
@@ -206,6 +209,7 @@ def spread_out(rng, n):
     return remade(model, mass=np.eye(n), damping=np.diag(damping), stiffness=np.diag(rates**2), force=force)
 
 
+@pytest.mark.long
 def test_far_leaps_end_before_a_stop_is_touched_and_where_they_should():
     rng, made, tried, closest = np.random.default_rng(5), 0, 0, np.inf
     for _ in range(300):

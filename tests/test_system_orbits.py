@@ -505,6 +505,7 @@ def witnessed(system, start, impacts):
     return follow(plain, start.displacement, start.velocity, start.time, impacts=impacts).impacts
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize(
     ("system", "omega", "start", "n", "names"),
     [

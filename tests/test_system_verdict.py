@@ -100,6 +100,7 @@ def test_shares_are_those_of_a_map_from_the_same_initial_conditions(seed):
         assert f"{100 * motion.share:.3g} %: {motion.name}" in told
 
 
+@pytest.mark.long
 def test_boundaries_are_those_that_a_branch_meets_in_other_steps():
     verdict = vi.describe(two_sided(2.0, 0.6, 0.5), parameters=["omega"])
     down, up = verdict.boundaries
@@ -256,6 +257,7 @@ def test_a_verdict_that_is_stopped_holds_what_was_found():
     assert "stopped" in str(verdict)
 
 
+@pytest.mark.long
 def test_an_orbit_of_two_units_ends_where_both_are_struck_at_once():
     # Which comes first decides what the other one meets: there the motion jumps, and the orbit does not go on.
     model = vi.models.two_unit_impact_damper()

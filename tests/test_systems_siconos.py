@@ -38,6 +38,7 @@ def impacts(number, factor=1.0):
     return np.array([(event.time, event.velocity) for event in hits]), [event.stop for event in hits], seen
 
 
+@pytest.mark.long(but=4)
 @pytest.mark.parametrize("number", range(len(RECORDED)))
 def test_the_first_impacts_are_those_of_siconos(number):
     recorded = RECORDED[number]
@@ -53,6 +54,7 @@ def test_the_first_impacts_are_those_of_siconos(number):
     assert wrong.max() < 1e-9
 
 
+@pytest.mark.long
 def test_what_is_recorded_is_of_all_kinds():
     motions = [impacts(number)[2] for number in range(len(RECORDED))]
     assert sum(any(event.kind == "release" for event in motion.events) for motion in motions) >= 20

@@ -256,6 +256,7 @@ def test_random_oscillators_make_the_same_first_20_impacts():
 # Laws of impacts
 
 
+@pytest.mark.long
 def test_energy_never_grows_at_an_impact():
     rng = np.random.default_rng(2)
     for _ in range(10_000):

@@ -84,6 +84,7 @@ def test_at_w_0_1_the_mass_rests_for_the_50_digit_share_of_the_time(values):
     assert "erases all memory" in str(verdict)
 
 
+@pytest.mark.long
 def test_chaos_at_w_2_8_is_told_with_its_exponent_and_how_far_one_can_foresee(chaotic, values):
     known = float(values["lyapunov_w=2.8"]["lam_per_time_mean_se"][0])
     assert chaotic.kind == "chaotic"
@@ -99,6 +100,7 @@ def test_every_index_is_that_of_parameter_map(fast):
         assert fast.indices[name] == float(sweep[name][0])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("omega", [2.0, 0.1, 2.8])  # a cycle, sticking, chaos
 def test_the_motion_from_rest_is_computed_once_and_where_it_does_not_repeat_watched_besides(omega, monkeypatch):
     osc, calls = vi.ImpactOscillator(omega=omega), []
@@ -216,6 +218,7 @@ def test_at_w_3_a_sticking_motion_coexists_with_a_periodic_one():
     assert "period-6 sticking (this motion)" in str(verdict)
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("omega", [2.0, 1.4, 2.8, 0.1])
 def test_advice_that_is_followed_does_what_it_says(omega):
     osc = vi.ImpactOscillator(omega=omega)
@@ -291,6 +294,7 @@ def test_on_a_boundary_no_digits_of_rounding_are_told():
 # Hard cases
 
 
+@pytest.mark.long(but=2)
 @pytest.mark.parametrize(
     ("numbers", "kind"),
     [

@@ -40,6 +40,7 @@ def text_of(verdict):
     return " ".join(str(verdict).split())
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize(
     "osc",
     [
@@ -87,6 +88,7 @@ def test_where_nothing_helps_the_parameters_that_were_tried_are_named():
         assert f"no change of {' or '.join(names)} alone within its range" in text_of(verdict)
 
 
+@pytest.mark.long
 def test_long_transients_are_told_with_their_length_and_their_hits():
     for osc in (RESTLESS, SLOW):
         verdict = describe(osc, parameters=["omega"])
@@ -155,6 +157,7 @@ def test_one_hit_is_printed_with_the_same_digits_throughout():
     assert rest.count(hardest) >= 2
 
 
+@pytest.mark.long
 def test_sticking_of_random_designs_hardly_ever_ends_before_its_boundary():
     """At 12 values spaced evenly up to it, and at 24 that come ever closer to the present one."""
     random, wrong, tried = np.random.default_rng(1313), [], 0

@@ -88,6 +88,7 @@ def missed(windows, sweeps):
     }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", ["up", "down"])
 def test_every_stable_window_of_continuation_is_seen_or_the_sweep_is_on_another_attractor(windows, missed, sweeps, way):
     assert len(windows) >= 9
@@ -95,6 +96,7 @@ def test_every_stable_window_of_continuation_is_seen_or_the_sweep_is_on_another_
         assert all(on_another(sweeps[way], at, window) for at in values), window
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", ["up", "down"])
 def test_every_window_of_a_sweep_is_one_of_continuation_unless_its_name_is_longer(branches, sweeps, way):
     found = 0
@@ -110,6 +112,7 @@ def test_every_window_of_a_sweep_is_one_of_continuation_unless_its_name_is_longe
     assert found >= 5
 
 
+@pytest.mark.long
 def test_a_window_that_a_sweep_leaves_is_what_the_engine_keeps_to_when_started_on_it(windows, missed):
     hidden = [window for values in missed.values() for window, left in zip(windows, values, strict=True) if left]
     assert len(hidden) >= 4
@@ -120,11 +123,13 @@ def test_a_window_that_a_sweep_leaves_is_what_the_engine_keeps_to_when_started_o
         assert (int(kept["n_periods"][0]), int(kept["n_impacts"][0])) == (window.n_periods, window.n_impacts)
 
 
+@pytest.mark.long
 def test_both_ways_together_leave_no_window_unseen(windows, missed):
     for window, up, down in zip(windows, missed["up"], missed["down"], strict=True):
         assert min(len(up), len(down)) < len(inside(window)), window
 
 
+@pytest.mark.long
 def test_windows_end_at_the_values_known_with_50_digits(values, branches):
     doublings = [float(entry["w"]) for entry in values["period_doubling_w_of_n=1"]]
     (window,) = [w for w in stable_windows(branches) if w.name == "period-1 impact-1" and w.high > 2.0]
@@ -140,6 +145,7 @@ def test_a_window_narrower_than_a_step_of_the_branch_is_not_lost():
     assert (narrow.low, narrow.high) == pytest.approx((1.00711, 1.00830), abs=1e-5)
 
 
+@pytest.mark.long
 def test_a_sweep_that_does_not_name_its_motions_is_refused(sweeps):
     with pytest.raises(ValueError, match="`sweep` lacks n_periods; .*indices="):
         swept_windows(sweeps["up"].drop_vars("n_periods"))

@@ -119,6 +119,7 @@ def compare(osc, start):
     assert (fast <= allowed)[known].all()
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("share", range(SHARES))
 def test_the_first_20_impacts_of_random_oscillators_are_the_witness_s(share):
     @seed(share)

@@ -75,6 +75,7 @@ def test_memory_is_taken_once_a_tile_and_never_by_an_impact():
     assert many == few
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize("sweep", ["parameter_map", "bifurcation_diagram"])
 def test_a_first_sweep_waits_for_no_library_that_it_does_without(sweep):
     code = (
@@ -92,6 +93,7 @@ def two_masses_and_a_spring_stop():
     )
 
 
+@pytest.mark.long(but=1)
 @pytest.mark.parametrize(
     ("model", "span"),
     [(vi.models.cantilever_with_stop(modes=4), (74.0, 77.0)), (two_masses_and_a_spring_stop(), (0.9, 1.1))],
