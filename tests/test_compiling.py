@@ -1,12 +1,15 @@
 """What is compiled is told before it begins, is kept, and can be interrupted."""
 
+import contextlib
 import os
 import pty
 import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from vibroimpact import compiling, warming
@@ -79,6 +82,32 @@ def test_ctrl_c_while_compiling_ends_the_process(tmp_path, arguments):
     assert process.wait() == 130
     assert "impact_damper" in said[: said.index("compiling")]
     assert "interrupted" in os.read(mine, 4096).decode()  # by the compiler's thread, or between two parts by its own
+
+
+def processor_time(process):
+    """Return what a process has taken, in seconds."""
+    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs the processor time of another process")
+@pytest.mark.parametrize("arguments", [("simulate",), ("explore", "--no-browser", "--model", "tube_in_supports")])
+def test_nothing_is_silent_on_a_terminal(tmp_path, arguments):
+    """Never for a second of its processor time, with an empty cache: a busy machine may show it later, not it less."""
+    mine, theirs = pty.openpty()
+    where = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    process = subprocess.Popen([*COMMAND, *arguments], env=where, stdout=theirs, stderr=theirs, stdin=theirs)
+    os.close(theirs)
+    said, times = "", [0.0]
+    with contextlib.suppress(OSError):  # at the end of what it says
+        while "http://" not in said:
+            said += os.read(mine, 4096).decode()
+            times.append(processor_time(process))
+    process.terminate()
+    process.wait()
+    assert len(times) > 3
+    assert max(np.diff(times)) <= 1.0
+    assert "loading ... " in said or times[1] < 0.5
 
 
 COUNT = """

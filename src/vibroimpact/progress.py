@@ -12,7 +12,7 @@ from queue import SimpleQueue
 from threading import Event
 from time import perf_counter
 from types import FrameType, TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TextIO, cast
 
 from vibroimpact import compiling
 from vibroimpact.parameters import truth
@@ -71,6 +71,7 @@ def _bar() -> Progress:
 
 
 SECONDS = 5.0  # between plain lines about work of unknown length
+PULSE = 0.5  # s of silence on a terminal, after which it is told what one waits for
 SWITCH = 1e-4  # s, after which cells computed in Python give way to the thread that ends a stopped sweep
 
 
@@ -160,6 +161,62 @@ class Meter:
             kept = "finished tiles are kept" if self.settle else "nothing was kept"
             os.write(2, f"\nvibroimpact: stopped at once, {kept}\n".encode())
             os._exit(130)
+
+
+class Pulse:
+    """A passing line on a terminal that says what one waits for, while nothing else is written there.
+
+    Within a `with` block; it goes before anything else is written to either stream.
+    """
+
+    def __init__(self) -> None:
+        self._streams = sys.stdout, sys.stderr
+        self._width, self._lock, self._ended = 0, threading.Lock(), Event()
+        self._silent = perf_counter()
+        self._waits_for = "loading"
+
+    def __enter__(self) -> None:
+        sys.stdout, sys.stderr = (cast("TextIO", _Heard(stream, self)) for stream in self._streams)
+        threading.Thread(target=self._run, daemon=True).start()
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self.heard()
+        sys.stdout, sys.stderr = self._streams
+
+    def heard(self) -> None:
+        """Make way for what is written next."""
+        with self._lock:
+            self._write("")
+            self._silent, self._waits_for = perf_counter(), ""
+
+    def _run(self) -> None:
+        while not self._ended.wait(PULSE):
+            with self._lock:
+                silent = perf_counter() - self._silent
+                what = f"compiling {compiling.under_way()}" if compiling.under_way() else self._waits_for
+                if silent > PULSE and not self._ended.is_set():
+                    self._write(f"{what} ... {silent:.0f} s" if what else "")
+
+    def _write(self, line: str) -> None:
+        if line or self._width:
+            self._streams[1].write("\r" + " " * self._width + "\r" + line)
+            self._streams[1].flush()
+            self._width = len(line)
+
+
+class _Heard:
+    """A stream of the terminal, as it is but for the pulse that makes way for what is written."""
+
+    def __init__(self, stream: TextIO, pulse: Pulse) -> None:
+        self._stream, self._pulse = stream, pulse
+
+    def write(self, text: str) -> int:
+        self._pulse.heard()
+        return self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
 
 
 @contextmanager

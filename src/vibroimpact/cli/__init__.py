@@ -10,7 +10,7 @@ from contextlib import contextmanager, nullcontext
 from typing import Annotated, Any
 
 from vibroimpact.parameters import printable
-from vibroimpact.progress import interruptible
+from vibroimpact.progress import Pulse, interruptible
 
 __all__ = ["main"]
 
@@ -61,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code: 0, 1 (failed), 2 (wrong request) or 130 (interrupted)."""
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # a refused chunk leaves tasks of Zarr's loop behind
     main_thread = threading.current_thread() is threading.main_thread()
-    with interruptible() if main_thread else nullcontext():
+    with interruptible() if main_thread else nullcontext(), Pulse() if sys.stderr.isatty() else nullcontext():
         code = _run(arguments)
     if code == INTERRUPTED and arguments is None:
         _exit_without_threads(code)
