@@ -131,7 +131,7 @@ def test_a_click_shows_another_motion_and_the_address_tells_it(tab, browser):
 
 @pytest.mark.long
 def test_a_click_draws_every_plot_once_and_leaves_each_its_size(tab):
-    load(tab)
+    load(tab, side=256)  # the finest, which is drawn no more
     until(tab, "document.getElementById('others').textContent !== ''")
     heights = "[...document.querySelectorAll('canvas')].map((one) => one.clientHeight)"
     before = tab.evaluate(heights)
