@@ -230,6 +230,34 @@ def test_a_plane_that_takes_too_long_is_left_and_told_of_once_and_goes_on_when_a
     assert received(heard, "message") == messages
 
 
+def test_a_part_under_way_when_a_plane_is_left_disturbs_nothing_once_it_goes_on(heard, monkeypatch):
+    """It ends after that, with its cells: these are made anew, and the plane is neither left again nor a failure."""
+    fill, first, gate, left = Plane.fill, threading.Event(), threading.Event(), threading.Event()
+
+    def slow(self, *part):
+        *places, keep_going = part
+        if not first.is_set():
+            first.set()
+            assert gate.wait(300)
+            return fill(self, *places, lambda: True)
+        return left.is_set() and fill(self, *places, keep_going)  # the others have no time until the plane was left
+
+    monkeypatch.setattr(Plane, "fill", slow)
+    pool = Pool(2)
+    explorer = Explorer(replace(SMALL, samples=2000), pool, heard.extend)
+    explorer.start()
+    until(lambda: received(heard, "late") == [False, True])
+    left.set()
+    explorer.go_on()
+    gate.set()
+    assert explorer.wait(300)
+    assert received(heard, "late") == [False, True, False]
+    assert len(received(heard, "message")) == 1
+    assert explorer.plane.side == FINEST
+    explorer.close()
+    pool.close()
+
+
 def test_a_plane_that_cannot_be_computed_is_told_of_once(explorer, heard, monkeypatch):
     def fault(*args, **options):
         raise RuntimeError

@@ -301,10 +301,9 @@ class Refinement:
         self._sides = sides(plane.view)
         self._queue(0)
 
-    @property
-    def wanted(self) -> bool:
-        """Whether the page still shows this plane."""
-        return self._work.wanted("plane", self._stamp)
+    def _wanted(self, stamp: int) -> bool:
+        """Return whether the page still shows this plane, and it was not left since."""
+        return self._work.wanted("plane", stamp)
 
     def _queue(self, level: int) -> None:
         jobs: list[Callable[[KeepGoing], bool]]
@@ -323,39 +322,40 @@ class Refinement:
 
     def _submit(self, urgency: Urgency) -> None:
         for job in list(self._left):
-            self._work.submit("plane", urgency, partial(self._run, self._level, job), self._stamp)
+            self._work.submit("plane", urgency, partial(self._run, self._level, job, self._stamp), self._stamp)
 
     def go_on(self) -> None:
         """Take up again what was left for lack of time."""
         with self._work.lock:
-            if self.wanted or not self._left:
+            if self._wanted(self._stamp) or not self._left:
                 return
             self._stamp, self._spent = self._work.renew("plane"), 0.0
-        if self._level == len(self._sides):
+        hatching = self._level == len(self._sides)
+        if hatching:
             self.plane.tried = None
             self._hatch(self.plane)
-        self._submit(Urgency.HATCH if self._level == len(self._sides) else Urgency.FINE)
+        self._submit(Urgency.HATCH if hatching else Urgency.FINE)
 
-    def _run(self, level: int, job: Callable[[KeepGoing], bool]) -> None:
+    def _run(self, level: int, job: Callable[[KeepGoing], bool], stamp: int) -> None:
         """Compute a part; the last one of a lattice shows it and begins the next."""
         begun = clock()
         granted = PLANE_SECONDS * self._work.pool.workers - self._spent
 
         def keep_going() -> bool:
-            return self.wanted and clock() - begun < granted
+            return self._wanted(stamp) and clock() - begun < granted
 
         try:
             filled = keep_going() and job(keep_going)
         except Exception:
-            self._give_up()  # the other parts would fail as well
+            self._give_up(stamp)  # the other parts would fail as well
             raise
         with self._work.lock:
             self._spent += clock() - begun
-            if filled:
+            if filled and job in self._left:  # not again by one that was under way when the plane was left and went on
                 self._left.remove(job)
-            complete = self.wanted and not self._left
+            complete = self._wanted(stamp) and not self._left
         if not filled:
-            if self._give_up():
+            if self._give_up(stamp):
                 self._late() if level < len(self._sides) else self._end_hatch(complete=False)
         elif complete and level == len(self._sides):
             self._end_hatch(complete=True)
@@ -368,10 +368,10 @@ class Refinement:
         self.plane.tried = complete
         self._hatch(self.plane)
 
-    def _give_up(self) -> bool:
+    def _give_up(self, stamp: int) -> bool:
         """Drop the rest of the plane; return whether it was wanted until now."""
         with self._work.lock:
-            wanted = self.wanted
+            wanted = self._wanted(stamp)
             if wanted:
                 self._work.renew("plane")
             return wanted
