@@ -1,6 +1,7 @@
 """What is compiled is told before it begins, is kept, and can be interrupted."""
 
 import contextlib
+import gc
 import os
 import pty
 import re
@@ -11,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core.event import Event, EventStatus
 
+import vibroimpact as vi
 from vibroimpact import compiling, warming
 from vibroimpact.kernels import deferred, machine
 
@@ -173,6 +176,31 @@ def test_warming_up_compiles_every_driver():
     for part in deferred.noted():
         deferred.compile_part(part)
     assert [what for driver, (what, *_) in machine._told.items() if not driver.signatures] == []
+
+
+def test_a_process_that_has_computed_nothing_compiles_any_part():
+    """As one that helps to warm up, and gets parts of kernels that another one has compiled."""
+    vi.parameter_map(vi.models.impact_damper(), indices=["std", "lyapunov"], omega=[1.0, 2.0], sample_impacts=50)
+    code = (
+        "import sys, pickle; from vibroimpact.kernels import deferred; parts = deferred.noted(); print(len(parts))\n"
+        "for part in parts: pickle.loads(part); deferred.compile_part(part)"
+    )
+    (told,) = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert int(told) > 10
+
+
+def test_garbage_is_looked_for_again_once_nothing_is_compiled():
+    teller, (outer, inner) = machine._Teller(), list(machine._told)[:2]
+    begun, ended = (
+        [Event("numba:compile", status, {"dispatcher": what}) for what in (outer, inner)]
+        for status in (EventStatus.START, EventStatus.END)
+    )
+    teller.on_start(begun[0])
+    teller.on_start(begun[1])
+    teller.on_end(ended[1])
+    assert not gc.isenabled()
+    teller.on_end(ended[0])
+    assert gc.isenabled()
 
 
 def test_what_is_compiled_does_not_count_as_computing(monkeypatch):

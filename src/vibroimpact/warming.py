@@ -9,7 +9,7 @@ import multiprocessing
 import subprocess
 import sys
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from typing import Any
 
 import numpy as np
@@ -51,14 +51,14 @@ def warm_up(report: Report) -> None:
     known: set[bytes] = set()
     done, fresh = 0, multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(worker_count(None), fresh, _say_nothing) as processes:
-        waiting = {processes.submit(family) for family in FAMILIES}
+        waiting: set[Future[Any]] = {processes.submit(family) for family in FAMILIES}
         while waiting:
             ended, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for task in ended:
                 task.result()
             done, new = done + len(ended), noted() - known
             known |= new
-            waiting |= {processes.submit(_compile, part) for part in new}
+            waiting |= {processes.submit(compile_part, part) for part in new}
             if report(done, done + len(waiting), None) is False:
                 processes.shutdown(cancel_futures=True)
                 break
@@ -79,10 +79,6 @@ def warm_up_cluster(cluster: Any, report: Report) -> None:
 
 def _say_nothing() -> None:
     compiling.TOLD = np.inf
-
-
-def _compile(part: bytes) -> None:
-    compile_part(part)
 
 
 def _warm_up_here() -> None:

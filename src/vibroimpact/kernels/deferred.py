@@ -17,6 +17,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, partial
+from importlib import import_module
 from inspect import Parameter, signature
 from pathlib import Path
 from typing import Any
@@ -32,8 +33,6 @@ from vibroimpact.kernels.machine import cache_folder, compiled
 ASK = "vibroimpact_address"  # what kernels call to learn an address
 _ADDRESS, _LENGTH = ir.IntType(8).as_pointer(), ir.IntType(64)
 
-_parts: dict[str, Any] = {}  # compilers of parts, by their names
-
 
 def deferred(
     what: str, seconds: float, returns: Any = types.none, *, by_kind: bool = False
@@ -48,18 +47,17 @@ def deferred(
         return Held(kind.of) if isinstance(kind, Held) and not by_kind else types.unliteral(kind)
 
     def part(function: Callable[..., Any]) -> Any:
-        name = f"{function.__module__}.{function.__name__}"
-        _parts[name] = compiled(what, seconds)(function)
+        place = function.__module__, function.__name__
 
         def define(typing: Any, *arguments: Any) -> Any:
             made = returns(*map(kept, arguments))
-            return made, partial(_call, pickle.dumps((name, made)))
+            return made, partial(_call, pickle.dumps((*place, made)))
 
         context, own = Parameter("typing", Parameter.POSITIONAL_ONLY), signature(function)
         define.__signature__ = own.replace(parameters=[context, *own.parameters.values()])  # type: ignore[attr-defined]
         define.__name__ = function.__name__
         called: Any = intrinsic(define)
-        called.part = _parts[name]  # what Python calls
+        called.part = compiled(what, seconds)(function)  # what Python calls
         return called
 
     return part
@@ -101,9 +99,10 @@ binding.add_symbol(ASK, ctypes.cast(_address, ctypes.c_void_p).value)
 @cache
 def compile_part(asked: bytes) -> int:
     """Compile what a kernel asks for, or find it in the cache; return its address."""
-    name, made = pickle.loads(asked)
-    _parts[name].compile(made)
-    found = _parts[name].overloads[made.args]
+    module, name, made = pickle.loads(asked)
+    part = getattr(import_module(module), name).part
+    part.compile(made)
+    found = part.overloads[made.args]
     return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
 
 
@@ -127,8 +126,11 @@ def _uninterrupted() -> Iterator[None]:
 
 
 def _note(asked: bytes) -> None:
+    path = Path(cache_folder(), f"{hashlib.sha256(asked).hexdigest()[:16]}.part")
+    written = path.with_suffix(f".{os.getpid()}")  # others may read the path at any moment
     with suppress(OSError):
-        Path(cache_folder(), f"{hashlib.sha256(asked).hexdigest()[:16]}.part").write_bytes(asked)
+        written.write_bytes(asked)
+        written.replace(path)
 
 
 def noted() -> set[bytes]:

@@ -170,14 +170,15 @@ class _Teller(Listener):
 
     def on_start(self, event: Event) -> None:
         if told := _told.get(event.data["dispatcher"]):
-            self.collects = gc.isenabled()
-            gc.disable()
+            if not compiling.under_way():
+                self.collects = gc.isenabled()
+                gc.disable()
             compiling.begin(*told)
 
     def on_end(self, event: Event) -> None:
         if event.data["dispatcher"] in _told:
             compiling.end()
-            if self.collects:
+            if self.collects and not compiling.under_way():
                 gc.enable()
 
 
