@@ -140,9 +140,9 @@ class CpuBackend(Backend):
     def samples(self, cells: Cells, measurement: Measurement) -> list[Any]:
         """Return what the window sees of each cell."""
         if isinstance(cells, SystemCells):
-            from vibroimpact.backends import systems
+            from vibroimpact.backends import system_samples
 
-            return list(systems.samples(cells, measurement))
+            return system_samples.samples(cells, measurement)
         runs = [_Run(row, measurement.window, limits(measurement.tolerances)) for row in rows_of(cells)]
         if len(runs) < FEW:
             for run in runs:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from vibroimpact.backends.base import Floats
+from vibroimpact.backends.cpu import aligned
 from vibroimpact.backends.system_rows import in_steps, steps_of
 from vibroimpact.backends.systems import layout_for, room_for
-from vibroimpact.kernels.systems.walk import Seen, carry_over, seat
+from vibroimpact.kernels.held import InMemory
+from vibroimpact.kernels.systems.walk import carry_over
+from vibroimpact.kernels.vectors import LANES
 from vibroimpact.options import Tolerances
 from vibroimpact.system_cells import SystemCells
 
@@ -50,13 +53,11 @@ class Carrier:
         k, size = self.layout, len(x)
         row, angle, derivative = self._row.copy(), 2.0 * np.pi * phase, np.empty((size, size))
         row[k.eta : k.eta + size], row[k.turn : k.turn + 3] = x, (np.sin(angle), np.cos(angle), 0.0)
-        rows, spare, room = np.zeros(k.rows), np.zeros(k.rows), room_for(k)
-        seen = Seen(np.zeros((0, 10)), np.zeros((0, size)), np.zeros((k.stops, 5)), np.zeros(3, np.int64))
-        for column in range(size):
-            seen.filled[:] = 0
-            seat(rows, k, row, room, seen)
-            rows[k.deta + column] = 1.0
-            if not carry_over(rows, spare, k, room, periods, int(STEPS * (periods + 1.0))):
+        rows, lanes, before = np.zeros(k.rows), aligned(k.rows * LANES), np.zeros(k.rows * LANES)
+        layout, room, most = InMemory(k), InMemory(room_for(k)), int(STEPS * (periods + 1.0))
+        for first in range(0, size, LANES):
+            if not carry_over(row, rows, layout, room, lanes, before, first, periods, most):
                 raise ValueError(f"the motion could not be followed for {periods:g} driving periods")
-            derivative[:, column] = rows[k.deta : k.deta + size]
-        return rows[k.eta : k.eta + size].copy(), derivative
+            columns = lanes.reshape(-1, LANES)[:, : size - first]
+            derivative[:, first : first + LANES] = columns[k.deta : k.deta + size]
+        return columns[k.eta : k.eta + size, 0].copy(), derivative

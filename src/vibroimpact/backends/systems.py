@@ -14,23 +14,20 @@ from vibroimpact.backends.base import (
     ImpactWindow,
     Measurement,
     Outcome,
-    SystemSamples,
 )
-from vibroimpact.backends.cpu import aligned, ended_as, statuses
+from vibroimpact.backends.cpu import aligned, statuses
 from vibroimpact.backends.system_leaps import slow_modes
 from vibroimpact.backends.system_rows import budgets_of, in_steps, steps_of
 from vibroimpact.indices import EVERY
-from vibroimpact.kernels.cell import FILLED, RUNNING
-from vibroimpact.kernels.systems import closing, form, lanes, march, walk
+from vibroimpact.kernels.cell import FILLED
+from vibroimpact.kernels.held import InMemory
+from vibroimpact.kernels.systems import closing, form, lanes, march
 from vibroimpact.kernels.systems.complementarity import Room
 from vibroimpact.kernels.systems.layout import Layout, layout_of
 from vibroimpact.kernels.vectors import LANES
-from vibroimpact.status import Status, window_status
 from vibroimpact.system_cells import SystemCells
 
 _LOOKS = 200  # at lanes, before Python asks whether to stop
-_STEPS = 1 << 14  # of one cell, as well
-_ROOM = 4096  # rows of a buffer, which is emptied when it is full
 
 
 def layout_for(cells: SystemCells, *flags: bool) -> Layout:
@@ -43,7 +40,7 @@ def layout_for(cells: SystemCells, *flags: bool) -> Layout:
     return layout_of(*given, shape.giving, shape.rigid, bool(slow.any()), free, *flags)
 
 
-def _noted(layout: Layout) -> int:
+def noted(layout: Layout) -> int:
     """Return the length of a cell's note."""
     return march.SUMS + march.EACH * (layout.stops + 1)
 
@@ -62,128 +59,12 @@ def room_for(layout: Layout) -> Room:
     return Room(*[*map(np.zeros, of_stops), of_phase])
 
 
-def _alone(layout: Layout) -> closing.Alone:
+def alone_for(layout: Layout) -> closing.Alone:
     """Return the room in which a cycle is walked."""
     k, size = layout._replace(thorough=True, wary=False, forceful=False, draining=False), 2 * layout.modes
-    lanes, notes, note = aligned(k.rows * LANES), aligned(_noted(k) * LANES), np.zeros(_noted(k))
+    lanes, notes, note = aligned(k.rows * LANES), aligned(noted(k) * LANES), np.zeros(noted(k))
     (start, end), matrices, (d, moved) = np.zeros((2, k.rows)), np.zeros((3, size, size)), np.zeros((2, size))
     return closing.Alone(k, lanes, notes, start, end, note, matrices[0], matrices[1], matrices[2], d, moved)
-
-
-def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]:
-    """Return what the window sees of each cell."""
-    return [_sampled(cells[i : i + 1], measurement) for i in range(len(cells))]
-
-
-def _sampled(cell: SystemCells, measurement: Measurement) -> SystemSamples:
-    k, window = layout_for(cell, cell.shape.giving), measurement.window
-    start_periods, start_phase = cell.block("time")[0].tolist()
-    if isinstance(window, ImpactWindow):
-        total, wanted = march.Window(float(window.transient), float(window.transient + window.keep)), 0
-        times = np.zeros((2, 0))
-        schedule = walk.Schedule(0.0, 0.0, 0.0, 1.0)
-    else:
-        total, wanted = march.Window(0.0, math.inf), window.keep
-        times = np.array(window.schedule(start_periods, start_phase))
-        schedule = walk.Schedule(float(wanted), times[0, 0], times[1, 0], float(window.per_period))
-    (rows, spare, begun), note, room = np.zeros((3, k.rows)), np.zeros(_noted(k)), room_for(k)
-    limit = total.total if isinstance(window, ImpactWindow) else window.skip_periods + wanted / window.per_period + 1.0
-    note[: march.MADE] = budgets_of(cell, measurement.tolerances, limit)
-    seen = walk.Seen(
-        np.zeros((_ROOM, 10)), np.zeros((wanted, 2 * k.modes)), np.zeros((_ROOM, 5)), np.zeros(3, np.int64)
-    )
-    walk.seat(rows, k, in_steps(cell, measurement.tolerances.chatter, k)[0], room, seen)
-    impacts: list[Floats] = []
-    rests, end = [], RUNNING
-    while end == RUNNING:
-        end = walk.follow(rows, spare, begun, k, room, note, seen, total, schedule, _STEPS)
-        seen = _take_impacts(impacts, seen, rows[k.entry : k.entry + k.stops], end != RUNNING)
-        if seen.filled[2] + k.stops > _ROOM:  # those still closed stay
-            done = seen.rests[: seen.filled[2]]
-            open_ones = done[np.isnan(done[:, 3])]
-            rests.append(done[~np.isnan(done[:, 3])].copy())
-            seen.rests[: len(open_ones)] = open_ones
-            seen.filled[2] = len(open_ones)
-    rests.append(seen.rests[: seen.filled[2]])
-    state = rows[k.eta : k.eta + k.modes], rows[k.rate : k.rate + k.modes], march.moment(*rows[k.turn : k.turn + 3])[1]
-    found = np.concatenate(impacts), np.concatenate(rests)
-    return _labelled(cell, window, *found, times, seen, end, note, state)
-
-
-def _take_impacts(impacts: list[Floats], seen: walk.Seen, entries: Floats, ended: bool) -> walk.Seen:
-    """Move rows of impacts out of their buffer, but for those from the first contact on that may still go on."""
-    number = int(seen.filled[0])
-    taken = number if ended else int(entries[entries > 0.0].min(initial=number + 1.0)) - 1
-    impacts.append(seen.impacts[:taken].copy())
-    seen.impacts[: number - taken] = seen.impacts[taken:number].copy()
-    seen.filled[0] -= taken
-    entries[:] = np.maximum(entries - taken, 0.0)
-    room = len(seen.impacts)
-    return seen if 2 * seen.filled[0] < room else seen._replace(impacts=np.resize(seen.impacts, (2 * room, 10)))
-
-
-def _labelled(
-    cell: SystemCells,
-    window: Any,
-    impacts: Floats,
-    rests: Floats,
-    times: Floats,
-    seen: walk.Seen,
-    end: int,
-    note: Floats,
-    state: tuple[Floats, Floats, float],
-) -> SystemSamples:
-    n, h, shapes = cell.shape.modes, float(steps_of(cell)[0]), cell.shapes[0]
-    looks = seen.looks[: seen.filled[1]]
-    if isinstance(window, ImpactWindow):
-        turns, filled = impacts[:, 0] + impacts[:, 1], len(impacts) == window.keep
-        first, last = (turns[0], turns[-1] if filled else math.inf) if len(turns) else (math.inf, -math.inf)
-        later = np.isnan(rests[:, 3]) | (rests[:, 3] + rests[:, 4] > first)
-        rests = rests[later & (rests[:, 1] + rests[:, 2] < last)]
-        span = float(turns[-1] - turns[0]) if len(turns) else 0.0
-        ended = ended_as(end, bool(note[march.HITS]))
-        status = window_status(
-            sampled=len(impacts), wanted=window.keep, stuck=len(rests) > 0, periods=span, ended=ended
-        )
-    else:
-        last = times[0, -1] + times[1, -1]  # the step that passes the last look may end at an impact
-        impacts = impacts[impacts[:, 0] + impacts[:, 1] <= last]
-        rests = rests[rests[:, 1] + rests[:, 2] <= last]
-        rests[rests[:, 3] + rests[:, 4] > last, 3:] = math.nan
-        released = rests[:, 3] + rests[:, 4]
-        first = times[0, 0] + times[1, 0]
-        stuck = bool((np.isnan(released) | (released > first)).any())
-        status = (
-            ended_as(end, bool(note[march.HITS]))
-            if len(looks) < window.keep
-            else Status.STICKING
-            if stuck
-            else Status.OK
-        )
-    return SystemSamples(
-        impact_periods=impacts[:, 0],
-        impact_phase=impacts[:, 1],
-        impact_stop=impacts[:, 2].astype(np.int64),
-        impact_velocity=impacts[:, 3] / h,
-        impact_impulse=impacts[:, 4] / h,
-        impact_energy=impacts[:, 9] / h**2,
-        impact_simultaneous=impacts[:, 5] > 0.0,
-        impact_force=impacts[:, 6] / h**2,
-        impact_duration=impacts[:, 7] * h,
-        impact_depth=impacts[:, 8],
-        look_periods=times[0, : len(looks)],
-        look_phase=times[1, : len(looks)],
-        look_displacement=looks[:, :n] @ shapes.T,
-        look_velocity=looks[:, n:] @ shapes.T / h,
-        rest_stop=rests[:, 0].astype(np.int64),
-        rest_begin=rests[:, 1:3],
-        rest_end=rests[:, 3:5],
-        status=int(status),
-        steps=int(note[march.MADE]),
-        last_displacement=shapes @ state[0],
-        last_velocity=shapes @ state[1] / h,
-        last_phase=state[2],
-    )
 
 
 def indices(cells: SystemCells, measurement: Measurement) -> Outcome:
@@ -223,19 +104,19 @@ class SystemSweep:
         self.omega = cells["omega"]
         self.gives: Any = (cells.block("spring") > 0.0).any(axis=0)
         self.budgets = budgets_of(cells, measurement.tolerances, self.total.total)
-        self.results, self.ends = np.zeros((len(cells), _noted(self.layout))), np.zeros(len(cells), np.int8)
+        self.results, self.ends = np.zeros((len(cells), noted(self.layout))), np.zeros(len(cells), np.int8)
         self._tickets = np.zeros(1, np.int64)
 
     def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
         """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
         k = self.layout
-        memory, notes, owner = aligned(k.rows * LANES), aligned(_noted(k) * LANES), np.full(LANES, -1)
-        rows, note, room = np.zeros(k.rows), np.zeros(_noted(k)), room_for(k)
-        ended, busy, alone = np.empty(4096, np.int64), 1, _alone(k)
+        memory, notes, owner = aligned(k.rows * LANES), aligned(noted(k) * LANES), np.full(LANES, -1)
+        rows, note, ended, busy = np.zeros(k.rows), np.zeros(noted(k)), np.empty(4096, np.int64), 1
+        layout, room, alone = InMemory(k), InMemory(room_for(k)), InMemory(alone_for(k))
         while busy and not stopped():
             number, busy = lanes.run_lanes(
                 self.table, self.budgets, self.results, self.ends, self._tickets, memory, owner, notes, ended, rows,
-                note, k, room, self.total, alone, _LOOKS,
+                note, layout, room, self.total, alone, _LOOKS,
             )  # fmt: skip
             if number:
                 yield ended[:number].copy()

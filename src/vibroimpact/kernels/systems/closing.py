@@ -19,7 +19,7 @@ from numba import types
 from vibroimpact.kernels.cycle import UNRESOLVED
 from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import copy, rare
-from vibroimpact.kernels.systems.event import go_on, lift, lower, occur, walk_on
+from vibroimpact.kernels.systems.event import go_on, lift, lower, lower_alike, occur, walk_on
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.march import (
     BEFORE,
@@ -79,18 +79,16 @@ class Alone(NamedTuple):
 def _make(rows, k, room, note, window, alone, impacts):
     """Take the cell on by so many recorded impacts; return whether it came exactly so far."""
     lanes, notes, until = alone.lanes, alone.notes, note[HITS] + impacts
-    for lane in range(LANES):  # all lanes alike: none of them does what the cell does not
-        lower(lanes, lane, rows, k.constants)
-        lower(notes, lane, note, len(note))
+    lower_alike(lanes, rows, k.constants)
+    lower_alike(notes, note, len(note))
     for _ in range(WALK):
         go_on(lanes, notes, k, window)
         if lanes[k.hit * LANES] != NOTHING:
             lift(lanes, 0, rows)
             lift(notes, 0, note)
             occur(rows, k, room, note, window)
-            for lane in range(LANES):
-                lower(lanes, lane, rows, k.constants)
-                lower(notes, lane, note, len(note))
+            lower_alike(lanes, rows, k.constants)
+            lower_alike(notes, note, len(note))
         if notes[HITS * LANES] >= until or lanes[k.lawless * LANES] > 0.0:
             break
     lift(lanes, 0, rows)
@@ -307,8 +305,7 @@ def stays_pressed(rows, k, room, note, window, alone):
     for _ in range(WALK):
         if work[k.turn + 2] > rows[k.turn + 2] + LONGEST:
             return False
-        for lane in range(LANES):
-            lower(lanes, lane, work, k.constants)
+        lower_alike(lanes, work, k.constants)
         walk_on(lanes, k)
         lift(lanes, 0, work)
         if lanes[k.hit * LANES] == NOTHING:

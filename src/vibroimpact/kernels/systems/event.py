@@ -49,6 +49,13 @@ def lower(lanes, lane, cell, number):
         lanes[row * LANES + lane] = cell[row]
 
 
+@inner
+def lower_alike(lanes, cell, number):
+    """Copy so many numbers of a cell into all lanes: none of them then does what the cell does not."""
+    for row in range(number):
+        put(lanes, row, 0, cell[row])
+
+
 @inner(forceinline=True)
 def proceed(rows, k, wide):
     """Make leaps as far as they are certified, half a one before and after whole ones, and a step."""
@@ -131,18 +138,18 @@ def usual(rows, notes, k, wide, window):
     put(rows, k.hit, wide, select(begins | ends, NOTHING, hit))
 
 
-# What a motion is not asked for is left out of what makes it, and so is what stops that give need where there are none.
+# What a motion is not asked for is left out of what makes it, and so is what compliant stops need where there are none.
 _rigid = without("giving")
-_unseen = without("wary", "forceful", "draining")
+_unseen = without("wary", "draining")
 _plain = without("thorough", "wary", "forceful", "draining")
 
 
 @inner(forceinline=True)
-def _is_unseen(k):
-    return not (k.wary or k.forceful or k.draining)
+def _is_plain(k):
+    return not (k.thorough or k.wary or k.forceful or k.draining)
 
 
-@deferred("steps of systems", 5, by_kind=True)
+@deferred("steps of systems", 4, by_kind=True)
 def _walk_on(lanes, k):
     """Make leaps and a step of all lanes."""
     proceed(lanes, k, 0)
@@ -152,14 +159,14 @@ def _walk_on(lanes, k):
 def walk_on(lanes, k):
     """Do so, whatever is to be seen of them; a deviation is carried along."""
     if k.giving:
-        if _is_unseen(k):
-            _walk_on(lanes, _unseen(k))
-        else:
+        if k.wary or k.draining:
             _walk_on(lanes, k)
-    elif _is_unseen(k):
-        _walk_on(lanes, _rigid(_unseen(k)))
-    else:
+        else:
+            _walk_on(lanes, _unseen(k))
+    elif k.wary or k.draining:
         _walk_on(lanes, _rigid(k))
+    else:
+        _walk_on(lanes, _rigid(_unseen(k)))
 
 
 @deferred("impacts of systems", 2, by_kind=True)
@@ -175,23 +182,23 @@ def go_on(lanes, notes, k, window):
     if not anywhere(get(lanes, k.hit, 0) == CONTACT):
         return
     if k.giving:
-        if k.thorough or not _is_unseen(k):
-            _add_usual(lanes, notes, k, window)
-        else:
+        if _is_plain(k):
             _add_usual(lanes, notes, _plain(k), window)
-    elif k.thorough or not _is_unseen(k):
-        _add_usual(lanes, notes, _rigid(k), window)
-    else:
+        else:
+            _add_usual(lanes, notes, k, window)
+    elif _is_plain(k):
         _add_usual(lanes, notes, _rigid(_plain(k)), window)
+    else:
+        _add_usual(lanes, notes, _rigid(k), window)
 
 
 @inner
 def occur(rows, k, room, note, window):
     """Make what ended the step of one cell, and sum it up."""
-    if k.thorough or not _is_unseen(k):
-        _occur(rows, k, room, note, window)
-    else:
+    if _is_plain(k):
         _occur(rows, _plain(k), room, note, window)
+    else:
+        _occur(rows, k, room, note, window)
 
 
 @inner(forceinline=True)

@@ -10,7 +10,6 @@ import math
 
 from vibroimpact.kernels.cell import PINNED, QUIET_FOR, RUNNING
 from vibroimpact.kernels.deferred import deferred
-from vibroimpact.kernels.held import held
 from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket
 from vibroimpact.kernels.systems.closing import close, stays_pressed
 from vibroimpact.kernels.systems.event import FIRST_LOOK, go_on, lift, lower, occur
@@ -111,7 +110,6 @@ def run_lanes(
     table, budgets, results, ends, tickets, lanes, owner, notes, ended, rows, note, k, room, window, alone, looks
 ):  # fmt: skip
     """Step lanes until so many looks are made or cells ended; return how many ended, and how many lanes are busy."""
-    k, room, alone = held(k), held(room), held(alone)
     number, busy = 0, 0
     for lane in range(LANES):
         if owner[lane] == -1:

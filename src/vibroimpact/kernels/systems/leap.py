@@ -277,7 +277,7 @@ def leap_within(rows, k, wide):
         begun = begun & (get(rows, k.age, wide) <= 0.0)
 
 
-@inner
+@deferred("forces of leaps within contacts", 2)
 def _see(rows, end, k, wide):
     """Count what a leap within a contact does on its way, by two steps that are taken back."""
     y, p = get(rows, k.eta, wide), get(rows, k.rate, wide)

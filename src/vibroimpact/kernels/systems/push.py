@@ -58,7 +58,7 @@ NODES = (
 )
 
 
-@inner
+@deferred("forces of stops", 1)
 def account(rows, end, k, wide):
     """Add what the stops did over a step that is about to be made: impulse, energy taken, time, and the extremes."""
     pace = get(rows, k.pace, wide)

@@ -210,11 +210,15 @@ def fly_one(rows, held, k):
 @inner
 def fly_on(rows, x, k):
     """Carry a cell and its deviation over so many steps in which nothing happens."""
-    turns(rows, k, None)
-    held, x = rows[k.closed] > 0.0 or (k.giving and rows[k.engaged] > 0.0), x / rows[k.pace]
-    fly_one(rows, held, k)
-    move(rows, x, False, k, None)
-    _carry(rows, x, held, k, None)
+    held = rows[k.closed] > 0.0 or (k.giving and rows[k.engaged] > 0.0)
+    x = x / rows[k.pace]
+    while x > 0.0:
+        part = min(x, 1.0)
+        turns(rows, k, None)
+        fly_one(rows, held, k)
+        move(rows, part, False, k, None)
+        _carry(rows, part, held, k, None)
+        x -= part
 
 
 @inner(forceinline=True)
@@ -244,9 +248,3 @@ def step(rows, k, wide):
     put(rows, k.passed, wide, end)
     put(rows, k.age, wide, get(rows, k.age, wide) + end)
     put(rows, k.made, wide, get(rows, k.made, wide) + 1.0)
-
-
-@deferred("steps of one system", 3, by_kind=True)
-def step_one(rows, k):
-    """Make a certified step of one cell."""
-    step(rows, k, None)

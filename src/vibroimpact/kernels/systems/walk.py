@@ -1,33 +1,34 @@
-"""One system through time, with all that is seen of it: impacts, states at given times, contacts that are held."""
+"""Systems through time, with all that is seen of them: impacts, states at given times, contacts that are held."""
 
 from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
 
-from numba import types
-
 from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, RUNNING, SPENT
 from vibroimpact.kernels.deferred import deferred
-from vibroimpact.kernels.held import held, without
+from vibroimpact.kernels.held import without
 from vibroimpact.kernels.machine import compiled, copy, inner
+from vibroimpact.kernels.systems.closing import stays_pressed
+from vibroimpact.kernels.systems.event import lift, lower, walk_on
 from vibroimpact.kernels.systems.flow import move, turns
 from vibroimpact.kernels.systems.lasting import lasting
 from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
-from vibroimpact.kernels.systems.leap import FAR, HALF, LEAPS, WHOLE, leap, leap_far, leap_within, look, may_leap
-from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, MADE, TURN, add_all, asks, ending, happen, moment
-from vibroimpact.kernels.systems.pressed import LONGEST, WALK, asks_again, comes_back, in_contact, is_pressed
+from vibroimpact.kernels.systems.leap import HALF
+from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, MADE, TURN, asks, ending, happen, moment
+from vibroimpact.kernels.systems.pressed import asks_again, in_contact, is_pressed
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
-from vibroimpact.kernels.systems.step import fly_on, fly_one, step_one
+from vibroimpact.kernels.systems.step import BACK, fly_on, fly_one
 from vibroimpact.kernels.systems.tangent import confine, happen_beside
+from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
 
 
 class Seen(NamedTuple):
-    """Rows of what is seen, and how many of each are filled.
+    """Rows of what is seen of the cell in each lane, and how many of each are filled.
 
-    Impacts: periods, phase, stop, speed, impulse, whether others were struck at once, and of stops that give the
+    Impacts: periods, phase, stop, speed, impulse, whether others were struck at once, and of compliant stops the
     largest force, the time, the penetration and the energy taken, NaN until the contact is over. Looks: eta, then its
     rate. Rests: stop, periods and phase of its beginning, and of its end (NaN until then). Time is counted in steps in
     rates.
@@ -40,110 +41,126 @@ class Seen(NamedTuple):
 
 
 class Schedule(NamedTuple):
-    """When a motion is looked at: how often, the first time in whole periods and phase, and how often a period."""
+    """When motions are looked at: how often, the first time in whole periods and phase in each lane, and how often a
+    period.
+    """
 
     number: float
-    periods: float
-    phase: float
+    first: Any
     per_period: float
 
 
+class Busy(NamedTuple):
+    """Lanes: which hold a cell, their notes, why they stopped, and room for them as they were a step before."""
+
+    lanes: Any
+    owner: Any
+    notes: Any
+    ends: Any
+    before: Any
+    spare: Any
+
+
+GOES_ON = -1  # beside the ends of cells
+
+
 @inner
-def _look(rows, k, seen, periods, phase, schedule):
+def _look(rows, k, seen, lane, schedule, periods, phase):
     """Leave the states at the looks that lie within the step just made, which began at that time."""
-    end, pace = rows[k.passed], rows[k.pace]
-    while seen.filled[1] < len(seen.looks):
-        number = float(seen.filled[1])
+    end, pace, filled, looks = rows[k.passed], rows[k.pace], seen.filled[lane], seen.looks[lane]
+    while filled[1] < len(looks):
+        number = float(filled[1])
         whole = math.floor(number / schedule.per_period)
-        ahead = (schedule.periods - periods + whole) + (schedule.phase - phase)
+        ahead = (schedule.first[lane, 0] - periods + whole) + (schedule.first[lane, 1] - phase)
         x = (ahead + (number - whole * schedule.per_period) / schedule.per_period) * TURN / rows[k.theta]
         if x >= end:
             return
         for j in range(k.modes):
             y, p = evaluate(load(rows, k.flight + j * SIZE, None), max(x, 0.0) / pace)
-            seen.looks[seen.filled[1], j], seen.looks[seen.filled[1], k.modes + j] = y, p / pace
-        seen.filled[1] += 1
+            looks[filled[1], j], looks[filled[1], k.modes + j] = y, p / pace
+        filled[1] += 1
 
 
 @inner
-def _leap(rows, spare, k, seen, schedule, length, willing):
-    """Make a leap of that length, or far ones; looks within need series. Return whether another may follow."""
-    if schedule.number > 0.0:
-        copy(rows, spare)
-    if length == FAR:
-        leap_far(rows, k, None, willing)
-    else:
-        willing = leap(rows, k, None, length == WHOLE, willing)
-    for _ in range(int((rows[k.age] - spare[k.age]) / HALF) if schedule.number > 0.0 else 0):
-        periods, phase = moment(spare[k.turn], spare[k.turn + 1], spare[k.turn + 2])
-        turns(spare, k, None)
-        fly_one(spare, False, k)
-        spare[k.passed] = HALF
-        _look(spare, k, seen, periods, phase, schedule)
-        move(spare, HALF, False, k, None)
-    return willing
+def _look_on_way(rows, before, k, seen, lane, schedule):
+    """Leave the states at the looks since the state `before`: those within leaps need series of their own."""
+    leapt = rows[k.age] - before[k.age] - rows[k.passed]
+    within = k.giving and before[k.engaged] > 0.0
+    length = 0.5 * leapt if within else HALF
+    for _ in range(int(leapt / length + 0.5) if leapt > BACK else 0):
+        periods, phase = moment(before[k.turn], before[k.turn + 1], before[k.turn + 2])
+        turns(before, k, None)
+        fly_one(before, within, k)
+        before[k.passed] = length
+        _look(before, k, seen, lane, schedule, periods, phase)
+        move(before, length / before[k.pace], False, k, None)
+    periods, phase = moment(before[k.turn], before[k.turn + 1], before[k.turn + 2])
+    _look(rows, k, seen, lane, schedule, periods, phase)
 
 
 @inner
-def _leap_within(rows, spare, k, seen, schedule):
-    """Leap from the beginning of a contact; the looks within need series."""
-    if schedule.number > 0.0:
-        copy(rows, spare)
-    leap_within(rows, k, None)
-    if schedule.number > 0.0 and rows[k.age] > spare[k.age]:
-        end = 0.5 * rows[k.age]
-        for _ in range(2):
-            periods, phase = moment(spare[k.turn], spare[k.turn + 1], spare[k.turn + 2])
-            turns(spare, k, None)
-            fly_one(spare, True, k)
-            spare[k.passed] = end
-            _look(spare, k, seen, periods, phase, schedule)
-            move(spare, end / spare[k.pace], False, k, None)
-
-
-@inner
-def _note_rests(rows, k, seen, room, closing):
+def _note_rests(rows, k, seen, lane, room, closing):
     """Begin a row for each stop that closed, and end those of stops that are open."""
     periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
-    for at in range(seen.filled[2]):
-        row = seen.rests[at]
+    rests, filled = seen.rests[lane], seen.filled[lane]
+    for at in range(filled[2]):
+        row = rests[at]
         z = int(row[0])
         if math.isnan(row[3]) and (rows[k.kind + z] < CLOSED or closing >> z & 1):  # opened and closed at one instant
             row[3], row[4] = periods, phase
     for z in range(k.stops):
         if closing >> z & 1:
-            row = seen.rests[seen.filled[2]]
+            row = rests[filled[2]]
             later = phase + room.tail[z] * rows[k.theta] / TURN
             row[0], row[1], row[2], row[3], row[4] = z, periods + math.floor(later), later % 1.0, math.nan, math.nan
-            seen.filled[2] += 1
+            filled[2] += 1
 
 
 @inner
-def _record(rows, k, room, seen, struck, before, several, window):
+def _count(seen, lane, note, window):
+    """Count an impact; return which row is its, one that stays free where it is not kept."""
+    note[HITS] += 1.0
+    at = seen.filled[lane, 0]
+    seen.filled[lane, 0] = at + (window.transient < note[HITS] <= window.total)
+    return at
+
+
+@inner
+def _record_usual(lanes, lane, k, seen, note, window):
+    """Leave a row for the usual impact that ended a lane's step; `near` has its speed, impulse and energy."""
+    row, near, turn = seen.impacts[lane, _count(seen, lane, note, window)], k.near * LANES + lane, k.turn * LANES + lane
+    row[0], row[1] = moment(lanes[turn], lanes[turn + LANES], lanes[turn + 2 * LANES])
+    row[2], row[3], row[4], row[5] = lanes[k.which * LANES + lane], lanes[near], lanes[near + LANES], 0.0
+    row[6:9], row[9] = math.nan, lanes[near + 2 * LANES]
+
+
+@inner
+def _record(rows, k, room, note, seen, lane, struck, window):
     """Leave a row for each stop that was struck hard enough."""
+    hard = 0
+    for z in range(k.stops):
+        hard += struck >> z & 1 and room.speed[z] >= rows[k.cut]
+    if not hard:
+        return
     measure(rows, k, room)
-    periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
     for z in range(k.stops):
         if struck >> z & 1 and room.speed[z] >= rows[k.cut]:
-            before += 1.0
-            if window.transient < before <= window.total:
-                row = seen.impacts[seen.filled[0]]
-                row[0], row[1], row[2] = periods, phase, z
-                row[3], row[4], row[5] = room.speed[z], room.impulse[z], several
-                row[6:9], row[9] = math.nan, 0.5 * (room.speed[z] - room.rate[z]) * room.impulse[z]
-                seen.filled[0] += 1
-                if rows[k.spring + z] > 0.0:
-                    row[4] = row[9] = math.nan
-                    rows[k.entry + z] = seen.filled[0]
+            row, gives = seen.impacts[lane, _count(seen, lane, note, window)], rows[k.spring + z] > 0.0
+            row[0], row[1] = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
+            row[2], row[3], row[4], row[5] = z, room.speed[z], math.nan if gives else room.impulse[z], hard > 1
+            row[6:9] = math.nan
+            row[9] = math.nan if gives else 0.5 * (room.speed[z] - room.rate[z]) * room.impulse[z]
+            if gives and window.transient < note[HITS] <= window.total:
+                rows[k.entry + z] = seen.filled[lane, 0]
 
 
 @inner
-def _conclude(rows, k, seen):
+def _conclude(rows, k, seen, lane):
     """Leave what contacts that are over came to; one that goes on after its stop let go adds to its row."""
     for z in range(k.stops):
         if rows[k.kind + z] < CLOSED and rows[k.pushed + z] > 0.0:
             if rows[k.entry + z] > 0.0:
-                row = seen.impacts[int(rows[k.entry + z]) - 1]
+                row = seen.impacts[lane, int(rows[k.entry + z]) - 1]
                 if math.isnan(row[4]):
                     row[4], row[6:] = 0.0, 0.0
                 row[4] += rows[k.thrust + z]
@@ -154,27 +171,16 @@ def _conclude(rows, k, seen):
 
 
 @inner
-def _after_step(rows, k, room, note, seen, window):
-    """Make what ended a step, and record it."""
-    before = note[HITS]
+def _record_unusual(rows, k, room, note, seen, lane, window):
+    """Make what else ended a step, and record it."""
     for z in range(k.stops if k.giving else 0):
         if not in_contact(rows, z, k):
             rows[k.entry + z] = 0.0
-    usual, v, impulse, _ = bounce(rows, k, None)
-    note[MADE] = rows[k.made]
-    if usual:
-        z = int(rows[k.which])
-        room.speed[z], room.impulse[z] = v, impulse
-        note[HITS] += 1.0
-        _record(rows, k, room, seen, 1 << z, before, False, window)
-        return
     struck, closing = happen(rows, k, room)
-    recorded = add_all(rows, k, room, note, struck, window) if struck else 0
     if k.giving:
-        _conclude(rows, k, seen)
-    if recorded:
-        _record(rows, k, room, seen, struck, before, recorded > 1, window)
-    _note_rests(rows, k, seen, room, closing)
+        _conclude(rows, k, seen, lane)
+    _record(rows, k, room, note, seen, lane, struck, window)
+    _note_rests(rows, k, seen, lane, room, closing)
 
 
 @inner
@@ -187,112 +193,153 @@ def _waits(rows, k):
 
 
 @inner
-def _stays_pressed(rows, work, begun, k, room):
-    """Return whether a pressed cell comes back to a state without an impact; see `pressed`."""
-    copy(rows, work)
-    begun[k.which] = -1.0
-    for _ in range(WALK):
-        if work[k.turn + 2] > rows[k.turn + 2] + LONGEST:
-            return False
-        step_one(work, k)
-        if work[k.hit] == NOTHING:
-            continue
-        pushed = work[k.kind + int(work[k.which])] >= CLOSED
-        struck, _ = happen(work, k, room)
-        for z in range(k.stops):
-            if struck >> z & 1 and room.speed[z] >= work[k.cut]:
-                return False
-        if work[k.lawless] > 0.0:
-            return False
-        if comes_back(work, k, pushed, begun):
-            return True
-    return False
+def _is_full(k, seen, lane):
+    """Return whether a lane's rows might not be enough for the next event."""
+    impacts, rests = seen.filled[lane, 0] + k.stops, seen.filled[lane, 2] + k.stops
+    return impacts >= seen.impacts.shape[1] or rests > seen.rests.shape[1]
 
 
-@compiled("motions of systems, its start", 1)
-def seat(rows, k, row, room, seen):
-    """Put a cell, a row of its constants, where one is followed alone."""
-    k, room, seen = held(k), held(room), held(seen)
+@inner
+def _end(rows, k, room, note, seen, lane, schedule, window, alone, asked):
+    """Return why a cell stops here, RUNNING if for a full buffer alone, or that it goes on."""
+    looking = schedule.number > 0.0
+    if rows[k.lawless] > 0.0:
+        return LAWLESS
+    full = note[HITS] >= window.total
+    if full and _waits(rows, k):
+        full = rows[k.made] > note[GRANTED]
+        full |= asked and asks(rows, k, note) and lasting(rows, k, room) != RUNNING
+    if full or (looking and seen.filled[lane, 1] >= schedule.number):
+        return FILLED
+    if _is_full(k, seen, lane):
+        return RUNNING
+    if not asked or note[HITS] >= window.total:
+        return GOES_ON
+    end = ending(rows, k, room, note, window.total)
+    still = k.giving and asks_again(note, 1, 0, rows[k.turn + 2]) and is_pressed(rows, k)
+    if end == RUNNING and still and stays_pressed(rows, k, room, note, window, alone):
+        end = PINNED
+    return end if end != RUNNING and (not looking or end == SPENT) else GOES_ON
+
+
+@inner
+def _begin(rows, k, row, room):
+    """Begin with a row of a cell's constants; return the set of stops that are closed."""
     rows[:] = 0.0
     copy(row, rows)
     rows[k.pace] = 1.0
     room.tail[:] = 0.0
-    _note_rests(rows, k, seen, room, begin(rows, k, room))
+    return begin(rows, k, room)
 
 
-@deferred("motions of systems", 7, types.intp, by_kind=True)
-def _follow(rows, spare, begun, k, room, note, seen, window, schedule, most):
-    """Follow a cell until its window is full, a buffer is, it ends, or so many steps are made; return why."""
+@compiled("motions of systems, its start", 0.3)
+def seat(busy, lane, k, row, room, seen, rows):
+    """Put a cell, a row of its constants, into a lane."""
+    closing = _begin(rows, k, row, room)
+    _note_rests(rows, k, seen, lane, room, closing)
+    lower(busy.lanes, lane, rows, k.rows)
+
+
+@inner
+def _look_at_all(busy, rows, k, seen, schedule):
+    """Leave the states of all cells at the looks since the step before."""
+    for lane in range(LANES):
+        if busy.owner[lane] >= 0:
+            lift(busy.lanes, lane, rows)
+            lift(busy.before, lane, busy.spare)
+            _look_on_way(rows, busy.spare, k, seen, lane, schedule)
+
+
+@inner
+def _bounce_all(lanes, k):
+    """Make the usual impacts in all lanes; leave their speed, or 0, impulse and energy; return where they are made."""
+    made, v, impulse, r = bounce(lanes, k, 0)
+    put(lanes, k.near, 0, select(made, v, 0.0))
+    put(lanes, k.near + 1, 0, impulse)
+    put(lanes, k.near + 2, 0, 0.5 * (1.0 - r) * v * impulse)
+    put(lanes, k.hit, 0, select(made, NOTHING, get(lanes, k.hit, 0)))
+    return anywhere(made)
+
+
+@deferred("motions of systems", 3, by_kind=True)
+def _follow(busy, rows, k, room, seen, window, schedule, most, alone):
+    """Follow cells until one ends or a buffer of its is full, or so many steps are made; leave why."""
+    lanes, looking, over = busy.lanes, schedule.number > 0.0, False
     for number in range(most):
-        look(rows, k, None)
-        on = leapt = _leap(rows, spare, k, seen, schedule, HALF, may_leap(rows, k, None))
-        if k.far and on:
-            _leap(rows, spare, k, seen, schedule, FAR, on)
-        for _ in range(LEAPS if on else 0):
-            on = on and _leap(rows, spare, k, seen, schedule, WHOLE, on)
-        if leapt:
-            _leap(rows, spare, k, seen, schedule, HALF, leapt)
-        if k.giving and k.modes == 1:
-            _leap_within(rows, spare, k, seen, schedule)
-            if schedule.number > 0.0 and seen.filled[1] >= schedule.number:
-                return FILLED  # within the contact
-        periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
-        step_one(rows, k)
-        _look(rows, k, seen, periods, phase, schedule)
-        if rows[k.hit] != NOTHING:
-            _after_step(rows, k, room, note, seen, window)
-        if rows[k.lawless] > 0.0:
-            return LAWLESS
-        full = note[HITS] >= window.total
-        if full and _waits(rows, k):
-            full = rows[k.made] > note[GRANTED]
-            full |= number % LOOK == 0 and asks(rows, k, note) and lasting(rows, k, room) != RUNNING
-        if full or (schedule.number > 0.0 and seen.filled[1] >= schedule.number):
-            return FILLED
-        if seen.filled[0] + k.stops > len(seen.impacts) or seen.filled[2] + k.stops > len(seen.rests):
-            return RUNNING
-        if number % LOOK == 0 and note[HITS] < window.total:
-            end = ending(rows, k, room, note, window.total)
-            still = k.giving and asks_again(note, 1, 0, rows[k.turn + 2]) and is_pressed(rows, k)
-            if end == RUNNING and still and _stays_pressed(rows, spare, begun, k, room):
-                end = PINNED
-            if end != RUNNING and (schedule.number == 0.0 or end == SPENT):
-                return end
-    return RUNNING
+        if looking:
+            copy(lanes, busy.before)
+        walk_on(lanes, k)
+        if looking:
+            _look_at_all(busy, rows, k, seen, schedule)
+        made, asked = _bounce_all(lanes, k), number % LOOK == 0
+        if not (looking or asked or made or anywhere(get(lanes, k.hit, 0) > NOTHING)):
+            continue
+        for lane in range(LANES):
+            usual, hit, note = lanes[k.near * LANES + lane] > 0.0, lanes[k.hit * LANES + lane], busy.notes[lane]
+            if busy.owner[lane] < 0 or not (looking or asked or usual or hit != NOTHING):
+                continue
+            note[MADE] = lanes[k.made * LANES + lane]
+            if usual:
+                _record_usual(lanes, lane, k, seen, note, window)
+            if not (looking or asked or hit != NOTHING or note[HITS] >= window.total or _is_full(k, seen, lane)):
+                continue
+            lift(lanes, lane, rows)
+            if hit != NOTHING:
+                _record_unusual(rows, k, room, note, seen, lane, window)
+                lower(lanes, lane, rows, k.constants)
+            busy.ends[lane] = _end(rows, k, room, note, seen, lane, schedule, window, alone, asked)
+            over |= busy.ends[lane] != GOES_ON
+        if over:
+            return
 
 
-_unwatched = without("thorough", "wary", "draining")
-_rigid = without("giving", "forceful")
+_rigid = without("giving")
 
 
-@compiled("motions of systems", 0.6)
-def follow(rows, spare, begun, k, room, note, seen, window, schedule, most):
-    """Do so; neither a deviation nor misses or what dampers take are seen of it."""
-    k, room, seen = _unwatched(held(k)), held(room), held(seen)
+@compiled("motions of systems", 0.3)
+def follow(busy, rows, k, room, seen, window, schedule, most, alone):
+    """Do so; what compliant stops need is left out where there are none."""
     if k.giving:
-        return _follow(rows, spare, begun, k, room, note, seen, window, schedule, most)
-    return _follow(rows, spare, begun, _rigid(k), room, note, seen, window, schedule, most)
+        _follow(busy, rows, k, room, seen, window, schedule, most, alone)
+    else:
+        _follow(busy, rows, _rigid(k), room, seen, window, schedule, most, alone)
 
 
-@compiled("multipliers of systems", 3)
-def carry_over(rows, spare, k, room, periods, most):
-    """Carry a cell and its deviation over driving periods; return whether it came so far in that many steps."""
-    k, room = held(k), held(room)
-    if rows[k.closed] > 0.0:
-        confine(rows, k)
+@compiled("multipliers of systems", 2)
+def carry_over(row, rows, k, room, lanes, before, first, periods, most):
+    """Carry a cell over driving periods, in lanes with a deviation along each coordinate and rate from `first` on.
+
+    Return whether it came so far in that many steps.
+    """
+    _begin(rows, k, row, room)
+    columns = min(LANES, 2 * k.modes - first)
+    for lane in range(columns):
+        for j in range(2 * k.modes):
+            rows[k.deta + j] = 1.0 if j == first + lane else 0.0
+        if rows[k.closed] > 0.0:
+            confine(rows, k)
+        lower(lanes, lane, rows, k.rows)
+    for lane in range(columns, LANES):
+        lower(lanes, lane, rows, k.rows)
     began, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
     passed = 0.0
     for _ in range(most):
-        copy(rows, spare)
-        step_one(rows, k)
-        now, later = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
-        before, passed = passed, (now - began) + (later - phase)
+        copy(lanes, before)
+        walk_on(lanes, k)
+        now, later = moment(lanes[k.turn * LANES], lanes[(k.turn + 1) * LANES], lanes[(k.turn + 2) * LANES])
+        last, passed = passed, (now - began) + (later - phase)
         if passed >= periods:
-            copy(spare, rows)
-            fly_on(rows, (periods - before) * TURN / rows[k.theta], k)
+            for lane in range(columns):
+                lift(before, lane, rows)
+                fly_on(rows, (periods - last) * TURN / rows[k.theta], k)
+                lower(lanes, lane, rows, k.constants)
             return True
-        if rows[k.hit] != NOTHING:
+        if lanes[k.hit * LANES] == NOTHING:
+            continue
+        for lane in range(LANES):
+            lift(lanes, lane, rows)
             happen_beside(rows, k, room)
+            lower(lanes, lane, rows, k.constants)
         if rows[k.lawless] > 0.0:
             return False
     return False

@@ -1,0 +1,189 @@
+"""What is seen of the motions of systems: followed in lanes, a cell each, and recorded impact by impact."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, StroboscopicWindow, SystemSamples
+from vibroimpact.backends.cpu import aligned, ended_as
+from vibroimpact.backends.system_rows import budgets_of, in_steps, steps_of
+from vibroimpact.backends.systems import alone_for, layout_for, noted, room_for
+from vibroimpact.kernels.cell import RUNNING
+from vibroimpact.kernels.held import InMemory
+from vibroimpact.kernels.systems import march, walk
+from vibroimpact.kernels.vectors import LANES
+from vibroimpact.status import Status, window_status
+from vibroimpact.system_cells import SystemCells
+
+_STEPS = 1 << 14  # of all lanes, before Python may be interrupted
+_ROOM = 4096  # rows of a buffer, which is emptied when it is full
+
+
+def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]:
+    """Return what the window sees of each cell."""
+    found = dict(_Recorder(cells, measurement).finished())
+    return [found[at] for at in range(len(cells))]
+
+
+class _Recorder:
+    """Cells in lanes, and what is seen of them."""
+
+    def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
+        self._cells, self._window = cells, measurement.window
+        k = self._layout = layout_for(cells, cells.shape.giving)
+        self._table = in_steps(cells, measurement.tolerances.chatter, k)
+        self._total, looks, per_period, limit = march.Window(0.0, math.inf), 0, 1, 0.0
+        if isinstance(self._window, ImpactWindow):
+            limit = float(self._window.transient + self._window.keep)
+            self._total = march.Window(float(self._window.transient), limit)
+        else:
+            looks, per_period = self._window.keep, self._window.per_period
+            limit = self._window.skip_periods + looks / per_period + 1.0
+        self._budgets = budgets_of(cells, measurement.tolerances, limit)
+        wide = min(len(cells), LANES)
+        self._times = np.zeros((wide, 2, looks))
+        self._schedule = walk.Schedule(float(looks), np.zeros((wide, 2)), float(per_period))
+        impacts, rests = np.zeros((wide, _ROOM, 10)), np.zeros((wide, _ROOM, 5))
+        filled = np.zeros((wide, 3), np.int64)
+        self._seen = walk.Seen(impacts, np.zeros((wide, looks, 2 * k.modes)), rests, filled)
+        owner, ends = np.full(LANES, -1), np.full(LANES, walk.GOES_ON)
+        before = np.zeros(k.rows * LANES if looks else 0)
+        notes = np.zeros((wide, noted(k)))
+        self._busy = walk.Busy(aligned(k.rows * LANES), owner, notes, ends, before, np.zeros(k.rows))
+        self._rows = self._busy.lanes.reshape(-1, LANES)
+        self._taken: list[tuple[list[Floats], list[Floats]]] = [([], []) for _ in range(wide)]
+
+    def finished(self) -> Iterator[tuple[int, SystemSamples]]:
+        """Yield the number of each cell, and what is seen of it, as it ends."""
+        k, owner, ends = self._layout, self._busy.owner, self._busy.ends
+        work, waiting = np.zeros(k.rows), iter(range(len(self._cells)))
+        busy, layout, schedule = InMemory(self._busy), InMemory(k), InMemory(self._schedule)
+        room, alone, seen = InMemory(room_for(k)), InMemory(alone_for(k)), InMemory(self._seen)
+
+        def seat(lane: int) -> None:
+            owner[lane] = cell = next(waiting, -1)
+            if cell >= 0:
+                self._prepare(lane, cell)
+                walk.seat(busy, lane, layout, self._table[cell], room, seen, work)
+
+        for lane in range(len(self._times)):
+            seat(lane)
+        while (owner >= 0).any():
+            walk.follow(busy, work, layout, room, seen, self._total, schedule, _STEPS, alone)
+            for lane in np.flatnonzero((owner >= 0) & (ends != walk.GOES_ON)).tolist():
+                if self._take(lane):
+                    seen = InMemory(self._seen)
+                if ends[lane] != RUNNING:
+                    yield int(owner[lane]), self._labelled(lane)
+                    seat(lane)
+                ends[lane] = walk.GOES_ON
+
+    def _prepare(self, lane: int, cell: int) -> None:
+        """Let a lane see nothing yet, from the time at which the cell begins."""
+        begins = self._cells.block("time")[cell].tolist()
+        if not isinstance(self._window, ImpactWindow):
+            self._times[lane] = self._window.schedule(*begins)
+            self._schedule.first[lane] = self._times[lane, :, 0]
+        self._busy.notes[lane] = 0.0
+        self._busy.notes[lane, : march.MADE] = self._budgets[cell]
+        self._seen.filled[lane] = 0
+        self._taken[lane] = [], []
+
+    def _take(self, lane: int) -> bool:
+        """Empty a lane's buffers, but for contacts that may still go on; return whether one had to grow."""
+        k, (hits, rested) = self._layout, self._taken[lane]
+        impacts, _, rests, filled = (rows[lane] for rows in self._seen)
+        entries, ended = self._rows[k.entry : k.entry + k.stops, lane], self._busy.ends[lane] != RUNNING
+        number = int(filled[0])
+        gone = number if ended else int(entries[entries > 0.0].min(initial=number + 1.0)) - 1
+        hits.append(impacts[:gone].copy())
+        impacts[: number - gone] = impacts[gone:number].copy()
+        filled[0] -= gone
+        entries[:] = np.maximum(entries - gone, 0.0)
+        seen = rests[: filled[2]]
+        over = np.isfinite(seen[:, 3]) | ended
+        rested.append(seen[over])
+        rests[: (~over).sum()] = seen[~over]
+        filled[2] = (~over).sum()
+        if 2 * filled[0] < len(impacts):
+            return False
+        self._seen = self._seen._replace(impacts=np.concatenate([self._seen.impacts] * 2, axis=1))
+        return True
+
+    def _labelled(self, lane: int) -> SystemSamples:
+        k, rows, cell = self._layout, self._rows[:, lane], self._busy.owner[lane]
+        impacts, rests = map(np.concatenate, self._taken[lane])
+        looks = self._seen.looks[lane, : self._seen.filled[lane, 1]].copy()
+        phase = march.moment(*rows[k.turn : k.turn + 3])[1]
+        state = rows[k.eta : k.eta + k.modes], rows[k.rate : k.rate + k.modes], phase
+        ended = int(self._busy.ends[lane]), self._busy.notes[lane]
+        cells, times = self._cells[cell : cell + 1], self._times[lane]
+        return _labelled(cells, self._window, impacts, rests, times, looks, *ended, state)
+
+
+def _labelled(
+    cell: SystemCells,
+    window: ImpactWindow | StroboscopicWindow,
+    impacts: Floats,
+    rests: Floats,
+    times: Floats,
+    looks: Floats,
+    end: int,
+    note: Floats,
+    state: tuple[Floats, Floats, float],
+) -> SystemSamples:
+    n, h, shapes = cell.shape.modes, float(steps_of(cell)[0]), cell.shapes[0]
+    if isinstance(window, ImpactWindow):
+        turns, filled = impacts[:, 0] + impacts[:, 1], len(impacts) == window.keep
+        first, last = (turns[0], turns[-1] if filled else math.inf) if len(turns) else (math.inf, -math.inf)
+        later = np.isnan(rests[:, 3]) | (rests[:, 3] + rests[:, 4] > first)
+        rests = rests[later & (rests[:, 1] + rests[:, 2] < last)]
+        span = float(turns[-1] - turns[0]) if len(turns) else 0.0
+        ended = ended_as(end, bool(note[march.HITS]))
+        status = window_status(
+            sampled=len(impacts), wanted=window.keep, stuck=len(rests) > 0, periods=span, ended=ended
+        )
+    else:
+        last = times[0, -1] + times[1, -1]  # the step that passes the last look may end at an impact
+        impacts = impacts[impacts[:, 0] + impacts[:, 1] <= last]
+        contact = impacts[:, 7] * h * cell["omega"][0] / (2.0 * math.pi)
+        impacts[np.ix_(impacts[:, 0] + impacts[:, 1] + contact > last, [4, 6, 7, 8, 9])] = math.nan
+        rests = rests[rests[:, 1] + rests[:, 2] <= last]
+        rests[rests[:, 3] + rests[:, 4] > last, 3:] = math.nan
+        released = rests[:, 3] + rests[:, 4]
+        first = times[0, 0] + times[1, 0]
+        stuck = bool((np.isnan(released) | (released > first)).any())
+        status = (
+            ended_as(end, bool(note[march.HITS]))
+            if len(looks) < window.keep
+            else Status.STICKING
+            if stuck
+            else Status.OK
+        )
+    return SystemSamples(
+        impact_periods=impacts[:, 0],
+        impact_phase=impacts[:, 1],
+        impact_stop=impacts[:, 2].astype(np.int64),
+        impact_velocity=impacts[:, 3] / h,
+        impact_impulse=impacts[:, 4] / h,
+        impact_energy=impacts[:, 9] / h**2,
+        impact_simultaneous=impacts[:, 5] > 0.0,
+        impact_force=impacts[:, 6] / h**2,
+        impact_duration=impacts[:, 7] * h,
+        impact_depth=impacts[:, 8],
+        look_periods=times[0, : len(looks)],
+        look_phase=times[1, : len(looks)],
+        look_displacement=looks[:, :n] @ shapes.T,
+        look_velocity=looks[:, n:] @ shapes.T / h,
+        rest_stop=rests[:, 0].astype(np.int64),
+        rest_begin=rests[:, 1:3],
+        rest_end=rests[:, 3:5],
+        status=int(status),
+        steps=int(note[march.MADE]),
+        last_displacement=shapes @ state[0],
+        last_velocity=shapes @ state[1] / h,
+        last_phase=state[2],
+    )
