@@ -232,7 +232,7 @@ def _begin(rows, k, row, room):
     return begin(rows, k, room)
 
 
-@compiled("motions of systems, its start", 0.3)
+@compiled("starts of motions of systems", 1)
 def seat(busy, lane, k, row, room, seen, rows):
     """Put a cell, a row of its constants, into a lane."""
     closing = _begin(rows, k, row, room)
