@@ -23,8 +23,9 @@ from vibroimpact.explorer.stored import open_study
 from vibroimpact.explorer.views import PlaneView, PointView, one_turn
 from vibroimpact.explorer.work import Pool, Urgency
 from vibroimpact.indices import INDICES
+from vibroimpact.model import State
 from vibroimpact.motion import MotionClass
-from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.plotting.style import BOUNDARY_COLORS, STICKING
 
 TUBE = ImpactOscillator(

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from vibroimpact.explorer.address import BY_NAME, LONGEST, PRESETS, case_of, from_query, ranges_for, to_query
 from vibroimpact.explorer.limits import least_width, stiffness, with_ranges
 from vibroimpact.explorer.state import CASES, SAMPLES, SHOWN, View, rounded
-from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.model import State
+from vibroimpact.oscillator import ImpactOscillator
 
 NAMES = tuple(ImpactOscillator().values)
 OF_SYSTEMS = ("model", "coordinate", "stop")  # parts of a view that one mass with one stop has no choice of

@@ -13,10 +13,11 @@ if TYPE_CHECKING:
     from vibroimpact.diagrams import bifurcation_diagram
     from vibroimpact.explorer.notebook import explore
     from vibroimpact.families import family
+    from vibroimpact.model import State
     from vibroimpact.options import Tolerances
     from vibroimpact.orbits import Orbit, find_orbit
     from vibroimpact.orbits.sticking import end_of_sticking
-    from vibroimpact.oscillator import ImpactOscillator, State
+    from vibroimpact.oscillator import ImpactOscillator
     from vibroimpact.recognition import recognise
     from vibroimpact.refinement import to_uniform
     from vibroimpact.sections import impact_map, impact_section, simulate, stroboscopic_section
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
 
 # Names are handed on when first used, so that importing vibroimpact costs nothing.
 _NAMES = {
-    "oscillator": "ImpactOscillator State",
+    "model": "State",
+    "oscillator": "ImpactOscillator",
     "system": "ImpactSystem",
     "stops": "Force Stop",
     "options": "Tolerances",

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from vibroimpact.parameters import invalid
 
 if TYPE_CHECKING:
-    from vibroimpact.oscillator import ImpactOscillator, State
+    from vibroimpact.model import State
+    from vibroimpact.oscillator import ImpactOscillator
 
 Floats = NDArray[np.float64]
 
@@ -60,6 +61,11 @@ class Cells:
 
     def __len__(self) -> int:
         return len(self.table)
+
+    @property
+    def phases(self) -> Floats:
+        """The phases at which cells start, in [0, 1)."""
+        return self["phase"]
 
     @property
     def fastest_rate(self) -> Floats:

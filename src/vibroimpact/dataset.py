@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
@@ -15,7 +14,8 @@ from numpy.typing import NDArray
 
 from vibroimpact.cells import FASTEST
 from vibroimpact.indices import EVERY
-from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.model import Model, State
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter
 from vibroimpact.status import Status
 from vibroimpact.stops import Force, Stop
@@ -24,7 +24,6 @@ from vibroimpact.system import ImpactSystem
 if TYPE_CHECKING:
     import xarray as xr
 
-AT_REST, SYSTEM_AT_REST = "rest at y = min(0, gap)", "rest at q = 0, or before the stops in its way"
 
 # name: (long name, unit, symbol)
 VARIABLES: dict[str, tuple[str, str, str]] = {
@@ -150,29 +149,21 @@ def provenance(function: str, model: Model, arguments: Mapping[str, Any]) -> dic
     """
     made = model.at()
     family = {} if model is made else {"model": json.dumps({"family": str(model), **model.values})}
-    rest = AT_REST if isinstance(made, ImpactOscillator) else SYSTEM_AT_REST
-    begun = {"initial_condition": _begun(arguments["start"], rest)} if "start" in arguments else {}
+    begun = {"initial_condition": _begun(arguments["start"], made.at_rest)} if "start" in arguments else {}
     return {
         "source": f"vibroimpact {package_version()}",
         "function": function,
         **family,
-        **_made(made),
+        made.kind: json.dumps(made.plain()),
         "arguments": json.dumps(dict(arguments), default=str),
         **begun,
     }
 
 
-def _made(model: Any) -> dict[str, str]:
-    """Return the numbers of a model as an attribute of its name."""
-    if isinstance(model, ImpactOscillator):
-        return {"oscillator": json.dumps(asdict(model))}
-    return {"system": json.dumps(model.plain())}
-
-
 def _begun(start: Any, rest: str) -> str:
     """Return in words from which initial conditions a result was computed; None is at `rest`."""
     if isinstance(start, int):
-        scale = "max(f, k|g|)/sqrt(k m)" if rest == AT_REST else "V, on all stops in turn"
+        scale = "max(f, k|g|)/sqrt(k m)" if rest == ImpactOscillator.at_rest else "V, on all stops in turn"
         others = f"{start - 1} impacts at phases 0 to 1 and velocities 0 to {FASTEST:g} {scale}"
         return f"{start} initial conditions: {rest}; {others}"
     if isinstance(start, tuple):

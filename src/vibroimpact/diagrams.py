@@ -15,8 +15,8 @@ from vibroimpact.backends import (
     ImpactWindow,
     Measurement,
     StroboscopicWindow,
-    check_for_systems,
     check_known,
+    check_takes,
     get_backend,
 )
 from vibroimpact.backends.base import SystemSamples
@@ -24,8 +24,8 @@ from vibroimpact.cells import Cells
 from vibroimpact.dataset import dataset_of, flags, impact_speed, missing, status_variable, variable
 from vibroimpact.execution.threads import run_sweep, run_tiles, tiles, worker_count
 from vibroimpact.indices import check_indices
+from vibroimpact.model import Model, State, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model, one_start
 from vibroimpact.parameters import check_fits, check_steps, choice, invalid, phase_number, several, whole_number
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.request import COSTLY, Request, check_axes
@@ -141,8 +141,7 @@ def bifurcation_diagram(
     chosen = check_indices(named) if named else ()
     engine = get_backend(backend, time_step=time_step)
     check_known(chosen, engine, osc.at())
-    if not isinstance(made, ImpactOscillator):
-        check_for_systems(engine)
+    check_takes(engine, made)
     _check_coordinate(coordinate, made)
     measurement = Measurement(window, Tolerances.of(tolerances), indices=chosen)
     request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step)
@@ -189,9 +188,8 @@ def bifurcation_diagram(
 
 
 def _check_coordinate(coordinate: int, made: Any) -> None:
-    number = 1 if isinstance(made, ImpactOscillator) else len(made.mass)
-    if whole_number("coordinate", coordinate, 0) >= number:
-        raise invalid("coordinate", coordinate, f"less than the number of coordinates, {number}")
+    if whole_number("coordinate", coordinate, 0) >= made.coordinates:
+        raise invalid("coordinate", coordinate, f"less than the number of coordinates, {made.coordinates}")
 
 
 def _along(section: str) -> str:

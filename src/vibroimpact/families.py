@@ -16,10 +16,10 @@ from typing import Any, overload
 import numpy as np
 
 from vibroimpact.cells import Cells
-from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model, check_names
+from vibroimpact.model import Model, State, check_model, check_names
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, invalid, unknown
 from vibroimpact.system import ImpactSystem
-from vibroimpact.system_cells import SystemCells
 
 
 class Family:
@@ -89,11 +89,8 @@ class Family:
         rows = zip(*(np.asarray(values, np.float64).tolist() for values in points.values()), strict=True)
         made = (self.at(**dict(zip(points, row, strict=True))) for row in rows) if points else iter([self.at()])
         first = next(made)
-        if not isinstance(first, ImpactOscillator):
-            return SystemCells.of_systems(chain([first], made)).begun(start)
-        designs = [first, *made]
-        columns = {name: np.array([design.values[name] for design in designs]) for name in first.values}
-        return Cells.at_rest(columns).begun(start)
+        cells: Cells = first.cells_of(chain([first], made))
+        return cells.begun(start)
 
     def _checked(self, values: Mapping[str, Any]) -> dict[str, float]:
         check_names(self.parameters, values)

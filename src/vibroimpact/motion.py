@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vibroimpact.oscillator import Model
+from vibroimpact.model import Model
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:

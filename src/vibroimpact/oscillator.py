@@ -1,52 +1,27 @@
-"""The seven numbers of an impact oscillator, and the state it starts from."""
+"""The seven numbers of an impact oscillator."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from vibroimpact.parameters import Parameter, invalid, real_number, unknown
+from vibroimpact.model import State, check_model, check_names
+from vibroimpact.parameters import USUAL, Parameter, invalid
 
 if TYPE_CHECKING:
     from vibroimpact.cells import Cells
+    from vibroimpact.modal import ModalForm
+    from vibroimpact.stops import Stop
+    from vibroimpact.system import ImpactSystem
 
-_TABLE = (
-    Parameter("mass", "mass", "kg", "m", 0.0, closed=False, hint="give the moving mass in kg"),
-    Parameter("damping", "damping", "N s/m", "c", 0.0, hint="a damper takes energy out; use 0 for none"),
-    Parameter(
-        "damping_ratio", "damping ratio", "1", "zeta", 0.0, replaces="damping",
-        hint="it is c / (2 sqrt(k m)), 0.01 for 1 % of critical damping",
-    ),
-    Parameter(
-        "stiffness", "stiffness", "N/m", "k", 0.0, closed=False,
-        hint="give the spring constant in N/m; without a spring there is no rest position",
-    ),
-    Parameter(
-        "amplitude", "driving force amplitude", "N", "f", 0.0,
-        hint="for the opposite sign start half a period later instead",
-    ),
-    Parameter(
-        "omega", "angular driving frequency", "rad/s", "w", 0.0, closed=False,
-        hint="give the angular driving frequency in rad/s, or `frequency` in Hz",
-    ),
-    Parameter(
-        "frequency", "driving frequency", "Hz", "w/2pi", 0.0, closed=False, replaces="omega",
-        hint="give the driving frequency in Hz, or `omega` in rad/s",
-    ),
-    Parameter(
-        "restitution", "coefficient of restitution", "1", "r", 0.0, 1.0,
-        hint="it is the speed after an impact over the speed before it",
-    ),
-    Parameter("gap", "gap", "m", "g", hint="give the clearance in m; negative means preloaded against the stop"),
-)  # fmt: skip
 _AS_SYSTEM = (
     "write ImpactSystem(mass=m, damping=c, stiffness=k, force=Force(omega=w, harmonics={1: f}), "
     "stops=[Stop(direction=1.0, gap=g, restitution=law)]), which takes laws"
 )
-PARAMETERS = tuple(parameter.name for parameter in _TABLE if parameter.replaces is None)
+PARAMETERS = tuple(name for name, parameter in USUAL.items() if parameter.replaces is None)
 
 
 @dataclass(frozen=True, init=False)
@@ -95,7 +70,11 @@ class ImpactOscillator:
     3.141593
     """
 
-    parameters: ClassVar[Mapping[str, Parameter]] = MappingProxyType({entry.name: entry for entry in _TABLE})
+    parameters: ClassVar[Mapping[str, Parameter]] = USUAL
+    kind: ClassVar[str] = "oscillator"  # as files name it
+    at_rest: ClassVar[str] = "rest at y = min(0, gap)"
+    coordinates: ClassVar[int] = 1
+    says_all: ClassVar[bool] = True  # its parameters are all its numbers
 
     mass: float
     damping: float
@@ -149,6 +128,30 @@ class ImpactOscillator:
         """The seven numbers by name."""
         return {name: getattr(self, name) for name in PARAMETERS}
 
+    def plain(self) -> dict[str, Any]:
+        """Return its numbers by name, as files hold them."""
+        return self.values
+
+    @cached_property
+    def system(self) -> ImpactSystem:
+        """The same machine as a system of one coordinate in front of one rigid stop."""
+        from vibroimpact.stops import Force, Stop
+        from vibroimpact.system import ImpactSystem
+
+        force = Force(omega=self.omega, harmonics={1: self.amplitude})
+        stop = Stop(direction=1.0, gap=self.gap, restitution=self.restitution, name="stop")
+        linear = {"mass": self.mass, "damping": self.damping, "stiffness": self.stiffness}
+        return ImpactSystem(**linear, force=force, stops=[stop])
+
+    @property
+    def stops(self) -> tuple[Stop, ...]:
+        """Its stop, as those of a system."""
+        return self.system.stops
+
+    def modal(self) -> ModalForm:
+        """Return it in the coordinate of its mode, as systems are."""
+        return self.system.modal()
+
     def at(self, **values: float) -> ImpactOscillator:
         """Return the oscillator with some parameters changed: what a model is at one point of its axes."""
         return self.replace(**values) if values else self
@@ -169,6 +172,16 @@ class ImpactOscillator:
         if "damping_ratio" in points:
             columns["damping"] = points["damping_ratio"] * (2.0 * np.sqrt(columns["stiffness"] * columns["mass"]))
         return Cells.at_rest(columns).begun(start)
+
+    @staticmethod
+    def cells_of(designs: Iterable[ImpactOscillator]) -> Cells:
+        """Return one cell per design, all at rest."""
+        import numpy as np
+
+        from vibroimpact.cells import Cells
+
+        rows = list(designs)
+        return Cells.at_rest({name: np.array([getattr(design, name) for design in rows]) for name in PARAMETERS})
 
     @property
     def frequency(self) -> float:
@@ -232,53 +245,9 @@ class ImpactOscillator:
         return scaled, {"time": time, "displacement": length, "velocity": length / time}
 
 
-def check_names(parameters: Mapping[str, Parameter], names: Iterable[str]) -> None:
-    """Refuse names that are no parameters, with the one that was probably meant, also by its symbol."""
-    for name in names:
-        if not isinstance(name, str) or name not in parameters:
-            meant = next((known for known, parameter in parameters.items() if parameter.symbol == str(name)), None)
-            raise unknown("parameter", name, parameters, f"did you mean {meant!r}?" if meant else "")
-
-
 def _check_one(name: str, value: Any, other: str, other_value: Any) -> None:
     if value is not None and other_value is not None:
         raise ValueError(f"give either `{name}` or `{other}`, not both; got {value!r} and {other_value!r}")
-
-
-@runtime_checkable
-class Model(Protocol):
-    """What the machinery knows of a model: its table of parameters, their values, and the cells that it makes.
-
-    `str()` of a model names it without its values: in titles, in files, and in the identity of a store.
-    """
-
-    @property
-    def parameters(self) -> Mapping[str, Parameter]:
-        """The parameters that an axis may vary, by name."""
-        ...
-
-    @property
-    def values(self) -> dict[str, float]:
-        """Their values; of parameters that replace one another, one, while the others are attributes."""
-        ...
-
-    def replace(self, **changes: float) -> Model:
-        """Return the model with some parameters changed."""
-        ...
-
-    def at(self, **values: float) -> Any:
-        """Return the oscillator or the system that it is at some values of its parameters."""
-        ...
-
-    def cells(self, points: Mapping[str, Any], start: State | None = None) -> Cells:
-        """Return one cell per point, from its columns of values."""
-        ...
-
-
-def check_model(model: Any, name: str = "osc") -> None:
-    """Refuse what is neither an oscillator, a system nor a family."""
-    if not isinstance(model, Model) or isinstance(model, type):
-        raise invalid(name, model, "an ImpactOscillator or a family", "write for example ImpactOscillator(omega=2.8)")
 
 
 def the_oscillator(model: Any) -> ImpactOscillator:
@@ -295,57 +264,3 @@ def the_oscillator(model: Any) -> ImpactOscillator:
             "stroboscopic_section, bifurcation_diagram, parameter_map, attractors, basins or describe"
         )
     return osc
-
-
-@dataclass(frozen=True)
-class State:
-    """Where the mass is, how fast it moves towards the stop, and when; of a system, its coordinates and their rates.
-
-    Parameters
-    ----------
-    displacement : float or sequence of float
-        y in m; at most the gap. Of an `ImpactSystem` all coordinates, kept as a tuple.
-    velocity : float or sequence of float
-        y' in m/s; at the stop, > 0 is an impact at this very time. As many as coordinates, all 0 unless given.
-    time : float
-        t in s; the force is f sin(w t).
-
-    Examples
-    --------
-    >>> State(-1.0)
-    State(displacement=-1.0, velocity=0.0, time=0.0)
-    >>> State([0.1, 0.0])
-    State(displacement=(0.1, 0.0), velocity=(0.0, 0.0), time=0.0)
-    """
-
-    displacement: Any  # a float, or a tuple of them
-    velocity: Any = 0.0
-    time: float = 0.0
-
-    def __post_init__(self) -> None:
-        found = {name: _numbers(name, getattr(self, name)) for name in ("displacement", "velocity")}
-        places, speeds = (len(value) if isinstance(value, tuple) else 0 for value in found.values())
-        if places and found["velocity"] == 0.0:
-            found["velocity"] = (0.0,) * places
-        elif places != speeds:
-            got = " and ".join(str(count or "a single number") for count in (places, speeds))
-            raise ValueError(f"`displacement` and `velocity` must have as many numbers, got {got}")
-        for name, value in found.items():
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "time", real_number("time", self.time))
-
-
-def _numbers(name: str, given: Any) -> float | tuple[float, ...]:
-    """Return a number, or those of a one-dimensional list or array as a tuple."""
-    if isinstance(given, (list, tuple)) or getattr(given, "ndim", 0) == 1:
-        if not len(given):
-            raise invalid(name, given, "a number, or numbers for all coordinates")
-        return tuple(real_number(f"{name}[{at}]", value) for at, value in enumerate(given))
-    return real_number(name, given)
-
-
-def one_start(start: Any) -> State | None:
-    """Return one initial condition, or refuse what is none."""
-    if not (start is None or isinstance(start, State)):
-        raise invalid("start", start, "None or a State", "write State(displacement, velocity=0.0, time=0.0)")
-    return start

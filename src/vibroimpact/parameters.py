@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import operator
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from types import MappingProxyType
 from typing import Any
 
 COUNTS = 1_000_000_000  # the largest number of anything
@@ -220,3 +221,36 @@ def in_words(size: int) -> str:
         at += 1
     value = size / 1000**at
     return f"{value:.3g} {units[at]}" if value < 1000 else f"{value:.1e} {units[at]}"
+
+
+_OF_ONE_MASS = (
+    Parameter("mass", "mass", "kg", "m", 0.0, closed=False, hint="give the moving mass in kg"),
+    Parameter("damping", "damping", "N s/m", "c", 0.0, hint="a damper takes energy out; use 0 for none"),
+    Parameter(
+        "damping_ratio", "damping ratio", "1", "zeta", 0.0, replaces="damping",
+        hint="it is c / (2 sqrt(k m)), 0.01 for 1 % of critical damping",
+    ),
+    Parameter(
+        "stiffness", "stiffness", "N/m", "k", 0.0, closed=False,
+        hint="give the spring constant in N/m; without a spring there is no rest position",
+    ),
+    Parameter(
+        "amplitude", "driving force amplitude", "N", "f", 0.0,
+        hint="for the opposite sign start half a period later instead",
+    ),
+    Parameter(
+        "omega", "angular driving frequency", "rad/s", "w", 0.0, closed=False,
+        hint="give the angular driving frequency in rad/s, or `frequency` in Hz",
+    ),
+    Parameter(
+        "frequency", "driving frequency", "Hz", "w/2pi", 0.0, closed=False, replaces="omega",
+        hint="give the driving frequency in Hz, or `omega` in rad/s",
+    ),
+    Parameter(
+        "restitution", "coefficient of restitution", "1", "r", 0.0, 1.0,
+        hint="it is the speed after an impact over the speed before it",
+    ),
+    Parameter("gap", "gap", "m", "g", hint="give the clearance in m; negative means preloaded against the stop"),
+)  # fmt: skip
+# The numbers of one mass, its load and its stop that an axis may vary, by name.
+USUAL: Mapping[str, Parameter] = MappingProxyType({entry.name: entry for entry in _OF_ONE_MASS})

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.oscillator import ImpactOscillator, Model
+from vibroimpact.model import Model
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.system import ImpactSystem
 
 LIGHT = 0.05  # of critical damping: a damping that machines have

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vibroimpact.backends import Backend, ImpactWindow, Measurement, StroboscopicWindow, check_for_systems, get_backend
+from vibroimpact.backends import Backend, ImpactWindow, Measurement, StroboscopicWindow, check_takes, get_backend
 from vibroimpact.backends.base import SystemSamples
 from vibroimpact.cells import Floats, cells_at
 from vibroimpact.dataset import dataset_of, provenance, status_variable, variable
 from vibroimpact.labels import Seconds, in_seconds, labelled_impacts, trajectory_of
+from vibroimpact.model import Model, State, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model, one_start, the_oscillator
+from vibroimpact.oscillator import the_oscillator
 from vibroimpact.parameters import STEPS, check_fits, invalid, phase_number, positive_number, whole_number
 
 if TYPE_CHECKING:
@@ -52,8 +53,7 @@ class _Orbit:
         osc = self.made
         seconds = in_seconds(osc)
         cells, engine = self.model.cells({}, one_start(self.start)), self.engine
-        if not isinstance(osc, ImpactOscillator):
-            check_for_systems(engine)
+        check_takes(engine, osc)
         self._check_cost(window, osc)
         (seen,) = engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
         return seen, seconds
@@ -184,18 +184,14 @@ def measure_orbit(
     """
     cell: Any = osc.cells({}, one_start(start))
     of, engine = osc.at(), get_backend("cpu")
-    single = isinstance(of, ImpactOscillator)
-    begin = float(cell["phase"][0]) if single else float(cell.block("time")[0, 1])
+    begin = float(cell.phases[0])
     first = math.ceil(begin * samples_per_period)
     first += first / samples_per_period < begin
     phase = (first % samples_per_period) / samples_per_period
     asked = ImpactWindow(transient_impacts, sample_impacts)
     window = StroboscopicWindow(0, periods * samples_per_period, phase, samples_per_period)
     measure, record = Measurement(asked, tolerances, indices=indices), Measurement(window, patience)
-    if single:
-        measured, seen = engine.follow(cell, measure, record)
-    else:
-        measured, (seen,) = engine.indices(cell, measure), engine.samples(cell, record)
+    measured, seen = engine.follow(cell, measure, record)
     found = {name: float(measured[name][0]) for name in (*indices, "status")}
     recorded = {name: values.values for name, values in trajectory_of(seen, in_seconds(of), of).items()}
     return found, recorded | {"impact_phase": seen.impact_phase}, -first % samples_per_period

@@ -7,16 +7,17 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vibroimpact import parameters
 from vibroimpact.by_value import ByValue, shown
 from vibroimpact.contact import Law, law_of
-from vibroimpact.matrices import numbers
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.matrices import ROUNDING, nearest, numbers
 from vibroimpact.parameters import SMALLEST, invalid, several, unknown, whole_number
 
 SHORTEST = 1e-9  # driving periods: shorter contacts are those of a rigid stop
@@ -24,9 +25,9 @@ STOPS = 5  # at most: an impact is solved among all their sets
 KINDS = "gap", "restitution", "stiffness", "damping"  # of numbers of stops that are parameters
 # Of which a system has some, with the same ranges; a stop without a stiffness is another one.
 USUAL = {
-    **ImpactOscillator.parameters,
+    **parameters.USUAL,
     "stiffness": replace(
-        ImpactOscillator.parameters["stiffness"],
+        parameters.USUAL["stiffness"],
         hint="give the stiffness of a compliant stop in N/m; leave it out for a rigid stop",
     ),
 }
@@ -259,6 +260,11 @@ class Stop(ByValue):
         return self.stiffness is not None
 
     @property
+    def reach(self) -> float:
+        """How far from zero it comes, at most."""
+        return float(abs(self.gap) + sum(map(abs, self.motion.values())))
+
+    @property
     def kinds(self) -> tuple[str, ...]:
         """The numbers of it that are parameters of a system."""
         return ("gap", "stiffness", "damping") if self.compliant else ("gap",) if self.law else ("gap", "restitution")
@@ -311,6 +317,31 @@ def named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
             owner = "a parameter" if taken else "another stop"
             raise ValueError(f"`stops[{at}].name` {name!r} is that of {owner}; give each stop a name of its own")
     return found
+
+
+def check_room(stops: Sequence[Stop], mass: Any) -> None:
+    """Refuse stops whose clearances cannot all be positive or zero at any time."""
+    if all(stop.gap >= 0.0 or stop.compliant for stop in stops):
+        return  # q = 0 is before all of them where they are farthest
+    for one, other in combinations(stops, 2):
+        if one.compliant or other.compliant:
+            continue
+        ratio = np.abs(one.direction).max() / np.abs(other.direction).max()
+        if (np.abs(one.direction + ratio * other.direction) > 1e-12 * np.abs(one.direction)).any():
+            continue
+        orders = {*one.motion, *other.motion}
+        parting = sum(abs(one.motion.get(h, 0.0) + ratio * other.motion.get(h, 0.0)) for h in orders)
+        room = one.gap + ratio * other.gap + parting
+        if room < -ROUNDING * (one.reach + ratio * other.reach):
+            raise ValueError(
+                f"`stops` {one.name!r} and {other.name!r} overlap by {-room:.6g} m: they face each other, and no "
+                "position is before both; their gaps must have a sum >= 0"
+            )
+    rigid = [stop for stop in stops if not stop.compliant]
+    most_open = np.array([stop.gap + sum(map(abs, stop.motion.values())) for stop in rigid])
+    if nearest(mass, np.array([stop.direction for stop in rigid]).reshape(-1, len(mass)), most_open) is None:
+        names = ", ".join(str(stop.name) for stop in stops)
+        raise ValueError(f"`stops` {names} overlap: no position is before all of them")
 
 
 def warn_of_short_contacts(stops: Sequence[Stop], mass: NDArray[np.float64], period: float) -> None:

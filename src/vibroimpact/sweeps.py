@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vibroimpact.backends import ImpactWindow, Measurement, check_for_systems, get_backend
+from vibroimpact.backends import ImpactWindow, Measurement, check_takes, get_backend
 from vibroimpact.dataset import missing
 from vibroimpact.execution import check_place, computing, usual_tile
 from vibroimpact.indices import check_indices
+from vibroimpact.model import Model, State, check_model
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import STEPS, check_fits, truth, whole_number
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.request import Request, check_axes, check_points, check_start, map_of
@@ -162,8 +163,7 @@ def parameter_map(
     measurement = Measurement(window, Tolerances.of(tolerances), closing, check_indices(indices), apart)
     checked = check_axes(axes, osc.parameters) if points is None else check_points(points, osc)
     request = Request(osc, checked, measurement, check_start(start), backend, time_step, scattered=points is not None)
-    if not isinstance(osc.at(), ImpactOscillator):
-        check_for_systems(get_backend(backend, time_step=time_step, elsewhere=cluster is not None))
+    check_takes(get_backend(backend, time_step=time_step, elsewhere=cluster is not None), osc.at())
     _check_by_stop(request, refine)
     request.check_cost(STEPS if store is None and cluster is None else STEPS << 10)
     if refine is not None:

@@ -6,9 +6,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,13 +15,14 @@ from vibroimpact.by_value import ByValue
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import ROUNDING, matrices, nearest, numbers
 from vibroimpact.modal import ModalForm, modal_form, velocity_scale
-from vibroimpact.oscillator import State, check_names
+from vibroimpact.model import State, check_names
 from vibroimpact.parameters import Parameter, invalid
 from vibroimpact.stops import (
     USUAL,
     Force,
     Stop,
     check_length,
+    check_room,
     named_stops,
     names_of_points,
     over_modes,
@@ -87,6 +87,10 @@ class ImpactSystem(ByValue):
     [7.071, 14.142]
     """
 
+    kind: ClassVar[str] = "system"  # as files name it
+    at_rest: ClassVar[str] = "rest at q = 0, or before the stops in its way"
+    says_all: ClassVar[bool] = False  # its parameters are not all its numbers
+
     mass: Floats
     damping: Floats
     stiffness: Floats
@@ -101,7 +105,7 @@ class ImpactSystem(ByValue):
         for name, value in force.vectors.items():
             check_length(name, value, len(found["mass"]))
         vars(self).update(found, force=force, stops=named_stops(stops, len(found["mass"])))
-        self._check_room()
+        check_room(self.stops, self.mass)
         warn_of_short_contacts(self.stops, self.mass, self.period)
 
     @classmethod
@@ -210,6 +214,11 @@ class ImpactSystem(ByValue):
         return words + (f" with {', '.join(self.stop_names)}" if self.stops else "")
 
     @property
+    def coordinates(self) -> int:
+        """How many coordinates it has."""
+        return len(self.mass)
+
+    @property
     def stop_names(self) -> tuple[str, ...]:
         """Names of the stops."""
         return tuple(str(stop.name) for stop in self.stops)
@@ -244,7 +253,7 @@ class ImpactSystem(ByValue):
         stops = [stop.replace(**{kind: values[f"{stop.name}_{kind}"] for kind in stop.kinds}) for stop in self.stops]
         made = object.__new__(ImpactSystem)  # of matrices that are checked
         vars(made).update(self.arguments() | {"force": force, "stops": tuple(stops)})
-        made._check_room()
+        check_room(made.stops, made.mass)
         if "_modal" in vars(self):
             vars(made)["_modal"] = self._modal.replace(force, stops)
         return made
@@ -256,6 +265,11 @@ class ImpactSystem(ByValue):
     def cells(self, points: Mapping[str, Any], start: State | None = None) -> SystemCells:
         """Return one cell per point, all from the same start; None is at rest as `initial` has it."""
         return SystemCells.of_points(self, points).begun(start)
+
+    @staticmethod
+    def cells_of(designs: Iterable[ImpactSystem]) -> SystemCells:
+        """Return one cell per design, all at rest and with as many coordinates and stops."""
+        return SystemCells.of_systems(designs)
 
     @property
     def omega(self) -> float:
@@ -354,7 +368,7 @@ class ImpactSystem(ByValue):
     @cached_property
     def _reach(self) -> Floats:
         """How far from zero each stop comes, at most."""
-        return np.array([abs(stop.gap) + sum(map(abs, stop.motion.values())) for stop in self.stops])
+        return np.array([stop.reach for stop in self.stops])
 
     def _bounds(self, time: float) -> Floats:
         """Return a . q in contact, for every stop at some time."""
@@ -362,29 +376,6 @@ class ImpactSystem(ByValue):
         moved = [sum((by * np.exp(h * turn)).imag for h, by in stop.motion.items()) for stop in self.stops]
         found: Floats = np.array([stop.gap for stop in self.stops]) + np.array(moved, np.float64)
         return found
-
-    def _check_room(self) -> None:
-        """Refuse stops whose clearances cannot all be positive or zero at any time."""
-        if all(stop.gap >= 0.0 or stop.compliant for stop in self.stops):
-            return  # q = 0 is before all of them where they are farthest
-        for (i, one), (j, other) in combinations(enumerate(self.stops), 2):
-            if one.compliant or other.compliant:
-                continue
-            ratio = np.abs(one.direction).max() / np.abs(other.direction).max()
-            if (np.abs(one.direction + ratio * other.direction) > 1e-12 * np.abs(one.direction)).any():
-                continue
-            orders = {*one.motion, *other.motion}
-            parting = sum(abs(one.motion.get(h, 0.0) + ratio * other.motion.get(h, 0.0)) for h in orders)
-            room = one.gap + ratio * other.gap + parting
-            if room < -ROUNDING * (self._reach[i] + ratio * self._reach[j]):
-                raise ValueError(
-                    f"`stops` {one.name!r} and {other.name!r} overlap by {-room:.6g} m: they face each other, and no "
-                    "position is before both; their gaps must have a sum >= 0"
-                )
-        most_open = np.array([stop.gap + sum(map(abs, stop.motion.values())) for stop in self.stops])
-        rigid = self._rigid
-        if nearest(self.mass, self._directions[rigid], most_open[rigid]) is None:
-            raise ValueError(f"`stops` {', '.join(self.stop_names)} overlap: no position is before all of them")
 
 
 def _check_force(force: Any) -> None:

@@ -18,7 +18,7 @@ from vibroimpact.modal import ModalForm, fastest_rate, speed_parts, steady_motio
 from vibroimpact.stops import KINDS
 
 if TYPE_CHECKING:
-    from vibroimpact.oscillator import State
+    from vibroimpact.model import State
     from vibroimpact.system import ImpactSystem
 
 # The blocks of KINDS, a rigid stop has no spring; then the mark of a law, whose number stands for a restitution.
@@ -165,6 +165,11 @@ class SystemCells(Cells):
         if isinstance(part, str):
             return self.block(part)[:, 0]
         return SystemCells(self.table[part], self.columns, self.shape)
+
+    @property
+    def phases(self) -> Floats:
+        """The phases at which cells start, in [0, 1)."""
+        return self.block("time")[:, 1]
 
     @property
     def fastest_rate(self) -> Floats:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from importlib import import_module
+from typing import Any
 
 from vibroimpact.backends.base import Backend, ImpactWindow, Measurement, Samples, StroboscopicWindow
 from vibroimpact.cells import Cells
 from vibroimpact.indices import FORCES, INDICES
-from vibroimpact.oscillator import ImpactOscillator, Model
+from vibroimpact.model import Model
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import unknown
 
 __all__ = [
@@ -19,8 +21,8 @@ __all__ = [
     "Measurement",
     "Samples",
     "StroboscopicWindow",
-    "check_for_systems",
     "check_known",
+    "check_takes",
     "get_backend",
 ]
 
@@ -49,9 +51,9 @@ def get_backend(name: str, *, time_step: float | None = None, elsewhere: bool = 
     return backend
 
 
-def check_for_systems(backend: Backend) -> None:
-    """Refuse for systems a back end that does not take them."""
-    if not getattr(backend, "takes_systems", False):
+def check_takes(backend: Backend, model: Any) -> None:
+    """Refuse systems for a back end that does not take them."""
+    if not isinstance(model, ImpactOscillator) and not getattr(backend, "takes_systems", False):
         raise ValueError(f"`backend` {backend.name!r} does not take systems; leave it out")
 
 

@@ -162,6 +162,8 @@ class CpuBackend(Backend):
                 "`chatter` must be the same for measuring and recording one run, got "
                 f"{measurement.tolerances.chatter:g} and {seen.tolerances.chatter:g}"
             )
+        if isinstance(cell, SystemCells):
+            return super().follow(cell, measurement, seen)
         sweep = _Sweep(cell, measurement)
         run = _Run(sweep.cells[0], seen.window, limits(seen.tolerances))
         sweep.follow(run)

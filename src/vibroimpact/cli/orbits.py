@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from vibroimpact.cli.options import Options
     from vibroimpact.cli.study import Study
     from vibroimpact.continuation import Boundaries, Branch
+    from vibroimpact.model import Model
     from vibroimpact.orbits import Orbit, Orbits
     from vibroimpact.orbits.systems import SystemOrbit
-    from vibroimpact.oscillator import Model
 
 Range = tuple[float, float]
 
@@ -160,7 +160,7 @@ def orbits_json(found: Orbits[Any], model: Model) -> dict[str, Any]:
     """Return orbits as plain dictionaries, lists, numbers and text: NaN as None, multipliers as pairs."""
     made = model.at()
     return {
-        **({"oscillator": asdict(made)} if isinstance(made, ImpactOscillator) else {"system": made.plain()}),
+        made.kind: made.plain(),
         "outcome": found.outcome,
         "message": _sentence(found),
         "orbits": [_plain(orbit) for orbit in found],

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 from vibroimpact.cli import WrongRequest, refusing
 from vibroimpact.cli.options import ENDS
 from vibroimpact.cli.units import has_unit, left_dimensionless, without_unit
+from vibroimpact.model import Model, State
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import (
     Parameter,
     choice,

@@ -20,10 +20,11 @@ from vibroimpact.coexistence import systems
 from vibroimpact.coexistence.final import release_phase, released
 from vibroimpact.coexistence.measuring import AT_REST, QUIET, Measured, Runner
 from vibroimpact.coexistence.settling import Settled, chaotic_groups, clusters
+from vibroimpact.model import State
 from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.orbits.orbit import Impacts, same_orbit
 from vibroimpact.orbits.systems import SystemOrbit
-from vibroimpact.oscillator import ImpactOscillator, State
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.status import Status
 from vibroimpact.system import ImpactSystem
 

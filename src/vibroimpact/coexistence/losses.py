@@ -21,12 +21,10 @@ def driven(form: ModalForm) -> bool:
 
 def attracts(osc: ImpactOscillator | ImpactSystem) -> bool:
     """Return whether impacts or damping shrink areas, without which nothing is attracted."""
-    if isinstance(osc, ImpactSystem):
-        return not (osc.stops and lasting_stops(osc).all())
-    return osc.damping > 0.0 or osc.restitution < 1.0
+    return not (osc.stops and lasting_stops(osc).all())
 
 
-def lasting_stops(system: ImpactSystem) -> NDArray[np.bool_]:
+def lasting_stops(osc: ImpactOscillator | ImpactSystem) -> NDArray[np.bool_]:
     r"""Return which stops can be struck for ever without any loss.
 
     They take no energy, and neither does the damping, S = (D + D^T)/2 in mass-normalised modes, of what impulses on
@@ -34,10 +32,10 @@ def lasting_stops(system: ImpactSystem) -> NDArray[np.bool_]:
     sizes c, one or several at once, change velocities by B c and start a motion without loss if W^T B c = 0, B c not 0.
     Where something drives a system, impacts on several stops do not stay together, and those on one count.
     """
-    form = system.modal()
+    form = osc.modal()
     roots = np.sqrt(form.masses)
     damping = roots[:, None] * form.damping / roots
-    lossless = np.array([stop.damping == 0.0 if stop.compliant else stop.ratio == 1.0 for stop in system.stops], bool)
+    lossless = np.array([stop.damping == 0.0 if stop.compliant else stop.ratio == 1.0 for stop in osc.stops], bool)
     kicks = (form.directions / roots)[lossless].T
     kicks = kicks / np.linalg.norm(kicks, axis=0)
     taking = damping + damping.T

@@ -17,12 +17,13 @@ from vibroimpact.backends.cpu import expected_steps, outlast
 from vibroimpact.cells import cells_at, check_single, spread
 from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
+from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass, decide
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits import find_orbit
 from vibroimpact.orbits.search import stable_orbits
 from vibroimpact.orbits.sticking import CREST
-from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import invalid
 from vibroimpact.status import Status
 from vibroimpact.system import ImpactSystem

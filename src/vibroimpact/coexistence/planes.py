@@ -13,7 +13,8 @@ from vibroimpact.backends import Cells
 from vibroimpact.cells import Floats, cells_at
 from vibroimpact.coexistence.measuring import carried, copies
 from vibroimpact.dataset import impact_speed, variable
-from vibroimpact.oscillator import ImpactOscillator, State, check_model, one_start
+from vibroimpact.model import State, check_model, one_start
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, choice, invalid, phase_number, unknown
 from vibroimpact.request import check_axes
 from vibroimpact.system import ImpactSystem

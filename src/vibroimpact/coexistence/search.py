@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow, check_for_systems
+from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow, check_takes
 from vibroimpact.cells import Floats
 from vibroimpact.coexistence.attractor import Attractor, Basin, distinct_names, match
 from vibroimpact.coexistence.measuring import Measured, Runner, orbit_cells, spread_cells, state_cells
@@ -19,9 +19,10 @@ from vibroimpact.coexistence.planes import Plane, plane_of
 from vibroimpact.coexistence.settling import Settled, last_round, outlook_from, outlook_of, rounds, settle
 from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance, status_variable, variable
 from vibroimpact.indices import INDICES
+from vibroimpact.model import Model, State, check_model
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import check_steps
 from vibroimpact.progress import Report, reporter
 from vibroimpact.request import COSTLY
@@ -130,13 +131,10 @@ def attractors(
 
 
 def check_taken(model: Any, runner: Runner) -> None:
-    """Refuse a system without stops, and for one a back end that does not take systems."""
-    if isinstance(model, ImpactSystem):
-        check_for_systems(runner.engine)
-        if not model.stops:
-            raise ValueError(
-                f"`osc` must have a stop, got {model!s}: without one there is a single motion, the steady one"
-            )
+    """Refuse a model without stops, and one that a back end does not take."""
+    check_takes(runner.engine, model)
+    if not model.stops:
+        raise ValueError(f"`osc` must have a stop, got {model!s}: without one there is a single motion, the steady one")
 
 
 def attractors_by(

@@ -298,14 +298,12 @@ def _loads(osc: ImpactOscillator | ImpactSystem) -> tuple[bool, bool, bool]:
     """Return whether anything drives a model, whether all its free motion decays, and whether its rest is a contact;
     all but what happens to a free centre.
     """
-    if isinstance(osc, ImpactSystem):
-        form = osc.modal()
-        n, zero, felt = len(form.squares), np.zeros_like(form.damping), ~form.neutral.ravel()
-        flow = np.block([[zero, np.eye(n)], [-np.diag(form.squares), -form.damping]])[np.ix_(felt, felt)]
-        size = np.abs(flow).sum(axis=1).max()
-        decays = float(np.linalg.eigvals(flow).real.max()) < -n * ROUNDING * size
-        return driven(form), decays, rest_is_contact(form)
-    return osc.amplitude > 0.0, osc.damping > 0.0, osc.gap <= 0.0
+    form = osc.modal()
+    n, zero, felt = len(form.squares), np.zeros_like(form.damping), ~form.neutral.ravel()
+    flow = np.block([[zero, np.eye(n)], [-np.diag(form.squares), -form.damping]])[np.ix_(felt, felt)]
+    size = np.abs(flow).sum(axis=1).max()
+    decays = float(np.linalg.eigvals(flow).real.max()) < -n * ROUNDING * size
+    return driven(form), decays, rest_is_contact(form)
 
 
 def _plain(status: NDArray[np.int8], kind: NDArray[np.int8]) -> NDArray[np.int8]:

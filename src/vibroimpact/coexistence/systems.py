@@ -26,11 +26,11 @@ from vibroimpact.backends import ImpactWindow, StroboscopicWindow
 from vibroimpact.backends.base import Counts, Floats, SystemSamples
 from vibroimpact.coexistence.measuring import Runner, carried
 from vibroimpact.coexistence.settling import Settled
+from vibroimpact.model import Model, State
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits.orbit import Impacts, same_orbit
 from vibroimpact.orbits.systems import SystemOrbit, ended, find_near
 from vibroimpact.orbits.systems.orbit import cycle_of
-from vibroimpact.oscillator import Model, State
 from vibroimpact.status import Status
 from vibroimpact.system import ImpactSystem
 

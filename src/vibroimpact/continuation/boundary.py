@@ -22,10 +22,10 @@ from vibroimpact.continuation.points import Solution
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
 from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Range, sticking_curve
 from vibroimpact.continuation.system import system_of
+from vibroimpact.model import Model, check_names
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.sticking import StickingEnd
 from vibroimpact.orbits.systems import AnyOrbit
-from vibroimpact.oscillator import Model, check_names
 from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 

@@ -21,6 +21,7 @@ from vibroimpact.continuation.boundary import Plane
 from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.results import BifurcationPoint, Boundary
 from vibroimpact.continuation.system import system_of
+from vibroimpact.model import Model
 from vibroimpact.motion import MotionClass, listed, motion_name
 from vibroimpact.orbits import systems
 from vibroimpact.orbits.equations import Cycle, Floats
@@ -28,7 +29,7 @@ from vibroimpact.orbits.orbit import make_orbit
 from vibroimpact.orbits.search import find_orbit
 from vibroimpact.orbits.sticking import StickingEnd, end_of_sticking
 from vibroimpact.orbits.systems import AnyOrbit
-from vibroimpact.oscillator import ImpactOscillator, Model
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.progress import Report
 from vibroimpact.sweeps import parameter_map
 

@@ -18,11 +18,12 @@ from vibroimpact.continuation.lines import SEEDS, on_line, plain
 from vibroimpact.continuation.results import KINDS, POINTS, SYSTEM_KINDS, BifurcationPoint, Boundary, course
 from vibroimpact.continuation.sticking import MOST, Range, ends_on_line
 from vibroimpact.dataset import bifurcation_name
+from vibroimpact.model import Model, check_model
 from vibroimpact.motion import cycle_name, listed
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.sticking import StickingEnd
 from vibroimpact.orbits.systems import AnyOrbit
-from vibroimpact.oscillator import ImpactOscillator, Model, check_model
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import choice, invalid, several, whole_number
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status

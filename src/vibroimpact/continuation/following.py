@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibroimpact.model import Model
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit, check_pair, value_of
 from vibroimpact.orbits.systems import AnyOrbit, SystemOrbit
-from vibroimpact.oscillator import Model
 from vibroimpact.parameters import invalid, real_number
 from vibroimpact.progress import Report
 

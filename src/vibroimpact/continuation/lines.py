@@ -15,13 +15,14 @@ from vibroimpact.continuation.following import UNKNOWN, both_ways
 from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.continuation.sticking import Range
 from vibroimpact.continuation.system import system_of
+from vibroimpact.model import Model
 from vibroimpact.orbits import systems
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits
 from vibroimpact.orbits.orbit import from_hardest, make_orbit, solution_of, true_cycle
 from vibroimpact.orbits.sticking import StickingEnd
 from vibroimpact.orbits.systems import AnyOrbit, SystemOrbit
-from vibroimpact.oscillator import ImpactOscillator, Model
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.progress import Report
 
 SEEDS = 60  # values along a line at which orbits are looked for

@@ -21,8 +21,8 @@ from vibroimpact.dataset import (
     provenance,
     variable,
 )
+from vibroimpact.model import Model
 from vibroimpact.orbits.systems import SystemOrbit
-from vibroimpact.oscillator import Model
 
 if TYPE_CHECKING:
     import xarray as xr

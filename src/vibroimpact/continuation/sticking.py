@@ -16,6 +16,7 @@ import numpy as np
 
 from vibroimpact.continuation.following import UNKNOWN, Way, both_ways
 from vibroimpact.continuation.results import Boundary
+from vibroimpact.model import Model
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.orbit import Orbit, family_of, value_of
 from vibroimpact.orbits.sticking import (
@@ -29,7 +30,6 @@ from vibroimpact.orbits.sticking import (
     residual,
     sticking_orbit,
 )
-from vibroimpact.oscillator import Model
 from vibroimpact.progress import Report
 
 Point = tuple[float, float]

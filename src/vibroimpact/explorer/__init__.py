@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from vibroimpact.explorer.server import Server
     from vibroimpact.explorer.session import Explorer
     from vibroimpact.explorer.state import View
-    from vibroimpact.oscillator import Model
+    from vibroimpact.model import Model
 
 __all__ = ["Explorer", "View", "explore"]
 

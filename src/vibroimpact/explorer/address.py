@@ -12,7 +12,8 @@ from urllib.parse import parse_qsl, urlencode
 from vibroimpact.explorer.limits import Range, parts_of
 from vibroimpact.explorer.models import Find, first_view, only_known, usual_range
 from vibroimpact.explorer.state import CHOICES, View, no_number, table
-from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.model import Model, State
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import invalid, unknown
 
 LONGEST = 2000  # characters

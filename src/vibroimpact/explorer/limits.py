@@ -8,8 +8,9 @@ from functools import lru_cache
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
+from vibroimpact.model import Model, State
 from vibroimpact.options import Tolerances
-from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, invalid
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ from typing import Any
 
 from vibroimpact.explorer.limits import Range, allowed_range, near, with_axes
 from vibroimpact.explorer.state import View, table
-from vibroimpact.oscillator import ImpactOscillator, Model, check_model
+from vibroimpact.model import Model, check_model
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, printable
 
 Find = Callable[[str], Model]  # returns the model of a name in a link, or raises ValueError
@@ -109,4 +110,4 @@ def _driving(made: Any) -> float:
 
 
 def _gaps(made: Any) -> list[float]:
-    return [stop.gap for stop in ([made] if isinstance(made, ImpactOscillator) else made.stops)]
+    return [stop.gap for stop in made.stops]

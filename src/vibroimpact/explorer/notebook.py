@@ -9,7 +9,7 @@ from typing import Any
 
 from vibroimpact.explorer import explore as serve
 from vibroimpact.explorer import make_server
-from vibroimpact.oscillator import Model
+from vibroimpact.model import Model
 
 
 def explore(model: Model | None = None, *, height: int = 800) -> Any:

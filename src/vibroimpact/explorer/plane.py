@@ -14,9 +14,10 @@ import vibroimpact as vi
 from vibroimpact.explorer.limits import FINEST, Range, granted
 from vibroimpact.explorer.state import View
 from vibroimpact.indices import INDICES
+from vibroimpact.model import Model, State
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import Orbit
-from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.plotting.diagrams import with_index
 
 Floats = NDArray[np.float64]

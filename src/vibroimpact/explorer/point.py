@@ -17,8 +17,9 @@ from vibroimpact.explorer.plane import TRANSIENT, KeepGoing
 from vibroimpact.explorer.shown import Shown, shown
 from vibroimpact.explorer.state import View
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
+from vibroimpact.model import Model, State
 from vibroimpact.motion import MotionClass, decide, motion_name
-from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.plotting.ticks import quantity
 from vibroimpact.sections import measure_orbit
 from vibroimpact.status import Status

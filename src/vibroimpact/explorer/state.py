@@ -12,7 +12,8 @@ from typing import Any
 
 from vibroimpact.explorer.limits import EDGE, PIN, Range, check_limits, check_start, checked_range, made_of, stiffness
 from vibroimpact.indices import INDICES
-from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.model import Model, State
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, invalid, real_number
 
 MOTION = "motion"  # the index that is a name

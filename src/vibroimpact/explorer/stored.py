@@ -23,7 +23,7 @@ from vibroimpact.explorer.state import MOTION, SAMPLES, View, table
 from vibroimpact.families import ready_made
 from vibroimpact.files import load
 from vibroimpact.indices import INDICES
-from vibroimpact.oscillator import Model
+from vibroimpact.model import Model
 from vibroimpact.parameters import Parameter, check_fits
 
 Stored = Callable[[View], Plane | None]

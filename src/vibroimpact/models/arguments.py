@@ -8,7 +8,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, ParamSpec, TypeVar
 
-from vibroimpact.oscillator import ImpactOscillator, check_names
+from vibroimpact.model import check_names
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, invalid, whole_number
 
 _Arguments = ParamSpec("_Arguments")

@@ -9,10 +9,11 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from vibroimpact.model import Model, State, check_names
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING, objection
 from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, parameters_of
-from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import invalid
 
 SAME = 1e-7  # of the fastest impact, and in sine and cosine of the driving angle: nearer than this, two orbits are one

@@ -15,10 +15,11 @@ import numpy as np
 
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
 from vibroimpact.backends.cpu import outlast
+from vibroimpact.model import Model, State, check_model
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
 from vibroimpact.orbits.orbit import Orbit, from_hardest, impacts_of, make_orbit, same_orbit, solution_of, true_cycle
-from vibroimpact.oscillator import ImpactOscillator, Model, State, check_model
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import invalid, real_number, whole_number
 
 Near = Orbit | State | tuple[float, float] | None

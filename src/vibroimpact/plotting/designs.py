@@ -16,8 +16,9 @@ from matplotlib.patches import FancyBboxPatch, Rectangle
 from vibroimpact.classes import NEEDED, classify
 from vibroimpact.dataset import model_from
 from vibroimpact.figures import check_size
+from vibroimpact.model import Model, State
 from vibroimpact.motion import motion_name, refined
-from vibroimpact.oscillator import ImpactOscillator, Model, State
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import several
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.orbits import phase_portrait, time_history

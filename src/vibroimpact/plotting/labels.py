@@ -12,7 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 
 from vibroimpact.dataset import VARIABLES, model_of, oscillator_of
-from vibroimpact.oscillator import ImpactOscillator, Model
+from vibroimpact.model import Model
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.plotting.ticks import power_of, quantity, scale_axis, unit_label
 from vibroimpact.system import ImpactSystem
 
@@ -211,7 +212,7 @@ def title(dataset: xr.Dataset) -> str:
     elif osc:
         varied |= {osc.parameters[name].replaces or name for name in varied if name in osc.parameters}
         held = [parameter_text(name, osc) for name in osc.values if name not in varied]
-        if isinstance(osc, ImpactSystem) and len(held) > MOST:
+        if len(held) > MOST:
             held = [*held[: "omega" not in varied], counted(len(osc.stops), "stop")]
     return ",  ".join(filter(None, [*held, str(dataset.attrs.get("note", _begun(dataset)))]))
 

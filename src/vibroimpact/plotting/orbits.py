@@ -241,7 +241,7 @@ def time_history(
     for rests, name in motion.rests(simulation):
         draw_sticks(ax, [rest[:, :2] for rest in rests], name, 4)
     ax.set_xlim(float(simulation["time"][0]), float(simulation["time"][-1]))
-    if own and isinstance(motion.model, ImpactSystem) and "force" in simulation:
+    if own and "force" in simulation:
         labels.label_axis(ax.yaxis, motion.y)
         below = style.panel_below(ax, 1.9)
         draw_forces(below, motion.model, simulation)

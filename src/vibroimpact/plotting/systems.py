@@ -239,7 +239,7 @@ def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) 
     return low, high
 
 
-def draw_forces(ax: Axes, system: ImpactSystem, simulation: xr.Dataset) -> None:
+def draw_forces(ax: Axes, system: Any, simulation: xr.Dataset) -> None:
     """Draw the forces of stops that give over time, each contact before a box of its duration and largest force."""
     for stop in (stop for stop in system.stops if stop.compliant):
         hits = simulation.isel(impact=np.flatnonzero(simulation["impact_stop"] == stop.name))

@@ -20,13 +20,13 @@ from vibroimpact.dataset import (
     variable,
 )
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
+from vibroimpact.model import Model
 from vibroimpact.options import Tolerances
-from vibroimpact.oscillator import Model
 from vibroimpact.parameters import Parameter, invalid, several
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
 from vibroimpact.verdict.boundaries import BOUNDARIES, ONSETS, Edge
-from vibroimpact.verdict.describe import Verdict, describe, numbers_of
+from vibroimpact.verdict.describe import Verdict, describe
 from vibroimpact.verdict.present import percent, range_of
 from vibroimpact.verdict.text import advice_words, onset_words
 
@@ -113,7 +113,7 @@ class Comparison:
         varied = [edge.parameter for edge in first[::2]]
         if len(first) == len(second):
             content |= _boundary_variables(self.verdicts)
-        arguments = {"names": self.names, "oscillators": [numbers_of(verdict.oscillator) for verdict in self.verdicts]}
+        arguments = {"names": self.names, "oscillators": [verdict.oscillator.plain() for verdict in self.verdicts]}
         return dataset_of(
             content,
             coords={"design": _texts(self.names), "parameter": _texts(varied), "direction": np.array([-1, 1], np.int8)},

@@ -9,9 +9,9 @@ from itertools import count
 from typing import Any
 
 from vibroimpact.coexistence.measuring import Runner, SpentError
+from vibroimpact.model import Model, check_model
 from vibroimpact.motion import Motion
 from vibroimpact.options import Tolerances
-from vibroimpact.oscillator import Model, check_model
 from vibroimpact.progress import Report, reporter
 from vibroimpact.system import ImpactSystem
 from vibroimpact.verdict.advice import Advice, advise
@@ -134,7 +134,7 @@ class Verdict:
         """Return plain dictionaries, lists, numbers and text, ready for JSON: NaN as None, infinity as "-inf"."""
         content = {
             **({} if self.model is self.oscillator else {"model": {"family": str(self.model), **self.model.values}}),
-            "system" if self.of_system else "oscillator": numbers_of(self.oscillator),
+            self.oscillator.kind: self.oscillator.plain(),
             "kind": self.kind,
             "motion": asdict(self.motion) | {"name": self.motion.name},
             "multipliers": [[z.real, z.imag] for z in self.orbit.multipliers] if self.orbit else None,
@@ -151,11 +151,6 @@ class Verdict:
             "complete": self.complete,
         }
         return {name: _plain(value) for name, value in content.items()}
-
-
-def numbers_of(model: Any) -> dict[str, Any]:
-    """Return the numbers of an oscillator or a system."""
-    return model.plain() if isinstance(model, ImpactSystem) else asdict(model)
 
 
 def _plain(value: Any) -> Any:

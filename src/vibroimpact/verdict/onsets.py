@@ -17,8 +17,8 @@ import numpy as np
 
 from vibroimpact.backends import Cells, Measurement
 from vibroimpact.coexistence.measuring import Measured, Runner, Start, cells_of, spread_cells
+from vibroimpact.model import Model
 from vibroimpact.orbits.equations import impact_1_orbits
-from vibroimpact.oscillator import Model
 from vibroimpact.status import Status
 from vibroimpact.verdict.carried import BRIEF, LONG, NARROW, PLACES, SECTIONS, STATES, UNSURE, Track, carry
 from vibroimpact.verdict.present import CROWDED, Range, measure

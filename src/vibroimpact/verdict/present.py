@@ -17,10 +17,11 @@ from vibroimpact.coexistence.search import attractors_by, from_rest
 from vibroimpact.coexistence.systems import alike
 from vibroimpact.dataset import provenance
 from vibroimpact.labels import in_seconds, labelled_impacts
+from vibroimpact.model import Model, State, check_names
 from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.orbit import Impacts, value_of
-from vibroimpact.oscillator import ImpactOscillator, Model, State, check_names
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, invalid, several
 from vibroimpact.recognition import recognise
 from vibroimpact.scales import LIGHT, scale_of

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from vibroimpact import report
 from vibroimpact.coexistence.measuring import PAPER, SPREAD
+from vibroimpact.model import Model
 from vibroimpact.motion import listed
-from vibroimpact.oscillator import Model
 from vibroimpact.verdict.advice import INSTANTS, Advice
 from vibroimpact.verdict.boundaries import NOISE, ONSETS, Edge
 from vibroimpact.verdict.carried import LONG, PLACES

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
+from vibroimpact.model import Model, State
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.orbit import SAME, same_orbit
 from vibroimpact.orbits.search import Orbits
@@ -14,7 +15,6 @@ from vibroimpact.orbits.systems.orbit import SystemOrbit
 from vibroimpact.orbits.systems.search import find, ordered, struck_from
 from vibroimpact.orbits.systems.sticking import find_sticking
 from vibroimpact.orbits.systems.symmetry import mirror
-from vibroimpact.oscillator import Model, State
 from vibroimpact.parameters import invalid
 from vibroimpact.recognition import cycle_length
 

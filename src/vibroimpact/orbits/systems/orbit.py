@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vibroimpact.cells import Floats
+from vibroimpact.model import Model, State
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import TURN
@@ -20,7 +21,6 @@ from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.symmetry import mirror
-from vibroimpact.oscillator import Model, State
 from vibroimpact.stops import Stop
 from vibroimpact.system import ImpactSystem
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from vibroimpact.cells import Floats
+from vibroimpact.model import Model, State, check_model
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits import equations
 from vibroimpact.orbits.equations import TURN
@@ -22,7 +23,6 @@ from vibroimpact.orbits.systems.one_contact import one_contact
 from vibroimpact.orbits.systems.orbit import SystemOrbit, cycle_of, make_orbit
 from vibroimpact.orbits.systems.symmetry import mirror
 from vibroimpact.orbits.systems.trace import cycle_from
-from vibroimpact.oscillator import Model, State, check_model
 from vibroimpact.parameters import choice, invalid, real_number, several, truth, whole_number
 from vibroimpact.system import ImpactSystem
 

@@ -19,6 +19,7 @@ import numpy as np
 from vibroimpact.backends import Measurement, StroboscopicWindow, get_backend
 from vibroimpact.backends.system_carry import Carrier
 from vibroimpact.cells import Floats
+from vibroimpact.model import Model, State
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import TURN
@@ -28,7 +29,6 @@ from vibroimpact.orbits.systems.contacts import Contact
 from vibroimpact.orbits.systems.cycle import multipliers_of
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.orbit import Rest, SystemOrbit
-from vibroimpact.oscillator import Model, State
 from vibroimpact.parameters import invalid
 from vibroimpact.system import ImpactSystem
 

@@ -1,0 +1,110 @@
+"""What the machinery knows of a model, and the state that a motion starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+from vibroimpact.parameters import Parameter, invalid, real_number, unknown
+
+if TYPE_CHECKING:
+    from vibroimpact.cells import Cells
+
+
+@runtime_checkable
+class Model(Protocol):
+    """What the machinery knows of a model: its table of parameters, their values, and the cells that it makes.
+
+    `str()` of a model names it without its values: in titles, in files, and in the identity of a store.
+    """
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """The parameters that an axis may vary, by name."""
+        ...
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Their values; of parameters that replace one another, one, while the others are attributes."""
+        ...
+
+    def replace(self, **changes: float) -> Model:
+        """Return the model with some parameters changed."""
+        ...
+
+    def at(self, **values: float) -> Any:
+        """Return the oscillator or the system that it is at some values of its parameters."""
+        ...
+
+    def cells(self, points: Mapping[str, Any], start: State | None = None) -> Cells:
+        """Return one cell per point, from its columns of values."""
+        ...
+
+
+def check_model(model: Any, name: str = "osc") -> None:
+    """Refuse what is neither an oscillator, a system nor a family."""
+    if not isinstance(model, Model) or isinstance(model, type):
+        raise invalid(name, model, "an ImpactOscillator or a family", "write for example ImpactOscillator(omega=2.8)")
+
+
+def check_names(parameters: Mapping[str, Parameter], names: Iterable[str]) -> None:
+    """Refuse names that are no parameters, with the one that was probably meant, also by its symbol."""
+    for name in names:
+        if not isinstance(name, str) or name not in parameters:
+            meant = next((known for known, parameter in parameters.items() if parameter.symbol == str(name)), None)
+            raise unknown("parameter", name, parameters, f"did you mean {meant!r}?" if meant else "")
+
+
+@dataclass(frozen=True)
+class State:
+    """Where the mass is, how fast it moves towards the stop, and when; of a system, its coordinates and their rates.
+
+    Parameters
+    ----------
+    displacement : float or sequence of float
+        y in m; at most the gap. Of an `ImpactSystem` all coordinates, kept as a tuple.
+    velocity : float or sequence of float
+        y' in m/s; at the stop, > 0 is an impact at this very time. As many as coordinates, all 0 unless given.
+    time : float
+        t in s; the force is f sin(w t).
+
+    Examples
+    --------
+    >>> State(-1.0)
+    State(displacement=-1.0, velocity=0.0, time=0.0)
+    >>> State([0.1, 0.0])
+    State(displacement=(0.1, 0.0), velocity=(0.0, 0.0), time=0.0)
+    """
+
+    displacement: Any  # a float, or a tuple of them
+    velocity: Any = 0.0
+    time: float = 0.0
+
+    def __post_init__(self) -> None:
+        found = {name: _numbers(name, getattr(self, name)) for name in ("displacement", "velocity")}
+        places, speeds = (len(value) if isinstance(value, tuple) else 0 for value in found.values())
+        if places and found["velocity"] == 0.0:
+            found["velocity"] = (0.0,) * places
+        elif places != speeds:
+            got = " and ".join(str(count or "a single number") for count in (places, speeds))
+            raise ValueError(f"`displacement` and `velocity` must have as many numbers, got {got}")
+        for name, value in found.items():
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "time", real_number("time", self.time))
+
+
+def _numbers(name: str, given: Any) -> float | tuple[float, ...]:
+    """Return a number, or those of a one-dimensional list or array as a tuple."""
+    if isinstance(given, (list, tuple)) or getattr(given, "ndim", 0) == 1:
+        if not len(given):
+            raise invalid(name, given, "a number, or numbers for all coordinates")
+        return tuple(real_number(f"{name}[{at}]", value) for at, value in enumerate(given))
+    return real_number(name, given)
+
+
+def one_start(start: Any) -> State | None:
+    """Return one initial condition, or refuse what is none."""
+    if not (start is None or isinstance(start, State)):
+        raise invalid("start", start, "None or a State", "write State(displacement, velocity=0.0, time=0.0)")
+    return start
