@@ -19,7 +19,6 @@ from vibroimpact.backends import (
     check_takes,
     get_backend,
 )
-from vibroimpact.backends.base import SystemSamples
 from vibroimpact.cells import Cells
 from vibroimpact.dataset import dataset_of, flags, impact_speed, missing, status_variable, variable
 from vibroimpact.execution.threads import run_sweep, run_tiles, tiles, worker_count
@@ -253,7 +252,7 @@ def _fill(table: dict[str, NDArray[Any]], section: str, at: int, seen: Any, coor
             points["stop"] = seen.impact_stop
     else:
         points = {"displacement": seen.look_displacement, "velocity": seen.look_velocity}
-        if isinstance(seen, SystemSamples):
+        if seen.look_displacement.ndim > 1:
             points = {name: values[:, coordinate] for name, values in points.items()}
     for name, column in points.items():
         table[name][at, : len(column)] = column

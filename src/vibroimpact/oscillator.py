@@ -75,6 +75,7 @@ class ImpactOscillator:
     at_rest: ClassVar[str] = "rest at y = min(0, gap)"
     coordinates: ClassVar[int] = 1
     says_all: ClassVar[bool] = True  # its parameters are all its numbers
+    forgets: ClassVar[bool] = True  # phase and velocity of an impact are the whole state, and a rest erases all memory
 
     mass: float
     damping: float

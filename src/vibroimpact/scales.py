@@ -35,7 +35,7 @@ def scale_of(model: Model, name: str, value: float) -> Scale:
     one mass) of a gap, critical damping, k |g| of a force, 1 of a restitution, m w^2 of a stiffness. Of a family's
     parameter at 0 it is the change that makes one of the design's numbers another one of its size.
     """
-    if value > 0.0 and not (isinstance(model, ImpactOscillator) and name == "gap"):
+    if is_own_scale(model, name, value):
         return Scale(value)
     if isinstance(model, ImpactOscillator):
         given = _of_oscillator(model).get(name, Scale(0.0))
@@ -46,6 +46,11 @@ def scale_of(model: Model, name: str, value: float) -> Scale:
     if given.size < abs(value):
         return Scale(abs(value))
     return given if given.size > 0.0 else _unit(model, name)
+
+
+def is_own_scale(model: Model, name: str, value: float) -> bool:
+    """Return whether a value is what its changes are relative to: not the gap of one mass, which may be 0 as well."""
+    return value > 0.0 and not (isinstance(model, ImpactOscillator) and name == "gap")
 
 
 def _unit(model: Model, name: str) -> Scale:

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vibroimpact.backends import Backend, ImpactWindow, Measurement, StroboscopicWindow, check_takes, get_backend
-from vibroimpact.backends.base import SystemSamples
 from vibroimpact.cells import Floats, cells_at
 from vibroimpact.dataset import dataset_of, provenance, status_variable, variable
 from vibroimpact.labels import Seconds, in_seconds, labelled_impacts, trajectory_of
@@ -303,7 +302,7 @@ def stroboscopic_section(
     sampling = Sampling(transient_periods=transient_periods, sample_periods=sample_periods)
     window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, phase_number("phase", phase))
     seen, seconds = orbit.samples(window)
-    dims = ("period", "coordinate") if isinstance(seen, SystemSamples) else "period"
+    dims = ("period", "coordinate") if seen.look_displacement.ndim > 1 else "period"
     return dataset_of(
         {
             "time": variable("time", "period", seconds(seen.look_periods, seen.look_phase)),

@@ -90,6 +90,7 @@ class ImpactSystem(ByValue):
     kind: ClassVar[str] = "system"  # as files name it
     at_rest: ClassVar[str] = "rest at q = 0, or before the stops in its way"
     says_all: ClassVar[bool] = False  # its parameters are not all its numbers
+    forgets: ClassVar[bool] = False  # beside an impact, or a rest at a stop, other things move on
 
     mass: Floats
     damping: Floats

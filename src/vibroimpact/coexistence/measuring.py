@@ -139,15 +139,14 @@ def state_cells(osc: ImpactOscillator | ImpactSystem, starts: Iterable[State]) -
     for state in states:
         if not isinstance(state, State):
             raise invalid("starts", state, allowed, "write State(displacement, velocity=0.0, time=0.0)")
-        if isinstance(osc, ImpactSystem):
-            continue
-        check_single("starts", state)
-        if state.displacement > osc.gap:
-            raise invalid("starts", state, allowed, f"displacements are at most the gap, {osc.gap:g} m here")
     if isinstance(osc, ImpactSystem):
         q, speed, seconds = zip(*map(osc.initial, states), strict=True)
         turns = np.array(seconds) * osc.omega / (2.0 * math.pi)
         return copies(osc, len(q)).at(np.array(q), np.array(speed), turns)
+    for state in states:
+        check_single("starts", state)
+        if state.displacement > osc.gap:
+            raise invalid("starts", state, allowed, f"displacements are at most the gap, {osc.gap:g} m here")
     y, v, t = (np.array([getattr(state, name) for state in states]) for name in ("displacement", "velocity", "time"))
     return cells_at(osc, osc.gap - y, v, t * osc.omega / (2.0 * math.pi))
 

@@ -85,7 +85,7 @@ class Settled:
         self.passing[at] = np.fmax(self.passing[at], hit)
         self.kind[at] = attracting_kinds(self.osc, outcome, kept)
         self.status[at] = _plain(outcome["status"], self.kind[at])
-        if not forgets(self.osc):  # a cycle that is not believed has no name
+        if not self.osc.forgets:  # a cycle that is not believed has no name
             unnamed = at[~np.isin(self.kind[at], (MotionClass.PERIODIC, MotionClass.STICKING))]
             self.indices["n_periods"][unnamed] = self.indices["n_impacts"][unnamed] = 0
 
@@ -100,18 +100,13 @@ class Settled:
         self.passing[at] = np.fmax(fate.passing, self.passing[at])
 
 
-def forgets(osc: ImpactOscillator | ImpactSystem) -> bool:
-    """Return whether a rest at a stop erases all memory: of one mass at one stop, where nothing else moves on."""
-    return isinstance(osc, ImpactOscillator)
-
-
 def rounds(osc: ImpactOscillator | ImpactSystem, transient: int, keep: int) -> list[ImpactWindow]:
     """Return the windows of one round after the other; a single one where longer rounds would decide nothing.
 
     Of a system 2^k - 1 impacts are left out and 2^k kept: that is how lanes compare later impacts with the first kept.
     """
     number = ROUNDS if attracts(osc) else 1
-    if forgets(osc):
+    if osc.forgets:
         return [ImpactWindow(transient * LONGER**i, keep * LONGER**i) for i in range(number)]
     half = 1 << max(transient, (keep - 1) // 4).bit_length()
     return [ImpactWindow(half * LONGER**i - 1, half * LONGER**i) for i in range(number)]
@@ -119,7 +114,7 @@ def rounds(osc: ImpactOscillator | ImpactSystem, transient: int, keep: int) -> l
 
 def late(osc: ImpactOscillator | ImpactSystem) -> ImpactWindow:
     """Return the window over which motions are watched that do not repeat."""
-    return LATE if forgets(osc) else LATE_OF_SYSTEMS
+    return LATE if osc.forgets else LATE_OF_SYSTEMS
 
 
 def last_round(
@@ -161,7 +156,7 @@ def settle(
             cut = (status[left] == Status.BUDGET) | (status[left] == Status.INTERRUPTED)
             kind[left[cut]], status[left[cut]] = before[0][cut], before[1][cut]
         resting = (status == Status.STICKING) & (settled.indices["n_periods"] == 0)
-        stuck = left[resting[left] & np.isin(kind[left], (MotionClass.UNDECIDED, MotionClass.STICKING)) & forgets(osc)]
+        stuck = left[resting[left] & np.isin(kind[left], (MotionClass.UNDECIDED, MotionClass.STICKING)) & osc.forgets]
         if stuck.size and not runner.stop.is_set():
             settled.follow(stuck, fate())
         again = (kind == MotionClass.UNDECIDED) & (status != Status.BUDGET) & (status != Status.INTERRUPTED)
@@ -169,7 +164,7 @@ def settle(
         chaotic = kind == MotionClass.CHAOTIC
         if window is not windows[-1] and chaotic[left].any():
             match outlook(settled, window):
-                case MotionClass.STICKING if forgets(osc):
+                case MotionClass.STICKING if osc.forgets:
                     settled.follow(np.flatnonzero(chaotic), fate())
                 case MotionClass.UNDECIDED | MotionClass.STICKING:
                     again |= chaotic
@@ -239,7 +234,7 @@ def chaotic_groups(settled: Settled) -> list[Counts]:
     Of a system all are one group.
     """
     members = np.flatnonzero(settled.kind == MotionClass.CHAOTIC)
-    if members.size and not forgets(settled.osc):
+    if members.size and not settled.osc.forgets:
         return [members]
     if members.size == 0:
         return []
@@ -270,7 +265,7 @@ def attracting_kinds(osc: ImpactOscillator | ImpactSystem, outcome: Outcome, kep
     neighbours part is not believed, unless no faster than in proportion, as a mass does that nothing holds or strikes.
     """
     growth = outcome["lyapunov_per_impact"] * kept
-    cycles = outcome["n_periods"] if forgets(osc) else np.where(growth > math.log(kept), 0, outcome["n_periods"])
+    cycles = outcome["n_periods"] if osc.forgets else np.where(growth > math.log(kept), 0, outcome["n_periods"])
     kinds = decide(outcome["status"], growth, cycles, outcome["n_impacts"], kept if may_wind(osc) else 0)
     forced, damped, touching = _loads(osc)
     settles_to = np.arange(len(MotionClass), dtype=np.int8)
@@ -279,7 +274,7 @@ def attracting_kinds(osc: ImpactOscillator | ImpactSystem, outcome: Outcome, kep
     if not forced:
         settles_to[MotionClass.STUCK_FOREVER] = MotionClass.AT_REST
         settles_to[MotionClass.NO_IMPACT] = MotionClass.AT_REST if damped else MotionClass.NO_IMPACT
-        if not forgets(osc):
+        if not osc.forgets:
             settles_to[[MotionClass.UNDECIDED, *_LASTING]] = settles_to[MotionClass.DECAYING]
     found: NDArray[np.int8] = settles_to[kinds]
     found[_lasts(osc, outcome) & np.isin(kinds, (MotionClass.UNDECIDED, *_LASTING))] = MotionClass.UNDECIDED

@@ -364,11 +364,13 @@ def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Wa
 
 def check_range(owner: AnyOrbit | Model, name: Any, given: Any) -> tuple[float, float]:
     """Return the ends of a range of a parameter of a model, or of an orbit's model, whose value it must then hold."""
-    low, high = check_pair(owner.model if isinstance(owner, (Orbit, SystemOrbit)) else owner, name, "range", given)
+    orbit = owner if isinstance(owner, (Orbit, SystemOrbit)) else None
+    model: Any = owner if orbit is None else orbit.model
+    low, high = check_pair(model, name, "range", given)
     if not low < high:
         raise invalid("range", (low, high), "a lower number before a higher one")
-    if isinstance(owner, (Orbit, SystemOrbit)) and not low <= owner.value(name) <= high:
-        raise invalid("range", (low, high), f"one that holds the orbit's {name}, {owner.value(name):.12g}", "widen it")
+    if orbit and not low <= orbit.value(name) <= high:
+        raise invalid("range", (low, high), f"one that holds the orbit's {name}, {orbit.value(name):.12g}", "widen it")
     return low, high
 
 

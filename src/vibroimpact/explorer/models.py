@@ -50,7 +50,7 @@ def opened(model: Model, name: str = "") -> tuple[View, Find]:
 
 def opened_as(model: Model, name: str) -> tuple[str, Find]:
     """Return what links call a model, and what finds it by that: one mass with one stop has no name."""
-    if isinstance(model, ImpactOscillator):
+    if getattr(model, "says_all", False):
         return "", only_known
     called = printable(name or str(model)).replace(" ", "_")
     return called, finder(called, model)

@@ -223,7 +223,7 @@ def _sides(seen: Shown, time: Floats, speed: Floats, stop: Floats) -> list[tuple
 def _hardest(osc: Any, impact_map: Columns) -> State | None:
     """Return the hardest of the last impacts of one mass as a state to continue from."""
     velocity, phase = (impact_map[name][:-65:-1] for name in ("velocity", "phase"))
-    if not len(velocity) or not isinstance(osc, ImpactOscillator):
+    if not len(velocity) or not osc.forgets:
         return None
     at = int(velocity.argmax())
     return State(osc.gap, float(velocity[at]), float(phase[at]) * osc.period)
@@ -245,7 +245,7 @@ def _impact_map(
 
     Those of a system are those recorded, at one stop or, -1, at all.
     """
-    if not isinstance(osc, ImpactOscillator):
+    if not osc.forgets:
         hit = {name: orbit[f"impact_{name}"][TRANSIENT:] for name in ("phase", "velocity", "stop")}
         at = np.flatnonzero((hit["stop"] == stop) | (stop < 0))[:IMPACTS]
         return {name: hit[name][at] for name in ("phase", "velocity")}

@@ -123,7 +123,7 @@ class Orbit:
 
 def family_of(model: Model) -> Model | None:
     """Return a model that is a family, as an `Orbit` keeps it."""
-    return None if isinstance(model, ImpactOscillator) else model
+    return None if model is model.at() else model
 
 
 def value_of(model: Model, name: str) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -10,7 +12,6 @@ from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.orbits import check_result, draw_sticks, ended, legend
 from vibroimpact.plotting.style import BLUE, DOTS, Floats, on_axes
 from vibroimpact.plotting.systems import View, color_of, view_of
-from vibroimpact.system import ImpactSystem
 
 MANY = 200  # more distinct points than this are drawn as an attractor, fewer as separate marks
 
@@ -182,8 +183,9 @@ def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     if not len(points):
         return ax
     fastest = float(points[:, 1].max())
-    osc, tolerance = labels.made(section), np.array([1e-6, 1e-6 * fastest])
-    if isinstance(osc, ImpactSystem):
+    osc: Any = labels.made(section)
+    tolerance = np.array([1e-6, 1e-6 * fastest])
+    if osc and "stop" in section:
         for name in (name for name in osc.stop_names if (section["stop"] == name).any()):
             here = section["stop"].values == name
             _draw_points(ax, points[here], tolerance, "impact", wrap=True, color=color_of(osc, name), of=f" on {name}")

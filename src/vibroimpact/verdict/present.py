@@ -24,7 +24,7 @@ from vibroimpact.orbits.orbit import Impacts, value_of
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, invalid, several
 from vibroimpact.recognition import recognise
-from vibroimpact.scales import LIGHT, scale_of
+from vibroimpact.scales import LIGHT, is_own_scale, scale_of
 from vibroimpact.system import ImpactSystem
 
 DEAREST = 1 << 29  # certified steps around a motion: five times those of the dearest of usual designs
@@ -301,7 +301,7 @@ def range_of(model: Model, name: str, within: float) -> Range:
     """
     value, parameter = value_of(model, name), model.parameters[name]
     scale = scale_of(model, name, value)
-    if value > 0.0 and not (isinstance(model, ImpactOscillator) and name == "gap"):
+    if is_own_scale(model, name, value):
         low, high = value / (1.0 + within), min(value * (1.0 + within), parameter.high)
     else:
         far = within * scale.size * (LIGHT if scale.of == "critical damping" else 1.0)
