@@ -170,6 +170,7 @@ def test_what_a_kernel_is_interrupted_at_is_compiled_before_the_interrupt_is_fel
     assert done.stdout == "felt True\n"
 
 
+@pytest.mark.long
 def test_warming_up_compiles_every_driver():
     for family in warming.FAMILIES:
         family()
