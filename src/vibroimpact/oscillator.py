@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from vibroimpact.model import State, check_model, check_names
-from vibroimpact.parameters import USUAL, Parameter, invalid
+from vibroimpact.parameters import OF_ONE_MASS, Parameter, invalid
 
 if TYPE_CHECKING:
     from vibroimpact.cells import Cells
@@ -21,7 +21,7 @@ _AS_SYSTEM = (
     "write ImpactSystem(mass=m, damping=c, stiffness=k, force=Force(omega=w, harmonics={1: f}), "
     "stops=[Stop(direction=1.0, gap=g, restitution=law)]), which takes laws"
 )
-PARAMETERS = tuple(name for name, parameter in USUAL.items() if parameter.replaces is None)
+PARAMETERS = tuple(name for name, parameter in OF_ONE_MASS.items() if parameter.replaces is None)
 
 
 @dataclass(frozen=True, init=False)
@@ -70,7 +70,7 @@ class ImpactOscillator:
     3.141593
     """
 
-    parameters: ClassVar[Mapping[str, Parameter]] = USUAL
+    parameters: ClassVar[Mapping[str, Parameter]] = OF_ONE_MASS
     kind: ClassVar[str] = "oscillator"  # as files name it
     at_rest: ClassVar[str] = "rest at y = min(0, gap)"
     coordinates: ClassVar[int] = 1

@@ -223,7 +223,7 @@ def in_words(size: int) -> str:
     return f"{value:.3g} {units[at]}" if value < 1000 else f"{value:.1e} {units[at]}"
 
 
-_OF_ONE_MASS = (
+_TABLE = (
     Parameter("mass", "mass", "kg", "m", 0.0, closed=False, hint="give the moving mass in kg"),
     Parameter("damping", "damping", "N s/m", "c", 0.0, hint="a damper takes energy out; use 0 for none"),
     Parameter(
@@ -253,4 +253,4 @@ _OF_ONE_MASS = (
     Parameter("gap", "gap", "m", "g", hint="give the clearance in m; negative means preloaded against the stop"),
 )  # fmt: skip
 # The numbers of one mass, its load and its stop that an axis may vary, by name.
-USUAL: Mapping[str, Parameter] = MappingProxyType({entry.name: entry for entry in _OF_ONE_MASS})
+OF_ONE_MASS: Mapping[str, Parameter] = MappingProxyType({entry.name: entry for entry in _TABLE})

@@ -14,20 +14,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact import parameters
 from vibroimpact.by_value import ByValue, shown
 from vibroimpact.contact import Law, law_of
 from vibroimpact.matrices import ROUNDING, nearest, numbers
-from vibroimpact.parameters import SMALLEST, invalid, several, unknown, whole_number
+from vibroimpact.parameters import OF_ONE_MASS, SMALLEST, invalid, several, unknown, whole_number
 
 SHORTEST = 1e-9  # driving periods: shorter contacts are those of a rigid stop
 STOPS = 5  # at most: an impact is solved among all their sets
 KINDS = "gap", "restitution", "stiffness", "damping"  # of numbers of stops that are parameters
 # Of which a system has some, with the same ranges; a stop without a stiffness is another one.
 USUAL = {
-    **parameters.USUAL,
+    **OF_ONE_MASS,
     "stiffness": replace(
-        parameters.USUAL["stiffness"],
+        OF_ONE_MASS["stiffness"],
         hint="give the stiffness of a compliant stop in N/m; leave it out for a rigid stop",
     ),
 }

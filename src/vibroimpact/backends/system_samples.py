@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, StroboscopicWindow, SystemSamples
+from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, SystemSamples
 from vibroimpact.backends.cpu import aligned, ended_as
 from vibroimpact.backends.system_rows import budgets_of, in_steps, steps_of
 from vibroimpact.backends.systems import alone_for, layout_for, noted, room_for
@@ -51,15 +51,15 @@ class _Recorder:
         self._seen = walk.Seen(impacts, np.zeros((wide, looks, 2 * k.modes)), rests, filled)
         owner, ends = np.full(LANES, -1), np.full(LANES, walk.GOES_ON)
         before = np.zeros(k.rows * LANES if looks else 0)
-        notes = np.zeros((wide, noted(k)))
-        self._busy = walk.Busy(aligned(k.rows * LANES), owner, notes, ends, before, np.zeros(k.rows))
+        notes, (rows, spare) = np.zeros((wide, noted(k))), np.zeros((2, k.rows))
+        self._busy = walk.Busy(aligned(k.rows * LANES), owner, notes, ends, before, rows, spare)
         self._rows = self._busy.lanes.reshape(-1, LANES)
         self._taken: list[tuple[list[Floats], list[Floats]]] = [([], []) for _ in range(wide)]
 
     def finished(self) -> Iterator[tuple[int, SystemSamples]]:
         """Yield the number of each cell, and what is seen of it, as it ends."""
         k, owner, ends = self._layout, self._busy.owner, self._busy.ends
-        work, waiting = np.zeros(k.rows), iter(range(len(self._cells)))
+        waiting = iter(range(len(self._cells)))
         busy, layout, schedule = InMemory(self._busy), InMemory(k), InMemory(self._schedule)
         room, alone, seen = InMemory(room_for(k)), InMemory(alone_for(k)), InMemory(self._seen)
 
@@ -67,12 +67,12 @@ class _Recorder:
             owner[lane] = cell = next(waiting, -1)
             if cell >= 0:
                 self._prepare(lane, cell)
-                walk.seat(busy, lane, layout, self._table[cell], room, seen, work)
+                walk.seat(busy, lane, layout, self._table[cell], room, seen)
 
         for lane in range(len(self._times)):
             seat(lane)
         while (owner >= 0).any():
-            walk.follow(busy, work, layout, room, seen, self._total, schedule, _STEPS, alone)
+            walk.follow(busy, layout, room, seen, self._total, schedule, _STEPS, alone)
             for lane in np.flatnonzero((owner >= 0) & (ends != walk.GOES_ON)).tolist():
                 if self._take(lane):
                     seen = InMemory(self._seen)
@@ -114,76 +114,65 @@ class _Recorder:
         return True
 
     def _labelled(self, lane: int) -> SystemSamples:
-        k, rows, cell = self._layout, self._rows[:, lane], self._busy.owner[lane]
+        """Return what is seen of the cell in a lane, in SI units."""
+        k, rows, note, times = self._layout, self._rows[:, lane], self._busy.notes[lane], self._times[lane]
+        at = self._busy.owner[lane]
+        cell = self._cells[at : at + 1]
+        n, h, shapes = k.modes, float(steps_of(cell)[0]), cell.shapes[0]
         impacts, rests = map(np.concatenate, self._taken[lane])
         looks = self._seen.looks[lane, : self._seen.filled[lane, 1]].copy()
-        phase = march.moment(*rows[k.turn : k.turn + 3])[1]
-        state = rows[k.eta : k.eta + k.modes], rows[k.rate : k.rate + k.modes], phase
-        ended = int(self._busy.ends[lane]), self._busy.notes[lane]
-        cells, times = self._cells[cell : cell + 1], self._times[lane]
-        return _labelled(cells, self._window, impacts, rests, times, looks, *ended, state)
+        ended = ended_as(int(self._busy.ends[lane]), bool(note[march.HITS]))
+        if isinstance(self._window, ImpactWindow):
+            rests, status = _within_impacts(impacts, rests, self._window, ended)
+        else:
+            step = h * cell["omega"][0] / (2.0 * math.pi)
+            impacts, rests, status = _within_looks(impacts, rests, times.sum(axis=0), step)
+            status = ended if len(looks) < self._window.keep else status
+        return SystemSamples(
+            impact_periods=impacts[:, 0],
+            impact_phase=impacts[:, 1],
+            impact_stop=impacts[:, 2].astype(np.int64),
+            impact_velocity=impacts[:, 3] / h,
+            impact_impulse=impacts[:, 4] / h,
+            impact_energy=impacts[:, 9] / h**2,
+            impact_simultaneous=impacts[:, 5] > 0.0,
+            impact_force=impacts[:, 6] / h**2,
+            impact_duration=impacts[:, 7] * h,
+            impact_depth=impacts[:, 8],
+            look_periods=times[0, : len(looks)].copy(),
+            look_phase=times[1, : len(looks)].copy(),
+            look_displacement=looks[:, :n] @ shapes.T,
+            look_velocity=looks[:, n:] @ shapes.T / h,
+            rest_stop=rests[:, 0].astype(np.int64),
+            rest_begin=rests[:, 1:3],
+            rest_end=rests[:, 3:5],
+            status=int(status),
+            steps=int(note[march.MADE]),
+            last_displacement=shapes @ rows[k.eta : k.eta + n],
+            last_velocity=shapes @ rows[k.rate : k.rate + n] / h,
+            last_phase=march.moment(*rows[k.turn : k.turn + 3])[1],
+        )
 
 
-def _labelled(
-    cell: SystemCells,
-    window: ImpactWindow | StroboscopicWindow,
-    impacts: Floats,
-    rests: Floats,
-    times: Floats,
-    looks: Floats,
-    end: int,
-    note: Floats,
-    state: tuple[Floats, Floats, float],
-) -> SystemSamples:
-    n, h, shapes = cell.shape.modes, float(steps_of(cell)[0]), cell.shapes[0]
-    if isinstance(window, ImpactWindow):
-        turns, filled = impacts[:, 0] + impacts[:, 1], len(impacts) == window.keep
-        first, last = (turns[0], turns[-1] if filled else math.inf) if len(turns) else (math.inf, -math.inf)
-        later = np.isnan(rests[:, 3]) | (rests[:, 3] + rests[:, 4] > first)
-        rests = rests[later & (rests[:, 1] + rests[:, 2] < last)]
-        span = float(turns[-1] - turns[0]) if len(turns) else 0.0
-        ended = ended_as(end, bool(note[march.HITS]))
-        status = window_status(
-            sampled=len(impacts), wanted=window.keep, stuck=len(rests) > 0, periods=span, ended=ended
-        )
-    else:
-        last = times[0, -1] + times[1, -1]  # the step that passes the last look may end at an impact
-        impacts = impacts[impacts[:, 0] + impacts[:, 1] <= last]
-        contact = impacts[:, 7] * h * cell["omega"][0] / (2.0 * math.pi)
-        impacts[np.ix_(impacts[:, 0] + impacts[:, 1] + contact > last, [4, 6, 7, 8, 9])] = math.nan
-        rests = rests[rests[:, 1] + rests[:, 2] <= last]
-        rests[rests[:, 3] + rests[:, 4] > last, 3:] = math.nan
-        released = rests[:, 3] + rests[:, 4]
-        first = times[0, 0] + times[1, 0]
-        stuck = bool((np.isnan(released) | (released > first)).any())
-        status = (
-            ended_as(end, bool(note[march.HITS]))
-            if len(looks) < window.keep
-            else Status.STICKING
-            if stuck
-            else Status.OK
-        )
-    return SystemSamples(
-        impact_periods=impacts[:, 0],
-        impact_phase=impacts[:, 1],
-        impact_stop=impacts[:, 2].astype(np.int64),
-        impact_velocity=impacts[:, 3] / h,
-        impact_impulse=impacts[:, 4] / h,
-        impact_energy=impacts[:, 9] / h**2,
-        impact_simultaneous=impacts[:, 5] > 0.0,
-        impact_force=impacts[:, 6] / h**2,
-        impact_duration=impacts[:, 7] * h,
-        impact_depth=impacts[:, 8],
-        look_periods=times[0, : len(looks)],
-        look_phase=times[1, : len(looks)],
-        look_displacement=looks[:, :n] @ shapes.T,
-        look_velocity=looks[:, n:] @ shapes.T / h,
-        rest_stop=rests[:, 0].astype(np.int64),
-        rest_begin=rests[:, 1:3],
-        rest_end=rests[:, 3:5],
-        status=int(status),
-        steps=int(note[march.MADE]),
-        last_displacement=shapes @ state[0],
-        last_velocity=shapes @ state[1] / h,
-        last_phase=state[2],
-    )
+def _within_impacts(impacts: Floats, rests: Floats, window: ImpactWindow, ended: Status) -> tuple[Floats, Status]:
+    """Return the rests between the first and the last impact of a window, and the status of its motion."""
+    turns, filled = impacts[:, 0] + impacts[:, 1], len(impacts) == window.keep
+    first, last = (turns[0], turns[-1] if filled else math.inf) if len(turns) else (math.inf, -math.inf)
+    later = np.isnan(rests[:, 3]) | (rests[:, 3] + rests[:, 4] > first)
+    rests = rests[later & (rests[:, 1] + rests[:, 2] < last)]
+    span = float(turns[-1] - turns[0]) if len(turns) else 0.0
+    stuck = len(rests) > 0
+    return rests, window_status(sampled=len(impacts), wanted=window.keep, stuck=stuck, periods=span, ended=ended)
+
+
+def _within_looks(impacts: Floats, rests: Floats, looks: Floats, step: float) -> tuple[Floats, Floats, Status]:
+    """Return the impacts and rests up to the last look, and the status of a full window; a step is so many periods."""
+    first, last = looks[0], looks[-1]  # the step that passes the last look may end at an impact
+    impacts = impacts[impacts[:, 0] + impacts[:, 1] <= last]
+    over = impacts[:, 0] + impacts[:, 1] + impacts[:, 7] * step
+    impacts[np.ix_(over > last, [4, 6, 7, 8, 9])] = math.nan  # of a contact that outlasts the motion
+    rests = rests[rests[:, 1] + rests[:, 2] <= last]
+    released = rests[:, 3] + rests[:, 4]
+    rests[released > last, 3:] = math.nan
+    stuck = bool((np.isnan(rests[:, 3]) | (released > first)).any())
+    return impacts, rests, Status.STICKING if stuck else Status.OK

@@ -32,10 +32,12 @@ def lasting_stops(osc: ImpactOscillator | ImpactSystem) -> NDArray[np.bool_]:
     sizes c, one or several at once, change velocities by B c and start a motion without loss if W^T B c = 0, B c not 0.
     Where something drives a system, impacts on several stops do not stay together, and those on one count.
     """
+    lossless = np.array([stop.damping == 0.0 if stop.compliant else stop.ratio == 1.0 for stop in osc.stops], bool)
+    if not lossless.any():
+        return lossless
     form = osc.modal()
     roots = np.sqrt(form.masses)
     damping = roots[:, None] * form.damping / roots
-    lossless = np.array([stop.damping == 0.0 if stop.compliant else stop.ratio == 1.0 for stop in osc.stops], bool)
     kicks = (form.directions / roots)[lossless].T
     kicks = kicks / np.linalg.norm(kicks, axis=0)
     taking = damping + damping.T

@@ -112,6 +112,19 @@ def _cross(rows, k, room):
 
 
 @rare
+def part_lanes(lanes, rows, k, first, beside_centre):
+    """Put a cell into all lanes, each with a deviation along another coordinate or rate, from `first` on."""
+    for lane in range(LANES):
+        for j in range(2 * k.modes):
+            rows[k.deta + j] = 1.0 if j == first + lane else 0.0
+        if beside_centre:
+            leave_centre(rows, k, None)
+        if rows[k.closed] > 0.0:
+            confine(rows, k)
+        lower(lanes, lane, rows, k.constants)
+
+
+@rare
 def _walk(room, alone, impacts, first):
     """Walk a cycle in lanes, each with a deviation along another coordinate or rate, from `first` on.
 
@@ -120,14 +133,8 @@ def _walk(room, alone, impacts, first):
     """
     k, lanes, rows, weakest, largest, found = alone.layout, alone.lanes, alone.end, math.inf, 1.0, 0
     lost, later = False, 1.0
-    for lane in range(LANES):
-        copy(alone.start, rows)
-        for j in range(2 * k.modes):
-            rows[k.deta + j] = 1.0 if j == first + lane else 0.0
-        leave_centre(rows, k, None)
-        if rows[k.closed] > 0.0:
-            confine(rows, k)
-        lower(lanes, lane, rows, k.constants)
+    copy(alone.start, rows)
+    part_lanes(lanes, rows, k, first, True)
     for _ in range(WALK):
         walk_on(lanes, k)
         more = 0

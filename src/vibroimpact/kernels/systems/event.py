@@ -139,7 +139,7 @@ def usual(rows, notes, k, wide, window):
 
 
 # What a motion is not asked for is left out of what makes it, and so is what compliant stops need where there are none.
-_rigid = without("giving")
+rigid = without("giving")
 _unseen = without("wary", "draining")
 _plain = without("thorough", "wary", "forceful", "draining")
 
@@ -164,9 +164,9 @@ def walk_on(lanes, k):
         else:
             _walk_on(lanes, _unseen(k))
     elif k.wary or k.draining:
-        _walk_on(lanes, _rigid(k))
+        _walk_on(lanes, rigid(k))
     else:
-        _walk_on(lanes, _rigid(_unseen(k)))
+        _walk_on(lanes, rigid(_unseen(k)))
 
 
 @deferred("impacts of systems", 2, by_kind=True)
@@ -187,9 +187,9 @@ def go_on(lanes, notes, k, window):
         else:
             _add_usual(lanes, notes, k, window)
     elif _is_plain(k):
-        _add_usual(lanes, notes, _rigid(_plain(k)), window)
+        _add_usual(lanes, notes, rigid(_plain(k)), window)
     else:
-        _add_usual(lanes, notes, _rigid(k), window)
+        _add_usual(lanes, notes, rigid(k), window)
 
 
 @inner

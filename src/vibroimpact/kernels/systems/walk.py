@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 
 from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, RUNNING, SPENT
 from vibroimpact.kernels.deferred import deferred
-from vibroimpact.kernels.held import without
 from vibroimpact.kernels.machine import compiled, copy, inner
-from vibroimpact.kernels.systems.closing import stays_pressed
-from vibroimpact.kernels.systems.event import lift, lower, walk_on
+from vibroimpact.kernels.systems.closing import part_lanes, stays_pressed
+from vibroimpact.kernels.systems.event import lift, lower, rigid, walk_on
 from vibroimpact.kernels.systems.flow import move, turns
 from vibroimpact.kernels.systems.lasting import lasting
 from vibroimpact.kernels.systems.law import begin, bounce
@@ -21,7 +20,7 @@ from vibroimpact.kernels.systems.pressed import asks_again, in_contact, is_press
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
 from vibroimpact.kernels.systems.step import BACK, fly_on, fly_one
-from vibroimpact.kernels.systems.tangent import confine, happen_beside
+from vibroimpact.kernels.systems.tangent import happen_beside
 from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
 
 
@@ -51,13 +50,14 @@ class Schedule(NamedTuple):
 
 
 class Busy(NamedTuple):
-    """Lanes: which hold a cell, their notes, why they stopped, and room for them as they were a step before."""
+    """Lanes: which hold a cell, their notes, why they stopped, the lanes a step before, and room for two cells."""
 
     lanes: Any
     owner: Any
     notes: Any
     ends: Any
     before: Any
+    rows: Any
     spare: Any
 
 
@@ -193,6 +193,12 @@ def _waits(rows, k):
 
 
 @inner
+def _has_seen_all(seen, lane, note, schedule, window):
+    """Return whether a lane has all impacts, or all looks."""
+    return note[HITS] >= window.total or (schedule.number > 0.0 and seen.filled[lane, 1] >= schedule.number)
+
+
+@inner
 def _is_full(k, seen, lane):
     """Return whether a lane's rows might not be enough for the next event."""
     impacts, rests = seen.filled[lane, 0] + k.stops, seen.filled[lane, 2] + k.stops
@@ -202,14 +208,13 @@ def _is_full(k, seen, lane):
 @inner
 def _end(rows, k, room, note, seen, lane, schedule, window, alone, asked):
     """Return why a cell stops here, RUNNING if for a full buffer alone, or that it goes on."""
-    looking = schedule.number > 0.0
     if rows[k.lawless] > 0.0:
         return LAWLESS
-    full = note[HITS] >= window.total
-    if full and _waits(rows, k):
+    full = _has_seen_all(seen, lane, note, schedule, window)
+    if full and schedule.number == 0.0 and _waits(rows, k):
         full = rows[k.made] > note[GRANTED]
         full |= asked and asks(rows, k, note) and lasting(rows, k, room) != RUNNING
-    if full or (looking and seen.filled[lane, 1] >= schedule.number):
+    if full:
         return FILLED
     if _is_full(k, seen, lane):
         return RUNNING
@@ -219,7 +224,7 @@ def _end(rows, k, room, note, seen, lane, schedule, window, alone, asked):
     still = k.giving and asks_again(note, 1, 0, rows[k.turn + 2]) and is_pressed(rows, k)
     if end == RUNNING and still and stays_pressed(rows, k, room, note, window, alone):
         end = PINNED
-    return end if end != RUNNING and (not looking or end == SPENT) else GOES_ON
+    return end if end != RUNNING and (schedule.number == 0.0 or end == SPENT) else GOES_ON
 
 
 @inner
@@ -233,21 +238,21 @@ def _begin(rows, k, row, room):
 
 
 @compiled("starts of motions of systems", 1)
-def seat(busy, lane, k, row, room, seen, rows):
+def seat(busy, lane, k, row, room, seen):
     """Put a cell, a row of its constants, into a lane."""
-    closing = _begin(rows, k, row, room)
-    _note_rests(rows, k, seen, lane, room, closing)
-    lower(busy.lanes, lane, rows, k.rows)
+    closing = _begin(busy.rows, k, row, room)
+    _note_rests(busy.rows, k, seen, lane, room, closing)
+    lower(busy.lanes, lane, busy.rows, k.rows)
 
 
 @inner
-def _look_at_all(busy, rows, k, seen, schedule):
+def _look_at_all(busy, k, seen, schedule):
     """Leave the states of all cells at the looks since the step before."""
     for lane in range(LANES):
         if busy.owner[lane] >= 0:
-            lift(busy.lanes, lane, rows)
+            lift(busy.lanes, lane, busy.rows)
             lift(busy.before, lane, busy.spare)
-            _look_on_way(rows, busy.spare, k, seen, lane, schedule)
+            _look_on_way(busy.rows, busy.spare, k, seen, lane, schedule)
 
 
 @inner
@@ -262,26 +267,29 @@ def _bounce_all(lanes, k):
 
 
 @deferred("motions of systems", 3, by_kind=True)
-def _follow(busy, rows, k, room, seen, window, schedule, most, alone):
+def _follow(busy, k, room, seen, window, schedule, most, alone):
     """Follow cells until one ends or a buffer of its is full, or so many steps are made; leave why."""
-    lanes, looking, over = busy.lanes, schedule.number > 0.0, False
+    lanes, rows, looking, over = busy.lanes, busy.rows, schedule.number > 0.0, False
     for number in range(most):
         if looking:
             copy(lanes, busy.before)
         walk_on(lanes, k)
         if looking:
-            _look_at_all(busy, rows, k, seen, schedule)
+            _look_at_all(busy, k, seen, schedule)
         made, asked = _bounce_all(lanes, k), number % LOOK == 0
         if not (looking or asked or made or anywhere(get(lanes, k.hit, 0) > NOTHING)):
             continue
         for lane in range(LANES):
-            usual, hit, note = lanes[k.near * LANES + lane] > 0.0, lanes[k.hit * LANES + lane], busy.notes[lane]
+            usual, hit = lanes[k.near * LANES + lane] > 0.0, lanes[k.hit * LANES + lane]
             if busy.owner[lane] < 0 or not (looking or asked or usual or hit != NOTHING):
                 continue
+            note = busy.notes[lane]
             note[MADE] = lanes[k.made * LANES + lane]
             if usual:
                 _record_usual(lanes, lane, k, seen, note, window)
-            if not (looking or asked or hit != NOTHING or note[HITS] >= window.total or _is_full(k, seen, lane)):
+            if not (
+                asked or hit != NOTHING or _has_seen_all(seen, lane, note, schedule, window) or _is_full(k, seen, lane)
+            ):
                 continue
             lift(lanes, lane, rows)
             if hit != NOTHING:
@@ -293,16 +301,13 @@ def _follow(busy, rows, k, room, seen, window, schedule, most, alone):
             return
 
 
-_rigid = without("giving")
-
-
 @compiled("motions of systems", 0.3)
-def follow(busy, rows, k, room, seen, window, schedule, most, alone):
+def follow(busy, k, room, seen, window, schedule, most, alone):
     """Do so; what compliant stops need is left out where there are none."""
     if k.giving:
-        _follow(busy, rows, k, room, seen, window, schedule, most, alone)
+        _follow(busy, k, room, seen, window, schedule, most, alone)
     else:
-        _follow(busy, rows, _rigid(k), room, seen, window, schedule, most, alone)
+        _follow(busy, rigid(k), room, seen, window, schedule, most, alone)
 
 
 @compiled("multipliers of systems", 2)
@@ -313,14 +318,7 @@ def carry_over(row, rows, k, room, lanes, before, first, periods, most):
     """
     _begin(rows, k, row, room)
     columns = min(LANES, 2 * k.modes - first)
-    for lane in range(columns):
-        for j in range(2 * k.modes):
-            rows[k.deta + j] = 1.0 if j == first + lane else 0.0
-        if rows[k.closed] > 0.0:
-            confine(rows, k)
-        lower(lanes, lane, rows, k.rows)
-    for lane in range(columns, LANES):
-        lower(lanes, lane, rows, k.rows)
+    part_lanes(lanes, rows, k, first, False)
     began, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
     passed = 0.0
     for _ in range(most):
