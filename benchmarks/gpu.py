@@ -1,4 +1,4 @@
-"""Impacts a second on a GPU, chaotic and periodic cells mixed; prints JSON. Run: python benchmarks/gpu.py [cells]."""
+"""Impacts a second on a GPU, chaotic and periodic cells mixed; prints JSON. Run: `python -m benchmarks.gpu [cells]`."""
 
 from __future__ import annotations
 

@@ -70,8 +70,8 @@ def _taking_up(result: Result) -> float | None:
     return result["stores"]["taking_up_s"] if result["stores"]["points"] == 1000 else None
 
 
-def _gpu_rate(result: Result) -> float | None:
-    return float(result["gpu"]["every_impact"]["impacts_computed_per_s"]) if result["gpu"] else None
+def _gpu_rate(result: Result) -> float:
+    return float(result["gpu"]["every_impact"]["impacts_computed_per_s"])
 
 
 def _over_first_map(name: str) -> Callable[[Result], float | None]:

@@ -114,6 +114,19 @@ def test_all_cells_fit_into_a_share_of_the_free_memory(monkeypatch):
     assert host._room(5) == (1, 1)
 
 
+@on_device
+@pytest.mark.skipif(SIMULATED, reason="the simulator runs one kernel at a time")
+def test_tiles_that_begin_together_load_the_kernels_once():
+    map_of_many = (
+        "import numpy as np, vibroimpact as vi\n"
+        "vi.parameter_map(vi.ImpactOscillator(), backend='cuda', transient_impacts=20, sample_impacts=20, "
+        "omega=np.linspace(0.05, 5.0, 512), restitution=np.linspace(0.5, 0.95, 128))"
+    )
+    for _ in range(4):  # the first may compile, the others load
+        child = subprocess.run([sys.executable, "-c", map_of_many], capture_output=True, text=True, cwd=HERE.parent)
+        assert child.returncode == 0, child.stderr
+
+
 def test_without_numba_cuda_it_is_told_what_to_install(monkeypatch):
     monkeypatch.setattr(host, "find_spec", lambda name: None)
     monkeypatch.setattr(host, "config", SimpleNamespace(ENABLE_CUDASIM=0))

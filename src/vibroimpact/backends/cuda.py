@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from importlib import import_module
 from importlib.util import find_spec
-from threading import BoundedSemaphore
+from threading import BoundedSemaphore, Lock
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,7 @@ CYCLE_BYTES = 8 * 4 * LONGEST
 
 # The simulator runs one kernel at a time.
 _turns = BoundedSemaphore(1 if config.ENABLE_CUDASIM else AT_ONCE)
+_launching = Lock()  # numba-cuda loads a kernel when it is first launched, and fails where two threads do so at once
 
 
 class CudaBackend(Backend):
@@ -152,7 +153,8 @@ class _Tile:
         return self._fetch(self.results), states
 
     def _launch(self, kernel: Any, threads: int, *arguments: Any) -> None:
-        kernel[-(-threads // THREADS), THREADS, self.stream](*arguments)
+        with _launching:
+            kernel[-(-threads // THREADS), THREADS, self.stream](*arguments)
 
     def _launch_listed(self, kernel: Any, chosen: Counts, *arguments: Any) -> None:
         listed = self.listing[: len(chosen)]
