@@ -10,22 +10,18 @@ from benchmarks.measure import child
 
 IMPORT = "import vibroimpact"
 ENGINE = "import vibroimpact as vi; vi.parameter_map"
-FIRST_MAP = (
-    "import numpy as np, vibroimpact as vi; "
-    "vi.parameter_map(vi.ImpactOscillator(), omega=np.linspace(2, 3, 16), sample_impacts=200)"
-)
-SYSTEM_MAP = (
-    "import numpy as np, vibroimpact as vi; damper = vi.models.impact_damper(); "
-    "vi.parameter_map(damper, omega=damper.omega * np.linspace(0.8, 1.2, 16), sample_impacts=200)"
-)
-SYSTEM_SECTION = "import vibroimpact as vi; vi.impact_section(vi.models.impact_damper(), sample_impacts=200)"
 DIAGRAM = (
     "import numpy as np, vibroimpact as vi; "
     "vi.bifurcation_diagram(vi.ImpactOscillator(), omega=np.linspace(0.05, 5, 1000))"
 )
 BYTECODE = {"PYTHONDONTWRITEBYTECODE": ""}  # written by the first of them, as an installer does
-DESCRIBE = ("-m", "vibroimpact", "describe", "-p", "omega=2.6")
-SYSTEM_VERDICT = "import vibroimpact as vi; vi.describe(vi.models.two_sided_oscillator())"
+COMMAND = "-m", "vibroimpact"
+DESCRIBE = *COMMAND, "describe", "-p", "omega=2.6"
+FIRST_MAP = *COMMAND, "map", "--x", "omega=2:3:16", "--sample-impacts", "200"
+DAMPER = "--model", "impact_damper", "--sample-impacts", "200"
+SYSTEM_MAP = *COMMAND, "map", "--x", "frequency=24:36:16", *DAMPER
+SYSTEM_SECTION = *COMMAND, "section", *DAMPER
+SYSTEM_VERDICT = *COMMAND, "describe", "--model", "two_sided_oscillator"
 
 
 def measure(effort: Effort) -> dict[str, float | None]:
@@ -34,15 +30,15 @@ def measure(effort: Effort) -> dict[str, float | None]:
     def seconds(*arguments: str, **environment: str) -> float:
         return median(child(*arguments, **BYTECODE, **environment)[0] for _ in range(effort.rounds))
 
-    def cold(*codes: str) -> list[float | None]:
+    def cold(*commands: tuple[str, ...]) -> list[float | None]:
         """Return the seconds of processes one after the other, the first with an empty cache."""
         rounds = []
         for _ in range(effort.cold_starts):
             with TemporaryDirectory() as folder:
-                rounds.append([child("-c", code, NUMBA_CACHE_DIR=folder)[0] for code in codes])
-        return [median(times) for times in zip(*rounds, strict=True)] if rounds else [None] * len(codes)
+                rounds.append([child(*command, NUMBA_CACHE_DIR=folder)[0] for command in commands])
+        return [median(times) for times in zip(*rounds, strict=True)] if rounds else [None] * len(commands)
 
-    warm = seconds("-c", FIRST_MAP)  # this process has filled the cache
+    warm = seconds(*FIRST_MAP)  # this process has filled the cache
     (first,) = cold(FIRST_MAP)
     of_system, section = cold(SYSTEM_MAP, SYSTEM_SECTION)
     (verdict,) = cold(SYSTEM_VERDICT)

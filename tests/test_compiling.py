@@ -15,7 +15,9 @@ import pytest
 from numba.core.event import Event, EventStatus
 
 import vibroimpact as vi
-from vibroimpact import compiling, warming
+from vibroimpact import beside, compiling, warming
+from vibroimpact.execution import threads
+from vibroimpact.execution.threads import worker_count
 from vibroimpact.kernels import deferred, machine
 
 COMMAND = [sys.executable, "-m", "vibroimpact"]
@@ -175,7 +177,7 @@ def test_warming_up_compiles_every_driver():
     for family in warming.FAMILIES:
         family()
     done = set()
-    while parts := deferred.noted() - done:  # a part may ask for others
+    while parts := deferred.noted().keys() - done:  # a part may ask for others
         done |= parts
         for part in parts:
             deferred.compile_part(part)
@@ -193,8 +195,9 @@ def test_a_process_that_has_computed_nothing_compiles_any_part():
     assert int(told) > 10
 
 
-def test_garbage_is_looked_for_again_once_nothing_is_compiled():
-    teller, (outer, inner) = machine._Teller(), list(machine._told)[:2]
+def test_garbage_is_looked_for_again_once_nothing_is_compiled(monkeypatch):
+    teller, outer, inner = machine._Teller(), "outer", "inner"
+    monkeypatch.setattr(machine, "_told", dict.fromkeys((outer, inner), ("nothing", 0.1, "")))
     begun, ended = (
         [Event("numba:compile", status, {"dispatcher": what}) for what in (outer, inner)]
         for status in (EventStatus.START, EventStatus.END)
@@ -217,3 +220,43 @@ def test_what_is_compiled_does_not_count_as_computing(monkeypatch):
     compiling.end()
     now[0] = 6.0
     assert (compiling.under_way(), compiling.clock() - before) == ("", 1.0)
+
+
+def test_of_two_processes_one_compiles_and_the_other_waits(tmp_path):
+    """Both come to the same driver at the same moment; whoever waits finds what was compiled."""
+    code = (
+        "import sys; from vibroimpact.kernels import recorder\n"
+        "import vibroimpact as vi; print('ready', flush=True); sys.stdin.readline()\n"
+        "vi.simulate(vi.ImpactOscillator(), periods=1)\n"
+        "print(sum(recorder.record.stats.cache_misses.values()))"
+    )
+    where, pipe = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}, subprocess.PIPE
+    both = [
+        subprocess.Popen([sys.executable, "-c", code], env=where, stdin=pipe, stdout=pipe, text=True) for _ in range(2)
+    ]
+    for process in both:
+        assert process.stdout.readline() == "ready\n"
+    for process in both:
+        process.stdin.write("\n")
+        process.stdin.flush()
+    assert sorted(int(process.communicate()[0]) for process in both) == [0, 1]
+
+
+@pytest.mark.long
+@pytest.mark.skipif(worker_count(None) < 2, reason="needs a second core")
+def test_beside_a_first_command_a_second_process_compiles_what_a_next_one_needs(tmp_path):
+    model = "--model", "two_sided_oscillator"
+    told = [line for line in run(tmp_path, "map", *model, "--x", "frequency=24:26:3") if TOLD.fullmatch(line)]
+    assert any("maps of systems" in line for line in told)
+    assert list(tmp_path.rglob("walk._follow*.nbc"))  # what follows single motions, which a map has no need of
+
+
+def test_a_model_that_cannot_be_handed_on_is_compiled_for_by_its_own_process(monkeypatch):
+    monkeypatch.setattr(beside, "_processes", [])
+    monkeypatch.setattr(compiling, "watching", [])
+    monkeypatch.setattr(threads, "worker_count", lambda workers: 2)
+    beside.compile_beside(lambda: vi.ImpactOscillator(restitution=lambda velocity: 0.5))
+    (start,) = compiling.watching
+    start()
+    assert not beside._processes
+    assert not compiling.watching

@@ -127,6 +127,8 @@ def explore(options: Options) -> None:
       vibroimpact explore map.zarr --port 8080 --no-browser
     """
     with refusing(OSError):
+        from vibroimpact import ImpactOscillator
+        from vibroimpact.beside import compile_beside
         from vibroimpact.explorer import explore as serve
 
         model, name = None, ""
@@ -134,6 +136,8 @@ def explore(options: Options) -> None:
             from vibroimpact.families import load_model
 
             model, name = load_model(options["model"]), Path(options["model"]).name
+        if options["store"] is None:
+            compile_beside((model or ImpactOscillator()).at)
         serve(
             options["store"],
             model=model,

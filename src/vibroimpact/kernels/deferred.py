@@ -58,6 +58,7 @@ def deferred(
         define.__name__ = function.__name__
         called: Any = intrinsic(define)
         called.part = compiled(what, seconds)(function)  # what Python calls
+        called.general = not by_kind
         return called
 
     return part
@@ -133,6 +134,13 @@ def _note(asked: bytes) -> None:
         written.replace(path)
 
 
-def noted() -> set[bytes]:
-    """Return all that kernels in the cache may ask for."""
-    return {path.read_bytes() for path in Path(cache_folder()).glob("*.part")}
+def noted() -> dict[bytes, None]:
+    """Return all that kernels in the cache may ask for, in the order in which it was noted."""
+    paths = sorted(Path(cache_folder()).glob("*.part"), key=lambda path: path.stat().st_mtime)
+    return dict.fromkeys(path.read_bytes() for path in paths)
+
+
+def is_general(asked: bytes) -> bool:
+    """Return whether a part is compiled once for all models, so that whoever may ask for it most likely does."""
+    module, name, _ = pickle.loads(asked)
+    return bool(getattr(import_module(module), name).general)

@@ -26,6 +26,7 @@ from numba.extending import intrinsic
 from platformdirs import user_cache_dir
 
 from vibroimpact import compiling
+from vibroimpact.kernels.claims import claim_what_is_missing
 from vibroimpact.kernels.held import Pruning
 
 
@@ -168,10 +169,12 @@ class _Teller(Listener):
     One thread compiles at a time.
     """
 
+    collects = False
+
     def on_start(self, event: Event) -> None:
         if told := _told.get(event.data["dispatcher"]):
-            if not compiling.under_way():
-                self.collects = gc.isenabled()
+            if gc.isenabled():
+                self.collects = True
                 gc.disable()
             compiling.begin(*told)
 
@@ -179,6 +182,7 @@ class _Teller(Listener):
         if event.data["dispatcher"] in _told:
             compiling.end()
             if self.collects and not compiling.under_way():
+                self.collects = False
                 gc.enable()
 
 
@@ -199,6 +203,7 @@ def compiled(what: str, seconds: float) -> Callable[[Callable[..., Any]], Any]:
             made = njit(**how, cache=True)(function)
             _told[made] = what, seconds, ONCE
             _mend(made._cache)
+            claim_what_is_missing(made._cache, cache_folder(), _told[made])
         except (OSError, RuntimeError):  # no folder to write to
             made = njit(**how)(function)
             _told[made] = what, seconds, ANEW.format(cache_folder())

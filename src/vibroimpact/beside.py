@@ -1,0 +1,78 @@
+"""A second process that compiles for a command, where kernels are missing and there is a second core."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from time import perf_counter, sleep
+from typing import TYPE_CHECKING, Any
+
+from vibroimpact import compiling
+
+if TYPE_CHECKING:
+    from vibroimpact.model import Model
+
+PATIENCE = 5.0  # s without anything to compile, after which it ends
+
+_processes: list[subprocess.Popen[bytes]] = []
+
+
+def compile_beside(model: Callable[[], Model]) -> None:
+    """Let a second process compile for this model from when this process begins to compile until it ends."""
+    from vibroimpact.execution.threads import worker_count
+
+    def start() -> None:
+        compiling.watching.remove(start)
+        with suppress(Exception):  # a law of restitution that cannot be handed on, say: this process compiles alone
+            words = pickle.dumps(model())
+            quiet: Any = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "bufsize": 0}
+            process = subprocess.Popen([sys.executable, "-P", "-m", __name__], stdin=subprocess.PIPE, **quiet)
+            _processes.append(process)
+            if process.stdin:  # left open: the other process ends with this one
+                process.stdin.write(words)
+
+    if worker_count(None) > 1:
+        compiling.watching.append(start)
+
+
+def main() -> None:
+    """Compute a little of the model that is handed on, then compile what else may be asked for."""
+    model = pickle.load(sys.stdin.buffer)
+    threading.Thread(target=_end_with_the_other, daemon=True).start()
+    compiling.TOLD = float("inf")
+    import vibroimpact as vi
+    from vibroimpact.kernels import claims, deferred
+
+    tried = set(deferred.noted())  # by earlier commands, which may have had no need of them
+
+    def compile_next() -> bool:
+        new = [part for part in deferred.noted() if part not in tried and deferred.is_general(part)]
+        if new:
+            tried.add(new[0])
+            deferred.compile_part(new[0])
+        return bool(new)
+
+    claims.meanwhile.append(compile_next)
+    with suppress(ValueError):  # a model without a frequency, say
+        vi.impact_section(model)
+        vi.parameter_map(model, omega=[model.omega], workers=1)
+    end = perf_counter() + PATIENCE
+    while perf_counter() < end:
+        if compile_next():
+            end = perf_counter() + PATIENCE
+        sleep(0.1)
+    os._exit(0)  # the thread reads on
+
+
+def _end_with_the_other() -> None:
+    sys.stdin.buffer.read()
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()
