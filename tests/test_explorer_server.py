@@ -109,7 +109,7 @@ def test_requests_alone_make_no_page_and_begin_no_work(served):
     assert served.get("/ws")[0].status == 400  # no websocket
     assert not served.made
     assert not served.server.tabs.open
-    assert threading.active_count() == threads
+    assert threading.active_count() <= threads  # others may have ended
 
 
 def test_the_page_is_the_same_file_for_all_and_in_no_frame_of_another_site(served):

@@ -110,12 +110,9 @@ class Options(Mapping[str, Any]):
 
     def study(self, file: Path | None = None) -> Study:
         """Return the request that they make together with a study file."""
-        from vibroimpact.beside import compile_beside  # here, since --help needs none of it
-        from vibroimpact.cli.study import read_study
+        from vibroimpact.cli.study import read_study  # here, since --help needs none of it
 
-        study = read_study(file or self.get("study"), self.changes(), self.get("model"))
-        compile_beside(study.model.at)
-        return study
+        return read_study(file or self.get("study"), self.changes(), self.get("model"))
 
     def with_values(self, **values: Any) -> Options:
         """Return a copy with other values of some options."""

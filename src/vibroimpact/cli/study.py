@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from vibroimpact.beside import compile_beside
 from vibroimpact.cli import WrongRequest, refusing
 from vibroimpact.cli.options import ENDS
 from vibroimpact.cli.units import has_unit, left_dimensionless, without_unit
@@ -174,13 +175,15 @@ def read_study(path: Path | None, changes: Mapping[str, Mapping[str, Any]], mode
         if model is not None:
             document["model"] = model
         try:
-            return make_study(document, changes, dotted=path is not None)
+            study = make_study(document, changes, dotted=path is not None)
         except ValueError as error:
             if path is None:
                 raise
             faults = str(error).splitlines()
             count = "1 error" if len(faults) == 1 else f"{len(faults)} errors"
             raise ValueError("\n".join([f"`study` {str(path)!r} has {count}:", *faults])) from None
+    compile_beside(study.model.at)
+    return study
 
 
 def _load(path: Path) -> dict[str, Any]:
