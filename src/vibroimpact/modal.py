@@ -243,8 +243,8 @@ def _by_rounding(coupling: Floats, damping: Floats, shapes: Floats, masses: Floa
 
 def velocity_scale(form: ModalForm) -> float:
     """Return the scale V > 0 of the rates of the clearances; `ImpactSystem.velocity_scale` has the formula."""
-    driven, rate, offset, omega = (np.array(part)[None] for part in speed_parts(form))
-    return float(velocity_scales(driven, rate, offset, omega, form.gaps[None])[0])
+    omega = np.array([form.omega])
+    return float(velocity_scales(*speed_parts(form, omega), omega, form.gaps[None])[0])
 
 
 def velocity_scales(driven: Floats, rate: Floats, offset: Floats, omega: Floats, gaps: Floats) -> Floats:
@@ -255,26 +255,40 @@ def velocity_scales(driven: Floats, rate: Floats, offset: Floats, omega: Floats,
     return found
 
 
-def speed_parts(form: ModalForm) -> tuple[Floats, Floats, Floats, float]:
-    """Return what V depends on beside the gaps: for each stop the speed that force and motion make, the rate at which
-    a clearance becomes a speed and what is off it in equilibrium; and the frequency.
+def speed_parts(form: ModalForm, omegas: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return what V depends on beside the gaps at each frequency: for each stop the speed that force and motion make,
+    the rate at which a clearance becomes a speed and what is off it in equilibrium.
     """
-    elastic = form.squares >= (FREE * form.omega) ** 2
+    elastic = form.squares >= (FREE * omegas[:, None]) ** 2
     entries = form.directions, form.masses, form.squares, form.damping
     seen, struck = _seen(len(form.masses), *(part.tobytes() for part in entries)), np.diag(form.mobility)
-    pushes = [np.where(elastic, 0.0, form.constant) / form.omega]
+    pushes = [np.where(elastic, 0.0, form.constant) / omegas[:, None]]
     for order, force in zip(form.orders, form.forces, strict=True):
-        pushes.append(force / np.sqrt(np.where(elastic, form.squares, (order * form.omega) ** 2)))
+        pushes.append(force / np.sqrt(np.where(elastic, form.squares, (order * omegas[:, None]) ** 2)))
     unit = _power_of_two(form.masses.max())
     roots = np.sqrt(form.masses / unit)
-    pushed = sum(np.linalg.norm(seen.T @ (roots * push)) for push in pushes) * np.sqrt(unit * struck)
-    moved = np.abs(form.motions) @ (form.orders * form.omega)
+    pushed = sum(_sizes(seen.T, roots * push) for push in pushes) * np.sqrt(unit * struck)
+    moved = _each(np.abs(form.motions), form.orders * omegas[:, None])
     shares = form.directions * form.jumps
-    sprung = np.where(elastic, 0.0, shares).sum(axis=1) <= len(elastic) * ROUNDING * struck
-    squares = np.where(elastic, form.squares, np.inf)
-    offset = (form.directions * form.constant / squares).sum(axis=1)
-    rate = np.sqrt(np.divide(struck, (shares / squares).sum(axis=1), where=sprung, out=np.zeros(len(struck))))
-    return np.maximum(pushed, moved), rate, offset, form.omega
+    sprung = np.where(elastic[:, None], 0.0, shares).sum(axis=2) <= len(form.squares) * ROUNDING * struck
+    squares = np.where(elastic, form.squares, np.inf)[:, None]
+    offset = (form.directions * form.constant / squares).sum(axis=2)
+    soft = (shares / squares).sum(axis=2)
+    rate = np.sqrt(np.divide(struck, soft, where=sprung, out=np.zeros_like(soft)))
+    return np.maximum(pushed, moved), rate, offset
+
+
+def _each(matrix: Any, columns: Any) -> Any:
+    """Return the product of a matrix with each of the columns, which are rows here."""
+    return (matrix @ columns[..., None])[..., 0]
+
+
+def _sizes(matrix: Floats, columns: Any) -> Floats:
+    """Return the lengths of the products of a matrix with each of the columns, as a column."""
+    found = _each(matrix, columns)
+    squares = [part[:, None] @ part[..., None] for part in (found.real, found.imag)]
+    lengths: Floats = np.sqrt(squares[0] + squares[1])[..., 0]
+    return lengths
 
 
 @lru_cache(KEPT)
@@ -310,11 +324,11 @@ def closed(columns: Floats, *maps: Floats) -> Floats:
     return found
 
 
-def fastest_rate(form: ModalForm) -> float:
-    """Return the largest rate in 1/s of free motion or of a harmonic."""
+def fastest_rates(form: ModalForm, omegas: Floats) -> Floats:
+    """Return the largest rate in 1/s of free motion or of a harmonic, at each frequency."""
     acting = form.orders[(form.forces != 0.0).any(axis=1) | (form.motions != 0.0).any(axis=0)]
     free = _free_rate(form.squares.tobytes(), form.damping.tobytes())
-    return max(free, form.omega * max(int(acting.max(initial=1)), 1))
+    return np.maximum(free, omegas * max(int(acting.max(initial=1)), 1))
 
 
 @lru_cache(KEPT)
@@ -327,9 +341,11 @@ def _free_rate(*parts: bytes) -> float:
     return unit * max(float(np.abs(np.linalg.eigvals(companion)).max()), float(np.sqrt(squared.max())))
 
 
-def steady_motion(form: ModalForm, forces: Any, motions: Any) -> tuple[dict[str, Any], Floats, Floats]:
-    r"""Return the steady motion without stops, with what free motion of a given energy takes of each clearance at most;
-    what the steady displacement takes of it, and the steady swing; NaN where there is no steady motion.
+def steady_motions(
+    form: ModalForm, omegas: Floats, forces: Any, motions: Any
+) -> tuple[dict[str, Floats], Floats, Floats]:
+    r"""Return the steady motion without stops at each frequency, with what free motion of a given energy takes of each
+    clearance at most; what the steady displacement takes of it, and the steady swing; NaN where there is none.
 
     Modes without stiffness that no damping couples to others may drift beside it. Those that it couples, or that it
     brakes under a constant load, a set B, keep :math:`c = \dot\eta_B + D_B \eta`: with :math:`\beta = D_{BB}^{-T}
@@ -342,23 +358,37 @@ def steady_motion(form: ModalForm, forces: Any, motions: Any) -> tuple[dict[str,
     loaded = (np.diag(form.damping) > 0.0) & (form.constant != 0.0)
     slides = ~sprung & (apart.any(axis=0) | apart.any(axis=1) | loaded)
     own = form.damping[np.ix_(slides, slides)]
-    amplitudes, slide, held = np.zeros((n, highest), complex), np.zeros(n), np.zeros_like(form.directions)
+    amplitudes = np.zeros((len(omegas), n, highest), complex)
+    slide, held = np.zeros(n), np.zeros_like(form.directions)
     try:
         slide[slides] = np.linalg.solve(own, form.constant[slides])
         held[:, slides] = np.linalg.solve(own.T, form.directions[:, slides].T).T
-        for order in form.orders.tolist():
-            rate = order * form.omega
-            stiffness = np.diag(form.squares - rate**2) + 1j * rate * form.damping
-            amplitudes[:, order - 1] = np.linalg.solve(stiffness, forces[:, order - 1])
     except np.linalg.LinAlgError:
         slide[:] = np.nan
+    for order in form.orders.tolist():
+        rate = order * omegas[:, None, None]
+        stiffness = np.eye(n) * (form.squares - rate**2) + 1j * rate * form.damping
+        amplitudes[..., order - 1] = _solved(stiffness, forces[:, order - 1])
     static = np.divide(form.constant - form.damping @ slide, form.squares, where=sprung, out=np.zeros(n))
-    still, swung = form.directions @ static, np.abs(motions - form.directions @ amplitudes).sum(axis=1)
-    if not (np.isfinite([still, swung]).all() and np.isfinite(amplitudes).all()):
-        return {}, np.full_like(still, np.nan), np.full_like(still, np.nan)
+    still, swung = form.directions @ static, np.abs(motions - form.directions @ amplitudes).sum(axis=2)
+    there = np.isfinite(swung).all(axis=1) & np.isfinite(amplitudes).all(axis=(1, 2)) & np.isfinite(still).all()
     taken = (form.directions - held @ form.damping)[:, sprung]
     give = taken**2 @ (1.0 / (form.masses * form.squares)[sprung]) + held**2 @ (1.0 / form.masses)
     nearing = form.directions @ slide > n * ROUNDING * (np.abs(form.directions) @ np.abs(slide))
     still[nearing] = np.inf
-    parts = np.concatenate([static, np.stack([amplitudes.real, amplitudes.imag], -1).ravel()])
-    return {"steady": parts, "give": give, "slide": slide, "sliding": held}, still, swung
+    waves = np.stack([amplitudes.real, amplitudes.imag], -1).reshape(len(omegas), -1)
+    steady = np.column_stack([np.tile(static, (len(omegas), 1)), waves])
+    parts = {"steady": steady, "give": give, "slide": slide, "sliding": held.ravel()}
+    known = {name: np.where(there[:, None], values, 0.0) for name, values in parts.items()}
+    lost = np.where(there, 0.0, np.nan)[:, None]
+    return known, still + lost, swung + lost
+
+
+def _solved(matrices: Any, column: Any) -> Any:
+    """Return the solutions of equations with one right-hand side; NaN of a singular matrix."""
+    try:
+        return np.linalg.solve(matrices, np.tile(column, (len(matrices), 1))[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        if len(matrices) == 1:
+            return np.full((1, len(column)), np.nan)
+        return np.concatenate([_solved(matrix[None], column) for matrix in matrices])

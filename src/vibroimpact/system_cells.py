@@ -14,7 +14,7 @@ import numpy as np
 from vibroimpact.cells import COUNTABLE, Cells, Floats, spread
 from vibroimpact.contact import KNOWN
 from vibroimpact.matrices import nearest
-from vibroimpact.modal import ModalForm, fastest_rate, speed_parts, steady_motion, velocity_scales
+from vibroimpact.modal import ModalForm, fastest_rates, speed_parts, steady_motions, velocity_scales
 from vibroimpact.stops import KINDS
 
 if TYPE_CHECKING:
@@ -84,18 +84,19 @@ class SystemCells(Cells):
         if len({(len(base.mass), len(base.stops)) for base in bases}) > 1:
             raise ValueError("all systems of one family must have as many coordinates and stops; these have others")
         table = np.array(numbers).reshape(len(which), -1, len(NUMBERS))
-        return cls._of_bases(bases, np.array(which), table, pushed.__getitem__)
+        forms = [(form, np.array([form.omega])) for form in (base.modal() for base in bases)]
+        return cls._of_forms(forms, np.array(which), table, pushed.__getitem__)
 
     @classmethod
     def of_points(cls, system: ImpactSystem, points: Mapping[str, Any]) -> SystemCells:
         """Return a cell for each point of a system's own parameters, at rest.
 
-        What depends on the frequency is computed once for each of its values; the numbers of stops are columns.
+        What depends on the frequency is computed once for each of its values, and at once for all; the numbers of stops
+        are columns.
         """
         number = len(np.atleast_1d(next(iter(points.values()), 0.0)))
         omegas = points.get("omega", 2.0 * math.pi * points["frequency"] if "frequency" in points else None)
         values, which = np.unique(np.full(number, system.omega) if omegas is None else omegas, return_inverse=True)
-        variants = [system.replace(omega=float(value)) for value in values]
         table = np.empty((number, len(system.stops), len(NUMBERS)))
         for j, stop in enumerate(system.stops):
             table[:, j] = _numbers(stop)
@@ -105,28 +106,27 @@ class SystemCells(Cells):
 
         def there(row: int) -> ImpactSystem:
             own = {f"{name}_gap": float(gap) for name, gap in zip(system.stop_names, table[row, :, 0], strict=True)}
-            return variants[int(which[row])].replace(**own)
+            return system.replace(omega=float(values[which[row]]), **own)
 
-        return cls._of_bases(variants, which, table, there)
+        return cls._of_forms([(system.modal(), values)], which, table, there)
 
     @classmethod
-    def _of_bases(
+    def _of_forms(
         cls,
-        bases: Sequence[ImpactSystem],
+        forms: Sequence[tuple[ModalForm, Floats]],
         which: Any,
         numbers: Floats,
         there: Callable[[int], ImpactSystem],
     ) -> SystemCells:
-        """Return a cell, at rest, for each row of the numbers of stops, on the base of that number.
+        """Return a cell, at rest, for each row of the numbers of stops, on the form and frequency of that number.
 
         `there` is the system of a row; it is asked for where stops are in the way of q = 0.
         """
-        forms = [base.modal() for base in bases]
-        highest = max(int(form.orders.max(initial=0)) for form in forms)
-        coupled, moving = any(not form.decoupled for form in forms), any(form.motions.any() for form in forms)
+        highest = max(int(form.orders.max(initial=0)) for form, _ in forms)
+        coupled, moving = any(not form.decoupled for form, _ in forms), any(form.motions.any() for form, _ in forms)
         gaps, springs = numbers[..., 0], numbers[..., KINDS.index("stiffness")]
         shape = Shape(
-            len(bases[0].mass),
+            len(forms[0][0].masses),
             gaps.shape[1],
             highest,
             coupled,
@@ -134,16 +134,14 @@ class SystemCells(Cells):
             bool(springs.any()),
             bool((springs == 0.0).any()),
         )
-        rows, *taken = zip(*(_row(form, shape) for form in forms), strict=True)
-        cells = cls(np.array(rows)[which], _columns(shape), shape)
-        at, (still, swung) = cells.places, (np.array(part)[which] for part in taken)
-        left = gaps - still - swung
+        parts = zip(*(_rows(form, omegas, shape) for form, omegas in forms), strict=True)
+        rows, still, swung, driven, rate, offset = (np.concatenate(part)[which] for part in parts)
+        cells = cls(rows, _columns(shape), shape)
+        at, left = cells.places, gaps - still - swung
         for place, name in enumerate(NUMBERS):
             cells.table[:, at[name]] = numbers[..., place]
         cells.table[:, at["margin"]] = np.where(np.isnan(left), -np.inf, left)
-        parts = zip(*map(speed_parts, forms), strict=True)
-        driven, rate, offset, omega = (np.array(part)[which] for part in parts)
-        cells.table[:, at["scale"]] = velocity_scales(driven, rate, offset, omega, gaps)[:, None]
+        cells.table[:, at["scale"]] = velocity_scales(driven, rate, offset, cells["omega"], gaps)[:, None]
         beyond = cells._clearances(np.zeros(3), np.zeros_like(cells.block("eta"))) < 0.0
         closed = (beyond & (springs == 0.0)).any(axis=1)
         for row in np.flatnonzero(closed).tolist():
@@ -362,8 +360,10 @@ def _fixed(system: ImpactSystem) -> tuple[Any, ...]:
     return force.omega, None if force.constant is None else force.constant.tobytes(), *matrices, *load, *stops
 
 
-def _row(form: ModalForm, shape: Shape) -> tuple[Floats, Floats, Floats]:
-    """Return a row without what depends on the numbers of stops, and what steady motion takes of the gaps."""
+def _rows(form: ModalForm, omegas: Floats, shape: Shape) -> tuple[Floats, ...]:
+    """Return a row for each frequency, without what depends on the numbers of stops; what steady motion takes of the
+    gaps; and what V depends on beside these.
+    """
     n, s, highest = shape.modes, shape.stops, shape.harmonics
     forces, motions = np.zeros((n, highest), complex), np.zeros((s, highest), complex)
     forces[:, form.orders - 1], motions[:, form.orders - 1] = form.forces.T, form.motions
@@ -378,12 +378,11 @@ def _row(form: ModalForm, shape: Shape) -> tuple[Floats, Floats, Floats]:
         "weight": form.masses,
         "neutral": form.neutral,
         "motion": np.stack([motions.real, motions.imag], -1),
-        "omega": form.omega,
-        "fastest": fastest_rate(form),
         "shapes": form.shapes,
     }
-    steady, still, swung = steady_motion(form, forces, motions)
-    row, places = np.zeros(sum(shape.sizes.values())), _places(shape)
-    for name, values in (parts | steady).items():
-        row[places[name]] = np.ravel(values)
-    return row, still, swung
+    steady, still, swung = steady_motions(form, omegas, forces, motions)
+    columns = {"omega": omegas[:, None], "fastest": fastest_rates(form, omegas)[:, None]} | steady
+    rows, places = np.zeros((len(omegas), sum(shape.sizes.values()))), _places(shape)
+    for name, values in (columns | {name: np.ravel(values) for name, values in parts.items()}).items():
+        rows[:, places[name]] = values
+    return rows, still, swung, *speed_parts(form, omegas)
