@@ -17,6 +17,8 @@ from vibroimpact.dataset import model_of
 from vibroimpact.orbits.systems.events import Event
 from vibroimpact.orbits.systems.flow import Flow
 
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
 HUNT = hunt_crossley(damping=0.3)
 
 

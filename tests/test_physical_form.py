@@ -6,6 +6,8 @@ import pytest
 import vibroimpact as vi
 from vibroimpact.coexistence.losses import attracts, driven, lasting_stops, rest_is_contact
 
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
 
 def random_oscillator(seed):
     """One of any size and stiffness, with and without damping, loss, force and preload."""

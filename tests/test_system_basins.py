@@ -21,6 +21,8 @@ from vibroimpact.orbits.systems import find
 from vibroimpact.report import sentences_of
 from vibroimpact.status import Status
 
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
 
 def two_sided(omega, restitution, gap, upper=None):
     stops = [vi.Stop(direction=d, gap=g, restitution=restitution, name=name) for d, g, name in

@@ -15,6 +15,8 @@ from vibroimpact.orbits import find_orbit, orbit_distance
 from vibroimpact.orbits.systems import find
 from vibroimpact.report import sentences_of
 
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
 
 @vi.family
 def symmetric_family(omega=2.0, gap=0.5, restitution=0.6):

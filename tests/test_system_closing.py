@@ -10,6 +10,8 @@ from systems import one_mass
 from test_system_exponents import between_stops, chain
 from vibroimpact.indices import INDICES, VELOCITY_INDICES
 
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
 ALL = tuple(INDICES)
 SPEEDS = tuple(sorted(VELOCITY_INDICES))
 EXPONENTS = ("lyapunov", "lyapunov_per_impact")

@@ -12,6 +12,8 @@ from vibroimpact.continuation import continue_orbit, follow_all, switch_branch
 from vibroimpact.orbits import find_orbit, orbit_distance
 from vibroimpact.orbits.systems import find
 
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
 GRAVITY = 9.81
 
 

@@ -12,6 +12,8 @@ from systems import a_random_system, impacts, linear, one_mass, outcome, system,
 from vibroimpact import Status
 from vibroimpact.backends.reference.systems import follow
 
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
 # What the class allows is followed, and labelled.
 
 

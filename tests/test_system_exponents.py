@@ -15,6 +15,8 @@ from vibroimpact.motion import MotionClass, decide
 from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import ImpactOscillator
 
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
 NAMED = ("n_periods", "n_impacts", "lyapunov_per_impact")
 
 

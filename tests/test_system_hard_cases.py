@@ -238,11 +238,6 @@ def test_a_coupled_mode_remembers_what_was_before_a_stick():
     assert np.abs(one["displacement"].values[last] - other["displacement"].values[last]).max() > 1e-3
 
 
-def test_functions_for_one_mass_refuse_systems():
-    with pytest.raises(ValueError, match="one mass with one stop"):
-        vi.impact_map(two_masses())
-
-
 # Hard cases.
 
 

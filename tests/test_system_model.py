@@ -11,6 +11,8 @@ import pytest
 import vibroimpact as vi
 from systems import M, a_random_system, changed, one_mass, two_masses
 
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
 # What is refused
 
 

@@ -20,6 +20,8 @@ from vibroimpact.orbits.systems.events import struck
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.symmetry import mirror
 
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
 CHAIN = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
 
 

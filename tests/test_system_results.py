@@ -17,6 +17,8 @@ from vibroimpact.kernels.systems.series import SIZE, trough
 from vibroimpact.motion import motion_name
 from vibroimpact.report import sentences_of
 
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
 OSC = vi.ImpactOscillator(damping=0.1, restitution=0.5, gap=0.5)
 SHORT = {"transient_impacts": 20, "sample_impacts": 30}
 GAPS = [0.02, 0.04, 0.06]

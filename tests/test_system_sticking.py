@@ -10,6 +10,8 @@ from vibroimpact.backends.reference.systems import follow
 from vibroimpact.backends.system_carry import Carrier
 from vibroimpact.options import Tolerances
 
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
 SLOW = vi.ImpactOscillator(omega=0.1)
 ONES = {
     "at the middle": SLOW,

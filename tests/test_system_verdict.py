@@ -14,6 +14,8 @@ from test_system_basins import THREE, TWINS, two_masses, two_sided
 from vibroimpact.backends.reference.systems import follow
 from vibroimpact.report import sentences_of
 
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
 PERIODIC = [0, 2, 6, 10, 17, 18, 19, 22]  # random designs that are periodic from rest
 
 

@@ -60,7 +60,8 @@ class Measurement:
 
     With `early_closing` a cell ends once its cycle is certain, and its sums are finished in closed form. Indices
     `by_stop` are those of the impacts on each stop of a system. Samples are what the window sees; they take nothing but
-    window and tolerances.
+    window and tolerances. With `firsts` the first impact kept of each cell of systems is told besides, and samples are
+    those of the same motions: an engine that cannot tell it leaves them to one that can.
     """
 
     window: ImpactWindow | StroboscopicWindow
@@ -68,6 +69,7 @@ class Measurement:
     early_closing: bool = True
     indices: tuple[str, ...] = ("std",)
     by_stop: bool = False
+    firsts: bool = False
 
     @property
     def impacts(self) -> ImpactWindow:

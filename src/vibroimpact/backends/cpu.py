@@ -116,10 +116,10 @@ class CpuBackend(Backend):
             from vibroimpact.backends import systems  # compiled when it is first asked
 
             return systems.indices(cells, measurement)
-        sweep = _Sweep(cells, measurement)
+        sweep = Sweep(cells, measurement)
         for _ in sweep.finished(lambda: False):
             pass
-        return outcomes(sweep.results, sweep.ends, measurement.impacts)
+        return sweep.outcome(slice(None))
 
     def share(
         self, cells: Cells, measurement: Measurement
@@ -129,20 +129,18 @@ class CpuBackend(Backend):
             from vibroimpact.backends import systems
 
             return systems.share(cells, measurement)
-        sweep = _Sweep(cells, measurement)
+        sweep = Sweep(cells, measurement)
 
         def work(stopped: Callable[[], bool]) -> Iterator[tuple[Counts, Outcome]]:
             for done in sweep.finished(stopped):
-                yield done, outcomes(sweep.results[done], sweep.ends[done], measurement.impacts)
+                yield done, sweep.outcome(done)
 
         return work
 
     def samples(self, cells: Cells, measurement: Measurement) -> list[Any]:
         """Return what the window sees of each cell."""
         if isinstance(cells, SystemCells):
-            from vibroimpact.backends import system_samples
-
-            return system_samples.samples(cells, measurement)
+            return self._samples_of_systems(cells, measurement)
         runs = [_Run(row, measurement.window, limits(measurement.tolerances)) for row in rows_of(cells)]
         if len(runs) < FEW:
             for run in runs:
@@ -150,6 +148,16 @@ class CpuBackend(Backend):
         else:
             _record_in_lanes(runs)
         return [run.samples() for run in runs]
+
+    def _samples_of_systems(self, cells: SystemCells, measurement: Measurement) -> list[Any]:
+        from vibroimpact.backends import one_mass, system_samples
+
+        found, scalar = np.empty(len(cells), object), one_mass.served(cells, measurement)
+        if scalar.any():
+            found[scalar] = one_mass.samples(cells[scalar], measurement, self.samples)
+        if not scalar.all():
+            found[~scalar] = system_samples.samples(cells[~scalar], measurement)
+        return found.tolist()
 
     def follow(self, cell: Cells, measurement: Measurement, seen: Measurement) -> tuple[Outcome, Samples]:
         """Return what `indices` gives for a single cell, and what the window of `seen` sees of it, from one run.
@@ -164,11 +172,11 @@ class CpuBackend(Backend):
             )
         if isinstance(cell, SystemCells):
             return super().follow(cell, measurement, seen)
-        sweep = _Sweep(cell, measurement)
+        sweep = Sweep(cell, measurement)
         run = _Run(sweep.cells[0], seen.window, limits(seen.tolerances))
         sweep.follow(run)
         run.record()
-        return outcomes(sweep.results, sweep.ends, measurement.impacts), run.samples()
+        return sweep.outcome(slice(None)), run.samples()
 
 
 def create() -> CpuBackend:
@@ -187,7 +195,7 @@ def _status(end: int, flags: list[bool], window: ImpactWindow) -> Status:
     )
 
 
-class _Sweep:
+class Sweep:
     """Cells that threads share, and what has become of them."""
 
     def __init__(self, cells: Cells, measurement: Measurement) -> None:
@@ -196,7 +204,7 @@ class _Sweep:
         self.results = np.zeros((len(cells), len(THOROUGH if self.thorough else PLAIN)))
         self.ends = np.zeros(len(cells), dtype=np.int8)
         self._tickets = np.zeros(1, dtype=np.int64)
-        window = measurement.impacts
+        self.window = window = measurement.impacts
         total = float(window.transient + window.keep)
         self._how = float(window.transient), total, *limits(measurement.tolerances), measurement.early_closing, _LOOKS
 
@@ -209,6 +217,10 @@ class _Sweep:
             number, busy = run_cells(self.cells, self.results, self.ends, self._tickets, seat, ended, *self._how, facts)
             if number:
                 yield ended[:number].copy()
+
+    def outcome(self, done: Counts | slice) -> Outcome:
+        """Return what a back end promises of cells that have ended."""
+        return outcomes(self.results[done], self.ends[done], self.window)
 
     def follow(self, run: _Run) -> None:
         """Measure the only cell, and record its run up to there, or to its own end."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from vibroimpact.backends import one_mass
 from vibroimpact.backends.base import (
     Counts,
     Floats,
@@ -15,10 +16,10 @@ from vibroimpact.backends.base import (
     Measurement,
     Outcome,
 )
-from vibroimpact.backends.cpu import aligned, statuses
+from vibroimpact.backends.cpu import Sweep, aligned, statuses
 from vibroimpact.backends.system_leaps import slow_modes
 from vibroimpact.backends.system_rows import budgets_of, in_steps, steps_of
-from vibroimpact.indices import EVERY
+from vibroimpact.indices import EVERY, INDICES
 from vibroimpact.kernels.cell import FILLED
 from vibroimpact.kernels.held import InMemory
 from vibroimpact.kernels.systems import closing, form, lanes, march
@@ -69,23 +70,44 @@ def alone_for(layout: Layout) -> closing.Alone:
 
 def indices(cells: SystemCells, measurement: Measurement) -> Outcome:
     """Return the indices, the status, the impacts computed and the certified steps of each cell."""
-    sweep = SystemSweep(cells, measurement)
-    for _ in sweep.finished(lambda: False):
-        pass
-    return sweep.outcome(slice(None))
+    found: Outcome = {}
+    for done, outcome in share(cells, measurement)(lambda: False):
+        for name, values in outcome.items():
+            found.setdefault(name, np.empty((len(cells), *values.shape[1:]), values.dtype))[done] = values
+    return found
 
 
 def share(
     cells: SystemCells, measurement: Measurement
 ) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
-    """Return the work of a thread: cell after cell into its own lanes, until none is left."""
-    sweep = SystemSweep(cells, measurement)
+    """Return the work of a thread: cell after cell into its own lanes, until none is left.
+
+    What is one mass and one stop has an engine of its own.
+    """
+    scalar = one_mass.served(cells, measurement)
+    engines: list[tuple[Any, type[_OneMassSweep | SystemSweep]]] = [(scalar, _OneMassSweep), (~scalar, SystemSweep)]
+    sweeps = [(np.flatnonzero(rows), engine(cells[rows], measurement)) for rows, engine in engines if rows.any()]
 
     def work(stopped: Callable[[], bool]) -> Iterator[tuple[Counts, Outcome]]:
-        for done in sweep.finished(stopped):
-            yield done, sweep.outcome(done)
+        for rows, sweep in sweeps:
+            for done in sweep.finished(stopped):
+                yield rows[done], sweep.outcome(done)
 
     return work
+
+
+class _OneMassSweep(Sweep):
+    """Cells of systems that are one mass each, and what has become of them."""
+
+    def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
+        super().__init__(one_mass.as_one_mass(cells)[0], measurement)
+        self._by_stop = measurement.by_stop
+
+    def outcome(self, done: Counts | slice) -> Outcome:
+        """Return what a back end promises of cells that have ended."""
+        found = super().outcome(done)
+        of_stops = {name for name, index in INDICES.items() if self._by_stop and index.by_stop}
+        return {name: values[:, None] if name in of_stops else values for name, values in found.items()}
 
 
 class SystemSweep:

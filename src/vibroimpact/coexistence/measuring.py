@@ -204,7 +204,7 @@ class Runner:
     ) -> Iterator[tuple[Counts | slice, Outcome]]:
         """Yield which cells have ended, and the indices that identify their motions."""
         names = tuple(name for name in identifying(cells) if name in INDICES)
-        return self.sweep(cells, Measurement(window, tolerances or self.tolerances, indices=names))
+        return self.sweep(cells, Measurement(window, tolerances or self.tolerances, indices=names, firsts=True))
 
     def sweep(self, cells: Cells, wanted: Measurement) -> Iterator[tuple[Counts | slice, Outcome]]:
         """Yield which cells have ended, and what was wanted of them, and count their steps.
@@ -243,7 +243,9 @@ class Runner:
         names = tuple(name for name in INDICES if not modes or name in IDENTIFYING[:-1])
         table = {name: np.full(len(cells), np.nan) for name in (*names, "status")}
         table["impacts"] = np.zeros(len(cells))
-        for which, found in self.sweep(cells, Measurement(window, tolerances or self.tolerances, indices=names)):
+        for which, found in self.sweep(
+            cells, Measurement(window, tolerances or self.tolerances, indices=names, firsts=True)
+        ):
             for name, column in table.items():
                 column[which] = found[name]
         return _measured(table, window, names, winds=modes > 1)
@@ -269,7 +271,7 @@ class Runner:
             flight_periods=max(self.tolerances.flight_periods, usual.flight_periods),
             steps_per_impact=max(self.tolerances.steps_per_impact, usual.steps_per_impact),
         )
-        found = self.engine.samples(cells, Measurement(window, patient))
+        found = self.engine.samples(cells, Measurement(window, patient, firsts=True))
         self.steps += sum(seen.steps for seen in found)
         return found
 

@@ -1,0 +1,144 @@
+r"""Systems that are one mass in front of one fixed rigid stop, for the engine of one mass.
+
+In the coordinate y = alpha eta towards the stop, from equilibrium under the constant load, with the modal mass M of y,
+
+.. math:: M \ddot y + M D \dot y + M \Omega^2 y = M |\alpha f_1| \sin(\omega t + \arg \alpha f_1), \qquad y \le g',
+
+so that it is an oscillator whose phase is ahead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact.backends.base import Floats, Measurement, Samples, StroboscopicWindow, SystemSamples, energy_loss
+from vibroimpact.cells import Cells
+from vibroimpact.indices import INDICES
+from vibroimpact.system_cells import SystemCells
+
+BELOW_ONE = np.nextafter(1.0, 0.0)
+ROUNDING = 1e-15  # of the lengths that a clearance is the difference of
+SAME = 1e-12  # of a scale of velocities: such a difference is rounding
+
+_NONE_OF = "motion", "spring", "dashpot", "law"  # what such a stop has none of
+
+
+def is_one_mass(cells: SystemCells) -> NDArray[np.bool_]:
+    """Return which cells are one mass in front of one fixed rigid stop, driven at one frequency, if at all.
+
+    Their scale of velocities must be that of an oscillator: on a spring so soft that the load decides, it is not.
+    """
+    if (cells.shape.modes, cells.shape.stops) != (1, 1):
+        return np.zeros(len(cells), bool)
+    lacking = [(cells.block(name) == 0.0).all(axis=1) for name in _NONE_OF]
+    plain = (cells.block("force")[:, 2:] == 0.0).all(axis=1) & (cells["square"] > 0.0) & (cells["damping"] >= 0.0)
+    plain &= np.logical_and.reduce(lacking) & (cells["omega"] > 0.0) & np.isfinite(cells["omega"])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        alike, _ = as_one_mass(cells)
+        force = np.maximum(alike["amplitude"], alike["stiffness"] * np.abs(alike["gap"]))
+        scale = force / np.sqrt(alike["stiffness"] * alike["mass"])
+        found: NDArray[np.bool_] = plain & (np.abs(scale - cells["scale"]) <= SAME * cells["scale"])
+    return found
+
+
+def served(cells: SystemCells, measurement: Measurement) -> NDArray[np.bool_]:
+    """Return which cells the engine of one mass can answer for, all that is asked."""
+    able = not measurement.firsts and INDICES.keys() >= set(measurement.indices)
+    return is_one_mass(cells) if able else np.zeros(len(cells), bool)
+
+
+def as_one_mass(cells: SystemCells) -> tuple[Cells, Floats]:
+    """Return cells of such systems as those of oscillators, and by how much the phase of these is ahead, in [0, 1)."""
+    alpha, square, weight = cells["alpha"], cells["square"], cells["weight"]
+    force = cells.block("force")
+    wave = alpha * (force[:, 0] + 1j * force[:, 1]) if force.shape[1] else np.zeros(len(cells), complex)
+    mass, ahead = weight / alpha**2, np.angle(wave) / (2.0 * np.pi) % 1.0
+    turns = cells.block("time")[:, 1] + ahead
+    gap, towards = cells["gap"], alpha * cells["eta"]
+    clearance = gap - towards
+    clearance[np.abs(clearance) <= ROUNDING * (np.abs(gap) + np.abs(towards))] = 0.0  # at rest at the stop
+    columns = {
+        "mass": mass,
+        "damping": mass * cells["damping"],
+        "stiffness": mass * square,
+        "amplitude": mass * np.abs(wave),
+        "omega": cells["omega"],
+        "restitution": cells["restitution"],
+        "gap": gap - alpha * cells["load"] / square,
+        "clearance": clearance,
+        "velocity": alpha * cells["rate"],
+        "periods": cells.block("time")[:, 0] + np.floor(turns),
+        "phase": turns - np.floor(turns),
+    }
+    return Cells.of(columns), ahead
+
+
+def samples(
+    cells: SystemCells, measurement: Measurement, sampled: Callable[[Cells, Measurement], list[Samples]]
+) -> list[SystemSamples]:
+    """Return what the window sees of each cell, from a function that samples oscillators."""
+    alike, ahead = as_one_mass(cells)
+    groups = np.zeros(len(cells))
+    if isinstance(measurement.window, StroboscopicWindow) and measurement.window.phase is not None:
+        groups = ahead  # each looks at a phase of its own
+    found: list[Any] = [None] * len(cells)
+    for group in np.unique(groups):
+        rows = np.flatnonzero(groups == group)
+        for row, seen in zip(rows.tolist(), sampled(alike[rows], _shifted(measurement, float(group))), strict=True):
+            found[row] = _of_system(cells[row : row + 1], next(iter(alike[row : row + 1])), float(ahead[row]), seen)
+    return found
+
+
+def _shifted(measurement: Measurement, ahead: float) -> Measurement:
+    window = measurement.window
+    if not isinstance(window, StroboscopicWindow) or window.phase is None:
+        return measurement
+    return replace(measurement, window=replace(window, phase=(window.phase + ahead) % 1.0))
+
+
+def _of_system(cell: SystemCells, alike: dict[str, float], ahead: float, seen: Samples) -> SystemSamples:
+    """Return what is seen of an oscillator as that of the system that it stands for."""
+
+    def turned(periods: Any, phase: Any) -> tuple[Floats, Floats]:
+        whole = np.floor(phase - ahead)
+        behind = np.minimum(phase - ahead - whole, BELOW_ONE)
+        return periods + whole, behind
+
+    towards = cell.shapes[0, 0, 0] / cell["alpha"]  # the coordinate's change with y
+
+    def coordinates(y: Any) -> Floats:
+        column: Floats = np.atleast_1d(y)[:, None] * towards
+        return column
+
+    impacts, speed = turned(seen.impact_periods, seen.impact_phase), seen.impact_velocity
+    looks = turned(seen.look_periods, seen.look_phase)
+    zeros, none = np.zeros(len(speed)), np.full(len(speed), np.nan)
+    return SystemSamples(
+        impact_periods=impacts[0],
+        impact_phase=impacts[1],
+        impact_stop=zeros.astype(np.int64),
+        impact_velocity=speed,
+        impact_impulse=alike["mass"] * (1.0 + alike["restitution"]) * speed,
+        impact_energy=energy_loss(alike["mass"], alike["restitution"]) * speed**2,
+        impact_simultaneous=zeros > 0.0,
+        impact_force=none,
+        impact_duration=none,
+        impact_depth=none,
+        look_periods=looks[0],
+        look_phase=looks[1],
+        look_displacement=coordinates(cell["gap"] - alike["gap"] + seen.look_displacement),
+        look_velocity=coordinates(seen.look_velocity),
+        rest_stop=np.zeros(len(seen.stick_phase), np.int64),
+        rest_begin=np.column_stack(turned(seen.stick_periods, seen.stick_phase)),
+        rest_end=np.column_stack(turned(seen.release_periods, seen.release_phase)),
+        status=seen.status,
+        steps=seen.steps,
+        last_displacement=coordinates(cell["gap"] - seen.last_clearance)[0],
+        last_velocity=coordinates(seen.last_velocity)[0],
+        last_phase=float(turned(seen.last_periods, seen.last_phase)[1]),
+    )
