@@ -116,7 +116,11 @@ class Cells:
         scale = force / np.sqrt(self["stiffness"] * self["mass"])
         time = phase * (2.0 * np.pi / self["omega"])
         turns = time * self["omega"] / (2.0 * np.pi)
-        return self.replace(**_start(0.0, np.where(scale > 0.0, scale, 1.0) * velocity, turns))
+        return self.striking(0, np.where(scale > 0.0, scale, 1.0) * velocity, turns)
+
+    def striking(self, stops: Any, velocities: Any, phases: Any) -> Cells:
+        """Return the cells with the stop struck at velocities and phases; all `stops` are number 0."""
+        return self.replace(**_start(0.0, velocities, phases))
 
     def begun(self, start: State | None) -> Cells:
         """Return the cells from an initial condition; None leaves them as they are.

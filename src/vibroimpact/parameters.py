@@ -104,6 +104,11 @@ def _unquoted(value: Any) -> str:
         return ""
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a count with its noun, in the plural unless there is one."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 def printable(text: str) -> str:
     """Return a text from elsewhere with its control codes and line ends escaped."""
     return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text)

@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vibroimpact.backends import Backend, ImpactWindow, Measurement, StroboscopicWindow, check_takes, get_backend
-from vibroimpact.cells import Floats, cells_at
+from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, provenance, status_variable, variable
 from vibroimpact.labels import Seconds, in_seconds, labelled_impacts, trajectory_of
 from vibroimpact.model import Model, State, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import the_oscillator
-from vibroimpact.parameters import STEPS, check_fits, invalid, phase_number, positive_number, whole_number
+from vibroimpact.parameters import STEPS, check_fits, counted, invalid, phase_number, positive_number, whole_number
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -327,7 +326,7 @@ def impact_map(
     Parameters
     ----------
     osc, backend, time_step, tolerances
-        As of `simulate`.
+        As of `simulate`; one coordinate in front of one stop, so that phase and velocity are the whole state.
 
     Returns
     -------
@@ -339,12 +338,12 @@ def impact_map(
     Raises
     ------
     ValueError
-        A phase or velocity is out of its range.
+        The model has several coordinates or stops, or a phase or velocity is out of its range.
 
     Notes
     -----
-    Exact to rounding. Its Jacobian has the determinant r^2 (v0/v1) exp(-c tau/m), and it is singular where the next
-    impact is a graze. Some microseconds per impact; many at once take a tenth.
+    Exact to rounding. With a fixed rigid stop its Jacobian has the determinant r^2 (v0/v1) exp(-c tau/m), and it is
+    singular where the next impact is a graze. Some microseconds per impact; many at once take a tenth.
 
     Examples
     --------
@@ -356,8 +355,16 @@ def impact_map(
     >>> round(float(velocity), 9)
     6.226413477
     """
-    design = the_oscillator(osc)
+    check_model(osc)
+    design = osc.at()
+    if (design.coordinates, len(design.stops)) != (1, 1):
+        has = f"{counted(design.coordinates, 'coordinate')} and {counted(len(design.stops), 'stop')}"
+        raise ValueError(
+            "`osc` must have one coordinate and one stop, for phase and velocity of an impact to be the whole state; "
+            f"{design!s} has {has}: take impact_section"
+        )
     engine = get_backend(backend, time_step=time_step)
+    check_takes(engine, design)
     measurement = Measurement(ImpactWindow(0, 2), Tolerances.of(tolerances))
 
     def following(phase: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
@@ -371,7 +378,8 @@ def impact_map(
             raise invalid("phase", phase, "at least 0 and less than 1")
         if not ((velocities > 0.0) & np.isfinite(velocities)).all():
             raise invalid("velocity", velocity, "finite and > 0")
-        cells = cells_at(design, np.zeros(phases.size), velocities.ravel(), phases.ravel())
+        alike = design.cells({})[np.zeros(phases.size, np.int64)]
+        cells = alike.striking(np.zeros(phases.size, np.int64), velocities.ravel(), phases.ravel())
         found = np.full((2, phases.size), np.nan)
         for at, seen in enumerate(engine.samples(cells, measurement)):
             # The impact to begin with is recorded itself, both its numbers to rounding, unless it is too weak.

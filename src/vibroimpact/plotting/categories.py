@@ -11,6 +11,7 @@ import xarray as xr
 
 from vibroimpact.classes import NEEDED, classify
 from vibroimpact.motion import MotionClass, cycle_name
+from vibroimpact.parameters import counted
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.style import INK, STICKING, Layer, Mask
 from vibroimpact.status import Status
@@ -90,7 +91,7 @@ def missing_layers(sweep: xr.Dataset, field: xr.DataArray, of_what: str) -> Iter
     yield from style.by_status(gone & ended, codes, of_what, style.origin(sweep))
     for reason, color, text in _reasons(sweep, field, values):
         if count := int((here := gone & ~ended & reason).sum()):
-            yield here, color, text + (f" ({labels.counted(count, of_what)})" if of_what else "")
+            yield here, color, text + (f" ({counted(count, of_what)})" if of_what else "")
 
 
 def _reasons(sweep: xr.Dataset, field: xr.DataArray, values: Any) -> Iterator[tuple[Mask, str, str]]:

@@ -15,6 +15,7 @@ from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 
 from vibroimpact.figures import EXPONENTS
+from vibroimpact.parameters import counted
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.categories import COUNTS, OPEN, missing_layers, number_layers
 from vibroimpact.plotting.diagrams import HATCHED, resolved
@@ -86,7 +87,7 @@ def hatch_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]
     for color, width in (("white", 2.4), (INK, 0.9)):  # seen on any colour
         with mpl.rc_context({"hatch.linewidth": width}):
             ax.add_patch(PathPatch(area, facecolor="none", edgecolor=color, hatch=HATCH, linewidth=0.0, zorder=2))
-    text = f"{sweep.attrs[HATCHED]} ({labels.counted(int(here.sum()), 'cell')})"
+    text = f"{sweep.attrs[HATCHED]} ({counted(int(here.sum()), 'cell')})"
     return [Patch(facecolor="white", edgecolor=INK, hatch=HATCH, linewidth=0.5, label=text)]
 
 

@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from vibroimpact.indices import ROUNDING, spread_scale
-from vibroimpact.parameters import choice, real_number
+from vibroimpact.parameters import choice, counted, real_number
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.categories import COUNTS, missing_layers
 from vibroimpact.plotting.style import BLUE, DOTS, INK, Floats, on_axes
@@ -83,7 +83,7 @@ def with_index(sweep: xr.Dataset, index: str) -> tuple[xr.Dataset, xr.DataArray]
 
 def _of_starts(sweep: xr.Dataset, index: str) -> xr.Dataset:
     """Return a map of several initial conditions without their dimension, as `with_index` says."""
-    several, first = labels.counted(sweep.sizes["start"], "initial condition"), sweep.isel(start=0, drop=True)
+    several, first = counted(sweep.sizes["start"], "initial condition"), sweep.isel(start=0, drop=True)
     starts = json.loads(sweep.attrs.get("arguments", "{}")).get("start")
     at_rest = isinstance(starts, int) or (isinstance(starts, list) and starts[0] is None)
     whence = "from rest" if at_rest else "from the first initial condition"
@@ -328,7 +328,7 @@ def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -
     _draw_index(ax, field, 1.0)
     style.mark_missing(ax, axis.values, missing_layers(sweep, field, "column"))
     if HATCHED in sweep and (here := sweep[HATCHED].values).any():
-        text = f"{sweep.attrs[HATCHED]} ({labels.counted(int(here.sum()), 'column')})"
+        text = f"{sweep.attrs[HATCHED]} ({counted(int(here.sum()), 'column')})"
         style.mark_missing(ax, axis.values, [(here, ELSEWHERE, text)])
     _frame_index(ax, resolved(sweep, field))
     ax.set_xlim(float(axis.min()), float(axis.max()))

@@ -14,6 +14,7 @@ from matplotlib.axis import Axis
 from vibroimpact.dataset import VARIABLES, model_of, oscillator_of
 from vibroimpact.model import Model
 from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.parameters import counted
 from vibroimpact.plotting.ticks import power_of, quantity, scale_axis, unit_label
 from vibroimpact.system import ImpactSystem
 
@@ -131,11 +132,6 @@ def parameter_text(name: str, model: Model) -> str:
 def percent(share: float) -> str:
     """Return a share in per cent."""
     return f"{100.0 * share:.1f} %" if share >= 0.0005 else "<0.1 %"
-
-
-def counted(count: int, noun: str) -> str:
-    """Return '1 impact', '2 impacts'."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def refused(argument: str, value: Any, allowed: str, hint: str) -> ValueError:

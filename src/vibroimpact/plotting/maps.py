@@ -18,7 +18,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
-from vibroimpact.parameters import invalid, real_number, unknown
+from vibroimpact.parameters import counted, invalid, real_number, unknown
 from vibroimpact.plotting import diagrams, labels, style
 from vibroimpact.plotting.categories import COUNTS, missing_layers, number_layers
 from vibroimpact.plotting.cells import COLORS, ROOT, add_bar, colour_scale, draw_cells, grid_of, root_shades, swatch
@@ -339,7 +339,7 @@ def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = Non
     if named:
         style.legend_beside(ax, named, labels.label(field))
     if diagrams.HATCHED in designs and (here := designs[diagrams.HATCHED].values & np.isfinite(height)).any():
-        text = f"{designs.attrs[diagrams.HATCHED]} ({labels.counted(int(here.sum()), 'design')})"
+        text = f"{designs.attrs[diagrams.HATCHED]} ({counted(int(here.sum()), 'design')})"
         ax.scatter(x.values[here], height[here], s=70, facecolors="none", edgecolors=INK, label=text, zorder=4)
     labels.label_axis(ax.xaxis, x)
     labels.label_axis(ax.yaxis, y, resolved if y is field else None)

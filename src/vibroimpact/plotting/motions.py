@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from vibroimpact.classes import classify
 from vibroimpact.dataset import VARIABLES
 from vibroimpact.figures import EXPONENTS
-from vibroimpact.parameters import choice
+from vibroimpact.parameters import choice, counted
 from vibroimpact.plotting import cells, diagrams, labels, style
 from vibroimpact.plotting.categories import OPEN, motion_layers
 from vibroimpact.plotting.style import DOTS, INK, RINGS, Layer, on_axes
@@ -187,7 +187,7 @@ def _basins(dataset: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
     cut_off = (numbers < 0) & np.isin(codes, (Status.BUDGET, Status.INTERRUPTED))
     yield from style.by_status(cut_off, codes, "initial condition")
     undecided = (numbers < 0) & ~cut_off
-    count = labels.counted(int(undecided.sum()), "initial condition")
+    count = counted(int(undecided.sum()), "initial condition")
     yield undecided, OPEN, f"undecided: neither a cycle nor certain chaos ({count})"
 
 

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
 from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.parameters import counted
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.style import BLUE, DOTS, GREEN, INK, RED, RINGS, Floats, on_axes
 from vibroimpact.plotting.systems import View, between_impacts, color_of, draw_forces, draw_walls, view_of
@@ -149,10 +150,10 @@ class _Motion:
         """Yield which impacts are drawn alike, their colour and their name."""
         if self.view is None:
             if count := simulation.sizes["impact"]:
-                yield slice(None), RED, labels.counted(count, "impact")
+                yield slice(None), RED, counted(count, "impact")
             return
         for wall, here in self.view.struck(simulation):
-            text = f"{labels.counted(int(here.sum()), 'impact')} on {wall.name}"
+            text = f"{counted(int(here.sum()), 'impact')} on {wall.name}"
             yield here, color_of(self.view.system, wall.name), text
 
     def rests(self, simulation: xr.Dataset) -> Iterator[tuple[list[Floats], str]]:
@@ -161,13 +162,13 @@ class _Motion:
         if isinstance(self.model, ImpactOscillator):
             if len(sticks):
                 rests = [np.column_stack([span, [self.model.gap] * 2, [0.0] * 2]) for span in sticks]
-                yield rests, labels.counted(len(sticks), "stick") + " (at rest at the stop)"
+                yield rests, counted(len(sticks), "stick") + " (at rest at the stop)"
             return
         for wall in self.view.walls if self.view else ():
             own = sticks[simulation["stick_stop"].values == wall.name]
             if len(own) and self.view:
                 rests = [self.view.held(wall, *span) for span in own]
-                yield rests, f"{labels.counted(len(own), 'stick')} ({wall.name} is closed)"
+                yield rests, f"{counted(len(own), 'stick')} ({wall.name} is closed)"
 
     def limits(self, ax: Axes, time: Floats, *, upright: bool) -> tuple[float, float]:
         """Draw the stops and return the limits of the axis of y."""

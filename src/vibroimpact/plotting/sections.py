@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
+from vibroimpact.parameters import counted
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.orbits import check_result, draw_sticks, ended, legend
 from vibroimpact.plotting.style import BLUE, DOTS, Floats, on_axes
@@ -51,13 +52,13 @@ def _draw_points(
 ) -> bool:
     """Draw few places as large marks and an attractor as fine translucent dots; return whether they are few."""
     places = distinct_points(points, tolerance, wrap)
-    total = labels.counted(len(points), noun) + of
+    total = counted(len(points), noun) + of
     look = DOTS | {"color": color, "zorder": 3}
     if places is None:
         fine = {"markersize": 1.6, "alpha": 0.55 if len(points) > 1000 else 0.8, "rasterized": len(points) > 2000}
         ax.plot(*points.T, label=total, **(look | fine))
         return False
-    name = f"{labels.counted(len(places), 'point')} in {total}"
+    name = f"{counted(len(places), 'point')} in {total}"
     ax.plot(*places.T, label=name, **(look | {"markersize": 9 if len(places) <= 12 else 4.5, "clip_on": False}))
     return True
 

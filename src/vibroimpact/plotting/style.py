@@ -19,8 +19,8 @@ from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
 from vibroimpact.motion import motion_name, refined
-from vibroimpact.parameters import invalid
-from vibroimpact.plotting.labels import counted, letters, wrapped
+from vibroimpact.parameters import counted, invalid
+from vibroimpact.plotting.labels import letters, wrapped
 from vibroimpact.status import Status
 
 Floats = NDArray[np.float64]

@@ -14,8 +14,9 @@ from vibroimpact.dataset import bifurcation_name, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
 from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along
 from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.parameters import counted
 from vibroimpact.recognition import recognise, recurrence
-from vibroimpact.report.quantities import axis_range, begun, counted, quantity, spaced, span
+from vibroimpact.report.quantities import axis_range, begun, quantity, spaced, span
 from vibroimpact.report.sweeps import diagram_sentences, map_sentences
 from vibroimpact.report.systems import coordinates, each_stop, system_sentence
 from vibroimpact.status import Status

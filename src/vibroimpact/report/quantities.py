@@ -21,11 +21,6 @@ def span(values: xr.DataArray) -> str:
     return ends if units == "1" else f"{ends} {units}"
 
 
-def counted(number: int, noun: str) -> str:
-    """Return a count with its noun, in the plural unless there is one."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
-
-
 def quantity(value: float, units: str, digits: int = 12) -> str:
     """Return a value with its unit."""
     return f"{value:.{digits}g}" + ("" if units == "1" else f" {units}")

@@ -15,8 +15,9 @@ from vibroimpact.classes import NEEDED, classify
 from vibroimpact.dataset import model_of
 from vibroimpact.indices import EVERY, ROUNDING, spread_scale
 from vibroimpact.motion import MotionClass, decide, may_wind, motion_name, refined
+from vibroimpact.parameters import counted
 from vibroimpact.recognition import cycle_length, recurrence
-from vibroimpact.report.quantities import axis_range, begun, counted, quantity, spaced, span
+from vibroimpact.report.quantities import axis_range, begun, quantity, spaced, span
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:

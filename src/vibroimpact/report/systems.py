@@ -9,8 +9,9 @@ import numpy as np
 
 from vibroimpact.coexistence.losses import driven
 from vibroimpact.motion import cycle_name, listed
+from vibroimpact.parameters import counted
 from vibroimpact.recognition import recurrence, system_cycle
-from vibroimpact.report.quantities import counted, quantity
+from vibroimpact.report.quantities import quantity
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import numpy as np
 from vibroimpact import report
 from vibroimpact.coexistence.losses import lasting_stops
 from vibroimpact.motion import MotionClass, listed
-from vibroimpact.report.quantities import counted
+from vibroimpact.parameters import counted
 from vibroimpact.verdict.boundaries import Edge, Found, bifurcation
 from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.present import Range

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from vibroimpact.motion import Motion
+from vibroimpact.parameters import counted
 from vibroimpact.studies.lee.claims import Outcome, Section
 from vibroimpact.studies.lee.laboratory import (
     Flags,
@@ -67,7 +68,7 @@ def steady_after_100_s(lab: Laboratory) -> Outcome:
 
 def _poincare_period(lab: Laboratory, n: int, omega: float) -> Outcome:
     looks = lab.distinct_looks(omega)
-    points = f"{looks} distinct point{'' if looks == 1 else 's'}"
+    points = counted(looks, "distinct point")
     rule = is_true(looks == n, "the settled Poincaré map has n distinct points")
     return Outcome(rule, points, f"the Poincaré map at w = {omega:g} has {points} to 1e-6 of V")
 
@@ -192,9 +193,7 @@ def single_point(lab: Laboratory) -> Outcome:
     """Count the points of the Poincare map at w = 0.1."""
     looks = lab.distinct_looks(0.1)
     rule = is_true(looks == 1, "the settled Poincaré map has one distinct point")
-    return Outcome(
-        rule, f"{looks} point{'' if looks == 1 else 's'}", "compared to 1e-6 of V over 64 periods at w = 0.1"
-    )
+    return Outcome(rule, counted(looks, "point"), "compared to 1e-6 of V over 64 periods at w = 0.1")
 
 
 def _complete_chatter(lab: Laboratory, omega: float) -> Outcome:
