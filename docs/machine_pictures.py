@@ -99,7 +99,7 @@ def draw(name: str, given: Picture) -> plt.Figure:
     room = 0.12 * np.ptp(every)
     low, high = every.min() - room, every.max() + room
     for _, factor, wall in found:
-        dense = 0.25 if name in ("bilinear_oscillator", "gear_pair") else 0.6  # stops that give
+        dense = 0.25 if name in ("bilinear_oscillator", "gear_pair") else 0.6  # compliant stops
         ax.fill_between(times * time, scale * wall, high if factor > 0 else low, color=WALL, alpha=dense, linewidth=0)
         ax.plot(times * time, scale * wall, color="#777777", linewidth=1.0)
     for (text, row), color in zip(given.beside.items(), (GREEN,), strict=False):

@@ -1,4 +1,4 @@
-"""The engine in front of stops that give: closed forms, balances of energy and momentum, limits and hard cases."""
+"""The engine in front of compliant stops: closed forms, balances of energy and momentum, limits and hard cases."""
 
 import math
 
@@ -261,7 +261,7 @@ def test_a_graze_of_a_spring_changes_nothing():
 def test_what_only_systems_or_springs_have_is_refused_elsewhere():
     with pytest.raises(ValueError, match="`work_rate` is an index of systems"):
         vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], indices=["work_rate"])
-    with pytest.raises(ValueError, match="`max_force` needs a stop that gives"):
+    with pytest.raises(ValueError, match="`max_force` needs a compliant stop"):
         vi.parameter_map(oscillator(vi.Stop(direction=1.0, gap=0.1)), omega=[2.0], indices=["max_force"])
 
 
@@ -293,7 +293,7 @@ def test_an_elastic_bar_stays_for_its_wave_and_leaves_with_its_whole_speed(stop)
         rebound = -(mass @ seen["velocity"].values[-1]) / mass.sum()
         off.append((abs((ended.max() - 5e-4) / wave - 1.0), abs(rebound / speed - 1.0)))
     contact, rebound = np.transpose(off)
-    assert contact[-1] < min(contact[0], 0.01)  # a stop that gives rattles at the length of an element
+    assert contact[-1] < min(contact[0], 0.01)  # a compliant stop rattles at the length of an element
     assert (np.diff(rebound) < 0.0).all()
     assert rebound[-1] < (0.01 if stop == "gives" else 0.015)
 
@@ -327,7 +327,7 @@ def test_a_mass_that_begins_at_a_stop_with_a_speed_strikes_it_at_once():
 
 
 def test_an_impact_at_the_start_counts_in_maps_as_in_sections():
-    """Between two stops that give, the first impact of every second is known only if that at the start is."""
+    """Between two compliant stops, the first impact of every second is known only if that at the start is."""
     box, start = free(back=spring(100.0, gap=2.0, direction=-1.0)), vi.State(0.0, 1.0)
     how = {"start": start, "transient_impacts": 0, "sample_impacts": 2}
     names = ["mean_velocity", "dissipation", "impacts_per_period"]

@@ -1,4 +1,4 @@
-"""Stops that give, as parts of a model: what they are made of, what is refused, and what of them is an axis."""
+"""Compliant stops, as parts of a model: what they are made of, what is refused, and what of them is an axis."""
 
 import pickle
 import warnings
@@ -20,9 +20,14 @@ def between(*stops, **changes):
 
 
 def test_a_stop_that_gives_has_stiffness_and_damping_where_a_rigid_one_has_restitution():
-    rigid, giving = vi.Stop(direction=1.0, gap=0.1), vi.Stop(direction=1.0, gap=0.1, stiffness=3.0)
+    rigid, compliant = vi.Stop(direction=1.0, gap=0.1), vi.Stop(direction=1.0, gap=0.1, stiffness=3.0)
     assert (rigid.restitution, rigid.stiffness, rigid.damping, rigid.compliant) == (0.8, None, None, False)
-    assert (giving.restitution, giving.stiffness, giving.damping, giving.compliant) == (None, 3.0, 0.0, True)
+    assert (compliant.restitution, compliant.stiffness, compliant.damping, compliant.compliant) == (
+        None,
+        3.0,
+        0.0,
+        True,
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Orbits of systems with stops that give: against published points, an independent integrator, and rigid stops."""
+"""Orbits of systems with compliant stops: against published points, an independent integrator, and rigid stops."""
 
 import math
 import os
@@ -27,7 +27,7 @@ def two_masses(omega=0.75, gap=1.0, push=0.1):
 
 
 def bilinear(stiffness=100.0, damping=1.0, **changes):
-    """Return one mass in front of a stop that gives."""
+    """Return one mass in front of a compliant stop."""
     stops = [vi.Stop(direction=1, gap=0.2, stiffness=stiffness, damping=damping, name="above")]
     force = vi.Force(omega=2.0, harmonics={1: 1.0})
     return vi.ImpactSystem(**{"mass": 1.0, "damping": 0.05, "stiffness": 1.0, "force": force, "stops": stops} | changes)
@@ -35,7 +35,7 @@ def bilinear(stiffness=100.0, damping=1.0, **changes):
 
 @vi.family
 def between(omega=3.0, below=0.1, damping=0.0, gap=0.1, stiffness=30.0):
-    """Return one mass between two stops that give."""
+    """Return one mass between two compliant stops."""
     stops = [
         vi.Stop(direction=1, gap=gap, stiffness=stiffness, damping=damping, name="above"),
         vi.Stop(direction=-1, gap=below, stiffness=stiffness, damping=damping, name="below"),
@@ -45,7 +45,7 @@ def between(omega=3.0, below=0.1, damping=0.0, gap=0.1, stiffness=30.0):
 
 @vi.family
 def mixed(omega=2.0, damping=1.0):
-    """Return one mass between a stop that gives and a rigid one."""
+    """Return one mass between a compliant stop and a rigid one."""
     stops = [
         vi.Stop(direction=1, gap=0.2, stiffness=100.0, damping=damping, name="above"),
         vi.Stop(direction=-1, gap=0.4, restitution=0.7, name="below"),
@@ -145,7 +145,7 @@ def test_without_damping_multipliers_go_on_beyond_a_graze():
 
 
 def one_mass(omega, force, gap, spring, **changes):
-    """Return one mass in front of one stop that gives."""
+    """Return one mass in front of one compliant stop."""
     stops = [vi.Stop(direction=1, gap=gap, stiffness=spring)]
     given = {"mass": 1.0, "stiffness": 1.0, "force": vi.Force(omega=omega, harmonics={1: force}), "stops": stops}
     return vi.ImpactSystem(**given | changes)
@@ -261,7 +261,7 @@ def test_every_motion_of_one_contact_that_a_sweep_of_the_gap_meets_is_found(part
 
 
 def integrated(orbit, state, time, duration, pushing=()):
-    """Return the state of a system of one or two stops that give after a duration, by a Runge-Kutta method."""
+    """Return the state of a system of one or two compliant stops after a duration, by a Runge-Kutta method."""
     system, n = orbit.system, len(orbit.system.mass)
     k = np.array([stop.stiffness or 0.0 for stop in system.stops])
     c = np.array([stop.damping or 0.0 for stop in system.stops])

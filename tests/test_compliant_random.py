@@ -1,4 +1,4 @@
-"""Random systems with stops that give, rigid ones among them: the engine makes the impacts of the witness."""
+"""Random systems with compliant stops, rigid ones among them: the engine makes the impacts of the witness."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""What a user does with motions against stops that give: words, pictures, files and commands."""
+"""What a user does with motions against compliant stops: words, pictures, files and commands."""
 
 import re
 
@@ -192,7 +192,7 @@ def test_a_map_of_forces_is_told_stored_and_drawn(run, tmp_path):
     plane = "--x buffer_stiffness=40:60:3 --y omega=1.2:1.4:2 --indices max_force,work_rate --sample-impacts 50"
     code, told, _ = run(f"map {OWN} {plane}")
     assert code == 0
-    assert any(line.startswith("largest force of a stop that gives (max_force): ") and " N" in line for line in told)
+    assert any(line.startswith("largest force of a compliant stop (max_force): ") and " N" in line for line in told)
     assert run(f"map {OWN} {plane} --by-stop --out each.zarr")[0] == 0
     each = vi.load(tmp_path / "each.zarr")
     assert each["max_force"].sel(stop="wall").isnull().all()
@@ -215,7 +215,7 @@ def test_a_map_of_forces_is_told_stored_and_drawn(run, tmp_path):
         ("map --x omega=1:2:3 --indices max_force", "`max_force` is an index of systems"),
         (
             "map --model two_sided_oscillator --x frequency=20:30:3 --indices max_force",
-            "`max_force` needs a stop that gives",
+            "`max_force` needs a compliant stop",
         ),
     ],
 )

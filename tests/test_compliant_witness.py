@@ -1,4 +1,4 @@
-"""The witness for stops that give and for laws of restitution, against closed forms, identities and energy."""
+"""The witness for compliant stops and for laws of restitution, against closed forms, identities and energy."""
 
 import math
 from itertools import pairwise
@@ -110,7 +110,7 @@ def test_a_stop_that_let_go_pushes_again_in_the_same_contact():
 
 
 def random_system(rng, n, rigid=True, still=False):
-    """Return a system with two stops that give, and a rigid one beside them."""
+    """Return a system with two compliant stops, and a rigid one beside them."""
 
     def positive(least):
         root = rng.normal(size=(n, n))

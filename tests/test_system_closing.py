@@ -36,7 +36,7 @@ SYSTEMS = {
     "a chain at a stop": (chain(), np.linspace(0.6, 1.2, 9)),
     "between two stops": (between_stops(1.0), np.linspace(0.95, 1.2, 6)),
     "sticking": (sticking(), np.linspace(0.35, 0.5, 6)),
-    "a stop that gives": (vi.models.bilinear_oscillator(), None),
+    "a compliant stop": (vi.models.bilinear_oscillator(), None),
 }
 
 

@@ -114,7 +114,7 @@ def test_a_mass_between_a_rigid_stop_and_one_that_gives_at_its_rest_position_is_
 
 
 def of_any_kind(rng):
-    """Return a random system of one to three coordinates: free masses, drag, loads, stops that give and preloads."""
+    """Return a random system of one to three coordinates: free masses, drag, loads, compliant stops and preloads."""
     n, s = int(rng.integers(1, 4)), int(rng.integers(1, 3))
 
     def positive(least):

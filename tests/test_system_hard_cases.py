@@ -460,9 +460,9 @@ def test_a_stiff_mode_beside_a_slow_one():
 def test_a_stop_that_opens_and_closes_at_one_instant_ends_a_rest_and_begins_another():
     """Three masses fill a room of no width, rigid on one side, until the budget is spent."""
     rigid = vi.Stop(direction=[1, 1, 1], gap=0.0, restitution=0.0)
-    giving = vi.Stop(direction=[-1, -1, -1], gap=0.0, stiffness=1e4, damping=1.0)
+    compliant = vi.Stop(direction=[-1, -1, -1], gap=0.0, stiffness=1e4, damping=1.0)
     load = {1: [1.0, 1.0, -1.0]}
-    filled = system(np.eye(3), 0, np.diag([1.0, 0.0, 0.0]), 1.3, [rigid, giving], load, [-1.0, -1.0, 0.0])
+    filled = system(np.eye(3), 0, np.diag([1.0, 0.0, 0.0]), 1.3, [rigid, compliant], load, [-1.0, -1.0, 0.0])
     hits = impacts(filled, 20, 5)
     closed = hits.isel(stick=np.flatnonzero(hits["stick_stop"] == "stop_1"))
     begun, ended = closed["stick_time"].values, closed["release_time"].values

@@ -50,7 +50,7 @@ FORCES: dict[str, Index] = {
     index.name: index
     for index in (
         Index("mean_force", "mean force of the stop", "N", "mean F", by_stop=True),
-        Index("max_force", "largest force of a stop that gives", "N", "max F", by_stop=True),
+        Index("max_force", "largest force of a compliant stop", "N", "max F", by_stop=True),
         Index("work_rate", "energy lost at the stop per second", "W", "W", by_stop=True),
         Index("damper_rate", "energy lost in the dampers per second", "W", "D"),
     )

@@ -109,7 +109,7 @@ def _stops(system: ImpactSystem, dim: str, numbers: Any, long_name: str) -> Any:
 
 
 def _forces(system: ImpactSystem, seen: SystemSamples) -> dict[str, Any]:
-    """Return the forces of stops that give at the looks, NaN of rigid ones."""
+    """Return the forces of compliant stops at the looks, NaN of rigid ones."""
     if not any(stop.compliant for stop in system.stops):
         return {}
     found, turn = np.full((len(seen.look_phase), len(system.stops)), np.nan), 2j * np.pi * seen.look_phase

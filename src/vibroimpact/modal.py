@@ -53,7 +53,7 @@ class ModalForm:
     forces : (H, n) complex array
         f_h.
     gaps, restitution, stiffness, viscosity : (s,) array
-        g; r, NaN of a stop that gives or whose r is a law; k and c, zero of a rigid one.
+        g; r, NaN of a compliant stop or whose r is a law; k and c, zero of a rigid one.
     motions : (s, H) complex array
         d_h.
     omega : float

@@ -151,7 +151,7 @@ def cycle_name(n_periods: int, n_impacts: int, sticks: bool = False) -> str:
 def motion_along(followed: xr.Dataset, sticks: bool = False) -> str:
     """Return the name of the motions along a branch or a curve.
 
-    Where all velocities are 0 nothing hits. On a branch, grazes of stops that give change the number of impacts.
+    Where all velocities are 0 nothing hits. On a branch, grazes of compliant stops change the number of impacts.
     """
     n, p = (int(followed.attrs[name]) for name in ("n_periods", "n_impacts"))
     if sticks or p < 1:

@@ -147,12 +147,12 @@ class Force(ByValue):
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Stop(ByValue):
-    r"""A stop, fixed or moving, in the way of a linear form of the coordinates: rigid, or one that gives.
+    r"""A stop, fixed or moving, in the way of a linear form of the coordinates: rigid or compliant.
 
     .. math:: u = g + \sum_h \mathrm{Im}\left(d_h e^{i h \omega t}\right) - a \cdot q
 
-    A rigid one keeps u >= 0, and an impact turns its rate from -v to r v. One with a `stiffness` gives: it pushes back
-    along -a with
+    A rigid one keeps u >= 0, and an impact turns its rate from -v to r v. One with a `stiffness` is compliant: it
+    pushes back along -a with
 
     .. math:: F = \max(0,\ k d + c \dot d), \qquad d = -u > 0,
 
@@ -170,9 +170,9 @@ class Stop(ByValue):
         r of a rigid stop, rate of the clearance after an impact over that before it; 0.8 unless given. A law of
         `vibroimpact.contact`, or a Python function of the speed in m/s that numba can compile, returns it for each.
     stiffness : float, > 0
-        k in N/m, of a stop that gives; None is rigid.
+        k in N/m, of a compliant stop; None is rigid.
     damping : float, >= 0
-        c in N s/m, of a stop that gives; zero unless given.
+        c in N s/m, of a compliant stop; zero unless given.
     name : str, optional
         A word that parameters begin with, as in ``bar_gap``; ``stop_1``, ``stop_2``, ... unless given.
     motion : mapping of int to complex, optional
@@ -182,7 +182,7 @@ class Stop(ByValue):
     Raises
     ------
     ValueError
-        The direction is zero, the name is no word, or a number is out of its range; a stop that gives has a
+        The direction is zero, the name is no word, or a number is out of its range; a compliant stop has a
         restitution, or a rigid one damping.
 
     Notes
@@ -228,7 +228,7 @@ class Stop(ByValue):
             of = f" of stop {name!r}" if name else ""
             raise ValueError(f"`direction`{of} must not be zero, got {shown(form)}; a . q = gap is contact")
         if stiffness is None and damping is not None:
-            raise invalid("damping", damping, "None for a rigid stop", "give a `stiffness` (N/m) to one that gives")
+            raise invalid("damping", damping, "None for a rigid stop", "give a `stiffness` (N/m) to a compliant one")
         if stiffness is not None and restitution is not None:
             raise invalid("restitution", restitution, "None for a stop with `stiffness`", "give it `damping`")
         moves = {

@@ -328,7 +328,7 @@ class ImpactSystem(ByValue):
         """Return coordinates, velocities and time of an initial condition that is checked.
 
         None is at rest at time 0, at q = 0 or, where that is beyond a rigid stop, at the nearest q before all of those,
-        in the norm sqrt(q . M q). A stop that gives may be pushed in.
+        in the norm sqrt(q . M q). A compliant stop may be pushed in.
 
         Raises
         ------

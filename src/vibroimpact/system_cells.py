@@ -30,8 +30,7 @@ BEYOND = 1e-12  # of the lengths that a clearance is the sum of: so little beyon
 class Shape:
     """What all systems of one table share: their numbers of modes, stops and harmonics.
 
-    `coupled`: damping is not proportional in one of them; `moving`: a stop moves; `giving`: one gives; `rigid`: one
-    does not.
+    `coupled`: damping is not proportional in one of them; `moving`, `compliant`, `rigid`: a stop is so.
     """
 
     modes: int
@@ -39,7 +38,7 @@ class Shape:
     harmonics: int
     coupled: bool
     moving: bool
-    giving: bool = False
+    compliant: bool = False
     rigid: bool = True
 
     @property

@@ -143,7 +143,7 @@ class SystemSamples:
     """One system's motion as a window saw it; times in whole `periods` plus `phase`.
 
     `impact_*`: recorded impacts, `stop` by its number, speed in m/s, impulse in N s, energy lost in J, whether other
-    stops were struck at the same instant, and of stops that give, else NaN, the largest force in N, the time in s and
+    stops were struck at the same instant, and of compliant stops, else NaN, the largest force in N, the time in s and
     the penetration in m; of a contact that was not over all but the speed is NaN; `look_*`: coordinates and velocities,
     one row a look; `rest_*`: which stop closed, when, and when it was let go (NaN if it was not); `last_*`: where it
     ended, for carrying on.

@@ -23,7 +23,7 @@ def prepare_leaps(k: Layout, table: Floats) -> None:
     """Leave, in the rows of cells, the flows of leaps and bounds of what the clearances do on the way."""
     for first in range(0, len(table), _AT_ONCE):
         _prepare(k, table[first : first + _AT_ONCE])
-    if k.giving and k.modes == 1:
+    if k.compliant and k.modes == 1:
         _prepare_contacts(k, table)
 
 

@@ -33,7 +33,7 @@ class _Recorder:
 
     def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
         self._cells, self._window = cells, measurement.window
-        k = self._layout = layout_for(cells, cells.shape.giving)
+        k = self._layout = layout_for(cells, cells.shape.compliant)
         self._table = in_steps(cells, measurement.tolerances.chatter, k)
         self._total, looks, per_period, limit = march.Window(0.0, math.inf), 0, 1, 0.0
         if isinstance(self._window, ImpactWindow):

@@ -38,7 +38,7 @@ def layout_for(cells: SystemCells, *flags: bool) -> Layout:
     slow = slow_modes(step**2 * cells.block("square"), damping, step * cells.block("omega"))
     given = shape.modes, shape.stops, shape.harmonics, shape.coupled, shape.moving
     free = bool(cells.block("neutral").any())
-    return layout_of(*given, shape.giving, shape.rigid, bool(slow.any()), free, *flags)
+    return layout_of(*given, shape.compliant, shape.rigid, bool(slow.any()), free, *flags)
 
 
 def noted(layout: Layout) -> int:
@@ -116,7 +116,7 @@ class SystemSweep:
     def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
         window = measurement.impacts
         asked = frozenset(measurement.indices)
-        of_stops = {"mean_force", "max_force", *(("dissipation", "work_rate") if cells.shape.giving else ())}
+        of_stops = {"mean_force", "max_force", *(("dissipation", "work_rate") if cells.shape.compliant else ())}
         forceful, draining = bool(asked & of_stops), "damper_rate" in asked
         self.layout = layout_for(cells, forceful, measurement.thorough, "grazing_margin" in asked, draining)
         self.window, self.by_stop = window, measurement.by_stop
@@ -124,7 +124,7 @@ class SystemSweep:
         self.total = march.Window(*bounds, measurement.early_closing)
         self.table = in_steps(cells, measurement.tolerances.chatter, self.layout)
         self.omega = cells["omega"]
-        self.gives: Any = (cells.block("spring") > 0.0).any(axis=0)
+        self.compliant: Any = (cells.block("spring") > 0.0).any(axis=0)
         self.budgets = budgets_of(cells, measurement.tolerances, self.total.total)
         self.results, self.ends = np.zeros((len(cells), noted(self.layout))), np.zeros(len(cells), np.int8)
         self._tickets = np.zeros(1, np.int64)
@@ -147,7 +147,7 @@ class SystemSweep:
         """Return what forces and dampers come to, over seconds and per period."""
         h = notes[march.H]
         pushed = sums[march.THRUST] / h / seconds
-        largest = np.where(self.gives[:, None], sums[march.PEAK] / h**2, np.nan)
+        largest = np.where(self.compliant[:, None], sums[march.PEAK] / h**2, np.nan)
         if not self.by_stop:
             pushed, largest = pushed.sum(axis=0), np.fmax.reduce(largest, axis=0, initial=np.nan)
         drained = notes[march.DRAINED] / h**2 / seconds

@@ -96,7 +96,7 @@ def continue_orbit(
     would be struck at one instant, orbits become inadmissible without a special point. A mode without damping that no
     impact excites has multipliers on the unit circle, and no Neimark-Sacker point is seen beside it.
 
-    At a graze of a stop that gives a contact is born or lost, and the branch goes on with it; it ends where no impact
+    At a graze of a compliant stop a contact is born or lost, and the branch goes on with it; it ends where no impact
     is left. Without damping of the stop multipliers go on, too: the graze is marked, and is no bifurcation. With
     damping the force jumps at contact, and so do the multipliers at the graze: the branch may turn back there.
 

@@ -188,12 +188,12 @@ class Equations(ABC):
         return np.concatenate([x[: self.size], x[self.inner :]])
 
     def gives_at(self, where: int) -> bool:
-        """Whether an impact is a contact of a stop that gives, which ends before anything else happens."""
+        """Whether an impact is a contact of a compliant stop, which ends before anything else happens."""
         return False
 
     @property
     def soft(self) -> bool:
-        """Whether the condition is a graze of a stop that gives, beyond which the branch goes on."""
+        """Whether the condition is a graze of a compliant stop, beyond which the branch goes on."""
         return False
 
     def beyond(self, x: Floats, way: float) -> tuple[Equations, Floats, Floats] | None:

@@ -1,4 +1,4 @@
-"""Beyond a graze of a stop that gives, where a contact is born or lost and the motion goes on."""
+"""Beyond a graze of a compliant stop, where a contact is born or lost and the motion goes on."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ class Modes(Equations):
 
     @property
     def impacts(self) -> int:
-        """Events of half a cycle that is mirrored, else all; of stops that give, the ends of contacts, too."""
+        """Events of half a cycle that is mirrored, else all; of compliant stops, the ends of contacts, too."""
         return len(self.cycle.events)
 
     @property
@@ -186,7 +186,7 @@ class Modes(Equations):
     def bounded(
         self, condition: str, x: Floats, where: int = 0, touch: float = 0.0, stop: int = 0
     ) -> tuple[Equations, Floats]:
-        """Return these equations with a condition more; a contact that a stop which gives loses becomes a graze."""
+        """Return these equations with a condition more; a contact that a compliant stop loses becomes a graze."""
         event = self.cycle.events[where]
         if condition != LAST_IMPACT or not self.gives_at(where):
             return super().bounded(condition, x, where, touch, stop)
@@ -200,19 +200,19 @@ class Modes(Equations):
         return np.insert(x, at + 1, x[at]) if self.soft and self.condition == LAST_IMPACT else x
 
     def gives_at(self, where: int) -> bool:
-        """Whether an impact is a contact of a stop that gives, which ends before anything else happens."""
+        """Whether an impact is a contact of a compliant stop, which ends before anything else happens."""
         return self.cycle.events[where + 1 : where + 2] == (Event(self.cycle.events[where].stop, LET_GO),)
 
     @property
     def soft(self) -> bool:
-        """Whether the condition is a graze of a stop that gives, beyond which the branch goes on."""
-        gives = self.cycle.flow.gives
+        """Whether the condition is a graze of a compliant stop, beyond which the branch goes on."""
+        compliant = self.cycle.flow.compliant
         if self.condition == TOUCH:
-            return bool(gives[self.stop])
+            return bool(compliant[self.stop])
         return self.condition == LAST_IMPACT and self.cycle.events[self.where].kind == GRAZE
 
     def beyond(self, x: Floats, way: float) -> tuple[Equations, Floats, Floats] | None:
-        """Return the equations beyond a graze of a stop that gives, a solution and its tangent; None if there are none.
+        """Return the equations beyond a graze of a compliant stop, a solution and its tangent; None if there are none.
 
         A contact is born or lost there. `way` is the sign in which the parameter goes on.
         """

@@ -140,7 +140,7 @@ def between(a: Point, b: Point) -> list[Solution]:
 
 
 def lost_contact(a: Point, b: Point) -> Solution | None:
-    """Return the graze between two points at which a stop that gives loses a contact: beyond, its velocity is negative.
+    """Return the graze between two points at which a compliant stop loses a contact: beyond, its velocity is negative.
 
     None if impacts get out of order for another reason.
     """

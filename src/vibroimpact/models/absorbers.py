@@ -226,7 +226,7 @@ def tuned_mass_damper(
     Notes
     -----
     Den Hartog's best absorber has the tuning 1/(1 + mu) and the damping ratio sqrt(3 mu/(8 (1 + mu)^3)): 0.980 and
-    0.084 at mu = 0.02. Left out: buffers that give, and friction in the guides.
+    0.084 at mu = 0.02. Left out: compliant buffers, and friction in the guides.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""One mass on a spring: between two stops, before one that gives, on a shaken base, under an unbalance."""
+"""One mass on a spring: between two stops, before a compliant one, on a shaken base, under an unbalance."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def bilinear_oscillator(
     stop_stiffness: float = 1.2e5,
     stop_damping: float = 20.0,
 ) -> ImpactSystem:
-    r"""Return a mass on a spring before a stop that gives: a rig with a beam as stop, a fender, a snubber.
+    r"""Return a mass on a spring before a compliant stop: a rig with a beam as stop, a fender, a snubber.
 
     Sketch: a wall, spring and damper, the mass; before it, at a gap, a second spring and damper on a wall.
 

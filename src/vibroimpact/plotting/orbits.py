@@ -208,7 +208,7 @@ def time_history(
 
     The line includes the instants of impact, so that it reaches the stop where the mass does. Of a system, a coordinate
     or the clearance of a stop is drawn with all stops that act on it alone, and impacts are coloured by stop. How far
-    it goes into a stop that gives is shaded; a new figure shows the forces of such stops below, and behind each contact
+    it goes into a compliant stop is shaded; a new figure shows the forces of such stops below, and behind each contact
     a box as long as it lasts and as high as its largest force.
 
     Parameters
@@ -262,7 +262,7 @@ def phase_portrait(
     The line is broken at each impact; a thin dashed line joins arrival (y' = v) and departure (y' = -r v). Between
     samples it follows the cubic through the states at either end. Of a system, a coordinate or the clearance of a stop
     is drawn against its rate, with all stops that act on it alone; a stop that moves is drawn where it is farthest, and
-    the line is broken where other rigid stops make it jump. No velocity jumps at a stop that gives: how deep the motion
+    the line is broken where other rigid stops make it jump. No velocity jumps at a compliant stop: how deep the motion
     goes is shaded.
 
     Parameters

@@ -133,8 +133,9 @@ def _stroboscopic_of_system(section: xr.Dataset, view: View, ax: Axes | None) ->
     for wall in view.walls:
         place = float(view.place(wall, section["time"].values[:1])[0])
         if low < place < high:
-            beyond, name = high if wall.ratio > 0.0 else low, f"stop {wall.name}{', which gives' if wall.gives else ''}"
-            style.draw_stop(ax, place, beyond, upright=True, label=name, gives=wall.gives)
+            beyond = high if wall.ratio > 0.0 else low
+            name = f"{'compliant ' if wall.compliant else ''}stop {wall.name}"
+            style.draw_stop(ax, place, beyond, upright=True, label=name, compliant=wall.compliant)
     ax.set_xlim(low, high)
     ax.set_ylim(*style.view(points[:, 1], sizes[1], least))
     labels.label_axes(ax, *shown.values())

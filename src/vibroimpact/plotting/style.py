@@ -72,7 +72,7 @@ STYLE: Any = {
 
 DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0}
 RINGS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "white"}
-# Behind a rigid stop, and behind one that gives, where motions go; the line where contact begins.
+# Behind a rigid stop, and behind a compliant one, where motions go; the line where contact begins.
 BEHIND: dict[bool, dict[str, Any]] = {
     False: {"facecolor": "#ededed", "edgecolor": "#c4c4c4", "hatch": "////", "linewidth": 0.0},
     True: {"facecolor": "#f7f7f7", "edgecolor": "#e2e2e2", "hatch": "//", "linewidth": 0.0},
@@ -183,11 +183,11 @@ def view(values: Floats, size: float, least: float = 1e-6) -> tuple[float, float
     return 0.5 * (low + high) - half, 0.5 * (low + high) + half
 
 
-def draw_stop(ax: Axes, gap: float, beyond: float, *, upright: bool, label: str = "", gives: bool = False) -> None:
+def draw_stop(ax: Axes, gap: float, beyond: float, *, upright: bool, label: str = "", compliant: bool = False) -> None:
     """Shade the room behind the stop, from the gap to the axis limit `beyond`; a legend explains it by its label."""
     span, line = (ax.axvspan, ax.axvline) if upright else (ax.axhspan, ax.axhline)
-    span(gap, beyond, **BEHIND[gives], zorder=1.5, label=label)
-    line(gap, **FACE[gives], zorder=1.6)
+    span(gap, beyond, **BEHIND[compliant], zorder=1.5, label=label)
+    line(gap, **FACE[compliant], zorder=1.6)
 
 
 # Legends

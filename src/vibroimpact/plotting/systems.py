@@ -34,7 +34,7 @@ class Wall:
     name: str
     number: int
     ratio: float  # of its direction to the form drawn
-    gives: bool
+    compliant: bool
 
 
 @dataclass(frozen=True)
@@ -96,13 +96,13 @@ class View:
 
         Of a stop that acts on y alone they are the wall's and those of the law of restitution. At any other y' jumps by
         -form . M^-1 d p, with p the impulse along d; without these jumps y is smooth, and the cubic through the samples
-        leads to the impact. Where a contact with a stop that gives begins no rate jumps.
+        leads to the impact. Where a contact with a compliant stop begins no rate jumps.
         """
         time, speed = simulation["impact_time"].values, simulation["impact_velocity"].values
         found = self._through(simulation, time, self._jumps(simulation))
         for wall, here in self.struck(simulation):
             moves = self.place(wall, time[here], rate=True)
-            r = -1.0 if wall.gives else self.system.stops[wall.number].rebound(speed[here])
+            r = -1.0 if wall.compliant else self.system.stops[wall.number].rebound(speed[here])
             found[0, here] = self.place(wall, time[here])
             found[1, here] = moves + speed[here] / wall.ratio
             found[2, here] = moves - r * speed[here] / wall.ratio
@@ -202,7 +202,7 @@ def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) 
     """Draw the stops that act on y alone and return the limits of its axis.
 
     Over time a moving stop is drawn as it moves; upright, in a portrait, where it comes to be farthest. Arrows point to
-    those too far off. Of a stop that gives, what the motion enters is shaded in its colour.
+    those too far off. Of a compliant stop, what the motion enters is shaded in its colour.
     """
     low, high = style.view(y, style.magnitude(y, 1e-300))
     span = high - low
@@ -223,11 +223,11 @@ def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) 
     for wall, place, outermost in near:
         beyond = high if wall.ratio > 0.0 else low
         if view.moves(wall) and not upright:
-            ax.fill_between(time, place, beyond, zorder=1.5, **style.BEHIND[wall.gives])
-            ax.plot(time, place, **style.FACE[wall.gives], zorder=1.6)
+            ax.fill_between(time, place, beyond, zorder=1.5, **style.BEHIND[wall.compliant])
+            ax.plot(time, place, **style.FACE[wall.compliant], zorder=1.6)
         else:
-            style.draw_stop(ax, outermost, beyond, upright=upright, gives=wall.gives)
-        if wall.gives:
+            style.draw_stop(ax, outermost, beyond, upright=upright, compliant=wall.compliant)
+        if wall.compliant:
             _shade(ax, wall, (time, y, place), color_of(view.system, wall.name), upright=upright)
         _name(ax, wall.name, 0.5 * (deepest[wall.name] + beyond), upright=upright)
     for wall, _, outermost in far:
@@ -240,7 +240,7 @@ def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) 
 
 
 def draw_forces(ax: Axes, system: Any, simulation: xr.Dataset) -> None:
-    """Draw the forces of stops that give over time, each contact before a box of its duration and largest force."""
+    """Draw the forces of compliant stops over time, each contact before a box of its duration and largest force."""
     for stop in (stop for stop in system.stops if stop.compliant):
         hits = simulation.isel(impact=np.flatnonzero(simulation["impact_stop"] == stop.name))
         begins, length, peak = (hits[name].values for name in ("impact_time", "contact_time", "peak_force"))
@@ -258,15 +258,15 @@ def draw_forces(ax: Axes, system: Any, simulation: xr.Dataset) -> None:
 
 
 def _deepest(wall: Wall, y: Floats, place: Floats, outermost: float) -> float:
-    """Return how far the motion reaches into a stop that gives; of a rigid one where it stands."""
-    if not wall.gives:
+    """Return how far the motion reaches into a compliant stop; of a rigid one where it stands."""
+    if not wall.compliant:
         return outermost
     reached = np.append(y[np.isfinite(y)], outermost)
     return float(reached.max() if wall.ratio > 0.0 else reached.min())
 
 
 def _shade(ax: Axes, wall: Wall, line: tuple[Floats, Floats, Floats], color: str, *, upright: bool) -> None:
-    """Shade where the motion is inside a stop that gives."""
+    """Shade where the motion is inside a compliant stop."""
     time, y, place = line
     inside = (y - place) * np.sign(wall.ratio) >= 0.0
     look: dict[str, Any] = {"facecolor": color, "alpha": 0.2, "linewidth": 0.0, "zorder": 1.7}

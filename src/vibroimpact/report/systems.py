@@ -54,7 +54,7 @@ def _listed(speed: Any, cycle: Any, names: Any) -> str:
 def each_stop(dataset: xr.Dataset) -> Iterator[str]:
     """Yield a line for each stop of a system's motion that is struck or closed, and how many impacts were several.
 
-    Of stops that give it holds the largest force, the longest contact and the deepest.
+    Of compliant stops it holds the largest force, the longest contact and the deepest.
     """
     whole = "impact_stop" in dataset
     struck, speed = dataset["impact_stop" if whole else "stop"], dataset["impact_velocity" if whole else "velocity"]

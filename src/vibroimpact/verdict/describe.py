@@ -221,7 +221,7 @@ def describe(
     each stop, the energy lost, multipliers or exponent, the motions that the initial conditions of `attractors` lead
     to, and, of a periodic motion that does not rest at a stop, the nearest fold, period doubling, Neimark-Sacker point,
     pitchfork and graze along each parameter, followed in steps of 2 % of its range or up to 8 % far from them. At a
-    graze of a stop that gives the motion gains or loses a contact; it goes on, and smoothly if the stop has no damping.
+    graze of a compliant stop the motion gains or loses a contact; it goes on, and smoothly if the stop has no damping.
     Advice is that of one mass; of one impact are orbits on any stop, and spread impacts are those of `attractors`.
     Seconds per parameter; a minute or two where the motion is chaotic.
 

@@ -94,8 +94,10 @@ def _clear_of(verdict: Verdict) -> str:
     q, left = here.start.displacement, system.clearances(here.start.displacement, here.start.time).tolist()
     sizes = [abs(stop.gap) + float(np.abs(stop.direction) @ np.abs(q)) for stop in system.stops]
     at = [stop for stop, gap, size in zip(system.stops, left, sizes, strict=True) if gap <= TOUCHING * size]
-    rigid, giving = ([stop.name for stop in at if stop.compliant is gives] for gives in (False, True))
-    return (f", at rest at {listed(rigid)}" if rigid else "") + (f", pressed into {listed(giving)}" if giving else "")
+    rigid, compliant = ([stop.name for stop in at if stop.compliant is gives] for gives in (False, True))
+    return (f", at rest at {listed(rigid)}" if rigid else "") + (
+        f", pressed into {listed(compliant)}" if compliant else ""
+    )
 
 
 def _hits(verdict: Verdict) -> Iterator[str]:
@@ -131,7 +133,7 @@ def _hits(verdict: Verdict) -> Iterator[str]:
 
 
 def _pressed(orbit: Any) -> Iterator[str]:
-    """Yield how hard, how long and how deep the hardest contact with a stop that gives is."""
+    """Yield how hard, how long and how deep the hardest contact with a compliant stop is."""
     pressed = [pair for pair in zip(orbit.contacts, orbit.stops, strict=True) if pair[0].peak_force > 0.0]
     if pressed:
         contact, stop = max(pressed, key=lambda pair: pair[0].peak_force)

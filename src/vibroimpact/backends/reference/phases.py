@@ -71,7 +71,7 @@ class RigidStop:
 
 @dataclass(frozen=True)
 class CompliantStop:
-    """A stop that gives: from where u falls through zero it pushes with F = max(0, -k u - c u') until F is zero.
+    """A compliant stop: from where u falls through zero it pushes with F = max(0, -k u - c u') until F is zero.
 
     Where c > 0 that is before u is back at zero. It then keeps out of the way, but for pushing again if k u + c u'
     falls through zero before u has risen above it.
@@ -129,7 +129,7 @@ class Equations:
         self.laws = [stop.restitution if isinstance(stop, RigidStop) else 0.0 for stop in system.stops]
         springs = [(s.stiffness, s.damping) if isinstance(s, CompliantStop) else (0.0, 0.0) for s in system.stops]
         self.springs, self.dampers = np.array(springs, float).reshape(self.s, 2).T
-        self.gives = self.springs > 0.0
+        self.compliant = self.springs > 0.0
         self.orders = sorted({*system.harmonics, *(h for stop in system.stops for h in stop.motion)})
         still = np.zeros(self.n)
         waves = [np.asarray(system.harmonics.get(h, still), complex) for h in self.orders]

@@ -127,7 +127,7 @@ class _Walk:
         self.events: list[Event] = []
         self.pieces: list[tuple[float, Phase, Floats]] = []
         self.recorded, self.full = 0, False
-        if (clearance < -self._touch())[~eq.gives].any():
+        if (clearance < -self._touch())[~eq.compliant].any():
             raise ValueError(f"the state lies beyond a stop: clearances {clearance.tolist()}")
 
     @property
@@ -161,12 +161,12 @@ class _Walk:
 
     def meet(self) -> None:
         """Settle all that happens at this instant: impacts, then which stops are closed."""
-        before, late, gives = self.closed, 0.0, self.eq.gives
+        before, late, compliant = self.closed, 0.0, self.eq.compliant
         for _ in range(EVENTS):
             clearance, touch = self.at.clearance, self._touch()
-            touching = np.flatnonzero((clearance <= touch) & ~(gives & (clearance < -touch)))
+            touching = np.flatnonzero((clearance <= touch) & ~(compliant & (clearance < -touch)))
             self._close_gaps(touching[self.at.rate[touching] <= 0.0])
-            touching = touching[~gives[touching]]
+            touching = touching[~compliant[touching]]
             struck = [int(j) for j in touching if self.at.rate[j] < 0.0]
             if not struck:
                 break
@@ -190,7 +190,7 @@ class _Walk:
         for _ in range(eq.s + 1):
             self.held, self.closed = held_closed(eq, x, resting, self.pushing)
             phase, before = eq.phase(self.held, self.pushing), self.pushing
-            signs = {int(j): self._pushes(int(j), phase, x) for j in np.flatnonzero(eq.gives)}
+            signs = {int(j): self._pushes(int(j), phase, x) for j in np.flatnonzero(eq.compliant)}
             self.pushing = tuple(j for j, sign in signs.items() if sign > 0)
             if self.pushing == before:
                 break

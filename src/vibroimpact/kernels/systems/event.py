@@ -72,7 +72,7 @@ def proceed(rows, k, wide):
         number += 1
         if number > LEAPS or not anywhere(willing):
             number, willing = max(number, LEAPS + 1), leapt
-    if k.giving and k.modes == 1:
+    if k.compliant and k.modes == 1:
         leap_within(rows, k, wide)
     step(rows, k, wide)
 
@@ -101,7 +101,7 @@ def _occur(rows, k, room, note, window):
     if k.thorough and closing:
         for y in range(k.stops):
             note[CHATTERED] += closing >> y & 1 and room.tail[y] > 0.0
-    if k.giving or k.forceful:
+    if k.compliant or k.forceful:
         for y in range(k.stops):
             if rows[k.kind + y] < CLOSED:
                 conclude(note, rows, k, None, rows[k.kind + y] < CLOSED, y, window)
@@ -126,9 +126,9 @@ def usual(rows, notes, k, wide, window):
             recur(rows, notes, k, wide, kept, window.total)
         put(rows, k.hit, wide, select(made, NOTHING, get(rows, k.hit, wide)))
     if k.thorough:
-        return  # contacts with stops that give are made on the cell alone
+        return  # contacts with compliant stops are made on the cell alone
     hit, which = get(rows, k.hit, wide), get(rows, k.which, wide)
-    if not (k.giving and anywhere(hit == CONTACT)):
+    if not (k.compliant and anywhere(hit == CONTACT)):
         return
     begins, ends, v = meet(rows, k, wide, hit == CONTACT)
     for y in range(k.stops if anywhere(ends) else 0):
@@ -139,7 +139,7 @@ def usual(rows, notes, k, wide, window):
 
 
 # What a motion is not asked for is left out of what makes it, and so is what compliant stops need where there are none.
-rigid = without("giving")
+rigid = without("compliant")
 _unseen = without("wary", "draining")
 _plain = without("thorough", "wary", "forceful", "draining")
 
@@ -158,7 +158,7 @@ def _walk_on(lanes, k):
 @inner
 def walk_on(lanes, k):
     """Do so, whatever is to be seen of them; a deviation is carried along."""
-    if k.giving:
+    if k.compliant:
         if k.wary or k.draining:
             _walk_on(lanes, k)
         else:
@@ -181,7 +181,7 @@ def go_on(lanes, notes, k, window):
     walk_on(lanes, k)
     if not anywhere(get(lanes, k.hit, 0) == CONTACT):
         return
-    if k.giving:
+    if k.compliant:
         if _is_plain(k):
             _add_usual(lanes, notes, _plain(k), window)
         else:

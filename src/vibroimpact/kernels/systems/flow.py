@@ -119,7 +119,7 @@ def couple(rows, k, wide, last, held, loaded):
         store(rows, k.stop + z * SIZE, wide, driven(rows, start, k.motion + 2 * k.harmonics * z, pace, k, wide))
         if not loaded:
             store(rows, k.stop + z * SIZE, wide, wave(0.0 * start, 0.0 * start, 0.0 * start))
-    for z in range(s if k.giving else 0):
+    for z in range(s if k.compliant else 0):
         put(rows, k.near + s + z, wide, clearance(rows, z, 0, k, wide))
     for o in range(last - 1):
         for j in range(n):
@@ -129,7 +129,7 @@ def couple(rows, k, wide, last, held, loaded):
                 damping = pace * get(rows, k.damping + j * n + i, wide)
                 b = fma(-damping, get(rows, k.flight + i * SIZE + o + 1, wide), b)
             put(rows, k.flight + j * SIZE + o + 2, wide, b)
-        if k.giving:
+        if k.compliant:
             for z in range(s):
                 _push(rows, z, o, pace, k, wide)
         for z in range(s if k.rigid else 0):
@@ -138,7 +138,7 @@ def couple(rows, k, wide, last, held, loaded):
             force = 0.0 * get(rows, k.near + z, wide)
             for y in range(s):
                 force = fma(-get(rows, k.held + z * s + y, wide), get(rows, k.near + y, wide), force)
-            if k.giving:
+            if k.compliant:
                 pushes = get(rows, k.spring + z, wide) > 0.0
                 force = select(pushes, 0.0, force)
                 put(rows, k.hold + z * SIZE + o, wide, select(pushes, get(rows, k.hold + z * SIZE + o, wide), force))
@@ -158,7 +158,7 @@ def _pull(rows, z, o, force, k, wide):
 
 @inner(forceinline=True)
 def _push(rows, z, o, pace, k, wide):
-    """Leave a derivative of k d + c d' of a stop that gives and is pushed in, and let it act."""
+    """Leave a derivative of k d + c d' of a compliant stop and is pushed in, and let it act."""
     u, w = get(rows, k.near + k.stops + z, wide), clearance(rows, z, o + 1, k, wide)
     put(rows, k.near + k.stops + z, wide, w)
     spring, dashpot = _engaged(rows, z, pace, k, wide)
@@ -252,14 +252,14 @@ def carry(rows, amplitude, rate, x, k, wide):
     for j in range(k.modes):
         y, p = evaluate(load(rows, k.flight + j * SIZE, wide), x)
         put(rows, amplitude + j, wide, y)
-        put(rows, rate + j, wide, p / get(rows, k.pace, wide) if k.giving else p)
+        put(rows, rate + j, wide, p / get(rows, k.pace, wide) if k.compliant else p)
 
 
 @inner(forceinline=True)
 def move(rows, x, close, k, wide):
     """Carry the state over a part x of a step of its pace, to a contact or not."""
     carry(rows, k.eta, k.rate, x, k, wide)
-    if k.giving:
+    if k.compliant:
         x = x * get(rows, k.pace, wide)
     s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
     s1, c1 = turned(s, c, *sine_cosine(get(rows, k.theta, wide) * x))

@@ -92,7 +92,7 @@ def _ended(lanes, lane, notes, rows, note, k, room, window, alone):
     """Return why the cell in a lane ends here, or RUNNING; an ended one's note is left."""
     hits, age, made = notes[HITS * LANES + lane], lanes[k.age * LANES + lane], lanes[k.made * LANES + lane]
     lawful = lanes[k.lawless * LANES + lane] == 0.0
-    still = k.giving and asks_again(notes, LANES, lane, lanes[(k.turn + 2) * LANES + lane])
+    still = k.compliant and asks_again(notes, LANES, lane, lanes[(k.turn + 2) * LANES + lane])
     if lawful and hits < window.total and made <= notes[GRANTED * LANES + lane] and age <= QUIET_FOR and not still:
         return RUNNING
     lift(lanes, lane, rows)

@@ -41,7 +41,7 @@ ENDLESS = 0.1  # of 1 - r: with less of (1 - p)(1 - r) a chatter is taken to end
 def begin(rows, k, room):
     """Settle the stops at which the start is at rest; return the set of those that closed.
 
-    A stop that gives and is touched at a speed of approach is struck at the end of the first step, of length zero.
+    A compliant stop and is touched at a speed of approach is struck at the end of the first step, of length zero.
     """
     turns(rows, k, None)
     touching, members, ahead = measure(rows, k, room), int(0.0), int(0.0)
@@ -55,7 +55,7 @@ def begin(rows, k, room):
             u, _, reach = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
             ahead |= int(abs(u) <= TOUCH * reach + NOWHERE * rows[k.speed]) << z
     closing = settle(rows, k, room, members) if members else 0
-    return closing | attend(rows, k, room, ahead)[1] if k.giving else closing
+    return closing | attend(rows, k, room, ahead)[1] if k.compliant else closing
 
 
 @inner
@@ -100,7 +100,7 @@ def bounce(rows, k, wide):
     """
     n, which = k.modes, get(rows, k.which, wide)
     usual = (get(rows, k.hit, wide) == CONTACT) & (get(rows, k.closed, wide) <= 0.0)
-    if k.giving:
+    if k.compliant:
         usual = usual & (get(rows, k.engaged, wide) <= 0.0)
     rate = gram = r = 0.0 * which
     for y in range(k.stops):
@@ -115,7 +115,7 @@ def bounce(rows, k, wide):
             inverse = inverse + alpha * get(rows, k.jump + y * n + j, wide)
         rate, gram = select(own, w, rate), select(own, inverse, gram)
         r = select(own & (get(rows, k.law + y, wide) <= 0.0), get(rows, k.restitution + y, wide), r)
-        if k.giving:
+        if k.compliant:
             own = own & (get(rows, k.spring + y, wide) <= 0.0)
         usual = usual & (own | (u > TOUCH * size + NOWHERE * get(rows, k.speed, wide)))
     usual = usual & (r > 0.0) & (-rate >= get(rows, k.cut, wide))

@@ -20,8 +20,8 @@ class Layout(NamedTuple):
     left or held; `age` and `made` count the steps flown since an event and made in all; `held` is the inverse of alpha
     M^-1 alpha^T over the closed stops, and `closed` how many there are; `deta` and `drate` are a deviation, `known` is
     the state (eta, rate, sin wt, cos wt) at an impact to which the motion may return, and `missed` what the closest
-    near-miss of each stop since the last impact left; `lawless` says that a law of restitution failed. Of stops that
-    give, `leaving` says which one has let go and is still pushed in, `engaged` counts those and the ones that push,
+    near-miss of each stop since the last impact left; `lawless` says that a law of restitution failed. Of compliant
+    stops `leaving` says which one has let go and is still pushed in, `engaged` counts those and the ones that push,
     `pace` is the length of a step while they do, as a part of it, and `thrust`, `work`, `pushed`, `peak` and `depth`
     are impulse, energy taken, time, largest force and penetration of the contact; `drained` is the energy that dampers
     took. The others up to `constants` are constant, with the addresses of laws of restitution (`law`, 0 where it is a
@@ -39,7 +39,7 @@ class Layout(NamedTuple):
     moving: bool
     thorough: bool
     wary: bool
-    giving: bool
+    compliant: bool
     rigid: bool
     forceful: bool
     draining: bool
@@ -123,7 +123,7 @@ def layout_of(
     harmonics: int,
     coupled: bool,
     moving: bool,
-    giving: bool = False,
+    compliant: bool = False,
     rigid: bool = True,
     far: bool = False,
     free: bool = False,
@@ -135,10 +135,9 @@ def layout_of(
     """Return the rows of systems of that many modes, stops and harmonics.
 
     `coupled`: damping is not proportional in some of them; `moving`: so is a stop; `thorough`: a neighbour of each
-    motion is carried along; `wary`: near-misses are looked for, too; `giving`: stops give; `rigid`: some do not; `far`:
-    modes of some are so slow that far leaps are worth a trial; `free`: some have a free centre;
-    `forceful`: impulses, largest forces or what stops that give take are asked for; `draining`: so is what the dampers
-    take.
+    motion is carried along; `wary`: near-misses are looked for, too; `compliant`, `rigid`: some stops are
+    so; `far`: modes of some are so slow that far leaps are worth a trial; `free`: some have a free centre; `forceful`:
+    impulses, largest forces or what compliant stops take are asked for; `draining`: so is what the dampers take.
     """
     n, s, m = modes, stops, harmonics
     own = 2 + 4 * (n if coupled else 1) + 4 * m
@@ -153,7 +152,7 @@ def layout_of(
         "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
         "margin": s, "give": s, "slide": n, "sliding": s * n, "lift": s * (n + 1 + 2 * m),
         "halves": leap, "wholes": leap, "fars": leap * far, "slow": s * n * far, "drawn": s * (n + 1 + 2 * m) * far,
-        "reach": s * (1 + 2 * n) * far, "within": 2 * s * (own + 3) * (giving and n == 1),
+        "reach": s * (1 + 2 * n) * far, "within": 2 * s * (own + 3) * (compliant and n == 1),
         "neutral": 2 * n * free, "constants": 0,
         "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE, "leapt": 2 * n, "apart": 4 * s,
         "stop": s * SIZE, "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1, "rows": 0,
@@ -162,4 +161,6 @@ def layout_of(
     for name, size in sizes.items():
         places[name] = row
         row += size
-    return Layout(n, s, m, coupled, moving, thorough, wary, giving, rigid, forceful, draining, far, free, own, **places)
+    return Layout(
+        n, s, m, coupled, moving, thorough, wary, compliant, rigid, forceful, draining, far, free, own, **places
+    )

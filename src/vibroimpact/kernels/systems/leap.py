@@ -25,7 +25,7 @@ loads leave with amplitude P and speed P' at most, and that damping does not cou
 for ever. A clearance lies above that of the slow modes alone, which has the bound above, less |alpha| times that of the
 fast ones; there sqrt(u0) + sqrt(u1) has to be so large once it is taken from both.
 
-A contact of a lone mode with a stop that gives begins with d = -u = 0, d' = v > 0 and is linear, d'' + D d' + K d =
+A contact of a lone mode with a compliant stop begins with d = -u = 0, d' = v > 0 and is linear, d'' + D d' + K d =
 a(x), D and K with the stop's damper and spring in them and a from the load and the stop's motion. With s(x) the answer
 to a unit speed at x = 0, that of the force k d + c d' is r = k s + c s', R its integral, and while r > 0
 
@@ -247,7 +247,7 @@ def _put(rows, certain, amplitude, rate, k, wide):
 def may_leap(rows, k, wide):
     """Return where leaps may be tried."""
     may = get(rows, k.closed, wide) <= (-1.0 if k.draining else 0.0)
-    return may & (get(rows, k.engaged, wide) <= 0.0) if k.giving else may
+    return may & (get(rows, k.engaged, wide) <= 0.0) if k.compliant else may
 
 
 @inner

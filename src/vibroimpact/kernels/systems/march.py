@@ -165,7 +165,7 @@ def happen(rows, k, room):
         closing = release(rows, k, room)
     else:
         struck, closing = strike(rows, k, room)
-    if k.giving:
+    if k.compliant:
         began, more = attend(rows, k, room, int(0.0))
         return struck | began, closing | more
     return struck, closing

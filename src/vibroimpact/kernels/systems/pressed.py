@@ -33,7 +33,7 @@ def asks_again(notes, stride, lane, periods):
 
 @inner
 def in_contact(rows, z, k):
-    """Return whether a stop that gives pushes, or may push again before it is free."""
+    """Return whether a compliant stop pushes, or may push again before it is free."""
     return rows[k.kind + z] >= CLOSED or rows[k.leaving + z] > 0.0
 
 
@@ -49,7 +49,7 @@ def same_contacts(a, b, k):
 
 @rare
 def is_pressed(rows, k):
-    """Return whether a stop that gives is in contact, and one let go or pushed lately."""
+    """Return whether a compliant stop is in contact, and one let go or pushed lately."""
     found = False
     if rows[k.age] * rows[k.theta] > LONGEST * TURN:
         return found

@@ -1,4 +1,4 @@
-"""Stops that give: when they begin to push and let go, and what their forces come to.
+"""Compliant stops: when they begin to push and let go, and what their forces come to.
 
 While one is pushed in by d = -u > 0 its force is k d + c d', as long as that is above zero; there the system is as
 linear as in flight. It begins where u falls through zero. Where the force has fallen to zero it lets go: with c > 0
@@ -155,7 +155,7 @@ def stands(rows, z, sine, cosine, k, wide):
 
 @inner(forceinline=True)
 def meet(rows, k, wide, contact):
-    """Begin and end the usual contacts with stops that give; return where they begin, where they end, and the speed.
+    """Begin and end the usual contacts with compliant stops; return where they begin, where they end, and the speed.
 
     Usual is one above the cut while no other stop is closed, touched or pushes. `contact` is where a step ended at one.
     """
@@ -191,9 +191,9 @@ def meet(rows, k, wide, contact):
     return begins, ends, speed
 
 
-@deferred("stops that give", 1, types.UniTuple(types.intp, 2))
+@deferred("compliant stops", 1, types.UniTuple(types.intp, 2))
 def attend(rows, k, room, ahead):
-    """Decide of every stop that gives, but for those `ahead`, whether it pushes, has let go or is free.
+    """Decide of every compliant stop, but for those `ahead`, whether it pushes, has let go or is free.
 
     Return those that were free and push, with their speeds left, and the rigid ones that close by it. Where a damper
     begins or ends to push, accelerations jump, and stops that are closed or left from rest are settled anew.
@@ -229,7 +229,7 @@ def attend(rows, k, room, ahead):
 
 @inner
 def _decide(rows, z, k):
-    """Decide how a stop that gives stands; return whether it pushes and did not, or the other way round.
+    """Decide how a compliant stop stands; return whether it pushes and did not, or the other way round.
 
     The first derivatives that are not rounding decide. They are those without its own force: as long as that is zero
     it does not matter.

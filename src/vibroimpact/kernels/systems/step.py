@@ -114,7 +114,7 @@ def _watched(rows, z, held, k, wide):
     if held:
         b = either(kind >= CLOSED, load(rows, k.hold + z * SIZE, wide), b)
     leaving = get(rows, k.leaving + z, wide) > 0.0
-    if k.giving and anywhere(leaving):
+    if k.compliant and anywhere(leaving):
         pace = get(rows, k.pace, wide)
         spring, dashpot = pace * pace * get(rows, k.spring + z, wide), pace * get(rows, k.dashpot + z, wide)
         b = either(leaving & (kind < CLOSED), slipped(b, spring, dashpot), b)
@@ -166,7 +166,7 @@ def miss(rows, z, end, flown, held, k, wide):
     """Keep the least clearance of an open stop on a way that was flown."""
     a, kind = coefficients(_watched(rows, z, held, k, wide)), get(rows, k.kind + z, wide)
     flown = flown & (kind < CLOSED)
-    if k.giving:
+    if k.compliant:
         flown = flown & (get(rows, k.leaving + z, wide) <= 0.0)
     put(rows, k.missed + z, wide, trough(a, end, flown, get(rows, k.missed + z, wide)))
 
@@ -187,7 +187,7 @@ def _carry(rows, x, held, k, wide):
 @inner(forceinline=True)
 def fly_here(rows, held, k, wide):
     """Leave the series of all modes, and of the forces of stops that are closed or push where some are `held`."""
-    if k.giving and held and k.modes == 1 and not k.rigid:
+    if k.compliant and held and k.modes == 1 and not k.rigid:
         fly_alone(rows, k, wide)
     elif held or k.coupled:
         fly_together(rows, k, wide, DEGREE, held)
@@ -210,7 +210,7 @@ def fly_one(rows, held, k):
 @inner
 def fly_on(rows, x, k):
     """Carry a cell and its deviation over so many steps in which nothing happens."""
-    held = rows[k.closed] > 0.0 or (k.giving and rows[k.engaged] > 0.0)
+    held = rows[k.closed] > 0.0 or (k.compliant and rows[k.engaged] > 0.0)
     x = x / rows[k.pace]
     while x > 0.0:
         part = min(x, 1.0)
@@ -225,7 +225,7 @@ def fly_on(rows, x, k):
 def step(rows, k, wide):
     """Make a certified step; leave the state after it, how far it went, which stop ended it and how."""
     turns(rows, k, wide)
-    held = anywhere(get(rows, k.closed, wide) > 0.0) or (k.giving and anywhere(get(rows, k.engaged, wide) > 0.0))
+    held = anywhere(get(rows, k.closed, wide) > 0.0) or (k.compliant and anywhere(get(rows, k.engaged, wide) > 0.0))
     fly_here(rows, held, k, wide)
     x, others, which, sought = _certify(rows, held, k, wide)
     close, end = _approach(load(rows, k.near, wide), x, others, sought)
@@ -242,7 +242,7 @@ def step(rows, k, wide):
     put(rows, k.hit, wide, select(close, CONTACT, stalled))
     if k.thorough:
         _carry(rows, end, held, k, wide)
-    if k.giving:
+    if k.compliant:
         end = end * get(rows, k.pace, wide)
         set_free(rows, k, wide)
     put(rows, k.passed, wide, end)

@@ -73,7 +73,7 @@ def accelerate(rows, k, found):
         found[j] = load - rows[k.square + j] * rows[k.eta + j]
         for i in range(n):
             found[j] -= rows[k.damping + j * n + i] * rows[k.rate + i]
-    for z in range(s if k.giving else 0):
+    for z in range(s if k.compliant else 0):
         if rows[k.kind + z] >= CLOSED and rows[k.spring + z] > 0.0:
             u, w, _ = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
             for j in range(n):

@@ -85,7 +85,7 @@ def _look(rows, k, seen, lane, schedule, periods, phase):
 def _look_on_way(rows, before, k, seen, lane, schedule):
     """Leave the states at the looks since the state `before`: those within leaps need series of their own."""
     leapt = rows[k.age] - before[k.age] - rows[k.passed]
-    within = k.giving and before[k.engaged] > 0.0
+    within = k.compliant and before[k.engaged] > 0.0
     length = 0.5 * leapt if within else HALF
     for _ in range(int(leapt / length + 0.5) if leapt > BACK else 0):
         periods, phase = moment(before[k.turn], before[k.turn + 1], before[k.turn + 2])
@@ -173,11 +173,11 @@ def _conclude(rows, k, seen, lane):
 @inner
 def _record_unusual(rows, k, room, note, seen, lane, window):
     """Make what else ended a step, and record it."""
-    for z in range(k.stops if k.giving else 0):
+    for z in range(k.stops if k.compliant else 0):
         if not in_contact(rows, z, k):
             rows[k.entry + z] = 0.0
     struck, closing = happen(rows, k, room)
-    if k.giving:
+    if k.compliant:
         _conclude(rows, k, seen, lane)
     _record(rows, k, room, note, seen, lane, struck, window)
     _note_rests(rows, k, seen, lane, room, closing)
@@ -221,7 +221,7 @@ def _end(rows, k, room, note, seen, lane, schedule, window, alone, asked):
     if not asked or note[HITS] >= window.total:
         return GOES_ON
     end = ending(rows, k, room, note, window.total)
-    still = k.giving and asks_again(note, 1, 0, rows[k.turn + 2]) and is_pressed(rows, k)
+    still = k.compliant and asks_again(note, 1, 0, rows[k.turn + 2]) and is_pressed(rows, k)
     if end == RUNNING and still and stays_pressed(rows, k, room, note, window, alone):
         end = PINNED
     return end if end != RUNNING and (schedule.number == 0.0 or end == SPENT) else GOES_ON
@@ -304,7 +304,7 @@ def _follow(busy, k, room, seen, window, schedule, most, alone):
 @compiled("motions of systems", 0.3)
 def follow(busy, k, room, seen, window, schedule, most, alone):
     """Do so; what compliant stops need is left out where there are none."""
-    if k.giving:
+    if k.compliant:
         _follow(busy, k, room, seen, window, schedule, most, alone)
     else:
         _follow(busy, rigid(k), room, seen, window, schedule, most, alone)

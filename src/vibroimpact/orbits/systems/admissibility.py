@@ -56,7 +56,7 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
             phase = (angles[i] + angle) / TURN % 1.0
             if other in pushing:
                 return f"after impact {number} {names[other]!r} would let go earlier, at phase {phase:.6g}"
-            how = "touch {} before it is to, {:.3g} m deep" if flow.gives[other] else "penetrate {}, by {:.3g} m"
+            how = "touch {} before it is to, {:.3g} m deep" if flow.compliant[other] else "penetrate {}, by {:.3g} m"
             return f"after impact {number} it would {how.format(repr(names[other]), depth)} at phase {phase:.6g}"
     return ""
 

@@ -1,4 +1,4 @@
-"""What the impacts of a cycle do to the stops: impulses, and of stops that give forces, depths and losses."""
+"""What the impacts of a cycle do to the stops: impulses, and of compliant stops forces, depths and losses."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NODES = 8  # of Gauss-Legendre quadrature over one stride of the samples: exact 
 
 
 class Contact(NamedTuple):
-    """One impact: its impulse (N s), and of a stop that gives for how long it pushes (s), how hard (N), how deep it is
+    """One impact: its impulse (N s), and of a compliant stop for how long it pushes (s), how hard (N), how deep it is
     pressed in (m) and the energy that it takes (J), else NaN.
     """
 
@@ -33,7 +33,7 @@ def contacts_of(cycle: Cycle, unknown: Floats, speeds: Floats) -> tuple[Contact,
     flow, found = cycle.flow, []
     for at in cycle.impacts:
         stop = cycle.events[at].stop
-        if flow.gives[stop]:
+        if flow.compliant[stop]:
             found.append(_pressed(cycle, unknown, at))
         else:
             impulse = (1.0 + flow.rebound(stop, -speeds[at])[0]) * speeds[at] * flow.omega / flow.lengths[stop]

@@ -7,7 +7,7 @@ x_{p+1} after a cycle of length Theta, at theta_1 + Theta. An orbit has
     x_{p+1} = s x_1,    level of the event = 0 at theta_1 ... theta_p,
 
 with Theta = 2 pi n and s = 1. The level is the clearance where contact begins, and the force over the stiffness where a
-stop that gives lets go or pushes again. In a symmetric system, where with q(t) also -q(t + T/2) is a motion, there are
+compliant stop lets go or pushes again. In a symmetric system, where with q(t) also -q(t + T/2) is a motion, there are
 orbits that are mirrored after half their length: Theta = pi n, n odd, and s = -1, with the events of half a cycle.
 
 The derivatives are exact: with x' just before (-) and after (+) an event, and Gamma and k the derivatives of the state
@@ -79,7 +79,7 @@ class Cycle:
         """The stops that push before each event, and after the last."""
         found = [self.pushing]
         for event in self.events:
-            found.append(event.then(found[-1], self.flow.gives.tolist()))
+            found.append(event.then(found[-1], self.flow.compliant.tolist()))
         return found
 
     @property
@@ -169,7 +169,7 @@ class Cycle:
             matrix[i] = row @ slope
             matrix[i, i] += rise
             after = flow.struck(event.stop, x, z)
-            if not flow.gives[event.stop]:
+            if not flow.compliant[event.stop]:
                 slope = flow.reflection(event.stop, x, z) @ slope
                 slope[:, i] += flow.kicked(event.stop, x, z)
             slope[:, i] -= flow.rate(after, z, pushing)

@@ -13,7 +13,7 @@ Pushing = tuple[int, ...]  # the stops that push, ascending
 class Event(NamedTuple):
     """An event of one stop.
 
-    An impact is where its clearance falls to zero: a rigid stop is struck, contact with one that gives begins. That
+    An impact is where its clearance falls to zero: a rigid stop is struck, contact with a compliant one begins. That
     one lets go where its force has fallen to zero; while it is still pressed in, it may push again. A graze is an
     impact of velocity 0 on it.
     """
@@ -21,9 +21,9 @@ class Event(NamedTuple):
     stop: int
     kind: str = IMPACT
 
-    def then(self, pushing: Pushing, gives: Sequence[bool]) -> Pushing:
+    def then(self, pushing: Pushing, compliant: Sequence[bool]) -> Pushing:
         """Return which stops push after the event, of those that pushed before."""
-        if not gives[self.stop] or self.kind == GRAZE:
+        if not compliant[self.stop] or self.kind == GRAZE:
             return pushing
         others = {stop for stop in pushing if stop != self.stop}
         return tuple(sorted(others if self.kind == LET_GO else {*others, self.stop}))

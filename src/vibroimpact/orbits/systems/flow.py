@@ -14,7 +14,7 @@ Over a flight of length tau the state becomes x(tau) = Phi x(0) + Psi z(0). Both
 (C. F. Van Loan, IEEE Trans. Automat. Control 23 (1978) 395-404): no steady state is used, which a free mass or an
 undamped mode in resonance would not have.
 
-While stops that give push, each adds (k u + c u') beta to y'', with k and c over the length squared in the units of
+While compliant stops push, each adds (k u + c u') beta to y'', with k and c over the length squared in the units of
 angle: A and F are others. The exponential is then taken in coordinates whose first ones are the directions of these
 stops, the stiffest first, each displacement times its own rate: there a stop of any stiffness leaves the others' terms
 unrounded, and the exponent is as large as the fastest rate, not as its square.
@@ -74,7 +74,7 @@ class Flow:
     def __init__(self, system: ImpactSystem) -> None:
         form = system.modal()
         self.n, self.omega, self.restitution = len(form.squares), form.omega, form.restitution
-        self.gives = form.stiffness > 0.0
+        self.compliant = form.stiffness > 0.0
         self.laws = [None if stop.ratio is not None else stop.law for stop in system.stops]
         roots, self.orders = np.sqrt(form.masses), form.orders.astype(float)
         self.neutral: Any = form.neutral.ravel()  # of the state: the place and the drift of a free centre
@@ -191,9 +191,9 @@ class Flow:
 
     def rebound(self, stop: int, closing: float) -> tuple[float, float]:
         """Return r and R of an impact at which the clearance over its length has that rate; -1, which changes nothing,
-        where contact with a stop that gives begins.
+        where contact with a compliant stop begins.
         """
-        if self.gives[stop]:
+        if self.compliant[stop]:
             return -1.0, -1.0
         law, r = self.laws[stop], float(self.restitution[stop])
         if law is None:
@@ -222,7 +222,7 @@ class Flow:
 
     def lag(self, stop: int) -> float:
         """Return c/k of a stop: the rate of the clearance counts so much in its force; 0 of a rigid one."""
-        return float(self.viscosity[stop] / self.stiffness[stop]) if self.gives[stop] else 0.0
+        return float(self.viscosity[stop] / self.stiffness[stop]) if self.compliant[stop] else 0.0
 
     def rotation(self, angle: float | Floats) -> Floats:
         """Return by what z is multiplied over an angle, or over many."""
@@ -266,13 +266,13 @@ class Flow:
                   ((1 + r) D \beta - (1 + R) \beta u''/v)\beta^T & \Gamma(R) \end{pmatrix}, \qquad
                   \Gamma(r) = 1 - (1 + r) \beta \beta^T,
 
-        whose determinant is r R, also for moving stops. Where a stop that gives is touched, the force jumps to c v:
+        whose determinant is r R, also for moving stops. Where a compliant stop is touched, the force jumps to c v:
         the lower left block is :math:`-c \beta \beta^T`, for every v > 0, and the others are those of 1. Where the
         force is zero nothing jumps.
         """
         n, stop = self.n, event.stop
         beta, found = self.beta[stop], np.eye(2 * n)
-        if self.gives[stop]:
+        if self.compliant[stop]:
             if event.kind == IMPACT:
                 found[n:, :n] = -self.viscosity[stop] * np.outer(beta, beta) / self.units
             return found

@@ -65,7 +65,7 @@ def with_releases(flow: Flow, stops: tuple[int, ...], angles: Floats, end: float
     for stop, begin, after in zip(stops, angles, [*angles[1:], end], strict=True):
         events.append(Event(stop, IMPACT))
         times.append(begin)
-        if flow.gives[stop]:
+        if flow.compliant[stop]:
             events.append(Event(stop, LET_GO))
             times.append(begin + min(np.pi / flow.phase((stop,)).fastest, LEAST * (after - begin)))
     return tuple(events), np.array(times)

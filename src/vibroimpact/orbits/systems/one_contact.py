@@ -1,4 +1,4 @@
-r"""All orbits with one contact of a stop that gives in a cycle, or one in each half of a symmetric one.
+r"""All orbits with one contact of a compliant stop in a cycle, or one in each half of a symmetric one.
 
 At a given duration tau of the contact everything is linear: with the flows of the contact and of the flight after it,
 the state x where contact begins is a trigonometric polynomial in its driving angle, by 2n equations N x = P z that say

@@ -44,13 +44,13 @@ class SystemOrbit:
     n_periods : int, >= 1
         Driving periods in a cycle.
     stops : tuple of str
-        Names of the stops that are struck, in the order of time. On a stop that gives, contact begins.
+        Names of the stops that are struck, in the order of time. On a compliant stop, contact begins.
     turns : tuple of float
         Times of these impacts in driving periods, the first in [0, 1).
     velocities : tuple of float
         Rates at which clearances close just before contact, in m/s.
     impulses : tuple of float
-        Impulses of the impacts in N s: of a stop that gives, the integral of its force over the contact.
+        Impulses of the impacts in N s: of a compliant stop, the integral of its force over the contact.
     start : State
         Coordinates, their rates and time just before the first impact; of an orbit that rests, while nothing happens.
     multipliers : tuple of 2n complex
@@ -65,12 +65,12 @@ class SystemOrbit:
     family : family, optional
         The family, at its own values, that the system was made by.
     events : tuple of (float, str, str)
-        Times in driving periods, kinds and stops of all that happens in a cycle: each "impact", and of stops that give
+        Times in driving periods, kinds and stops of all that happens in a cycle: each "impact", and of compliant stops
         "let_go", where the force has fallen to zero, and "push_again", where it rises before contact is lost.
     pushing : tuple of str
         Stops that push just before the first impact.
     contacts : tuple of Contact
-        Of each impact the `impulse` in N s, and on a stop that gives `contact_time` in s, for which it pushes,
+        Of each impact the `impulse` in N s, and on a compliant stop `contact_time` in s, for which it pushes,
         `peak_force` in N, `penetration` in m, and the energy `lost` at the stop in J; NaN on a rigid one.
     rests : tuple of Rest
         Rests at rigid stops, each the `stop` and when it `begin`s and `end`s in driving periods, as `turns` have them.
@@ -242,7 +242,7 @@ AnyOrbit = Orbit | SystemOrbit
 
 
 def _shrinks(stop: Stop, v: float) -> float:
-    """Return r d(r v)/dv of an impact; 1 where contact with a stop that gives begins."""
+    """Return r d(r v)/dv of an impact; 1 where contact with a compliant stop begins."""
     if stop.compliant:
         return 1.0
     r = float(stop.rebound(v))
@@ -291,7 +291,7 @@ def at_first_contact(orbit: SystemOrbit) -> SystemOrbit:
     flow = Flow(orbit.system)
     angles, state = solution_of(orbit, flow)
     stop = orbit.system.stop_names.index(orbit.stops[0])
-    cycle = Cycle(flow, 1, (Event(stop, GRAZE if flow.gives[stop] else IMPACT),))
+    cycle = Cycle(flow, 1, (Event(stop, GRAZE if flow.compliant[stop] else IMPACT),))
     return make_orbit(orbit.model, cycle, np.append(angles[:1], state))
 
 
@@ -303,7 +303,7 @@ def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:
     halves: tuple[complex, ...] = ()
     speeds = cycle.speeds(unknown)
     speeds[np.abs(speeds) <= ROUNDING * np.abs(unknown[p:]).max()] = 0.0
-    rigid = any(not flow.gives[cycle.events[at].stop] for at in np.flatnonzero(speeds == 0.0))
+    rigid = any(not flow.compliant[cycle.events[at].stop] for at in np.flatnonzero(speeds == 0.0))
     felt, neutral = np.count_nonzero(~flow.neutral), cycle.neutral()
     multipliers = (complex(math.inf), *(0j for _ in range(felt - 1))) if rigid else cycle.multipliers(unknown)
     if cycle.images:

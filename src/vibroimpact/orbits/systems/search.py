@@ -122,7 +122,7 @@ def find(
     if any(not 1 <= len(sequence) <= IMPACTS for sequence in sequences) or not sequences:
         raise invalid("stops", stops, f"1 to {IMPACTS} stops to strike")
     flow, mirrored = Flow(system), images if symmetric else ()
-    known = near is None or not (isinstance(near, State) or flow.gives[sequences[0][0]])
+    known = near is None or not (isinstance(near, State) or flow.compliant[sequences[0][0]])
     if len(sequences[0]) == 1 and known:
         return _of_one(model, [Cycle(flow, n_periods, struck(sequence), mirrored) for sequence in sequences])
     return _from(model, *_guess(flow, n_periods, sequences[0], mirrored, near), images)
@@ -143,7 +143,7 @@ def of_one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
 
     On a compliant stop also which others may have been missed.
     """
-    if cycle.flow.gives[cycle.events[0].stop]:
+    if cycle.flow.compliant[cycle.events[0].stop]:
         return one_contact(cycle)
     unknowns, why = one_impact(cycle)
     return [(cycle, unknown) for unknown in unknowns], why

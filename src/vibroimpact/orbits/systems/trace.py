@@ -29,9 +29,9 @@ class Met(NamedTuple):
 
 
 def pressed(flow: Flow, x: Floats, z: Floats) -> Pushing:
-    """Return the stops that push in a state: those that give, are pressed in, and do not pull."""
+    """Return the stops that push in a state: compliant ones that are pressed in and do not pull."""
     found = []
-    for stop in np.flatnonzero(flow.gives).tolist():
+    for stop in np.flatnonzero(flow.compliant).tolist():
         u, rate, _ = flow.clearance(stop, x, z)
         if u < 0.0 and u + flow.lag(stop) * rate < 0.0:
             found.append(stop)
@@ -60,7 +60,7 @@ def cycle_from(
         if met or found.event.kind == IMPACT:
             met.append(found)
         x, angle, left = found.x, found.angle, found.event.stop
-        x, pushing = flow.struck(left, x, flow.drive(angle)), found.event.then(pushing, flow.gives.tolist())
+        x, pushing = flow.struck(left, x, flow.drive(angle)), found.event.then(pushing, flow.compliant.tolist())
     *events, again = met
     cycle = Cycle(flow, n_periods, tuple(each.event for each in events), (), events[0].pushing)
     if abs(again.angle - events[0].angle - cycle.length) > 0.1 or again.event != events[0].event:
