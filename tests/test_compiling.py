@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -253,10 +254,34 @@ def test_beside_a_first_command_a_second_process_compiles_what_a_next_one_needs(
 
 def test_a_model_that_cannot_be_handed_on_is_compiled_for_by_its_own_process(monkeypatch):
     monkeypatch.setattr(beside, "_processes", [])
+    monkeypatch.setattr(beside, "_watching", [])
     monkeypatch.setattr(compiling, "watching", [])
     monkeypatch.setattr(threads, "worker_count", lambda workers: 2)
+    monkeypatch.setattr(compiling, "under_way", lambda: "maps")
     beside.compile_beside(lambda: vi.ImpactOscillator(restitution=lambda velocity: 0.5))
     (start,) = compiling.watching
     start()
     assert not beside._processes
     assert not compiling.watching
+
+
+def test_one_second_process_at_most_waits_and_none_begins_when_nothing_is_compiled(monkeypatch):
+    begun = []
+    monkeypatch.setattr(beside, "_processes", [])
+    monkeypatch.setattr(beside, "_watching", [])
+    monkeypatch.setattr(compiling, "watching", [])
+    monkeypatch.setattr(threads, "worker_count", lambda workers: 2)
+    monkeypatch.setattr(
+        beside.subprocess, "Popen", lambda *how, **what: begun.append(how) or SimpleNamespace(stdin=None)
+    )
+    for _ in range(100):  # commands of one process
+        beside.compile_beside(vi.ImpactOscillator)
+    compiling.begin("what is not told", 0.1, "")
+    compiling.end()
+    assert not begun
+    monkeypatch.setattr(compiling, "TOLD", 1.0)
+    for _ in range(3):
+        compiling.begin("what is told", 2.0, "")
+        compiling.end()
+        beside.compile_beside(vi.ImpactOscillator)
+    assert len(begun) == 1

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 PATIENCE = 5.0  # s without anything to compile, after which it ends
 
-_processes: list[subprocess.Popen[bytes]] = []
+_processes: list[subprocess.Popen[bytes]] = []  # one at most
+_watching: list[Callable[[], None]] = []  # one at most: for the model of the latest command
 
 
 def compile_beside(model: Callable[[], Model]) -> None:
@@ -27,7 +28,9 @@ def compile_beside(model: Callable[[], Model]) -> None:
     from vibroimpact.execution.threads import worker_count
 
     def start() -> None:
-        compiling.watching.remove(start)
+        if not compiling.under_way():  # told of an end
+            return
+        _forget()
         with suppress(Exception):  # a law of restitution that cannot be handed on, say: this process compiles alone
             words = pickle.dumps(model())
             quiet: Any = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "bufsize": 0}
@@ -36,8 +39,15 @@ def compile_beside(model: Callable[[], Model]) -> None:
             if process.stdin:  # left open: the other process ends with this one
                 process.stdin.write(words)
 
-    if worker_count(None) > 1:
+    _forget()
+    if worker_count(None) > 1 and not _processes:
+        _watching.append(start)
         compiling.watching.append(start)
+
+
+def _forget() -> None:
+    while _watching:
+        compiling.watching.remove(_watching.pop())
 
 
 def main() -> None:
