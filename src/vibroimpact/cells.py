@@ -178,7 +178,7 @@ class Tiling:
         return math.prod(self.counts)
 
     def __getitem__(self, number: int) -> tuple[slice, ...]:
-        """Return where tile `number` lies, the last axis fastest."""
+        """Return the place of tile `number`, the last axis fastest."""
         places = []
         for count, side, cells in zip(self.counts[::-1], self.tile[::-1], self.shape[::-1], strict=True):
             number, at = divmod(number, count)
@@ -186,7 +186,7 @@ class Tiling:
         return tuple(places[::-1])
 
     def cells(self, number: int) -> int:
-        """Return how many cells a tile holds."""
+        """Return the number of cells in a tile."""
         return math.prod(part.stop - part.start for part in self[number])
 
 

@@ -37,7 +37,7 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
        .. math:: N \lambda_\mathrm{impact} > 53 \ln 2 \approx 36.7,
 
        in a window of at least 10 driving periods;
-    6. *quasi-periodic*, of systems of two coordinates or more, a free centre not counted: no cycle, and over N >= 1000
+    6. *quasi-periodic*, for systems of two coordinates or more, a free centre not counted: no cycle, and over N >= 1000
        sampled impacts neighbours keep their distance, or part no faster than in proportion to N,
 
        .. math:: -1 \le N \lambda_\mathrm{impact} \le \ln N;
@@ -54,7 +54,7 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        `motion` (flags undecided, no_impact, periodic, sticking, chaotic and, of a system of several coordinates,
+        `motion` (flags undecided, no_impact, periodic, sticking, chaotic and, for systems of several coordinates,
         quasi_periodic), `n_periods` and `n_impacts` of its cycle (0 where none was found; n_impacts = -1 for complete
         chatter), and the `status` it was decided from.
 

@@ -65,5 +65,5 @@ def clock() -> float:
 
 
 def under_way() -> str:
-    """Return what is being compiled; nothing if nothing is."""
+    """Return the kernel that is being compiled; nothing if none is."""
     return _begun[0][0] if _begun else ""

@@ -125,7 +125,7 @@ def level_variable(dims: str | Sequence[str], levels: Any) -> xr.Variable:
 
 
 def stick_times(seconds: Callable[[Any, Any], Any], seen: Any) -> dict[str, xr.Variable]:
-    """Return when the mass came to rest at the stop and when it left, from a back end's samples."""
+    """Return the times at which the mass came to rest at the stop and left it, from a back end's samples."""
     return {
         "stick_time": variable("stick_time", "stick", seconds(seen.stick_periods, seen.stick_phase)),
         "release_time": variable("release_time", "stick", seconds(seen.release_periods, seen.release_phase)),

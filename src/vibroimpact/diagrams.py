@@ -70,7 +70,7 @@ def bifurcation_diagram(
         Velocities and phases at impacts, or displacement and velocity once a period.
     direction : {"fresh", "up", "down"}
         Start every value anew, or go up or down the axis and start each where the one before ended: clearance to the
-        stop, velocity and phase are carried along, which shows hysteresis. Of a system coordinates, velocities and
+        stop, velocity and phase are carried along, which shows hysteresis. For systems, coordinates, velocities and
         phase are; where the next value's stops lie in the way, it starts from the nearest position before them.
     backend, time_step, tolerances
         As of `simulate`.
@@ -84,7 +84,7 @@ def bifurcation_diagram(
     start : State, optional
         Initial condition of every value, or of the first one; None is at rest at min(0, gap) at time 0.
     coordinate : int, >= 0
-        Of a system, which coordinate is given (section "stroboscopic"); 0 is the first.
+        For systems, which coordinate is given (section "stroboscopic"); 0 is the first.
     workers : int, optional
         Threads for fresh starts; None is one a core. A carried state leaves nothing to share.
     progress : bool or callable

@@ -34,7 +34,7 @@ class Family:
         self.__doc__, self.__name__ = function.__doc__, function.__name__
 
     def __call__(self, **values: float) -> Any:
-        """Return what the function returns."""
+        """Return the result of the function."""
         return self.function(**self.values | self._checked(values))
 
     def __repr__(self) -> str:

@@ -184,7 +184,7 @@ def _explained(path: Path) -> Iterator[None]:
 
 
 def _opened(path: Path) -> Any:
-    """Return what xarray opens."""
+    """Return the Dataset that xarray opens."""
     from vibroimpact.guard import GuardedStore
 
     return GuardedStore(path) if path.suffix.lower() == ".zarr" else path
@@ -321,7 +321,7 @@ def partial_name(path: Path) -> Path:
 
 
 def offered(path: Path) -> str:
-    """Return where the former output of a name lies that a process did not live to replace; empty without one."""
+    """Return the former output of a name that a process did not live to replace; empty without one."""
     aside = max(path.parent.glob(f".{glob.escape(path.name)}-*{ASIDE}"), key=os.path.getmtime, default=None)
     return f"what it held lies in {str(aside)!r}, set aside by a process that ended: rename that" if aside else ""
 

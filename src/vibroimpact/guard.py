@@ -95,7 +95,7 @@ class GuardedStore(LocalStore):
         return [await self.get(key, prototype, part) for key, part in key_ranges]
 
     def content(self, key: str) -> bytes | None:
-        """Return what a file holds once it has been checked, or None where there is none."""
+        """Return the content of a file once it has been checked, or None where there is none."""
         if key.rpartition("/")[2] == DESCRIPTION:
             found = self._bytes(key, MOST_TEXT)
             if found is not None:
@@ -112,13 +112,13 @@ class GuardedStore(LocalStore):
         return found
 
     def declared(self, name: str) -> Declared | None:
-        """Return what an array says that it holds; None where there is none, or a group."""
+        """Return the declaration of an array; None where there is none, or a group."""
         if name not in self._declared:
             self.content(f"{name}/{DESCRIPTION}")
         return self._declared.setdefault(name, None)
 
     def size(self) -> int:
-        """Return how many bytes the arrays at the root take in memory."""
+        """Return the bytes that the arrays at the root take in memory."""
         arrays = [self.declared(name) for name in os.listdir(self.root)]
         return sum(array.size for array in arrays if array)
 
@@ -233,7 +233,7 @@ def clear(path: Path) -> None:
 
 
 def _declared(described: dict[str, Any]) -> Declared:
-    """Return what the description of an array says; raise some error where this package writes no such one."""
+    """Return the declaration in the description of an array; raise some error where this package writes no such one."""
     shape, chunk = tuple(described["shape"]), tuple(described["chunk_grid"]["configuration"]["chunk_shape"])
     names = described.get("dimension_names") or [None] * len(shape)
     codecs = [codec if isinstance(codec, str) else codec["name"] for codec in described["codecs"]]
@@ -262,7 +262,7 @@ def _declared(described: dict[str, Any]) -> Declared:
 
 
 def unpacked_size(content: bytes) -> int | None:
-    """Return how many bytes one frame of zstd decodes to; None where it is no single whole frame that says so."""
+    """Return the bytes that one frame of zstd decodes to; None where it is no single whole frame that says so."""
     try:
         head = content[4]
         single, at = head >> 5 & 1, 5
@@ -284,7 +284,7 @@ def unpacked_size(content: bytes) -> int | None:
 
 
 def netcdf_size(path: Path) -> int:
-    """Return how many bytes the variables of a NetCDF file take in memory.
+    """Return the bytes that the variables of a NetCDF file take in memory.
 
     `OSError`: it is no regular file, or a damaged one, or a variable lies elsewhere or unpacks to another size.
     """
@@ -361,7 +361,7 @@ def _check_packed(variable: h5py.Dataset) -> None:
 
 
 def _inflated(content: bytes, most: int) -> int:
-    """Return how many bytes zlib makes of a chunk; a part at a time, and not far beyond `most`."""
+    """Return the bytes that zlib makes of a chunk, counted a part at a time, and not far beyond `most`."""
     unpacking, found = zlib.decompressobj(), 0
     while content and found <= most:
         found += len(unpacking.decompress(content, 1 << 20))

@@ -63,7 +63,7 @@ ROUNDING = 1e-9  # of what it is a part of: a spread this small is that of a cyc
 
 
 def spread_scale(index: str, speed: float) -> float:
-    """Return what an index that is a spread is a part of, speeds being some `speed`; 0 for other indices."""
+    """Return the scale of which an index that is a spread is a part, speeds being some `speed`; 0 for other indices."""
     return {"std": speed, "impact_phase_spread": 1.0}.get(index, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""What motions are labelled with: times, impacts and rests; of a system its coordinates and stops, too."""
+"""What motions are labelled with: times, impacts and rests; for systems coordinates and stops, too."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def in_seconds(osc: Any) -> Seconds:
 
 
 def trajectory_of(seen: Samples | SystemSamples, seconds: Seconds, model: Any) -> dict[str, xr.Variable]:
-    """Return what `simulate` gives but its status."""
+    """Return the variables of `simulate` but its status."""
     if isinstance(seen, SystemSamples):
         return _trajectory_of_system(model, seen, seconds)
     return {
@@ -87,7 +87,7 @@ def _impacts_of_system(system: ImpactSystem, seen: SystemSamples, seconds: Secon
 
 
 def _contacts(system: ImpactSystem, seen: SystemSamples) -> dict[str, Any]:
-    """Return what impacts took, and where stops give the largest force, the duration and the depth of contacts."""
+    """Return the impulse and loss of impacts, and for compliant stops the force, duration and depth of contacts."""
     found = {"impulse": seen.impact_impulse, "energy_lost": seen.impact_energy}
     if any(stop.compliant for stop in system.stops):
         found |= {"peak_force": seen.impact_force, "contact_time": seen.impact_duration}

@@ -58,7 +58,7 @@ def matrices(mass: Any, damping: Any, stiffness: Any) -> dict[str, Floats]:
 
 
 def _key(given: Any) -> tuple[tuple[int, ...], bytes] | None:
-    """Return what numbers are known by, if they are a float or an array of such."""
+    """Return the key of numbers, if they are a float or an array of such."""
     if type(given) is float:
         return (), struct.pack("d", given)
     return (given.shape, given.tobytes()) if type(given) is np.ndarray and given.dtype == np.float64 else None

@@ -256,7 +256,7 @@ def velocity_scales(driven: Floats, rate: Floats, offset: Floats, omega: Floats,
 
 
 def speed_parts(form: ModalForm, omegas: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return what V depends on beside the gaps at each frequency: for each stop the speed that force and motion make,
+    """Return the parts of V beside the gaps at each frequency: for each stop the speed that force and motion make,
     the rate at which a clearance becomes a speed and what is off it in equilibrium.
     """
     elastic = form.squares >= (FREE * omegas[:, None]) ** 2

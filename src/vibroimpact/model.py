@@ -58,7 +58,7 @@ def check_names(parameters: Mapping[str, Parameter], names: Iterable[str]) -> No
 
 @dataclass(frozen=True)
 class State:
-    """Where the mass is, how fast it moves towards the stop, and when; of a system, its coordinates and their rates.
+    """Where the mass is, how fast it moves towards the stop, and when; for a system, its coordinates and their rates.
 
     Parameters
     ----------

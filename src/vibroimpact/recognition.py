@@ -151,7 +151,7 @@ def _repeats(columns: Sequence[NDArray[Any]], tolerance: float, longest: int) ->
 
 
 def _apart(column: NDArray[Any], p: int) -> float:
-    """Return how far cycles of p samples are at most from the last one."""
+    """Return the distance of cycles of p samples from the last one, at most."""
     return float(np.abs(column[len(column) % p :].reshape(-1, p) - column[-p:]).max())
 
 

@@ -166,7 +166,7 @@ class Request:
         return self.cells(slice(None) if self.scattered else np.unique(corners))
 
     def identity(self) -> dict[str, Any]:
-        """Return what two requests must share for one to go on where the other stopped."""
+        """Return the identity that two requests must share for one to go on where the other stopped."""
         varied = {self.model.parameters[name].replaces or name for name in self.axes}
         window = self.measurement.impacts
         return {
@@ -317,7 +317,7 @@ def differences(stored: dict[str, Any], wanted: dict[str, Any]) -> str:
 
 
 def unmarked(name: str, value: str) -> str:
-    """Return what an identity holds under a name, an axis without its mark."""
+    """Return the entry of an identity under a name, an axis without its mark."""
     return re.sub(r" \([0-9a-f]{8}\)$", "", value) if name.startswith("axis ") else value
 
 

@@ -29,7 +29,7 @@ class Scale(NamedTuple):
 
 
 def scale_of(model: Model, name: str, value: float) -> Scale:
-    """Return what changes of a parameter from a value are relative to.
+    """Return the scale to which changes of a parameter from a value are relative.
 
     That is the value, or what is larger for a gap and for a number that is not positive: the static deflection (f/k of
     one mass) of a gap, critical damping, k |g| of a force, 1 of a restitution, m w^2 of a stiffness. Of a family's
@@ -88,8 +88,8 @@ def _of_system(system: ImpactSystem) -> dict[str, Scale]:
 
 
 def deflections(system: ImpactSystem) -> Floats:
-    r"""Return how far forces at rest change each clearance, :math:`\sum_{i,h} |\alpha_{ji} f_{hi}|/\Omega_i^2`, and how
-    far the stop itself moves; w stands for the :math:`\Omega` of modes without a spring.
+    r"""Return the change of clearances by forces at rest, :math:`\sum_{i,h} |\alpha_{ji} f_{hi}|/\Omega_i^2`, and the
+    largest move of the stop itself; w stands for the :math:`\Omega` of modes without a spring.
     """
     form = system.modal()
     pushes = np.abs(form.constant) + np.abs(form.forces).sum(axis=0)

@@ -47,7 +47,7 @@ class _Orbit:
         return self.model.at()
 
     def samples(self, window: ImpactWindow | StroboscopicWindow) -> tuple[Any, Seconds]:
-        """Return what a window sees of the orbit, and the function that makes seconds of periods and phases."""
+        """Return the samples that a window takes, and the function that makes seconds of periods and phases."""
         osc = self.made
         seconds = in_seconds(osc)
         cells, engine = self.model.cells({}, one_start(self.start)), self.engine

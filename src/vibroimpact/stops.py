@@ -55,7 +55,7 @@ def check_length(name: str, value: Any, n: int) -> None:
 
 
 def _by_order(name: str, given: Any) -> dict[int, Any]:
-    """Return what is given by the orders of harmonics, in their order."""
+    """Return the values given by the orders of harmonics, in their order."""
     if given is None:
         return {}
     if type(given) is not dict and not isinstance(given, Mapping):

@@ -86,7 +86,7 @@ def parameter_map(
         within 1e-10 of the velocity scale (1e-11 of a system's), but `max_velocity` of an oscillator becomes that of
         the cycle, without what is left of the transient. False computes every impact.
     by_stop : bool
-        Of a system: tell the stops apart. `std`, `mean_velocity`, `max_velocity`, `impacts_per_period`, `dissipation`,
+        For systems: tell the stops apart. `std`, `mean_velocity`, `max_velocity`, `impacts_per_period`, `dissipation`,
         `stick_fraction`, `impact_phase_spread` and `grazing_margin` get a dim `stop`, of the impacts, rests and misses
         at each stop within the impacts kept on all. Without an impact there velocities and phases are NaN.
     tolerances : Tolerances, optional

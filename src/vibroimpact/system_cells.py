@@ -290,7 +290,7 @@ class SystemCells(Cells):
         return SystemCells(np.where(no_room, self.table, moved.table), self.columns, self.shape)
 
     def beyond(self) -> Floats:
-        """Return how far in m each start lies beyond each rigid stop; 0 before it, and where that is rounding."""
+        """Return the depth in m of each start beyond each rigid stop; 0 before it, and where that is rounding."""
         eta = self.block("eta")
         alpha = self.block("alpha").reshape(len(self), self.shape.stops, self.shape.modes)
         size = np.abs(self.block("gap")) + (np.abs(alpha) @ np.abs(eta)[..., None])[..., 0]
@@ -351,7 +351,7 @@ def _numbers(stop: Any) -> tuple[float, ...]:
 
 
 def _fixed(system: ImpactSystem) -> tuple[Any, ...]:
-    """Return what all but the numbers of its stops is known by."""
+    """Return the key of all but the numbers of its stops."""
     force = system.force
     load = [(order, part.tobytes()) for order, part in force.harmonics.items()]
     stops = [(stop.direction.tobytes(), *stop.motion.items()) for stop in system.stops]

@@ -43,7 +43,7 @@ class StroboscopicWindow:
     per_period: int = 1
 
     def schedule(self, periods: float, phase: float) -> tuple[Floats, Floats]:
-        """Return when a cell that starts at (periods + phase) T is looked at, as whole periods and phase."""
+        """Return the times of the looks at a cell that starts at (periods + phase) T, as whole periods and phase."""
         first = periods + self.skip_periods
         if self.phase is not None:
             first += 1.0 if self.phase < phase else 0.0
@@ -224,11 +224,11 @@ class Backend(Protocol):
         ...
 
     def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
-        """Return what the window sees of each cell."""
+        """Return the samples that the window takes of each cell."""
         ...
 
     def follow(self, cell: Cells, measurement: Measurement, seen: Measurement) -> tuple[Outcome, Samples]:
-        """Return what `indices` gives for a single cell, and what the window of `seen` sees of it.
+        """Return the outcome of `indices` for a single cell, and the samples that the window of `seen` takes of it.
 
         A back end that can takes both from one run.
         """
@@ -247,7 +247,7 @@ class SharesCells(Protocol):
     def share(
         self, cells: Cells, measurement: Measurement
     ) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
-        """Return what each thread calls with a function that says when to stop; it yields which cells have ended, and
+        """Return the work of a thread, called with a function that says when to stop; it yields cells that ended, and
         their indices as `indices` gives them.
         """
         ...
@@ -320,7 +320,7 @@ class OneByOne(Backend):
         }
 
     def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
-        """Return what the window sees of each cell."""
+        """Return the samples that the window takes of each cell."""
         window = measurement.window
         runs = (self.run(cell, measurement.tolerances) for cell in cells)
         if isinstance(window, ImpactWindow):

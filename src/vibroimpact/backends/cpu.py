@@ -74,7 +74,7 @@ def rows_of(cells: Cells) -> Floats:
 
 
 def outcomes(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> Outcome:
-    """Return what a back end promises of cells, from the columns that lanes hand out and why each cell ended."""
+    """Return the outcome of cells, from the columns that lanes hand out and why each cell ended."""
     full = ends == FILLED
     columns = dict(zip(THOROUGH, results.T, strict=False))
     found = {
@@ -138,7 +138,7 @@ class CpuBackend(Backend):
         return work
 
     def samples(self, cells: Cells, measurement: Measurement) -> list[Any]:
-        """Return what the window sees of each cell."""
+        """Return the samples that the window takes of each cell."""
         if isinstance(cells, SystemCells):
             return self._samples_of_systems(cells, measurement)
         runs = [_Run(row, measurement.window, limits(measurement.tolerances)) for row in rows_of(cells)]
@@ -160,7 +160,7 @@ class CpuBackend(Backend):
         return found.tolist()
 
     def follow(self, cell: Cells, measurement: Measurement, seen: Measurement) -> tuple[Outcome, Samples]:
-        """Return what `indices` gives for a single cell, and what the window of `seen` sees of it, from one run.
+        """Return the outcome of `indices` for one cell, and the samples that the window of `seen` takes, from one run.
 
         Both agree bit for bit with those of two runs. The budgets may differ; `chatter`, on which the motion depends,
         must not.
@@ -219,7 +219,7 @@ class Sweep:
                 yield ended[:number].copy()
 
     def outcome(self, done: Counts | slice) -> Outcome:
-        """Return what a back end promises of cells that have ended."""
+        """Return the outcome of cells that have ended."""
         return outcomes(self.results[done], self.ends[done], self.window)
 
     def follow(self, run: _Run) -> None:
@@ -272,7 +272,7 @@ class _Run:
             self.keep(seen)
 
     def samples(self) -> Samples:
-        """Return what was seen, and keep it no longer."""
+        """Return the samples, and keep them no longer."""
         parts, self.parts = self.parts, []
         impacts, looks, sticks = (np.concatenate(part) for part in zip(*parts, strict=True))
         last, progress = state_of(self.memory)

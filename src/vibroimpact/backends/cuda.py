@@ -70,7 +70,7 @@ class CudaBackend(Backend):
         return outcomes(results, ends, measurement.impacts)
 
     def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
-        """Return what the window sees of each cell, as `cpu` does."""
+        """Return the samples that the window takes of each cell, as `cpu` does."""
         return CpuBackend().samples(cells, measurement)
 
 
@@ -95,7 +95,7 @@ def _lack() -> tuple[str, str] | None:
 
 
 def _room(cells: int) -> tuple[int, int]:
-    """Return how many cells, and how many cycles walked at once, fit into this tile's share of the free memory."""
+    """Return the numbers of cells, and of cycles walked at once, that fit into this tile's share of the free memory."""
     half = 0.5 * SHARE * _numba_cuda().current_context().get_memory_info().free
     return int(max(min(cells, half // CELL_BYTES), 1)), int(max(min(cells, CLOSERS, half // CYCLE_BYTES), 1))
 

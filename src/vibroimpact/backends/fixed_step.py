@@ -104,7 +104,7 @@ class Run:
         return self.start.periods + whole, turns - whole
 
     def state(self) -> State:
-        """Return where the mass is now; a step that ends beyond the stop on its way back counts as on it."""
+        """Return the present state of the mass; a step that ends beyond the stop on its way back counts as on it."""
         periods, phase = self.times(np.array([self.step]))
         return State(max(self.free.gap - self.y, 0.0), self.v, float(periods[0]), float(phase[0]))
 
@@ -116,7 +116,7 @@ class Run:
         return np.column_stack([periods, phase, np.concatenate(self.impact_velocities)])
 
     def impacts(self, window: ImpactWindow) -> tuple[Samples, int]:
-        """Return what an impact window keeps, and how many impacts were recorded in all."""
+        """Return the samples of an impact window, and how many impacts were recorded in all."""
         ended = self.fill(window.transient + window.keep)
         kept = self._impacts()[window.transient :]
         span = float((kept[-1, 0] - kept[0, 0]) + (kept[-1, 1] - kept[0, 1])) if len(kept) else 0.0
@@ -124,12 +124,12 @@ class Run:
         return self._samples(kept, np.empty((0, 4)), status), self.count
 
     def indices(self, window: ImpactWindow) -> tuple[Samples, int, dict[str, float]]:
-        """Return what an impact window keeps, the impacts recorded in all, and the indices of the kept ones."""
+        """Return the samples of an impact window, the impacts recorded in all, and the indices of the kept ones."""
         seen, computed = self.impacts(window)
         return seen, computed, impact_indices(seen, self.loss) if Status(seen.status).has_indices else {}
 
     def looks(self, window: StroboscopicWindow) -> Samples:
-        """Return what a stroboscopic window sees."""
+        """Return the samples of a stroboscopic window."""
         periods, phase = window.schedule(self.start.periods, self.start.phase)
         ahead = ((periods - self.start.periods) + (phase - self.start.phase)) * self.free.period
         at = np.rint(ahead / self.h).astype(np.int64)

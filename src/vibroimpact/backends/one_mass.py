@@ -81,7 +81,7 @@ def as_one_mass(cells: SystemCells) -> tuple[Cells, Floats]:
 def samples(
     cells: SystemCells, measurement: Measurement, sampled: Callable[[Cells, Measurement], list[Samples]]
 ) -> list[SystemSamples]:
-    """Return what the window sees of each cell, from a function that samples oscillators."""
+    """Return the samples that the window takes of each cell, from a function that samples oscillators."""
     alike, ahead = as_one_mass(cells)
     groups = np.zeros(len(cells))
     if isinstance(measurement.window, StroboscopicWindow) and measurement.window.phase is not None:
@@ -102,7 +102,7 @@ def _shifted(measurement: Measurement, ahead: float) -> Measurement:
 
 
 def _of_system(cell: SystemCells, alike: dict[str, float], ahead: float, seen: Samples) -> SystemSamples:
-    """Return what is seen of an oscillator as that of the system that it stands for."""
+    """Return the samples of an oscillator as those of the system that it stands for."""
 
     def turned(periods: Any, phase: Any) -> tuple[Floats, Floats]:
         whole = np.floor(phase - ahead)

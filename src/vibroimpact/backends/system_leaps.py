@@ -79,7 +79,7 @@ def slow_modes(square: Floats, damping: Floats, theta: Floats) -> NDArray[np.boo
 def _reach(
     square: Floats, damping: Floats, load: Floats, force: Floats, alpha: Floats, theta: Floats, slow: NDArray[np.bool_]
 ) -> Floats:
-    """Return how far fast modes move each stop's clearance at most: a constant, and the parts of |eta| and |eta'|."""
+    """Return the most that fast modes move each stop's clearance: a constant, and the parts of |eta| and |eta'|."""
     stiff, turning = np.where(slow | (square <= 0.0), 1.0, square), theta * np.arange(1, force.shape[2] + 1)
     parts = np.abs(alpha) * ~slow[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):  # resonance without damping: no bound, or none is defined
@@ -95,7 +95,7 @@ def _reach(
 def _lift(
     square: Floats, load: Floats, force: Floats, motion: Floats, alpha: Floats, theta: Floats
 ) -> tuple[Floats, Floats]:
-    """Return what accelerates the clearances by all but damping, and the amplitude of its second derivative."""
+    """Return the acceleration of the clearances by all but damping, and the amplitude of its second derivative."""
     number, n, m = force.shape[:3]
     squared = (theta * np.arange(1, m + 1))[:, None] ** 2
     turning = -squared[..., None] * motion - (alpha @ force.reshape(number, n, 2 * m)).reshape(motion.shape)
@@ -106,7 +106,7 @@ def _lift(
 def _bounds(
     square: Floats, damping: Floats, weight: Floats, alpha: Floats, loads: Floats, swings: Floats, length: float
 ) -> Floats:
-    """Return what max(w0, w1) has to be raised by: a constant, and the parts of m and of |eta1 - eta0|."""
+    """Return the amount by which max(w0, w1) has to be raised: a constant, and the parts of m and of |eta1 - eta0|."""
     size, coupling, ease = np.abs(damping), np.abs(alpha @ damping), 1.0 / np.sqrt(weight)[..., None]
     swing = length**2 / 8.0 * square[:, None]
     growth = 0.5 * length * size + swing * np.eye(square.shape[1])

@@ -23,7 +23,7 @@ _ROOM = 4096  # rows of a buffer, which is emptied when it is full
 
 
 def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]:
-    """Return what the window sees of each cell."""
+    """Return the samples that the window takes of each cell."""
     found = dict(_Recorder(cells, measurement).finished())
     return [found[at] for at in range(len(cells))]
 
@@ -114,7 +114,7 @@ class _Recorder:
         return True
 
     def _labelled(self, lane: int) -> SystemSamples:
-        """Return what is seen of the cell in a lane, in SI units."""
+        """Return the samples of the cell in a lane, in SI units."""
         k, rows, note, times = self._layout, self._rows[:, lane], self._busy.notes[lane], self._times[lane]
         at = self._busy.owner[lane]
         cell = self._cells[at : at + 1]

@@ -104,7 +104,7 @@ class _OneMassSweep(Sweep):
         self._by_stop = measurement.by_stop
 
     def outcome(self, done: Counts | slice) -> Outcome:
-        """Return what a back end promises of cells that have ended."""
+        """Return the outcome of cells that have ended."""
         found = super().outcome(done)
         of_stops = {name for name, index in INDICES.items() if self._by_stop and index.by_stop}
         return {name: values[:, None] if name in of_stops else values for name, values in found.items()}
@@ -144,7 +144,7 @@ class SystemSweep:
                 yield ended[:number].copy()
 
     def _forces(self, notes: Floats, sums: Floats, dissipation: Any, seconds: Any, period: Any) -> dict[str, Any]:
-        """Return what forces and dampers come to, over seconds and per period."""
+        """Return the indices of forces and dampers, over seconds and per period."""
         h = notes[march.H]
         pushed = sums[march.THRUST] / h / seconds
         largest = np.where(self.compliant[:, None], sums[march.PEAK] / h**2, np.nan)
@@ -154,7 +154,7 @@ class SystemSweep:
         return {"mean_force": pushed, "max_force": largest, "work_rate": dissipation / period, "damper_rate": drained}
 
     def outcome(self, done: Counts | slice) -> Outcome:
-        """Return what a back end promises of cells that have ended."""
+        """Return the outcome of cells that have ended."""
         notes, ends = self.results[done].T, self.ends[done]
         full, h = ends == FILLED, notes[march.H]
         began, ended = (_turns(*notes[at : at + 3]) for at in (march.BEGAN, march.ENDED))
@@ -223,7 +223,7 @@ def _growth(notes: Floats, began: Floats, ended: Floats, window: ImpactWindow) -
 
 
 def _of_impacts(sums: Floats, first: Floats, span: Floats, h: Floats, by_stop: bool) -> dict[str, Any]:
-    """Return what follows from sums over the impacts of each stop, for each or for all; stops come first."""
+    """Return the indices that follow from sums over the impacts of each stop, for each or for all; stops come first."""
 
     def over(values: Any) -> Any:
         return values if by_stop else values.sum(axis=0)

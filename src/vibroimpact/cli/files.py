@@ -192,7 +192,7 @@ def announce(out: Path) -> None:
 
 
 def place_for(options: Mapping[str, Any]) -> Path:
-    """Return where a map is stored tile by tile: beside what it replaces in the end, where it may replace anything."""
+    """Return the folder in which a map is stored tile by tile: beside the one it replaces in the end, where it may."""
     from vibroimpact.files import partial_name
 
     out: Path = options["out"]
@@ -277,7 +277,7 @@ def _opened(path: Path) -> SweepStore | None:
 
 
 def _progress(store: SweepStore) -> list[str]:
-    """Return how far a sweep is, what it cost, and how its cells ended, one line each."""
+    """Return the progress of a sweep, its cost, and how its cells ended, one line each."""
     found = store.summary()
     done, needed, cells = (found[name] for name in ("cells_done", "needed", "cells"))
     if not store.refined:

@@ -127,7 +127,7 @@ class Options(Mapping[str, Any]):
         return {name: number(self[name]) for name in names if self.get(name) is not None}
 
     def changes(self) -> dict[str, dict[str, Any]]:
-        """Return what was typed, as the tables of a study file."""
+        """Return the typed options as the tables of a study file."""
         tables: dict[str, dict[str, Any]] = {}
         for option in self._declared:
             if option.table and self.get(option.name) not in (None, (), [], False):
@@ -192,7 +192,7 @@ def _start(text: str) -> dict[str, Any]:
 START = Option(
     "start", "Y,V,T",
     "Initial displacement in m, velocity in m/s and time in s; V and T may be left out. (default: at rest at min(0, "
-    "gap), time 0) Of a system, numbers for all coordinates: Q,Q:V,V:T.",
+    "gap), time 0) For systems, numbers for all coordinates: Q,Q:V,V:T.",
     "Oscillator", table="start", read=_start,
 )  # fmt: skip
 STARTS = Option(
@@ -229,7 +229,7 @@ RANGE_Y = _axis("y", "The second parameter and its range: mass=0.1:5.", SPAN, "m
 # Axes of initial conditions are no part of a study file.
 START_X = _axis(
     "x",
-    "phase=0:1:200 of impacts, or displacement=-3:0:200 of states; of a system displacement_0, velocity_1, ... "
+    "phase=0:1:200 of impacts, or displacement=-3:0:200 of states; for systems displacement_0, velocity_1, ... "
     "(default: phases 0 to 1)",
     table="",
 )
@@ -254,10 +254,10 @@ DURATION = (
     _sampling("samples_per_period", "N", "Samples per driving period. (default: 200)"),
 )
 OTHERS = replace(
-    START, help="Of a system: the coordinates that no axis varies, and the time: Q,Q:V,V:T. (default: at rest)"
+    START, help="For systems: the coordinates that no axis varies, and the time: Q,Q:V,V:T. (default: at rest)"
 )
 ON_STOP = Option(
-    "stop", "NAME", "Of a system: the stop that the impacts strike; the only one need not be named.", "Axes"
+    "stop", "NAME", "For systems: the stop that the impacts strike; the only one need not be named.", "Axes"
 )
 START_PHASE = Option("phase", "PHI", "Phase of states, with displacement. (default: 0)", "Axes", table="sampling")
 
@@ -282,7 +282,7 @@ EVERY_IMPACT = _how(
     flags=("--every-impact",), kind=FLAG, read=lambda given: not given,
 )  # fmt: skip
 BY_STOP = _how(
-    "by_stop", "", "Of a system: indices stop by stop.", table="run", flags=("--by-stop",), kind=FLAG, read=bool
+    "by_stop", "", "For systems: indices stop by stop.", table="run", flags=("--by-stop",), kind=FLAG, read=bool
 )
 CLUSTER = _how(
     "cluster", "WHERE", "Compute on a Dask cluster: tcp://HOST:PORT of its scheduler, or local:N processes here."
@@ -308,7 +308,7 @@ def _names(text: str) -> list[str]:
 
 INDICES = _what(
     "indices", "NAMES",
-    f"Comma-separated: {', '.join(indices.INDICES)}; or all; of systems {', '.join(indices.FORCES)}. "
+    f"Comma-separated: {', '.join(indices.INDICES)}; or all; for systems {', '.join(indices.FORCES)}. "
     "(default: std; of a diagram: none)", table="run", read=_names,
 )  # fmt: skip
 _SECTIONS = (
@@ -318,7 +318,7 @@ _SECTIONS = (
 SECTION = _what("section", "KIND", _SECTIONS, table="run")
 SECTION_KIND = _what("section", "KIND", _SECTIONS, table="run", flags=("--kind",))
 COORDINATE = _what(
-    "coordinate", "N", "Of a system: the coordinate that a stroboscopic section shows. (default: 0)", table="run"
+    "coordinate", "N", "For systems: the coordinate that a stroboscopic section shows. (default: 0)", table="run"
 )
 DIRECTION = _what(
     "direction", "WAY",
@@ -349,10 +349,10 @@ KINDS = _orbit(
 ORBIT = (ORBIT_PERIODS, ORBIT_IMPACTS, NEAR)
 STRUCK = (
     _orbit(
-        "stops", "NAMES", "Of a system: comma-separated, the stops struck in turn; with several, --near is T,T in s."
+        "stops", "NAMES", "For systems: comma-separated, the stops struck in turn; with several, --near is T,T in s."
     ),
     _orbit(
-        "symmetric", "", "Of a system: motions that are mirrored after half a cycle, whose stops these are.", kind=FLAG
+        "symmetric", "", "For systems: motions that are mirrored after half a cycle, whose stops these are.", kind=FLAG
     ),
 )
 
@@ -384,8 +384,8 @@ FIGURE_KIND = _output(
     flags=("--kind",),
 )  # fmt: skip
 SHOWN = (
-    _output("coordinate", "N", "Of a system: the coordinate that a figure of one motion shows. (default: 0)"),
-    _output("stop", "NAME", "Of a system: the stop whose clearance, or whose map of `--by-stop`, a figure shows."),
+    _output("coordinate", "N", "For systems: the coordinate that a figure of one motion shows. (default: 0)"),
+    _output("stop", "NAME", "For systems: the stop whose clearance, or whose map of `--by-stop`, a figure shows."),
 )
 INDEX = _output("index", "NAME", "Index that a figure shows. (default: the first of a sweep, none of a diagram)")
 LEVEL = _output("level", "X", "Contour level at which the boundary is drawn, in the unit of the index.")

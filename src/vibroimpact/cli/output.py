@@ -204,7 +204,7 @@ def _kind_for(index: str | None, usual: str) -> str:
 
 
 def _beneath_boundaries(over: xr.Dataset, index: str) -> dict[str, Any]:
-    """Return what draws a map beneath boundaries: its types of motion, its exponents, or contours of an index."""
+    """Return the function that draws a map beneath boundaries: types of motion, exponents, or contours of an index."""
     from vibroimpact import plotting
 
     if index == MOTION:

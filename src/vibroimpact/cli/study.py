@@ -158,7 +158,7 @@ class Study:
             return isinstance(self.model.at(), ImpactOscillator)
 
     def arguments(self, function: str) -> dict[str, Any]:
-        """Return what the study gives for a public function, axes left out: a function takes what concerns it."""
+        """Return the study's arguments of a public function, axes left out: a function takes those that concern it."""
         import vibroimpact
 
         takes = inspect.signature(getattr(vibroimpact, function)).parameters
@@ -309,7 +309,7 @@ class _Reader:
         self.faults.append(str(unknown(f"key in [{table}]" if self.dotted else "parameter", key, choices)))
 
     def check(self, table: str, key: str, function: Callable[..., Any], *given: Any) -> Any:
-        """Return what a check makes of a value; its complaints then name the key as it was written."""
+        """Return the value that a check makes of a value; its complaints then name the key as it was written."""
         try:
             return function(*given)
         except ValueError as error:

@@ -67,9 +67,9 @@ class Attractor:
     transient_velocity : float
         The hardest hit in m/s seen of those that had not repeated within 500 impacts, before they did; 0 without any.
     stops : tuple of str
-        Of a system: the stop of each impact of the cycle.
+        For systems: the stop of each impact of the cycle.
     orbit : SystemOrbit or None
-        Of a system: the cycle solved exactly, with multipliers, where it does not rest at a stop.
+        For systems: the cycle solved exactly, with multipliers, where it does not rest at a stop.
 
     Notes
     -----

@@ -91,7 +91,7 @@ def rests(measured: Measured) -> bool:
 
 
 def release_phase(design: Mapping[str, float]) -> float:
-    """Return where in the period the force releases a resting mass."""
+    """Return the phase at which the force releases a resting mass."""
     return 0.5 - math.asin(design["stiffness"] * design["gap"] / design["amplitude"]) / (2.0 * math.pi)
 
 
@@ -123,7 +123,7 @@ class Fate:
 
 
 def fate_of_release(runner: Runner, cell: Cells) -> Fate:
-    """Return where most moved releases lead of those that do not lead to the next rest, or that all lead to it.
+    """Return the fate of most moved releases that do not lead to the next rest, or that all lead to it.
 
     As each turn between rests is one more throw of the same dice, turns from many releases are as good as one motion.
     """
@@ -165,7 +165,7 @@ def thrifty(runner: Runner) -> Tolerances:
 
 
 def _watched(runner: Runner, cell: Cells, seen: ImpactWindow) -> Final:
-    """Return what a cell does in 1e5 impacts, and a cycle that it is on by then with the indices of the cycle alone."""
+    """Return the motion of a cell over 1e5 impacts, and a cycle that it is on by then, with that cycle's indices."""
     last = ImpactWindow(WATCHED - seen.keep, seen.keep)
     measured, samples = runner.record(cell, last, LATE, thrifty(runner))
     watched, end = measured.impacts, last_of(samples)
@@ -175,7 +175,7 @@ def _watched(runner: Runner, cell: Cells, seen: ImpactWindow) -> Final:
 
 
 def _released(runner: Runner, cell: Cells, seen: ImpactWindow, resting: Final) -> Final:
-    """Return what a motion settles to whose next rest is an accident of rounding."""
+    """Return the attractor of a motion whose next rest is an accident of rounding."""
     fate = fate_of_release(runner, cell)
     if irregular(fate.end) and rests(fate.end):
         measured = resting.measured if resting.measured.name == fate.end.name else fate.end

@@ -47,7 +47,7 @@ IDENTIFYING = (  # indices that name a motion and part attractors
     "dissipation",
     "grazing_margin",
 )
-# Of a system the first kept impact stands for its closest near-miss: on which stop (-1: not known), when and how hard.
+# For systems, the first kept impact stands for its closest near-miss: on which stop (-1: not known), when and how hard.
 FIRST = ("first_stop", "first_phase", "first_velocity")
 
 
@@ -77,14 +77,14 @@ def cells_of(designs: Sequence[Model], starts: Sequence[Start | None] | None = N
 
 
 def identifying(cells: Cells) -> tuple[str, ...]:
-    """Return what lanes give of each cell that names its motion and parts attractors."""
+    """Return the indices that name the motion of each cell and part attractors."""
     return (*IDENTIFYING[:-1], *FIRST) if isinstance(cells, SystemCells) else IDENTIFYING
 
 
 def spread_cells(osc: ImpactOscillator | ImpactSystem | SystemCells, number: int = SPREAD) -> Cells:
     """Return impacts spread evenly over the impact surface: phases 0 to 1, velocities 0 to 4 V; always the same.
 
-    Without a scale (V = 0) the motions are alike at every speed, and 1 m/s stands for V. Of a system they are those of
+    Without a scale (V = 0) the motions are alike at every speed, and 1 m/s stands for V. For systems, they are those of
     `SystemCells.struck`.
     """
     if not isinstance(osc, ImpactOscillator):
@@ -117,7 +117,7 @@ def copies(system: ImpactSystem | SystemCells, number: int) -> SystemCells:
 
 
 def carried(osc: Any, start: State) -> Cells:
-    """Return the cell of a design that starts so, of a system before a stop where rounding puts it beyond that."""
+    """Return the cell of a design that starts so, for systems before a stop where rounding puts it beyond that."""
     if isinstance(osc, ImpactSystem):
         q, speed = (np.array(part, np.float64, ndmin=1) for part in (start.displacement, start.velocity))
         return copies(osc, 1).carried(q, speed, start.time / osc.period % 1.0)
@@ -235,7 +235,7 @@ class Runner:
     def measure(
         self, cells: Cells, window: ImpactWindow = PAPER, tolerances: Tolerances | None = None
     ) -> list[Measured]:
-        """Return the motion of each cell, its kind by the rule of `classify`, with every index, of systems with those
+        """Return the motion of each cell, its kind by the rule of `classify`, with every index, for systems those
         that name it.
         """
         self.measured += len(cells)
@@ -262,7 +262,7 @@ class Runner:
         return _measured(outcome, window, tuple(INDICES))[0], samples
 
     def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow) -> list[Samples]:
-        """Return what the window sees of each cell."""
+        """Return the samples that the window takes of each cell."""
         if self.steps >= self.most:
             raise SpentError
         usual = Tolerances()
@@ -276,7 +276,7 @@ class Runner:
         return found
 
     def follow(self, cells: Cells, impacts: int = 300) -> list[Start | None]:
-        """Return where each motion is after so many impacts, or None where it could not be followed."""
+        """Return the state of each motion after so many impacts, or None where it could not be followed."""
         return [last_of(seen) for seen in self.samples(cells, ImpactWindow(impacts, 1))]
 
 

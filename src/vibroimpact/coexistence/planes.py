@@ -79,7 +79,7 @@ class Plane:
         return carried(self.model, start)
 
     def seen(self, seen: Any) -> dict[str, Floats]:
-        """Return where a sampled motion lies in the plane, by axis."""
+        """Return the points of a sampled motion in the plane, by axis."""
         if self.struck:
             here = seen.impact_stop == self.stop if isinstance(self.model, ImpactSystem) else slice(None)
             return {axis: getattr(seen, f"impact_{axis}")[here] for axis in self.axes}
@@ -91,7 +91,7 @@ class Plane:
         return found
 
     def arguments(self) -> dict[str, Any]:
-        """Return what a plane was given beside its axes."""
+        """Return the arguments of a plane beside its axes."""
         found: dict[str, Any] = {}
         if self.struck and isinstance(self.model, ImpactSystem):
             found["stop"] = self.model.stop_names[self.stop]
@@ -102,7 +102,7 @@ class Plane:
         return found
 
     def note(self) -> dict[str, str]:
-        """Return what a title says of the plane beside its axes."""
+        """Return the words of a title on the plane beside its axes."""
         if not isinstance(self.model, ImpactSystem):
             return {}
         said = [f"impacts on {self.model.stop_names[self.stop]}"] if self.struck else []

@@ -51,7 +51,7 @@ def attractors(
     r"""Return the attractors that initial conditions lead to: the motions that coexist.
 
     Two cycles are one attractor if, from some impact of either on, their impacts agree to :math:`10^{-6}` as points
-    :math:`(\sin 2\pi\psi_i, \cos 2\pi\psi_i, I_i/\max I)`, of a system on the same stops.
+    :math:`(\sin 2\pi\psi_i, \cos 2\pi\psi_i, I_i/\max I)`, for systems on the same stops.
 
     Parameters
     ----------
@@ -59,11 +59,11 @@ def attractors(
         The model.
     starts : list of State, optional
         The initial conditions. None: 256 impacts, the same at every call, spread evenly over phases 0 to 1 and
-        velocities 0 to 4 V, V = max(f, k |g|)/sqrt(k m). Of a system they strike its stops in turn, V is its
+        velocities 0 to 4 V, V = max(f, k |g|)/sqrt(k m). For systems, they strike the stops in turn, V is the
         `velocity_scale`, and where there are several coordinates, their velocities are spread besides.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept, in the first of three rounds; initial conditions that are not decided by then go
-        on to a second and a third one, four and sixteen times as long, and then to 1e5 impacts. Of a system 2^k - 1
+        on to a second and a third one, four and sixteen times as long, and then to 1e5 impacts. For systems, 2^k - 1
         are left out and 2^k kept, with the smallest k that leaves out as many and keeps a quarter (127 and 128 unless
         given), and the last round is one of 32,767 impacts.
     backend : str
@@ -109,7 +109,7 @@ def attractors(
     initial condition leads to are not found. Cost: tens of milliseconds, a second for chaotic motions, some seconds
     where chaos does not last.
 
-    Of a system a motion and its mirror image are two attractors unless it is its own. No stick erases all memory: a
+    For systems, a motion and its mirror image are two attractors unless it is its own. No stick erases all memory: a
     motion that rests at a stop is a cycle like others. An initial condition is decided once its whole state comes back
     to within 1e-7 V; it leads to the cycle (followed on, and solved for where it does not rest) whose impacts its own
     first kept one and mean agree with, within :math:`10^{-6} \|(1 - J)^{-1}\|`, J the derivative of the cycle's map.
@@ -207,9 +207,9 @@ def basins(
     osc : ImpactOscillator, ImpactSystem or family
         The model.
     start : State, optional
-        Of a system: the coordinates that no axis varies; None is at rest. Its time is that of all states.
+        For systems: the coordinates that no axis varies; None is at rest. Its time is that of all states.
     stop : str, optional
-        Of a system, with the axes `phase` and `velocity`: the stop that the impacts strike; the only one need not be
+        For systems, with the axes `phase` and `velocity`: the stop that the impacts strike; the only one need not be
         named. Displacement and velocity are those nearest to `start`, in the mass metric, that strike it so.
     transient_impacts, sample_impacts, backend, tolerances, workers
         As of `attractors`.
@@ -219,7 +219,7 @@ def basins(
     **axes : sequences of numbers
         Two of these, strictly increasing: `phase` from 0 to 1 and `velocity` >= 0 in m/s for impacts (velocity 0 is at
         rest at the stop), or `displacement` in m, at most the gap, and `velocity` in m/s of either sign for states in
-        front of the stop; their time is then given by a number `phase`, 0 unless given. Of a system of n coordinates
+        front of the stop; their time is then given by a number `phase`, 0 unless given. For a system of n coordinates
         two of `displacement_0`, `velocity_0`, `displacement_1`, ... and `phase`; or `phase` and `velocity` at a `stop`.
 
     Returns
@@ -308,7 +308,7 @@ def _matched(
     so_far: Callable[[Settled], Any],
     outlook: Callable[[Settled, ImpactWindow], MotionClass],
 ) -> tuple[Settled, list[Basin]]:
-    """Return what cells settle to, and the attractors there, reporting to `tell`, which may stop it.
+    """Return the number of each cell's attractor, and the attractors, reporting to `tell`, which may stop it.
 
     The last initial condition is decided when the attractors are known.
     """
@@ -346,7 +346,7 @@ def _table(found: Sequence[Basin]) -> dict[str, xr.Variable]:
 
 
 def _points(runner: Runner, plane: Plane, found: Sequence[Basin]) -> dict[str, xr.Variable]:
-    """Return where each attractor lies in the portrait: its impacts, or its states at the portrait's phase.
+    """Return the points of each attractor in the portrait: its impacts, or its states at the portrait's phase.
 
     Where one axis is the phase of states, an attractor has no points there.
     """

@@ -63,7 +63,7 @@ class Settled:
 
     @classmethod
     def of(cls, osc: ImpactOscillator | ImpactSystem, cells: Cells) -> Settled:
-        """Return what is known before anything has run: nothing."""
+        """Return the state before anything has run: nothing is known."""
         number, cells = len(cells), cells[np.arange(len(cells))]
         counts = {name: np.zeros(number, np.int64) for name in ("impacts", "steps", "kept")}
         kinds = {name: INDICES[name].dtype if name in INDICES else np.float64 for name in identifying(cells)}
@@ -103,7 +103,7 @@ class Settled:
 def rounds(osc: ImpactOscillator | ImpactSystem, transient: int, keep: int) -> list[ImpactWindow]:
     """Return the windows of one round after the other; a single one where longer rounds would decide nothing.
 
-    Of a system 2^k - 1 impacts are left out and 2^k kept: that is how lanes compare later impacts with the first kept.
+    For systems, 2^k - 1 impacts are left out and 2^k kept: that is how lanes compare later impacts with the first kept.
     """
     number = ROUNDS if attracts(osc) else 1
     if osc.forgets:
@@ -190,7 +190,7 @@ def _winds_on(runner: Runner, settled: Settled, winds: NDArray[np.bool_], window
 
 
 def outlook_of(runner: Runner, settled: Settled) -> MotionClass:
-    """Return what representatives of all that is chaotic come to in 1e5 impacts, or undecided where they differ."""
+    """Return the outlook of representatives of all chaos after 1e5 impacts, or undecided where they differ."""
     groups = chaotic_groups(settled)
     if not groups:
         return MotionClass.UNDECIDED  # stopped before any was
@@ -202,7 +202,7 @@ def outlook_of(runner: Runner, settled: Settled) -> MotionClass:
 def outlook_from(
     runner: Runner, osc: ImpactOscillator | ImpactSystem, cells: Cells, windows: Sequence[ImpactWindow]
 ) -> MotionClass:
-    """Return what cells that are chaotic in the first window come to in the last one, and their representatives."""
+    """Return the outlook, in the last window, of cells that are chaotic in the first one, and their representatives."""
     early = settle(runner, osc, cells, windows[:1]).kind == MotionClass.CHAOTIC
     later = settle(runner, osc, cells[early], windows[-1:])
     here = _common(later)
@@ -231,7 +231,7 @@ def _common(settled: Settled) -> MotionClass:
 def chaotic_groups(settled: Settled) -> list[Counts]:
     """Return the groups of initial conditions that lead to chaos, by its mean velocity and impacts per period.
 
-    Of a system all are one group.
+    For systems, all are one group.
     """
     members = np.flatnonzero(settled.kind == MotionClass.CHAOTIC)
     if members.size and not settled.osc.forgets:

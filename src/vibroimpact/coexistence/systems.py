@@ -172,7 +172,7 @@ def sample(runner: Runner, settled: Settled, at: int, window: ImpactWindow) -> S
 
 
 def resting(runner: Runner, settled: Settled, at: int) -> State:
-    """Return where an initial condition that ends without impacts comes to stay.
+    """Return the state in which an initial condition that ends without impacts comes to stay.
 
     In permanent contact the other coordinates may still move: that is followed until it is steady.
     """
@@ -238,7 +238,7 @@ def solved(model: Model, n: int, stops: Counts, turns: Floats, speeds: Floats, e
 
 
 def _by_derivative(orbit: SystemOrbit) -> float:
-    """Return how far from a cycle one may be that comes back within 1e-7 V."""
+    """Return the distance from a cycle within which a motion comes back within 1e-7 V."""
     cycle, unknown = cycle_of(orbit)
     jacobian = cycle.monodromy(unknown)
     smallest = float(np.linalg.svd(np.eye(len(jacobian)) - jacobian, compute_uv=False)[-1])

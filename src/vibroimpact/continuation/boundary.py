@@ -61,7 +61,7 @@ def continue_boundary(
     .. math:: 1 \mp \operatorname{tr} M + \det M = 0 \quad\text{(fold, period doubling)}, \qquad
               u(t_*) = \dot u(t_*) = 0 \quad\text{or}\quad v_i = 0 \quad\text{(grazing)},
 
-    with two parameters free; u is the clearance left, M the Jacobian of the cycle. Of a system a Neimark-Sacker point
+    with two parameters free; u is the clearance left, M the Jacobian of the cycle. For systems, a Neimark-Sacker point
     has a complex pair of multipliers with product 1, and a pitchfork a multiplier -1 of the half map.
 
     Parameters
@@ -94,7 +94,7 @@ def continue_boundary(
     -----
     Pseudo-arclength continuation with Newton's method at each point. The residual of each point, the larger of the miss
     of its flights and of its condition relative to the orbit's size, stays below 1e-10; otherwise the curve ends there
-    as "lost". Some milliseconds per point, of a system some ten. A pitchfork is followed in planes that keep the
+    as "lost". Some milliseconds per point, for systems some ten. A pitchfork is followed in planes that keep the
     symmetry; a Neimark-Sacker curve ends where its pair becomes real, as "resonance". An end of sticking is no smooth
     equation: its curve is followed by bisection on small circles, some 10 ms per point.
 

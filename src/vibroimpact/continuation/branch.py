@@ -49,7 +49,7 @@ def continue_orbit(
               \text{period doubling: } 1 + \operatorname{tr} M + \det M = 0,
 
     with M the Jacobian of the cycle, and grazing, where a flight touches a stop between its ends, or the velocity of
-    an impact passes through zero. Of a system they are det(M - 1) = 0 and det(M + 1) = 0, and there are Neimark-Sacker
+    an impact passes through zero. For systems, they are det(M - 1) = 0 and det(M + 1) = 0, and there are Neimark-Sacker
     points, where a complex pair of multipliers leaves the unit circle, and of symmetric orbits pitchforks.
 
     Parameters

@@ -93,7 +93,7 @@ class Coverage:
         return float(self.reached.mean()) if self.edges else 1.0
 
     def sentences(self, *, finished: bool) -> list[str]:
-        """Return what was followed, what share of the class boundaries the curves reach, and what the others are."""
+        """Return the sentences on the curves, the share of the class boundaries that they reach, and the other ones."""
         names = listed([motion_name(*name) for name in self.followed]) or "no motion"
         piece = " (of sticking, in one piece)" if any(name[0] == MotionClass.STICKING for name in self.followed) else ""
         map = f"a map of {CELLS} x {CELLS} cells, from rest"
@@ -157,7 +157,7 @@ class Coverage:
         self.followed = [name for name in followed if any(self.names[cell] == name for cell in cells)]
 
     def _end(self, along: int, inside: Cell, beyond: Cell) -> tuple[BifurcationPoint | StickingEnd | None, bool]:
-        """Return where the motion of a cell ends on the way to another cell, and whether it is still there."""
+        """Return the end of a cell's motion on the way to another cell, and whether it is still there."""
         kind, n, p = self.names[inside]
         parameter, model = self.plane.names[along], self.model_at(inside)
         values = self._centre(inside)[along], self._centre(beyond)[along]
@@ -206,7 +206,7 @@ def distances(points: Floats, curve: Floats) -> Floats:
 
 
 def _can_end(name: Name, one_mass: bool) -> bool:
-    """Whether the end of a motion is a curve that can be followed: of systems that of a cycle of impacts."""
+    """Whether the end of a motion is a curve that can be followed: for systems that of a cycle of impacts."""
     kind, n, p = name
     if not one_mass:
         return kind == MotionClass.PERIODIC and p > 0
@@ -242,7 +242,7 @@ def _end_of_orbit(orbit: AnyOrbit, parameter: str, values: tuple[float, float]) 
 
 
 def _touch(model: Model, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
-    """Return where the steady motion without a stop first touches it, and whether it is still clear at the end."""
+    """Return the value at which the steady motion without a stop first touches it, and if it is clear at the end."""
     from scipy.optimize import brentq  # as long
 
     def room(value: float) -> float:

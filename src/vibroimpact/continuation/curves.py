@@ -89,7 +89,7 @@ def boundary_curves(
         Only the boundaries of period-n impact-1 orbits and of period-n sticking for these n, without a map, those of
         orbits that are unstable on both sides included. None is what the map shows, and n = 1 and 2.
     kinds : sequence of {"fold", "period_doubling", "grazing", "end_of_sticking"}, optional
-        Which boundaries; of systems without the last, and with "neimark_sacker" and "pitchfork". None is all.
+        Which boundaries; for systems without the last, and with "neimark_sacker" and "pitchfork". None is all.
     lines : int, >= 2
         Lines along each parameter, spread evenly, the plane's edges included.
     step : float, 1e-6 to 0.5

@@ -108,7 +108,7 @@ class Equations(ABC):
 
     @abstractmethod
     def conditions(self, x: Floats) -> list[float]:
-        """Return what vanishes on the boundary alone."""
+        """Return the conditions that vanish on the boundary alone."""
 
     @abstractmethod
     def sizes(self, x: Floats) -> Floats:
@@ -128,11 +128,11 @@ class Equations(ABC):
 
     @abstractmethod
     def nearest(self, x: Floats) -> Nearest | None:
-        """Return where the orbit comes closest to a stop between impacts."""
+        """Return the closest approach of the orbit to a stop between impacts."""
 
     @abstractmethod
     def tests(self, x: Floats) -> dict[str, float]:
-        """Return what changes sign along a branch where a multiplier leaves the unit circle, other than at folds."""
+        """Return the functions that change sign where a multiplier leaves the unit circle, other than at folds."""
 
     @abstractmethod
     def residual(self, x: Floats) -> float:
@@ -221,13 +221,13 @@ class Equations(ABC):
         return self.model.replace(**dict(zip(self.names, self.inside(self.values(x)), strict=True)))
 
     def distance(self, start: Floats, x: Floats) -> float:
-        """Return how far a point of the curve is from its first one; whole turns do not count."""
+        """Return the distance of a point of the curve from its first one; whole turns do not count."""
         apart = (x - start) * self.weights(start)
         apart[[*range(self.impacts), *([self.size] if self.condition == TOUCH else [])]] -= np.rint(apart[0])
         return float(np.linalg.norm(apart))
 
     def misses(self, x: Floats) -> Floats:
-        """Return what must vanish, in parts of the orbit's size."""
+        """Return the residuals, in parts of the orbit's size."""
         flights = self.flights(x)
         return flights if self.condition == BRANCH else np.append(flights, self.conditions(x))
 

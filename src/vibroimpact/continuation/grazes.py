@@ -55,6 +55,6 @@ def gaining(system: Any, cycle: Cycle, leg: int, stop: int, x: Floats, way: floa
 
 
 def _lasting(half: float, k: float, c: float) -> float:
-    """Return how long a stop pushes that would be pressed in for 2 `half`: k (e t - t^2/2) + c (e - t) = 0."""
+    """Return the time of the push of a stop that would be pressed in for 2 `half`: k (e t - t^2/2) + c (e - t) = 0."""
     lever = k * half - c
     return (lever + math.sqrt(lever * lever + 2.0 * k * c * half)) / k

@@ -1,4 +1,4 @@
-r"""The equations of a system of several coordinates and stops that a branch or a boundary obeys, in scaled unknowns.
+r"""The equations for systems of several coordinates and stops that a branch or a boundary obeys, in scaled unknowns.
 
 The unknown x holds the turns of the impacts, the state just before the first one in the scaled modes of the system at
 which the curve begins, for a graze in mid-flight the turns at which it touches, and the free parameters as parts of
@@ -126,11 +126,11 @@ class Modes(Equations):
         return self._beyond(x, self._flights)
 
     def conditions(self, x: Floats) -> list[float]:
-        """Return what vanishes on the boundary alone."""
+        """Return the conditions that vanish on the boundary alone."""
         return [] if self.condition == BRANCH else self._beyond(x, self._conditions).tolist()
 
     def _beyond(self, x: Floats, what: Any) -> Floats:
-        """Return what there is at the nearest values in the ranges, and on from there along its derivative."""
+        """Return the value at the nearest place in the ranges, and on from there along its derivative."""
         base: Floats = what(x)
         found, values = base, self.values(x)
         for j, (value, edge, (low, high)) in enumerate(zip(values, self.inside(values), self.ranges, strict=True)):
@@ -267,7 +267,7 @@ class Modes(Equations):
         return cycle.speeds(unknown) / self.scale
 
     def nearest(self, x: Floats) -> Nearest:
-        """Return where the system comes closest to any stop between impacts."""
+        """Return the closest approach of the system to any stop between impacts."""
         flight, angle, margin, stop, beside = nearest_of(*self.solved(x))
         return Nearest(flight, angle / TURN, margin, stop, beside)
 

@@ -159,11 +159,11 @@ class _Plane:
         return not math.isnan(self.stuck(at))
 
     def _level(self, at: Point) -> float:
-        """Return what falls linearly to zero at the end of the cycle, or NaN where it is not there."""
+        """Return the level that falls linearly to zero at the end of the cycle, or NaN where it is not there."""
         return residual(self.model_at(at).at(), self.stuck(at))
 
     def bisect(self, place: Callable[[float], Point], out: float, into: float) -> float | None:
-        """Return where along a line the cycle ends, on its side of it, or None if not by its chatter's end."""
+        """Return the place along a line where the cycle ends, on its side, or None if not by its chatter's end."""
         before, last = (math.nan, math.nan), (into, self._level(place(into)))  # where it sticks
         beside = AIM
         while (middle := 0.5 * (out + into)) not in (out, into) and self.values(place(out)) != self.values(place(into)):
@@ -244,7 +244,7 @@ def _joined(plane: _Plane, last: Point, found: Point, side: int) -> bool:
 
 
 def _to_edge(plane: _Plane, last: Point, heading: float, reach: float) -> tuple[Point, int] | None:
-    """Return where the curve meets the edge of the ranges that its tangent points to within `reach`, and the axis."""
+    """Return the place where the curve meets the edge of the ranges ahead within `reach`, and the axis."""
     slope = (math.cos(heading), math.sin(heading))
     hits = []
     for axis in (0, 1):

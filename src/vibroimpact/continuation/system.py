@@ -122,13 +122,13 @@ class System(Equations):
         return self.cycle.scales(self.oscillator, self.speed)
 
     def conditions(self, x: Floats) -> list[float]:
-        """Return what vanishes on the boundary alone."""
+        """Return the conditions that vanish on the boundary alone."""
         parameters, z = self.parameters(x), self.solution(x)
         ahead = (self.touch(x) - self.cycle.span(z, self.where)[0]) * TURN / parameters[4]
         return self._own_misses(parameters, z, ahead, self.scales[0][0], self.speed)
 
     def _own_misses(self, parameters: list[float], z: Floats, ahead: float, length: float, speed: float) -> list[float]:
-        """Return what vanishes on the boundary alone, in parts of a length and a speed; a touch is `ahead` s away."""
+        """Return the conditions of the boundary alone, in parts of a length and a speed; a touch is `ahead` s away."""
         cycle = self.cycle
         if self.condition in (FOLD, DOUBLING):
             trace = cycle.trace(parameters, z)
@@ -195,7 +195,7 @@ class System(Equations):
         return self.velocities(x) / self.speed
 
     def nearest(self, x: Floats) -> Nearest | None:
-        """Return where the mass comes closest to the stop between impacts."""
+        """Return the closest approach of the mass to the stop between impacts."""
         osc, z = self.made(x), self.solution(x)
         miss = closest(osc, self.cycle, z)
         return None if miss is None else Nearest(miss.flight, miss.turns, miss.gap / orbit_size(osc, z))

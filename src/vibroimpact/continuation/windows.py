@@ -210,7 +210,7 @@ def _looked_between(branch: Branch, special: dict[float, str]) -> list[Orbit]:
 
 
 def _end(branch: Branch, orbits: list[Orbit], special: dict[float, str], at: int, way: int) -> tuple[float, str]:
-    """Return where a run of orbits ends, and why: at a special point on or beside its last one, or with the branch."""
+    """Return the end of a run of orbits, and why: a special point on or beside its last one, or with the branch."""
     here, beside = orbits[at].value(branch.parameter), at + way
     if here in special:
         return here, special[here]

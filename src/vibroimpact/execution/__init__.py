@@ -86,7 +86,7 @@ class Place(Protocol):
     """Computes cells somewhere."""
 
     def part_size(self, request: Request, cells: int) -> int:
-        """Return how many cells a part should hold where so many are to be computed."""
+        """Return the number of cells a part should hold where so many are to be computed."""
         ...
 
     def compute(self, request: Request, parts: Sequence[Part], stop: Event, store: Path | None = None) -> Pieces:

@@ -52,7 +52,7 @@ class Cluster:
         self.client = client
 
     def part_size(self, request: Request, cells: int) -> int:
-        """Return how many of so many cells a part should hold: a small batch keeps many workers busy too."""
+        """Return the number of cells, of so many, a part should hold: a small batch keeps many workers busy too."""
         return min(max(cells // PARTS, SMALLEST), usual_tile(request))
 
     def compute(self, request: Request, parts: Sequence[Part], stop: Event, store: Path | None = None) -> Pieces:
@@ -181,7 +181,7 @@ def _arrays(store: str, mark: str, names: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _checked(future: Any, result: Any) -> Any:
-    """Return what a task returned, or raise what it raised."""
+    """Return the result of a task, or raise what it raised."""
     from distributed import CancelledError, KilledWorker
 
     if isinstance(result, CancelledError):

@@ -93,7 +93,7 @@ def locked(lock: Path, store: Path, patience: float = 0.0) -> Iterator[None]:
 
 
 def scratch_of(folder: Path) -> Path:
-    """Return where a store is laid out before it gets its name."""
+    """Return the place where a store is laid out before it gets its name."""
     return folder.with_name(f".{folder.name}.part")
 
 
@@ -323,7 +323,7 @@ class TileWriter:
         self.whole(job)
 
     def whole(self, job: Callable[[], Result]) -> Result:
-        """Return what a job returns that writes files which belong together."""
+        """Return the result of a job that writes files which belong together."""
 
         def run() -> Result:
             with _writing, _explained(self.path):

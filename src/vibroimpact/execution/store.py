@@ -185,7 +185,7 @@ class SweepStore:
         return np.asarray(array[:])
 
     def faults(self) -> list[str]:
-        """Return what is damaged, one line each; running the same sweep again repairs all of it."""
+        """Return the damages, one line each; running the same sweep again repairs all of them."""
         found = [f"the description {name!r} is damaged; it is" for name in self._damaged_descriptions()]
         found += [f"the values along {name} are damaged; they are" for name in self.damaged_axes()]
         found = [f"{line} written anew when you continue" for line in found]
@@ -234,7 +234,7 @@ class SweepStore:
             return False
 
     def summary(self) -> dict[str, Any]:
-        """Return how far the sweep is: tiles and cells done, seconds that went by, impacts, and cells of each status.
+        """Return the progress of the sweep: tiles and cells done, seconds gone by, impacts, and cells of each status.
 
         Of a refined map, `cells` are those of the picture, and `needed` those known so far to be computed for it.
         """

@@ -33,7 +33,7 @@ THREADS = "vibroimpact"  # how names of threads that compute begin
 
 
 def worker_count(workers: int | None) -> int:
-    """Return how many threads to use; None is one per core that this process may run on."""
+    """Return the number of threads to use; None is one per core that this process may run on."""
     if workers is not None:
         return whole_number("workers", workers, 1)
     if hasattr(os, "sched_getaffinity"):
@@ -55,7 +55,7 @@ class Threads:
     workers: int
 
     def part_size(self, request: Request, cells: int) -> int:
-        """Return how many of so many cells a part should hold: threads share whatever they get."""
+        """Return the number of cells, of so many, a part should hold: threads share whatever they get."""
         return SHARE * self.workers
 
     def compute(self, request: Request, parts: Sequence[Part], stop: Event, store: Path | None = None) -> Pieces:

@@ -194,9 +194,9 @@ def case_of(view: View) -> Preset | None:
 
 
 def ranges_for(view: View) -> dict[str, Range]:
-    """Return how far each slider reaches: its case's ranges, widened to hold the view's point and plane.
+    """Return the range of each slider: its case's, widened to hold the view's point and plane.
 
-    Of one mass without a case those of the one whose sliders hold the point best: the most parameters, the first of
+    For one mass without a case, those of the one whose sliders hold the point best: the most parameters, the first of
     equals. Of other models such as suit the values.
     """
     values = view.osc.values

@@ -158,7 +158,7 @@ class Controls:
         return Menu(options, chosen)
 
     def about(self) -> str:
-        """Return where the numbers of a case come from; else what to do, and what the page cannot do for a system."""
+        """Return the source of a case's numbers; else what to do, and what the page cannot do for a system."""
         case = case_of(self.explorer.view)
         if case is not None:
             return _description(case)

@@ -32,7 +32,7 @@ def only_known(name: str) -> Model:
 
 
 def finder(name: str, model: Model) -> Find:
-    """Return what finds a model of one's own, and those that are always known."""
+    """Return the function that finds a model of one's own, and those that are always known."""
     return lambda wanted: model if name and wanted == name else only_known(wanted)
 
 
@@ -49,7 +49,7 @@ def opened(model: Model, name: str = "") -> tuple[View, Find]:
 
 
 def opened_as(model: Model, name: str) -> tuple[str, Find]:
-    """Return what links call a model, and what finds it by that: one mass with one stop has no name."""
+    """Return the name of a model in links, and the function that finds it: one mass with one stop has no name."""
     if getattr(model, "says_all", False):
         return "", only_known
     called = printable(name or str(model)).replace(" ", "_")
@@ -57,7 +57,7 @@ def opened_as(model: Model, name: str) -> tuple[str, Find]:
 
 
 def usual_range(parameter: Parameter, value: float, made: Any) -> Range:
-    """Return how far the slider of a parameter reaches, from its range and its value.
+    """Return the range of a parameter's slider, from its range and its value.
 
     All of a bounded range; a decade to either side of a number that must be positive, a third to three times of a rate;
     else from 0, or from as far on its other side, to three times the value.
@@ -74,7 +74,7 @@ def usual_range(parameter: Parameter, value: float, made: Any) -> Range:
 
 
 def first_view(model: Model, name: str) -> View:
-    """Return what is shown first of a model: over its frequency, and over what moves a stop.
+    """Return the first view of a model: over its frequency, and over a number that moves a stop.
 
     Raises
     ------

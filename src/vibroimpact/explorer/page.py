@@ -110,7 +110,7 @@ class Page:
             raise
 
     def _latest(self) -> list[Message]:
-        """Return what has come, the motion first: people wait for it. Of each kind the last, of words and files all."""
+        """Return the latest results, the motion, for which people wait, first: the last of each kind, all files."""
         with self._lock:
             messages, self._inbox = self._inbox, []
             self._reading = bool(messages)

@@ -25,7 +25,7 @@ Places = NDArray[np.int64]  # of cells along an axis of the finest lattice
 KeepGoing = Callable[[], bool]
 
 SIDES = (64, 128, 256)  # of the lattices; each contains the one before
-COARSER = (16, 32)  # before them, of systems: a cell of three modes takes some milliseconds
+COARSER = (16, 32)  # before them, for systems: a cell of three modes takes some milliseconds
 BAND, USUAL = 2048, 500  # cells per job, about, with so many impacts per cell; fewer where more are sampled
 TRANSIENT = 100  # impacts left out
 TRIED = (2, 5, 17)  # initial conditions in turn, rest among them, of cells without impact from rest: until one hits

@@ -74,7 +74,7 @@ def _slowest(made: Any) -> float:
 
 
 def compute_point(view: View, model: Model | None = None) -> Point:
-    """Return what the page shows of the view's point, or of another one that starts from rest.
+    """Return the results that the page shows of the view's point, or of another one that starts from rest.
 
     One run of one orbit is measured and recorded. Only where its record is too short does a second one go on from it.
     """
@@ -163,7 +163,7 @@ def _beginning(osc: Any, seen: Shown, start: State | None, orbit: Columns, lengt
 
 
 def _carried_on(osc: Any, seen: Shown, begin: State, length: float, density: int) -> Parts:
-    """Return what follows an impact, from a run of its own."""
+    """Return the motion after an impact, from a run of its own."""
     periods = length / osc.period
     limits = granted(stiffness(osc), math.ceil(periods))
     orbit = vi.simulate(osc, start=begin, periods=periods, samples_per_period=density, tolerances=limits)

@@ -29,11 +29,11 @@ class Wall:
     omega: float
 
     def at(self, time: Floats) -> Floats:
-        """Return where it is."""
+        """Return its place."""
         return np.asarray((self.gap + self._waves(time, 0).sum(0)) / self.scale, np.float64)
 
     def velocity(self, time: Floats) -> Floats:
-        """Return how fast it moves."""
+        """Return its velocity."""
         return np.asarray(self._waves(time, 1).sum(0) / self.scale, np.float64)
 
     def _waves(self, time: Floats, derivative: int) -> Floats:
@@ -55,7 +55,7 @@ class Shown:
         return values if self.direction is None else np.asarray(values @ self.direction, np.float64)
 
     def places(self, stops: Any, time: Floats) -> Floats:
-        """Return where stops of those numbers are at times; NaN of those that are not in the way."""
+        """Return the places of stops of those numbers at times; NaN of those that are not in the way."""
         found = np.full(len(time), np.nan)
         for wall in self.walls:
             here = np.flatnonzero(stops == wall.number)
@@ -64,7 +64,7 @@ class Shown:
 
 
 def shown(made: Any, coordinate: int = 0, stop: int = 0) -> Shown:
-    """Return what is shown of an oscillator or a system: a coordinate, or the displacement towards a stop."""
+    """Return the quantity shown of an oscillator or a system: a coordinate, or the displacement towards a stop."""
     if isinstance(made, ImpactOscillator):
         none = np.zeros(0)
         wall = Wall(0, "stop", 1, 1.0, made.gap, made.restitution, none, none.astype(complex), made.omega)

@@ -97,7 +97,7 @@ class View:
     model : str
         What the model is called in links; "" is one mass with one stop.
     coordinate, stop : int
-        Of a system the coordinate that plots show, counted from 1, and the stop whose impacts they show. 0 are the
+        For systems, the coordinate that plots show, counted from 1, and the stop whose impacts they show. 0 are the
         displacement towards that stop, or the first, and the impacts at all stops.
     """
 

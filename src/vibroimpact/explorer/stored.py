@@ -121,7 +121,7 @@ def _over_omega(sweep: xr.Dataset) -> xr.Dataset:
 def _model_of(
     path: str | os.PathLike[str], sweep: xr.Dataset, model: Model | None, name: str
 ) -> tuple[Model, str, Find]:
-    """Return what a sweep was made from, what links call it, and what finds it by that name."""
+    """Return the model of a sweep, its name in links, and the function that finds it by that name."""
     file = os.fspath(path)
     try:
         if "model" in sweep.attrs:

@@ -293,12 +293,12 @@ def _motion(point: Point | None) -> dict[str, Any]:
 
 
 def _places(point: Point) -> list[Any]:
-    """Return where the walls are during the history."""
+    """Return the places of the walls during the history."""
     return [wall.at(point.history["time"] if wall.motion.size else np.zeros(1)) for wall in point.shown.walls]
 
 
 def one_turn(point: Point) -> int:
-    """Return how many samples show all of the orbit: those of a cycle where the history is nothing but cycles."""
+    """Return the number of samples that show all of the orbit: those of a cycle where the history is cycles alone."""
     time = point.history["time"]
     if not (point.settled and point.n_periods and time.size):
         return int(time.size)

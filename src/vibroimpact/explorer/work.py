@@ -119,7 +119,7 @@ class Pool:
             del job  # it refers to its page, which may be gone before the next one comes
 
     def _next(self, duty: tuple[Urgency, ...], yields: bool) -> Job | None:
-        """Return what to do next; while people click, a thread that yields leaves its core to them."""
+        """Return the next thing to do; while people click, a thread that yields leaves its core to them."""
         with self._changed:
             while self._open:
                 busy = yields and time.monotonic() - self._clicked < CALM

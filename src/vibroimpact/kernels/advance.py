@@ -72,7 +72,7 @@ def _turned(s, c, angle):
 
 @inner(forceinline=True)
 def _touch_down(u, p, s, c, k):
-    """Return how far away the contact is that is nearly here, its rate, and its (s, c).
+    """Return the distance of the contact that is nearly here, its rate, and its (s, c).
 
     The gap, its rate and p2 are exact here. What is left, t, comes from the reverted series, with all that changes over
     it; what is left out is of the fourth order in t.
@@ -149,7 +149,7 @@ def advance(motion, k, below=None):
 
 @inner
 def way_from(motion, k, below):
-    """Return how `advance` goes from a motion: its leaps, and the coefficients of its step."""
+    """Return the way that `advance` goes from a motion: its leaps, and the coefficients of its step."""
     leapt = leap(motion, k, below)
     at = leapt.at
     at_release = (at.u <= 0.0) & (at.p == 0.0) & pressed(at.s, at.c, k)[1]
@@ -176,7 +176,7 @@ def walk(motion, k, trace, most, impacts):
 
 @inner(forceinline=True)
 def step_at(trace, row, width, i):
-    """Return what `advance` gave for the step in a row of a trace, of lane i of `width`."""
+    """Return the result of `advance` for the step in a row of a trace, of lane i of `width`."""
     u, p, s = trace[row, i], trace[row, width + i], trace[row, 2 * width + i]
     motion = Motion(u, p, s, trace[row, 3 * width + i], trace[row, 4 * width + i])
     return motion, trace[row, 5 * width + i], trace[row, 6 * width + i], trace[row, 7 * width + i]

@@ -123,7 +123,7 @@ def _follow_cycle(start, k, impacts, cycle, trace):
 
 @inner
 def _way_to_go(start, end, k, tangent, spread):
-    """Return how far, in rate, the cycle's end still is from the periodic orbit; infinite if that is not stable."""
+    """Return the distance, in rate, of the cycle's end from the periodic orbit; infinite if that is not stable."""
     a, b, d, e = tangent
     trace, determinant = a + e, a * e - b * d
     if not (determinant < 1.0 and abs(trace) < 1.0 + determinant):
@@ -140,7 +140,7 @@ def _way_to_go(start, end, k, tangent, spread):
 
 @inner
 def _stamp_at(cycle, number, periods, ahead):
-    """Return when impact `ahead` from now (0: the next one) of a cycle happens."""
+    """Return the time at which impact `ahead` from now (0: the next one) of a cycle happens."""
     at = int(ahead) % number
     return Stamp(cycle[at, 0] + math.floor(ahead / number) * periods, cycle[at, 1], cycle[at, 2])
 

@@ -84,7 +84,7 @@ def _call(asked: bytes, context: Any, builder: Any, made: Any, values: Any) -> A
 
 @ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
 def _address(words: int, size: int) -> int:
-    """Return where the part is that a kernel asks for; without it nothing can go on."""
+    """Return the address of the part that a kernel asks for; without it nothing can go on."""
     try:
         with _uninterrupted():
             return compile_part(ctypes.string_at(words, size))

@@ -56,7 +56,7 @@ def series(motion, k, at_release):
 
 @inner(forceinline=True)
 def coefficients(u, p, s, c, C, K, A, G, th, at_release):
-    """Return what `series` returns, from single numbers."""
+    """Return the coefficients that `series` returns, from single numbers."""
     Q = th * th
     e0 = -A * s
     e1 = -A * th * c

@@ -90,7 +90,7 @@ class InMemory:
 
 
 def _flattened(value: Any) -> tuple[str, list[Any]]:
-    """Return what a value is made of in memory, as `struct` has it, and the numbers themselves."""
+    """Return the layout of a value in memory, as `struct` has it, and the numbers themselves."""
     if isinstance(value, tuple):
         parts = [_flattened(part) for part in value]
         return "0q" + "".join(form for form, _ in parts) + "0q", [number for _, some in parts for number in some]
@@ -110,7 +110,7 @@ def _pointer(kind: Any, placed: Any, c: Any) -> NativeValue:
 
 
 def without(*fields: str) -> Any:
-    """Return what says of a held tuple that these fields are False: what they ask for is then not compiled."""
+    """Return the function that says of a held tuple that these fields are False: their code is then not compiled."""
 
     @intrinsic
     def lacking(typing: Any, value: Any) -> Any:

@@ -104,7 +104,7 @@ def chatters(v, s, c, k):
 
 @inner(forceinline=True)
 def tail_duration(v, s, c, k):
-    """Return how long, in steps, the chatter goes on after an impact of speed v: t1 - t1^2 (J/(3a) + C/6)."""
+    """Return the time in steps for which the chatter goes on after an impact of speed v: t1 - t1^2 (J/(3a) + C/6)."""
     push = fma(k.A, s, -k.G)
     t1 = select(push > 0.0, k.tail * v / push, 0.0)
     t1 = select(t1 < 0.05, t1, 0.0)  # longer only where a mass was held that might have flown on

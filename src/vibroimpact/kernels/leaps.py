@@ -100,7 +100,7 @@ def flown_over(motion, by):
 
 @inner(forceinline=True)
 def _leap(leapt, over, k, below):
-    """Return where leaps have come to after one more, which is made where it is certified."""
+    """Return the state of leaps after one more, which is made where it is certified."""
     at = leapt.at
     to = flown_over(at, over.flow)
     # The least sine on the way: -1 where the cosine rises through zero, else at an end.
@@ -127,7 +127,7 @@ def _leap(leapt, over, k, below):
 
 @inner(forceinline=True)
 def dipping(at, to, k):
-    """Return what is positive where the gap may have a minimum between two motions of one flight.
+    """Return a number that is positive where the gap may have a minimum between two motions of one flight.
 
     Its rate passes zero upwards, or its size falls at first and rises at last, but for a maximum of the gap.
     """
@@ -154,7 +154,7 @@ def _least_gap_between(at, to, X, k):
 
 @inner(forceinline=True)
 def leap(motion, k, below=None):
-    """Return where leaps carry a motion, as near to the next contact as they can.
+    """Return the motion that leaps lead to, as near to the next contact as they can.
 
     Near-misses on the way are looked for where a gap is given `below` which they matter; of one that hardly approaches
     the stop, for much less than a step, nothing may be seen.

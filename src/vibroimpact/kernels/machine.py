@@ -125,7 +125,7 @@ def inner(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     compile_one = made._compiler.compile
 
     def compile_named(*signature: Any) -> Any:
-        """Return what was compiled, which compiled functions know by its entry; it needs one, called or not."""
+        """Return the compiled function, which others know by its entry; it needs one, called or not."""
         found = compile_one(*signature)._replace(entry_point=object())
         found.target_context.insert_user_function(found.entry_point, found.fndesc, [found.library])
         return found

@@ -205,7 +205,7 @@ def _faded(motion, k):
 
 @inner
 def room(recorder):
-    """Return how many impacts and sticks can surely be written down yet."""
+    """Return the number of impacts and sticks that can surely be written down yet."""
     return min(len(recorder.impacts) - recorder.filled[0], len(recorder.sticks) - recorder.filled[2])
 
 

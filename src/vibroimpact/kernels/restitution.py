@@ -20,7 +20,7 @@ _COMPILED: dict[float, Any] = {}  # by the marks of what was compiled: what is c
 
 @intrinsic
 def _called(typingctx: Any, address: Any, v: Any, number: Any, order: Any) -> Any:
-    """Return what the C function double(double, double, long) at an address returns."""
+    """Return the value of the C function double(double, double, long) at an address."""
 
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         double, long = ir.DoubleType(), ir.IntType(64)

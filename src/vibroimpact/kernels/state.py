@@ -150,7 +150,7 @@ def _fields(kind: Any) -> list[Any]:
 
 
 def _count(kind: Any) -> int:
-    """Return how many numbers a named tuple holds, nested ones too."""
+    """Return the number of numbers that a named tuple holds, nested ones too."""
     return sum(_count(part) if issubclass(part, tuple) else 1 for part in _fields(kind))
 
 

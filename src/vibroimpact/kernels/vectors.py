@@ -184,7 +184,7 @@ def select(typingctx: Any, condition: Any, yes: Any, no: Any) -> Any:
 
 @intrinsic
 def no(typingctx: Any, truth: Any) -> Any:
-    """Return what is true where this is not."""
+    """Return the negation of a truth."""
 
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         if truth is TRUTHS and MASKS:
@@ -196,7 +196,7 @@ def no(typingctx: Any, truth: Any) -> Any:
 
 @intrinsic
 def never(typingctx: Any, number: Any) -> Any:
-    """Return what is true nowhere."""
+    """Return a truth that holds nowhere."""
     kind = TRUTHS if number is NUMBERS else types.boolean
     return kind(number), lambda context, builder, signature, values: context.get_constant_null(kind)
 
@@ -235,7 +235,7 @@ def kind_at(wide: Any) -> Any:
 
 
 def place_of(context: Any, builder: Any, array: tuple[Any, Any], place: Any, kind: Any) -> Any:
-    """Return where a value of this type lies in an array (type and value), from a place on."""
+    """Return the place of a value of this type in an array (type and value), from a place on."""
     kept = context.make_array(array[0])(context, builder, array[1])
     pointer = builder.gep(kept.data, [place])
     return builder.bitcast(pointer, _NUMBERS.as_pointer()) if kind is NUMBERS else pointer
@@ -292,7 +292,7 @@ def put(typingctx: Any, array: Any, row: Any, wide: Any, value: Any) -> Any:
 
 
 def _first(builder: Any, row: Any, kind: Any) -> Any:
-    """Return where a row begins."""
+    """Return the place where a row begins."""
     return builder.mul(row, row.type(LANES), flags=["nsw"]) if kind is NUMBERS else row
 
 

@@ -65,7 +65,7 @@ def closest(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> NearMiss | None:
 
 
 def _minimum(flight: Flight, angle: float, rate: float, low: float, high: float) -> tuple[float, float]:
-    """Return where the rate passes zero upwards between two times, and the gap there: Newton kept inside a bracket."""
+    """Return the time when the rate passes zero upwards between two times, and the gap there: Newton in a bracket."""
     time = 0.5 * (low + high)
     for _ in range(60):
         gap, slope = flight.after(angle, rate, time)
@@ -112,7 +112,7 @@ def objection(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
 
 
 def _beyond(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
-    """Return where a flight penetrates the stop between its ends; empty if none does."""
+    """Return the sentence on where a flight penetrates the stop between its ends; empty if none does."""
     for miss in nearest_misses(osc, cycle, z):
         if miss.gap < -ROUNDING * orbit_size(osc, z):
             return f"after impact {miss.flight + 1} the mass would penetrate the stop at phase {miss.turns % 1.0:.6g}"
@@ -120,7 +120,7 @@ def _beyond(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
 
 
 def _first_difference(seen: Samples, turns: float, velocity: float, largest: float) -> str:
-    """Return what the engine meets before an impact expected some turns later; empty if it meets that impact."""
+    """Return the sentence on what the engine meets before an impact expected some turns later; empty if nothing."""
     if len(seen.stick_phase):
         return f"the mass comes to rest at the stop at phase {seen.stick_phase[0]:.6g}"
     if len(seen.impact_phase) < 2:

@@ -228,7 +228,7 @@ class HasImpacts(Protocol):
 
 
 def orbit_distance(a: HasImpacts, b: HasImpacts) -> float:
-    """Return how far two cycles are apart, whichever impact each begins with.
+    """Return the distance of two cycles, whichever impact each begins with.
 
     Impacts are points (sin, cos, v) of the impact surface: sine and cosine of their driving angle, and speed over the
     largest of both cycles. The distance is the largest difference of a coordinate over all impacts, with the cyclic

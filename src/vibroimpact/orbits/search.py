@@ -69,7 +69,7 @@ def find_orbit(
     near : Orbit, Attractor, State or (phase, velocity), optional
         Initial guess: an orbit or an attractor of this or another oscillator, a state at the stop, or phase in [0, 1)
         and velocity > 0 (m/s) of an impact. None tries the attractor reached from rest and a grid over the impact
-        surface. Not used for one impact on a rigid stop, where all solutions are known in closed form. Of a system an
+        surface. Not used for one impact on a rigid stop, where all solutions are known in closed form. For systems, an
         orbit, an attractor or any state near one; None tries symmetric orbits (two impacts) and the motion from rest.
 
     Returns
@@ -256,7 +256,7 @@ def cycle_of(chain: Floats) -> Floats:
 
 
 def _miss(cycle: Cycle, chain: Floats | None, speed: float) -> float:
-    """Return how far a chain is from closing after n periods, in turns and parts of a speed; or infinity."""
+    """Return the distance of a chain from closing after n periods, in turns and parts of a speed; or infinity."""
     if chain is None:
         return np.inf
     p = cycle.n_impacts

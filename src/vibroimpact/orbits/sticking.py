@@ -189,7 +189,7 @@ def closes(osc: ImpactOscillator, stick: Stick) -> bool:
 
 
 def sticking_orbit(model: Model, stick: Stick, chatter: float) -> Orbit:
-    """Return what is known of the cycle that a stick closes; impacts above `chatter` times V are listed."""
+    """Return the numbers known of the cycle that a stick closes; impacts above `chatter` times V are listed."""
     osc = model.at()
     listed = stick.impacts[stick.impacts[:, 2] >= chatter * osc.velocity_scale]
     return Orbit(

@@ -52,9 +52,9 @@ def animate(
     seconds : float, > 0 to 120
         How long the film takes, at 25 frames a second.
     coordinate : int, optional
-        Of a system, which coordinate is shown, as in `time_history`.
+        For systems, which coordinate is shown, as in `time_history`.
     stop : str, optional
-        Of a system, the stop whose clearance is shown instead.
+        For systems, the stop whose clearance is shown instead.
     overwrite : bool
         Whether an existing film may be replaced.
     progress : callable, optional
@@ -145,7 +145,7 @@ def _write_gif(path: Path, frames: Iterator[Image.Image]) -> None:
 
 
 def _mp4_writer() -> Callable[[Path, Iterator[Image.Image]], None]:
-    """Return what writes an `.mp4`; raise `ValueError` where no ffmpeg is found."""
+    """Return the writer of an `.mp4`; raise `ValueError` where no ffmpeg is found."""
     program = shutil.which("ffmpeg")
     if program is None:
         try:

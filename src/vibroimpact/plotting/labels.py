@@ -72,7 +72,7 @@ def label(data: xr.DataArray, power: int = 0) -> str:
 
 
 def letters(text: str) -> int:
-    """Return how many letters a label shows."""
+    """Return the number of letters that a label shows."""
     plain = re.sub(r"\\[a-zA-Z,]+ ?", "x", text.replace(r"\mathrm", ""))
     return max(len(re.sub(r"[${}^_]", "", line)) for line in plain.split("\n"))
 

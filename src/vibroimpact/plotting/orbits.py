@@ -56,7 +56,7 @@ def legend(ax: Axes, dataset: xr.Dataset, *above: Axes) -> None:
 
 
 def ended(dataset: xr.Dataset) -> Status | None:
-    """Return how the one motion of a result ended; None if there are several."""
+    """Return the status of the one motion of a result; None if there are several."""
     return Status(int(dataset["status"])) if "status" in dataset and dataset["status"].ndim == 0 else None
 
 
@@ -178,7 +178,7 @@ class _Motion:
 
 
 def _started(simulation: xr.Dataset, coordinate: int | None, stop: str | None) -> _Motion:
-    """Return what is drawn of a checked simulation."""
+    """Return the motion that is drawn of a checked simulation."""
     of_system = isinstance(simulation, xr.Dataset) and "coordinate" in simulation.dims
     check_result("simulation", simulation, "simulate", STATES | (COORDINATES if of_system else {}))
     model = labels.made(simulation)
@@ -206,7 +206,7 @@ def time_history(
 ) -> Axes:
     """Draw displacement against time, with the stop, the impacts on it and the sticks.
 
-    The line includes the instants of impact, so that it reaches the stop where the mass does. Of a system, a coordinate
+    The line includes the instants of impact, so that it reaches the stop where the mass does. For systems, a coordinate
     or the clearance of a stop is drawn with all stops that act on it alone, and impacts are coloured by stop. How far
     it goes into a compliant stop is shaded; a new figure shows the forces of such stops below, and behind each contact
     a box as long as it lasts and as high as its largest force.
@@ -216,10 +216,10 @@ def time_history(
     simulation : xarray.Dataset
         What `vibroimpact.simulate` returns.
     coordinate : int, optional
-        Of a system, which coordinate is drawn; 0 is the first. None takes that, or the clearance of the first stop
+        For systems, which coordinate is drawn; 0 is the first. None takes that, or the clearance of the first stop
         where no stop acts on it alone.
     stop : str, optional
-        Of a system, the stop whose clearance is drawn instead.
+        For systems, the stop whose clearance is drawn instead.
 
     Examples
     --------
@@ -260,7 +260,7 @@ def phase_portrait(
     """Draw velocity against displacement, with the stop and the jumps of velocity at it.
 
     The line is broken at each impact; a thin dashed line joins arrival (y' = v) and departure (y' = -r v). Between
-    samples it follows the cubic through the states at either end. Of a system, a coordinate or the clearance of a stop
+    samples it follows the cubic through the states at either end. For systems, a coordinate or the clearance of a stop
     is drawn against its rate, with all stops that act on it alone; a stop that moves is drawn where it is farthest, and
     the line is broken where other rigid stops make it jump. No velocity jumps at a compliant stop: how deep the motion
     goes is shaded.
@@ -270,9 +270,9 @@ def phase_portrait(
     simulation : xarray.Dataset
         What `vibroimpact.simulate` returns.
     coordinate : int, optional
-        Of a system, which coordinate is drawn, as in `time_history`.
+        For systems, which coordinate is drawn, as in `time_history`.
     stop : str, optional
-        Of a system, the stop whose clearance is drawn instead.
+        For systems, the stop whose clearance is drawn instead.
 
     Examples
     --------

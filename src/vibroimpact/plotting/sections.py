@@ -76,9 +76,9 @@ def stroboscopic_map(
     section : xarray.Dataset
         What `vibroimpact.stroboscopic_section` returns.
     coordinate : int, optional
-        Of a system, which coordinate is drawn, as in `time_history`.
+        For systems, which coordinate is drawn, as in `time_history`.
     stop : str, optional
-        Of a system, the stop whose clearance is drawn instead.
+        For systems, the stop whose clearance is drawn instead.
 
     Notes
     -----

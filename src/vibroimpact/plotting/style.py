@@ -201,7 +201,7 @@ def _legible(handle: Any) -> Any:
 
 
 def _room(ax: Axes) -> float:
-    """Return how many letters of a legend fit below the axes."""
+    """Return the number of letters of a legend that fit below the axes."""
     figure: Any = ax.get_figure(root=True)
     spec = ax.get_subplotspec()
     abreast = spec.get_topmost_subplotspec().get_gridspec().ncols if spec else 1
@@ -210,7 +210,7 @@ def _room(ax: Axes) -> float:
 
 
 def _columns(texts: Sequence[str], room: float) -> int:
-    """Return how many columns of legend entries fit below the axes."""
+    """Return the number of columns of legend entries that fit below the axes."""
     lengths = [letters(text) for text in texts]
     for columns in range(len(texts), 1, -1):  # Matplotlib fills column by column, as array_split does
         if sum(part.max() + 6 for part in np.array_split(lengths, columns)) <= room:
@@ -247,7 +247,7 @@ def legend_below(ax: Axes, handles: Sequence[Any] | None = None) -> None:
 
 
 def legend_lines(ax: Axes) -> int:
-    """Return how many lines the legend below the axes has."""
+    """Return the number of lines of the legend below the axes."""
     legend: Any = ax.get_legend()
     if legend is None or legend.get_gid() == BESIDE:
         return 0
@@ -288,7 +288,7 @@ def legend_added(ax: Axes, handles: Sequence[Any]) -> None:
 
 
 def outcome(status: Status) -> str:
-    """Return how a motion ended and what that means."""
+    """Return the words on how a motion ended and what that means."""
     return f"{status.word.replace('_', ' ')}: {status.sentence.split(';')[0]}"
 
 

@@ -72,7 +72,7 @@ class View:
         return found if self.stop is None else found + self._moved(self.stop, time, rate=rate)
 
     def place(self, wall: Wall, time: Floats, *, rate: bool = False) -> Floats:
-        """Return where a wall is, or how fast it moves."""
+        """Return the place of a wall, or its velocity."""
         if wall.number == self.stop:
             return np.zeros_like(time)
         offset = 0.0 if self.stop is None else self._moved(self.stop, time, rate=rate)
@@ -157,7 +157,7 @@ class View:
 
 
 def view_of(dataset: xr.Dataset, coordinate: int | None, stop: str | None) -> View | None:
-    """Return what is drawn of a system's result; None of an oscillator, which has one displacement.
+    """Return the view of a system's result; None of an oscillator, which has one displacement.
 
     Unless asked it is coordinate 0, or, where no stop acts on that alone, the clearance of the first stop.
     """
@@ -258,7 +258,7 @@ def draw_forces(ax: Axes, system: Any, simulation: xr.Dataset) -> None:
 
 
 def _deepest(wall: Wall, y: Floats, place: Floats, outermost: float) -> float:
-    """Return how far the motion reaches into a compliant stop; of a rigid one where it stands."""
+    """Return the depth to which the motion reaches into a compliant stop; of a rigid one its place."""
     if not wall.compliant:
         return outermost
     reached = np.append(y[np.isfinite(y)], outermost)

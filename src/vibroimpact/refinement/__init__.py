@@ -73,7 +73,7 @@ def refine_map(
 
 
 def _filled_in(given: tuple[int, ...], complete: bool) -> str:
-    """Return what the cells that were not computed hold, and what they may hide."""
+    """Return the values of cells that were not computed, and what these may hide."""
     if not complete:
         return "stopped early: the other cells hold the motion of the nearest ones, also where that is no impact"
     grid = " x ".join(map(str, given))

@@ -171,7 +171,7 @@ class Found:
         return value if (value - self.value) * self.direction > 0.0 else math.nan
 
     def edge(self, beyond: str, at: float) -> Edge:
-        """Return what callers see."""
+        """Return the boundary as callers see it."""
         change, end = self.range.change(self.value), self.end if self.reached is None else self.reached
         what = self.range.name, self.direction, self.kind, self.value, change, self.range.of, self.half_width
         return Edge(*what, beyond, at, end, self.spacing, *self.onsets)
@@ -385,7 +385,7 @@ def _bisected(present: Present, sides: Sequence[Found], runner: Runner) -> list[
 
 
 def _ended(side: Found, track: Track) -> Found:
-    """Return where a motion that was carried along ends."""
+    """Return the end of a motion that was carried along."""
     if track.beyond is None:
         return replace(side, spacing=track.widest, reached=track.inside)
     inside, outside = track.inside, track.outside

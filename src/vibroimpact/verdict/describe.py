@@ -50,7 +50,7 @@ class Verdict:
     motion : Motion
         The motion from rest: its name, and speeds (m/s) and phases of one cycle, from its hardest hit on.
     orbit : Orbit, SystemOrbit or None
-        The same solved exactly, with multipliers, where it is periodic or, of one mass, sticks.
+        The same solved exactly, with multipliers, where it is periodic or, for one mass, sticks.
     status : str
         How the sampled motion ended, as in `parameter_map`.
     indices : dict
@@ -75,7 +75,7 @@ class Verdict:
     cells, steps : int
         Motions computed for it, and their certified steps.
     stops : tuple of str
-        Of a system: the stop of each impact of the motion.
+        For systems: the stop of each impact of the motion.
     """
 
     model: Model
@@ -217,7 +217,7 @@ def describe(
     made at 128 instants of each present cycle. Changes have two digits, relative to what they are a share of. One to
     three seconds on two cores, rarely four, and seven for chaos with long flights; 4,000 to 14,000 motions.
 
-    Of a system a verdict says what holds for any number of coordinates and stops: the motion from rest, what strikes
+    For systems, a verdict says what holds for any number of coordinates and stops: the motion from rest, what strikes
     each stop, the energy lost, multipliers or exponent, the motions that the initial conditions of `attractors` lead
     to, and, of a periodic motion that does not rest at a stop, the nearest fold, period doubling, Neimark-Sacker point,
     pitchfork and graze along each parameter, followed in steps of 2 % of its range or up to 8 % far from them. At a

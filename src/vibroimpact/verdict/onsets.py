@@ -79,7 +79,7 @@ class Side:
         return [self.range.between(self.range.value, self.end, share) for share in (*shares, 1.0 - NARROW)]
 
     def onset(self, value: float, half_width: float, spacing: float, start: Start | None = None) -> Onset:
-        """Return what callers see."""
+        """Return the onset as callers see it."""
         return Onset(value, self.range.change(value), half_width, spacing, start)
 
 
@@ -158,7 +158,7 @@ def from_some(sides: Sequence[Side], rest: Sequence[Onset | None], runner: Runne
 
 
 def _carried_back(side: Side, rest: Onset | None, track: Track, spacing: float) -> Onset:
-    """Return where an attractor that hits ends, carried towards the present value."""
+    """Return the end of an attractor that hits, carried towards the present value."""
     if track.place >= 1.0:
         return side.onset(side.range.value, 0.0, 0.0, track.start)
     outside = track.outside if track.ends else track.inside

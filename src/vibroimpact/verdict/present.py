@@ -38,7 +38,7 @@ TRIALS = 24  # bisections of a range whose end is no design of a family
 
 
 def dearest(osc: Any) -> int:
-    """Return how many certified steps a verdict may take."""
+    """Return the number of certified steps that a verdict may take."""
     return DEAREST // (DEARER if isinstance(osc, ImpactSystem) else 1)
 
 
@@ -57,7 +57,7 @@ class Present:
     oscillator: Any  # an ImpactOscillator or an ImpactSystem
     final: Final
     motion: Motion
-    orbit: Any  # an Orbit, of a system a SystemOrbit, or None
+    orbit: Any  # an Orbit, for systems a SystemOrbit, or None
     start: Start | None
     attractor: Attractor | None = None  # of a system
 
@@ -339,6 +339,6 @@ def check_parameters(model: Model, names: Iterable[str] | None) -> tuple[str, ..
 
 
 def check_within(within: float) -> float:
-    """Return how far parameters are varied, relative to their present values."""
+    """Return the range over which parameters are varied, relative to their present values."""
     hint = "3 varies from a quarter to fourfold"
     return Parameter("within", "range", low=0.0, high=FARTHEST, closed=False, hint=hint).check(within)

@@ -81,7 +81,7 @@ def _motion(verdict: Verdict) -> Iterator[str]:
 
 
 def _clear_of(verdict: Verdict) -> str:
-    """Return how far a motion without impacts stays from which stop, or which it rests at or is pressed into."""
+    """Return the distance of a motion without impacts from which stop, or which it rests at or is pressed into."""
     here, system = next((one for one in verdict.attractors if one.from_rest), None), verdict.oscillator
     if here is None or not system.stops:
         return ""

@@ -269,7 +269,7 @@ def _seen_beyond(model: Model, edge: Edge) -> str:
 
 
 def onset_words(edge: Edge) -> list[tuple[Onset, str]]:
-    """Return where others than the motion itself begin to hit, the nearest first, each with what happens there."""
+    """Return the sentences on where other motions begin to hit, the nearest first, and on what happens there."""
     values = {name: onset.value for name in ONSETS if (onset := getattr(edge, name))}
     if values.get("strikes") == values.get("from_rest"):
         values.pop("strikes", None)
@@ -300,7 +300,7 @@ def change_words(model: Model, parameter: str, value: float) -> str:
 
 
 def _coexisting(verdict: Verdict) -> Iterator[str]:
-    """Yield the motions that initial conditions settle to; of a system on which stops these are impacts."""
+    """Yield the motions that initial conditions settle to; for systems, on which stops these are impacts."""
     motions, sample, of = verdict.attractors, f"{SPREAD} spread initial conditions", " of the initial conditions"
     undecided = 1.0 - sum(motion.share for motion in motions)
     if verdict.of_system:
@@ -328,7 +328,7 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
 
 
 def _slow(motion: Coexisting) -> str:
-    """Return how long, and how hard, initial conditions may hit before they settle to a motion, if that is notable."""
+    """Return the words on how long and hard initial conditions may hit before they settle, if that is notable."""
     long = motion.transient_impacts > PAPER.transient + PAPER.keep
     if not (long and motion.repeats and motion.transient_velocity > HARDER * motion.max_velocity):
         return ""

@@ -120,7 +120,7 @@ class ReferenceCell:
         return Status.BUDGET if age > self.longest_flight or seen.steps > granted else Status.OK
 
     def looks(self, window: StroboscopicWindow) -> Samples:
-        """Return what a stroboscopic window sees."""
+        """Return the samples of a stroboscopic window."""
         seen = Witness()
         periods, phase = window.schedule(self.start.periods, self.start.phase)
         granted = self.steps_per_impact * (window.skip_periods + math.ceil(window.keep / window.per_period) + 1)

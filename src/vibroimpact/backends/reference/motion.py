@@ -186,7 +186,7 @@ def _first_within(
 
 
 def root(free: FreeMotion, start: Floats, span: float, order: int) -> tuple[float, Floats]:
-    """Return when u (order 0, from above) or u' (order 1, from below) passes zero on its interval, and x there.
+    """Return the time when u (order 0, from above) or u' (order 1, from below) passes zero on its interval, and x.
 
     Newton's method inside a bracket, from the root of the parabola or line that starts alike.
     """
@@ -218,7 +218,7 @@ def closest_miss(free: FreeMotion, start: State, duration: float, end: State) ->
 
 
 def _intervals(free: FreeMotion, start: State, duration: float, end: State) -> tuple[Floats, Floats, Floats]:
-    """Return where the intervals of a flight start and end, and how long they last; all are strides but the last."""
+    """Return the beginnings, ends and lengths of the intervals of a flight; all are strides but the last."""
     whole = math.ceil(duration / free.stride) - 1
     first = free.vector(start)
     points = np.concatenate([first[None], free.block[:whole] @ first, free.vector(end)[None]])

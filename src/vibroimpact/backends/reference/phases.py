@@ -294,7 +294,7 @@ class Phase:
         return span, states[-1] if count == BLOCK else self.moved(x, span), []
 
     def _first_zero(self, rows: Floats, x: Floats, begin: float) -> float | None:
-        """Return when a value falls through zero within a stride: its extrema are bracketed first, then its root."""
+        """Return the time when a value falls through zero within a stride: its extrema are bracketed, then its root."""
         coefficients = rows @ self.series(x).T
 
         def derivative(order: int) -> Callable[[float], float]:

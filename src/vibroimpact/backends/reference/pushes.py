@@ -34,7 +34,7 @@ class Push(NamedTuple):
 
 
 def pushes(phase: Phase, x: Floats, time: float) -> dict[int, Push]:
-    """Return what each stop that pushes does in a phase over a time from x on, a block at most."""
+    """Return the work of each stop that pushes in a phase over a time from x on, a block at most."""
     count = max(1, math.ceil(time / phase.stride))
     states = np.concatenate([x[None], phase.block @ x])[:count]
     lengths = np.full(count, phase.stride)

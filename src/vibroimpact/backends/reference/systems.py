@@ -326,7 +326,7 @@ class _Walk:
         self._match_rates(closed)
 
     def _watched(self, phase: Phase, x: Floats) -> dict[Watch, float]:
-        """Return what may fall through zero next, of which stops, and up to when each is surely positive."""
+        """Return the values that may fall through zero next, of which stops, and up to when each is surely positive."""
         watched = {}
         touching = self.at.clearance <= self._touch()
         for j in range(self.eq.s):

@@ -202,7 +202,7 @@ def _apply(matrix, vector, moved):
 
 @rare
 def _way_to_go(alone):
-    """Return how far a later turn of the cycle can be from this one; infinite unless a power of M is a contraction.
+    """Return the most that a later turn of the cycle is away from this one; infinite unless a power of M contracts.
 
     The difference of turn 2^i is that of turn 2^(i - 1) and M^(2^(i - 1)) times that.
     """

@@ -224,7 +224,7 @@ def clearance(rows, z, o, k, wide):
 
 @inner(forceinline=True)
 def stop_moves(rows, z, sine, cosine, k, wide):
-    """Return where a stop is, as a clearance, and how fast it moves."""
+    """Return the place of a stop, as a clearance, and its speed."""
     u = get(rows, k.gap + z, wide)
     w = 0.0 * u
     if k.moving:

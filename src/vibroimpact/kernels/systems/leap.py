@@ -62,7 +62,7 @@ WITHIN = 2.0, 1.3
 
 @inner(forceinline=True)
 def _carried(rows, first, j, amplitude, rate, y1, p1, k, wide):
-    """Return what a mode's amplitude and rate are after a leap without load, added to what the load makes of them."""
+    """Return the amplitude and rate of a mode after a leap without load, added to what the load makes of them."""
     at = first + j * k.flow + 2
     for i in range(0 if k.coupled else j, k.modes if k.coupled else j + 1):
         y, p = get(rows, amplitude + i, wide), get(rows, rate + i, wide)
@@ -132,7 +132,7 @@ def _fly_over(rows, first, k, wide):
 
 @inner(forceinline=True)
 def _bend(rows, first, z, w0, w1, k, wide):
-    """Return what a clearance's second derivative is at most within a leap."""
+    """Return the largest second derivative of a clearance within a leap."""
     at = first + k.modes * k.flow + 2 + z * (1 + 2 * k.modes)
     rest = get(rows, at, wide)
     for j in range(k.modes):
@@ -245,7 +245,7 @@ def _put(rows, certain, amplitude, rate, k, wide):
 
 @inner(forceinline=True)
 def may_leap(rows, k, wide):
-    """Return where leaps may be tried."""
+    """Return the lanes in which leaps may be tried."""
     may = get(rows, k.closed, wide) <= (-1.0 if k.draining else 0.0)
     return may & (get(rows, k.engaged, wide) <= 0.0) if k.compliant else may
 

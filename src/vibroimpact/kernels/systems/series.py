@@ -105,7 +105,7 @@ rates = _written("rates", "a", [], "(" + "".join(f"{o}.0 * a[{o}], " for o in ra
 
 @inner
 def _zero(a, wanted, low, high, y0, y1):
-    """Return where a polynomial is zero between points where its values differ in sign, by the Illinois method."""
+    """Return the zero of a polynomial between points where its values differ in sign, by the Illinois method."""
     sign = select(y0 < 0.0, 1.0, -1.0)
     y0, y1, side, x = select(wanted, sign * y0, -1.0), select(wanted, sign * y1, 1.0), 0.0 * y1, low
     for _ in range(8):

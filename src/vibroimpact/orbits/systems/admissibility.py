@@ -75,7 +75,7 @@ def flown(cycle: Cycle, unknown: Floats, i: int) -> tuple[Leg, list[Course]]:
 
 
 def _first_beyond(leg: Leg, met: list[Course], left: int, ending: int) -> tuple[float, int, float] | None:
-    """Return where a leg first gets beyond a stop, or pulls at one: the angle since its begin, the stop, the depth.
+    """Return the first place where a leg gets beyond a stop, or pulls at one: angle since its begin, stop, depth.
 
     A leg that ends on another stop than expected, too, has depth 0 there.
     """
@@ -96,7 +96,7 @@ def _first_beyond(leg: Leg, met: list[Course], left: int, ending: int) -> tuple[
 
 
 def nearest_of(cycle: Cycle, unknown: Floats) -> tuple[int, float, float, int, float]:
-    """Return where an orbit comes closest to a stop, or to being let go, between events, and how close at the events.
+    """Return the closest approach of an orbit to a stop, or to being let go, between events, and at the events.
 
     They are the leg, the driving angle and the clearance over its size (infinite where none has a minimum), the stop,
     and the least clearance over its size at an event of another stop than its own.
@@ -189,7 +189,7 @@ class Samples(NamedTuple):
 
 
 def turning_points(series: Floats, seen: Samples, slopes: Floats) -> tuple[Floats, Floats]:
-    """Return where what power series of state and drive describe has minima between samples, and their values."""
+    """Return the minima between samples of the power series of state and drive, and their values."""
     turning = np.flatnonzero((slopes[:-1] < 0.0) & (slopes[1:] >= 0.0))
     offsets, lowest = _minima(seen.at(series, turning), float(seen.angles[1]))
     return seen.angles[turning] + offsets, lowest
@@ -234,7 +234,7 @@ def pulls(row: Floats, lag: float) -> Floats:
 
 
 def _minima(series: Floats, step: float) -> tuple[Floats, Floats]:
-    """Return where the slopes of power series pass zero upwards between 0 and a step, and their values there.
+    """Return the places where slopes of power series pass zero upwards between 0 and a step, and the values there.
 
     Newton's method; where it leaves the interval in which the sign changes, that is halved.
     """

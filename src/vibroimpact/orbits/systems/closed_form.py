@@ -61,7 +61,7 @@ def _nearest(unknowns: list[Floats], angle: float) -> Floats | None:
 
 
 def _beyond(cycle: Cycle, r: float, unknown: Floats) -> float:
-    """Return what the law gives for the velocity of a solution, less the restitution that it was found at."""
+    """Return the restitution that the law gives for the velocity of a solution, less the one that it was found at."""
     flow, ((stop, _),) = cycle.flow, cycle.events
     rate = flow.clearance(stop, unknown[1:], flow.drive(unknown[0]))[1]
     return flow.rebound(stop, rate)[0] - r
@@ -203,7 +203,7 @@ def _what(cycle: Cycle) -> str:
 
 
 def not_isolated(cycle: Cycle, null: Floats, driven: bool) -> str:
-    """Return what the free motion is that can be added, a state and a velocity, and whether the force drives it."""
+    """Return the free motion that can be added, a state and a velocity, and whether the force drives it."""
     flow, x = cycle.flow, null[:-1]
     if abs(null[-1]) > 1e-8:
         if driven:

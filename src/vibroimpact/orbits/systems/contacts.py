@@ -29,7 +29,7 @@ class Contact(NamedTuple):
 
 
 def contacts_of(cycle: Cycle, unknown: Floats, speeds: Floats) -> tuple[Contact, ...]:
-    """Return what each impact of a cycle does, from the speeds at its events."""
+    """Return the effect of each impact of a cycle, from the speeds at its events."""
     flow, found = cycle.flow, []
     for at in cycle.impacts:
         stop = cycle.events[at].stop

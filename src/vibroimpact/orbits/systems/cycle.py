@@ -116,7 +116,7 @@ class Cycle:
         return {}
 
     def known(self, unknown: Floats) -> dict[Any, Any]:
-        """Return what is remembered of the solution that was looked at last, if it is this one, and is added to."""
+        """Return the results kept of the solution that was looked at last, if it is this one, and is added to."""
         content = unknown.tobytes()
         if self._known.get("solution") != content:
             self._known.clear()

@@ -247,12 +247,12 @@ class Flow:
         return row, (1.0 - share) * bound + share * bound @ self.turning
 
     def level(self, event: Event, x: Floats, z: Floats) -> tuple[float, Floats, float]:
-        """Return what is zero at an event, and its derivatives by the state and by the driving angle."""
+        """Return the function that is zero at an event, and its derivatives by the state and by the driving angle."""
         row, bound = self.watched(event)
         return float(bound @ z + row @ x), row, float(bound @ self.turning @ z)
 
     def touching(self, stop: int, x: Floats, z: Floats, pushing: Pushing = ()) -> tuple[float, float]:
-        """Return what is zero where a leg grazes a stop, and its rate: u, or the pull of one that pushes."""
+        """Return the function that is zero where a leg grazes a stop, and its rate: u, or the pull of one pushing."""
         u, rate, bend = self.clearance(stop, x, z, pushing)
         lag = self.lag(stop)
         return ((u + lag * rate) / (1.0 + lag), (rate + lag * bend) / (1.0 + lag)) if stop in pushing else (u, rate)

@@ -97,7 +97,7 @@ def settled(model: Model, n_periods: int, n_impacts: int, transients: Sequence[i
 
 
 def ended(system: Any, seen: Any) -> State:
-    """Return where a sampled motion ended."""
+    """Return the state in which a sampled motion ended."""
     return State(seen.last_displacement, seen.last_velocity, seen.last_phase * system.period)
 
 

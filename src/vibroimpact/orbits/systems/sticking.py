@@ -100,7 +100,7 @@ def _state(carrier: Carrier, x: Floats, time: float) -> State:
 
 
 def _follow(system: ImpactSystem, state: State, n_periods: int) -> _Cycle:
-    """Return what happens within n periods of a motion; rests that last beyond them are followed to their ends."""
+    """Return the events within n periods of a motion; rests that last beyond them are followed to their ends."""
     seen: Any
     window = StroboscopicWindow(0, 2 * n_periods + 1)
     (seen,) = get_backend("cpu").samples(system.cells({}, state), Measurement(window))

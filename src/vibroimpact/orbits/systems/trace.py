@@ -106,7 +106,7 @@ def _next(flow: Flow, x: Floats, angle: float, longest: float, pushing: Pushing,
 
 
 def _level(leg: Leg, stop: int) -> Callable[[float], float]:
-    """Return what is above zero until a stop has its next event, as a function of the angle since a leg's begin."""
+    """Return the level above zero until a stop has its next event, as a function of the angle since a leg's begin."""
     row = clearances(leg.flow, leg.pushing)[stop]
     pull, size = pulls(row, leg.flow.lag(stop))[0], 2 * leg.flow.n
 
@@ -120,7 +120,7 @@ def _level(leg: Leg, stop: int) -> Callable[[float], float]:
 
 
 def _crossing(level: Callable[[float], float], low: float, high: float) -> float:
-    """Return where a level that is below zero at `high` gets there."""
+    """Return the angle at which a level that is below zero at `high` gets there."""
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if level(middle) < 0.0 else (middle, high)

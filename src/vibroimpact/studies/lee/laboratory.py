@@ -227,7 +227,7 @@ class Laboratory:
         return highest(self.line(**changes))
 
     def distinct_looks(self, omega: float) -> int:
-        """Return how many points of a settled Poincare map differ by more than 1e-6 V."""
+        """Return the number of points of a settled Poincare map that differ by more than 1e-6 V."""
         osc = OSCILLATOR.replace(omega=omega)
         looks = vi.stroboscopic_section(osc, transient_periods=self.scale.settle_impacts, sample_periods=64)
         points = np.stack([looks["displacement"].values * osc.natural_frequency, looks["velocity"].values], axis=1)

@@ -204,7 +204,7 @@ def _write_study(
 
 
 def _facts(scale: Scale, level: float, results: dict[str, xr.Dataset], stages: Stages) -> dict[str, str]:
-    """Return what was computed, with what, when, and how long it took."""
+    """Return the facts of a run: what was computed, with what, when, and how long it took."""
     osc = ", ".join(f"{name} {value:g}" for name, value in asdict(OSCILLATOR).items() if name != "omega")
     cells, each = len(PAIRS) * scale.map_points**2, scale.map_transient + scale.map_impacts
     ranges = "; ".join(f"{pair.symbol} {pair.low:g} to {pair.high:g}" for pair in PAIRS)

@@ -65,7 +65,7 @@ def write(
 
 
 def tally(tested: Sequence[Tested]) -> dict[Verdict, int]:
-    """Return how many statements hold, hold to the last digit, and do not hold."""
+    """Return the numbers of statements that hold, hold to the last digit, and do not hold."""
     counts = Counter(outcome.assessment.verdict for _, outcome in tested)
     return {verdict: counts[verdict] for verdict in Verdict}
 
