@@ -173,6 +173,21 @@ def test_what_a_kernel_is_interrupted_at_is_compiled_before_the_interrupt_is_fel
     assert done.stdout == "felt True\n"
 
 
+def test_an_interrupt_that_comes_as_a_kernel_asks_for_a_part_is_felt_later(monkeypatch):
+    """On a busy machine the kept signal may arrive between two parts: an exception there would end the process."""
+    later, felt = [], []
+    monkeypatch.setattr(deferred.threading, "Timer", lambda *how: SimpleNamespace(start=lambda: later.append(how)))
+    former = signal.getsignal(signal.SIGINT)
+    try:
+        handler = deferred._felt_later(lambda number, frame: felt.append(number))
+        handler(signal.SIGINT, SimpleNamespace(f_code=deferred._address.__code__))
+        assert (len(later), felt) == (1, [])
+        handler(signal.SIGINT, SimpleNamespace(f_code=None))
+        assert (len(later), felt) == (1, [signal.SIGINT])
+    finally:
+        signal.signal(signal.SIGINT, former)
+
+
 @pytest.mark.long
 def test_warming_up_compiles_every_driver():
     for family in warming.FAMILIES:

@@ -82,7 +82,6 @@ def _call(asked: bytes, context: Any, builder: Any, made: Any, values: Any) -> A
     return context.get_returned_value(builder, made.return_type, builder.load(result))
 
 
-@ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
 def _address(words: int, size: int) -> int:
     """Return the address of the part that a kernel asks for; without it nothing can go on."""
     try:
@@ -94,7 +93,8 @@ def _address(words: int, size: int) -> int:
         os._exit(70)
 
 
-binding.add_symbol(ASK, ctypes.cast(_address, ctypes.c_void_p).value)
+_callback = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)(_address)
+binding.add_symbol(ASK, ctypes.cast(_callback, ctypes.c_void_p).value)
 
 
 @cache
@@ -118,9 +118,26 @@ def _uninterrupted() -> Iterator[None]:
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_DFL if before is None else before)
+        signal.signal(signal.SIGINT, _felt_later(before) if kept else _or_default(before))
         if kept:
             threading.Timer(0.1, signal.raise_signal, kept[:1]).start()
+
+
+def _or_default(handler: Any) -> Any:
+    return signal.SIG_DFL if handler is None else handler
+
+
+def _felt_later(before: Any) -> Callable[[int, Any], None]:
+    """Return what hands a signal on to the handler before, unless a kernel has just asked for another part."""
+
+    def felt(number: int, frame: Any) -> None:
+        if frame is not None and frame.f_code is _address.__code__:
+            threading.Timer(0.1, signal.raise_signal, [number]).start()
+            return
+        signal.signal(signal.SIGINT, _or_default(before))
+        signal.raise_signal(number)
+
+    return felt
 
 
 # What kernels that were compiled may ask for, so that it can be compiled beforehand: a file each
