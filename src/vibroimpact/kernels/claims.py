@@ -16,9 +16,10 @@ PATIENCE = 60.0  # s: then the other process is taken for stopped
 meanwhile: list[Callable[[], bool]] = []  # what to do while another process compiles; each says whether it did anything
 
 
-def claim_what_is_missing(cache: Any, folder: str, told: tuple[str, float, str]) -> None:
-    """Let a cache of Numba's claim what it does not hold until that is compiled, or wait for whoever has claimed it."""
-    load, save, claims = cache.load_overload, cache.save_overload, ExitStack()
+def claim_what_is_missing(driver: Any, folder: str, told: tuple[str, float, str]) -> None:
+    """Let a driver claim what its cache does not hold until that is compiled, or wait for whoever has claimed it."""
+    cache, compile_alone, claims = driver._cache, driver.compile, ExitStack()
+    load = cache.load_overload
     name = f"{cache._py_func.__module__}.{cache._py_func.__qualname__}"
 
     def loaded(signature: Any, *rest: Any) -> Any:
@@ -45,11 +46,13 @@ def claim_what_is_missing(cache: Any, folder: str, told: tuple[str, float, str])
             claims.close()
         return found
 
-    def saved(*what: Any) -> None:
-        save(*what)
-        claims.close()
+    def compiled(signature: Any) -> Any:
+        try:
+            return compile_alone(signature)
+        finally:
+            claims.close()  # an interrupted one, too: who compiles it next would wait for this process itself
 
-    cache.load_overload, cache.save_overload = loaded, saved
+    cache.load_overload, driver.compile = loaded, compiled
 
 
 def _wait(lock: Any) -> None:

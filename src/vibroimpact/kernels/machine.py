@@ -203,7 +203,7 @@ def compiled(what: str, seconds: float) -> Callable[[Callable[..., Any]], Any]:
             made = njit(**how, cache=True)(function)
             _told[made] = what, seconds, ONCE
             _mend(made._cache)
-            claim_what_is_missing(made._cache, cache_folder(), _told[made])
+            claim_what_is_missing(made, cache_folder(), _told[made])
         except (OSError, RuntimeError):  # no folder to write to
             made = njit(**how)(function)
             _told[made] = what, seconds, ANEW.format(cache_folder())
