@@ -47,8 +47,11 @@ def claim_what_is_missing(driver: Any, folder: str, told: tuple[str, float, str]
         return found
 
     def compiled(signature: Any) -> Any:
+        from vibroimpact.kernels.deferred import uninterrupted  # which is compiled by drivers itself
+
         try:
-            return compile_alone(signature)
+            with uninterrupted():  # what LLVM calls back would lose the interrupt, and the compiled code
+                return compile_alone(signature)
         finally:
             claims.close()  # an interrupted one, too: who compiles it next would wait for this process itself
 

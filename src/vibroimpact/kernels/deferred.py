@@ -85,7 +85,7 @@ def _call(asked: bytes, context: Any, builder: Any, made: Any, values: Any) -> A
 def _address(words: int, size: int) -> int:
     """Return the address of the part that a kernel asks for; without it nothing can go on."""
     try:
-        with _uninterrupted():
+        with uninterrupted():
             return compile_part(ctypes.string_at(words, size))
     except BaseException:
         traceback.print_exc()
@@ -108,8 +108,8 @@ def compile_part(asked: bytes) -> int:
 
 
 @contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Keep Ctrl-C until the kernel that called has returned: no exception can pass through it."""
+def uninterrupted() -> Iterator[None]:
+    """Keep Ctrl-C until something is compiled and the kernel that asked has gone on: no exception can pass through it."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
