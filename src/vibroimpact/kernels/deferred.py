@@ -109,7 +109,7 @@ def compile_part(asked: bytes) -> int:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Keep Ctrl-C until something is compiled and the kernel that asked has gone on: no exception can pass through it."""
+    """Keep Ctrl-C while something is compiled for a kernel or its driver: no exception can pass through either."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
