@@ -19,7 +19,7 @@ import vibroimpact as vi
 from vibroimpact import beside, compiling, warming
 from vibroimpact.execution import threads
 from vibroimpact.execution.threads import worker_count
-from vibroimpact.kernels import deferred, machine
+from vibroimpact.kernels import deferred, interrupts, machine
 
 COMMAND = [sys.executable, "-m", "vibroimpact"]
 TOLD = re.compile(r"compiling (.+): about (\d+) s, once on this machine")
@@ -176,14 +176,19 @@ def test_what_a_kernel_is_interrupted_at_is_compiled_before_the_interrupt_is_fel
 def test_an_interrupt_that_comes_as_a_kernel_asks_for_a_part_is_felt_later(monkeypatch):
     """On a busy machine the kept signal may arrive between two parts: an exception there would end the process."""
     later, felt = [], []
-    monkeypatch.setattr(deferred.threading, "Timer", lambda *how: SimpleNamespace(start=lambda: later.append(how)))
-    former = signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(interrupts, "_raise_later", later.append)
+    former = signal.signal(signal.SIGINT, lambda number, frame: felt.append(number))
     try:
-        handler = deferred._felt_later(lambda number, frame: felt.append(number))
+        with interrupts.uninterrupted():
+            with interrupts.uninterrupted():  # a part of a kernel is compiled while a kernel asks for it
+                signal.raise_signal(signal.SIGINT)
+            assert (later, felt) == ([], [])
+        assert (later, felt) == ([signal.SIGINT], [])
+        handler = signal.getsignal(signal.SIGINT)
         handler(signal.SIGINT, SimpleNamespace(f_code=deferred._address.__code__))
-        assert (len(later), felt) == (1, [])
-        handler(signal.SIGINT, SimpleNamespace(f_code=None))
-        assert (len(later), felt) == (1, [signal.SIGINT])
+        assert (later, felt) == ([signal.SIGINT] * 2, [])
+        signal.raise_signal(signal.SIGINT)
+        assert (later, felt) == ([signal.SIGINT] * 2, [signal.SIGINT])
     finally:
         signal.signal(signal.SIGINT, former)
 
@@ -193,7 +198,7 @@ def test_warming_up_compiles_every_driver():
     for family in warming.FAMILIES:
         family()
     done = set()
-    while parts := deferred.noted().keys() - done:  # a part may ask for others
+    while parts := set(deferred.noted()) - done:  # a part may ask for others
         done |= parts
         for part in parts:
             deferred.compile_part(part)
@@ -269,7 +274,6 @@ def test_beside_a_first_command_a_second_process_compiles_what_a_next_one_needs(
 
 def test_a_model_that_cannot_be_handed_on_is_compiled_for_by_its_own_process(monkeypatch):
     monkeypatch.setattr(beside, "_processes", [])
-    monkeypatch.setattr(beside, "_watching", [])
     monkeypatch.setattr(compiling, "watching", [])
     monkeypatch.setattr(threads, "worker_count", lambda workers: 2)
     monkeypatch.setattr(compiling, "under_way", lambda: "maps")
@@ -283,7 +287,6 @@ def test_a_model_that_cannot_be_handed_on_is_compiled_for_by_its_own_process(mon
 def test_one_second_process_at_most_waits_and_none_begins_when_nothing_is_compiled(monkeypatch):
     begun = []
     monkeypatch.setattr(beside, "_processes", [])
-    monkeypatch.setattr(beside, "_watching", [])
     monkeypatch.setattr(compiling, "watching", [])
     monkeypatch.setattr(threads, "worker_count", lambda workers: 2)
     monkeypatch.setattr(

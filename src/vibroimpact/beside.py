@@ -20,34 +20,29 @@ if TYPE_CHECKING:
 PATIENCE = 5.0  # s without anything to compile, after which it ends
 
 _processes: list[subprocess.Popen[bytes]] = []  # one at most
-_watching: list[Callable[[], None]] = []  # one at most: for the model of the latest command
+_latest: list[Callable[[], Model]] = []  # the model of the latest command
 
 
 def compile_beside(model: Callable[[], Model]) -> None:
     """Let a second process compile for this model from when this process begins to compile until it ends."""
     from vibroimpact.execution.threads import worker_count
 
-    def start() -> None:
-        if not compiling.under_way():  # told of an end
-            return
-        _forget()
-        with suppress(Exception):  # a law of restitution that cannot be handed on, say: this process compiles alone
-            words = pickle.dumps(model())
-            quiet: Any = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "bufsize": 0}
-            process = subprocess.Popen([sys.executable, "-P", "-m", __name__], stdin=subprocess.PIPE, **quiet)
-            _processes.append(process)
-            if process.stdin:  # left open: the other process ends with this one
-                process.stdin.write(words)
-
-    _forget()
-    if worker_count(None) > 1 and not _processes:
-        _watching.append(start)
-        compiling.watching.append(start)
+    _latest[:] = [model]
+    if worker_count(None) > 1 and not _processes and _start not in compiling.watching:
+        compiling.watching.append(_start)
 
 
-def _forget() -> None:
-    while _watching:
-        compiling.watching.remove(_watching.pop())
+def _start() -> None:
+    if not compiling.under_way():  # told of an end
+        return
+    compiling.watching.remove(_start)
+    with suppress(Exception):  # a law of restitution that cannot be handed on, say: this process compiles alone
+        words = pickle.dumps(_latest[0]())
+        quiet: Any = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "bufsize": 0}
+        process = subprocess.Popen([sys.executable, "-P", "-m", __name__], stdin=subprocess.PIPE, **quiet)
+        _processes.append(process)
+        if process.stdin:  # left open: the other process ends with this one
+            process.stdin.write(words)
 
 
 def main() -> None:

@@ -82,6 +82,13 @@ class Cells:
         slowest: Floats = np.minimum(self["omega"], np.sqrt(self["stiffness"] / self["mass"]))
         return slowest
 
+    @property
+    def velocity_scale(self) -> Floats:
+        """V = max(f, k |g|) / sqrt(k m) in m/s of each cell."""
+        force = np.maximum(self["amplitude"], self["stiffness"] * np.abs(self["gap"]))
+        scale: Floats = force / np.sqrt(self["stiffness"] * self["mass"])
+        return scale
+
     @overload
     def __getitem__(self, part: str) -> Floats: ...
 
@@ -112,8 +119,7 @@ class Cells:
         motions are alike at every speed, and 1 m/s stands for V.
         """
         phase, velocity = spread(numbers)
-        force = np.maximum(self["amplitude"], self["stiffness"] * np.abs(self["gap"]))
-        scale = force / np.sqrt(self["stiffness"] * self["mass"])
+        scale = self.velocity_scale
         time = phase * (2.0 * np.pi / self["omega"])
         turns = time * self["omega"] / (2.0 * np.pi)
         return self.striking(0, np.where(scale > 0.0, scale, 1.0) * velocity, turns)

@@ -378,8 +378,8 @@ def impact_map(
             raise invalid("phase", phase, "at least 0 and less than 1")
         if not ((velocities > 0.0) & np.isfinite(velocities)).all():
             raise invalid("velocity", velocity, "finite and > 0")
-        alike = design.cells({})[np.zeros(phases.size, np.int64)]
-        cells = alike.striking(np.zeros(phases.size, np.int64), velocities.ravel(), phases.ravel())
+        first = np.zeros(phases.size, np.int64)  # the only cell, and its only stop
+        cells = design.cells({})[first].striking(first, velocities.ravel(), phases.ravel())
         found = np.full((2, phases.size), np.nan)
         for at, seen in enumerate(engine.samples(cells, measurement)):
             # The impact to begin with is recorded itself, both its numbers to rounding, unless it is too weak.

@@ -56,7 +56,7 @@ def warm_up(report: Report) -> None:
             ended, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for task in ended:
                 task.result()
-            done, new = done + len(ended), noted().keys() - known
+            done, new = done + len(ended), set(noted()) - known
             known |= new
             waiting |= {processes.submit(compile_part, part) for part in new}
             if report(done, done + len(waiting), None) is False:

@@ -16,7 +16,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Floats, Measurement, Samples, StroboscopicWindow, SystemSamples, energy_loss
+from vibroimpact.backends.base import (
+    Counts,
+    Floats,
+    Measurement,
+    Outcome,
+    Samples,
+    StroboscopicWindow,
+    SystemSamples,
+    energy_loss,
+)
+from vibroimpact.backends.cpu import Sweep
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
 from vibroimpact.system_cells import SystemCells
@@ -39,9 +49,7 @@ def is_one_mass(cells: SystemCells) -> NDArray[np.bool_]:
     plain = (cells.block("force")[:, 2:] == 0.0).all(axis=1) & (cells["square"] > 0.0) & (cells["damping"] >= 0.0)
     plain &= np.logical_and.reduce(lacking) & (cells["omega"] > 0.0) & np.isfinite(cells["omega"])
     with np.errstate(divide="ignore", invalid="ignore"):
-        alike, _ = as_one_mass(cells)
-        force = np.maximum(alike["amplitude"], alike["stiffness"] * np.abs(alike["gap"]))
-        scale = force / np.sqrt(alike["stiffness"] * alike["mass"])
+        scale = as_one_mass(cells)[0].velocity_scale
         found: NDArray[np.bool_] = plain & (np.abs(scale - cells["scale"]) <= SAME * cells["scale"])
     return found
 
@@ -76,6 +84,20 @@ def as_one_mass(cells: SystemCells) -> tuple[Cells, Floats]:
         "phase": turns - np.floor(turns),
     }
     return Cells.of(columns), ahead
+
+
+class OneMassSweep(Sweep):
+    """Cells of systems that are one mass each, and what has become of them."""
+
+    def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
+        super().__init__(as_one_mass(cells)[0], measurement)
+        self._by_stop = measurement.by_stop
+
+    def outcome(self, done: Counts | slice) -> Outcome:
+        """Return the outcome of cells that have ended."""
+        found = super().outcome(done)
+        of_stops = {name for name, index in INDICES.items() if self._by_stop and index.by_stop}
+        return {name: values[:, None] if name in of_stops else values for name, values in found.items()}
 
 
 def samples(

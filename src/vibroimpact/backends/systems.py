@@ -16,10 +16,10 @@ from vibroimpact.backends.base import (
     Measurement,
     Outcome,
 )
-from vibroimpact.backends.cpu import Sweep, aligned, statuses
+from vibroimpact.backends.cpu import aligned, statuses
 from vibroimpact.backends.system_leaps import slow_modes
 from vibroimpact.backends.system_rows import budgets_of, in_steps, steps_of
-from vibroimpact.indices import EVERY, INDICES
+from vibroimpact.indices import EVERY
 from vibroimpact.kernels.cell import FILLED
 from vibroimpact.kernels.held import InMemory
 from vibroimpact.kernels.systems import closing, form, lanes, march
@@ -85,7 +85,7 @@ def share(
     What is one mass and one stop has an engine of its own.
     """
     scalar = one_mass.served(cells, measurement)
-    engines: list[tuple[Any, type[_OneMassSweep | SystemSweep]]] = [(scalar, _OneMassSweep), (~scalar, SystemSweep)]
+    engines: list[tuple[Any, Any]] = [(scalar, one_mass.OneMassSweep), (~scalar, SystemSweep)]
     sweeps = [(np.flatnonzero(rows), engine(cells[rows], measurement)) for rows, engine in engines if rows.any()]
 
     def work(stopped: Callable[[], bool]) -> Iterator[tuple[Counts, Outcome]]:
@@ -94,20 +94,6 @@ def share(
                 yield rows[done], sweep.outcome(done)
 
     return work
-
-
-class _OneMassSweep(Sweep):
-    """Cells of systems that are one mass each, and what has become of them."""
-
-    def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
-        super().__init__(one_mass.as_one_mass(cells)[0], measurement)
-        self._by_stop = measurement.by_stop
-
-    def outcome(self, done: Counts | slice) -> Outcome:
-        """Return the outcome of cells that have ended."""
-        found = super().outcome(done)
-        of_stops = {name for name, index in INDICES.items() if self._by_stop and index.by_stop}
-        return {name: values[:, None] if name in of_stops else values for name, values in found.items()}
 
 
 class SystemSweep:

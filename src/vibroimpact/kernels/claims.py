@@ -10,6 +10,7 @@ from time import perf_counter, sleep
 from typing import Any
 
 from vibroimpact import compiling
+from vibroimpact.kernels.interrupts import uninterrupted
 
 PATIENCE = 60.0  # s: then the other process is taken for stopped
 
@@ -47,13 +48,11 @@ def claim_what_is_missing(driver: Any, folder: str, told: tuple[str, float, str]
         return found
 
     def compiled(signature: Any) -> Any:
-        from vibroimpact.kernels.deferred import uninterrupted  # which is compiled by drivers itself
-
         try:
-            with uninterrupted():  # what LLVM calls back would lose the interrupt, and the compiled code
+            with uninterrupted():
                 return compile_alone(signature)
         finally:
-            claims.close()  # an interrupted one, too: who compiles it next would wait for this process itself
+            claims.close()  # of what failed, too: who compiles it next would wait for this process itself
 
     cache.load_overload, driver.compile = loaded, compiled
 

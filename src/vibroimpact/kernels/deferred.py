@@ -10,12 +10,10 @@ import ctypes
 import hashlib
 import os
 import pickle
-import signal
 import sys
-import threading
 import traceback
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache, partial
 from importlib import import_module
 from inspect import Parameter, signature
@@ -28,6 +26,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from vibroimpact.kernels.held import Held
+from vibroimpact.kernels.interrupts import uninterrupted, within_kernels
 from vibroimpact.kernels.machine import cache_folder, compiled
 
 ASK = "vibroimpact_address"  # what kernels call to learn an address
@@ -93,6 +92,7 @@ def _address(words: int, size: int) -> int:
         os._exit(70)
 
 
+within_kernels.append(_address.__code__)
 _callback = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)(_address)
 binding.add_symbol(ASK, ctypes.cast(_callback, ctypes.c_void_p).value)
 
@@ -107,39 +107,6 @@ def compile_part(asked: bytes) -> int:
     return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
 
 
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Keep Ctrl-C while something is compiled for a kernel or its driver: no exception can pass through either."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    kept: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, frame: kept.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, _felt_later(before) if kept else _or_default(before))
-        if kept:
-            threading.Timer(0.1, signal.raise_signal, kept[:1]).start()
-
-
-def _or_default(handler: Any) -> Any:
-    return signal.SIG_DFL if handler is None else handler
-
-
-def _felt_later(before: Any) -> Callable[[int, Any], None]:
-    """Return what hands a signal on to the handler before, unless a kernel has just asked for another part."""
-
-    def felt(number: int, frame: Any) -> None:
-        if frame is not None and frame.f_code is _address.__code__:
-            threading.Timer(0.1, signal.raise_signal, [number]).start()
-            return
-        signal.signal(signal.SIGINT, _or_default(before))
-        signal.raise_signal(number)
-
-    return felt
-
-
 # What kernels that were compiled may ask for, so that it can be compiled beforehand: a file each
 
 
@@ -151,10 +118,10 @@ def _note(asked: bytes) -> None:
         written.replace(path)
 
 
-def noted() -> dict[bytes, None]:
+def noted() -> list[bytes]:
     """Return all that kernels in the cache may ask for, in the order in which it was noted."""
     paths = sorted(Path(cache_folder()).glob("*.part"), key=lambda path: path.stat().st_mtime)
-    return dict.fromkeys(path.read_bytes() for path in paths)
+    return [path.read_bytes() for path in paths]
 
 
 def is_general(asked: bytes) -> bool:
