@@ -135,7 +135,7 @@ def test_what_kernels_are_given_of_a_system_has_the_same_digits_in_any_unit():
     for seed in range(100):
         rng = np.random.default_rng([3803, seed])
         system, powers = on_springs(rng), 2.0 ** rng.integers(-9, 10, 3)
-        here, there = (spread_cells(one, 4) for one in (system, in_units(system, *powers.tolist())))
+        here, there = (spread_cells(one.cells({}), 4) for one in (system, in_units(system, *powers.tolist())))
         rows, others = (in_steps(cells, 1e-9, layout_for(cells)) for cells in (here, there))
         known = (rows != 0.0) & np.isfinite(rows)
         assert np.array_equal(known, (others != 0.0) & np.isfinite(others)), seed

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
-from vibroimpact.cells import Floats, cells_at
+from vibroimpact.cells import Floats
 from vibroimpact.coexistence.final import LATE, irregular, rests
-from vibroimpact.coexistence.measuring import Measured, Runner, carried, copies, orbit_cell, orbit_cells, spread_cells
+from vibroimpact.coexistence.measuring import Measured, Runner, carried, orbit_cell, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.system import ImpactSystem
@@ -123,10 +123,8 @@ class Cycle:
     def cells(self, design: Any, every: int = 1) -> Cells:
         """Return the states as cells of a changed design; where a stop has moved past the mass, it is there."""
         y, v, phase = (column[::every] for column in (self.displacement, self.velocity, self.phase))
-        if not isinstance(design, ImpactOscillator):
-            return copies(design, len(phase)).carried(y, v, phase)
-        clear = y <= design.gap
-        return cells_at(design, np.where(clear, design.gap - y, 0.0), np.where(clear, v, np.minimum(v, 0.0)), phase)
+        cells: Cells = _at_rest(design).copies(len(phase)).carried(y, v, phase)
+        return cells
 
 
 def _at_rest(design: Any) -> Any:
@@ -165,7 +163,7 @@ class Judge:
             designs,
             wanted,
             lambda design: [_at_rest(design), *(cycle.cells(design, INSTANTS) for cycle in self.cycles)],
-            lambda design: [spread_cells(design, SCOUTS)],
+            lambda design: [spread_cells(_at_rest(design), SCOUTS)],
         )
 
     def _benefits(
@@ -213,7 +211,8 @@ class Judge:
         A slow change leads along the branches of the present orbits.
         """
         design = varied.at(value)
-        many = Cells.join([design.cells({}), spread_cells(design), *(cycle.cells(design) for cycle in self.cycles)])
+        rest = design.cells({})
+        many = Cells.join([rest, spread_cells(rest), *(cycle.cells(design) for cycle in self.cycles)])
         number = len(many)
         mixed = np.argsort(np.arange(number) % FEW, kind="stable")
         first, *others = np.split(mixed, [number // FEW, number // 4, number // 2])
