@@ -13,7 +13,7 @@ import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, Measurement, StroboscopicWindow, get_backend
 from vibroimpact.backends.base import Counts, Outcome, Samples
-from vibroimpact.backends.cpu import expected_steps, outlast
+from vibroimpact.backends.scalar import expected_steps, outlast
 from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State
