@@ -42,7 +42,8 @@ def layout_for(cells: SystemCells, *flags: bool) -> Layout:
 
 def noted(layout: Layout) -> int:
     """Return the length of a cell's note."""
-    return march.SUMS + march.EACH * (layout.stops + 1)
+    length: int = march.SUMS + march.EACH * (layout.stops + 1)
+    return length
 
 
 def _turns(sine: Floats, cosine: Floats, periods: Floats) -> Floats:
