@@ -126,7 +126,8 @@ def _work(part: Part, shared: _Shared) -> Outcome | Rows:
 
         with suppress(OSError):  # it sees the store and may not write: the client may, or explains what is wrong
             arrays = _arrays(shared.store, shared.mark, (*shared.request.indices, "status"))
-            return record_of(outcome, put(arrays, part, outcome))
+            put(arrays, part, outcome)
+            return record_of(outcome)
     return outcome
 
 
@@ -141,11 +142,9 @@ def _marked(store: Path | None) -> Iterator[str]:
     if store is None:
         yield mark
         return
-    from vibroimpact.guard import clear
-
     file = _mark_of(store)
     with suppress(OSError):  # then no worker finds it, and the client writes
-        clear(file)
+        file.unlink(missing_ok=True)  # never written through a link
         file.write_text(mark)
     try:
         yield mark

@@ -52,7 +52,7 @@ def refine_map(
             stored = open_or_create(store, request, usual_tile(request, listed=True))
             if stored.is_whole():
                 return stored.dataset()
-            kept = stored, stack.enter_context(stored.writing(request))
+            kept = stored, stack.enter_context(stored.writing())
         place = stack.enter_context(computing(cluster, workers))
         picture = Picture(request.shape, request.indices, request.measurement.impacts.keep, may_wind(request.model))
         level = {"level": level_variable(request.dims, picture.level)}
@@ -146,7 +146,7 @@ class Batches:
         store, writer = self.kept
         if not writer.is_done(number):
             return False
-        with suppress(Exception):  # a damaged chunk: computed again
+        with suppress(OSError):  # damaged since the store was opened: computed again
             found = {name: values[: len(cells)] for name, values in store.read(number).items()}
             if np.array_equal(found["cell"], cells):
                 self.picture.put(cells, found, level)
