@@ -149,8 +149,9 @@ def load_lazily(path: Path) -> xr.Dataset:
 
     from vibroimpact.guard import GuardedStore
 
+    place: Any = GuardedStore(path)
     with _explained(path):
-        return _restored(xr.open_dataset(GuardedStore(path), **_OPEN[".zarr"]))
+        return _restored(xr.open_dataset(place, **_OPEN[".zarr"]))
 
 
 def _path(name: str, given: Any) -> Path:
@@ -256,7 +257,7 @@ def scratch_beside(target: Path) -> Iterator[Path]:
                 yield scratch
                 shutil.rmtree(scratch)
             except BaseException:
-                remove_folder(scratch)
+                _remove_folder(scratch)
                 raise
             return
     raise OSError(errno.EBUSY, "other processes keep removing what is written there")
@@ -308,7 +309,7 @@ def offered(path: Path) -> str:
     return f"what it held lies in {str(aside)!r}, set aside by a process that ended: rename that" if aside else ""
 
 
-def remove_folder(folder: Path) -> None:
+def _remove_folder(folder: Path) -> None:
     """Remove a folder that threads of a failed writer may go on filling, or recreate, for a moment."""
     quiet = 0
     for _ in range(100):

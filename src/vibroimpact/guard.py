@@ -122,13 +122,18 @@ class GuardedStore(LocalStore):
     def check_sweep(self, axes: Iterable[str], names: Iterable[str]) -> None:
         """Raise where a stored sweep has lost a chunk, which Zarr would read as missing values.
 
-        The status of a tile is written last: where it lies, every array of these `names` has a chunk.
+        The status of a tile is written last: where it lies, every array of these `names` has a chunk, which spans
+        whatever dimensions follow those of the grid.
         """
         if self.declared(RECORDS) is None:
             return
-        status = self.root / "status" / "c"
-        tiles = [path.relative_to(status).as_posix() for path in status.rglob("*") if path.name.isdigit()]
-        for chunk in (*(f"{axis}/c/0" for axis in axes), *(f"{name}/c/{tile}" for name in names for tile in tiles)):
+        dims = {name: len(array.shape) for name in names if (array := self.declared(name))}
+        chunks = [f"{axis}/c/0" for axis in axes]
+        for tile in (self.root / "status/c").glob("/".join("*" * dims["status"])):
+            if tile.name.isdigit():  # else half written
+                place = tile.relative_to(self.root / "status").as_posix()
+                chunks += [f"{name}/{place}{'/0' * (number - dims['status'])}" for name, number in dims.items()]
+        for chunk in chunks:
             if not (self.root / chunk).exists():
                 raise self._refused(chunk, "is missing")
 

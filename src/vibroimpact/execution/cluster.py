@@ -78,10 +78,9 @@ class Cluster:
             )
         with _marked(store) as mark:
             shared = client.submit(_Shared, request, package_version(), store and str(store), mark, pure=False)
-            tasks = list(map(parts.__getitem__, range(len(parts))))
             name = f"vibroimpact-{uuid4().hex}"
-            keys = [f"{name}-{number}" for number in range(len(tasks))]
-            futures = client.map(_work, tasks, key=keys, retries=RETRIES, batch_size=BATCH, pure=False, shared=shared)
+            keys = [f"{name}-{number}" for number in range(len(parts))]
+            futures = client.map(_work, parts, key=keys, retries=RETRIES, batch_size=BATCH, pure=False, shared=shared)
             finished = as_completed(futures, loop=client.loop, with_results=True, raise_errors=False)
             waiting = {future.key: (number, future) for number, future in enumerate(futures)}
             del futures  # workers forget results that no future stands for
