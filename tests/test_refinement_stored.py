@@ -40,7 +40,7 @@ def whole():
 @pytest.mark.skipif(os.name == "nt", reason="signals and forks are those of POSIX")
 def test_a_refined_map_killed_at_random_moments_is_in_the_end_the_uninterrupted_one(tmp_path, whole):
     done = subprocess.run(
-        [sys.executable, driver.__file__, "harm_refined", tmp_path, "10"], capture_output=True, text=True, timeout=240
+        [sys.executable, driver.__file__, "harm", tmp_path, "10", "SIGKILL", "refined"], capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout.splitlines()[-1])
@@ -155,9 +155,7 @@ def test_a_refined_map_whose_description_is_damaged_is_refused(tmp_path, name):
     partly(tmp_path / "r.zarr")
     (tmp_path / "r.zarr" / name / "zarr.json").write_text("{")
     for job in (SweepStore, driver.refined):
-        with pytest.raises(
-            OSError, match=f"a damaged one .*r.zarr/{name}/zarr.json' is damaged, .*; restore"
-        ):
+        with pytest.raises(OSError, match=f"a damaged one .*r.zarr/{name}/zarr.json' is damaged, .*; restore"):
             job(tmp_path / "r.zarr")
 
 

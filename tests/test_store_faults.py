@@ -98,7 +98,7 @@ def resumed(store: Path) -> int:
 @posix
 @pytest.mark.parametrize(("sent", "times", "code"), [("SIGKILL", 32, -9), ("SIGINT", 12, 130)])
 def test_a_sweep_ended_at_random_moments_is_in_the_end_the_uninterrupted_one(tmp_path, whole, sent, times, code):
-    told = told_by("harm", tmp_path, times, sent)
+    told = told_by("harm", tmp_path, times, sent, "sweep")
     assert told["code"] == 0
     assert set(told["codes"]) <= {0, code}
     assert told["codes"].count(code) >= times
@@ -280,37 +280,42 @@ def flip(file: Path, place: int = -1) -> None:
 
 
 HARMS = {
-    "truncated": lambda file, other: file.write_bytes(file.read_bytes()[:-5]),
-    "emptied": lambda file, other: file.write_bytes(b""),
-    "deleted": lambda file, other: file.unlink(),
-    "altered by a bit": lambda file, other: flip(file),
-    "replaced by text": lambda file, other: file.write_text("moved to archive"),
+    "truncated": lambda file: file.write_bytes(file.read_bytes()[:-5]),
+    "emptied": lambda file: file.write_bytes(b""),
+    "deleted": lambda file: file.unlink(),
+    "replaced by text": lambda file: file.write_text("moved to archive"),
+    "altered by a bit": flip,
 }
-DESCRIBED = ["", "omega/", "std/", "status/", "progress/", "progress/tiles/"]
-# A tile in the middle and the one in the far corner, which is smaller and where nothing hits: its std is all NaN.
-FILES = {
-    "std, middle": ("std/c/2/1", "std/c/1/1"),
-    "std, corner": ("std/c/5/3", "std/c/0/1"),
-    "n_periods": ("n_periods/c/5/3", "n_periods/c/1/1"),
-    "status": ("status/c/2/1", "status/c/4/3"),
-}
+# The tiles to compute again where a chunk is damaged: one in the middle, one in the far corner, which is smaller and
+# where nothing hits (its std is all NaN), or all of which the records lay there.
+CHUNKS = {"std/c/2/1": 1, "std/c/5/3": 1, "n_periods/c/5/3": 1, "status/c/2/1": 1, "progress/tiles/c/0/0": driver.TILES}
 
 
 @pytest.mark.long(but=2)
 @pytest.mark.parametrize("harm", HARMS)
-@pytest.mark.parametrize("file", FILES)
-def test_a_damaged_tile_is_found_and_computed_again(store, whole, harm, file):
-    damaged, other = (store / name for name in FILES[file])
-    assert damaged.read_bytes() != other.read_bytes()
-    HARMS[harm](damaged, other)
-    found = SweepStore(store)
-    assert found.damaged() == [9 if "2/1" in FILES[file][0] else driver.TILES - 1]
-    assert found.faults() == ["1 damaged tile; computed again when you continue"]
+@pytest.mark.parametrize("file", CHUNKS)
+def test_tiles_of_which_a_chunk_is_damaged_are_found_and_computed_again(store, whole, harm, file):
+    HARMS[harm](store / file)
+    found, of_a_tile = SweepStore(store), CHUNKS[file] == 1
+    assert found.faults() == ["1 damaged tile; computed again when you continue"] * of_a_tile
     assert not found.is_whole()
-    if (harm, file) != ("deleted", "status"):  # then the tile reads as not computed
-        assert str(damaged) in refused_by(lambda: vi.load(store))
-    assert resumed(store) == 1
+    if of_a_tile and (harm, file) != ("deleted", "status/c/2/1"):  # then the tile reads as not computed
+        assert str(store / file) in refused_by(lambda: vi.load(store))
+    assert resumed(store) == CHUNKS[file]
     assert_whole(store, whole)
+
+
+def test_a_lost_chunk_of_an_index_by_stop_is_found_and_computed_again(tmp_path):
+    study = {"clearance": [4e-3, 5e-3], "frequency": [29.0, 30.0], "sample_impacts": 9, "indices": ["std"], "tile": 1}
+
+    def sweep():
+        return vi.parameter_map(vi.family(vi.models.impact_damper), by_stop=True, store=tmp_path / "run.zarr", **study)
+
+    whole = sweep().load()
+    (tmp_path / "run.zarr/std/c/1/0/0").unlink()
+    assert "std/c/1/0/0' is missing" in refused_by(lambda: vi.load(tmp_path / "run.zarr"))
+    assert SweepStore(tmp_path / "run.zarr").damaged() == [2]
+    xr.testing.assert_equal(sweep().load(), whole)
 
 
 @pytest.mark.parametrize("done", [1, 2 + 0xBC0D3E57])
@@ -322,15 +327,6 @@ def test_a_store_of_an_earlier_version_is_read_and_gone_on_with(store, whole, do
     records[:] = rows
     vi.load(store)
     assert resumed(store) == 1
-    assert_whole(store, whole)
-
-
-@pytest.mark.long(but=1)
-@pytest.mark.parametrize("harm", HARMS)
-def test_tiles_whose_records_are_damaged_are_computed_again(store, whole, harm):
-    HARMS[harm](store / "progress/tiles/c/0/0", None)
-    assert not SweepStore(store).is_whole()
-    assert resumed(store) == driver.TILES
     assert_whole(store, whole)
 
 
@@ -376,13 +372,13 @@ def test_values_read_where_they_are_looked_at_are_refused_with_the_name_of_the_f
 
 
 @pytest.mark.long(but=2)
-@pytest.mark.parametrize("harm", HARMS)
-@pytest.mark.parametrize("file", ["omega/c/0", "gap/c/0", *(f"{name}zarr.json" for name in DESCRIBED)])
+@pytest.mark.parametrize("harm", list(HARMS)[:4])
+@pytest.mark.parametrize(
+    "file", ["omega/c/0", "zarr.json", *(f"{name}/zarr.json" for name in ("gap", "std", "progress", "progress/tiles"))]
+)
 def test_a_damaged_axis_or_description_is_refused_by_name_until_it_is_restored(store, whole, file, harm):
-    if harm == "altered by a bit" and file.endswith("json"):
-        pytest.skip("a description has no checksum")
     content = (store / file).read_bytes()
-    HARMS[harm](store / file, None)
+    HARMS[harm](store / file)
     before = sorted(store.rglob("*"))
     for job in (lambda: driver.sweep(store), lambda: SweepStore(store)):
         assert refused_by(job).endswith("restore that file or delete the store, or choose another name")
