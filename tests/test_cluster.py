@@ -121,7 +121,7 @@ def test_tiles_are_written_by_the_workers_that_see_the_store_or_else_by_the_clie
 ):
     monkeypatch.chdir(tmp_path)  # workers are in another folder
     if seen:
-        monkeypatch.setattr("vibroimpact.execution.layout.put", lambda *what: pytest.fail("the client wrote a tile"))
+        monkeypatch.setattr(layout, "write_tile", lambda *what: pytest.fail("the client wrote a tile"))
     client.run(_look_for, layout.MARK if seen else "another mark")
     try:
         stored = sweep(cluster=client, store="run.zarr")

@@ -121,11 +121,11 @@ def _work(part: Part, shared: _Shared) -> Outcome | Rows:
         )
     outcome = compute_here(shared.request, part)
     if shared.store is not None and isinstance(part, tuple) and sees(shared.store, shared.mark):
-        from vibroimpact.execution.layout import put, record_of
+        from vibroimpact.execution.layout import record_of, write_tile
 
         with suppress(OSError):  # it sees the store and may not write: the client may, or explains what is wrong
             arrays = _arrays(shared.store, shared.mark, (*shared.request.indices, "status"))
-            put(arrays, part, outcome)
+            write_tile(arrays, part, outcome)
             return record_of(outcome)
     return outcome
 

@@ -218,7 +218,7 @@ class TileWriter:
 
         def job() -> Rows:
             if isinstance(result, Mapping):
-                put(self._arrays, self.tiling[number], result)
+                write_tile(self._arrays, self.tiling[number], result)
                 record = record_of(result)
             else:
                 record = result.copy()
@@ -292,7 +292,7 @@ class TileWriter:
         self._thread.shutdown()
 
 
-def put(arrays: Mapping[str, Any], part: tuple[slice, ...], result: Arrays) -> None:
+def write_tile(arrays: Mapping[str, Any], part: tuple[slice, ...], result: Arrays) -> None:
     """Write the results of a tile's cells, in the order of the grid; a tile of a list may be filled in part."""
     box = tuple(along.stop - along.start for along in part)
     for name, array in arrays.items():

@@ -119,24 +119,24 @@ class SweepStore:
 
     def read(self, number: int) -> Arrays:
         """Return a tile as it lies on disk; raise where a chunk of it is lost or was altered."""
-        if not self._has(number):
+        if not self._has_tile(number):
             raise OSError(f"`store` is {str(self.path)!r}, which has not the whole tile {number}")
         return {name: np.asarray(array[self.tiling[number]]) for name, array in self._arrays.items()}
 
-    def _has(self, number: int) -> bool:
+    def _has_tile(self, number: int) -> bool:
         """Whether every chunk of a tile is there as it was written: Zarr would read a lost one as missing values."""
         at = tuple(along.start // side for along, side in zip(self.tiling[number], self.tiling.tile, strict=True))
         return all(
-            self._holds(self.arrays[name], array, (*at, *(0,) * (array.ndim - len(at))))
+            self._has_chunk(self.arrays[name], array, (*at, *(0,) * (array.ndim - len(at))))
             for name, array in self._arrays.items()
         )
 
-    def _holds(self, place: str, array: Any, at: tuple[int, ...]) -> bool:
+    def _has_chunk(self, place: str, array: Any, at: tuple[int, ...]) -> bool:
         return self._files.is_whole(f"{place}/{array.metadata.encode_chunk_key(at)}")
 
     def damaged(self) -> list[int]:
         """Return the finished tiles of which a chunk is lost or was altered since it was written."""
-        return [number for number in np.flatnonzero(self.records()[:, DONE]).tolist() if not self._has(number)]
+        return [number for number in np.flatnonzero(self.records()[:, DONE]).tolist() if not self._has_tile(number)]
 
     def faults(self) -> list[str]:
         """Return the damages, one line each; running the same sweep again repairs all of them."""
@@ -163,7 +163,7 @@ class SweepStore:
         """Whether every chunk of a refined map's picture is there as it was written."""
         pictures = {name: self._root[name] for name in self._drawn}
         return all(
-            self._holds(name, array, at) for name, array in pictures.items() for at in np.ndindex(array.cdata_shape)
+            self._has_chunk(name, array, at) for name, array in pictures.items() for at in np.ndindex(array.cdata_shape)
         )
 
     def summary(self) -> dict[str, Any]:
