@@ -89,10 +89,9 @@ class SweepStore:
             further = array.shape[len(self.tiling.tile) :]  # a further dimension is not cut
             if (array.shape, array.chunks) != ((*self.tiling.shape, *further), (*self.tiling.tile, *further)):
                 raise ValueError(f"{str(self.path / self.arrays[name] / DESCRIPTION)!r} has other tiles than the store")
-        needed = self._rows.attrs.get(NEEDED, 0)
-        self._needed = needed if isinstance(needed, int) else 0
-        if not all(self.shape) or self._rows.shape != (len(self.tiling), COLUMNS):
-            raise ValueError(f"{str(self.path / RECORDS / DESCRIPTION)!r} has another number of records than tiles")
+        self._needed = self._rows.attrs.get(NEEDED, 0)
+        if not all(self.shape) or self._rows.shape != (len(self.tiling), COLUMNS) or type(self._needed) is not int:
+            raise ValueError(f"{str(self.path / RECORDS / DESCRIPTION)!r} does not fit the tiles of the store")
         check_fits("store", f"has {len(self.tiling):,} tiles, whose records take", 8 * self._rows.size, "it is damaged")
 
     def _check_files(self, axes: list[str]) -> None:
