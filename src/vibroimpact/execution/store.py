@@ -61,6 +61,7 @@ class SweepStore:
             )
         try:
             self._files = GuardedStore(self.path)
+            self._check_described("")
             self._root: Any = zarr.open_group(self._files, mode="r", zarr_format=3)
             self._describe(self._root)
         except Exception as error:
@@ -97,13 +98,16 @@ class SweepStore:
     def _check_files(self, axes: list[str]) -> None:
         """Raise where a description or an axis, each of one chunk, is lost or damaged."""
         lists = (LIST,) if self.refined else ()
-        for name in (PROGRESS, RECORDS, *lists, *self.arrays.values(), *self._drawn, *axes):
-            if self._files.content(f"{name}/{DESCRIPTION}") is None:
-                raise FileNotFoundError(f"{str(self.path / name / DESCRIPTION)!r} is missing")
+        self._check_described(PROGRESS, RECORDS, *lists, *self.arrays.values(), *self._drawn, *axes)
         for name in axes:
             axis = self._files.declared(name)
             if axis is None or axis.shape != axis.chunk or not self._files.is_whole(f"{name}/c/0"):
                 raise ValueError(f"{str(self.path / name / 'c' / '0')!r} is missing or damaged")
+
+    def _check_described(self, *names: str) -> None:
+        for name in names:
+            if self._files.content(f"{name}/{DESCRIPTION}".lstrip("/")) is None:
+                raise FileNotFoundError(f"{str(self.path / name / DESCRIPTION)!r} is missing")
 
     def records(self) -> Rows:
         """Return the record of every tile, one per row; tiles whose records are damaged count as not done."""
