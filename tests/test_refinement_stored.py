@@ -21,7 +21,7 @@ NAMES = ("std", "lyapunov_per_impact", "n_periods", "n_impacts", "status", "leve
 
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch):
-    monkeypatch.setattr("vibroimpact.execution.LISTED", 100)
+    monkeypatch.setattr("vibroimpact.execution.base.LISTED", 100)
     monkeypatch.setattr("vibroimpact.execution.threads.SHARE", 100)  # and computed one at a time
 
 

@@ -18,7 +18,8 @@ import store_driver as driver
 import vibroimpact as vi
 from vibroimpact import parameters
 from vibroimpact.backends.cpu import CpuBackend
-from vibroimpact.execution import cut, threads
+from vibroimpact.execution import threads
+from vibroimpact.execution.base import cut
 from vibroimpact.execution.store import SweepStore
 
 matplotlib.use("Agg")

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibroimpact.backends import ImpactWindow, Measurement, check_takes, get_backend
 from vibroimpact.dataset import missing
-from vibroimpact.execution import check_place, computing, usual_tile
+from vibroimpact.execution.base import usual_tile
+from vibroimpact.execution.places import check_place, computing
 from vibroimpact.indices import check_indices
 from vibroimpact.model import Model, State, check_model
 from vibroimpact.options import Sampling, Tolerances

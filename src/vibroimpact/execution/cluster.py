@@ -19,7 +19,7 @@ from uuid import uuid4
 
 from vibroimpact.backends.base import Outcome
 from vibroimpact.dataset import package_version
-from vibroimpact.execution import Part, Pieces, usual_tile
+from vibroimpact.execution.base import Part, Pieces, usual_tile
 from vibroimpact.execution.threads import compute_here
 from vibroimpact.request import Request
 

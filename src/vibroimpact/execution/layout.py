@@ -28,7 +28,7 @@ from zarr.codecs import ZstdCodec
 
 from vibroimpact.cells import Tiling
 from vibroimpact.dataset import level_variable, missing, plain_variable, status_variable, variable
-from vibroimpact.execution import cut
+from vibroimpact.execution.base import cut
 from vibroimpact.files import scratch_beside
 from vibroimpact.formats import ORDER, order_of, with_texts
 from vibroimpact.guard import RECORDS, GuardedStore

@@ -16,7 +16,7 @@ import zarr
 
 from vibroimpact.cells import Tiling
 from vibroimpact.dataset import dataset_of
-from vibroimpact.execution import Gathered, Place
+from vibroimpact.execution.base import Gathered, Place
 from vibroimpact.execution.layout import (
     CELL,
     COLUMNS,

@@ -18,7 +18,7 @@ import numpy as np
 
 from vibroimpact.backends import Backend, Cells, Measurement, get_backend
 from vibroimpact.backends.base import Counts, Outcome, SharesCells
-from vibroimpact.execution import Part, Pieces, flat
+from vibroimpact.execution.base import Part, Pieces, flat
 from vibroimpact.parameters import whole_number
 from vibroimpact.request import Places, Request
 

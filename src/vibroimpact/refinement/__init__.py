@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vibroimpact.dataset import level_variable, plain_variable
-from vibroimpact.execution import Gathered, Place, check_place, computing, usual_tile
+from vibroimpact.execution.base import Gathered, Place, usual_tile
+from vibroimpact.execution.places import check_place, computing
 from vibroimpact.motion import may_wind
 from vibroimpact.parameters import invalid, real_number, several, whole_number
 from vibroimpact.progress import Report, Stop, reporter
