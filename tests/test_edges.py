@@ -116,7 +116,7 @@ def faults(present, track, runner):
             cell = track.cell(osc, track.beyond)
         else:
             there = edge.value if math.isnan(edge.beyond_at) else edge.beyond_at
-            around = spread_cells(osc.replace(**{edge.parameter: there}), 64)
+            around = spread_cells(osc.replace(**{edge.parameter: there}).cells({}), 64)
             others = {motion.name for motion in runner.measure(around, LATEST)}
             another = edge.kind == "fold" and edge.beyond == present.measured.name  # an orbit of the same n and p
             chaos_goes_on = track.group[0] == "aperiodic" and edge.beyond in others  # beside what may follow on it
@@ -176,7 +176,7 @@ def rest(osc):
 
 
 def many(osc):
-    return Cells.join([spread_cells(osc, 64), *orbit_cells(osc)])
+    return Cells.join([spread_cells(osc.cells({}), 64), *orbit_cells(osc)])
 
 
 def lasting(cells, runner):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Self, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 COUNTABLE = 2.0**53  # periods: the next whole number is the next number
+BEYOND = 1e-12  # of the lengths that a clearance is the sum of: so little beyond a stop is rounding
 FASTEST = 4.0  # of V: the hardest of the impacts that are spread over the impact surface
 
 
@@ -61,6 +62,11 @@ class Cells:
 
     def __len__(self) -> int:
         return len(self.table)
+
+    def copies(self, number: int) -> Self:
+        """Return so many cells like the first one."""
+        found: Self = self[np.zeros(number, np.int64)]  # type: ignore[assignment]
+        return found
 
     @property
     def phases(self) -> Floats:
@@ -123,6 +129,22 @@ class Cells:
         time = phase * (2.0 * np.pi / self["omega"])
         turns = time * self["omega"] / (2.0 * np.pi)
         return self.striking(0, np.where(scale > 0.0, scale, 1.0) * velocity, turns)
+
+    def spread(self, number: int) -> Cells:
+        """Return so many cells of the first one's design, from impacts spread evenly over its impact surface.
+
+        Their phases are as `spread` has them: those of `struck`, which are made of times, may differ in the last bit.
+        """
+        cells, (phase, velocity) = self.copies(number), spread(np.arange(number))
+        scale = cells.velocity_scale
+        return cells.striking(0, np.where(scale > 0.0, scale, 1.0) * velocity, phase)
+
+    def carried(self, displacement: Floats, velocity: Floats, phases: Any) -> Cells:
+        """Return the cells from states, a row each, at phases; where a stop has moved past the mass, it is there."""
+        clearance = self["gap"] - displacement
+        reach = self.velocity_scale * np.sqrt(self["mass"] / self["stiffness"])  # f/k or |g|
+        free = np.where(clearance < -BEYOND * reach, np.minimum(velocity, 0.0), velocity)
+        return self.replace(**_start(np.maximum(clearance, 0.0), free, phases))
 
     def striking(self, stops: Any, velocities: Any, phases: Any) -> Cells:
         """Return the cells with the stop struck at velocities and phases; all `stops` are number 0."""

@@ -14,7 +14,7 @@ import numpy as np
 from vibroimpact.backends import Cells, ImpactWindow, Measurement, StroboscopicWindow, get_backend
 from vibroimpact.backends.base import Counts, Outcome, Samples
 from vibroimpact.backends.cpu import expected_steps, outlast
-from vibroimpact.cells import cells_at, check_single, spread
+from vibroimpact.cells import cells_at, check_single
 from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State
@@ -81,16 +81,13 @@ def identifying(cells: Cells) -> tuple[str, ...]:
     return (*IDENTIFYING[:-1], *FIRST) if isinstance(cells, SystemCells) else IDENTIFYING
 
 
-def spread_cells(osc: ImpactOscillator | ImpactSystem | SystemCells, number: int = SPREAD) -> Cells:
-    """Return impacts spread evenly over the impact surface: phases 0 to 1, velocities 0 to 4 V; always the same.
+def spread_cells(cell: Cells, number: int = SPREAD) -> Cells:
+    """Return impacts of a cell's design spread evenly over the impact surface, always the same.
 
-    Without a scale (V = 0) the motions are alike at every speed, and 1 m/s stands for V. For systems, they are those of
-    `SystemCells.struck`.
+    Phases are 0 to 1, velocities 0 to 4 V. Without a scale (V = 0) the motions are alike at every speed, and 1 m/s
+    stands for V. For systems, they are those of `SystemCells.struck`.
     """
-    if not isinstance(osc, ImpactOscillator):
-        return copies(osc, number).struck(np.arange(number))
-    phase, velocity = spread(np.arange(number))
-    return cells_at(osc, np.zeros(number), (osc.velocity_scale or 1.0) * velocity, phase)
+    return cell.spread(number)
 
 
 def orbit_cells(osc: ImpactOscillator | ImpactSystem) -> list[Cells]:

@@ -16,13 +16,10 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
-from vibroimpact.cells import Floats, cells_at
+from vibroimpact.cells import Floats
 from vibroimpact.coexistence.final import LATE, irregular, rests
-from vibroimpact.coexistence.measuring import Measured, Runner, carried, copies, orbit_cell, orbit_cells, spread_cells
+from vibroimpact.coexistence.measuring import Measured, Runner, carried, orbit_cell, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass
-from vibroimpact.oscillator import ImpactOscillator
-from vibroimpact.system import ImpactSystem
-from vibroimpact.system_cells import SystemCells
 from vibroimpact.verdict.branches import Branches, present_orbits
 from vibroimpact.verdict.lines import ANY, ENDS, TRIED, Line, Search, rounded
 from vibroimpact.verdict.present import Coexisting, Present, Range, measure
@@ -85,8 +82,7 @@ class Target:
     def of(cls, motions: Sequence[Coexisting]) -> Target:
         """Return the target among motions that coexist."""
         worst = max(motions, key=lambda motion: motion.max_velocity)
-        chaotic = worst.name == MotionClass.CHAOTIC.word
-        return cls(worst.max_velocity, not all(motion.repeats for motion in motions), chaotic)
+        return cls(worst.max_velocity, not all(motion.repeats for motion in motions), worst.chaotic)
 
     def benefit(self, then: Iterable[Measured]) -> str:
         """Return the benefit of a change after which these are the motions, or nothing.
@@ -114,23 +110,16 @@ def hit(motion: Measured) -> float:
 
 @dataclass(frozen=True)
 class Cycle:
-    """States of a present motion through its cycle: displacements in m, velocities in m/s, driving phases."""
+    """States of a present motion through its cycle: displacements in m, velocities in m/s and driving phases."""
 
     displacement: Floats
     velocity: Floats
     phase: Floats
 
-    def cells(self, design: Any, every: int = 1) -> Cells:
-        """Return the states as cells of a changed design; where a stop has moved past the mass, it is there."""
+    def cells(self, cell: Cells, every: int = 1) -> Cells:
+        """Return the states as cells of the changed design of a single one."""
         y, v, phase = (column[::every] for column in (self.displacement, self.velocity, self.phase))
-        if not isinstance(design, ImpactOscillator):
-            return copies(design, len(phase)).carried(y, v, phase)
-        clear = y <= design.gap
-        return cells_at(design, np.where(clear, design.gap - y, 0.0), np.where(clear, v, np.minimum(v, 0.0)), phase)
-
-
-def _at_rest(design: Any) -> Any:
-    return design if isinstance(design, SystemCells) else design.cells({})
+        return cell.copies(len(phase)).carried(y, v, phase)
 
 
 def present_cycles(osc: Any, motions: Sequence[Coexisting], runner: Runner) -> list[Cycle]:
@@ -141,8 +130,7 @@ def present_cycles(osc: Any, motions: Sequence[Coexisting], runner: Runner) -> l
         often = math.ceil(INSTANTS / periods)
         window = StroboscopicWindow(0, periods * often, None, often)
         (seen,) = runner.samples(carried(osc, motion.start), window)
-        y = np.minimum(seen.look_displacement, osc.gap if isinstance(osc, ImpactOscillator) else math.inf)
-        found.append(Cycle(y, seen.look_velocity, seen.look_phase))
+        found.append(Cycle(seen.look_displacement, seen.look_velocity, seen.look_phase))
     return found
 
 
@@ -158,18 +146,16 @@ class Judge:
 
     def glance(self, designs: Sequence[Any], wanted: Sequence[tuple[str, ...]]) -> list[str]:
         """Return the benefit of each design, if wanted, from rest, the present motions, and then spread impacts."""
-        if designs and isinstance(designs[0], ImpactSystem):
-            cells = SystemCells.of_systems(designs)  # of one shape; they know all that initial conditions need
-            designs = [cells[at : at + 1] for at in range(len(designs))]
+        at_rest: Any = designs[0].cells_of(designs) if designs else None
         return self._benefits(
-            designs,
+            [at_rest[at : at + 1] for at in range(len(designs))],
             wanted,
-            lambda design: [_at_rest(design), *(cycle.cells(design, INSTANTS) for cycle in self.cycles)],
-            lambda design: [spread_cells(design, SCOUTS)],
+            lambda cell: [cell, *(cycle.cells(cell, INSTANTS) for cycle in self.cycles)],
+            lambda cell: [spread_cells(cell, SCOUTS)],
         )
 
     def _benefits(
-        self, designs: Sequence[Any], wanted: Sequence[tuple[str, ...]], *stages: Callable[[Any], list[Cells]]
+        self, designs: Sequence[Cells], wanted: Sequence[tuple[str, ...]], *stages: Callable[[Cells], list[Cells]]
     ) -> list[str]:
         motions: list[list[Measured]] = [[] for _ in designs]
         benefits = [""] * len(designs)
@@ -213,7 +199,8 @@ class Judge:
         A slow change leads along the branches of the present orbits.
         """
         design = varied.at(value)
-        many = Cells.join([design.cells({}), spread_cells(design), *(cycle.cells(design) for cycle in self.cycles)])
+        cell = design.cells({})
+        many = Cells.join([cell, spread_cells(cell), *(cycle.cells(cell) for cycle in self.cycles)])
         number = len(many)
         mixed = np.argsort(np.arange(number) % FEW, kind="stable")
         first, *others = np.split(mixed, [number // FEW, number // 4, number // 2])

@@ -1,8 +1,9 @@
 """Where a motion ends along each parameter: its nearest boundary down and up, and the motion beyond.
 
 Where an equation gives the boundary - the orbit's own bifurcations, the end of sticking, or a closed form - it is
-solved. Elsewhere one motion is followed along many paths at once, its state carried along (`carried`). A motion without
-impacts has further edges, beyond which others hit (`onsets`).
+solved. Elsewhere one motion is followed along many paths at once, its state carried along (`carried`), where phase and
+velocity of an impact are the whole state. A motion without impacts has further edges, beyond which others hit
+(`onsets`).
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence.measuring import AT_REST, Runner, Start, cells_of
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.status import Status
 from vibroimpact.verdict.branches import Branch, Branches
 from vibroimpact.verdict.carried import SECTIONS, UNSURE, Track, carry
@@ -170,8 +170,8 @@ class Found:
         value = min(value, self.end) if self.direction > 0 else max(value, self.end)
         return value if (value - self.value) * self.direction > 0.0 else math.nan
 
-    def edge(self, beyond: str, at: float) -> Edge:
-        """Return the boundary as callers see it."""
+    def edge(self, beyond: str = "", at: float = math.nan) -> Edge:
+        """Return the boundary as callers see it, with the motion beyond and where that was seen."""
         change, end = self.range.change(self.value), self.end if self.reached is None else self.reached
         what = self.range.name, self.direction, self.kind, self.value, change, self.range.of, self.half_width
         return Edge(*what, beyond, at, end, self.spacing, *self.onsets)
@@ -187,18 +187,21 @@ def nearest_boundaries(
 ) -> tuple[Edge, ...]:
     """Return the nearest boundary of a motion down and up each parameter; `done` is called for each, False stops.
 
-    Where motions that hit coexist with one that does not, some initial conditions settle to impacts here already.
+    Where motions that hit coexist with one that does not, some initial conditions settle to impacts here already. Of a
+    motion whose whole state is more than an impact only bifurcations are sought, and not what lies beyond.
     """
-    found: list[Found | None] = []
+    solved: list[Found | None] = []
     branches = Branches() if branches is None else branches
     for each in ranges:
-        found += [_exact(present, Found(each, direction), branches) for direction in (-1, 1)]
+        solved += [_exact(present, Found(each, direction), branches) for direction in (-1, 1)]
         if not done():
             return ()
     sides = [Found(each, direction) for each in ranges for direction in (-1, 1)]
-    unknown = [side for side, known in zip(sides, found, strict=True) if known is None]
-    bisected = iter(_bisected(present, unknown, runner))
-    whole = [known or next(bisected) for known in found]
+    unsolved = [side for side, exact in zip(sides, solved, strict=True) if exact is None]
+    bisected = iter(_bisected(present, unsolved, runner))
+    whole = [exact or next(bisected) for exact in solved]
+    if not present.oscillator.forgets:
+        return tuple(side.edge() for side in whole)
     if present.measured.motion_class in (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER):
         whole = _with_onsets(present, whole, runner, any(motion.max_velocity > 0.0 for motion in coexisting))
     return _with_beyond(whole, present.measured.group, runner)
@@ -252,10 +255,10 @@ def _exact(present: Present, side: Found, branches: Branches) -> Found | None:
     """Return the boundary, or `none` up to the end of the range; None where no equation gives it."""
     if side.range.only_scales or not side.path(1):
         return side
-    osc = present.oscillator
-    if present.measured.motion_class == MotionClass.NO_IMPACT and osc.damping > 0.0 and osc.gap > osc.steady_amplitude:
+    osc, kind = present.oscillator, present.measured.motion_class
+    if osc.forgets and kind == MotionClass.NO_IMPACT and osc.damping > 0.0 and osc.gap > osc.steady_amplitude:
         return _closed_form(side, "first_contact", lambda o: o.gap - o.steady_amplitude)
-    if present.measured.motion_class == MotionClass.STUCK_FOREVER and osc.stiffness * osc.gap <= -osc.amplitude:
+    if osc.forgets and kind == MotionClass.STUCK_FOREVER and osc.stiffness * osc.gap <= -osc.amplitude:
         return _closed_form(side, "lift_off", lambda o: -o.stiffness * o.gap - o.amplitude)
     if present.orbit is None:
         return None
@@ -317,7 +320,7 @@ def _end_of_sticking(present: Present, side: Found) -> Found:
     return replace(known, value=0.5 * (inside + outside), half_width=0.5 * abs(outside - inside))
 
 
-def _closed_form(side: Found, kind: str, margin: Callable[[ImpactOscillator], float]) -> Found:
+def _closed_form(side: Found, kind: str, margin: Callable[[Any], float]) -> Found:
     """Return the first value outwards at which a margin becomes negative, if there is one.
 
     The mass first touches the stop where the amplitude of its motion without one reaches the gap, R = g; it is lifted
@@ -371,9 +374,10 @@ def _first_negative(margin: Callable[[float], float], values: Sequence[float]) -
 def _bisected(present: Present, sides: Sequence[Found], runner: Runner) -> list[Found]:
     """Return, for each parameter and direction, where the motion that is followed first changes its class.
 
-    What an undecided motion ends as is not known, and so not where it ends.
+    What an undecided motion ends as is not known, and so not where it ends; nor is one carried along of whose state an
+    impact is a part.
     """
-    if present.measured.motion_class in UNSURE:
+    if present.measured.motion_class in UNSURE or not present.oscillator.forgets:
         return [replace(side, reached=math.nan) for side in sides]
     group = present.measured.group
     tracks = [

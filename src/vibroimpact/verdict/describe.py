@@ -13,7 +13,6 @@ from vibroimpact.model import Model, check_model
 from vibroimpact.motion import Motion
 from vibroimpact.options import Tolerances
 from vibroimpact.progress import Report, reporter
-from vibroimpact.system import ImpactSystem
 from vibroimpact.verdict.advice import Advice, advise
 from vibroimpact.verdict.boundaries import Edge, nearest_boundaries
 from vibroimpact.verdict.branches import Branches
@@ -28,7 +27,7 @@ from vibroimpact.verdict.present import (
     present_motion,
     range_of,
 )
-from vibroimpact.verdict.systems import lines_of_system, orbit_boundaries
+from vibroimpact.verdict.systems import lines_of_system
 from vibroimpact.verdict.text import lines
 
 ALIKE = 1e-9  # relative: hits that differ by less are as hard
@@ -124,7 +123,7 @@ class Verdict:
     @property
     def of_system(self) -> bool:
         """Whether it is on a system, not on one mass with one stop."""
-        return isinstance(self.oscillator, ImpactSystem)
+        return not self.oscillator.forgets
 
     def __str__(self) -> str:
         told = lines_of_system(self) if self.of_system else lines(self)
@@ -282,10 +281,7 @@ def _describe(
     if not going():
         return False
     branches = Branches()
-    if isinstance(present.oscillator, ImpactSystem):
-        found["boundaries"] = orbit_boundaries(present.orbit, ranges, going, branches)
-    else:
-        found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"], branches)
+    found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"], branches)
     if len(found["boundaries"]) < 2 * len(ranges):
         return False
     found["advice"] = advise(present, found["attractors"], ranges, runner, branches)

@@ -185,7 +185,7 @@ def _spread(model: Model) -> Cells:
     osc = model.at()
     known = (z for n in range(1, ORBITS + 1) for z in impact_1_orbits(osc, n)[0])
     starts = [Start(0.0, float(z[1]), float(z[0]) % 1.0) for z in known if z[1] > 0.0]
-    return Cells.join([spread_cells(osc, SPREAD), *(start.cell(osc) for start in starts)])
+    return Cells.join([spread_cells(osc.cells({}), SPREAD), *(start.cell(osc) for start in starts)])
 
 
 Begin = Callable[[Model], Cells]

@@ -20,15 +20,12 @@ from vibroimpact.labels import in_seconds, labelled_impacts
 from vibroimpact.model import Model, State, check_names
 from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
-from vibroimpact.orbits.orbit import Impacts, value_of
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.orbits.orbit import Impacts, family_of, value_of
 from vibroimpact.parameters import Parameter, invalid, several
 from vibroimpact.recognition import recognise
 from vibroimpact.scales import LIGHT, is_own_scale, scale_of
-from vibroimpact.system import ImpactSystem
 
-DEAREST = 1 << 29  # certified steps around a motion: five times those of the dearest of usual designs
-DEARER = 4  # times is a step of a system
+DEAREST = 1 << 29  # certified steps of one mass around a motion: five times those of the dearest of usual designs
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
 ALIKE = 5e-3  # `orbit_distance` from the settled motion within which an orbit or attractor is the same
 LONGEST = 16  # impacts in a cycle that is still solved for
@@ -39,7 +36,7 @@ TRIALS = 24  # bisections of a range whose end is no design of a family
 
 def dearest(osc: Any) -> int:
     """Return the number of certified steps that a verdict may take."""
-    return DEAREST // (DEARER if isinstance(osc, ImpactSystem) else 1)
+    return DEAREST // int(osc.step_cost)
 
 
 def measure(runner: Runner, cells: Cells, window: ImpactWindow) -> list[Measured]:
@@ -49,17 +46,21 @@ def measure(runner: Runner, cells: Cells, window: ImpactWindow) -> list[Measured
 
 @dataclass(frozen=True)
 class Present:
-    """The motion that a design settles to from rest: followed to its end, its cycle, its exact orbit if any, what
-    continues it.
+    """The motion that a design settles to from rest.
+
+    It was followed to its `final` one; `motion` is its cycle, and `orbit` the same solved exactly, or None. `state` is
+    on it, or rest where it could not be followed. Where an impact is the whole state, `start` carries it on bit by bit;
+    else it was looked for as `attractor`.
     """
 
     model: Model
-    oscillator: Any  # an ImpactOscillator or an ImpactSystem
+    oscillator: Any  # what the model is at its values
     final: Final
     motion: Motion
-    orbit: Any  # an Orbit, for systems a SystemOrbit, or None
-    start: Start | None
-    attractor: Attractor | None = None  # of a system
+    orbit: Any
+    state: State
+    start: Start | None = None
+    attractor: Attractor | None = None
 
     @property
     def measured(self) -> Measured:
@@ -71,31 +72,28 @@ class Present:
         """The hardest hit of its cycle, or of the sample, in m/s; 0 where it does not hit."""
         return max(self.motion.velocities, default=self.measured.hardest)
 
-    @property
-    def state(self) -> State:
-        """A state on it, or rest where it could not be followed."""
-        if isinstance(self.oscillator, ImpactSystem):
-            q, speed, time = self.oscillator.initial()
-            return State(q, speed, time)
-        osc, start = self.oscillator, self.start or Start(max(self.oscillator.gap, 0.0), 0.0, 0.0)
-        return State(osc.gap - start.clearance, start.velocity, start.phase * osc.period)
-
 
 def present_motion(model: Model, runner: Runner) -> Present:
     """Return the motion that a start from rest settles to.
+
+    Where a rest at the stop may make the end of a motion an accident of rounding, moved releases decide it.
+    """
+    return (_by_impacts if model.at().forgets else _by_states)(model, runner)
+
+
+def _by_impacts(model: Model, runner: Runner) -> Present:
+    """Return the motion from rest where phase and velocity of an impact are the whole state.
 
     One run measures and samples it, and a longer one what has not repeated by then; boundaries and advice are followed
     from the first impact of a cycle's sample, or from the end of another's.
     """
     osc = model.at()
-    if isinstance(osc, ImpactSystem):
-        return present_of_system(model, osc, runner)
     final = final_motion(runner, osc.cells({}), ImpactWindow(SETTLED, SHOWN))
     measured, seen = final.measured, final.samples
     motion = Motion(measured.kind, measured.n_periods, measured.n_impacts, status=measured.status)
     if not (measured.motion_class.hits and measured.n_periods):
         orbit = _sticking_orbit(model, 1) if measured.motion_class == MotionClass.STICKING else None
-        return Present(model, osc, final, motion, orbit, last_of(seen))
+        return _carried_on(model, final, motion, orbit, last_of(seen))
     if measured.motion_class == MotionClass.STICKING:
         orbit = _sticking_orbit(model, measured.n_periods)
     else:
@@ -108,17 +106,28 @@ def present_motion(model: Model, runner: Runner) -> Present:
         motion = recognised if recognised.kind == motion.kind else motion
     pairs = zip(seen.impact_velocity.tolist(), seen.impact_phase.tolist(), strict=True)
     after = (Start(0.0, -osc.restitution * velocity, phase) for velocity, phase in pairs)
-    return Present(model, osc, final, motion, orbit, next(after, None))
+    return _carried_on(model, final, motion, orbit, next(after, None))
 
 
-def present_of_system(model: Model, system: ImpactSystem, runner: Runner) -> Present:
-    """Return the motion that a system at rest settles to, followed for 32,767 impacts where it does not repeat."""
+def _carried_on(model: Model, final: Final, motion: Motion, orbit: Orbit | None, start: Start | None) -> Present:
+    """Return a motion of one mass from what carries it on; None where it could not be followed."""
+    osc = model.at()
+    state = osc.rest
+    if start is not None:
+        state = State(osc.gap - start.clearance, start.velocity, start.phase * osc.period)
+    return Present(model, osc, final, motion, orbit, state, start)
+
+
+def _by_states(model: Model, runner: Runner) -> Present:
+    """Return the motion from rest by whole states, followed for 32,767 impacts where it does not repeat."""
+    system = model.at()
     found, measured = from_rest(runner, system)
     final = Final(measured, None, measured.impacts)
     if found is None:
-        return Present(model, system, final, Motion(measured.kind, status=measured.status), None, None)
-    orbit = found.orbit and replace(found.orbit, family=None if model is system else model)
-    return Present(model, system, final, found.motion, orbit, None, found)
+        motion = Motion(measured.kind, status=measured.status)
+        return Present(model, system, final, motion, None, system.rest)
+    orbit = found.orbit and replace(found.orbit, family=family_of(model))
+    return Present(model, system, final, found.motion, orbit, found.start, attractor=found)
 
 
 def _sticking_orbit(model: Model, n_periods: int) -> Orbit | None:
@@ -186,37 +195,38 @@ class Coexisting:
         """Whether it has no impacts, or repeats them before long."""
         return not self.max_velocity or 0 < self.n_periods <= HARDLY_EVER
 
+    @property
+    def chaotic(self) -> bool:
+        """Whether it is chaos, one of several or not."""
+        return self.name.partition(" ")[0] == MotionClass.CHAOTIC.word
+
 
 def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ...]:
     """Return the motions that `attractors` finds, that from rest first, with share 0 if it is none of them."""
     found = attractors_by(runner, present.oscillator)
-    motions = [_coexisting(attractor) for attractor in found]
-    if isinstance(present.oscillator, ImpactSystem):  # twins have one name
-        names = distinct_names(found)
-        motions = [replace(motion, name=name) for motion, name in zip(motions, names, strict=True)]
+    motions = [_coexisting(attractor, name) for attractor, name in zip(found, distinct_names(found), strict=True)]
     same = next((i for i, attractor in enumerate(found) if _is_present(attractor, present)), None)
     if same is None:
         measured = present.measured
-        state = present.attractor.start if present.attractor else present.state
-        first = Coexisting(measured.name, 0.0, 0.0, measured.loss, True, measured.n_periods, state)
+        first = Coexisting(measured.name, 0.0, 0.0, measured.loss, True, measured.n_periods, present.state)
     else:
         first = replace(motions.pop(same), from_rest=True)
     return replace(first, max_velocity=present.hardest), *motions
 
 
-def _coexisting(attractor: Attractor) -> Coexisting:
+def _coexisting(attractor: Attractor, name: str) -> Coexisting:
     hits = MotionClass[attractor.kind.upper()].hits
     velocity, loss = (attractor.max_velocity, attractor.dissipation) if hits else (0.0, 0.0)
-    what = attractor.name, attractor.share, velocity, loss, False, attractor.n_periods, attractor.start
+    what = name, attractor.share, velocity, loss, False, attractor.n_periods, attractor.start
     stop = next(iter(attractor.stops), "")
     return Coexisting(*what, attractor.transient_impacts, attractor.transient_velocity, stop)
 
 
 def _is_present(attractor: Attractor, present: Present) -> bool:
     """Whether an attractor is the present motion; of those that stick or do not hit there is one of each kind."""
-    measured, own = present.measured, present.attractor
-    if own is not None:
-        return attractor.kind == own.kind and alike(attractor, own)
+    measured, followed = present.measured, present.attractor
+    if followed is not None:
+        return attractor.kind == followed.kind and alike(attractor, followed)
     if attractor.kind == measured.kind == MotionClass.PERIODIC.word:
         if present.motion.velocities:
             return same_orbit(attractor, present.motion, tolerance=ALIKE)
@@ -246,18 +256,18 @@ class Range:
 
     @property
     def only_scales(self) -> bool:
-        """Whether the motion only grows in proportion: with the force, where the gap is zero."""
-        osc = self.model
-        return isinstance(osc, ImpactOscillator) and self.name == "amplitude" and osc.gap == 0.0 < osc.amplitude
+        """Whether the motion only grows in proportion: with the force of one mass, where the gap is zero."""
+        made = self.model.at()
+        force = made is self.model and self.name == "amplitude" and self.value > 0.0
+        return force and not any(stop.gap for stop in made.stops)
 
     def changed(self, value: float) -> Model:
         """Return the model with another value of the parameter."""
         return self.model.replace(**{self.name: value})
 
-    def at(self, value: float) -> ImpactOscillator:
-        """Return the oscillator that the model is at another value."""
-        osc: ImpactOscillator = self.model.at(**{self.name: value})
-        return osc
+    def at(self, value: float) -> Any:
+        """Return the oscillator or the system that the model is at another value."""
+        return self.model.at(**{self.name: value})
 
     def end(self, direction: int) -> float:
         """Return the last value downwards (-1) or upwards (+1)."""

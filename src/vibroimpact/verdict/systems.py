@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,9 +12,6 @@ from vibroimpact import report
 from vibroimpact.coexistence.losses import lasting_stops
 from vibroimpact.motion import MotionClass, listed
 from vibroimpact.parameters import counted
-from vibroimpact.verdict.boundaries import Edge, Found, bifurcation
-from vibroimpact.verdict.branches import Branches
-from vibroimpact.verdict.present import Range
 from vibroimpact.verdict.text import KNOWN, LISTED, edge_words, hardest_line, lines, number, parameters_line, speed
 
 if TYPE_CHECKING:
@@ -25,29 +21,6 @@ TOUCHING = (
     1e-9  # of what a clearance is the difference of: one so small is a contact; of speeds and impulses: they are equal
 )
 BESIDE = 1e-3  # per period: an exponent so small says nothing of whether perturbations decay
-
-
-def orbit_boundaries(
-    orbit: Any, ranges: Sequence[Range], done: Callable[[], bool], branches: Branches
-) -> tuple[Edge, ...]:
-    """Return the nearest bifurcations of an orbit down and up each parameter; `done` is called for each, False stops.
-
-    Where there is no orbit, or its branch cannot be followed, nothing is known (`searched_to` is NaN).
-    """
-    edges = []
-    for each in ranges:
-        for direction in (-1, 1):
-            side = Found(each, direction)
-            try:
-                branch = branches.of(orbit, each, direction) if orbit and side.path(1) else None
-                found = bifurcation(branch, side) if branch else None if side.path(1) else side
-            except (ArithmeticError, ValueError, np.linalg.LinAlgError):
-                found = None
-            found = found or replace(side, reached=math.nan)
-            edges.append(found.edge(found.beyond, found.outside))
-        if not done():
-            return ()
-    return tuple(edges)
 
 
 def lines_of_system(verdict: Verdict) -> Iterator[str]:
