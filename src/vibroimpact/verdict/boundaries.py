@@ -115,6 +115,11 @@ class Edge:
         return self.kind != "none"
 
     @property
+    def not_sought(self) -> bool:
+        """Whether nothing is known of where it is."""
+        return not self.found and math.isnan(self.searched_to)
+
+    @property
     def exact(self) -> bool:
         """Whether the value solves the boundary's own equation."""
         return self.found and self.half_width == 0.0

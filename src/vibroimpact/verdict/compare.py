@@ -26,9 +26,9 @@ from vibroimpact.parameters import Parameter, invalid, several
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
 from vibroimpact.verdict.boundaries import BOUNDARIES, ONSETS, Edge
+from vibroimpact.verdict.changes import advice_words, onset_words
 from vibroimpact.verdict.describe import Verdict, describe
 from vibroimpact.verdict.present import percent, range_of
-from vibroimpact.verdict.text import advice_words, onset_words
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -181,7 +181,7 @@ def _boundary(verdict: Verdict, edge: Edge) -> str:
         return f"at once ({edge.what})"
     others = [f"{what} {onset.value:.5g}" for onset, what in onset_words(edge)]
     if not edge.found:
-        end = "not sought" if math.isnan(edge.searched_to) else f"none to {edge.searched_to:.4g}"
+        end = "not sought" if edge.not_sought else f"none to {edge.searched_to:.4g}"
         return f"{end} ({', '.join(others)})" if others else end
     change = range_of(verdict.model, edge.parameter, 1.0).percent(edge.value)
     about = ", ".join([f"{'-' if edge.direction < 0 else '+'}{change}", edge.what, *others])

@@ -27,7 +27,6 @@ from vibroimpact.verdict.present import (
     present_motion,
     range_of,
 )
-from vibroimpact.verdict.systems import lines_of_system
 from vibroimpact.verdict.text import lines
 
 ALIKE = 1e-9  # relative: hits that differ by less are as hard
@@ -120,14 +119,8 @@ class Verdict:
         softer = worst is None or worst.from_rest or worst.max_velocity <= (1.0 + ALIKE) * self.max_velocity
         return None if softer else worst
 
-    @property
-    def of_system(self) -> bool:
-        """Whether it is on a system, not on one mass with one stop."""
-        return not self.oscillator.forgets
-
     def __str__(self) -> str:
-        told = lines_of_system(self) if self.of_system else lines(self)
-        return "\n".join(told)
+        return "\n".join(lines(self))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain dictionaries, lists, numbers and text, ready for JSON: NaN as None, infinity as "-inf"."""
@@ -137,7 +130,7 @@ class Verdict:
             "kind": self.kind,
             "motion": asdict(self.motion) | {"name": self.motion.name},
             "multipliers": [[z.real, z.imag] for z in self.orbit.multipliers] if self.orbit else None,
-            **({"stops": self.stops} if self.of_system else {}),
+            "stops": self.stops,
             "status": self.status,
             "indices": self.indices,
             "watched": self.watched,
