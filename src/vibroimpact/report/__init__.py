@@ -13,7 +13,6 @@ import numpy as np
 from vibroimpact.dataset import bifurcation_name, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
 from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import counted
 from vibroimpact.recognition import recognise, recurrence
 from vibroimpact.report.quantities import axis_range, begun, quantity, spaced, span
@@ -76,9 +75,9 @@ def _places(dataset: xr.Dataset) -> Iterator[str]:
 def motion_of(section: xr.Dataset) -> str:
     """Return the motion of an impact section in a sentence."""
     model = model_of(section)
-    if isinstance(model, ImpactOscillator):
-        return recognise(section).sentence(model.period)
-    return system_sentence(section, model)
+    if "stop" in section:
+        return system_sentence(section, model)
+    return recognise(section).sentence(model.period)
 
 
 def _impacts(dataset: xr.Dataset) -> Iterator[str]:
