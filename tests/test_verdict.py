@@ -21,8 +21,8 @@ from vibroimpact.plotting import comparison_figure
 from vibroimpact.recognition import recognise
 from vibroimpact.verdict import compare, describe
 from vibroimpact.verdict.advice import Advice
-from vibroimpact.verdict.boundaries import Edge
 from vibroimpact.verdict.changes import advice_words, edge_words
+from vibroimpact.verdict.edges import Edge
 from vibroimpact.verdict.present import range_of
 
 matplotlib.use("agg")

@@ -75,7 +75,8 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
     ['period-1 impact-1', 'chaotic']
     """
     _check(section, tolerance, longest)
-    model, status = model_of(section), Status(int(section["status"]))
+    model: Any = model_of(section)
+    status = Status(int(section["status"]))
     find = _by_impacts if model.forgets else _by_states
     found = find(section, model, tolerance=tolerance, longest=longest)
     kind = MotionClass(int(decide(status, found.growth, found.n, found.p, found.sampled)))

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Callable, Iterator
 from itertools import groupby
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -74,7 +74,7 @@ def _places(dataset: xr.Dataset) -> Iterator[str]:
 
 def motion_of(section: xr.Dataset) -> str:
     """Return the motion of an impact section in a sentence."""
-    model = model_of(section)
+    model: Any = model_of(section)
     if "stop" in section:
         return system_sentence(section, model)
     return recognise(section).sentence(model.period)

@@ -25,9 +25,9 @@ from vibroimpact.options import Tolerances
 from vibroimpact.parameters import Parameter, invalid, several
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
-from vibroimpact.verdict.boundaries import BOUNDARIES, ONSETS, Edge
 from vibroimpact.verdict.changes import advice_words, onset_words
 from vibroimpact.verdict.describe import Verdict, describe
+from vibroimpact.verdict.edges import BOUNDARIES, ONSETS, Edge
 from vibroimpact.verdict.present import percent, range_of
 
 if TYPE_CHECKING:

@@ -14,8 +14,9 @@ from vibroimpact.motion import Motion
 from vibroimpact.options import Tolerances
 from vibroimpact.progress import Report, reporter
 from vibroimpact.verdict.advice import Advice, advise
-from vibroimpact.verdict.boundaries import Edge, nearest_boundaries
+from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.branches import Branches
+from vibroimpact.verdict.edges import Edge
 from vibroimpact.verdict.present import (
     Coexisting,
     Present,

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -21,11 +19,11 @@ from vibroimpact.model import Model
 from vibroimpact.orbits.equations import impact_1_orbits
 from vibroimpact.status import Status
 from vibroimpact.verdict.carried import BRIEF, LONG, NARROW, PLACES, SECTIONS, STATES, UNSURE, Track, carry
-from vibroimpact.verdict.present import CROWDED, Range, measure
+from vibroimpact.verdict.edges import NOISE, Onset, Side
+from vibroimpact.verdict.present import CROWDED, measure
 
 SPREAD = 32  # initial conditions at a value, besides the orbits of one impact
 ORBITS = 4  # periods of these, at most
-ROUNDING = 1e-12  # of a change
 BATCH = 12  # values looked at together
 ROUNDS, PASSING = 2, 3  # times that a step is cut so: close to where impacts begin to last they settle slowly
 TOGETHER = 4  # values of a side at which impacts are looked at more closely at a time
@@ -33,54 +31,15 @@ TRIED = 3  # motions that hit, of which one is to last
 ONWARD = 3000  # impacts after which a motion is taken to be on its attractor
 
 
-@dataclass(frozen=True)
-class Onset:
-    """From where on initial conditions settle to impacts, along one parameter.
-
-    Parameters
-    ----------
-    value : float
-        The parameter there; the present value where some do so already.
-    change : float
-        From the present value to there, as of the `Edge`.
-    half_width : float
-        `value` is known to within this; 0 where it is exact.
-    spacing : float
-        The widest step between the values looked at up to there, in the unit of `change`; 0 where it is exact.
-    start : Start
-        An impact (clearance 0 in m, velocity in m/s, phase) that keeps hitting just beyond; None where none is named.
-    """
-
-    value: float
-    change: float
-    half_width: float = 0.0
-    spacing: float = 0.0
-    start: Start | None = None
+def _widest(side: Side, path: Sequence[float]) -> float:
+    """Return the widest step of a path from the present value on."""
+    return side.range.widest_step([side.range.value, *path])
 
 
-@dataclass(frozen=True)
-class Side:
-    """A range in one direction, up to where the motion without impacts itself ends, and a start just beyond."""
-
-    range: Range
-    direction: int
-    value: float
-    beyond: float
-    start: Start | None
-
-    @property
-    def end(self) -> float:
-        """Where the motion itself ends, or the range."""
-        return self.range.end(self.direction) if math.isnan(self.value) else self.value
-
-    def path(self) -> list[float]:
-        """Return values up to the end, the last of them a hair inside."""
-        shares = [(j / PLACES) ** CROWDED for j in range(1, PLACES)]
-        return [self.range.between(self.range.value, self.end, share) for share in (*shares, 1.0 - NARROW)]
-
-    def onset(self, value: float, half_width: float, spacing: float, start: Start | None = None) -> Onset:
-        """Return the onset as callers see it."""
-        return Onset(value, self.range.change(value), half_width, spacing, start)
+def _path(side: Side) -> list[float]:
+    """Return values up to where the motion itself ends, or the range, the last of them a hair inside."""
+    shares = [(j / PLACES) ** CROWDED for j in range(1, PLACES)]
+    return [side.range.between(side.range.value, side.limit, share) for share in (*shares, 1.0 - NARROW)]
 
 
 def hits(motion: Measured) -> bool:
@@ -102,7 +61,7 @@ def from_rest(sides: Sequence[Side], runner: Runner, lasting: bool = True) -> li
     def first(some: Sequence[Side], paths: Sequence[Sequence[float]]) -> list[tuple[int, Start | None] | None]:
         return _first(some, paths, lambda model: cells_of([model]), runner, lasting)
 
-    paths = [side.path() for side in sides]
+    paths = [_path(side) for side in sides]
     found = first(sides, paths)
     brackets: list[tuple[float, float] | None] = []
     for side, path, one in zip(sides, paths, found, strict=True):
@@ -110,10 +69,10 @@ def from_rest(sides: Sequence[Side], runner: Runner, lasting: bool = True) -> li
         brackets.append(None if one is None or before is None else (before, path[one[0]]))
     starts = [one and one[1] for one in found]
     for _ in range(ROUNDS if lasting else PASSING):
-        open_ = [i for i, bracket in enumerate(brackets) if bracket is not None]
-        inner = [_sections(sides[i].range, brackets[i]) for i in open_]
-        firsts = first([sides[i] for i in open_], [cuts[1:-1] for cuts in inner])
-        for i, cuts, one in zip(open_, inner, firsts, strict=True):
+        open_ = [(i, *bracket) for i, bracket in enumerate(brackets) if bracket is not None]
+        inner = [sides[i].range.cut(before, after, SECTIONS) for i, before, after in open_]
+        firsts = first([sides[i] for i, _, _ in open_], [cuts[1:-1] for cuts in inner])
+        for (i, _, _), cuts, one in zip(open_, inner, firsts, strict=True):
             at = len(cuts) - 1 if one is None else one[0] + 1
             brackets[i] = cuts[at - 1], cuts[at]
             starts[i] = one[1] if one else starts[i]
@@ -121,10 +80,10 @@ def from_rest(sides: Sequence[Side], runner: Runner, lasting: bool = True) -> li
     for side, path, one, bracket, start in zip(sides, paths, found, brackets, starts, strict=True):
         if bracket is None or one is None or one[0] == len(path) - 1:
             exact = math.isfinite(side.value)
-            onsets.append(side.onset(side.value, 0.0, 0.0, side.start) if exact else None)
+            onsets.append(side.onset(side.value, start=side.start) if exact else None)
             continue
         half = 0.5 * abs(bracket[1] - bracket[0])
-        onsets.append(side.onset(0.5 * (bracket[0] + bracket[1]), half, _widest(side, path, one[0]), start))
+        onsets.append(side.onset(0.5 * (bracket[0] + bracket[1]), half, _widest(side, path[: one[0] + 1]), start))
     return onsets
 
 
@@ -133,15 +92,15 @@ def from_some(sides: Sequence[Side], rest: Sequence[Onset | None], runner: Runne
     paths = []
     for side, known in zip(sides, rest, strict=True):
         most = abs(side.range.change(known.value)) if known else math.inf
-        paths.append([value for value in side.path() if abs(side.range.change(value)) < most])
+        paths.append([value for value in _path(side) if abs(side.range.change(value)) < most])
     found = _first(sides, paths, _spread, runner)
     tracks: list[Track | None] = []
     for side, path, first, known in zip(sides, paths, found, rest, strict=True):
         if first is not None:
             origin, start = path[first[0]], first[1]
-        elif known is not None and abs(known.change) > ROUNDING:
+        elif known is not None and abs(known.change) > NOISE:
             exact = known.half_width == 0.0
-            origin = side.beyond if exact else known.value + side.direction * known.half_width
+            origin = side.beyond_at() if exact else known.value + side.direction * known.half_width
             start = known.start
         else:
             tracks.append(None)
@@ -152,7 +111,7 @@ def from_some(sides: Sequence[Side], rest: Sequence[Onset | None], runner: Runne
     carry([track for track in tracks if track], runner)
     onsets: list[Onset | None] = []
     for side, path, first, known, track in zip(sides, paths, found, rest, tracks, strict=True):
-        spacing = _widest(side, path, first[0] if first else len(path) - 1)
+        spacing = _widest(side, path[: first[0] + 1] if first else path)
         onsets.append(known if track is None else _carried_back(side, known, track, spacing))
     return onsets
 
@@ -160,24 +119,12 @@ def from_some(sides: Sequence[Side], rest: Sequence[Onset | None], runner: Runne
 def _carried_back(side: Side, rest: Onset | None, track: Track, spacing: float) -> Onset:
     """Return the end of an attractor that hits, carried towards the present value."""
     if track.place >= 1.0:
-        return side.onset(side.range.value, 0.0, 0.0, track.start)
+        return side.onset(side.range.value, start=track.start)
     outside = track.outside if track.ends else track.inside
     value, half = 0.5 * (track.inside + outside), 0.5 * abs(outside - track.inside)
     if rest is not None and abs(value - rest.value) <= 2.0 * (half + rest.half_width):
         return rest
     return side.onset(value, half, spacing, track.start)
-
-
-def _sections(range_: Range, bracket: tuple[float, float] | None) -> list[float]:
-    assert bracket is not None
-    first, last = bracket
-    return [first, *(range_.between(first, last, j / SECTIONS) for j in range(1, SECTIONS)), last]
-
-
-def _widest(side: Side, path: Sequence[float], last: int) -> float:
-    """Return the widest step between the values up to one of them."""
-    changes = [0.0, *(side.range.change(value) for value in path[: last + 1])]
-    return max((abs(b - a) for a, b in pairwise(changes)), default=0.0)
 
 
 def _spread(model: Model) -> Cells:

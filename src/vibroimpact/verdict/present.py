@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 from vibroimpact.backends import Cells, ImpactWindow
@@ -287,9 +288,18 @@ class Range:
             return first * math.exp(share * math.log(last / first))
         return first + share * (last - first)
 
+    def cut(self, first: float, last: float, parts: int) -> list[float]:
+        """Return the values that cut the way between two into so many parts, with both ends."""
+        return [first, *(self.between(first, last, j / parts) for j in range(1, parts)), last]
+
     def change(self, value: float) -> float:
         """Return the change to a value, signed, relative to the scale."""
         return (value - self.value) / self.scale
+
+    def widest_step(self, values: Sequence[float]) -> float:
+        """Return the largest change from one value to the next."""
+        changes = map(self.change, values)
+        return max((abs(after - before) for before, after in pairwise(changes)), default=0.0)
 
     def percent(self, value: float) -> str:
         """Return the size of a change in words: '3.1 %', or '12 % of f/k'."""
