@@ -186,9 +186,9 @@ def cycle_length(velocity: Floats, phase: Floats, *stops: Floats, **limits: Any)
 
 
 def _check(section: xr.Dataset, tolerance: float, longest: int) -> None:
-    known = map(str, getattr(section, "variables", ()))
+    variables = map(str, getattr(section, "variables", ()))
     of_systems = {"stop"} if "system" in getattr(section, "attrs", {}) else set()
-    missing = ({"time", "phase", "velocity", "release_time", "status"} | of_systems).difference(known)
+    missing = ({"time", "phase", "velocity", "release_time", "status"} | of_systems).difference(variables)
     if missing or not {"oscillator", "system"} & set(section.attrs):
         raise ValueError(
             f"`section` must be an impact section; it holds no {min(missing, default='oscillator')!r}; "

@@ -104,8 +104,8 @@ class Target:
 
 def hit(motion: Measured) -> float:
     """Return the hardest hit of a motion, infinity where it could not be followed."""
-    known = motion.hardest == 0.0 or motion.status.has_indices
-    return motion.hardest if known and not math.isnan(motion.hardest) else math.inf
+    followed = motion.hardest == 0.0 or motion.status.has_indices
+    return motion.hardest if followed and not math.isnan(motion.hardest) else math.inf
 
 
 @dataclass(frozen=True)
@@ -129,8 +129,8 @@ def present_cycles(osc: Any, motions: Sequence[Coexisting], runner: Runner) -> l
         periods = min(motion.n_periods or 16, INSTANTS)
         often = math.ceil(INSTANTS / periods)
         window = StroboscopicWindow(0, periods * often, None, often)
-        (seen,) = runner.samples(carried(osc, motion.start), window)
-        found.append(Cycle(seen.look_displacement, seen.look_velocity, seen.look_phase))
+        (samples,) = runner.samples(carried(osc, motion.start), window)
+        found.append(Cycle(samples.look_displacement, samples.look_velocity, samples.look_phase))
     return found
 
 
@@ -207,8 +207,8 @@ class Judge:
         yield many[first]
         if on := [orbit_cell(design, orbit) for orbit in self.branches.at(self.orbits, varied, value)]:
             yield Cells.join(on)
-        if known := orbit_cells(design):
-            yield Cells.join(known)
+        if of_one_impact := orbit_cells(design):
+            yield Cells.join(of_one_impact)
         yield from (many[some] for some in others)
 
 

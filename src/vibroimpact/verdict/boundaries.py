@@ -166,12 +166,12 @@ def _end_of_sticking(present: Present, side: Side) -> Side:
         inside, outside = values[ended - 1], values[ended]
         values = varied.cut(inside, outside, SECTIONS)
     end = end_of_sticking(present.model, varied.name, (inside, outside), longest=n)
-    known = replace(side, range=varied, kind="change", value=end.value, start=AT_REST, spacing=widest)
+    change = replace(side, range=varied, kind="change", value=end.value, start=AT_REST, spacing=widest)
     if end.outcome in ("found", "pressed_for_ever"):
-        return replace(known, kind="end_of_sticking" if end.outcome == "found" else end.outcome)
+        return replace(change, kind="end_of_sticking" if end.outcome == "found" else end.outcome)
     if math.isfinite(end.value):
-        return replace(known, half_width=math.ulp(end.value))
-    return replace(known, value=0.5 * (inside + outside), half_width=0.5 * abs(outside - inside))
+        return replace(change, half_width=math.ulp(end.value))
+    return replace(change, value=0.5 * (inside + outside), half_width=0.5 * abs(outside - inside))
 
 
 def _closed_form(side: Side, kind: str, margin: Callable[[Any], float]) -> Side:
@@ -180,15 +180,15 @@ def _closed_form(side: Side, kind: str, margin: Callable[[Any], float]) -> Side:
     The mass first touches the stop where the amplitude of its motion without one reaches the gap, R = g; it is lifted
     off the stop where the force reaches the preload, f = -k g.
     """
-    range = side.range
+    varied = side.range
 
     def there(value: float) -> float:
-        return margin(range.at(value))
+        return margin(varied.at(value))
 
-    inside, outside = _first_negative(there, [range.value, *side.path(SCANNED)])
+    inside, outside = _first_negative(there, [varied.value, *side.path(SCANNED)])
     if math.isnan(outside):
         return side
-    narrow = 1e-17 * range.scale
+    narrow = 1e-17 * varied.scale
     while abs(outside - inside) > narrow and (middle := 0.5 * (inside + outside)) not in (inside, outside):
         if there(middle) >= 0.0:
             inside = middle
@@ -196,7 +196,7 @@ def _closed_form(side: Side, kind: str, margin: Callable[[Any], float]) -> Side:
             outside = middle
     value, start = inside if abs(inside) > narrow else 0.0, AT_REST
     if kind == "first_contact":
-        osc = range.at(value)
+        osc = varied.at(value)
         steady = osc.steady_state
         start = Start(max(osc.gap - steady.displacement, 0.0), steady.velocity, 0.0)
     return replace(side, kind=kind, value=value, start=start)
@@ -207,18 +207,18 @@ def _first_negative(margin: Callable[[float], float], values: Sequence[float]) -
 
     A resonance may be narrower than a step: wherever the margin has a minimum, that is found by golden section.
     """
-    known = [margin(value) for value in values]
+    margins = [margin(value) for value in values]
     for i in range(1, len(values)):
-        if known[i] < 0.0:
+        if margins[i] < 0.0:
             return values[i - 1], values[i]
-        if i + 1 < len(values) and known[i - 1] > known[i] <= known[i + 1]:
+        if i + 1 < len(values) and margins[i - 1] > margins[i] <= margins[i + 1]:
             low, high = values[i - 1], values[i + 1]
             for _ in range(GOLDEN):
                 cuts = high - GOLDEN_SHARE * (high - low), low + GOLDEN_SHARE * (high - low)
-                seen = [margin(cut) for cut in cuts]
-                if min(seen) < 0.0:
-                    return values[i - 1], cuts[int(seen[1] < seen[0])]
-                low, high = (low, cuts[1]) if seen[0] < seen[1] else (cuts[0], high)
+                first, second = (margin(cut) for cut in cuts)
+                if min(first, second) < 0.0:
+                    return values[i - 1], cuts[int(second < first)]
+                low, high = (low, cuts[1]) if first < second else (cuts[0], high)
     return values[-1], math.nan
 
 
@@ -228,8 +228,8 @@ def _first_negative(margin: Callable[[float], float], values: Sequence[float]) -
 def _bisected(present: Present, sides: Sequence[Side], runner: Runner) -> list[Side]:
     """Return, for each parameter and direction, where the motion that is followed first changes its class.
 
-    What an undecided motion ends as is not known, and so not where it ends; nor is one carried along of whose state an
-    impact is a part.
+    What an undecided motion ends as is not known, and so not where it ends. A motion can only be carried along by its
+    impacts if these are its whole state.
     """
     if present.measured.motion_class in UNSURE or not present.oscillator.forgets:
         return [replace(side, reached=math.nan) for side in sides]
@@ -249,5 +249,5 @@ def _ended(side: Side, track: Track) -> Side:
     inside, outside = track.inside, track.outside
     middle, half = 0.5 * (inside + outside), 0.5 * abs(outside - inside)
     there = track.beyond.name if track.beyond.motion_class != MotionClass.UNDECIDED else ""
-    known = replace(side, kind="change", value=middle, half_width=half, spacing=track.widest, start=track.start)
-    return replace(known, beyond=there, outside=outside)
+    change = replace(side, kind="change", value=middle, half_width=half, spacing=track.widest, start=track.start)
+    return replace(change, beyond=there, outside=outside)

@@ -39,15 +39,15 @@ def _orbit_of(present: Present, motion: Coexisting, runner: Runner) -> Any:
     n, oscillator = motion.n_periods, present.oscillator
     if not motion.max_velocity or not 0 < n <= HARDLY_EVER:
         return None
-    seen: Any
-    (seen,) = runner.samples(carried(oscillator, motion.start), ImpactWindow(0, LONGEST + 1))
-    turns, speeds = seen.impact_periods + seen.impact_phase, seen.impact_velocity
+    samples: Any
+    (samples,) = runner.samples(carried(oscillator, motion.start), ImpactWindow(0, LONGEST + 1))
+    turns, speeds = samples.impact_periods + samples.impact_phase, samples.impact_velocity
     p = int(np.searchsorted(turns, turns[0] + n - WHOLE)) if len(turns) == LONGEST + 1 else LONGEST + 1
     if p > LONGEST:
         return None
     if oscillator.forgets:
-        return stable_cycle(present.model, n, p, Impacts(seen.impact_phase[:p], speeds[:p]))
-    return solved(present.model, n, seen.impact_stop[:p], turns[:p], speeds[:p], ended(oscillator, seen))
+        return stable_cycle(present.model, n, p, Impacts(samples.impact_phase[:p], speeds[:p]))
+    return solved(present.model, n, samples.impact_stop[:p], turns[:p], speeds[:p], ended(oscillator, samples))
 
 
 class Branch:

@@ -21,7 +21,7 @@ PLACES = 36  # values along a path, at least
 HALVINGS = 12  # of the step in which the motion changes
 NARROW = 0.5**HALVINGS / PLACES  # of a path
 SECTIONS, ROUNDS = 16, 4  # of a step that is searched from one state, and how often
-STATES = 4  # of a motion from which it may go on
+STATES, APART = 4, 317  # of a motion from which it may go on, and how many impacts lie between two of them
 MISSED = 3  # times that a motion may miss its own basin along a path, before it is given up
 BRIEF = ImpactWindow(100, 1500)  # enough for a name, and an exponent to a few per cent
 LONG = ImpactWindow(5000, 5000)  # close to a boundary motions settle slowly, and chaos may be a transient
@@ -163,18 +163,18 @@ def _states(
 ) -> list[list[Start | None]]:
     """Return for each track some states of the motion at a place, the given one first."""
     there = [track.range.changed(track.at(place)) for track, (place, _) in zip(tracks, places, strict=True)]
-    starts = [[start] for _, start in places]
+    states = [[start] for _, start in places]
     for _ in range(STATES - 1):
-        onward = runner.follow(cells_of(there, [own[-1] for own in starts]), 317)
-        for own, state in zip(starts, onward, strict=True):
-            own.append(state or own[-1])
-    return starts
+        onward = runner.follow(cells_of(there, [of_track[-1] for of_track in states]), APART)
+        for of_track, state in zip(states, onward, strict=True):
+            of_track.append(state or of_track[-1])
+    return states
 
 
 def _same_from(
     tracks: Sequence[Track],
     places: Sequence[float],
-    starts: Sequence[Sequence[Start | None]],
+    states: Sequence[Sequence[Start | None]],
     runner: Runner,
     judge: Callable[[Track, Measured], bool] = lambda track, motion: track.same(motion),
 ) -> list[tuple[Start | None, Measured]]:
@@ -183,14 +183,14 @@ def _same_from(
     With it comes the motion from there, or from the first state.
     """
     there = [track.range.changed(track.at(place)) for track, place in zip(tracks, places, strict=True)]
-    cells = cells_of([design for design in there for _ in range(STATES)], [one for own in starts for one in own])
-    motions = iter(measure(runner, cells, LONG))
+    cells = cells_of([design for design in there for _ in range(STATES)], [one for some in states for one in some])
+    measured = iter(measure(runner, cells, LONG))
     found: list[tuple[Start | None, Measured]] = []
-    for track, own in zip(tracks, starts, strict=True):
-        seen = [next(motions) for _ in own]
-        right = [judge(track, motion) for motion in seen]
+    for track, some in zip(tracks, states, strict=True):
+        motions = [next(measured) for _ in some]
+        right = [judge(track, motion) for motion in motions]
         good = right.index(True) if any(right) and (all(right) or not track.lasts) else None
-        found.append((None, seen[0]) if good is None else (own[good], seen[good]))
+        found.append((None, motions[0]) if good is None else (some[good], motions[good]))
     return found
 
 
@@ -204,18 +204,19 @@ def _look_back(tracks: Sequence[Track], runner: Runner) -> None:
     for _ in range(ROUNDS if window == LONG else ROUNDS // 2):
         if not left:
             return
-        there = [track.range.changed(track.at(place)) for track, own in left for place, _ in own]
-        motions = iter(measure(runner, cells_of(there, [start for _, own in left for _, start in own]), window))
-        known, left = left, []
-        for track, own in known:
-            seen = [next(motions) for _ in own]
-            ended = next((i for i, motion in enumerate(seen) if i and not still(track, motion)), None)
+        there = [track.range.changed(track.at(place)) for track, states in left for place, _ in states]
+        cells = cells_of(there, [start for _, states in left for _, start in states])
+        measured = iter(measure(runner, cells, window))
+        looked, left = left, []
+        for track, states in looked:
+            motions = [next(measured) for _ in states]
+            ended = next((i for i, motion in enumerate(motions) if i and not still(track, motion)), None)
             if ended is None:  # nowhere is it surely another
                 if track.beyond is None:
                     track.go_on(track.start)
                 continue
-            sure = next((i for i in range(ended - 1, 0, -1) if track.same(seen[i])), 0)
-            (track.place, track.start), (track.barrier, _), track.beyond = own[sure], own[ended], seen[ended]
+            sure = next((i for i in range(ended - 1, 0, -1) if track.same(motions[i])), 0)
+            (track.place, track.start), (track.barrier, _), track.beyond = states[sure], states[ended], motions[ended]
             part = (track.barrier - track.place) / SECTIONS
             inner = [(track.place + part * j, track.start) for j in range(SECTIONS)]
             left.append((track, [*inner, (track.barrier, track.start)]))

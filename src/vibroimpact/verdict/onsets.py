@@ -63,57 +63,52 @@ def from_rest(sides: Sequence[Side], runner: Runner, lasting: bool = True) -> li
 
     paths = [_path(side) for side in sides]
     found = first(sides, paths)
-    brackets: list[tuple[float, float] | None] = []
-    for side, path, one in zip(sides, paths, found, strict=True):
-        before = None if one is None else path[one[0] - 1] if one[0] else side.range.value
-        brackets.append(None if one is None or before is None else (before, path[one[0]]))
-    starts = [one and one[1] for one in found]
+    begin = {i: one for i, one in enumerate(found) if one is not None}
+    steps = {i: ([sides[i].range.value, *paths[i]][at], paths[i][at]) for i, (at, _) in begin.items()}
+    starts = {i: start for i, (_, start) in begin.items()}
     for _ in range(ROUNDS if lasting else PASSING):
-        open_ = [(i, *bracket) for i, bracket in enumerate(brackets) if bracket is not None]
-        inner = [sides[i].range.cut(before, after, SECTIONS) for i, before, after in open_]
-        firsts = first([sides[i] for i, _, _ in open_], [cuts[1:-1] for cuts in inner])
-        for (i, _, _), cuts, one in zip(open_, inner, firsts, strict=True):
-            at = len(cuts) - 1 if one is None else one[0] + 1
-            brackets[i] = cuts[at - 1], cuts[at]
+        cuts = {i: sides[i].range.cut(*step, SECTIONS) for i, step in steps.items()}
+        inner = first([sides[i] for i in cuts], [values[1:-1] for values in cuts.values()])
+        for (i, values), one in zip(cuts.items(), inner, strict=True):
+            at = len(values) - 1 if one is None else one[0] + 1
+            steps[i] = values[at - 1], values[at]
             starts[i] = one[1] if one else starts[i]
     onsets: list[Onset | None] = []
-    for side, path, one, bracket, start in zip(sides, paths, found, brackets, starts, strict=True):
-        if bracket is None or one is None or one[0] == len(path) - 1:
-            exact = math.isfinite(side.value)
-            onsets.append(side.onset(side.value, start=side.start) if exact else None)
+    for i, (side, path) in enumerate(zip(sides, paths, strict=True)):
+        if i not in begin or begin[i][0] == len(path) - 1:
+            onsets.append(side.onset(side.value, start=side.start) if math.isfinite(side.value) else None)
             continue
-        half = 0.5 * abs(bracket[1] - bracket[0])
-        onsets.append(side.onset(0.5 * (bracket[0] + bracket[1]), half, _widest(side, path[: one[0] + 1]), start))
+        (before, after), spacing = steps[i], _widest(side, path[: begin[i][0] + 1])
+        onsets.append(side.onset(0.5 * (before + after), 0.5 * abs(after - before), spacing, starts[i]))
     return onsets
 
 
 def from_some(sides: Sequence[Side], rest: Sequence[Onset | None], runner: Runner) -> list[Onset | None]:
     """Return from where on some initial condition settles to impacts; where one at rest does, at the latest."""
     paths = []
-    for side, known in zip(sides, rest, strict=True):
-        most = abs(side.range.change(known.value)) if known else math.inf
+    for side, at_rest in zip(sides, rest, strict=True):
+        most = abs(side.range.change(at_rest.value)) if at_rest else math.inf
         paths.append([value for value in _path(side) if abs(side.range.change(value)) < most])
     found = _first(sides, paths, _spread, runner)
-    tracks: list[Track | None] = []
-    for side, path, first, known in zip(sides, paths, found, rest, strict=True):
-        if first is not None:
-            origin, start = path[first[0]], first[1]
-        elif known is not None and abs(known.change) > NOISE:
-            exact = known.half_width == 0.0
-            origin = side.beyond_at() if exact else known.value + side.direction * known.half_width
-            start = known.start
-        else:
-            tracks.append(None)
-            continue
-        tracks.append(
-            None if math.isnan(origin) else Track(side.range, origin, side.range.value, surely_hits, start, lasts=True)
-        )
+    tracks = [
+        _track_back(side, None if first is None else (path[first[0]], first[1]), at_rest)
+        for side, path, first, at_rest in zip(sides, paths, found, rest, strict=True)
+    ]
     carry([track for track in tracks if track], runner)
     onsets: list[Onset | None] = []
-    for side, path, first, known, track in zip(sides, paths, found, rest, tracks, strict=True):
+    for side, path, first, at_rest, track in zip(sides, paths, found, rest, tracks, strict=True):
         spacing = _widest(side, path[: first[0] + 1] if first else path)
-        onsets.append(known if track is None else _carried_back(side, known, track, spacing))
+        onsets.append(at_rest if track is None else _carried_back(side, at_rest, track, spacing))
     return onsets
+
+
+def _track_back(side: Side, first: tuple[float, Start | None] | None, at_rest: Onset | None) -> Track | None:
+    """Return the way towards the present value of an attractor that hits: the first one found, or that from rest."""
+    if first is None and at_rest is not None and abs(at_rest.change) > NOISE:
+        exact = at_rest.half_width == 0.0
+        origin = side.beyond_at() if exact else at_rest.value + side.direction * at_rest.half_width
+        first = None if math.isnan(origin) else (origin, at_rest.start)
+    return first and Track(side.range, first[0], side.range.value, surely_hits, first[1], lasts=True)
 
 
 def _carried_back(side: Side, rest: Onset | None, track: Track, spacing: float) -> Onset:
@@ -130,8 +125,8 @@ def _carried_back(side: Side, rest: Onset | None, track: Track, spacing: float) 
 def _spread(model: Model) -> Cells:
     """Return the initial conditions from which impacts are looked for."""
     osc = model.at()
-    known = (z for n in range(1, ORBITS + 1) for z in impact_1_orbits(osc, n)[0])
-    starts = [Start(0.0, float(z[1]), float(z[0]) % 1.0) for z in known if z[1] > 0.0]
+    orbits = (z for n in range(1, ORBITS + 1) for z in impact_1_orbits(osc, n)[0])
+    starts = [Start(0.0, float(z[1]), float(z[0]) % 1.0) for z in orbits if z[1] > 0.0]
     return Cells.join([spread_cells(osc.cells({}), SPREAD), *(start.cell(osc) for start in starts)])
 
 
@@ -141,35 +136,35 @@ Begin = Callable[[Model], Cells]
 def _first(
     sides: Sequence[Side], paths: Sequence[Sequence[float]], begin: Begin, runner: Runner, lasting: bool = True
 ) -> list[tuple[int, Start | None] | None]:
-    """Return of each path the first value at which a motion hits, and a state of one that lasts; None without one."""
+    """Return for each path the first value at which a motion hits, and a state of one that lasts; None without one."""
     found: list[tuple[int, Start | None] | None] = [None] * len(paths)
-    next_ = [0] * len(paths)
-    while left := [i for i, path in enumerate(paths) if found[i] is None and next_[i] < len(path)]:
-        places = [(i, j) for i in left for j in range(next_[i], min(next_[i] + BATCH, len(paths[i])))]
+    looked = [0] * len(paths)
+    while left := [i for i, path in enumerate(paths) if found[i] is None and looked[i] < len(path)]:
+        places = [(i, j) for i in left for j in range(looked[i], min(looked[i] + BATCH, len(paths[i])))]
         cells = [begin(sides[i].range.changed(paths[i][j])) for i, j in places]
         waiting: dict[int, list[tuple[int, Cells]]] = {i: [] for i in left}
-        for (i, j), own, hit in zip(places, cells, _hitting(cells, runner, lasting), strict=True):
-            next_[i] = j + 1
+        for (i, j), cell, hit in zip(places, cells, _hitting(cells, runner, lasting), strict=True):
+            looked[i] = j + 1
             if hit.any():
-                waiting[i].append((j, own[np.flatnonzero(hit)[:TRIED]]))
-        while some := [(i, j, own) for i, all_ in waiting.items() if not found[i] for j, own in all_[:TOGETHER]]:
-            parts = [own for _, _, own in some]
+                waiting[i].append((j, cell[np.flatnonzero(hit)[:TRIED]]))
+        while tried := [(i, j, cell) for i, hits in waiting.items() if not found[i] for j, cell in hits[:TOGETHER]]:
+            parts = [cell for _, _, cell in tried]
             ends = _lasting(parts, runner) if lasting else [(True, None)] * len(parts)
-            for (i, j, _), (hits_on, start) in zip(some, ends, strict=True):
+            for (i, j, _), (hits_on, start) in zip(tried, ends, strict=True):
                 found[i] = found[i] or ((j, start) if hits_on else None)
-            waiting = {i: all_[TOGETHER:] for i, all_ in waiting.items()}
+            waiting = {i: hits[TOGETHER:] for i, hits in waiting.items()}
     return found
 
 
 def _hitting(parts: Sequence[Cells], runner: Runner, lasting: bool) -> list[np.ndarray]:
-    """Return of the cells of each part which of them fill a brief window with impacts, or hit at all."""
+    """Return which of the cells of each part fill a brief window with impacts, or hit at all."""
     cells = Cells.join(parts)
     runner.measured += len(cells)
     hit = np.zeros(len(cells), bool)
     wanted = Measurement(BRIEF, runner.tolerances)
     for which, outcome in runner.sweep(cells, wanted):
-        hit[which] = outcome["status"] <= (Status.SHORT_WINDOW if lasting else 99)
-        hit[which] &= outcome["status"] != Status.NO_IMPACT
+        hit[which] = outcome["status"] != Status.NO_IMPACT
+        hit[which] &= (outcome["status"] <= Status.SHORT_WINDOW) | (not lasting)
     return np.split(hit, np.cumsum([len(part) for part in parts])[:-1])
 
 
@@ -179,21 +174,25 @@ def _lasting(parts: Sequence[Cells], runner: Runner) -> list[tuple[bool, Start |
     Chaos counts if it lasts from `STATES` of its states: else it is a transient.
     """
     motions = iter(measure(runner, Cells.join(parts), LONG))
-    seen = [[(at, motion) for at in range(len(part)) if hits(motion := next(motions))] for part in parts]
-    first = [part[np.array([own[0][0]])] for part, own in zip(parts, seen, strict=True) if own]
+    hitting = [[(at, motion) for at in range(len(part)) if hits(motion := next(motions))] for part in parts]
+    first = [
+        (part[np.array([of_part[0][0]])], of_part[0][1])
+        for part, of_part in zip(parts, hitting, strict=True)
+        if of_part
+    ]
     if not first:
         return [(False, None)] * len(parts)
-    one = Cells.join(first)
-    irregular = np.array([not own[0][1].n_periods for own in seen if own])
-    lasts = np.ones(len(one), bool)
-    wild = [one[np.flatnonzero(irregular)]]
-    for _ in range(STATES if irregular.any() else 0):
-        wild.append(_onward(wild[-1], runner))
+    cells = Cells.join([cell for cell, _ in first])
+    irregular = np.array([not motion.n_periods for _, motion in first])
+    lasts = np.ones(len(cells), bool)
     if irregular.any():
+        wild = [cells[np.flatnonzero(irregular)]]
+        for _ in range(STATES):
+            wild.append(_onward(wild[-1], runner))
         ends = [hits(motion) for motion in measure(runner, Cells.join(wild[1:]), LONG)]
         lasts[irregular] = np.reshape(ends, (STATES, -1)).all(axis=0)
-    states = iter(zip(lasts.tolist(), runner.follow(one, ONWARD), strict=True))
-    return [next(states) if own else (False, None) for own in seen]
+    states = iter(zip(lasts.tolist(), runner.follow(cells, ONWARD), strict=True))
+    return [next(states) if of_part else (False, None) for of_part in hitting]
 
 
 def _onward(cells: Cells, runner: Runner) -> Cells:

@@ -90,22 +90,23 @@ def _by_impacts(model: Model, runner: Runner) -> Present:
     """
     osc = model.at()
     final = final_motion(runner, osc.cells({}), ImpactWindow(SETTLED, SHOWN))
-    measured, seen = final.measured, final.samples
+    measured, samples = final.measured, final.samples
     motion = Motion(measured.kind, measured.n_periods, measured.n_impacts, status=measured.status)
     if not (measured.motion_class.hits and measured.n_periods):
         orbit = _sticking_orbit(model, 1) if measured.motion_class == MotionClass.STICKING else None
-        return _carried_on(model, final, motion, orbit, last_of(seen))
+        return _carried_on(model, final, motion, orbit, last_of(samples))
     if measured.motion_class == MotionClass.STICKING:
         orbit = _sticking_orbit(model, measured.n_periods)
     else:
-        hits = Impacts(seen.impact_phase, seen.impact_velocity)
+        hits = Impacts(samples.impact_phase, samples.impact_velocity)
         orbit = stable_cycle(model, measured.n_periods, measured.n_impacts, hits)
     if orbit is not None and not orbit.sticks:
         motion = replace(motion, velocities=orbit.velocities, phases=orbit.phases)
     else:
-        recognised = recognise(labelled_impacts(seen, in_seconds(osc), provenance("impact_section", osc, {}), osc))
+        section = labelled_impacts(samples, in_seconds(osc), provenance("impact_section", osc, {}), osc)
+        recognised = recognise(section)
         motion = recognised if recognised.kind == motion.kind else motion
-    pairs = zip(seen.impact_velocity.tolist(), seen.impact_phase.tolist(), strict=True)
+    pairs = zip(samples.impact_velocity.tolist(), samples.impact_phase.tolist(), strict=True)
     after = (Start(0.0, -osc.restitution * velocity, phase) for velocity, phase in pairs)
     return _carried_on(model, final, motion, orbit, next(after, None))
 
@@ -135,11 +136,11 @@ def _sticking_orbit(model: Model, n_periods: int) -> Orbit | None:
     return next(iter(find_orbit(model, n_periods=n_periods, n_impacts=-1)), None)
 
 
-def stable_cycle(model: Model, n_periods: int, n_impacts: int, seen: Impacts) -> Orbit | None:
+def stable_cycle(model: Model, n_periods: int, n_impacts: int, impacts: Impacts) -> Orbit | None:
     """Return the stable orbit that a settled motion is on, from its last impacts."""
-    if n_impacts > LONGEST or len(seen.velocities) < n_impacts:
+    if n_impacts > LONGEST or len(impacts.velocities) < n_impacts:
         return None
-    last = Impacts(*(column[-n_impacts:] for column in seen))
+    last = Impacts(*(column[-n_impacts:] for column in impacts))
     near = float(last.phases[-1]), float(last.velocities[-1])
     found = [
         orbit
@@ -258,9 +259,9 @@ class Range:
     @property
     def only_scales(self) -> bool:
         """Whether the motion only grows in proportion: with the force of one mass, where the gap is zero."""
-        made = self.model.at()
-        force = made is self.model and self.name == "amplitude" and self.value > 0.0
-        return force and not any(stop.gap for stop in made.stops)
+        design = self.model.at()
+        force = design is self.model and self.name == "amplitude" and self.value > 0.0
+        return force and not any(stop.gap for stop in design.stops)
 
     def changed(self, value: float) -> Model:
         """Return the model with another value of the parameter."""
