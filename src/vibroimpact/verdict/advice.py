@@ -22,12 +22,11 @@ from vibroimpact.coexistence.measuring import Measured, Runner, carried, orbit_c
 from vibroimpact.motion import MotionClass
 from vibroimpact.verdict.branches import Branches, present_orbits
 from vibroimpact.verdict.lines import ANY, ENDS, TRIED, Line, Search, rounded
-from vibroimpact.verdict.present import Coexisting, Present, Range, measure
+from vibroimpact.verdict.present import EQUAL, PLACES, Coexisting, Present, Range, measure
 
-PLACES = 36  # values along a path
 FINER, HALVINGS = 2, 6  # times that steps near the present value are halved; of the step in which the benefit begins
 NEARER = PLACES // 3  # of these are looked at first
-SOFTER = 0.8 * (1.0 + 1e-9)  # of the hardest hit: a clear benefit
+SOFTER = 0.8 * (1.0 + EQUAL)  # of the hardest hit: a clear benefit
 SCOUTS = 6  # spread initial conditions with which a value is found
 INSTANTS = 128  # of each present cycle at which the change is made
 SCAN, TEST = ImpactWindow(500, 1500), ImpactWindow(1000, 2000)

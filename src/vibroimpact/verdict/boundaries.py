@@ -20,13 +20,12 @@ from vibroimpact.coexistence.measuring import AT_REST, Runner, Start, cells_of
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release
 from vibroimpact.status import Status
-from vibroimpact.verdict.branches import Branch, Branches
+from vibroimpact.verdict.branches import MOST, Branch, Branches
 from vibroimpact.verdict.carried import SECTIONS, UNSURE, Track, carry
 from vibroimpact.verdict.edges import Edge, Onset, Side
 from vibroimpact.verdict.onsets import from_rest, from_some
 from vibroimpact.verdict.present import CROWDED, Coexisting, Present, Range, measure
 
-MOST = 800  # orbits times impacts that are solved for along one direction
 GOLDEN, GOLDEN_SHARE = 60, 0.5 * (math.sqrt(5.0) - 1.0)  # steps of a golden section, to 3e-13 of its beginning
 SCANNED = 60  # values along a path at which a condition is evaluated
 CLOSER = 32  # times that the first of them is halved: cycles of many periods may end within 1e-12

@@ -24,7 +24,7 @@ from vibroimpact.verdict.present import LONGEST, Coexisting, Present, Range, sta
 
 STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch of one mass near a bifurcation
 STRIDE = 0.08  # elsewhere
-MOST = 400  # orbits times impacts that are solved for along one branch
+MOST = 800  # orbits times impacts that are solved for along one branch
 WHOLE = 1e-6  # of a period, or a change: what differs by less is one
 
 

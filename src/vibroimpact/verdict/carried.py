@@ -15,9 +15,8 @@ import numpy as np
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence.measuring import Measured, Runner, Start, cells_of
 from vibroimpact.motion import MotionClass
-from vibroimpact.verdict.present import Range, measure
+from vibroimpact.verdict.present import PLACES, Range, measure
 
-PLACES = 36  # values along a path, at least
 HALVINGS = 12  # of the step in which the motion changes
 NARROW = 0.5**HALVINGS / PLACES  # of a path
 SECTIONS, ROUNDS = 16, 4  # of a step that is searched from one state, and how often

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from vibroimpact import report
 from vibroimpact.model import Model
 from vibroimpact.verdict.advice import Advice
-from vibroimpact.verdict.carried import LONG, PLACES
+from vibroimpact.verdict.carried import LONG
 from vibroimpact.verdict.edges import ONSETS, Edge, Onset
-from vibroimpact.verdict.present import percent, range_of
+from vibroimpact.verdict.present import PLACES, percent, range_of
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.describe import Verdict

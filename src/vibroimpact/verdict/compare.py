@@ -197,8 +197,7 @@ def _hardest(verdict: Verdict) -> float:
     """Return the hardest hit from any initial condition tried; 0 if all are known not to lead to impacts."""
     if verdict.worst:
         return verdict.worst.max_velocity
-    decided = sum(motion.share for motion in verdict.attractors) > 1.0 - 1e-9
-    return 0.0 if decided and verdict.max_velocity == 0.0 else math.nan
+    return 0.0 if not verdict.undecided and verdict.max_velocity == 0.0 else math.nan
 
 
 def _others(verdict: Verdict) -> str:

@@ -18,6 +18,7 @@ from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.edges import Edge
 from vibroimpact.verdict.present import (
+    EQUAL,
     Coexisting,
     Present,
     Range,
@@ -30,7 +31,6 @@ from vibroimpact.verdict.present import (
 )
 from vibroimpact.verdict.text import lines
 
-ALIKE = 1e-9  # relative: hits that differ by less are as hard
 BESIDE = 3  # parts of the work besides one per parameter
 
 
@@ -69,8 +69,8 @@ class Verdict:
         For each parameter the smallest change that softens the impacts, and the smallest that ends them; the smallest
         of all first.
     complete : bool
-        False where `progress` asked to stop before the end, or more than 2^29 certified steps (2^27 of a
-        system) would have been taken.
+        False where `progress` asked to stop before the end, or more than 2^29 certified steps (2^27 for systems) would
+        have been taken.
     cells, steps : int
         Motions computed for it, and their certified steps.
     stops : tuple of str
@@ -117,8 +117,14 @@ class Verdict:
     def harder(self) -> Coexisting | None:
         """The worst motion if it is harder than that from rest, or this one's hits are unknown; of twins none is."""
         worst = self.worst
-        softer = worst is None or worst.from_rest or worst.max_velocity <= (1.0 + ALIKE) * self.max_velocity
+        softer = worst is None or worst.from_rest or worst.max_velocity <= (1.0 + EQUAL) * self.max_velocity
         return None if softer else worst
+
+    @property
+    def undecided(self) -> float:
+        """The share of the initial conditions of which it is not known what they lead to."""
+        share = 1.0 - sum(motion.share for motion in self.attractors)
+        return share if share >= EQUAL else 0.0
 
     def __str__(self) -> str:
         return "\n".join(lines(self))

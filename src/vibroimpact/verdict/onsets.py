@@ -18,9 +18,9 @@ from vibroimpact.coexistence.measuring import Measured, Runner, Start, cells_of,
 from vibroimpact.model import Model
 from vibroimpact.orbits.equations import impact_1_orbits
 from vibroimpact.status import Status
-from vibroimpact.verdict.carried import BRIEF, LONG, NARROW, PLACES, SECTIONS, STATES, UNSURE, Track, carry
+from vibroimpact.verdict.carried import BRIEF, LONG, NARROW, SECTIONS, STATES, UNSURE, Track, carry
 from vibroimpact.verdict.edges import NOISE, Onset, Side
-from vibroimpact.verdict.present import CROWDED, measure
+from vibroimpact.verdict.present import CROWDED, PLACES, measure
 
 SPREAD = 32  # initial conditions at a value, besides the orbits of one impact
 ORBITS = 4  # periods of these, at most

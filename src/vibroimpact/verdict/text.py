@@ -21,7 +21,7 @@ from vibroimpact.motion import MotionClass, listed
 from vibroimpact.parameters import counted
 from vibroimpact.verdict.advice import INSTANTS
 from vibroimpact.verdict.changes import advice_words, boundary_lines, number, parameters_line, speed
-from vibroimpact.verdict.present import Coexisting, dearest, percent
+from vibroimpact.verdict.present import EQUAL, Coexisting, dearest, percent
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.describe import Verdict
@@ -33,8 +33,6 @@ ADVICE = 3  # changes listed, at most
 LISTED = 4  # impacts of a cycle listed, at most
 SHOWN = 12  # coexisting motions listed, at most
 HARDER = 1.02  # times the hits of a motion: transients that hit so hard are told of
-TOUCHING = 1e-9  # of what a clearance is the difference of: one so small is a contact; of impulses: they are equal
-UNDECIDED = 1e-9  # share of the initial conditions: less is rounding of a sum
 FIRST = PAPER.transient + PAPER.keep  # impacts that a map computes of a motion
 _TIED = "\u00a0"
 
@@ -164,7 +162,7 @@ def _clear_of(verdict: Verdict) -> str:
     q = present.start.displacement
     left_now = system.clearances(q, present.start.time).tolist()
     sizes = [abs(stop.gap) + float(np.abs(stop.direction) @ np.abs(q)) for stop in system.stops]
-    at = [stop for stop, gap, size in zip(system.stops, left_now, sizes, strict=True) if gap <= TOUCHING * size]
+    at = [stop for stop, gap, size in zip(system.stops, left_now, sizes, strict=True) if gap <= EQUAL * size]
     rigid, compliant = ([stop.name for stop in at if stop.compliant is gives] for gives in (False, True))
     return (f", at rest at {listed(rigid)}" if rigid else "") + (
         f", pressed into {listed(compliant)}" if compliant else ""
@@ -232,7 +230,7 @@ def _at_phase(velocity: float, phase: float) -> str:
 
 def _impulses(orbit: Any, named: bool) -> Iterator[str]:
     """Yield the largest impulse, and how hard, long and deep the hardest contact with a compliant stop is."""
-    most = next(at for at, kick in enumerate(orbit.impulses) if kick >= (1.0 - TOUCHING) * max(orbit.impulses))
+    most = next(at for at, kick in enumerate(orbit.impulses) if kick >= (1.0 - EQUAL) * max(orbit.impulses))
     yield f"largest impulse {report.quantity(orbit.impulses[most], 'N s', 4)}{_on(orbit.stops[most], named)}"
     pressed = [pair for pair in zip(orbit.contacts, orbit.stops, strict=True) if pair[0].peak_force > 0.0]
     if pressed:
@@ -309,7 +307,7 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
     """Yield the motions that initial conditions settle to, and of several stops on which these are impacts."""
     motions, design = verdict.attractors, verdict.oscillator
     sample, of = f"{SPREAD} spread initial conditions", " of the initial conditions"
-    undecided = _undecided(verdict)
+    undecided = verdict.undecided
     if named := not needs_no_names(design):
         sample += f", impacts on {listed([str(stop.name) for stop in design.stops])}"
     if len(motions) == 1 and not undecided:
@@ -334,12 +332,6 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
         yield f"{100.0 * undecided:.3g} %{of}: undecided"
 
 
-def _undecided(verdict: Verdict) -> float:
-    """Return the share of the initial conditions that are undecided."""
-    share = 1.0 - sum(motion.share for motion in verdict.attractors)
-    return share if share >= UNDECIDED else 0.0
-
-
 def _slow(motion: Coexisting) -> str:
     """Return the words on how long and hard initial conditions may hit before they settle, if that is notable."""
     long = motion.transient_impacts > FIRST
@@ -355,8 +347,9 @@ def advice_lines(verdict: Verdict) -> Iterator[str]:
         return
     if verdict.worst is None and verdict.kind == "budget":
         yield "none, as the motion from rest was not followed to its end"
-    elif verdict.worst is None and (undecided := _undecided(verdict)):
-        yield f"none: no impacts from rest, but {100.0 * undecided:.3g} % of the initial conditions are undecided"
+    elif verdict.worst is None and verdict.undecided:
+        share = f"{100.0 * verdict.undecided:.3g} %"
+        yield f"none: no impacts from rest, but {share} of the initial conditions are undecided"
     elif verdict.worst is None:
         yield f"no impacts from rest or from any of {SPREAD} spread initial conditions"
     elif not verdict.boundaries:
