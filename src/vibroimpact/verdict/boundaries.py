@@ -22,9 +22,10 @@ from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release
 from vibroimpact.status import Status
 from vibroimpact.verdict.branches import MOST, Branch, Branches
 from vibroimpact.verdict.carried import SECTIONS, UNSURE, Track, carry
-from vibroimpact.verdict.edges import Edge, Onset, Side
+from vibroimpact.verdict.edges import Edge, Side
 from vibroimpact.verdict.onsets import from_rest, from_some
 from vibroimpact.verdict.present import CROWDED, Coexisting, Present, Range, measure
+from vibroimpact.verdict.searches import Search, together
 
 GOLDEN, GOLDEN_SHARE = 60, 0.5 * (math.sqrt(5.0) - 1.0)  # steps of a golden section, to 3e-13 of its beginning
 SCANNED = 60  # values along a path at which a condition is evaluated
@@ -69,21 +70,23 @@ def _with_onsets(present: Present, found: Sequence[Side], runner: Runner, alread
         return list(found)  # rounding decides how long impacts last, at the present value and all around
     if present.oscillator.damping == 0.0:
         return list(found)  # passing impacts have no end
-    driven = [i for i, side in enumerate(found) if side.has_room and side.range.at(side.end).amplitude > 0.0]
-    sides = [found[i] for i in driven]  # without a force no impacts last
-    at_present = [side.onset(side.range.value) for side in sides]
+    return together([_others(present, side, already) for side in found], runner)
+
+
+def _others(present: Present, side: Side, already: bool) -> Search[Side]:
+    """Return a boundary of a motion without impacts with the onsets of others, which need a force to last."""
+    if not side.has_room or side.range.at(side.end).amplitude == 0.0:
+        return side
+    at_present = side.onset(side.range.value)
     if present.measured.motion_class == MotionClass.STUCK_FOREVER:  # at rest at the stop is where it is
-        rest = [side.onset(side.value, start=side.start) if math.isfinite(side.value) else None for side in sides]
-        passing: Sequence[Onset | None] = rest
+        rest = side.onset(side.value, start=side.start) if math.isfinite(side.value) else None
+        passing = rest
     else:
-        rest = from_rest(sides, runner)
+        rest = yield from from_rest(side)
         strikes = present.measured.status != Status.NO_IMPACT
-        passing = at_present if strikes else from_rest(sides, runner, lasting=False)
-    some: Sequence[Onset | None] = at_present if already else from_some(sides, rest, runner)
-    whole = list(found)
-    for i, *others in zip(driven, passing, rest, some, strict=True):
-        whole[i] = replace(found[i], onsets=tuple(others))
-    return whole
+        passing = at_present if strikes else (yield from from_rest(side, lasting=False))
+    some = at_present if already else (yield from from_some(side, rest))
+    return replace(side, onsets=(passing, rest, some))
 
 
 def _with_beyond(found: Sequence[Side], group: tuple[str, int, int], runner: Runner) -> tuple[Edge, ...]:
@@ -237,8 +240,8 @@ def _bisected(present: Present, sides: Sequence[Side], runner: Runner) -> list[S
         Track(side.range, side.range.value, side.end, lambda motion: motion.group == group, present.start, CROWDED)
         for side in sides
     ]
-    carry(tracks, runner)
-    return [_ended(side, track) for side, track in zip(sides, tracks, strict=True)]
+    ended = together([carry(track) for track in tracks], runner)
+    return [_ended(side, track) for side, track in zip(sides, ended, strict=True)]
 
 
 def _ended(side: Side, track: Track) -> Side:

@@ -20,7 +20,8 @@ from vibroimpact.orbits.equations import impact_1_orbits
 from vibroimpact.status import Status
 from vibroimpact.verdict.carried import BRIEF, LONG, NARROW, SECTIONS, STATES, UNSURE, Track, carry
 from vibroimpact.verdict.edges import NOISE, Onset, Side
-from vibroimpact.verdict.present import CROWDED, PLACES, measure
+from vibroimpact.verdict.present import CROWDED, PLACES
+from vibroimpact.verdict.searches import Request, Search, followed, measured
 
 SPREAD = 32  # initial conditions at a value, besides the orbits of one impact
 ORBITS = 4  # periods of these, at most
@@ -52,74 +53,55 @@ def surely_hits(motion: Measured) -> bool:
     return hits(motion) and motion.motion_class not in UNSURE
 
 
-def from_rest(sides: Sequence[Side], runner: Runner, lasting: bool = True) -> list[Onset | None]:
+def from_rest(side: Side, lasting: bool = True) -> Search[Onset | None]:
     """Return from where on a start from rest settles to impacts; where the motion itself ends, at the latest.
 
     Without `lasting`: from where on it strikes the stop, if only in passing.
     """
-
-    def first(some: Sequence[Side], paths: Sequence[Sequence[float]]) -> list[tuple[int, Start | None] | None]:
-        return _first(some, paths, lambda model: cells_of([model]), runner, lasting)
-
-    paths = [_path(side) for side in sides]
-    found = first(sides, paths)
-    begin = {i: one for i, one in enumerate(found) if one is not None}
-    steps = {i: ([sides[i].range.value, *paths[i]][at], paths[i][at]) for i, (at, _) in begin.items()}
-    starts = {i: start for i, (_, start) in begin.items()}
+    path = _path(side)
+    found = yield from _first(side, path, _at_rest, lasting)
+    if found is None or found[0] == len(path) - 1:
+        return side.onset(side.value, start=side.start) if math.isfinite(side.value) else None
+    place, start = found
+    before, after = [side.range.value, *path][place : place + 2]
     for _ in range(ROUNDS if lasting else PASSING):
-        cuts = {i: sides[i].range.cut(*step, SECTIONS) for i, step in steps.items()}
-        inner = first([sides[i] for i in cuts], [values[1:-1] for values in cuts.values()])
-        for (i, values), one in zip(cuts.items(), inner, strict=True):
-            at = len(values) - 1 if one is None else one[0] + 1
-            steps[i] = values[at - 1], values[at]
-            starts[i] = one[1] if one else starts[i]
-    onsets: list[Onset | None] = []
-    for i, (side, path) in enumerate(zip(sides, paths, strict=True)):
-        if i not in begin or begin[i][0] == len(path) - 1:
-            onsets.append(side.onset(side.value, start=side.start) if math.isfinite(side.value) else None)
-            continue
-        (before, after), spacing = steps[i], _widest(side, path[: begin[i][0] + 1])
-        onsets.append(side.onset(0.5 * (before + after), 0.5 * abs(after - before), spacing, starts[i]))
-    return onsets
+        cuts = side.range.cut(before, after, SECTIONS)
+        inner = yield from _first(side, cuts[1:-1], _at_rest, lasting)
+        at, start = (len(cuts) - 2, start) if inner is None else inner
+        before, after = cuts[at : at + 2]
+    return side.onset(0.5 * (before + after), 0.5 * abs(after - before), _widest(side, path[: place + 1]), start)
 
 
-def from_some(sides: Sequence[Side], rest: Sequence[Onset | None], runner: Runner) -> list[Onset | None]:
-    """Return from where on some initial condition settles to impacts; where one at rest does, at the latest."""
-    paths = []
-    for side, at_rest in zip(sides, rest, strict=True):
-        most = abs(side.range.change(at_rest.value)) if at_rest else math.inf
-        paths.append([value for value in _path(side) if abs(side.range.change(value)) < most])
-    found = _first(sides, paths, _spread, runner)
-    tracks = [
-        _track_back(side, None if first is None else (path[first[0]], first[1]), at_rest)
-        for side, path, first, at_rest in zip(sides, paths, found, rest, strict=True)
-    ]
-    carry([track for track in tracks if track], runner)
-    onsets: list[Onset | None] = []
-    for side, path, first, at_rest, track in zip(sides, paths, found, rest, tracks, strict=True):
-        spacing = _widest(side, path[: first[0] + 1] if first else path)
-        onsets.append(at_rest if track is None else _carried_back(side, at_rest, track, spacing))
-    return onsets
+def from_some(side: Side, at_rest: Onset | None) -> Search[Onset | None]:
+    """Return from where on some initial condition settles to impacts; where one at rest does, at the latest.
 
-
-def _track_back(side: Side, first: tuple[float, Start | None] | None, at_rest: Onset | None) -> Track | None:
-    """Return the way towards the present value of an attractor that hits: the first one found, or that from rest."""
-    if first is None and at_rest is not None and abs(at_rest.change) > NOISE:
+    The first attractor that hits, or else that from rest, is carried towards the present value.
+    """
+    most = abs(side.range.change(at_rest.value)) if at_rest else math.inf
+    path = [value for value in _path(side) if abs(side.range.change(value)) < most]
+    found = yield from _first(side, path, _spread)
+    if found is not None:
+        origin, start = path[found[0]], found[1]
+    elif at_rest is None or abs(at_rest.change) <= NOISE:
+        return at_rest
+    else:
         exact = at_rest.half_width == 0.0
         origin = side.beyond_at() if exact else at_rest.value + side.direction * at_rest.half_width
-        first = None if math.isnan(origin) else (origin, at_rest.start)
-    return first and Track(side.range, first[0], side.range.value, surely_hits, first[1], lasts=True)
-
-
-def _carried_back(side: Side, rest: Onset | None, track: Track, spacing: float) -> Onset:
-    """Return the end of an attractor that hits, carried towards the present value."""
+        start = at_rest.start
+    if math.isnan(origin):
+        return at_rest
+    track = yield from carry(Track(side.range, origin, side.range.value, surely_hits, start, lasts=True))
     if track.place >= 1.0:
         return side.onset(side.range.value, start=track.start)
     outside = track.outside if track.ends else track.inside
     value, half = 0.5 * (track.inside + outside), 0.5 * abs(outside - track.inside)
-    if rest is not None and abs(value - rest.value) <= 2.0 * (half + rest.half_width):
-        return rest
-    return side.onset(value, half, spacing, track.start)
+    if at_rest is not None and abs(value - at_rest.value) <= 2.0 * (half + at_rest.half_width):
+        return at_rest
+    return side.onset(value, half, _widest(side, path[: found[0] + 1] if found else path), track.start)
+
+
+def _at_rest(model: Model) -> Cells:
+    return cells_of([model])
 
 
 def _spread(model: Model) -> Cells:
@@ -134,52 +116,45 @@ Begin = Callable[[Model], Cells]
 
 
 def _first(
-    sides: Sequence[Side], paths: Sequence[Sequence[float]], begin: Begin, runner: Runner, lasting: bool = True
-) -> list[tuple[int, Start | None] | None]:
-    """Return for each path the first value at which a motion hits, and a state of one that lasts; None without one."""
-    found: list[tuple[int, Start | None] | None] = [None] * len(paths)
-    looked = [0] * len(paths)
-    while left := [i for i, path in enumerate(paths) if found[i] is None and looked[i] < len(path)]:
-        places = [(i, j) for i in left for j in range(looked[i], min(looked[i] + BATCH, len(paths[i])))]
-        cells = [begin(sides[i].range.changed(paths[i][j])) for i, j in places]
-        waiting: dict[int, list[tuple[int, Cells]]] = {i: [] for i in left}
-        for (i, j), cell, hit in zip(places, cells, _hitting(cells, runner, lasting), strict=True):
-            looked[i] = j + 1
-            if hit.any():
-                waiting[i].append((j, cell[np.flatnonzero(hit)[:TRIED]]))
-        while tried := [(i, j, cell) for i, hits in waiting.items() if not found[i] for j, cell in hits[:TOGETHER]]:
-            parts = [cell for _, _, cell in tried]
-            ends = _lasting(parts, runner) if lasting else [(True, None)] * len(parts)
-            for (i, j, _), (hits_on, start) in zip(tried, ends, strict=True):
-                found[i] = found[i] or ((j, start) if hits_on else None)
-            waiting = {i: hits[TOGETHER:] for i, hits in waiting.items()}
-    return found
+    side: Side, path: Sequence[float], begin: Begin, lasting: bool = True
+) -> Search[tuple[int, Start | None] | None]:
+    """Return the first place on a path at which a motion hits, and a state of one that lasts; None without one."""
+    for first in range(0, len(path), BATCH):
+        parts = [begin(side.range.changed(value)) for value in path[first : first + BATCH]]
+        hit = yield Request(_hitting, Cells.join(parts), lasting)
+        of_parts = np.split(np.array(hit), np.cumsum([len(part) for part in parts])[:-1])
+        hitting = [
+            (first + j, part[np.flatnonzero(hits)[:TRIED]])
+            for j, (part, hits) in enumerate(zip(parts, of_parts, strict=True))
+            if hits.any()
+        ]
+        for at in range(0, len(hitting), TOGETHER):
+            tried = hitting[at : at + TOGETHER]
+            ends = (yield from _lasting([part for _, part in tried])) if lasting else [(True, None)] * len(tried)
+            for (place, _), (hits_on, start) in zip(tried, ends, strict=True):
+                if hits_on:
+                    return place, start
+    return None
 
 
-def _hitting(parts: Sequence[Cells], runner: Runner, lasting: bool) -> list[np.ndarray]:
-    """Return which of the cells of each part fill a brief window with impacts, or hit at all."""
-    cells = Cells.join(parts)
+def _hitting(runner: Runner, cells: Cells, lasting: bool) -> list[bool]:
+    """Return which cells fill a brief window with impacts, or hit at all."""
     runner.measured += len(cells)
     hit = np.zeros(len(cells), bool)
-    wanted = Measurement(BRIEF, runner.tolerances)
-    for which, outcome in runner.sweep(cells, wanted):
+    for which, outcome in runner.sweep(cells, Measurement(BRIEF, runner.tolerances)):
         hit[which] = outcome["status"] != Status.NO_IMPACT
         hit[which] &= (outcome["status"] <= Status.SHORT_WINDOW) | (not lasting)
-    return np.split(hit, np.cumsum([len(part) for part in parts])[:-1])
+    return hit.tolist()
 
 
-def _lasting(parts: Sequence[Cells], runner: Runner) -> list[tuple[bool, Start | None]]:
+def _lasting(parts: Sequence[Cells]) -> Search[list[tuple[bool, Start | None]]]:
     """Return whether one of the cells of each part keeps hitting, and where it is much later.
 
     Chaos counts if it lasts from `STATES` of its states: else it is a transient.
     """
-    motions = iter(measure(runner, Cells.join(parts), LONG))
+    motions = iter((yield measured(Cells.join(parts), LONG)))
     hitting = [[(at, motion) for at in range(len(part)) if hits(motion := next(motions))] for part in parts]
-    first = [
-        (part[np.array([of_part[0][0]])], of_part[0][1])
-        for part, of_part in zip(parts, hitting, strict=True)
-        if of_part
-    ]
+    first = [(part[np.array([some[0][0]])], some[0][1]) for part, some in zip(parts, hitting, strict=True) if some]
     if not first:
         return [(False, None)] * len(parts)
     cells = Cells.join([cell for cell, _ in first])
@@ -188,16 +163,16 @@ def _lasting(parts: Sequence[Cells], runner: Runner) -> list[tuple[bool, Start |
     if irregular.any():
         wild = [cells[np.flatnonzero(irregular)]]
         for _ in range(STATES):
-            wild.append(_onward(wild[-1], runner))
-        ends = [hits(motion) for motion in measure(runner, Cells.join(wild[1:]), LONG)]
+            wild.append(_onward(wild[-1], (yield followed(wild[-1], ONWARD // STATES))))
+        ends = [hits(motion) for motion in (yield measured(Cells.join(wild[1:]), LONG))]
         lasts[irregular] = np.reshape(ends, (STATES, -1)).all(axis=0)
-    states = iter(zip(lasts.tolist(), runner.follow(cells, ONWARD), strict=True))
-    return [next(states) if of_part else (False, None) for of_part in hitting]
+    states = iter(zip(lasts.tolist(), (yield followed(cells, ONWARD)), strict=True))
+    return [next(states) if some else (False, None) for some in hitting]
 
 
-def _onward(cells: Cells, runner: Runner) -> Cells:
-    """Return the states of motions some impacts later."""
-    states = zip(runner.follow(cells, ONWARD // STATES), cells, strict=True)
-    rows = [state or Start(cell["clearance"], cell["velocity"], cell["phase"]) for state, cell in states]
+def _onward(cells: Cells, states: Sequence[Start | None]) -> Cells:
+    """Return the cells from the states that their motions have reached, if these could be followed."""
+    pairs = zip(states, cells, strict=True)
+    rows = [state or Start(cell["clearance"], cell["velocity"], cell["phase"]) for state, cell in pairs]
     clearance, velocity, phase = np.array(rows).T
     return cells.replace(clearance=clearance, velocity=velocity, periods=0.0, phase=phase)
