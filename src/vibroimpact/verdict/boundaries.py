@@ -44,8 +44,8 @@ def nearest_boundaries(
 ) -> tuple[Edge, ...]:
     """Return the nearest boundary of a motion down and up each parameter; `done` is called for each, False stops.
 
-    Where motions that hit coexist with one that does not, some initial conditions settle to impacts here already. Of a
-    motion whose whole state is more than an impact only bifurcations are sought, and not what lies beyond.
+    Where motions that hit coexist with one that does not, some initial conditions settle to impacts at the present
+    value already. Where the state is more than an impact, only bifurcations are sought, and not what lies beyond.
     """
     solved: list[Side | None] = []
     branches = Branches() if branches is None else branches
@@ -54,11 +54,12 @@ def nearest_boundaries(
         if not done():
             return ()
     sides = [Side(each, direction) for each in ranges for direction in (-1, 1)]
+    if not present.oscillator.forgets:  # no motion can be carried along by its impacts
+        found = (exact or replace(side, reached=math.nan) for side, exact in zip(sides, solved, strict=True))
+        return tuple(side.edge() for side in found)
     unsolved = [side for side, exact in zip(sides, solved, strict=True) if exact is None]
     bisected = iter(_bisected(present, unsolved, runner))
     whole = [exact or next(bisected) for exact in solved]
-    if not present.oscillator.forgets:
-        return tuple(side.edge() for side in whole)
     if present.measured.motion_class in (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER):
         whole = _with_onsets(present, whole, runner, any(motion.max_velocity > 0.0 for motion in coexisting))
     return _with_beyond(whole, present.measured.group, runner)
@@ -112,13 +113,8 @@ def _exact(present: Present, side: Side, branches: Branches) -> Side | None:
     """Return the boundary, or `none` up to the end of the range; None where no equation gives it."""
     if side.range.only_scales or not side.has_room:
         return side
-    osc, kind = present.oscillator, present.measured.motion_class
-    if osc.forgets and kind == MotionClass.NO_IMPACT and osc.damping > 0.0 and osc.gap > osc.steady_amplitude:
-        return _closed_form(side, "first_contact", lambda o: o.gap - o.steady_amplitude)
-    if osc.forgets and kind == MotionClass.STUCK_FOREVER and osc.stiffness * osc.gap <= -osc.amplitude:
-        return _closed_form(side, "lift_off", lambda o: -o.stiffness * o.gap - o.amplitude)
     if present.orbit is None:
-        return None
+        return _of_quiet_motion(present, side) if present.oscillator.forgets else None
     if present.orbit.sticks:
         return _end_of_sticking(present, side)
     try:
@@ -176,6 +172,16 @@ def _end_of_sticking(present: Present, side: Side) -> Side:
     return replace(change, value=0.5 * (inside + outside), half_width=0.5 * abs(outside - inside))
 
 
+def _of_quiet_motion(present: Present, side: Side) -> Side | None:
+    """Return where one mass that does not hit first touches the stop or is lifted off it; None for other motions."""
+    osc, kind = present.oscillator, present.measured.motion_class
+    if kind == MotionClass.NO_IMPACT and osc.damping > 0.0 and osc.gap > osc.steady_amplitude:
+        return _closed_form(side, "first_contact", lambda o: o.gap - o.steady_amplitude)
+    if kind == MotionClass.STUCK_FOREVER and osc.stiffness * osc.gap <= -osc.amplitude:
+        return _closed_form(side, "lift_off", lambda o: -o.stiffness * o.gap - o.amplitude)
+    return None
+
+
 def _closed_form(side: Side, kind: str, margin: Callable[[Any], float]) -> Side:
     """Return the first value outwards at which a margin becomes negative, if there is one.
 
@@ -230,10 +236,9 @@ def _first_negative(margin: Callable[[float], float], values: Sequence[float]) -
 def _bisected(present: Present, sides: Sequence[Side], runner: Runner) -> list[Side]:
     """Return, for each parameter and direction, where the motion that is followed first changes its class.
 
-    What an undecided motion ends as is not known, and so not where it ends. A motion can only be carried along by its
-    impacts if these are its whole state.
+    What an undecided motion ends as is not known, and so not where it ends.
     """
-    if present.measured.motion_class in UNSURE or not present.oscillator.forgets:
+    if present.measured.motion_class in UNSURE:
         return [replace(side, reached=math.nan) for side in sides]
     group = present.measured.group
     tracks = [
