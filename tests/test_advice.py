@@ -19,7 +19,8 @@ from vibroimpact.motion import motion_name, refined
 from vibroimpact.oscillator import PARAMETERS
 from vibroimpact.verdict import Verdict, describe
 from vibroimpact.verdict.advice import advise
-from vibroimpact.verdict.present import coexisting_motions, present_motion, range_of
+from vibroimpact.verdict.present import coexisting_motions, present_motion
+from vibroimpact.verdict.ranges import range_of
 
 DESIGNS, PARTS = 200 if "FUZZ" in os.environ else 72, 8  # `make fuzz` asks for more
 SAMPLE = ImpactWindow(2000, 2000)

@@ -13,7 +13,8 @@ from vibroimpact.backends.systems import layout_for
 from vibroimpact.coexistence.measuring import Runner, spread_cells
 from vibroimpact.scales import scale_of
 from vibroimpact.verdict.boundaries import nearest_boundaries
-from vibroimpact.verdict.present import present_motion, range_of
+from vibroimpact.verdict.present import present_motion
+from vibroimpact.verdict.ranges import range_of
 
 OMEGA = np.linspace(0.1, 5.0, 15)
 MASS = np.linspace(0.2, 4.0, 5)

@@ -23,7 +23,7 @@ from vibroimpact.verdict import compare, describe
 from vibroimpact.verdict.advice import Advice
 from vibroimpact.verdict.changes import advice_words, edge_words
 from vibroimpact.verdict.edges import Edge
-from vibroimpact.verdict.present import range_of
+from vibroimpact.verdict.ranges import range_of
 
 matplotlib.use("agg")
 END_OF_STICKING = 0.34718041326569626  # of the default oscillator, rad/s

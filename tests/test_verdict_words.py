@@ -16,7 +16,8 @@ from vibroimpact.verdict import describe
 from vibroimpact.verdict.advice import advise
 from vibroimpact.verdict.boundaries import _end_of_sticking
 from vibroimpact.verdict.edges import Side
-from vibroimpact.verdict.present import coexisting_motions, present_motion, range_of
+from vibroimpact.verdict.present import coexisting_motions, present_motion
+from vibroimpact.verdict.ranges import range_of
 
 # The mass rests at the stop again and again, and rounding decides when that ends; it does after some 1e4 impacts.
 RESTLESS = vi.ImpactOscillator(damping=0.2015, omega=2.4248, restitution=0.9009, gap=0.2097)

@@ -22,7 +22,8 @@ from vibroimpact.coexistence.measuring import Measured, Runner, carried, orbit_c
 from vibroimpact.motion import MotionClass
 from vibroimpact.verdict.branches import Branches, present_orbits
 from vibroimpact.verdict.lines import ANY, ENDS, TRIED, Line, Search, rounded
-from vibroimpact.verdict.present import EQUAL, PLACES, Coexisting, Present, Range, measure
+from vibroimpact.verdict.present import EQUAL, Coexisting, Present, measure
+from vibroimpact.verdict.ranges import PLACES, Range
 
 FINER, HALVINGS = 2, 6  # times that steps near the present value are halved; of the step in which the benefit begins
 NEARER = PLACES // 3  # of these are looked at first

@@ -24,7 +24,8 @@ from vibroimpact.verdict.branches import MOST, Branch, Branches
 from vibroimpact.verdict.carried import SECTIONS, UNSURE, Track, carry
 from vibroimpact.verdict.edges import Edge, Side
 from vibroimpact.verdict.onsets import from_rest, from_some
-from vibroimpact.verdict.present import CROWDED, Coexisting, Present, Range, measure
+from vibroimpact.verdict.present import Coexisting, Present, measure
+from vibroimpact.verdict.ranges import CROWDED, Range
 from vibroimpact.verdict.searches import Search, together
 
 GOLDEN, GOLDEN_SHARE = 60, 0.5 * (math.sqrt(5.0) - 1.0)  # steps of a golden section, to 3e-13 of its beginning

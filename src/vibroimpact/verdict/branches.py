@@ -20,7 +20,8 @@ from vibroimpact.continuation.following import Way
 from vibroimpact.continuation.system import system_of
 from vibroimpact.orbits.orbit import Impacts
 from vibroimpact.orbits.systems import ended
-from vibroimpact.verdict.present import LONGEST, Coexisting, Present, Range, stable_cycle
+from vibroimpact.verdict.present import LONGEST, Coexisting, Present, stable_cycle
+from vibroimpact.verdict.ranges import Range
 
 STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch of one mass near a bifurcation
 STRIDE = 0.08  # elsewhere

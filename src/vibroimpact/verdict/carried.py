@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence.measuring import Measured, Start, cells_of
 from vibroimpact.motion import MotionClass
-from vibroimpact.verdict.present import PLACES, Range
+from vibroimpact.verdict.ranges import PLACES, Range
 from vibroimpact.verdict.searches import Search, followed, measured
 
 HALVINGS = 12  # of the step in which the motion changes

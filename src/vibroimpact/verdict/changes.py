@@ -11,7 +11,7 @@ from vibroimpact.model import Model
 from vibroimpact.verdict.advice import Advice
 from vibroimpact.verdict.carried import LONG
 from vibroimpact.verdict.edges import ONSETS, Edge, Onset
-from vibroimpact.verdict.present import PLACES, percent, range_of
+from vibroimpact.verdict.ranges import PLACES, percent, range_of
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.describe import Verdict

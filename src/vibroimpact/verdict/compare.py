@@ -28,7 +28,7 @@ from vibroimpact.status import Status
 from vibroimpact.verdict.changes import advice_words, onset_words
 from vibroimpact.verdict.describe import Verdict, describe
 from vibroimpact.verdict.edges import BOUNDARIES, ONSETS, Edge
-from vibroimpact.verdict.present import percent, range_of
+from vibroimpact.verdict.ranges import percent, range_of
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -17,18 +17,8 @@ from vibroimpact.verdict.advice import Advice, advise
 from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.edges import Edge
-from vibroimpact.verdict.present import (
-    EQUAL,
-    Coexisting,
-    Present,
-    Range,
-    check_parameters,
-    check_within,
-    coexisting_motions,
-    dearest,
-    present_motion,
-    range_of,
-)
+from vibroimpact.verdict.present import EQUAL, Coexisting, Present, coexisting_motions, dearest, present_motion
+from vibroimpact.verdict.ranges import Range, check_parameters, check_within, range_of
 from vibroimpact.verdict.text import lines
 
 BESIDE = 3  # parts of the work besides one per parameter

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from vibroimpact.coexistence.measuring import Start
-from vibroimpact.verdict.present import Range
+from vibroimpact.verdict.ranges import Range
 
 NOISE = 1e-12  # of a change: what is smaller is rounding
 BOUNDARIES = {  # in words

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from vibroimpact.verdict.present import Range
+from vibroimpact.verdict.ranges import Range
 
 TRIED = 6  # values beyond the first good one at which advice is tested
 ANY, ENDS = ("softer", "no_chaos", "no_impact"), ("no_impact",)  # benefits that are looked for

@@ -20,7 +20,7 @@ from vibroimpact.orbits.equations import impact_1_orbits
 from vibroimpact.status import Status
 from vibroimpact.verdict.carried import BRIEF, LONG, NARROW, SECTIONS, STATES, UNSURE, Track, carry
 from vibroimpact.verdict.edges import NOISE, Onset, Side
-from vibroimpact.verdict.present import CROWDED, PLACES
+from vibroimpact.verdict.ranges import CROWDED, PLACES
 from vibroimpact.verdict.searches import Request, Search, followed, measured
 
 SPREAD = 32  # initial conditions at a value, besides the orbits of one impact

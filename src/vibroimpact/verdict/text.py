@@ -21,7 +21,8 @@ from vibroimpact.motion import MotionClass, listed
 from vibroimpact.parameters import counted
 from vibroimpact.verdict.advice import INSTANTS
 from vibroimpact.verdict.changes import advice_words, boundary_lines, number, parameters_line, speed
-from vibroimpact.verdict.present import EQUAL, Coexisting, dearest, percent
+from vibroimpact.verdict.present import EQUAL, Coexisting, dearest
+from vibroimpact.verdict.ranges import percent
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.describe import Verdict
