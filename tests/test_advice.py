@@ -12,9 +12,8 @@ from systems import on_springs
 from test_system_basins import two_masses
 from vibroimpact import models
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow
-from vibroimpact.cells import cells_at
 from vibroimpact.coexistence.attractor import distinct_names
-from vibroimpact.coexistence.measuring import Runner, copies
+from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.motion import motion_name, refined
 from vibroimpact.oscillator import PARAMETERS
 from vibroimpact.verdict import Verdict, describe
@@ -57,9 +56,7 @@ def hits(runner, cells):
 
 def impacts(osc, rng, number=256):
     """Return random impacts of up to 4 V."""
-    if isinstance(osc, vi.ImpactSystem):
-        return copies(osc, number).struck(rng.integers(1 << 10, 1 << 20, number))
-    return cells_at(osc, np.zeros(number), 4.0 * osc.velocity_scale * rng.random(number), rng.random(number))
+    return osc.cells({}).copies(number).struck(rng.integers(1 << 10, 1 << 20, number))
 
 
 def switched(osc, changed, n_periods, runner):
@@ -67,14 +64,8 @@ def switched(osc, changed, n_periods, runner):
     often = math.ceil(128 / min(n_periods or 32, 32))
     window = StroboscopicWindow(3000, often * min(n_periods or 32, 32), 0.37 / often, often)
     (seen,) = runner.samples(osc.cells({}), window)
-    if isinstance(osc, vi.ImpactSystem):
-        return copies(changed, len(seen.look_phase)).carried(
-            seen.look_displacement, seen.look_velocity, seen.look_phase
-        )
-    y = np.minimum(seen.look_displacement, osc.gap)
-    clear = y < changed.gap
-    v = np.where(clear, seen.look_velocity, np.minimum(seen.look_velocity, 0.0))
-    return cells_at(changed, np.where(clear, changed.gap - y, 0.0), v, seen.look_phase)
+    there = changed.cells({}).copies(len(seen.look_phase))
+    return there.carried(seen.look_displacement, seen.look_velocity, seen.look_phase)
 
 
 def continued(orbit, advice):

@@ -298,7 +298,7 @@ PLANE = {"displacement_0": [0.0, 0.1], "velocity_1": [0.0, 0.1]}
         ({"displacement_0": [0.0, 0.1]}, "the axes must be two of displacement_0, .*, got `displacement_0`"),
         (PLANE | {"velocity_0": [0.0]}, "the axes must be two of .*, got `displacement_0`, `velocity_1`, `velocity_0`"),
         (PLANE | {"start": vi.State(0.1)}, "`start` must be a State of 2 coordinates, got State"),
-        (PLANE | {"stop": "left"}, r"`stop` goes with a system and the axes \(phase, velocity\)"),
+        (PLANE | {"stop": "left"}, r"`stop` goes with the axes \(phase, velocity\)"),
         ({"phase": [0.1, 0.2], "velocity": [1.0]}, "`stop` must name the stop that is struck: right, left"),
         ({"phase": [0.1], "velocity": [1.0], "stop": "up"}, "unknown `stop` 'up'|`stop` must be .* 'up'"),
         ({"phase": [0.1], "velocity": [-1.0], "stop": "left"}, "`velocity` must be .*>= 0, got -1"),
@@ -441,7 +441,7 @@ def test_a_mode_that_nothing_damps_has_no_attractor():
 
 
 def test_starts_of_another_size_are_refused():
-    with pytest.raises(ValueError, match="`start` must have 2 coordinates"):
+    with pytest.raises(ValueError, match="`starts` must have 2 coordinates"):
         attractors(THREE, [vi.State(0.1)])
     with pytest.raises(ValueError, match="lies beyond 'right'"):
         attractors(THREE, [vi.State([0.0, 9.0])])

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, Self, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Self, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,9 @@ class Cells:
     (2, [1.0, 2.0], [0.5, 0.5])
     """
 
+    # Beside n, p and means, what parts the cycles that cells lead to: the closest near-miss.
+    parting: ClassVar[tuple[str, ...]] = ("grazing_margin",)
+
     table: Floats
     columns: tuple[str, ...]
 
@@ -67,6 +70,11 @@ class Cells:
         """Return so many cells like the first one."""
         found: Self = self[np.zeros(number, np.int64)]  # type: ignore[assignment]
         return found
+
+    @property
+    def coordinates(self) -> int:
+        """How many coordinates each cell has."""
+        return 1
 
     @property
     def phases(self) -> Floats:
@@ -130,25 +138,28 @@ class Cells:
         turns = time * self["omega"] / (2.0 * np.pi)
         return self.striking(0, np.where(scale > 0.0, scale, 1.0) * velocity, turns)
 
-    def spread(self, number: int) -> Cells:
-        """Return so many cells of the first one's design, from impacts spread evenly over its impact surface.
-
-        Their phases are as `spread` has them: those of `struck`, which are made of times, may differ in the last bit.
-        """
-        cells, (phase, velocity) = self.copies(number), spread(np.arange(number))
-        scale = cells.velocity_scale
-        return cells.striking(0, np.where(scale > 0.0, scale, 1.0) * velocity, phase)
-
-    def carried(self, displacement: Floats, velocity: Floats, phases: Any) -> Cells:
-        """Return the cells from states, a row each, at phases; where a stop has moved past the mass, it is there."""
-        clearance = self["gap"] - displacement
-        reach = self.velocity_scale * np.sqrt(self["mass"] / self["stiffness"])  # f/k or |g|
-        free = np.where(clearance < -BEYOND * reach, np.minimum(velocity, 0.0), velocity)
-        return self.replace(**_start(np.maximum(clearance, 0.0), free, phases))
-
     def striking(self, stops: Any, velocities: Any, phases: Any) -> Cells:
         """Return the cells with the stop struck at velocities and phases; all `stops` are number 0."""
         return self.replace(**_start(0.0, velocities, phases))
+
+    def at(self, displacement: Any, velocity: Any, turns: Any) -> Cells:
+        """Return the cells from coordinates and velocities, a row each or one for all, at times in driving periods."""
+        y, speed = (np.reshape(part, -1) for part in (displacement, velocity))
+        return self.replace(**_start(self["gap"] - y, speed, np.asarray(turns, np.float64)))
+
+    def carried(self, displacement: Any, velocity: Any, phases: Any) -> Cells:
+        """Return the cells from states, a row each, at phases; beyond the stop, from rest at it or leaving it.
+
+        What is beyond it by rounding alone is at the stop.
+        """
+        y, speed = (np.reshape(part, -1) for part in (displacement, velocity))
+        reach = self.velocity_scale * np.sqrt(self["mass"] / self["stiffness"])  # f/k or |g|
+        passed = y - self["gap"] > BEYOND * reach
+        return self.at(np.minimum(y, self["gap"]), np.where(passed, np.minimum(speed, 0.0), speed), phases)
+
+    def beyond(self) -> Floats:
+        """Return the depth in m of each start beyond the stop, its only column; 0 before it."""
+        return np.maximum(-self["clearance"], 0.0)[:, None]
 
     def begun(self, start: State | None) -> Cells:
         """Return the cells from an initial condition; None leaves them as they are.

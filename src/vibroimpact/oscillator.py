@@ -12,7 +12,7 @@ from vibroimpact.model import State, check_model, check_names
 from vibroimpact.parameters import OF_ONE_MASS, Parameter, invalid
 
 if TYPE_CHECKING:
-    from vibroimpact.cells import Cells
+    from vibroimpact.cells import Cells, Floats
     from vibroimpact.modal import ModalForm
     from vibroimpact.stops import Stop
     from vibroimpact.system import ImpactSystem
@@ -149,6 +149,15 @@ class ImpactOscillator:
     def stops(self) -> tuple[Stop, ...]:
         """Its stop, as those of a system."""
         return self.system.stops
+
+    @property
+    def stop_names(self) -> tuple[str, ...]:
+        """The name of its stop."""
+        return self.system.stop_names
+
+    def initial(self, start: State | None = None, argument: str = "start") -> tuple[Floats, Floats, float]:
+        """Return displacement, velocity and time of an initial condition that is checked, as systems do."""
+        return self.system.initial(start, argument)
 
     def modal(self) -> ModalForm:
         """Return it in the coordinate of its mode, as systems are."""

@@ -16,7 +16,7 @@ from vibroimpact.cells import Floats
 from vibroimpact.matrices import ROUNDING, matrices, nearest, numbers
 from vibroimpact.modal import ModalForm, modal_form, velocity_scale
 from vibroimpact.model import State, check_names
-from vibroimpact.parameters import Parameter, invalid
+from vibroimpact.parameters import Parameter, counted, invalid
 from vibroimpact.stops import (
     USUAL,
     Force,
@@ -330,8 +330,8 @@ class ImpactSystem(ByValue):
         found: Floats = self._bounds(time) - self._directions @ np.asarray(displacement, np.float64)
         return found
 
-    def initial(self, start: State | None = None) -> tuple[Floats, Floats, float]:
-        """Return coordinates, velocities and time of an initial condition that is checked.
+    def initial(self, start: State | None = None, argument: str = "start") -> tuple[Floats, Floats, float]:
+        """Return coordinates, velocities and time of an initial condition that is checked, given as `argument`.
 
         None is at rest at time 0, at q = 0 or, where that is beyond a rigid stop, at the nearest q before all of those,
         in the norm sqrt(q . M q). A compliant stop may be pushed in.
@@ -349,10 +349,10 @@ class ImpactSystem(ByValue):
                 raise ValueError("the stops leave no room at time 0; give a start at another time")
             return q, np.zeros(n), 0.0
         if not isinstance(start, State):
-            raise invalid("start", start, "None or a State", "write State(displacement=[...], velocity=[...])")
+            raise invalid(argument, start, "None or a State", "write State(displacement=[...], velocity=[...])")
         q, speed = (np.array(part, np.float64, ndmin=1) for part in (start.displacement, start.velocity))
         if len(q) != n:
-            raise ValueError(f"`start` must have {n} coordinate{'s'[: n > 1]}, as the mass matrix has, got {len(q)}")
+            raise ValueError(f"`{argument}` must have {counted(n, 'coordinate')}, as the mass matrix has, got {len(q)}")
         beyond = -self.clearances(q, start.time)
         size = np.abs(self._directions) @ np.abs(q) + self._reach * (1.0 + abs(start.time) * self.omega)
         over = [
@@ -361,7 +361,8 @@ class ImpactSystem(ByValue):
             if rigid and depth > most
         ]
         if over:
-            raise ValueError(f"`start` lies beyond {' and '.join(over)} at time {start.time:g}; start before the stops")
+            where = " and ".join(over)
+            raise ValueError(f"`{argument}` lies beyond {where} at time {start.time:g}; start before the stops")
         return q, speed, start.time
 
     @cached_property

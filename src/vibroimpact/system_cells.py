@@ -59,6 +59,9 @@ class SystemCells(Cells):
     `cells[name]` is a column; of several numbers, such as ``cells.block("shapes")``, a block.
     """
 
+    # The first impact kept stands for the closest near-miss: on which stop (-1: not known), when and how hard.
+    parting = "first_stop", "first_phase", "first_velocity"
+
     shape: Shape
 
     @classmethod
@@ -163,6 +166,11 @@ class SystemCells(Cells):
         return SystemCells(self.table[part], self.columns, self.shape)
 
     @property
+    def coordinates(self) -> int:
+        """How many coordinates each cell has."""
+        return self.shape.modes
+
+    @property
     def phases(self) -> Floats:
         """The phases at which cells start, in [0, 1)."""
         return self.block("time")[:, 1]
@@ -204,10 +212,6 @@ class SystemCells(Cells):
             rate[:, felt] = self["scale"][:, None] * np.column_stack(others) / np.sqrt(lightness)
             cells = self._with({"rate": rate})
         return cells.striking(which, self["scale"] * velocity, phase)
-
-    def spread(self, number: int) -> SystemCells:
-        """Return so many cells of the first one's design, from impacts spread as `struck` spreads them."""
-        return self.copies(number).struck(np.arange(number))
 
     def striking(self, stops: Any, velocities: Any, phases: Any) -> SystemCells:
         """Return the cells with given stops struck at velocities and phases, their state changed as little as can be.
@@ -270,7 +274,7 @@ class SystemCells(Cells):
             )
         return begun
 
-    def at(self, displacement: Floats, velocity: Floats, turns: Any) -> SystemCells:
+    def at(self, displacement: Any, velocity: Any, turns: Any) -> SystemCells:
         """Return the cells from coordinates and velocities, a row each or one for all, at times in driving periods."""
         columns = (np.broadcast_to(part, (len(self), self.shape.modes)) for part in (displacement, velocity))
         eta, rate = (np.linalg.solve(self.shapes, column[..., None])[..., 0] for column in columns)
@@ -283,7 +287,7 @@ class SystemCells(Cells):
             table[:, self.places[name]] = values
         return SystemCells(table, self.columns, self.shape)
 
-    def carried(self, displacement: Floats, velocity: Floats, phases: Any) -> SystemCells:
+    def carried(self, displacement: Any, velocity: Any, phases: Any) -> SystemCells:
         """Return the cells from states, a row each, at phases; beyond rigid stops, from the nearest one before them.
 
         The distance is sqrt(q . M q); a cell whose stops leave no room at that phase stays at rest.

@@ -14,7 +14,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
-from vibroimpact.backends.cpu import outlast
+from vibroimpact.backends.scalar import outlast
 from vibroimpact.model import Model, State, check_model
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of

@@ -310,7 +310,7 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
     sample, of = f"{SPREAD} spread initial conditions", " of the initial conditions"
     undecided = verdict.undecided
     if named := not needs_no_names(design):
-        sample += f", impacts on {listed([str(stop.name) for stop in design.stops])}"
+        sample += f", impacts on {listed(list(design.stop_names))}"
     if len(motions) == 1 and not undecided:
         mixed = not design.forgets and not motions[0].repeats
         comma, but = "," * named, f", but all {motions[0].name} motions count as one" * mixed
