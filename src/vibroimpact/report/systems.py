@@ -1,4 +1,4 @@
-"""Motions of systems in words: what each stop sees, and whether the impacts repeat."""
+"""Motions of systems in words: what strikes each stop, and whether the impacts repeat."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def each_stop(dataset: xr.Dataset) -> Iterator[str]:
 
 
 def _contacts(impacts: xr.Dataset) -> Iterator[str]:
-    """Yield the largest force, the longest contact and the deepest of impacts on one stop, if it gives."""
+    """Yield the largest force, the longest contact and the deepest of impacts on one stop, if it is compliant."""
     most = {"peak_force": "force up to", "contact_time": "contacts of up to", "penetration": "pushed in by up to"}
     for name in (name for name in most if name in impacts and impacts[name].notnull().any()):
         yield f"{most[name]} {quantity(float(impacts[name].max()), impacts[name].attrs['units'], 4)}"

@@ -31,7 +31,7 @@ SOFTER = 0.8 * (1.0 + EQUAL)  # of the hardest hit: a clear benefit
 SCOUTS = 6  # spread initial conditions with which a value is found
 INSTANTS = 128  # of each present cycle at which the change is made
 SCAN, TEST = ImpactWindow(500, 1500), ImpactWindow(1000, 2000)
-FEW = 8  # one in so many initial conditions is asked first: these reject most of what is rejected
+FEW = 8  # one in so many initial conditions is tried first: these reject most of what is rejected
 
 
 @dataclass(frozen=True)
@@ -173,13 +173,13 @@ class Judge:
     def settled(self, varied: Range, value: float) -> list[Measured]:
         """Return the motions from all initial conditions, or from as few as show that there is no benefit."""
         motions: list[Measured] = []
-        begun: list[Cells] = []
+        tried: list[Cells] = []
         for cells in self._starts(varied, value):
-            begun.append(cells)
+            tried.append(cells)
             motions += measure(self.runner, cells, TEST)
             if not self.target.benefit(motions):
                 return motions
-        return self._watched(Cells.join(begun), motions)
+        return self._watched(Cells.join(tried), motions)
 
     def _watched(self, cells: Cells, motions: list[Measured]) -> list[Measured]:
         """Return motions, those that look chaotic as what they end in, if the hardest of them is a transient."""
@@ -233,10 +233,10 @@ def advise(
     _refine(good, judge)
     found = [_scaled(reached, each) for each in ranges if each.only_scales]
     for each in ranges:
-        mine = [search for search in good if search.range is each]
-        first = _smallest([search for search in mine if search.wanted == ANY], judge)
+        searches = [search for search in good if search.range is each]
+        first = _smallest([search for search in searches if search.wanted == ANY], judge)
         if first is not None and first.benefit != "no_impact":
-            found.append(_smallest([search for search in mine if search.wanted == ENDS], judge))
+            found.append(_smallest([search for search in searches if search.wanted == ENDS], judge))
         found.append(first)
     return tuple(sorted((advice for advice in found if advice is not None), key=lambda advice: abs(advice.change)))
 
@@ -274,9 +274,9 @@ def _enough(line: Line, lines: Sequence[Line]) -> bool:
 
 def _change_of(varied: Range, lines: Sequence[Line]) -> float:
     """Return the smallest change of a parameter to where benefits begin on one of its lines."""
-    mine = [line for line in lines if line.range is varied]
-    begun = [line.values[first] for line in mine if (first := line.begin(ANY)) is not None]
-    return min((abs(varied.change(value)) for value in begun), default=math.inf)
+    both = [line for line in lines if line.range is varied]
+    first_values = [line.values[first] for line in both if (first := line.begin(ANY)) is not None]
+    return min((abs(varied.change(value)) for value in first_values), default=math.inf)
 
 
 def _refine(searches: Sequence[Search], judge: Judge) -> None:

@@ -85,8 +85,8 @@ class Branch:
 
     def _passes(self, value: float) -> bool:
         """Whether the branch has passed a value, or comes back past its beginning."""
-        begun, points = self.varied.value, self.way.points if self.way else []
-        ways = [(_value(point) - begun) / (value - begun) for point in points]
+        present, points = self.varied.value, self.way.points if self.way else []
+        ways = [(_value(point) - present) / (value - present) for point in points]
         return bool(ways) and (max(ways) >= 1.0 or min(ways) < -WHOLE)
 
     def _crossing(self, a: Any, b: Any, value: float) -> Any:

@@ -49,8 +49,8 @@ def _about(verdict: Verdict) -> Iterator[str]:
             yield f"here already {share} of the initial conditions settle to impacts"
         else:
             yield (
-                f"up to there, at {PLACES} values per side, neither a start from rest nor the other ones tried go on "
-                f"hitting for {LONG.transient + LONG.keep} impacts: windows between these values may lie nearer"
+                f"up to there, at {PLACES} values per side, neither rest nor the other initial conditions tried lead "
+                f"to {LONG.transient + LONG.keep} impacts: windows between these values may lie nearer"
             )
     elif any(edge.found for edge in edges) and verdict.oscillator.forgets:
         yield "these hold for the motion from rest, carried along in small steps"
@@ -69,7 +69,7 @@ def edge_words(model: Model, edge: Edge) -> str:
     """Return a boundary in words, such as 'up 3.1 % to 2.693 rad/s (period doubling; period-2 impact-2 at 2.695)'.
 
     For a motion without impacts others come first, where they differ: from where on some initial condition settles to
-    impacts, and a start from rest strikes the stop or settles to impacts.
+    impacts, and the motion from rest strikes the stop or settles to impacts.
     """
     way = "down" if edge.direction < 0 else "up"
     then = _seen_beyond(model, edge) if edge.beyond and edge.kind != "change" else ""

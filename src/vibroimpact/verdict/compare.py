@@ -131,7 +131,7 @@ def _worst_variables(verdicts: tuple[Verdict, Verdict]) -> dict[str, xr.Variable
     hit, speeds = "hardest hit from any initial condition", [_hardest(verdict) for verdict in verdicts]
     names = [(verdict.harder or verdict.motion).name for verdict in verdicts]
     shares = [verdict.harder.share if verdict.harder else math.nan for verdict in verdicts]
-    share = "share of the initial conditions that lead to it; none where a start from rest does"
+    share = "share of the initial conditions that lead to it; none where rest does"
     return {
         "worst_velocity": plain_variable("design", speeds, {"long_name": hit, "units": "m/s"}),
         "worst_motion": plain_variable("design", _texts(names), {"long_name": f"motion with the {hit}"}),
@@ -256,11 +256,11 @@ def compare(
     with reporter(progress, "parts") as report:
         for before, osc in enumerate((a, b)):
 
-            def tell(done: int, total: int, _: Any, before: int = before) -> Any:
+            def tally(done: int, total: int, _: Any, before: int = before) -> Any:
                 return report(before * total + done, 2 * total, None)
 
             verdicts.append(
-                describe(osc, parameters=varied, within=within, tolerances=tolerances, workers=workers, progress=tell)
+                describe(osc, parameters=varied, within=within, tolerances=tolerances, workers=workers, progress=tally)
             )
     return Comparison((first, second), (verdicts[0], verdicts[1]))
 

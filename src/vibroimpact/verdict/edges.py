@@ -77,7 +77,7 @@ class Edge:
         From the present value to there, signed, relative to the present value, or to `of`.
     of : str
         What the change is relative to, where that is not the present value: "f/k" for a gap smaller than that, "the
-        static deflection" of a system for one that is 0, "critical damping"; of a family's parameter at 0 a number.
+        static deflection" for a system's gap of 0, "critical damping"; for a family's parameter at 0 a number.
     half_width : float
         0 where `value` solves the boundary's own equation (to some 1e-11); else it lies within this of `value`.
     beyond : str
@@ -90,9 +90,9 @@ class Edge:
         The widest step between the values at which the motion was looked at, in the unit of `change`: narrower windows
         of another motion may have been passed over. 0 where the boundary's own equation was followed.
     strikes, from_rest, from_some : Onset or None
-        Of a motion without impacts, from where on a start from rest strikes the stop, if only in passing; from where on
-        it settles to impacts; and from where on some initial condition does. None where none was found, and for motions
-        that hit.
+        For a motion without impacts: from where on the motion from rest strikes the stop, if only in passing; from
+        where on it settles to impacts; and from where on some initial condition does. None where none was found, and
+        for motions that hit.
     """
 
     parameter: str

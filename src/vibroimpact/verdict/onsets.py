@@ -54,7 +54,7 @@ def surely_hits(motion: Measured) -> bool:
 
 
 def from_rest(side: Side, lasting: bool = True) -> Search[Onset | None]:
-    """Return from where on a start from rest settles to impacts; where the motion itself ends, at the latest.
+    """Return from where on rest leads to lasting impacts; where the motion itself ends, at the latest.
 
     Without `lasting`: from where on it strikes the stop, if only in passing.
     """

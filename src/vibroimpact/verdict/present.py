@@ -68,7 +68,7 @@ class Present:
 
 
 def present_motion(model: Model, runner: Runner) -> Present:
-    """Return the motion that a start from rest settles to.
+    """Return the motion that rest leads to.
 
     Where a rest at the stop may make the end of a motion an accident of rounding, moved releases decide it.
     """
@@ -158,7 +158,7 @@ class Coexisting:
     dissipation : float
         Energy lost at the stop per driving period, in J.
     from_rest : bool
-        Whether it is the motion that a start from rest settles to.
+        Whether it is the motion that rest leads to.
     n_periods : int
         Driving periods of its cycle, 0 where it has none.
     start : State
@@ -166,7 +166,7 @@ class Coexisting:
     transient_impacts, transient_velocity
         As of `Attractor`: how many impacts it may take until it is reached, and how hard they are.
     stop : str
-        Of a cycle of a system: the stop that its hardest hit strikes.
+        For cycles of systems: the stop that the hardest hit strikes.
     """
 
     name: str

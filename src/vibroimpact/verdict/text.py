@@ -1,7 +1,7 @@
 """A verdict in words, line by line.
 
-One mass in front of one stop needs no names: "the stop" is said of it, and what strikes it is told at once. Of several
-stops or coordinates each is named.
+One mass in front of one stop needs no names: it hits "the stop". Where there are several stops or coordinates, each
+stop is named.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ NEUTRAL = 1e-3  # per period: an exponent so small says nothing of whether pertu
 ADVICE = 3  # changes listed, at most
 LISTED = 4  # impacts of a cycle listed, at most
 SHOWN = 12  # coexisting motions listed, at most
-HARDER = 1.02  # times the hits of a motion: transients that hit so hard are told of
+HARDER = 1.02  # times the hits of a motion: transients that hit so hard are mentioned
 FIRST = PAPER.transient + PAPER.keep  # impacts that a map computes of a motion
 _TIED = "\u00a0"
 
