@@ -13,7 +13,8 @@ from vibroimpact.coexistence.measuring import Runner, cells_of, orbit_cells, spr
 from vibroimpact.motion import MotionClass
 from vibroimpact.verdict import describe
 from vibroimpact.verdict.boundaries import nearest_boundaries
-from vibroimpact.verdict.present import coexisting_motions, percent, present_motion, range_of
+from vibroimpact.verdict.present import coexisting_motions, present_motion
+from vibroimpact.verdict.ranges import percent, range_of
 
 STEPS = 60  # of a test's own path to an edge
 SEEN, LATEST = ImpactWindow(300, 2000), ImpactWindow(30_000, 5000)

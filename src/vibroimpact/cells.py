@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 COUNTABLE = 2.0**53  # periods: the next whole number is the next number
+BEYOND = 1e-12  # of the lengths that a clearance is the sum of: so little beyond a stop is rounding
 FASTEST = 4.0  # of V: the hardest of the impacts that are spread over the impact surface
 
 
@@ -147,10 +148,14 @@ class Cells:
         return self.replace(**_start(self["gap"] - y, speed, np.asarray(turns, np.float64)))
 
     def carried(self, displacement: Any, velocity: Any, phases: Any) -> Cells:
-        """Return the cells from states, a row each, at phases; beyond the stop, from rest at it or leaving it."""
+        """Return the cells from states, a row each, at phases; beyond the stop, from rest at it or leaving it.
+
+        What is beyond it by rounding alone is at the stop.
+        """
         y, speed = (np.reshape(part, -1) for part in (displacement, velocity))
-        clear = y <= self["gap"]
-        return self.at(np.where(clear, y, self["gap"]), np.where(clear, speed, np.minimum(speed, 0.0)), phases)
+        reach = self.velocity_scale * np.sqrt(self["mass"] / self["stiffness"])  # f/k or |g|
+        passed = y - self["gap"] > BEYOND * reach
+        return self.at(np.minimum(y, self["gap"]), np.where(passed, np.minimum(speed, 0.0), speed), phases)
 
     def beyond(self) -> Floats:
         """Return the depth in m of each start beyond the stop, its only column; 0 before it."""

@@ -76,6 +76,7 @@ class ImpactOscillator:
     coordinates: ClassVar[int] = 1
     says_all: ClassVar[bool] = True  # its parameters are all its numbers
     forgets: ClassVar[bool] = True  # phase and velocity of an impact are the whole state, and a rest erases all memory
+    step_cost: ClassVar[int] = 1  # of a certified step, which others are compared with
 
     mass: float
     damping: float
@@ -192,6 +193,11 @@ class ImpactOscillator:
 
         rows = list(designs)
         return Cells.at_rest({name: np.array([getattr(design, name) for design in rows]) for name in PARAMETERS})
+
+    @property
+    def rest(self) -> State:
+        """The state at rest that motions start from unless another one is given."""
+        return State(min(0.0, self.gap))
 
     @property
     def frequency(self) -> float:

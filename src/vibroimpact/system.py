@@ -91,6 +91,7 @@ class ImpactSystem(ByValue):
     at_rest: ClassVar[str] = "rest at q = 0, or before the stops in its way"
     says_all: ClassVar[bool] = False  # its parameters are not all its numbers
     forgets: ClassVar[bool] = False  # beside an impact, or a rest at a stop, other things move on
+    step_cost: ClassVar[int] = 4  # of a certified step, in those of one mass
 
     mass: Floats
     damping: Floats
@@ -271,6 +272,11 @@ class ImpactSystem(ByValue):
     def cells_of(designs: Iterable[ImpactSystem]) -> SystemCells:
         """Return one cell per design, all at rest and with as many coordinates and stops."""
         return SystemCells.of_systems(designs)
+
+    @property
+    def rest(self) -> State:
+        """The state at rest that motions start from unless another one is given."""
+        return State(*self.initial())
 
     @property
     def omega(self) -> float:
