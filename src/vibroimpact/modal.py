@@ -101,13 +101,17 @@ class ModalForm:
 
 
 def numbers_of(stops: Any) -> dict[str, Any]:
-    """Return gaps, restitutions, stiffnesses and viscosities of stops."""
+    """Return gaps, restitutions, stiffnesses and viscosities of stops, NaN or 0 where a stop has none."""
 
-    def column(kind: str, none: float) -> Floats:
-        return np.array([none if (value := getattr(stop, kind)) is None else value for stop in stops], np.float64)
+    def column(name: str, none: float) -> Floats:
+        return np.array([none if (value := getattr(stop, name)) is None else value for stop in stops], np.float64)
 
-    of_rigid, of_giving = {"restitution": column("ratio", math.nan)}, {"viscosity": column("damping", 0.0)}
-    return {"gaps": column("gap", 0.0), "stiffness": column("stiffness", 0.0)} | of_rigid | of_giving
+    return {
+        "gaps": column("gap", 0.0),
+        "restitution": column("ratio", math.nan),
+        "stiffness": column("stiffness", 0.0),
+        "viscosity": column("damping", 0.0),
+    }
 
 
 def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, stops: Any) -> ModalForm:

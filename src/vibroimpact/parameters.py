@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 COUNTS = 1_000_000_000  # the largest number of anything
 SMALLEST = 1e-60  # the size of a number that is not 0, 1e60 the largest: products of several are numbers, too
@@ -176,6 +176,23 @@ class Parameter:
         if abs(number) > 1.0 / SMALLEST or (not self.closed and number < SMALLEST):
             raise invalid(self.name, value, f"of a size from {SMALLEST:g} to {1.0 / SMALLEST:g}", "choose other units")
         return number
+
+
+class Scale(NamedTuple):
+    """A size > 0 in the unit of a parameter, and its name; without a name it is the parameter's own."""
+
+    size: float
+    of: str = ""
+
+
+def radians(hertz: Any) -> Any:
+    """Return angular frequencies in rad/s of frequencies in Hz, or angles of turns."""
+    return 2.0 * math.pi * hertz
+
+
+def hertz(radians: Any) -> Any:
+    """Return frequencies in Hz of angular frequencies in rad/s, or turns of angles."""
+    return radians / (2.0 * math.pi)
 
 
 # What it costs: steps, memory

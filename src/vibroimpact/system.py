@@ -13,12 +13,12 @@ import numpy as np
 
 from vibroimpact.by_value import ByValue
 from vibroimpact.cells import Floats
+from vibroimpact.elements import NUMBERS
 from vibroimpact.matrices import ROUNDING, matrices, nearest, numbers
 from vibroimpact.modal import ModalForm, modal_form, velocity_scale
 from vibroimpact.model import State, check_names
-from vibroimpact.parameters import Parameter, invalid
+from vibroimpact.parameters import OF_ONE_MASS, Parameter, invalid, radians
 from vibroimpact.stops import (
-    USUAL,
     Force,
     Stop,
     check_length,
@@ -171,19 +171,19 @@ class ImpactSystem(ByValue):
         >>> beam.stops[0].direction, beam.force.harmonics[1].real
         (array([2., 2.]), array([ 2.04, -4.29]))
         """
-        hertz = numbers("frequencies", frequencies, 1)
+        natural = numbers("frequencies", frequencies, 1)
         ratios = numbers("damping_ratios", damping_ratios, 1)
-        ratios = ratios if np.ndim(damping_ratios) else np.full(len(hertz), ratios[0])
+        ratios = ratios if np.ndim(damping_ratios) else np.full(len(natural), ratios[0])
         table = numbers("shapes", shapes, 2)
-        if not len(hertz) == len(ratios) == table.shape[1]:
+        if not len(natural) == len(ratios) == table.shape[1]:
             raise ValueError(
                 "`frequencies`, `damping_ratios` and the columns of `shapes` must be as many, one per mode, "
-                f"got {len(hertz)}, {len(ratios)} and {table.shape[1]}"
+                f"got {len(natural)}, {len(ratios)} and {table.shape[1]}"
             )
-        for name, values in {"frequencies": hertz, "damping_ratios": ratios}.items():
+        for name, values in {"frequencies": natural, "damping_ratios": ratios}.items():
             if values.min() < 0.0:
                 raise invalid(name, values.tolist(), "numbers >= 0")
-        rates = 2.0 * math.pi * hertz
+        rates = radians(natural)
         _check_force(force)
         places = names_of_points(points, len(table))
         vectors = {name: over_modes(name, value, places, table) for name, value in force.vectors.items()}
@@ -227,10 +227,10 @@ class ImpactSystem(ByValue):
     @cached_property
     def parameters(self) -> Mapping[str, Parameter]:
         """The parameters that an axis may vary, by name."""
-        table = {name: USUAL[name] for name in ("omega", "frequency")}
+        table = {name: OF_ONE_MASS[name] for name in ("omega", "frequency")}
         for stop in self.stops:
             for kind in stop.kinds:
-                usual, name = USUAL[kind], f"{stop.name}_{kind}"
+                usual, name = NUMBERS[kind], f"{stop.name}_{kind}"
                 words = f"{usual.long_name} of {stop.name}"
                 table[name] = replace(usual, name=name, long_name=words, symbol=f"{usual.symbol}_{stop.name}")
         return MappingProxyType(table)
@@ -248,7 +248,7 @@ class ImpactSystem(ByValue):
             raise ValueError("give either `omega` or `frequency`, not both")
         given = {name: self.parameters[name].check(value) for name, value in changes.items()}
         if "frequency" in given:
-            given["omega"] = 2.0 * math.pi * given["frequency"]
+            given["omega"] = radians(given["frequency"])
         values = self.values | given
         force = Force(**{**self.force.arguments(), "omega": values["omega"]})
         stops = [stop.replace(**{kind: values[f"{stop.name}_{kind}"] for kind in stop.kinds}) for stop in self.stops]
@@ -337,8 +337,8 @@ class ImpactSystem(ByValue):
         """
         n = len(self.mass)
         if start is None:
-            rigid = self._rigid
-            q = nearest(self.mass, self._directions[rigid], self._bounds(0.0)[rigid])
+            bars = self._bars
+            q = nearest(self.mass, self._directions[bars], self._bounds(0.0)[bars])
             if q is None:
                 raise ValueError("the stops leave no room at time 0; give a start at another time")
             return q, np.zeros(n), 0.0
@@ -351,8 +351,8 @@ class ImpactSystem(ByValue):
         size = np.abs(self._directions) @ np.abs(q) + self._reach * (1.0 + abs(start.time) * self.omega)
         over = [
             f"{name!r} by {depth:.3g} m"
-            for name, depth, most, rigid in zip(self.stop_names, beyond, n * ROUNDING * size, self._rigid, strict=True)
-            if rigid and depth > most
+            for name, depth, most, bars in zip(self.stop_names, beyond, n * ROUNDING * size, self._bars, strict=True)
+            if bars and depth > most
         ]
         if over:
             raise ValueError(f"`start` lies beyond {' and '.join(over)} at time {start.time:g}; start before the stops")
@@ -363,8 +363,9 @@ class ImpactSystem(ByValue):
         return np.array([stop.direction for stop in self.stops]).reshape(-1, len(self.mass))
 
     @cached_property
-    def _rigid(self) -> Any:
-        return np.array([not stop.compliant for stop in self.stops], bool)
+    def _bars(self) -> Any:
+        """Which stops are impenetrable."""
+        return np.array([stop.element.impenetrable for stop in self.stops], bool)
 
     @cached_property
     def _reach(self) -> Floats:
@@ -373,9 +374,7 @@ class ImpactSystem(ByValue):
 
     def _bounds(self, time: float) -> Floats:
         """Return a . q in contact, for every stop at some time."""
-        turn = 1j * self.omega * time
-        moved = [sum((by * np.exp(h * turn)).imag for h, by in stop.motion.items()) for stop in self.stops]
-        found: Floats = np.array([stop.gap for stop in self.stops]) + np.array(moved, np.float64)
+        found: Floats = np.array([stop.gap + stop.shift(self.omega * time) for stop in self.stops], np.float64)
         return found
 
 
