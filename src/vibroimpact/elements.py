@@ -15,7 +15,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from vibroimpact.contact import KNOWN, Law, law_of
-from vibroimpact.parameters import OF_ONE_MASS, Parameter, Scale, invalid
+from vibroimpact.parameters import CRITICAL, OF_ONE_MASS, Parameter, Scale, invalid
 
 SHORTEST = 1e-9  # driving periods: shorter contacts are those of a rigid stop
 
@@ -237,7 +237,7 @@ class Compliant(Element):
     def scales(self, mass: float, omega: float) -> dict[str, Scale]:
         """Return m w^2 for the stiffness, and critical damping."""
         critical = 2.0 * math.sqrt(self.stiffness * mass)
-        return {"stiffness": Scale(mass * omega**2, "m w^2"), "damping": Scale(critical, "critical damping")}
+        return {"stiffness": Scale(mass * omega**2, "m w^2"), "damping": Scale(critical, CRITICAL)}
 
     def too_short(self, mass: float, period: float) -> str:
         """Return the restitution that is as good where contacts last less than 1e-9 periods."""

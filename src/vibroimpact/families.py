@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from importlib.util import module_from_spec, spec_from_file_location
 from itertools import chain
@@ -16,10 +16,8 @@ from typing import Any, overload
 import numpy as np
 
 from vibroimpact.cells import Cells
-from vibroimpact.model import Model, State, check_model, check_names
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.model import Model, State, check_model, check_names, is_model
 from vibroimpact.parameters import Parameter, invalid, unknown
-from vibroimpact.system import ImpactSystem
 
 
 class Family:
@@ -71,7 +69,7 @@ class Family:
             told = isinstance(error, (ValueError, ArithmeticError, ImportError))  # by their text alone
             words = error if told else f"{type(error).__name__}: {error}"
             raise ValueError(f"{self} fails at {where}: {words}{self._place(error)}") from error
-        if not isinstance(made, (ImpactOscillator, ImpactSystem, Model)) or isinstance(made, type):  # the slow one last
+        if not is_model(made):
             hint = f"return an ImpactOscillator or an ImpactSystem{self._place()}"
             raise invalid(f"{self}(...)", made, "a model", hint)
         return made.at()
@@ -89,12 +87,20 @@ class Family:
         rows = zip(*(np.asarray(values, np.float64).tolist() for values in points.values()), strict=True)
         made = (self.at(**dict(zip(points, row, strict=True))) for row in rows) if points else iter([self.at()])
         first = next(made)
-        cells: Cells = first.cells_of(chain([first], made))
+        cells: Cells = first.cells_of(chain([first], _of_one_kind(made, first.kind)))
         return cells.begun(start)
 
     def _checked(self, values: Mapping[str, Any]) -> dict[str, float]:
         check_names(self.parameters, values)
         return {name: self.parameters[name].check(value) for name, value in values.items()}
+
+
+def _of_one_kind(designs: Iterable[Any], kind: str) -> Iterator[Any]:
+    """Yield designs, or refuse those that no table holds together with others."""
+    for design in designs:
+        if design.kind != kind:
+            raise ValueError("all models of one family must be oscillators, or all systems; these are both")
+        yield design
 
 
 def _named(module: str, name: str, values: dict[str, float]) -> Family:
@@ -212,8 +218,7 @@ def load_model(place: Any) -> Model:
 
 def _model_in(module: Any, name: str, place: Any) -> Model:
     """Return the model of that name in a module, once it has been made at its own values."""
-    found = {key: value for key, value in vars(module).items() if isinstance(value, Model)}
-    models = {key: value for key, value in found.items() if not isinstance(value, type)}
+    models = {key: value for key, value in vars(module).items() if is_model(value)}
     wanted = vars(module).get(name)
     if name not in models:
         code = getattr(wanted, "__code__", None)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.matrices import KEPT, ROUNDING, blocks, modes, scaled
+from vibroimpact.matrices import KEPT, ROUNDING, blocks, closed, modes, scaled
 
 TURNED = 1e-6  # at most, in rad: eigenvectors by rounding
 FREE = 0.01  # of the driving frequency: slower modes are masses without a spring where speeds are estimated
@@ -97,6 +97,16 @@ class ModalForm:
     def mobility(self) -> Floats:
         """G = a M^-1 a^T, (s, s): what unit impulses on the stops change the rates of the clearances by."""
         found: Floats = self.directions @ self.jumps.T
+        return found
+
+    @property
+    def deflections(self) -> Floats:
+        r"""The change of clearances by forces at rest, :math:`\sum_{i,h} |\alpha_{ji} f_{hi}|/\Omega_i^2`, and the
+        largest move of the stop itself; w stands for the :math:`\Omega` of modes without a spring.
+        """
+        pushes = np.abs(self.constant) + np.abs(self.forces).sum(axis=0)
+        squares = np.where(self.squares > 0.0, self.squares, self.omega**2)
+        found: Floats = np.abs(self.directions) @ (pushes / squares) + np.abs(self.motions).sum(axis=1)
         return found
 
 
@@ -314,18 +324,6 @@ def _seen(n: int, *entries: bytes) -> Floats:
 def _power_of_two(size: float) -> float:
     """Return the unit in which a size is of order one: what is computed in it has the same digits in any other unit."""
     return math.ldexp(1.0, math.frexp(size)[1])
-
-
-def closed(columns: Floats, *maps: Floats) -> Floats:
-    """Return an orthonormal basis of the least space that holds columns of size 1 and is closed under maps."""
-    sized = [matrix / (np.abs(matrix).max() or 1.0) for matrix in maps]
-    new, found = columns, np.zeros((len(columns), 0))
-    while new.size:
-        left, sizes, _ = np.linalg.svd(new - found @ (found.T @ new), full_matrices=False)
-        new = left[:, sizes > 1e-10]
-        found = np.hstack([found, new])
-        new = np.hstack([matrix @ new for matrix in sized])
-    return found
 
 
 def fastest_rates(form: ModalForm, omegas: Floats) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, runtime_checkable
 
 from vibroimpact.parameters import Parameter, invalid, real_number, unknown
 
@@ -42,9 +42,20 @@ class Model(Protocol):
         ...
 
 
+def is_model(value: Any) -> TypeGuard[Model]:
+    """Return whether something is a model, and not a class of models."""
+    kind = type(value)
+    if kind not in _CLASSES and isinstance(value, Model) and not isinstance(value, type):
+        _CLASSES.add(kind)
+    return kind in _CLASSES
+
+
+_CLASSES: set[type] = set()  # of models met so far: to ask a protocol takes longer than to make a model
+
+
 def check_model(model: Any, name: str = "osc") -> None:
     """Refuse what is neither an oscillator, a system nor a family."""
-    if not isinstance(model, Model) or isinstance(model, type):
+    if not is_model(model):
         raise invalid(name, model, "an ImpactOscillator or a family", "write for example ImpactOscillator(omega=2.8)")
 
 

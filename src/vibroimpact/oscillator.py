@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from vibroimpact.model import State, check_model, check_names
-from vibroimpact.parameters import OF_ONE_MASS, Parameter, invalid
+from vibroimpact.parameters import CRITICAL, OF_ONE_MASS, Parameter, Scale, hertz, invalid, radians
 
 if TYPE_CHECKING:
     from vibroimpact.cells import Cells
@@ -76,6 +76,7 @@ class ImpactOscillator:
     coordinates: ClassVar[int] = 1
     says_all: ClassVar[bool] = True  # its parameters are all its numbers
     forgets: ClassVar[bool] = True  # phase and velocity of an impact are the whole state, and a rest erases all memory
+    offsets: ClassVar[tuple[str, ...]] = ("gap",)  # parameters whose zero is a value like any other
 
     mass: float
     damping: float
@@ -106,7 +107,7 @@ class ImpactOscillator:
         _check_one("damping", damping, "damping_ratio", damping_ratio)
         check = {name: parameter.check for name, parameter in self.parameters.items()}
         if frequency is not None:
-            omega = 2.0 * math.pi * check["frequency"](frequency)
+            omega = radians(check["frequency"](frequency))
         if damping_ratio is not None:
             critical = 2.0 * math.sqrt(check["stiffness"](stiffness) * check["mass"](mass))
             damping = check["damping_ratio"](damping_ratio) * critical
@@ -169,7 +170,7 @@ class ImpactOscillator:
         shape = np.shape(next(iter(points.values()), 0.0))
         columns = {name: np.full(shape, points.get(name, getattr(self, name))) for name in PARAMETERS}
         if "frequency" in points:
-            columns["omega"] = 2.0 * math.pi * points["frequency"]
+            columns["omega"] = radians(points["frequency"])
         if "damping_ratio" in points:
             columns["damping"] = points["damping_ratio"] * (2.0 * np.sqrt(columns["stiffness"] * columns["mass"]))
         return Cells.at_rest(columns).begun(start)
@@ -187,7 +188,7 @@ class ImpactOscillator:
     @property
     def frequency(self) -> float:
         """Driving frequency in Hz."""
-        return self.omega / (2.0 * math.pi)
+        return float(hertz(self.omega))
 
     @property
     def period(self) -> float:
@@ -227,6 +228,17 @@ class ImpactOscillator:
         force = max(self.amplitude, self.stiffness * abs(self.gap))
         return force / math.sqrt(self.stiffness * self.mass)
 
+    def scales(self) -> dict[str, Scale]:
+        """Return the sizes that changes of its parameters are relative to where these are 0, by name."""
+        critical = 2.0 * math.sqrt(self.stiffness * self.mass)
+        return {
+            "damping": Scale(critical, CRITICAL),
+            "damping_ratio": Scale(1.0, CRITICAL),
+            "amplitude": Scale(self.stiffness * abs(self.gap), "k |g|"),
+            "restitution": Scale(1.0, "1"),
+            "gap": Scale(self.amplitude / self.stiffness, "f/k"),
+        }
+
     def dimensionless(self) -> tuple[ImpactOscillator, dict[str, float]]:
         """Return the same oscillator with m = k = 1 and f = 1 (g = +-1 if unforced), and its units.
 
@@ -258,8 +270,8 @@ def the_oscillator(model: Any) -> ImpactOscillator:
     cycle and all motions that stick are one attractor, and that velocity and phase of an impact are the whole state.
     """
     check_model(model)
-    osc = model.at()
-    if not isinstance(osc, ImpactOscillator):
+    osc: ImpactOscillator = model.at()
+    if not osc.forgets:
         raise ValueError(
             f"`osc` must be one mass with one stop, got {osc!s}; for systems use simulate, impact_section, "
             "stroboscopic_section, bifurcation_diagram, parameter_map, attractors, basins or describe"

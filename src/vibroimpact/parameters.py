@@ -178,11 +178,17 @@ class Parameter:
         return number
 
 
+LIGHT = 0.05  # of critical damping: a damping that machines have
+
+
 class Scale(NamedTuple):
     """A size > 0 in the unit of a parameter, and its name; without a name it is the parameter's own."""
 
     size: float
     of: str = ""
+
+
+CRITICAL = "critical damping"  # the name of that size
 
 
 def radians(hertz: Any) -> Any:

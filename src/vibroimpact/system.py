@@ -14,10 +14,10 @@ import numpy as np
 from vibroimpact.by_value import ByValue
 from vibroimpact.cells import Floats
 from vibroimpact.elements import NUMBERS
-from vibroimpact.matrices import ROUNDING, matrices, nearest, numbers
+from vibroimpact.matrices import ROUNDING, matrices, nearest, table_of_modes
 from vibroimpact.modal import ModalForm, modal_form, velocity_scale
 from vibroimpact.model import State, check_names
-from vibroimpact.parameters import OF_ONE_MASS, Parameter, invalid, radians
+from vibroimpact.parameters import OF_ONE_MASS, Parameter, Scale, invalid, radians
 from vibroimpact.stops import (
     Force,
     Stop,
@@ -91,6 +91,7 @@ class ImpactSystem(ByValue):
     at_rest: ClassVar[str] = "rest at q = 0, or before the stops in its way"
     says_all: ClassVar[bool] = False  # its parameters are not all its numbers
     forgets: ClassVar[bool] = False  # beside an impact, or a rest at a stop, other things move on
+    offsets: ClassVar[tuple[str, ...]] = ()  # parameters whose zero is a value like any other
 
     mass: Floats
     damping: Floats
@@ -171,19 +172,7 @@ class ImpactSystem(ByValue):
         >>> beam.stops[0].direction, beam.force.harmonics[1].real
         (array([2., 2.]), array([ 2.04, -4.29]))
         """
-        natural = numbers("frequencies", frequencies, 1)
-        ratios = numbers("damping_ratios", damping_ratios, 1)
-        ratios = ratios if np.ndim(damping_ratios) else np.full(len(natural), ratios[0])
-        table = numbers("shapes", shapes, 2)
-        if not len(natural) == len(ratios) == table.shape[1]:
-            raise ValueError(
-                "`frequencies`, `damping_ratios` and the columns of `shapes` must be as many, one per mode, "
-                f"got {len(natural)}, {len(ratios)} and {table.shape[1]}"
-            )
-        for name, values in {"frequencies": natural, "damping_ratios": ratios}.items():
-            if values.min() < 0.0:
-                raise invalid(name, values.tolist(), "numbers >= 0")
-        rates = radians(natural)
+        rates, ratios, table = table_of_modes(frequencies, damping_ratios, shapes)
         _check_force(force)
         places = names_of_points(points, len(table))
         vectors = {name: over_modes(name, value, places, table) for name, value in force.vectors.items()}
@@ -318,6 +307,18 @@ class ImpactSystem(ByValue):
         `ImpactOscillator`, max(f, k |g|)/sqrt(k m).
         """
         return velocity_scale(self.modal())
+
+    def scales(self) -> dict[str, Scale]:
+        """Return the sizes of the numbers of its stops by name, with the mass 1/(a . M^-1 a) that each stop strikes."""
+        form = self.modal()
+        found: dict[str, Scale] = {}
+        widest = max((abs(stop.gap) for stop in self.stops), default=0.0)
+        struck = 1.0 / np.diag(form.mobility)
+        for stop, mass, deflection in zip(self.stops, struck.tolist(), form.deflections.tolist(), strict=True):
+            gap = Scale(deflection, "the static deflection") if deflection else Scale(widest, "the widest gap")
+            sizes = {"gap": gap} | stop.element.scales(mass, self.omega)
+            found |= {f"{stop.name}_{name}": size for name, size in sizes.items()}
+        return found
 
     def clearances(self, displacement: Any, time: float = 0.0) -> Floats:
         """Return the clearances u of all stops in m; negative beyond a stop."""
