@@ -14,6 +14,7 @@ from vibroimpact.parameters import Parameter, invalid, whole_number
 
 _Arguments = ParamSpec("_Arguments")
 _Made = TypeVar("_Made")
+_Documented = TypeVar("_Documented", bound=Callable[..., Any])
 
 
 def _positive(name: str, long_name: str, unit: str, hint: str = "") -> Parameter:
@@ -108,6 +109,17 @@ def checked(function: Callable[_Arguments, _Made]) -> Callable[_Arguments, _Made
 
     vars(model)["parameters"] = parameters
     return model
+
+
+def sharing(sections: str) -> Callable[[_Documented], _Documented]:
+    """Return what adds the sections of a docstring that machines of one kind share, before their notes."""
+
+    def share(function: _Documented) -> _Documented:
+        text = inspect.cleandoc(function.__doc__ or "")
+        function.__doc__ = text.replace("\n\nNotes\n", f"\n\n{sections.strip()}\n\nNotes\n", 1)
+        return function
+
+    return share
 
 
 def count(name: str, value: float) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from vibroimpact.models.arguments import checked
+from vibroimpact.models.slots import slot
 from vibroimpact.stops import Force, Stop
 from vibroimpact.system import ImpactSystem
 
@@ -145,7 +146,7 @@ def impact_pair(
         mass=mass,
         stiffness=0.0,
         force=Force(frequency=frequency, constant=-mass * gravity * math.sin(math.radians(inclination))),
-        stops=_between("left", "right", 1.0, clearance, amplitude, restitution),
+        stops=slot("left", "right", 1.0, clearance, amplitude, restitution=restitution),
     )
 
 
@@ -225,14 +226,13 @@ def idle_gear(
     0.625
     """
     omega = 2.0 * math.pi * order * rpm / 60.0
+    moves = base_radius * angular_acceleration / omega**2
     return ImpactSystem(
         mass=inertia,
         damping=rotational_damping,
         stiffness=0.0,
         force=Force(omega=omega, constant=-drag_torque),
-        stops=_between(
-            "drive", "coast", base_radius, backlash, base_radius * angular_acceleration / omega**2, restitution
-        ),
+        stops=slot("drive", "coast", base_radius, backlash, moves, restitution=restitution),
     )
 
 
@@ -304,27 +304,9 @@ def gear_pair(
     """
     mass = 1.0 / (base_radius**2 / inertia + second_base_radius**2 / second_inertia)
     damping = 2.0 * mesh_damping_ratio * math.sqrt(mesh_stiffness * mass)
-    flanks = _between("drive", "coast", -1.0, backlash, -transmission_error, 0.0)
     return ImpactSystem(
         mass=mass,
         stiffness=0.0,
         force=Force(frequency=frequency, constant=torque / base_radius),
-        stops=[flank.replace(restitution=None, stiffness=mesh_stiffness, damping=damping) for flank in flanks],
+        stops=slot("drive", "coast", -1.0, backlash, -transmission_error, stiffness=mesh_stiffness, damping=damping),
     )
-
-
-def _between(
-    below: str, above: str, factor: float, clearance: float, amplitude: float, restitution: float
-) -> list[Stop]:
-    """Return two stops that move together along factor * q, with a clearance in all."""
-    ends = {below: -1.0, above: 1.0}
-    return [
-        Stop(
-            direction=sign * factor,
-            gap=0.5 * clearance,
-            restitution=restitution,
-            name=name,
-            motion={1: sign * amplitude},
-        )
-        for name, sign in ends.items()
-    ]
