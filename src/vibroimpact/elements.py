@@ -30,10 +30,14 @@ NUMBERS: Mapping[str, Parameter] = MappingProxyType(
 
 
 class Block(NamedTuple):
-    """The columns of a table of cells that hold one number of every stop, and their value where a stop has none."""
+    """The columns of a table of cells that hold one number of every stop, and their value where a stop has none.
+
+    Over the mass that is struck, numbers of stops have the unit of 1/s to a `power`: engines count time in steps.
+    """
 
     name: str
     none: float = 0.0
+    power: int = 0
 
 
 # By the numbers; then the mark of a law, whose own number stands for a restitution.
@@ -41,8 +45,8 @@ BLOCKS: Mapping[str, Block] = MappingProxyType(
     {
         "gap": Block("gap"),
         "restitution": Block("restitution", 1.0),
-        "stiffness": Block("spring"),
-        "damping": Block("dashpot"),
+        "stiffness": Block("spring", power=2),
+        "damping": Block("dashpot", power=1),
         "law": Block("law"),
     }
 )

@@ -112,15 +112,13 @@ class ModalForm:
 
 def numbers_of(stops: Any) -> dict[str, Any]:
     """Return gaps, restitutions, stiffnesses and viscosities of stops, NaN or 0 where a stop has none."""
-
-    def column(name: str, none: float) -> Floats:
-        return np.array([none if (value := getattr(stop, name)) is None else value for stop in stops], np.float64)
-
+    numbers = [stop.element.row() for stop in stops]
+    ratios = [math.nan if stop.ratio is None else stop.ratio for stop in stops]
     return {
-        "gaps": column("gap", 0.0),
-        "restitution": column("ratio", math.nan),
-        "stiffness": column("stiffness", 0.0),
-        "viscosity": column("damping", 0.0),
+        "gaps": np.array([stop.gap for stop in stops], np.float64),
+        "restitution": np.array(ratios, np.float64),
+        "stiffness": np.array([row.get("stiffness", 0.0) for row in numbers], np.float64),
+        "viscosity": np.array([row.get("damping", 0.0) for row in numbers], np.float64),
     }
 
 

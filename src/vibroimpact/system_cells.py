@@ -236,7 +236,7 @@ class SystemCells(Cells):
 
     def _back(self, row: int, clearances: Floats) -> Floats | None:
         """Return the shortest way in front of all rigid stops of a cell."""
-        barring = self._bars[row]
+        barring = self.bars[row]
         alpha = self.block("alpha")[row].reshape(self.shape.stops, self.shape.modes)
         return nearest(np.diag(self.block("weight")[row]), alpha[barring], clearances[barring])
 
@@ -295,10 +295,10 @@ class SystemCells(Cells):
         alpha = self.block("alpha").reshape(len(self), self.shape.stops, self.shape.modes)
         size = np.abs(self.block("gap")) + (np.abs(alpha) @ np.abs(eta)[..., None])[..., 0]
         depth = -self._clearances(self.block("turn"), eta)
-        return np.where((depth > BEYOND * size) & self._bars, depth, 0.0)
+        return np.where((depth > BEYOND * size) & self.bars, depth, 0.0)
 
     @property
-    def _bars(self) -> Any:
+    def bars(self) -> Any:
         """Which stops are impenetrable, in every cell."""
         return bars({name: self.block(block.name) for name, block in BLOCKS.items()})
 

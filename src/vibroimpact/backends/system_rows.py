@@ -9,6 +9,7 @@ import numpy as np
 from vibroimpact.backends.base import Floats
 from vibroimpact.backends.system_leaps import prepare_leaps
 from vibroimpact.contact import KNOWN
+from vibroimpact.elements import BLOCKS
 from vibroimpact.kernels.cell import MOST
 from vibroimpact.kernels.restitution import address_of
 from vibroimpact.kernels.systems.layout import Layout
@@ -28,8 +29,7 @@ _POWERS = {
     "give": -2,
     "slide": 1,
     "sliding": -1,
-    "spring": 2,
-    "dashpot": 1,
+    **{block.name: block.power for block in BLOCKS.values()},
 }
 _RENAMED = {"omega": "theta", "scale": "cut"}
 
