@@ -124,11 +124,15 @@ class Element(ABC):
 
     @abstractmethod
     def rebound(self, v: Any) -> Any:
-        """Return minus the rate of the clearance just after contact begins at speeds v in m/s, over that before."""
+        """Return r: minus the rate of the clearance just after contact begins at speeds v in m/s, over that before."""
 
     @abstractmethod
-    def shrinking(self, v: float) -> float:
-        """Return the part of an area in phase space that the beginning of a contact at a speed leaves."""
+    def sensitivity(self, v: Any) -> Any:
+        """Return d(r v)/dv with that r: what a change of the speed before leaves of itself."""
+
+    def acts_as(self, other: Element, ratio: float, within: float) -> bool:
+        """Return whether another element does the same along a direction that is shorter by that ratio."""
+        return self == other
 
     @abstractmethod
     def force(self, depth: Any, rate: Any) -> Any:
@@ -190,10 +194,9 @@ class Rigid(Element):
         """Return r at speeds v in m/s."""
         return self.law(v) if self.law else self.ratio
 
-    def shrinking(self, v: float) -> float:
-        """Return r d(r v)/dv."""
-        r = float(self.rebound(v))
-        return r * (r + v * self.law.slope(v)) if self.law else r * r
+    def sensitivity(self, v: Any) -> Any:
+        """Return r + v dr/dv at speeds v in m/s."""
+        return self.law(v) + v * self.law.slope(v) if self.law else self.ratio
 
     def force(self, depth: Any, rate: Any) -> Any:
         """Return NaN: an impulse has no force."""
@@ -230,9 +233,14 @@ class Compliant(Element):
         """Return -1: the rate goes on."""
         return -1.0
 
-    def shrinking(self, v: float) -> float:
-        """Return 1: nothing jumps."""
-        return 1.0
+    def sensitivity(self, v: Any) -> Any:
+        """Return -1: nothing jumps."""
+        return -1.0
+
+    def acts_as(self, other: Element, ratio: float, within: float) -> bool:
+        """Return whether another stop is as stiff and damped per length of its direction, squared."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=False)
+        return isinstance(other, Compliant) and all(abs(a * ratio**2 - b) <= within * b for a, b in pairs)
 
     def force(self, depth: Any, rate: Any) -> Any:
         """Return max(0, k d + c d'), 0 where d <= 0."""
