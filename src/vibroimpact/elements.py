@@ -14,7 +14,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from vibroimpact.contact import KNOWN, Law, law_of
+from vibroimpact.contact import LAWS, Law, law_of
 from vibroimpact.parameters import CRITICAL, OF_ONE_MASS, Parameter, Scale, invalid
 
 SHORTEST = 1e-9  # driving periods: shorter contacts are those of a rigid stop
@@ -187,7 +187,7 @@ class Rigid(Element):
         if self.ratio is not None:
             return {"restitution": self.ratio}
         law: Any = self.restitution
-        KNOWN.setdefault(law.mark, law)
+        LAWS.setdefault(law.mark, law)
         return {"restitution": law.number, "law": law.mark}
 
     def rebound(self, v: Any) -> Any:

@@ -232,14 +232,14 @@ def nearest(mass: Floats, directions: Floats, bounds: Floats) -> Floats | None:
     gram = directions @ moved
     size = np.sqrt(np.diag(gram))
     for count in range(1, min(n, len(bounds)) + 1):
-        for held in map(list, combinations(range(len(bounds)), count)):
-            inside = gram[np.ix_(held, held)]
-            if np.linalg.eigvalsh(inside / np.outer(size[held], size[held]))[0] < n * ROUNDING:
+        for active in map(list, combinations(range(len(bounds)), count)):
+            inside = gram[np.ix_(active, active)]
+            if np.linalg.eigvalsh(inside / np.outer(size[active], size[active]))[0] < n * ROUNDING:
                 continue
-            q: Floats = np.linalg.solve(inside.T, moved[:, held].T).T @ bounds[held]
+            q: Floats = np.linalg.solve(inside.T, moved[:, active].T).T @ bounds[active]
             slack = n * ROUNDING * (np.abs(directions) @ np.abs(q) + np.abs(bounds))
-            slack[held] = np.inf
-            pushed = np.linalg.solve(inside, bounds[held])
+            slack[active] = np.inf
+            pushed = np.linalg.solve(inside, bounds[active])
             if (pushed <= 0.0).all() and (directions @ q <= bounds + slack).all():
                 return q
     return None

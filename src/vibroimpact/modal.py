@@ -190,18 +190,18 @@ def _centred(shapes: Floats, squares: Floats, mass: Floats, directions: Floats) 
     alike = shapes[:, :rigid]
     alike = alike / np.sqrt(np.einsum("ji,jk,ki->i", alike, mass, alike) / mass[0, 0])
     rounding = _admixed(shapes, squares)[:rigid] * (np.abs(directions) @ np.abs(alike))
-    seen = directions @ alike
-    seen[np.abs(seen) <= rounding] = 0.0
-    seen /= np.linalg.norm(directions, axis=1)[:, None]
+    approach = directions @ alike
+    approach[np.abs(approach) <= rounding] = 0.0
+    approach /= np.linalg.norm(directions, axis=1)[:, None]
     free, felt = [], []
-    for group in blocks(seen.T @ seen) if rigid else []:
-        own, part = shapes[:, group], seen[:, group]
+    for group in blocks(approach.T @ approach) if rigid else []:
+        turned, part = shapes[:, group], approach[:, group]
         _, sizes, turn = np.linalg.svd(part)
         rank = int(np.count_nonzero(sizes > len(squares) * ROUNDING * np.abs(part).max(initial=0.0)))
         if 0 < rank < len(group):
-            own = scaled(alike[:, group] @ turn.T)
-        felt.append(own[:, :rank])
-        free.append(own[:, rank:])
+            turned = scaled(alike[:, group] @ turn.T)
+        felt.append(turned[:, :rank])
+        free.append(turned[:, rank:])
     number = sum(part.shape[1] for part in free)
     return (np.hstack([*free, *felt, shapes[:, rigid:]]) if number else shapes), number
 
@@ -273,13 +273,13 @@ def speed_parts(form: ModalForm, omegas: Floats) -> tuple[Floats, Floats, Floats
     """
     elastic = form.squares >= (FREE * omegas[:, None]) ** 2
     entries = form.directions, form.masses, form.squares, form.damping
-    seen, struck = _seen(len(form.masses), *(part.tobytes() for part in entries)), np.diag(form.mobility)
+    linked, struck = _linked(len(form.masses), *(part.tobytes() for part in entries)), np.diag(form.mobility)
     pushes = [np.where(elastic, 0.0, form.constant) / omegas[:, None]]
     for order, force in zip(form.orders, form.forces, strict=True):
         pushes.append(force / np.sqrt(np.where(elastic, form.squares, (order * omegas[:, None]) ** 2)))
     unit = _power_of_two(form.masses.max())
     roots = np.sqrt(form.masses / unit)
-    pushed = sum(_sizes(seen.T, roots * push) for push in pushes) * np.sqrt(unit * struck)
+    pushed = sum(_sizes(linked.T, roots * push) for push in pushes) * np.sqrt(unit * struck)
     moved = _each(np.abs(form.motions), form.orders * omegas[:, None])
     shares = form.directions * form.jumps
     sprung = np.where(elastic[:, None], 0.0, shares).sum(axis=2) <= len(form.squares) * ROUNDING * struck
@@ -304,7 +304,7 @@ def _sizes(matrix: Floats, columns: Any) -> Floats:
 
 
 @lru_cache(KEPT)
-def _seen(n: int, *entries: bytes) -> Floats:
+def _linked(n: int, *entries: bytes) -> Floats:
     """Return orthonormal directions, in mass-normalised modes, of what can move a stop's clearance or be moved by it.
 
     They span the least space that holds the stops' directions and is closed under Omega^2 and D^T.
@@ -357,12 +357,12 @@ def steady_motions(
     apart = (form.damping != 0.0) & ~np.eye(n, dtype=bool)
     loaded = (np.diag(form.damping) > 0.0) & (form.constant != 0.0)
     slides = ~sprung & (apart.any(axis=0) | apart.any(axis=1) | loaded)
-    own = form.damping[np.ix_(slides, slides)]
+    brakes = form.damping[np.ix_(slides, slides)]
     amplitudes = np.zeros((len(omegas), n, highest), complex)
-    slide, held = np.zeros(n), np.zeros_like(form.directions)
+    slide, sliding = np.zeros(n), np.zeros_like(form.directions)
     try:
-        slide[slides] = np.linalg.solve(own, form.constant[slides])
-        held[:, slides] = np.linalg.solve(own.T, form.directions[:, slides].T).T
+        slide[slides] = np.linalg.solve(brakes, form.constant[slides])
+        sliding[:, slides] = np.linalg.solve(brakes.T, form.directions[:, slides].T).T
     except np.linalg.LinAlgError:
         slide[:] = np.nan
     for order in form.orders.tolist():
@@ -372,16 +372,16 @@ def steady_motions(
     static = np.divide(form.constant - form.damping @ slide, form.squares, where=sprung, out=np.zeros(n))
     still, swung = form.directions @ static, np.abs(motions - form.directions @ amplitudes).sum(axis=2)
     there = np.isfinite(swung).all(axis=1) & np.isfinite(amplitudes).all(axis=(1, 2)) & np.isfinite(still).all()
-    taken = (form.directions - held @ form.damping)[:, sprung]
-    give = taken**2 @ (1.0 / (form.masses * form.squares)[sprung]) + held**2 @ (1.0 / form.masses)
+    taken = (form.directions - sliding @ form.damping)[:, sprung]
+    give = taken**2 @ (1.0 / (form.masses * form.squares)[sprung]) + sliding**2 @ (1.0 / form.masses)
     nearing = form.directions @ slide > n * ROUNDING * (np.abs(form.directions) @ np.abs(slide))
     still[nearing] = np.inf
     waves = np.stack([amplitudes.real, amplitudes.imag], -1).reshape(len(omegas), -1)
     steady = np.column_stack([np.tile(static, (len(omegas), 1)), waves])
-    parts = {"steady": steady, "give": give, "slide": slide, "sliding": held.ravel()}
-    known = {name: np.where(there[:, None], values, 0.0) for name, values in parts.items()}
+    parts = {"steady": steady, "give": give, "slide": slide, "sliding": sliding.ravel()}
+    columns = {name: np.where(there[:, None], values, 0.0) for name, values in parts.items()}
     lost = np.where(there, 0.0, np.nan)[:, None]
-    return known, still + lost, swung + lost
+    return columns, still + lost, swung + lost
 
 
 def _solved(matrices: Any, column: Any) -> Any:

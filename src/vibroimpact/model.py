@@ -63,7 +63,7 @@ def check_names(parameters: Mapping[str, Parameter], names: Iterable[str]) -> No
     """Refuse names that are no parameters, with the one that was probably meant, also by its symbol."""
     for name in names:
         if not isinstance(name, str) or name not in parameters:
-            meant = next((known for known, parameter in parameters.items() if parameter.symbol == str(name)), None)
+            meant = next((key for key, parameter in parameters.items() if parameter.symbol == str(name)), None)
             raise unknown("parameter", name, parameters, f"did you mean {meant!r}?" if meant else "")
 
 

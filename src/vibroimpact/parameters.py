@@ -22,17 +22,17 @@ def invalid(name: str, value: Any, allowed: str, hint: str = "") -> ValueError:
 
 def unknown(what: str, name: Any, choices: Iterable[str], hint: str = "") -> ValueError:
     """Return the error for a name that is none of the choices, with the one that was probably meant."""
-    known = list(choices)
-    close = get_close_matches(str(name), known, 1)
+    names = list(choices)
+    close = get_close_matches(str(name), names, 1)
     hint = hint or (f"did you mean {close[0]!r}?" if close else "")
-    return ValueError(f"unknown {what} {name!r}; choose from {', '.join(known)}" + (f"; {hint}" if hint else ""))
+    return ValueError(f"unknown {what} {name!r}; choose from {', '.join(names)}" + (f"; {hint}" if hint else ""))
 
 
 def choice(name: str, value: Any, choices: Iterable[str], hint: str = "") -> str:
     """Return the value if it is one of the choices."""
-    known = tuple(choices)
-    if not isinstance(value, str) or value not in known:
-        raise unknown(f"`{name}`", value, known, hint)
+    names = tuple(choices)
+    if not isinstance(value, str) or value not in names:
+        raise unknown(f"`{name}`", value, names, hint)
     return value
 
 
@@ -229,10 +229,10 @@ def installed() -> int | None:
 
 def check_fits(name: str, what: str, needed: int, remedy: str) -> None:
     """Refuse what needs more bytes than the machine has."""
-    here = installed()
-    if here is not None and needed > here:
+    memory = installed()
+    if memory is not None and needed > memory:
         raise ValueError(
-            f"`{name}` {what} {in_words(needed)} of memory, but this machine has {in_words(here)}; {remedy}"
+            f"`{name}` {what} {in_words(needed)} of memory, but this machine has {in_words(memory)}; {remedy}"
         )
 
 

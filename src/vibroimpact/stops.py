@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.by_value import ByValue, shown
+from vibroimpact.by_value import ByValue, written
 from vibroimpact.contact import Law
 from vibroimpact.elements import NUMBERS, Element, element_of
 from vibroimpact.matrices import ROUNDING, nearest, numbers
@@ -226,7 +226,7 @@ class Stop(ByValue):
         entries = form.tolist() if isinstance(form, np.ndarray) else form.values()
         if not max(map(abs, entries)) >= SMALLEST:
             of = f" of stop {name!r}" if name else ""
-            raise ValueError(f"`direction`{of} must not be zero, got {shown(form)}; a . q = gap is contact")
+            raise ValueError(f"`direction`{of} must not be zero, got {written(form)}; a . q = gap is contact")
         element = element_of(restitution=restitution, stiffness=stiffness, damping=damping)
         moves = {
             order: complex(numbers(f"motion[{order}]", value, 0, np.complex128).item())

@@ -241,12 +241,12 @@ class ImpactSystem(ByValue):
         values = self.values | given
         force = Force(**{**self.force.arguments(), "omega": values["omega"]})
         stops = [stop.replace(**{kind: values[f"{stop.name}_{kind}"] for kind in stop.kinds}) for stop in self.stops]
-        made = object.__new__(ImpactSystem)  # of matrices that are checked
-        vars(made).update(self.arguments() | {"force": force, "stops": tuple(stops)})
-        check_room(made.stops, made.mass)
+        changed = object.__new__(ImpactSystem)  # of matrices that are checked
+        vars(changed).update(self.arguments() | {"force": force, "stops": tuple(stops)})
+        check_room(changed.stops, changed.mass)
         if "_modal" in vars(self):
-            vars(made)["_modal"] = self._modal.replace(force, stops)
-        return made
+            vars(changed)["_modal"] = self._modal.replace(force, stops)
+        return changed
 
     def at(self, **values: float) -> ImpactSystem:
         """Return the system with some parameters changed: what a model is at one point of its axes."""

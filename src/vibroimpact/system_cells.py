@@ -347,8 +347,8 @@ def _columns(shape: Shape) -> tuple[str, ...]:
 
 def _numbers(stop: Any) -> tuple[float, ...]:
     """Return the numbers of a stop as `BLOCKS` has them."""
-    known = {"gap": stop.gap} | stop.element.row()
-    return tuple(known.get(name, block.none) for name, block in BLOCKS.items())
+    row = {"gap": stop.gap} | stop.element.row()
+    return tuple(row.get(name, block.none) for name, block in BLOCKS.items())
 
 
 def _fixed(system: ImpactSystem) -> tuple[Any, ...]:

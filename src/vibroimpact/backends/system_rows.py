@@ -8,7 +8,7 @@ import numpy as np
 
 from vibroimpact.backends.base import Floats
 from vibroimpact.backends.system_leaps import prepare_leaps
-from vibroimpact.contact import KNOWN
+from vibroimpact.contact import LAWS
 from vibroimpact.elements import BLOCKS
 from vibroimpact.kernels.cell import MOST
 from vibroimpact.kernels.restitution import address_of
@@ -62,10 +62,10 @@ def _address_laws(k: Layout, table: Floats) -> None:
     """Put the addresses of laws of restitution in the place of their marks, and those of their tables."""
     laws, numbers = (table[:, first : first + k.stops] for first in (k.law, k.restitution))
     for mark in np.unique(laws[laws != 0.0]).tolist():
-        law, here = KNOWN[mark], laws == mark
-        laws[here] = address_of(law.code, law.made.rule)
-        if law.made.table is not None:
-            numbers[here] = law.made.table.ctypes.data
+        law, stops = LAWS[mark], laws == mark
+        laws[stops] = address_of(law.code, law.formula.rule)
+        if law.formula.table is not None:
+            numbers[stops] = law.formula.table.ctypes.data
 
 
 def _by_stop(cells: SystemCells, name: str) -> Floats:
