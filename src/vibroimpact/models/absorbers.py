@@ -61,11 +61,6 @@ def impact_damper(
         The coordinates are x_0 of the structure and x_1, x_2, ... of the particles, from left to right; stops
         `left`, `between_1`, ..., `right`.
 
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
-
     Notes
     -----
     From rest nothing hits until the structure swings by d/(p + 1). Left out: weight and friction in the slot, and
@@ -141,11 +136,6 @@ def two_unit_impact_damper(
     ImpactSystem
         The coordinates are x_0, x_1, x_2; stops `first_left`, `first_right`, `second_left`, `second_right`.
 
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
-
     Notes
     -----
     With equal clearances all impacts from rest are simultaneous, two by two. Left out: as in `impact_damper`.
@@ -216,11 +206,6 @@ def tuned_mass_damper(
     -------
     ImpactSystem
         The coordinates are x_0 of the structure and x_1 of the absorber; stops `left` and `right`.
-
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
 
     Notes
     -----

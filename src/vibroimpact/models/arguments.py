@@ -97,9 +97,22 @@ _TUBES = [
 TABLE = {entry.name: entry for entry in [*_OSCILLATORS, *_MACHINES, *_GEARS, *_DAMPERS, *_BEAMS, *_TUBES]}
 
 
+_RAISES = """
+Raises
+------
+ValueError
+    A number is out of its range.
+"""
+
+
 def checked(function: Callable[_Arguments, _Made]) -> Callable[_Arguments, _Made]:
-    """Return the function of named numbers with each checked by its name; `parameters` holds their table."""
+    """Return the function of named numbers with each checked by its name; `parameters` holds their table.
+
+    Its docstring says so, unless it says what else is refused.
+    """
     parameters = {name: TABLE[name] for name in inspect.signature(function).parameters}
+    if "\nRaises\n" not in inspect.cleandoc(function.__doc__ or ""):
+        function = sharing(_RAISES)(function)
 
     @functools.wraps(function)
     def model(*none: _Arguments.args, **given: _Arguments.kwargs) -> _Made:
@@ -112,7 +125,7 @@ def checked(function: Callable[_Arguments, _Made]) -> Callable[_Arguments, _Made
 
 
 def sharing(sections: str) -> Callable[[_Documented], _Documented]:
-    """Return what adds the sections of a docstring that machines of one kind share, before their notes."""
+    """Return what adds sections to the docstrings of machines that share them, before their notes."""
 
     def share(function: _Documented) -> _Documented:
         text = inspect.cleandoc(function.__doc__ or "")

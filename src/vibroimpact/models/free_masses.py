@@ -43,11 +43,6 @@ def bouncing_ball(
     ImpactSystem
         The coordinate is the height z; stop `table`.
 
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
-
     Notes
     -----
     All that matters is r and Gamma = A w^2/g. The ball lifts off from rest if Gamma > 1. One bounce in N periods is
@@ -114,11 +109,6 @@ def impact_pair(
     -------
     ImpactSystem
         The coordinate is the absolute x; stops `left` and `right`, which move with the frame.
-
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
 
     Notes
     -----
@@ -200,11 +190,6 @@ def idle_gear(
         The coordinate is theta in rad. The stops `drive` and `coast` are the flanks, which the driving gear moves;
         their clearances are in m and their impulses in N s along the line of action.
 
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
-
     Notes
     -----
     The flanks separate if J alpha > T. Left out: the stiffness of teeth and shafts, backlash that changes with
@@ -282,11 +267,6 @@ def gear_pair(
     -------
     ImpactSystem
         The coordinate is x in m, the dynamic transmission error; stops `drive` and `coast` are the flanks.
-
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
 
     Notes
     -----

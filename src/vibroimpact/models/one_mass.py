@@ -125,11 +125,6 @@ def bilinear_oscillator(
     ImpactSystem
         The coordinate is x; stop `spring`.
 
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
-
     Notes
     -----
     Left out: the mass of the stop, which makes the first instant of contact an impact, and its own vibration after it.
@@ -194,11 +189,6 @@ def base_excited_oscillator(
     -------
     ImpactOscillator
         Its displacement y is that of the mass over the base, and its velocities are relative to the base.
-
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
 
     Notes
     -----
@@ -265,11 +255,6 @@ def unbalanced_machine(
     -------
     ImpactOscillator
         At that speed; `vibroimpact.family` makes the speed an axis.
-
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
 
     Notes
     -----
