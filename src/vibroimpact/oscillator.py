@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from vibroimpact.model import State, check_model, check_names
-from vibroimpact.parameters import CRITICAL, OF_ONE_MASS, Parameter, Scale, hertz, invalid, radians
+from vibroimpact.parameters import CRITICAL, OF_ONE_MASS, Parameter, Scale, check_one, hertz, invalid, radians
 
 if TYPE_CHECKING:
     from vibroimpact.cells import Cells
@@ -103,8 +103,8 @@ class ImpactOscillator:
         check_names(self.parameters, misnamed)
         if callable(restitution):
             raise invalid("restitution", restitution, "a number here", _AS_SYSTEM)
-        _check_one("omega", omega, "frequency", frequency)
-        _check_one("damping", damping, "damping_ratio", damping_ratio)
+        check_one("omega", omega, "frequency", frequency)
+        check_one("damping", damping, "damping_ratio", damping_ratio)
         check = {name: parameter.check for name, parameter in self.parameters.items()}
         if frequency is not None:
             omega = radians(check["frequency"](frequency))
@@ -256,11 +256,6 @@ class ImpactOscillator:
             gap=self.gap / length,
         )
         return scaled, {"time": time, "displacement": length, "velocity": length / time}
-
-
-def _check_one(name: str, value: Any, other: str, other_value: Any) -> None:
-    if value is not None and other_value is not None:
-        raise ValueError(f"give either `{name}` or `{other}`, not both; got {value!r} and {other_value!r}")
 
 
 def the_oscillator(model: Any) -> ImpactOscillator:

@@ -28,6 +28,12 @@ def unknown(what: str, name: Any, choices: Iterable[str], hint: str = "") -> Val
     return ValueError(f"unknown {what} {name!r}; choose from {', '.join(names)}" + (f"; {hint}" if hint else ""))
 
 
+def check_one(name: str, value: Any, other: str, other_value: Any) -> None:
+    """Refuse two arguments of which one replaces the other; None is not given."""
+    if value is not None and other_value is not None:
+        raise ValueError(f"give either `{name}` or `{other}`, not both; got {value!r} and {other_value!r}")
+
+
 def choice(name: str, value: Any, choices: Iterable[str], hint: str = "") -> str:
     """Return the value if it is one of the choices."""
     names = tuple(choices)

@@ -20,13 +20,14 @@ from vibroimpact.matrices import ROUNDING, nearest, numbers
 from vibroimpact.parameters import (
     OF_ONE_MASS,
     SMALLEST,
+    counted,
     hertz,
     invalid,
     radians,
     several,
     unknown,
     whole_number,
-)  # fmt: skip
+)
 
 STOPS = 5  # at most: an impact is solved among all their sets
 
@@ -42,15 +43,12 @@ def vector(name: str, value: Any, kind: type = np.float64) -> Any:
 
 def check_length(name: str, value: Any, n: int) -> None:
     """Refuse a vector that is not one over n coordinates."""
+    wanted = f"{counted(n, 'number')}, one per coordinate"
     if not isinstance(value, np.ndarray):
-        raise ValueError(
-            f"`{name}` names points ({', '.join(map(str, value))}), which only ImpactSystem.from_modes knows; "
-            f"give {n} number{'s'[: n > 1]}, one per coordinate"
-        )
+        points = ", ".join(map(str, value))
+        raise ValueError(f"`{name}` names points ({points}), which only ImpactSystem.from_modes knows; give {wanted}")
     if len(value) != n:
-        raise ValueError(
-            f"`{name}` must have {n} number{'s'[: n > 1]}, one per coordinate of the mass matrix, got {len(value)}"
-        )
+        raise ValueError(f"`{name}` must have {wanted} of the mass matrix, got {len(value)}")
 
 
 def _by_order(name: str, given: Any) -> dict[int, Any]:

@@ -17,7 +17,7 @@ from vibroimpact.elements import NUMBERS
 from vibroimpact.matrices import ROUNDING, matrices, nearest, table_of_modes
 from vibroimpact.modal import ModalForm, modal_form, velocity_scale
 from vibroimpact.model import State, check_names
-from vibroimpact.parameters import OF_ONE_MASS, Parameter, Scale, invalid, radians
+from vibroimpact.parameters import OF_ONE_MASS, Parameter, Scale, check_one, counted, invalid, radians
 from vibroimpact.stops import (
     Force,
     Stop,
@@ -194,13 +194,11 @@ class ImpactSystem(ByValue):
         return {**linear, "force": self.force, "stops": self.stops}
 
     def __repr__(self) -> str:
-        n = len(self.mass)
         values = (f"{name}={value!r}" for name, value in self.values.items())
-        return f"ImpactSystem({n} coordinate{'s'[: n > 1]}, {', '.join(values)})"
+        return f"ImpactSystem({counted(self.coordinates, 'coordinate')}, {', '.join(values)})"
 
     def __str__(self) -> str:
-        n = len(self.mass)
-        words = f"ImpactSystem of {n} coordinate{'s'[: n > 1]}"
+        words = f"ImpactSystem of {counted(self.coordinates, 'coordinate')}"
         return words + (f" with {', '.join(self.stop_names)}" if self.stops else "")
 
     @property
@@ -233,8 +231,7 @@ class ImpactSystem(ByValue):
     def replace(self, **changes: float) -> ImpactSystem:
         """Return a copy with some parameters changed; `frequency` (Hz) may stand for `omega`."""
         check_names(self.parameters, changes)
-        if "omega" in changes and "frequency" in changes:
-            raise ValueError("give either `omega` or `frequency`, not both")
+        check_one("omega", changes.get("omega"), "frequency", changes.get("frequency"))
         given = {name: self.parameters[name].check(value) for name, value in changes.items()}
         if "frequency" in given:
             given["omega"] = radians(given["frequency"])
@@ -347,9 +344,10 @@ class ImpactSystem(ByValue):
             raise invalid("start", start, "None or a State", "write State(displacement=[...], velocity=[...])")
         q, speed = (np.array(part, np.float64, ndmin=1) for part in (start.displacement, start.velocity))
         if len(q) != n:
-            raise ValueError(f"`start` must have {n} coordinate{'s'[: n > 1]}, as the mass matrix has, got {len(q)}")
+            raise ValueError(f"`start` must have {counted(n, 'coordinate')}, as the mass matrix has, got {len(q)}")
         beyond = -self.clearances(q, start.time)
-        size = np.abs(self._directions) @ np.abs(q) + self._reach * (1.0 + abs(start.time) * self.omega)
+        reach = np.array([stop.reach for stop in self.stops])
+        size = np.abs(self._directions) @ np.abs(q) + reach * (1.0 + abs(start.time) * self.omega)
         over = [
             f"{name!r} by {depth:.3g} m"
             for name, depth, most, bars in zip(self.stop_names, beyond, n * ROUNDING * size, self._bars, strict=True)
@@ -367,11 +365,6 @@ class ImpactSystem(ByValue):
     def _bars(self) -> Any:
         """Which stops are impenetrable."""
         return np.array([stop.element.impenetrable for stop in self.stops], bool)
-
-    @cached_property
-    def _reach(self) -> Floats:
-        """How far from zero each stop comes, at most."""
-        return np.array([stop.reach for stop in self.stops])
 
     def _bounds(self, time: float) -> Floats:
         """Return a . q in contact, for every stop at some time."""
