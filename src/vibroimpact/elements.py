@@ -147,7 +147,7 @@ class Element(ABC):
         return ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Rigid(Element):
     """A rigid stop: an impact turns the rate of the clearance from -v to r v."""
 
@@ -158,8 +158,10 @@ class Rigid(Element):
 
     restitution: float | Law
 
-    def __post_init__(self) -> None:
-        found = law_of(0.8 if self.restitution is None else self.restitution)
+    def __init__(self, restitution: Any) -> None:
+        found = 0.8 if restitution is None else restitution
+        if type(found) is not float:  # as families have them by the thousands
+            found = law_of(found)
         vars(self)["restitution"] = found if isinstance(found, Law) else NUMBERS["restitution"].check(found)
 
     @property
@@ -184,8 +186,8 @@ class Rigid(Element):
 
     def row(self) -> dict[str, float]:
         """Return the restitution, or the number of a law and its mark, by which kernels find it again."""
-        if self.ratio is not None:
-            return {"restitution": self.ratio}
+        if (ratio := self.ratio) is not None:
+            return {"restitution": ratio}
         law: Any = self.restitution
         LAWS.setdefault(law.mark, law)
         return {"restitution": law.number, "law": law.mark}
@@ -207,7 +209,7 @@ class Rigid(Element):
         return {"restitution": Scale(1.0, "1")}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Compliant(Element):
     """A compliant stop: a spring and a damper push with max(0, k d + c d') while it is pressed in by d."""
 
@@ -220,9 +222,9 @@ class Compliant(Element):
     stiffness: float
     damping: float
 
-    def __post_init__(self) -> None:
-        vars(self)["stiffness"] = NUMBERS["stiffness"].check(self.stiffness)
-        vars(self)["damping"] = NUMBERS["damping"].check(self.damping or 0.0)
+    def __init__(self, stiffness: Any, damping: Any) -> None:
+        vars(self)["stiffness"] = NUMBERS["stiffness"].check(stiffness)
+        vars(self)["damping"] = NUMBERS["damping"].check(damping or 0.0)
 
     @property
     def lossless(self) -> bool:
@@ -265,13 +267,15 @@ class Compliant(Element):
 KINDS: tuple[Any, ...] = (Compliant, Rigid)  # the last one where no argument chooses
 
 
-def element_of(**given: Any) -> Element:
+def element_of(given: Mapping[str, Any]) -> Element:
     """Return the element that arguments of a stop make; None is not given, and stands for the usual value."""
-    kind: Any = next((kind for kind in KINDS if given[kind.takes[0]] is not None), KINDS[-1])
+    for kind in KINDS:
+        if given[kind.takes[0]] is not None:
+            break
     for name, value in given.items():
         if value is not None and name not in kind.takes:
             raise invalid(name, value, f"None for a {kind.word} stop", kind.instead[name])
-    element: Element = kind(**{name: given[name] for name in kind.takes})
+    element: Element = kind(*[given[name] for name in kind.takes])
     return element
 
 

@@ -43,12 +43,13 @@ def vector(name: str, value: Any, kind: type = np.float64) -> Any:
 
 def check_length(name: str, value: Any, n: int) -> None:
     """Refuse a vector that is not one over n coordinates."""
+    if isinstance(value, np.ndarray) and len(value) == n:
+        return
     wanted = f"{counted(n, 'number')}, one per coordinate"
-    if not isinstance(value, np.ndarray):
-        points = ", ".join(map(str, value))
-        raise ValueError(f"`{name}` names points ({points}), which only ImpactSystem.from_modes knows; give {wanted}")
-    if len(value) != n:
+    if isinstance(value, np.ndarray):
         raise ValueError(f"`{name}` must have {wanted} of the mass matrix, got {len(value)}")
+    points = ", ".join(map(str, value))
+    raise ValueError(f"`{name}` names points ({points}), which only ImpactSystem.from_modes knows; give {wanted}")
 
 
 def _by_order(name: str, given: Any) -> dict[int, Any]:
@@ -225,7 +226,8 @@ class Stop(ByValue):
         if not max(map(abs, entries)) >= SMALLEST:
             of = f" of stop {name!r}" if name else ""
             raise ValueError(f"`direction`{of} must not be zero, got {written(form)}; a . q = gap is contact")
-        element = element_of(restitution=restitution, stiffness=stiffness, damping=damping)
+        numbered = {"restitution": restitution, "stiffness": stiffness, "damping": damping}
+        element = element_of(numbered)
         moves = {
             order: complex(numbers(f"motion[{order}]", value, 0, np.complex128).item())
             for order, value in _by_order("motion", motion).items()
@@ -233,14 +235,11 @@ class Stop(ByValue):
         vars(self).update(
             direction=form,
             gap=NUMBERS["gap"].check(gap),
-            restitution=None,
-            stiffness=None,
-            damping=None,
             name=name,
             motion=MappingProxyType(moves),
             element=element,
+            **dict.fromkeys(numbered) | vars(element),
         )
-        vars(self).update(vars(element))
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the constructor by name."""
