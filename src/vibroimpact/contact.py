@@ -195,8 +195,8 @@ def kelvin_voigt(*, damping_ratio: float) -> Law:
 
     Notes
     -----
-    The force k d + c d' is zero after w_d t = 2 arccos(zeta). The common exp(-pi zeta/sqrt(1 - zeta^2)) lets go
-    where the penetration is zero: by then the damper pulls.
+    The force k d + c d' is zero after w_d t = 2 arccos(zeta). The common exp(-pi zeta/sqrt(1 - zeta^2)) ends
+    contact where the penetration is zero: by then the damper pulls.
 
     References
     ----------

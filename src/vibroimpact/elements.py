@@ -15,7 +15,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from vibroimpact.contact import LAWS, Law, law_of
-from vibroimpact.parameters import CRITICAL, OF_ONE_MASS, Parameter, Scale, invalid
+from vibroimpact.parameters import CRITICAL, OF_ONE_MASS, Parameter, Scale, critical_damping, invalid
 
 SHORTEST = 1e-9  # driving periods: shorter contacts are those of a rigid stop
 
@@ -250,14 +250,14 @@ class Compliant(Element):
 
     def scales(self, mass: float, omega: float) -> dict[str, Scale]:
         """Return m w^2 for the stiffness, and critical damping."""
-        critical = 2.0 * math.sqrt(self.stiffness * mass)
+        critical = critical_damping(self.stiffness, mass)
         return {"stiffness": Scale(mass * omega**2, "m w^2"), "damping": Scale(critical, CRITICAL)}
 
     def too_short(self, mass: float, period: float) -> str:
         """Return the restitution that is as good where contacts last less than 1e-9 periods."""
         if math.pi * math.sqrt(mass / self.stiffness) >= SHORTEST * period:
             return ""
-        ratio = 0.5 * self.damping / math.sqrt(self.stiffness * mass)
+        ratio = self.damping / critical_damping(self.stiffness, mass)
         return (
             f"takes less than {SHORTEST:g} driving periods; a rigid stop with the restitution of a damping ratio of "
             f"{ratio:.3g} is the same and faster"
@@ -280,5 +280,5 @@ def element_of(given: Mapping[str, Any]) -> Element:
 
 
 def bars(blocks: Mapping[str, Any]) -> Any:
-    """Return which stops of a table of cells are impenetrable, from its blocks by the numbers of stops."""
+    """Return the mask of impenetrable stops in a table of cells, from its blocks by the numbers of stops."""
     return blocks["stiffness"] == 0.0

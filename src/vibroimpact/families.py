@@ -193,7 +193,7 @@ def load_model(place: Any) -> Model:
     Raises
     ------
     ValueError
-        The file cannot be run, or NAME is no model; the message tells the line.
+        The file cannot be run, or NAME is no model; the message names the line.
     """
     if str(place).isidentifier():
         return ready_made(str(place))

@@ -207,7 +207,7 @@ def _centred(shapes: Floats, squares: Floats, mass: Floats, directions: Floats) 
 
 
 def _admixed(shapes: Floats, squares: Floats) -> Floats:
-    """Return by how much at most rounding of the stiffnesses turns each mode towards elastic ones of its group."""
+    """Return the angle by which rounding of stiffnesses turns each mode, at most, towards elastic ones of its group."""
     n, grouped = len(squares), np.abs(shapes).T @ np.abs(shapes) > 0.0
     largest = np.where(grouped, squares, 0.0).max(axis=1)
     softest = np.where(grouped & (squares > 0.0), squares, np.inf).min(axis=1)
@@ -234,7 +234,7 @@ def _parted(shapes: Floats, squares: Floats, mass: Floats, damping: Floats, free
 
 
 def _by_rounding(coupling: Floats, damping: Floats, shapes: Floats, masses: Floats, squares: Floats, free: int) -> Any:
-    """Return which modal damping off the diagonal rounding explains, and which of the `free` modes on it.
+    """Return the mask of modal damping that rounding explains, off the diagonal and of the `free` modes on it.
 
     It is rounding of the products, and that of the eigenvectors: two of one group of coordinates, whose squares are
     apart by some part of the group's largest, are turned into each other by rounding over that part.

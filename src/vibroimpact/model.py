@@ -74,7 +74,7 @@ class State:
     Parameters
     ----------
     displacement : float or sequence of float
-        y in m; at most the gap. Of an `ImpactSystem` all coordinates, kept as a tuple.
+        y in m; at most the gap. For an `ImpactSystem`, all coordinates, kept as a tuple.
     velocity : float or sequence of float
         y' in m/s; at the stop, > 0 is an impact at this very time. As many as coordinates, all 0 unless given.
     time : float

@@ -9,7 +9,17 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from vibroimpact.model import State, check_model, check_names
-from vibroimpact.parameters import CRITICAL, OF_ONE_MASS, Parameter, Scale, check_one, hertz, invalid, radians
+from vibroimpact.parameters import (
+    CRITICAL,
+    OF_ONE_MASS,
+    Parameter,
+    Scale,
+    check_one,
+    critical_damping,
+    hertz,
+    invalid,
+    radians,
+)
 
 if TYPE_CHECKING:
     from vibroimpact.cells import Cells
@@ -109,7 +119,7 @@ class ImpactOscillator:
         if frequency is not None:
             omega = radians(check["frequency"](frequency))
         if damping_ratio is not None:
-            critical = 2.0 * math.sqrt(check["stiffness"](stiffness) * check["mass"](mass))
+            critical = critical_damping(check["stiffness"](stiffness), check["mass"](mass))
             damping = check["damping_ratio"](damping_ratio) * critical
         damping, omega = 0.01 if damping is None else damping, 2.0 if omega is None else omega
         given = (mass, damping, stiffness, amplitude, omega, restitution, gap)
@@ -203,7 +213,7 @@ class ImpactOscillator:
     @property
     def damping_ratio(self) -> float:
         """Damping over critical damping, c / (2 sqrt(k m)); 1 is critical."""
-        return self.damping / (2.0 * math.sqrt(self.stiffness * self.mass))
+        return self.damping / critical_damping(self.stiffness, self.mass)
 
     @property
     def steady_amplitude(self) -> float:
@@ -230,7 +240,7 @@ class ImpactOscillator:
 
     def scales(self) -> dict[str, Scale]:
         """Return the sizes that changes of its parameters are relative to where these are 0, by name."""
-        critical = 2.0 * math.sqrt(self.stiffness * self.mass)
+        critical = critical_damping(self.stiffness, self.mass)
         return {
             "damping": Scale(critical, CRITICAL),
             "damping_ratio": Scale(1.0, CRITICAL),

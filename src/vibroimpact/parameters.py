@@ -197,6 +197,11 @@ class Scale(NamedTuple):
 CRITICAL = "critical damping"  # the name of that size
 
 
+def critical_damping(stiffness: float, mass: float) -> float:
+    """Return the critical damping 2 sqrt(k m) of a mass on a spring, in N s/m."""
+    return 2.0 * math.sqrt(stiffness * mass)
+
+
 def radians(hertz: Any) -> Any:
     """Return angular frequencies in rad/s of frequencies in Hz, or angles of turns."""
     return 2.0 * math.pi * hertz

@@ -1,4 +1,4 @@
-"""What a change of a parameter is measured in where the parameter itself is 0: the size that its design gives it.
+"""The sizes to which changes of parameters are relative where the parameters themselves are 0.
 
 A size has the parameter's unit and is made of the design's other numbers. So a verdict does not depend on units.
 """
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.model import Model
-from vibroimpact.parameters import CRITICAL, Scale
+from vibroimpact.parameters import CRITICAL, Scale, critical_damping
 from vibroimpact.parameters import LIGHT as LIGHT
 
 WIDEST = 200  # powers of two between which the size of a family's parameter is sought
@@ -22,8 +22,8 @@ def scale_of(model: Model, name: str, value: float) -> Scale:
     """Return the scale to which changes of a parameter from a value are relative.
 
     That is the value, or what is larger for a gap and for a number that is not positive: the static deflection (f/k of
-    one mass) of a gap, critical damping, k |g| of a force, 1 of a restitution, m w^2 of a stiffness. Of a family's
-    parameter at 0 it is the change that makes one of the design's numbers another one of its size.
+    one mass) of a gap, critical damping, k |g| of a force, 1 of a restitution, m w^2 of a stiffness. For a
+    family's parameter at 0 it is the change that makes one of the design's numbers another one of its size.
     """
     if is_own_scale(model, name, value):
         return Scale(value)
@@ -63,7 +63,7 @@ def _of_family(model: Model, name: str) -> Scale:
 
 
 def _turned(model: Model, name: str, value: float) -> float:
-    """Return by how much a parameter changes a design's numbers, in parts of their sizes; infinite where none is."""
+    """Return the change of a design's numbers by a parameter, over their sizes; infinite where there is no design."""
     numbers = _numbers(model.at())
     for signed in (value, -value):
         try:
@@ -96,7 +96,7 @@ def _linear_numbers(design: Any) -> dict[str, tuple[Any, float]]:
     found: dict[str, tuple[Any, float]] = {
         "mass": (design.mass, mass),
         "stiffness": (design.stiffness, stiffness),
-        "damping": (design.damping, 2.0 * LIGHT * math.sqrt(stiffness * mass)),
+        "damping": (design.damping, LIGHT * critical_damping(stiffness, mass)),
     }
     scales, loads = design.scales(), {name: np.asarray(vector) for name, vector in design.force.vectors.items()}
     most = max((float(np.abs(vector).max()) for vector in loads.values()), default=0.0)

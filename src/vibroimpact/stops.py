@@ -154,8 +154,8 @@ class Stop(ByValue):
 
     .. math:: F = \max(0,\ k d + c \dot d), \qquad d = -u > 0,
 
-    from where u falls through zero until the force has fallen to zero. It never pulls: where c > 0 it lets go before u
-    is back at zero, and keeps out of the way from there on.
+    from where u falls through zero until the force has fallen to zero. It never pulls: where c > 0 it separates before
+    u returns to zero, and exerts no force until contact is made again.
 
     Parameters
     ----------
@@ -281,12 +281,12 @@ class Stop(ByValue):
         return self.element.rebound(v)
 
     def shift(self, angle: Any) -> Any:
-        """Return how far it has moved away in m at driving angles w t."""
+        """Return the displacement away from what it stops, in m, at driving angles w t."""
         turn = 1j * np.asarray(angle, np.float64)
         return sum((by * np.exp(order * turn)).imag for order, by in self.motion.items())
 
     def speed(self, angle: Any, omega: float) -> Any:
-        """Return the rate in m/s at which it moves away at driving angles w t."""
+        """Return the rate of that displacement in m/s, at driving angles w t."""
         turn = 1j * np.asarray(angle, np.float64)
         return sum((1j * order * omega * by * np.exp(order * turn)).imag for order, by in self.motion.items())
 

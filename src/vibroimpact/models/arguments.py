@@ -125,7 +125,7 @@ def checked(function: Callable[_Arguments, _Made]) -> Callable[_Arguments, _Made
 
 
 def sharing(sections: str) -> Callable[[_Documented], _Documented]:
-    """Return what adds sections to the docstrings of machines that share them, before their notes."""
+    """Return the decorator that adds sections to the docstrings of machines that share them, before their notes."""
 
     def share(function: _Documented) -> _Documented:
         text = inspect.cleandoc(function.__doc__ or "")

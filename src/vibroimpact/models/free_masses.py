@@ -6,6 +6,7 @@ import math
 
 from vibroimpact.models.arguments import checked
 from vibroimpact.models.slots import slot
+from vibroimpact.parameters import critical_damping
 from vibroimpact.stops import Force, Stop
 from vibroimpact.system import ImpactSystem
 
@@ -283,7 +284,7 @@ def gear_pair(
     (0.4, [600.0])
     """
     mass = 1.0 / (base_radius**2 / inertia + second_base_radius**2 / second_inertia)
-    damping = 2.0 * mesh_damping_ratio * math.sqrt(mesh_stiffness * mass)
+    damping = mesh_damping_ratio * critical_damping(mesh_stiffness, mass)
     return ImpactSystem(
         mass=mass,
         stiffness=0.0,

@@ -6,6 +6,7 @@ import math
 
 from vibroimpact.models.arguments import checked
 from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.parameters import critical_damping
 from vibroimpact.stops import Force, Stop
 from vibroimpact.system import ImpactSystem
 
@@ -73,7 +74,7 @@ def two_sided_oscillator(
     """
     return ImpactSystem(
         mass=mass,
-        damping=2.0 * damping_ratio * math.sqrt(stiffness * mass),
+        damping=damping_ratio * critical_damping(stiffness, mass),
         stiffness=stiffness,
         force=Force(frequency=frequency, harmonics={1: force}),
         stops=[
@@ -144,7 +145,7 @@ def bilinear_oscillator(
     """
     return ImpactSystem(
         mass=mass,
-        damping=2.0 * damping_ratio * math.sqrt(stiffness * mass),
+        damping=damping_ratio * critical_damping(stiffness, mass),
         stiffness=stiffness,
         force=Force(frequency=frequency, harmonics={1: force}),
         stops=[Stop(direction=1.0, gap=gap, stiffness=stop_stiffness, damping=stop_damping, name="spring")],
