@@ -143,6 +143,12 @@ class Force(ByValue):
         return found | ({} if self.constant is None else {"constant": self.constant})
 
 
+def check_force(force: Any) -> None:
+    """Refuse what is no load."""
+    if not isinstance(force, Force):
+        raise invalid("force", force, "a Force", "write Force(omega=1.0) for none: it sets the period")
+
+
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Stop(ByValue):
     r"""A stop, fixed or moving, in the way of a linear form of the coordinates: rigid or compliant.

@@ -21,6 +21,7 @@ from vibroimpact.parameters import OF_ONE_MASS, Parameter, Scale, check_one, cou
 from vibroimpact.stops import (
     Force,
     Stop,
+    check_force,
     check_length,
     check_room,
     named_stops,
@@ -102,7 +103,7 @@ class ImpactSystem(ByValue):
     def __init__(
         self, *, mass: Any, stiffness: Any, damping: Any = 0.0, force: Force, stops: Iterable[Stop] = ()
     ) -> None:
-        _check_force(force)
+        check_force(force)
         found = matrices(mass, damping, stiffness)
         for name, value in force.vectors.items():
             check_length(name, value, len(found["mass"]))
@@ -173,7 +174,7 @@ class ImpactSystem(ByValue):
         (array([2., 2.]), array([ 2.04, -4.29]))
         """
         rates, ratios, table = table_of_modes(frequencies, damping_ratios, shapes)
-        _check_force(force)
+        check_force(force)
         places = names_of_points(points, len(table))
         vectors = {name: over_modes(name, value, places, table) for name, value in force.vectors.items()}
         harmonics = {order: vectors[f"harmonics[{order}]"] for order in force.harmonics}
@@ -370,8 +371,3 @@ class ImpactSystem(ByValue):
         """Return a . q in contact, for every stop at some time."""
         found: Floats = np.array([stop.gap + stop.shift(self.omega * time) for stop in self.stops], np.float64)
         return found
-
-
-def _check_force(force: Any) -> None:
-    if not isinstance(force, Force):
-        raise invalid("force", force, "a Force", "write Force(omega=1.0) for none: it sets the period")
