@@ -166,8 +166,9 @@ def _tube(ends: str, given: Mapping[str, float]) -> ImpactSystem:
     bore, disc = 0.25 * math.pi * inner**2, 0.25 * math.pi * outer**2
     wall = math.pi * wall_thickness * (outer - wall_thickness)
     rigidity = given["youngs_modulus"] * wall * (outer**2 + inner**2) / 16.0
-    fluid = given["inner_fluid_density"] * bore, given["added_mass_coefficient"] * given["outer_fluid_density"] * disc
-    per_length = given["density"] * wall + fluid[0] + fluid[1]
+    inside = given["inner_fluid_density"] * bore
+    outside = given["added_mass_coefficient"] * given["outer_fluid_density"] * disc
+    per_length = given["density"] * wall + inside + outside
     shapes = beam_modes(ends, count("modes", given["modes"]))
     rows = [moving_row(name, given[name], shapes) for name in ("first_support_at", "second_support_at")]
     sides = {f"{support}_{side}": {support: sign} for support in ("first", "second") for side, sign in _SIDES.items()}
