@@ -27,6 +27,7 @@ from vibroimpact.backends.base import (
     energy_loss,
 )
 from vibroimpact.cells import Cells
+from vibroimpact.elements import BLOCKS
 from vibroimpact.indices import INDICES
 from vibroimpact.system_cells import SystemCells
 
@@ -34,7 +35,8 @@ BELOW_ONE = np.nextafter(1.0, 0.0)
 ROUNDING = 1e-15  # of the lengths that a clearance is the difference of
 SAME = 1e-12  # of a scale of velocities: such a difference is rounding
 
-_NONE_OF = "motion", "spring", "dashpot", "law"  # what such a stop has none of
+# What such a stop has none of.
+_NONE_OF = "motion", *(block.name for number, block in BLOCKS.items() if number not in ("gap", "restitution"))
 
 
 def is_one_mass(cells: SystemCells) -> NDArray[np.bool_]:

@@ -82,7 +82,7 @@ class SystemSweep:
         self.total = march.Window(*bounds, measurement.early_closing)
         self.table = in_steps(cells, measurement.tolerances.chatter, self.layout)
         self.omega = cells["omega"]
-        self.compliant: Any = (cells.block("spring") > 0.0).any(axis=0)
+        self.compliant: Any = (~cells.bars).any(axis=0)
         self.budgets = budgets_of(cells, measurement.tolerances, self.total.total)
         self.results, self.ends = np.zeros((len(cells), noted(self.layout))), np.zeros(len(cells), np.int8)
         self._tickets = np.zeros(1, np.int64)
