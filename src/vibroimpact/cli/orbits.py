@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -170,8 +170,10 @@ def orbits_json(found: Orbits[Any], model: Model) -> dict[str, Any]:
 SUMMED = "name", "stable", "trace", "determinant"
 
 
-def _plain(orbit: Orbit | SystemOrbit) -> dict[str, Any]:
-    content = {key: value for key, value in vars(orbit).items() if key not in ("oscillator", "system", "family")}
+def _plain(orbit: Orbit) -> dict[str, Any]:
+    content = {
+        part.name: getattr(orbit, part.name) for part in fields(orbit) if part.name not in ("oscillator", "family")
+    }
     for key in {"multipliers", "half_multipliers", "neutral"} & set(content):
         content[key] = [[z.real, z.imag] for z in content[key]]
     if "start" in content:

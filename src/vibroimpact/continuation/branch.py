@@ -24,7 +24,7 @@ from vibroimpact.continuation.results import Branch, course
 from vibroimpact.continuation.system import system_of
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.orbits.systems import AnyOrbit, SystemOrbit
+from vibroimpact.orbits.systems import AnyOrbit
 from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 
@@ -150,11 +150,11 @@ def continue_orbit(
 
 def _checked(orbit: Any) -> AnyOrbit:
     """Return an orbit that flies from impact to impact."""
-    if not isinstance(orbit, (Orbit, SystemOrbit)):
+    if not isinstance(orbit, Orbit):
         raise invalid("orbit", orbit, "an Orbit", "give one that find_orbit returned")
     if orbit.n_impacts < 1 or orbit.sticks:
         step = "find it again, value by value, with find_orbit(..., n_impacts=-1, near=orbit)"
-        hint = "follow its end of sticking with continue_boundary instead" if isinstance(orbit, Orbit) else step
+        hint = "follow its end of sticking with continue_boundary instead" if orbit.oscillator.forgets else step
         raise invalid("orbit", orbit.name, "an orbit that never rests at the stop", hint)
     return orbit
 

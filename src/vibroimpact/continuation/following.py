@@ -22,7 +22,7 @@ import numpy as np
 from vibroimpact.model import Model
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit, check_pair, value_of
-from vibroimpact.orbits.systems import AnyOrbit, SystemOrbit
+from vibroimpact.orbits.systems import AnyOrbit
 from vibroimpact.parameters import invalid, real_number
 from vibroimpact.progress import Report
 
@@ -364,7 +364,7 @@ def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Wa
 
 def check_range(owner: AnyOrbit | Model, name: Any, given: Any) -> tuple[float, float]:
     """Return the ends of a range of a parameter of a model, or of an orbit's model, whose value it must then hold."""
-    orbit = owner if isinstance(owner, (Orbit, SystemOrbit)) else None
+    orbit = owner if isinstance(owner, Orbit) else None
     model: Any = owner if orbit is None else orbit.model
     low, high = check_pair(model, name, "range", given)
     if not low < high:
