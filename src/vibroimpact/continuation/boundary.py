@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -12,6 +12,7 @@ from vibroimpact.continuation.following import (
     DOUBLING,
     MOST_POINTS,
     Equations,
+    Range,
     Way,
     both_ways,
     check_range,
@@ -20,7 +21,7 @@ from vibroimpact.continuation.following import (
 )  # fmt: skip
 from vibroimpact.continuation.points import Solution
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
-from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Range, sticking_curve
+from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Sticking, sticking_curve
 from vibroimpact.continuation.system import system_of
 from vibroimpact.model import Model, check_names
 from vibroimpact.orbits.equations import Floats
@@ -128,9 +129,27 @@ def boundary_through(
 
     Along an end of sticking it ends after `most` points to either side.
     """
+    walk: Callable[[float], Iterator[Way]]
     if isinstance(point, StickingEnd):
-        return sticking_curve(point, *plane, min(longest, LONGEST_STEP), report, most)
-    return _traced(*_boundary_system(point, plane), longest, virtual, report)
+        assert point.orbit is not None
+        longest, sticking = min(longest, LONGEST_STEP), Sticking(point.orbit.model, *plane, point.n_periods, report)
+        walk = partial(sticking_curve, sticking, longest, most)
+    else:
+        begin = _first(*_boundary_system(point, plane))
+        walk = partial(_walk, begin, begin.system.tangent(begin.x, np.ones(len(begin.x))), longest, virtual)
+    back, on = both_ways(walk, report)
+    points, ends = [*back.points[:0:-1], *on.points], (back.end, on.end)
+    orbits = [at.orbit for at in points]
+    return Boundary(
+        kind=points[0].kind,
+        parameters=plane.names,
+        orbits=orbits,
+        residuals=[at.residual for at in points],
+        touch_phases=[at.touch_phase for at in points],
+        outcome=ends,
+        message="; ".join([course("curve", orbits, plane.names, ends), *filter(None, (back.why, on.why))]),
+        arguments={"ranges": plane.box, "step": longest, "virtual": virtual},
+    )
 
 
 def check_plane(point: Any, parameters: Any, ranges: Any) -> Plane:
@@ -168,26 +187,12 @@ def _boundary_system(point: BifurcationPoint, plane: Plane) -> tuple[Equations, 
     return system, x
 
 
-def _traced(system: Equations, x: Floats, longest: float, virtual: bool, report: Report) -> Boundary:
-    """Return the curve through a point, in both directions."""
-    along = np.ones(len(x))
-    x, made, _ = system.newton(x, system.tangent(x, along))
+def _first(system: Equations, x: Floats) -> Solution:
+    """Return the point of a boundary next to an unknown of its equations."""
+    found, made, _ = system.newton(x, system.tangent(x, np.ones(len(x))))
     if not made:
         raise NoBoundary("Newton's method does not lead from `point` to its boundary; take another point")
-    walk = partial(_walk, Solution(system, x), system.tangent(x, along), longest, virtual)
-    back, on = both_ways(walk, report)
-    points: list[Solution] = back.points[:0:-1] + on.points
-    orbits, ends = [special.orbit for special in points], (back.end, on.end)
-    return Boundary(
-        kind=points[0].kind,
-        parameters=(system.names[0], system.names[1]),
-        orbits=orbits,
-        residuals=[special.residual for special in points],
-        touch_phases=[special.touch_phase for special in points],
-        outcome=ends,
-        message=course("curve", orbits, system.names, ends),
-        arguments={"ranges": system.ranges, "step": longest, "virtual": virtual},
-    )
+    return Solution(system, found)
 
 
 def _walk(here: Solution, along: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:

@@ -13,10 +13,10 @@ import numpy as np
 
 from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_through, check_box, check_plane
 from vibroimpact.continuation.coverage import CELLS, Coverage, coverage, distances
-from vibroimpact.continuation.following import UNKNOWN, check_share
-from vibroimpact.continuation.lines import SEEDS, on_line, plain
+from vibroimpact.continuation.following import UNKNOWN, Range, check_share
+from vibroimpact.continuation.lines import ends_on_line, on_line, plain
 from vibroimpact.continuation.results import KINDS, POINTS, SYSTEM_KINDS, BifurcationPoint, Boundary, course
-from vibroimpact.continuation.sticking import MOST, Range, ends_on_line
+from vibroimpact.continuation.sticking import MOST
 from vibroimpact.dataset import bifurcation_name
 from vibroimpact.model import Model, check_model
 from vibroimpact.motion import cycle_name, listed
@@ -163,7 +163,7 @@ def boundary_curves(
             line = osc.replace(**{names[1 - along]: value}), names[along], box[along], n
             for point in on_line(*line, longest, look):
                 search.add(point)
-            for end in ends_on_line(*line, SEEDS, look) if "end_of_sticking" in wanted else ():
+            for end in ends_on_line(*line, look) if "end_of_sticking" in wanted else ():
                 search.add(end)
             done += 1
             look()

@@ -38,6 +38,8 @@ EASY = 3  # corrections up to which the next step may be longer
 UNKNOWN: Any = None  # how many points or curves there will be
 MOST_POINTS = 20_000  # of one direction
 
+Range = tuple[float, float]
+
 
 class Corrected(NamedTuple):
     """What Newton's method reached, in how many corrections (0: it failed), and the Jacobian before the last."""
@@ -67,7 +69,7 @@ class Equations(ABC):
     model: Model
     cycle: Any
     names: tuple[str, ...]
-    ranges: tuple[tuple[float, float], ...]
+    ranges: tuple[Range, ...]
     condition: str = BRANCH
     where: int = 0
     stop: int = 0
@@ -338,7 +340,7 @@ def _to_edge(system: Equations, inside: Floats, beyond: Floats, outside: list[in
 
 @dataclass
 class Way:
-    """What was met along one direction of a curve: its points, bifurcations on it, and why it ended, also in words."""
+    """What was met along one direction of a curve: its points, bifurcations on it, and why it ended or was lost."""
 
     points: list[Any]
     special: list[Any] = field(default_factory=list)
@@ -355,14 +357,14 @@ def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Wa
             return [*ways, Way(ways[0].points[:1], end="closed")]
         for way in walk(direction):
             if report(done + len(way.points), UNKNOWN, None) is False:
-                way.end = way.why = "stopped"
+                way.end = "stopped"
                 break
         done += len(way.points)
         ways.append(way)
     return ways
 
 
-def check_range(owner: AnyOrbit | Model, name: Any, given: Any) -> tuple[float, float]:
+def check_range(owner: AnyOrbit | Model, name: Any, given: Any) -> Range:
     """Return the ends of a range of a parameter of a model, or of an orbit's model, whose value it must then hold."""
     orbit = owner if isinstance(owner, Orbit) else None
     model: Any = owner if orbit is None else orbit.model

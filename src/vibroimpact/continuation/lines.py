@@ -6,21 +6,21 @@ from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from vibroimpact.continuation.branch import walk
-from vibroimpact.continuation.following import UNKNOWN, both_ways
+from vibroimpact.continuation.following import UNKNOWN, Range, both_ways
 from vibroimpact.continuation.results import BifurcationPoint
-from vibroimpact.continuation.sticking import Range
 from vibroimpact.continuation.system import system_of
 from vibroimpact.model import Model
 from vibroimpact.orbits import systems
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits
 from vibroimpact.orbits.orbit import from_hardest, make_orbit, solution_of, true_cycle
-from vibroimpact.orbits.sticking import StickingEnd
+from vibroimpact.orbits.sticking import StickingEnd, end_of_sticking, periods_from_release
 from vibroimpact.orbits.systems import AnyOrbit, SystemOrbit
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.progress import Report
@@ -70,6 +70,23 @@ def on_line(
                 rows = [[*p.system.values(p.x), p.system.velocities(p.x)[0]] for p in way.points]
                 covered[seed.how].append(np.array(rows))
                 yield from (special.bifurcation(parameter) for special in way.special)
+
+
+def ends_on_line(model: Model, parameter: str, range: Range, n: int, report: Report) -> Iterator[StickingEnd]:
+    """Yield the ends of period-n sticking along a line, as far as neighbouring seeds differ."""
+
+    def periods(value: float) -> int:
+        report(0, UNKNOWN, None)
+        return periods_from_release(model.at(**{parameter: value}), n)
+
+    values = np.linspace(*range, SEEDS).tolist()
+    lengths = [periods(value) for value in values]
+    for (low, before), (high, after) in pairwise(zip(values, lengths, strict=True)):
+        if before != after and n in (before, after):
+            inside, beyond = (low, high) if before == n else (high, low)
+            end = end_of_sticking(model, parameter, (inside, beyond), longest=n)
+            if end.found and end.n_periods == n:
+                yield end
 
 
 def _covered(branch: Floats, value: float, speed: float) -> bool:

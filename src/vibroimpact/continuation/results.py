@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.continuation.following import MOST_POINTS
 from vibroimpact.dataset import (
     bifurcation_name,
     dataset_of,
@@ -36,8 +35,8 @@ ENDS = {
     "closed": "where it began (closed)",
     "impacts_merge": "where two impacts merge",
     "resonance": "where its pair of multipliers becomes real",
-    "lost": "where Newton's method finds no next orbit",
-    "budget": f"after {MOST_POINTS} orbits",
+    "lost": "where no next orbit is found",
+    "budget": "after the most orbits that are followed",
     "stopped": "where it was stopped",
     "unstable": "where its orbit becomes unstable",
     "joined": "where it joins another curve",
