@@ -391,9 +391,10 @@ def _periods(options: Options, usual: str) -> Any:
 
 
 def _kinds(text: str | None, study: Study) -> tuple[str, ...]:
-    from vibroimpact.continuation.results import KINDS, SYSTEM_KINDS
+    from vibroimpact.continuation.results import kinds_of
 
-    known = KINDS if study.is_one_mass else SYSTEM_KINDS
+    with refusing():
+        known = kinds_of(study.model)
     if text is None:
         return known
     chosen = tuple(part.strip().replace("-", "_").replace(" ", "_") for part in text.split(","))

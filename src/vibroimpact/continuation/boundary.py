@@ -25,8 +25,8 @@ from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Sticking, stic
 from vibroimpact.continuation.system import system_of
 from vibroimpact.model import Model, check_names
 from vibroimpact.orbits.equations import Floats
+from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking import StickingEnd
-from vibroimpact.orbits.systems import AnyOrbit
 from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 
@@ -162,7 +162,7 @@ def check_plane(point: Any, parameters: Any, ranges: Any) -> Plane:
     return check_box(point.orbit.model, parameters, ranges, point.orbit)
 
 
-def check_box(model: Model, parameters: Any, ranges: Any, orbit: AnyOrbit | None = None) -> Plane:
+def check_box(model: Model, parameters: Any, ranges: Any, orbit: Orbit | None = None) -> Plane:
     """Return two different parameters of a model and their ranges, which hold an orbit where one is given."""
     chosen, box = (tuple(given) if isinstance(given, (tuple, list)) else () for given in (parameters, ranges))
     if len(chosen) != 2:
@@ -172,7 +172,7 @@ def check_box(model: Model, parameters: Any, ranges: Any, orbit: AnyOrbit | None
         raise invalid("parameters", parameters, "two different parameters")
     if len(box) != 2:
         raise invalid("ranges", ranges, "two pairs", "give ((lowest, highest), (lowest, highest))")
-    first, second = (check_range(orbit or model, name, span) for name, span in zip(chosen, box, strict=True))
+    first, second = (check_range(model, name, span, orbit) for name, span in zip(chosen, box, strict=True))
     return Plane((chosen[0], chosen[1]), (first, second))
 
 

@@ -24,7 +24,6 @@ from vibroimpact.continuation.results import Branch, course
 from vibroimpact.continuation.system import system_of
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.orbits.systems import AnyOrbit
 from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 
@@ -33,7 +32,7 @@ SHARP = 30  # halvings of a step: impacts are apart by more than rounding still
 
 
 def continue_orbit(
-    orbit: AnyOrbit,
+    orbit: Orbit,
     parameter: str,
     range: tuple[float, float],
     *,
@@ -126,7 +125,7 @@ def continue_orbit(
     >>> [(point.kind, round(point.value * (100 * np.pi) ** 2 / 9.81, 9)) for point in branch.special]
     [('fold', 1.047197551), ('period_doubling', 1.526823701)]
     """
-    ends = check_range(_checked(orbit), parameter, range)
+    ends = check_range(_checked(orbit).model, parameter, range, orbit)
     longest, virtual = check_share("step", step), truth("virtual", virtual)
     system, z = system_of(orbit, (parameter,), (ends,))
     x = _corrected(system, system.pack(z))
@@ -148,7 +147,7 @@ def continue_orbit(
     )
 
 
-def _checked(orbit: Any) -> AnyOrbit:
+def _checked(orbit: Any) -> Orbit:
     """Return an orbit that flies from impact to impact."""
     if not isinstance(orbit, Orbit):
         raise invalid("orbit", orbit, "an Orbit", "give one that find_orbit returned")

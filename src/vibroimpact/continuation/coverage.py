@@ -25,11 +25,9 @@ from vibroimpact.model import Model
 from vibroimpact.motion import MotionClass, listed, motion_name
 from vibroimpact.orbits import systems
 from vibroimpact.orbits.equations import Cycle, Floats
-from vibroimpact.orbits.orbit import make_orbit
+from vibroimpact.orbits.orbit import Orbit, make_orbit
 from vibroimpact.orbits.search import find_orbit
 from vibroimpact.orbits.sticking import StickingEnd, end_of_sticking
-from vibroimpact.orbits.systems import AnyOrbit
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.progress import Report
 from vibroimpact.sweeps import parameter_map
 
@@ -143,8 +141,8 @@ class Coverage:
         from scipy.ndimage import label  # a sixth of a second, which verdicts need not wait
 
         least, many = LEAST * len(self.names), Counter(self.names.values()).most_common()
-        one_mass = isinstance(self.model.at(), ImpactOscillator)
-        followed = [name for name, number in many if number > least and _can_end(name, one_mass)]
+        forgets = self.model.at().forgets
+        followed = [name for name, number in many if number > least and _can_end(name, forgets)]
         cells = {cell for cell, name in self.names.items() if name in followed}
         # Tongues of sticking of ever longer cycles crowd together, and their ends take long to follow.
         for name in (name for name in followed if name[0] == MotionClass.STICKING):
@@ -205,20 +203,21 @@ def distances(points: Floats, curve: Floats) -> Floats:
     return np.asarray(np.linalg.norm(points[:, None] - begin - share[..., None] * way, axis=2).min(axis=1))
 
 
-def _can_end(name: Name, one_mass: bool) -> bool:
-    """Whether the end of a motion is a curve that can be followed: for systems that of a cycle of impacts."""
+def _can_end(name: Name, forgets: bool) -> bool:
+    """Whether the end of a motion is a curve that can be followed.
+
+    That of a rest, and of the steady motion without impacts, only where an impact is the whole state.
+    """
     kind, n, p = name
-    if not one_mass:
-        return kind == MotionClass.PERIODIC and p > 0
     if kind == MotionClass.STICKING:
-        return n > 0 and p == -1
-    return kind == MotionClass.NO_IMPACT or (kind == MotionClass.PERIODIC and p > 0)
+        return forgets and n > 0 and p == -1
+    return (kind == MotionClass.PERIODIC and p > 0) or (kind == MotionClass.NO_IMPACT and forgets)
 
 
-def _orbit_of(model: Model, n: int, p: int) -> AnyOrbit | None:
+def _orbit_of(model: Model, n: int, p: int) -> Orbit | None:
     """Return the cycle that the motion from rest ends on, or None if it is no stable one of that type."""
     osc = model.at()
-    if not isinstance(osc, ImpactOscillator):
+    if not osc.forgets:
         reached = systems.settled(model, n, p, [WINDOW.transient + WINDOW.keep])
         return next((orbit for orbit in reached if orbit.stable and orbit.admissible), None)
     last = ImpactWindow(WINDOW.transient + WINDOW.keep - 1, 1)
@@ -231,7 +230,7 @@ def _orbit_of(model: Model, n: int, p: int) -> AnyOrbit | None:
     return min(lasting, key=lambda orbit: min(abs(v - speed) for v in orbit.velocities), default=None)
 
 
-def _end_of_orbit(orbit: AnyOrbit, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
+def _end_of_orbit(orbit: Orbit, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
     """Return the first bifurcation of a stable orbit between two values, and whether it reaches the second."""
     begin, end = values
     system, z = system_of(orbit, (parameter,), ((min(values), max(values)),))

@@ -15,14 +15,14 @@ from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_throug
 from vibroimpact.continuation.coverage import CELLS, Coverage, coverage, distances
 from vibroimpact.continuation.following import UNKNOWN, Range, check_share
 from vibroimpact.continuation.lines import ends_on_line, on_line, plain
-from vibroimpact.continuation.results import KINDS, POINTS, SYSTEM_KINDS, BifurcationPoint, Boundary, course
+from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary, course, kinds_of
 from vibroimpact.continuation.sticking import MOST
 from vibroimpact.dataset import bifurcation_name
 from vibroimpact.model import Model, check_model
 from vibroimpact.motion import cycle_name, listed
 from vibroimpact.orbits.equations import Floats
+from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking import StickingEnd
-from vibroimpact.orbits.systems import AnyOrbit
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import choice, invalid, several, whole_number
 from vibroimpact.progress import Report, reporter
@@ -135,7 +135,7 @@ def boundary_curves(
     [('end_of_sticking', 2), ('period_doubling', 1)]
     """
     check_model(osc)
-    known = KINDS if isinstance(osc.at(), ImpactOscillator) else SYSTEM_KINDS
+    known = kinds_of(osc)
     plane = names, box = check_box(osc, parameters, ranges)
     count, longest = whole_number("lines", lines, 2), check_share("step", step)
     given = several("n_periods", USUAL if n_periods is None else n_periods, "a list of whole numbers")
@@ -252,7 +252,7 @@ class _Search:
     plane: Plane
     longest: float
     look: Report
-    kinds: Collection[str] = POINTS
+    kinds: Collection[str] = KINDS
     attractors: bool = False
     known: list[Boundary] = field(default_factory=list)
     map: Coverage | None = None
@@ -294,7 +294,7 @@ class _Search:
                 number += 1
             yield
 
-    def _known(self, kind: str, orbits: Sequence[AnyOrbit]) -> Bools:
+    def _known(self, kind: str, orbits: Sequence[Orbit]) -> Bools:
         """Return which orbits are on a curve that is known already: nearer to it than a part of a step."""
         known = np.zeros(len(orbits), dtype=bool)
         for curve in self.known:
@@ -304,7 +304,7 @@ class _Search:
                 known |= distances(*places) < SAME * self.longest
         return known
 
-    def _places(self, orbits: Sequence[AnyOrbit], fastest: float) -> Floats:
+    def _places(self, orbits: Sequence[Orbit], fastest: float) -> Floats:
         """Return parameters in parts of their ranges, and of what does not stick the hardest impact's velocity."""
         spans = [high - low for low, high in self.plane.box]
         rows = np.array([[orbit.value(name) for name in self.plane.names] for orbit in orbits]) / spans
@@ -313,14 +313,14 @@ class _Search:
         return np.column_stack([rows, [max(orbit.velocities) / fastest for orbit in orbits]])
 
 
-def _unstable(kind: str, orbit: AnyOrbit) -> bool:
+def _unstable(kind: str, orbit: Orbit) -> bool:
     """Whether an orbit on a boundary is stable on neither side: more multipliers than the boundary's are too large."""
     if kind == "grazing":
         return not orbit.stable and max(orbit.velocities) > 0.0
     return max(map(abs, orbit.multipliers)) > CRITICAL
 
 
-def _type(orbit: AnyOrbit) -> tuple[int, int]:
+def _type(orbit: Orbit) -> tuple[int, int]:
     return orbit.n_periods, orbit.n_impacts
 
 
@@ -364,7 +364,7 @@ def _describe(
     if n_periods is not None:
         impacts = [1] * (set(kinds) != {"end_of_sticking"}) + [-1] * ("end_of_sticking" in kinds)
         names = listed([cycle_name(n, p) for n in n_periods for p in impacts])
-        names += ", and symmetric orbits with an impact in each half," * (known == SYSTEM_KINDS)
+        names += ", and symmetric orbits with an impact in each half," * ("pitchfork" in known)
         said += [f"looked for {names} on lines across the plane only", "other motions end elsewhere"]
     elif map is not None:
         found.share, found.motions = map.share, map.motions

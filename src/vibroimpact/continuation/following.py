@@ -22,7 +22,6 @@ import numpy as np
 from vibroimpact.model import Model
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit, check_pair, value_of
-from vibroimpact.orbits.systems import AnyOrbit
 from vibroimpact.parameters import invalid, real_number
 from vibroimpact.progress import Report
 
@@ -89,7 +88,7 @@ class Equations(ABC):
         """Return the unknowns of a solution that are no parameters, without a touch."""
 
     @abstractmethod
-    def orbit(self, x: Floats) -> AnyOrbit:
+    def orbit(self, x: Floats) -> Orbit:
         """Return the orbit of a solution."""
 
     @abstractmethod
@@ -364,10 +363,8 @@ def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Wa
     return ways
 
 
-def check_range(owner: AnyOrbit | Model, name: Any, given: Any) -> Range:
-    """Return the ends of a range of a parameter of a model, or of an orbit's model, whose value it must then hold."""
-    orbit = owner if isinstance(owner, Orbit) else None
-    model: Any = owner if orbit is None else orbit.model
+def check_range(model: Model, name: Any, given: Any, orbit: Orbit | None = None) -> Range:
+    """Return the ends of a range of a parameter of a model, which must hold the value of an orbit."""
     low, high = check_pair(model, name, "range", given)
     if not low < high:
         raise invalid("range", (low, high), "a lower number before a higher one")

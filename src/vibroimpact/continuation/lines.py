@@ -19,10 +19,8 @@ from vibroimpact.model import Model
 from vibroimpact.orbits import systems
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits
-from vibroimpact.orbits.orbit import from_hardest, make_orbit, solution_of, true_cycle
+from vibroimpact.orbits.orbit import Orbit, from_hardest, make_orbit, solution_of, true_cycle
 from vibroimpact.orbits.sticking import StickingEnd, end_of_sticking, periods_from_release
-from vibroimpact.orbits.systems import AnyOrbit, SystemOrbit
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.progress import Report
 
 SEEDS = 60  # values along a line at which orbits are looked for
@@ -33,13 +31,13 @@ class _Seed(NamedTuple):
 
     how: Hashable
     velocity: float
-    orbit: Callable[[], AnyOrbit]
+    orbit: Callable[[], Orbit]
 
 
 def _seeds(model: Model, n: int) -> Iterator[_Seed]:
     """Yield the orbits with one impact in n periods."""
     made = model.at()
-    if isinstance(made, ImpactOscillator):
+    if made.forgets:
         for z in impact_1_orbits(made, n)[0]:
             yield _Seed("", float(z[1]), partial(make_orbit, model, Cycle(n, 1), z))
         return
@@ -107,7 +105,7 @@ def plain(point: Any) -> BifurcationPoint | StickingEnd:
     if not isinstance(point, BifurcationPoint) or point.kind != "grazing":
         found: BifurcationPoint | StickingEnd = point
         return found
-    if isinstance(point.orbit, SystemOrbit):
+    if not point.orbit.oscillator.forgets:
         return point if any(point.orbit.velocities) else replace(point, orbit=systems.at_first_contact(point.orbit))
     cycle, z = solution_of(point.orbit)
     turns, speeds = z[: cycle.n_impacts], z[cycle.n_impacts :]

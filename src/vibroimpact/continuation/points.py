@@ -28,7 +28,7 @@ from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.continuation.system import system_of
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
-from vibroimpact.orbits.systems import AnyOrbit
+from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.parameters import invalid
 from vibroimpact.scales import scale_of
 
@@ -44,7 +44,7 @@ class Solution:
     x: Floats
 
     @cached_property
-    def orbit(self) -> AnyOrbit:
+    def orbit(self) -> Orbit:
         """The orbit there."""
         return self.system.orbit(self.x)
 

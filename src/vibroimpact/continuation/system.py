@@ -23,7 +23,6 @@ from vibroimpact.continuation.modes import Modes, modes_of
 from vibroimpact.orbits.admissibility import NearMiss, closest, nearest_misses, orbit_size
 from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
 from vibroimpact.orbits.orbit import Orbit, make_orbit, solution_of
-from vibroimpact.orbits.systems import AnyOrbit, SystemOrbit
 from vibroimpact.oscillator import ImpactOscillator, the_oscillator
 
 NUDGE = 1e-6  # of a range: by so much a family's parameter is moved to see how the oscillator depends on it
@@ -71,7 +70,7 @@ class System(Equations):
     @cached_property
     def _own(self) -> list[tuple[int, float]] | None:
         """Which of the oscillator's numbers each free parameter is, and times what; None where it is no such number."""
-        if not isinstance(self.model, ImpactOscillator):
+        if self.model is not self.oscillator:
             return None
         places = {name: (i, 1.0) for i, name in enumerate(self.model.values)}
         places["frequency"] = places["omega"][0], TURN
@@ -248,10 +247,10 @@ class System(Equations):
 
 
 def system_of(
-    orbit: AnyOrbit, names: tuple[str, ...], ranges: tuple[tuple[float, float], ...]
+    orbit: Orbit, names: tuple[str, ...], ranges: tuple[tuple[float, float], ...]
 ) -> tuple[System | Modes, Floats]:
     """Return the equations of an orbit with free parameters, and its solution, for `pack`."""
-    if isinstance(orbit, SystemOrbit):
+    if not orbit.oscillator.forgets:
         return modes_of(orbit, names, ranges)
     cycle, z = solution_of(orbit)
     speed = fastest_of(orbit.oscillator, z[cycle.n_impacts :])
