@@ -8,21 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroimpact.continuation.following import (
-    DOUBLING,
-    MOST_POINTS,
-    Equations,
-    Range,
-    Way,
-    both_ways,
-    check_range,
-    check_share,
-    follow,
-)  # fmt: skip
+from vibroimpact.continuation.equations import DOUBLING, Range
+from vibroimpact.continuation.flights import equations_of
+from vibroimpact.continuation.following import EDGE, MOST_POINTS, Way, both_ways, check_range, check_share, follow
 from vibroimpact.continuation.points import Solution
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
 from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Sticking, sticking_curve
-from vibroimpact.continuation.system import system_of
 from vibroimpact.model import Model, check_names
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
@@ -32,6 +23,7 @@ from vibroimpact.progress import Report, reporter
 
 HALVINGS = 20  # of the step within which the orbits of a boundary become inadmissible
 WORST = 1e-10  # residual of a point
+NEAR = 1e-6  # of the orbit's size: a bifurcation that misses its condition by more is none
 CONDITIONS = {"pitchfork": DOUBLING}  # of half of a cycle
 
 
@@ -135,8 +127,8 @@ def boundary_through(
         longest, sticking = min(longest, LONGEST_STEP), Sticking(point.orbit.model, *plane, point.n_periods, report)
         walk = partial(sticking_curve, sticking, longest, most)
     else:
-        begin = _first(*_boundary_system(point, plane))
-        walk = partial(_walk, begin, begin.system.tangent(begin.x, np.ones(len(begin.x))), longest, virtual)
+        begin = _beginning(point, plane)
+        walk = partial(_walk, begin, begin.equations.tangent(begin.x, np.ones(len(begin.x))), longest, virtual)
     back, on = both_ways(walk, report)
     points, ends = [*back.points[:0:-1], *on.points], (back.end, on.end)
     orbits = [at.orbit for at in points]
@@ -176,57 +168,42 @@ def check_box(model: Model, parameters: Any, ranges: Any, orbit: Orbit | None = 
     return Plane((chosen[0], chosen[1]), (first, second))
 
 
-def _boundary_system(point: BifurcationPoint, plane: Plane) -> tuple[Equations, Floats]:
-    """Return the equations of a boundary, and the unknown of the point where it begins."""
-    once, z = system_of(point.orbit, *plane)
-    x = once.pack(z)
-    system, x = once.at_graze(x) if point.kind == "grazing" else once.bounded(CONDITIONS.get(point.kind, point.kind), x)
-    if not np.abs(system.misses(x)).max() <= 1e-6:  # nor NaN, where no flight comes near the stop
+def _beginning(point: BifurcationPoint, plane: Plane) -> Solution:
+    """Return the point of a boundary at a bifurcation on a branch."""
+    once, z = equations_of(point.orbit, *plane)
+    x, condition = once.pack(z), CONDITIONS.get(point.kind, point.kind)
+    equations, x = once.at_graze(x) if condition == "grazing" else once.bounded(condition, x)
+    if not np.abs(equations.misses(x)).max() <= NEAR:  # nor NaN, where no flight comes near the stop
         what = f"satisfy the condition of a {point.kind.replace('_', ' ')}"
         raise NoBoundary(f"the orbit of `point` does not {what}; take a point from the `special` of a branch")
-    return system, x
-
-
-def _first(system: Equations, x: Floats) -> Solution:
-    """Return the point of a boundary next to an unknown of its equations."""
-    found, made, _ = system.newton(x, system.tangent(x, np.ones(len(x))))
-    if not made:
+    found, corrections, _ = equations.newton(x, equations.tangent(x, np.ones(len(x))))
+    if not corrections:
         raise NoBoundary("Newton's method does not lead from `point` to its boundary; take another point")
-    return Solution(system, found)
+    return Solution(equations, found)
 
 
-def _walk(here: Solution, along: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
+def _walk(last: Solution, along: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
     """Yield, point by point, one direction of a boundary as far as it has been followed."""
-    system, way, at_first = here.system, Way([here]), here.admissible
-    for number, step in enumerate(follow(system, here.x, direction * along, longest)):
-        there, end = Solution(system, step.x), step.end
-        if end == "lost" or there.residual > WORST:
-            there, end = here, "lost"
-        elif not system.in_order(step.x):
-            there, end = here, "impacts_merge"
-        elif not system.is_own(step.x):
-            there, end = here, "resonance"
-        elif at_first and not virtual and not there.admissible:
-            there, end = _last_admissible(here, there), "inadmissible"
-        if there is not here and np.abs(there.x - here.x).max() > 1e-12:  # nor a start on the edge of the ranges again
-            way.points.append(there)
+    equations, way, possible = last.equations, Way([last]), last.admissible
+    for number, step in enumerate(follow(equations, last.x, direction * along, longest)):
+        point, end = Solution(equations, step.x), step.end
+        if end == "lost" or point.residual > WORST:
+            point, end = last, "lost"
+        elif not equations.in_order(step.x):
+            point, end = last, "impacts_merge"
+        elif not equations.fits(step.x):
+            point, end = last, "resonance"
+        elif possible and not virtual and not point.admissible:
+            point, end = last.furthest(point, HALVINGS, _admissible), "inadmissible"
+        if np.abs(point.x - last.x).max() > EDGE:  # nor a start on the edge of the ranges again
+            way.points.append(point)
         way.end = end or "budget"
         yield way
         if end or number > MOST_POINTS:
             return
-        here = there
+        last = point
 
 
-def _last_admissible(inside: Solution, outside: Solution) -> Solution:
-    """Return the last point between two at which the boundary is admissible."""
-    for _ in range(HALVINGS):
-        way = outside.x - inside.x
-        found, made, _ = inside.system.newton(inside.x + 0.5 * way, way)
-        if not made:
-            break
-        special = Solution(inside.system, found)
-        if special.admissible and special.residual <= WORST:
-            inside = special
-        else:
-            outside = special
-    return inside
+def _admissible(point: Solution) -> bool:
+    """Whether a point is on the boundary, and its orbit can be."""
+    return point.admissible and point.residual <= WORST

@@ -19,8 +19,8 @@ from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.classes import NEEDED, classify
 from vibroimpact.continuation.boundary import Plane
 from vibroimpact.continuation.branch import walk
+from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.results import BifurcationPoint, Boundary
-from vibroimpact.continuation.system import system_of
 from vibroimpact.model import Model
 from vibroimpact.motion import MotionClass, listed, motion_name
 from vibroimpact.orbits import systems
@@ -95,12 +95,12 @@ class Coverage:
         names = listed([motion_name(*name) for name in self.followed]) or "no motion"
         piece = " (of sticking, in one piece)" if any(name[0] == MotionClass.STICKING for name in self.followed) else ""
         map = f"a map of {CELLS} x {CELLS} cells, from rest"
-        said = [f"followed {names}: what covers more than {100 * LEAST:g} %{piece} of {map}"]
+        sentences = [f"followed {names}: what covers more than {100 * LEAST:g} %{piece} of {map}"]
         unseen = "islands smaller than a cell are not seen"
         if not self.edges:
-            return [*said, f"that map has no class boundary, {unseen}"]
+            return [*sentences, f"that map has no class boundary, {unseen}"]
         near = f"lie within {NEAR:g} cells of a curve"
-        said.append(f"{100 * self.share:.0f} % of that map's {len(self.edges)} class boundaries {near}, {unseen}")
+        sentences.append(f"{100 * self.share:.0f} % of that map's {len(self.edges)} class boundaries {near}, {unseen}")
         left = [i for i in range(len(self.edges)) if not self.reached[i]]
         if finished and left:
             lasting = [i for i in left if i in self.lasting]
@@ -109,8 +109,8 @@ class Coverage:
             beside = f"across {across:.0f} % a stable motion goes on beside the one reached from rest"
             ends = f"at {at:.0f} % no curve could be followed" if lost else ""
             rest = "the others are of chaos and of motions that were not followed"
-            said.append(", ".join(filter(None, [beside, ends, rest])))
-        return said
+            sentences.append(", ".join(filter(None, [beside, ends, rest])))
+        return sentences
 
     def model_at(self, cell: Cell) -> Model:
         """Return the model at the centre of a cell."""
@@ -220,11 +220,11 @@ def _orbit_of(model: Model, n: int, p: int) -> Orbit | None:
     if not osc.forgets:
         reached = systems.settled(model, n, p, [WINDOW.transient + WINDOW.keep])
         return next((orbit for orbit in reached if orbit.stable and orbit.admissible), None)
-    last = ImpactWindow(WINDOW.transient + WINDOW.keep - 1, 1)
-    (seen,) = get_backend("cpu").samples(osc.cells({}), Measurement(last))
-    if not len(seen.impact_velocity):
+    window = ImpactWindow(WINDOW.transient + WINDOW.keep - 1, 1)
+    (last,) = get_backend("cpu").samples(osc.cells({}), Measurement(window))
+    if not len(last.impact_velocity):
         return None
-    phase, speed = float(seen.impact_phase[0]), float(seen.impact_velocity[0])
+    phase, speed = float(last.impact_phase[0]), float(last.impact_velocity[0])
     found = find_orbit(model, n_periods=n, n_impacts=p, near=(phase, speed))
     lasting = [orbit for orbit in found if orbit.stable and orbit.admissible]
     return min(lasting, key=lambda orbit: min(abs(v - speed) for v in orbit.velocities), default=None)
@@ -233,11 +233,11 @@ def _orbit_of(model: Model, n: int, p: int) -> Orbit | None:
 def _end_of_orbit(orbit: Orbit, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
     """Return the first bifurcation of a stable orbit between two values, and whether it reaches the second."""
     begin, end = values
-    system, z = system_of(orbit, (parameter,), ((min(values), max(values)),))
-    for way in walk(system, system.pack(z), STRIDE, False, 1.0 if end > begin else -1.0):
+    equations, z = equations_of(orbit, (parameter,), ((min(values), max(values)),))
+    for way in walk(equations, equations.pack(z), STRIDE, False, 1.0 if end > begin else -1.0):
         if way.special:
             return way.special[0].bifurcation(parameter), False
-    return None, way.end == "range" and abs(system.values(way.points[-1].x)[0] - end) < abs(end - begin) / 2
+    return None, way.end == "range" and abs(equations.values(way.points[-1].x)[0] - end) < abs(end - begin) / 2
 
 
 def _touch(model: Model, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
@@ -251,8 +251,8 @@ def _touch(model: Model, parameter: str, values: tuple[float, float]) -> tuple[B
     first, last = map(room, values)
     if not (math.isfinite(first) and math.isfinite(last)) or first <= 0.0 or last > 0.0:
         return None, first > 0.0 and last > 0.0
-    there = model.replace(**{parameter: float(brentq(room, *values, xtol=1e-300, rtol=1e-15))})
-    steady = there.at().steady_state
-    turns = math.atan2(steady.velocity / there.at().omega, steady.displacement) / (2.0 * math.pi)
-    orbit = make_orbit(there, Cycle(1, 1), np.array([turns % 1.0, 0.0]))
+    touching = model.replace(**{parameter: float(brentq(room, *values, xtol=1e-300, rtol=1e-15))})
+    steady = touching.at().steady_state
+    turns = math.atan2(steady.velocity / touching.at().omega, steady.displacement) / (2.0 * math.pi)
+    orbit = make_orbit(touching, Cycle(1, 1), np.array([turns % 1.0, 0.0]))
     return BifurcationPoint("grazing", parameter, orbit.value(parameter), orbit), False

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroimpact.continuation.branch import walk
-from vibroimpact.continuation.following import UNKNOWN, Range, both_ways
+from vibroimpact.continuation.equations import Range
+from vibroimpact.continuation.flights import equations_of
+from vibroimpact.continuation.following import UNKNOWN, both_ways
 from vibroimpact.continuation.results import BifurcationPoint
-from vibroimpact.continuation.system import system_of
 from vibroimpact.model import Model
 from vibroimpact.orbits import systems
 from vibroimpact.orbits.admissibility import ROUNDING
@@ -36,15 +37,15 @@ class _Seed(NamedTuple):
 
 def _seeds(model: Model, n: int) -> Iterator[_Seed]:
     """Yield the orbits with one impact in n periods."""
-    made = model.at()
-    if made.forgets:
-        for z in impact_1_orbits(made, n)[0]:
+    osc = model.at()
+    if osc.forgets:
+        for z in impact_1_orbits(osc, n)[0]:
             yield _Seed("", float(z[1]), partial(make_orbit, model, Cycle(n, 1), z))
         return
-    for cycle in systems.cycles_of_one_impact(made, n):
-        for own, unknown in systems.of_one_impact(cycle)[0]:
-            how, speed = (own.stops, own.images), float(own.velocities(unknown)[0])
-            yield _Seed(how, speed, partial(systems.make_orbit, model, own, unknown))
+    for struck in systems.cycles_of_one_impact(osc, n):
+        for cycle, unknown in systems.of_one_impact(struck)[0]:
+            how, speed = (cycle.stops, cycle.images), float(cycle.velocities(unknown)[0])
+            yield _Seed(how, speed, partial(systems.make_orbit, model, cycle, unknown))
 
 
 def on_line(
@@ -63,9 +64,9 @@ def on_line(
             orbit = seed.orbit()
             if not orbit.admissible:
                 continue
-            system, solved = system_of(orbit, (parameter,), (range,))
-            for way in both_ways(partial(walk, system, system.pack(solved), longest, False), look):
-                rows = [[*p.system.values(p.x), p.system.velocities(p.x)[0]] for p in way.points]
+            equations, solved = equations_of(orbit, (parameter,), (range,))
+            for way in both_ways(partial(walk, equations, equations.pack(solved), longest, False), look):
+                rows = [[*p.equations.values(p.x), p.equations.velocities(p.x)[0]] for p in way.points]
                 covered[seed.how].append(np.array(rows))
                 yield from (special.bifurcation(parameter) for special in way.special)
 
@@ -117,6 +118,7 @@ def plain(point: Any) -> BifurcationPoint | StickingEnd:
     else:
         cycle = Cycle(cycle.n_periods, int(hits.sum()))
         z = from_hardest(cycle, np.concatenate([turns[hits], speeds[hits]]))
-        own = true_cycle(cycle, z)
-        cycle, z = own, np.concatenate([z[: own.n_impacts], z[cycle.n_impacts :][: own.n_impacts]])
+        shortest = true_cycle(cycle, z)
+        p = shortest.n_impacts
+        cycle, z = shortest, np.concatenate([z[:p], z[cycle.n_impacts :][:p]])
     return replace(point, orbit=make_orbit(point.orbit.model, cycle, z))

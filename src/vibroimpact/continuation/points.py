@@ -7,25 +7,17 @@ solved for exactly. At a period doubling `switch_branch` leads to the doubled or
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from vibroimpact.continuation.following import (
-    DOUBLING,
-    FOLD,
-    GRAZING,
-    LAST_IMPACT,
-    TORUS,
-    TOUCH,
-    Equations,
-    Nearest,
-    check_share,
-)  # fmt: skip
+from vibroimpact.continuation.equations import DOUBLING, FOLD, GRAZING, LAST_IMPACT, TORUS, TOUCH, Equations, Nearest
+from vibroimpact.continuation.flights import equations_of
+from vibroimpact.continuation.following import check_share
 from vibroimpact.continuation.results import BifurcationPoint
-from vibroimpact.continuation.system import system_of
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
@@ -40,23 +32,23 @@ TRIES = 12  # of an amplitude, halved each time
 class Solution:
     """A solution of a system: a point of a branch or a boundary, or a bifurcation."""
 
-    system: Equations
+    equations: Equations
     x: Floats
 
     @cached_property
     def orbit(self) -> Orbit:
         """The orbit there."""
-        return self.system.orbit(self.x)
+        return self.equations.orbit(self.x)
 
     @cached_property
     def speeds(self) -> Floats:
         """Velocities of the impacts, in parts of the orbit's speed."""
-        return self.system.speeds(self.x)
+        return self.equations.speeds(self.x)
 
     @cached_property
     def nearest(self) -> Nearest | None:
         """Where the orbit comes closest to a stop between impacts."""
-        return self.system.nearest(self.x)
+        return self.equations.nearest(self.x)
 
     @property
     def margin(self) -> float:
@@ -71,33 +63,53 @@ class Solution:
     @property
     def admissible(self) -> bool:
         """Whether the orbit can be; the graze that defines a boundary is allowed."""
-        last = self.system.condition == LAST_IMPACT
-        others = np.delete(self.speeds, self.system.where) if last else self.speeds
+        at_impact = self.equations.condition == LAST_IMPACT
+        others = np.delete(self.speeds, self.equations.where) if at_impact else self.speeds
         return bool((others > 0.0).all() and self.margin >= -ROUNDING and self.parted)
 
     @property
     def kind(self) -> str:
         """Which bifurcation it is."""
-        return self.system.kind
+        return self.equations.kind
 
     @property
     def touch_phase(self) -> float:
         """Driving phase of the graze; NaN for other kinds."""
-        return self.system.touch(self.x) % 1.0
+        return self.equations.touch(self.x) % 1.0
 
     @cached_property
     def residual(self) -> float:
         """By how much the orbit misses its flights and its defining condition, relative to its own size."""
-        return self.system.residual(self.x)
+        return self.equations.residual(self.x)
+
+    def at(self, x: Floats, jacobian: Floats | None = None) -> Self:
+        """Return another solution of the same equations."""
+        return replace(self, x=x)
+
+    def middle(self, other: Self) -> Self | None:
+        """Return the solution halfway to another, across their chord; None where Newton's method finds none."""
+        way = other.x - self.x
+        found, corrections, jacobian = self.equations.newton(self.x + 0.5 * way, way)
+        return self.at(found, jacobian) if corrections else None
+
+    def furthest(self, other: Self, halvings: int, holds: Callable[[Self], bool]) -> Self:
+        """Return the last solution on the way to another at which something holds that does here."""
+        inside, outside = self, other
+        for _ in range(halvings):
+            middle = inside.middle(outside)
+            if middle is None:
+                break
+            inside, outside = (middle, outside) if holds(middle) else (inside, middle)
+        return inside
 
     @property
     def on_branch(self) -> Floats:
         """The unknown of the branch that a bifurcation lies on."""
-        return self.system.on_branch(self.x)
+        return self.equations.on_branch(self.x)
 
     def bifurcation(self, parameter: str) -> BifurcationPoint:
         """Return a bifurcation on a branch as callers see it."""
-        value = self.system.values(self.x)[0]
+        value = self.equations.values(self.x)[0]
         return BifurcationPoint(self.kind, parameter, value, self.orbit, self.residual, self.touch_phase)
 
 
@@ -107,6 +119,10 @@ class Point(Solution):
 
     tangent: Floats
 
+    def at(self, x: Floats, jacobian: Floats | None = None) -> Point:
+        """Return another point of the curve, whose tangent leads on as here."""
+        return Point(self.equations, x, self.equations.tangent(x, self.tangent, jacobian))
+
     @cached_property
     def tests(self) -> dict[str, float]:
         """The test of each condition."""
@@ -114,7 +130,7 @@ class Point(Solution):
             FOLD: float(self.tangent[-1]),
             LAST_IMPACT: float(self.speeds.min()),
             TOUCH: self.margin,
-            **self.system.tests(self.x),
+            **self.equations.tests(self.x),
         }
 
     def nears(self, other: Point) -> bool:
@@ -130,9 +146,9 @@ class Point(Solution):
 def between(a: Point, b: Point) -> list[Solution]:
     """Return the bifurcations between two neighbouring points of a branch, in their order."""
     changed = [condition for condition in a.tests if (a.tests[condition] > 0.0) != (b.tests[condition] > 0.0)]
-    last = LAST_IMPACT in changed
+    at_impact = LAST_IMPACT in changed
     wanted = [FOLD] if FOLD in changed else []
-    wanted += [condition for condition in (DOUBLING, TORUS) if condition in changed and not last]
+    wanted += [condition for condition in (DOUBLING, TORUS) if condition in changed and not at_impact]
     grazes = [condition for condition in (LAST_IMPACT, TOUCH) if condition in changed][:1]
     wanted += grazes if a.clear != b.clear else []
     found = [special for condition in wanted if (special := _located(condition, a, b)) is not None]
@@ -145,14 +161,13 @@ def lost_contact(a: Point, b: Point) -> Solution | None:
     None if impacts get out of order for another reason.
     """
     at = int(np.argmin(b.speeds))
-    if b.speeds[at] >= 0.0 or a.speeds[at] <= 0.0 or not a.system.gives_at(at):
+    if b.speeds[at] >= 0.0 or a.speeds[at] <= 0.0 or not a.equations.gives_at(at):
         return None
     return _located(LAST_IMPACT, a, b)
 
 
 def _located(condition: str, a: Point, b: Point) -> Solution | None:
     """Solve for the bifurcation between two points; while Newton's method leaves the interval, halve it."""
-    system = a.system
     for _ in range(HALVINGS):
         low, high = (
             value if math.isfinite(value) else math.copysign(1.0, value)
@@ -162,11 +177,10 @@ def _located(condition: str, a: Point, b: Point) -> Solution | None:
         special = _solved(condition, a.x + share * (b.x - a.x), a, b)
         if special is not None:
             return special
-        found, made, jacobian = system.newton(0.5 * (a.x + b.x), b.x - a.x)
-        if not made:
+        middle = a.middle(b)
+        if middle is None:
             return None
-        inside = Point(system, found, system.tangent(found, a.tangent, jacobian))
-        a, b = (inside, b) if (inside.tests[condition] > 0.0) == (low > 0.0) else (a, inside)
+        a, b = (middle, b) if (middle.tests[condition] > 0.0) == (low > 0.0) else (a, middle)
     return None
 
 
@@ -182,9 +196,9 @@ def _solved(condition: str, x: Floats, a: Point, b: Point) -> Solution | None:
             where, stop = owner.nearest.flight, owner.nearest.stop
             # The touch moves with the orbit: its distance from the start of the flight is kept.
             touch = owner.nearest.turns + float(x[where] - owner.x[where])
-    bounded, start = a.system.bounded(condition, x, where, touch, stop)
-    found, made, _ = bounded.newton(start)
-    if not made or not bounded.is_own(found):
+    bounded, start = a.equations.bounded(condition, x, where, touch, stop)
+    found, corrections, _ = bounded.newton(start)
+    if not corrections or not bounded.fits(found):
         return None
     special = Solution(bounded, found)
     part, way = special.on_branch, b.x - a.x
@@ -249,12 +263,12 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
         given = getattr(point, "kind", point)
         raise invalid("point", given, "a period doubling or a pitchfork", "take one from the `special` of a branch")
     size = check_share("amplitude", amplitude)
-    system, x, direction = _twice(point)
+    equations, x, direction = _twice(point)
     for _ in range(TRIES):
         start = x + size * direction
-        found, made, _ = system.newton(start, direction)
-        if made and np.abs(found - start).max() < 0.5 * size:
-            return Solution(system, found).orbit
+        found, corrections, _ = equations.newton(start, direction)
+        if corrections and np.abs(found - start).max() < 0.5 * size:
+            return Solution(equations, found).orbit
         size *= 0.5
     raise ValueError(
         f"no doubled orbit was found from `point` at {point.parameter} = {point.value:.12g}; try a smaller `amplitude`"
@@ -264,5 +278,5 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
 def _twice(point: BifurcationPoint) -> tuple[Equations, Floats, Floats]:
     """Return the doubled equations, the orbit traversed twice, and the direction in which the rounds separate."""
     value, width = point.value, scale_of(point.orbit.model, point.parameter, point.value).size
-    once, z = system_of(point.orbit, (point.parameter,), ((value - width, value + width),))
+    once, z = equations_of(point.orbit, (point.parameter,), ((value - width, value + width),))
     return once.doubled(z)

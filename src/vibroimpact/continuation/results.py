@@ -127,8 +127,8 @@ class Branch:
             "special_residual": number("special", [point.residual for point in self.special], MISS),
             "special_touch_phase": variable("phase", "special", np.array([q.touch_phase for q in self.special])),
         }
-        there = orbit_variables([point.orbit for point in self.special], p, "special")
-        content |= {f"special_{name}": there[name] for name in ("velocity", "phase")}
+        of_special = orbit_variables([point.orbit for point in self.special], p, "special")
+        content |= {f"special_{name}": of_special[name] for name in ("velocity", "phase")}
         return _along(self, content, {self.parameter: self.values}, "continue_orbit", {"parameter": self.parameter})
 
 

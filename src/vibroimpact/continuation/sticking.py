@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
-from vibroimpact.continuation.following import UNKNOWN, Range, Way
+from vibroimpact.continuation.equations import Range
+from vibroimpact.continuation.following import EDGE, GROWTH, UNKNOWN, Way
 from vibroimpact.model import Model
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.orbit import Orbit, family_of, value_of
@@ -143,10 +144,10 @@ class Sticking:
 
     def crossing(self, path: Path, side: int) -> float | None:
         """Return the end nearest to 0 on a path with the cycle on the positive (1) or the negative side (-1) of it."""
-        seen: dict[float, bool] = {}
+        sticks: dict[float, bool] = {}
         for fan in FANS:
-            seen |= {-fan: self.sticks(path(-fan)), fan: self.sticks(path(fan))}
-            pairs = [(a, b)[::side] for a, b in pairwise(sorted(seen)) if (seen[b] - seen[a]) * side > 0]
+            sticks |= {-fan: self.sticks(path(-fan)), fan: self.sticks(path(fan))}
+            pairs = [(a, b)[::side] for a, b in pairwise(sorted(sticks)) if (sticks[b] - sticks[a]) * side > 0]
             for out, into in sorted(pairs, key=lambda pair: abs(pair[0] + pair[1])):
                 if (found := self.end(path, out, into)) is not None:
                     return found
@@ -184,13 +185,13 @@ def sticking_curve(plane: Sticking, longest: float, most: int, side: float) -> I
                 break
             step = max(0.5 * step, finest)
             continue
-        if math.dist(inside, last) > 1e-12:  # a start on the edge is no second point
+        if math.dist(inside, last) > EDGE:  # a start on the edge is no second point
             way.points.append(plane.last(found))
         if inside != found:
             way.end = "range"
             break
         plane.done += 1
-        last, heading, step = found, heading + angle, min(longest, 1.5 * step)
+        last, heading, step = found, heading + angle, min(longest, GROWTH * step)
         if len(way.points) > 4 and math.dist(last, start) < 0.75 * step and plane.joined(last, start, int(side)):
             way.points.append(way.points[0])
             way.end = "closed"
