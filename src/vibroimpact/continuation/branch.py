@@ -141,7 +141,7 @@ def continue_orbit(
 
 def _checked(orbit: Any) -> Orbit:
     """Return an orbit that flies from impact to impact."""
-    if not isinstance(orbit, Orbit):
+    if not hasattr(orbit, "check_flies"):
         raise invalid("orbit", orbit, "an Orbit", "give one that find_orbit returned")
     if orbit.n_impacts < 1 or orbit.sticks:
         step = "find it again, value by value, with find_orbit(..., n_impacts=-1, near=orbit)"

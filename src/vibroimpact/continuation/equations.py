@@ -83,7 +83,7 @@ class Equations(ABC):
 
     @abstractmethod
     def scaled(self, z: Floats) -> Floats:
-        """Return the unknowns of a solution that are no parameters, without a touch."""
+        """Return the unknowns of a solution that are no parameters."""
 
     @abstractmethod
     def orbit(self, x: Floats) -> Orbit:
@@ -134,8 +134,8 @@ class Equations(ABC):
         """Return the equations of half of a cycle at which such halves separate, and the mean of both."""
 
     @abstractmethod
-    def doubled(self, z: Floats) -> tuple[Equations, Floats, Floats]:
-        """Return the equations of two rounds, the orbit traversed twice, and how the rounds separate."""
+    def twice(self, z: Floats) -> tuple[Equations, Floats]:
+        """Return the equations of two rounds, and the orbit traversed twice."""
 
     @property
     def inner(self) -> int:
@@ -179,13 +179,19 @@ class Equations(ABC):
         touch = self.touching(x) or Nearest(0, math.nan, math.nan)
         return self.bounded(TOUCH, x, touch.flight, touch.turns, touch.stop)
 
-    def pack(self, z: Floats, touch: float | None = None) -> Floats:
+    def pack(self, z: Floats) -> Floats:
         """Return the unknown of a solution z of the model at its own values."""
         free = [
             (value_of(self.model, name) - low) / (high - low)
             for name, (low, high) in zip(self.names, self.ranges, strict=True)
         ]
-        return np.concatenate([self.scaled(z), [] if touch is None else [touch], free])
+        return np.concatenate([self.scaled(z), free])
+
+    def doubled(self, z: Floats) -> tuple[Equations, Floats, Floats]:
+        """Return the equations of two rounds, the unknown of the orbit traversed twice, and how the rounds separate."""
+        equations, both = self.twice(z)
+        x = equations.pack(both)
+        return equations, x, np.append(np.linalg.svd(equations.flights_jacobian(x))[2][-1], 0.0)
 
     def bounded(
         self, condition: str, x: Floats, where: int = 0, touch: float = 0.0, stop: int = 0

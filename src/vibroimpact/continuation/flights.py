@@ -236,12 +236,10 @@ class Flights(Equations):
         turns = 0.5 * (x[:h] + x[h:p] - 0.5 * n)
         return half, np.concatenate([turns, 0.5 * (x[p : p + h] + x[p + h : 2 * p]), x[2 * p :]])
 
-    def doubled(self, z: Floats) -> tuple[Equations, Floats, Floats]:
-        """Return the equations of two rounds, the orbit traversed twice, and how the rounds separate."""
+    def twice(self, z: Floats) -> tuple[Equations, Floats]:
+        """Return the equations of two rounds, and the orbit traversed twice."""
         n, p = self.cycle.n_periods, self.cycle.n_impacts
-        equations = replace(self, cycle=Cycle(2 * n, 2 * p))
-        x = equations.pack(np.concatenate([z[:p], z[:p] + n, z[p:], z[p:]]))
-        return equations, x, np.append(np.linalg.svd(equations.flights_jacobian(x))[2][-1], 0.0)
+        return replace(self, cycle=Cycle(2 * n, 2 * p)), np.concatenate([z[:p], z[:p] + n, z[p:], z[p:]])
 
 
 def equations_of(orbit: Any, names: tuple[str, ...], ranges: tuple[Range, ...]) -> tuple[Equations, Floats]:

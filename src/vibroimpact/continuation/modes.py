@@ -315,19 +315,14 @@ class Modes(Equations):
         scaled = equations.scaled_at(np.append(TURN * turns, mean), self.values(x))
         return equations, np.append(scaled, x[self.size :])
 
-    def doubled(self, z: Floats) -> tuple[Equations, Floats, Floats]:
-        """Return the equations of two rounds, the orbit traversed twice, and how the rounds separate.
-
-        Two rounds of half a cycle and the mirror are the cycle.
-        """
+    def twice(self, z: Floats) -> tuple[Equations, Floats]:
+        """Return the equations of two rounds, and the orbit traversed twice; two mirrored halves are the cycle."""
         cycle, p = self.cycle, self.impacts
         if cycle.images:
-            twice = cycle.whole(z)[0]
+            both = cycle.whole(z)[0]
         else:
-            twice = replace(cycle, n_periods=2 * cycle.n_periods, events=cycle.events * 2)
-        equations = replace(self, cycle=twice)
-        x = equations.pack(np.concatenate([z[:p], z[:p] + cycle.length, z[p:]]))
-        return equations, x, np.append(np.linalg.svd(equations.flights_jacobian(x))[2][-1], 0.0)
+            both = replace(cycle, n_periods=2 * cycle.n_periods, events=cycle.events * 2)
+        return replace(self, cycle=both), np.concatenate([z[:p], z[:p] + cycle.length, z[p:]])
 
 
 def _nearest_zero(values: Sequence[complex] | NDArray[np.complex128]) -> float:
