@@ -117,7 +117,8 @@ def continue_orbit(
     >>> [(point.kind, round(point.value * (100 * np.pi) ** 2 / 9.81, 9)) for point in branch.special]
     [('fold', 1.047197551), ('period_doubling', 1.526823701)]
     """
-    ends = check_range(_checked(orbit).model, parameter, range, orbit)
+    _check_flies(orbit)
+    ends = check_range(orbit.model, parameter, range, orbit)
     longest, virtual = check_share("step", step), truth("virtual", virtual)
     equations, z = equations_of(orbit, (parameter,), (ends,))
     x = _corrected(equations, equations.pack(z))
@@ -139,15 +140,14 @@ def continue_orbit(
     )
 
 
-def _checked(orbit: Any) -> Orbit:
-    """Return an orbit that flies from impact to impact."""
+def _check_flies(orbit: Any) -> None:
+    """Refuse what is no orbit, and an orbit that rests at a stop."""
     if not hasattr(orbit, "check_flies"):
         raise invalid("orbit", orbit, "an Orbit", "give one that find_orbit returned")
     if orbit.n_impacts < 1 or orbit.sticks:
         step = "find it again, value by value, with find_orbit(..., n_impacts=-1, near=orbit)"
         hint = "follow its end of sticking with continue_boundary instead" if orbit.oscillator.forgets else step
         raise invalid("orbit", orbit.name, "an orbit that never rests at the stop", hint)
-    return orbit
 
 
 def _corrected(equations: Equations, x: Floats) -> Floats:

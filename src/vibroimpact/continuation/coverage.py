@@ -196,11 +196,11 @@ def coverage(model: Model, plane: Plane, report: Report) -> Coverage:
 
 def distances(points: Floats, curve: Floats) -> Floats:
     """Return the distance of each point, rows (x, y, ...), from a curve through rows of points."""
-    begin, way = curve[:-1] if len(curve) > 1 else curve, np.diff(curve, axis=0) if len(curve) > 1 else 0.0 * curve
-    length = (way * way).sum(axis=1)
+    first, chords = (curve[:-1], np.diff(curve, axis=0)) if len(curve) > 1 else (curve, 0.0 * curve)
+    length = (chords * chords).sum(axis=1)
     length[length == 0.0] = 1.0
-    share = np.clip(((points[:, None] - begin) * way).sum(axis=2) / length, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(points[:, None] - begin - share[..., None] * way, axis=2).min(axis=1))
+    share = np.clip(((points[:, None] - first) * chords).sum(axis=2) / length, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(points[:, None] - first - share[..., None] * chords, axis=2).min(axis=1))
 
 
 def _can_end(name: Name, forgets: bool) -> bool:

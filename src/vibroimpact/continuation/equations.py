@@ -213,7 +213,7 @@ class Equations(ABC):
         """Whether the condition is a graze of a compliant stop, beyond which the branch goes on."""
         return False
 
-    def beyond(self, x: Floats, way: float) -> tuple[Equations, Floats, Floats] | None:
+    def beyond(self, x: Floats, sign: float) -> tuple[Equations, Floats, Floats] | None:
         """Return the equations on which a branch goes on beyond a graze, a solution and its tangent, if it does so."""
         return None
 

@@ -39,43 +39,43 @@ class Step:
     end: str = ""
 
 
-def follow(equations: Equations, x: Floats, way: Floats, longest: float) -> Iterator[Step]:
-    """Yield the points of a curve after x, where `way` is its tangent, to the edge of the ranges or back to x."""
-    start, first, step, away = x, way, longest, False
+def follow(equations: Equations, x: Floats, tangent: Floats, longest: float) -> Iterator[Step]:
+    """Yield the points of a curve after x, where `tangent` is its tangent, to the edge of the ranges or back to x."""
+    start, first, step, away = x, tangent, longest, False
     while True:
-        counts, ahead = equations.weights(x), x + step * way
-        found, corrections, jacobian = equations.newton(ahead, counts * counts * way)
-        turned = equations.tangent(found, way, jacobian) if corrections else way
-        straight = (turned * counts) @ (way * counts) / np.linalg.norm(turned * counts)
+        counts, ahead = equations.weights(x), x + step * tangent
+        found, corrections, jacobian = equations.newton(ahead, counts * counts * tangent)
+        turned = equations.tangent(found, tangent, jacobian) if corrections else tangent
+        straight = (turned * counts) @ (tangent * counts) / np.linalg.norm(turned * counts)
         if not corrections or straight < STRAIGHT or np.abs((found - ahead) * counts).max() > step:
             step *= 0.5
             if step < SHORTEST * longest:
-                yield Step(x, way, "lost")
+                yield Step(x, tangent, "lost")
                 return
             continue
         outside = [j for j in range(equations.inner, len(found)) if not -EDGE <= found[j] <= 1.0 + EDGE]
         if outside:
-            yield _to_edge(equations, x, found, outside, way)
+            yield _to_edge(equations, x, found, outside, tangent)
             return
-        x, way = found, turned
+        x, tangent = found, turned
         distance = equations.distance(start, x)
         away = away or distance > AWAY * longest
-        closed = away and distance < longest and way @ first > 0.0
-        yield Step(x, way, "closed" if closed else "")
+        closed = away and distance < longest and tangent @ first > 0.0
+        yield Step(x, tangent, "closed" if closed else "")
         if closed:
             return
         step = min(longest, step * (GROWTH if corrections <= EASY else 1.0))
 
 
-def _to_edge(equations: Equations, inside: Floats, beyond: Floats, outside: list[int], way: Floats) -> Step:
+def _to_edge(equations: Equations, inside: Floats, beyond: Floats, outside: list[int], tangent: Floats) -> Step:
     """Return the point at which the curve first leaves the ranges, between a point inside and one beyond."""
     reached = {j: ((0.0 if beyond[j] < 0.0 else 1.0) - inside[j]) / (beyond[j] - inside[j]) for j in outside}
     j = min(reached, key=lambda key: reached[key])
     start = inside + reached[j] * (beyond - inside)
     found, corrections, jacobian = equations.newton(start, np.eye(len(start))[j], 0.0 if beyond[j] < 0.0 else 1.0)
     if not corrections or np.abs(found - start).max() > np.abs(beyond - inside).max() + EDGE:
-        return Step(inside, way, "lost")
-    return Step(found, equations.tangent(found, way, jacobian), "range")
+        return Step(inside, tangent, "lost")
+    return Step(found, equations.tangent(found, tangent, jacobian), "range")
 
 
 @dataclass

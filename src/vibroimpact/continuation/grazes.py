@@ -28,12 +28,12 @@ def losing(cycle: Cycle, unknown: Floats, graze: int) -> tuple[Cycle, Floats] | 
 
 
 def gaining(
-    equations: Any, cycle: Cycle, leg: int, stop: int, x: Floats, way: float
+    equations: Any, cycle: Cycle, leg: int, stop: int, x: Floats, sign: float
 ) -> tuple[Any, Floats, Floats] | None:
     """Return equations with a contact, or a pause of one, in place of a graze in mid-leg, a solution and its tangent.
 
     At first its duration grows with the square root of the depth. A stiff stop soon turns the parameter back: the
-    contact is taken so short that it still goes on in the sense of `way`, if that is possible. With damping the force
+    contact is taken so short that it still goes on in the sense of `sign`, if that is possible. With damping the force
     jumps to c v at its begin, derivatives jump at the graze, and the parameter may turn back there.
     """
     at, touch, rest, flow = leg + 1, float(x[equations.size]), x[equations.size + 1 :], cycle.flow
@@ -50,7 +50,7 @@ def gaining(
         row = np.eye(len(start))[at + 1] - np.eye(len(start))[at]
         found, corrections, jacobian = grown.newton(start, row)
         born = (grown, found, grown.tangent(found, row, jacobian)) if corrections else born
-        if corrections and born is not None and born[2][-1] * way > 0.0:
+        if corrections and born is not None and born[2][-1] * sign > 0.0:
             break
         half *= 0.5
     return born

@@ -218,23 +218,23 @@ class Modes(Equations):
             return bool(compliant[self.stop])
         return self.condition == LAST_IMPACT and self.cycle.events[self.where].kind == GRAZE
 
-    def beyond(self, x: Floats, way: float) -> tuple[Equations, Floats, Floats] | None:
+    def beyond(self, x: Floats, sign: float) -> tuple[Equations, Floats, Floats] | None:
         """Return the equations beyond a graze of a compliant stop, a solution and its tangent; None if there are none.
 
-        A contact is born or lost there. `way` is the sign in which the parameter goes on.
+        A contact is born or lost there. `sign` is the sign in which the parameter goes on.
         """
         if not self.soft:
             return None
         equations = replace(self, condition=BRANCH, where=0, stop=0)
         cycle, unknown = self.solved(x)
         if self.condition == TOUCH:
-            return gaining(equations, cycle, self.where, self.stop, x, way)
+            return gaining(equations, cycle, self.where, self.stop, x, sign)
         less = losing(cycle, unknown, self.where)
         if less is None:
             return None
         equations = replace(equations, cycle=less[0])
         found = np.concatenate([equations.scaled_at(less[1], self.values(x)), x[self.inner :]])
-        return equations, found, equations.tangent(found, way * np.eye(len(found))[-1])
+        return equations, found, equations.tangent(found, sign * np.eye(len(found))[-1])
 
     def sizes(self, x: Floats) -> Floats:
         """Return by how much each unknown must change to change the flights by something of order one."""

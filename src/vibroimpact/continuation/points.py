@@ -88,8 +88,8 @@ class Solution:
 
     def middle(self, other: Self) -> Self | None:
         """Return the solution halfway to another, across their chord; None where Newton's method finds none."""
-        way = other.x - self.x
-        found, corrections, jacobian = self.equations.newton(self.x + 0.5 * way, way)
+        chord = other.x - self.x
+        found, corrections, jacobian = self.equations.newton(self.x + 0.5 * chord, chord)
         return self.at(found, jacobian) if corrections else None
 
     def furthest(self, other: Self, halvings: int, holds: Callable[[Self], bool]) -> Self:
@@ -201,10 +201,10 @@ def _solved(condition: str, x: Floats, a: Point, b: Point) -> Solution | None:
     if not corrections or not bounded.fits(found):
         return None
     special = Solution(bounded, found)
-    part, way = special.on_branch, b.x - a.x
-    share = float((part - a.x) @ way / (way @ way))
-    aside = float(np.abs(part - a.x - share * way).max())
-    return special if -1e-9 <= share <= 1.0 + 1e-9 and aside <= float(np.linalg.norm(way)) else None
+    part, chord = special.on_branch, b.x - a.x
+    share = float((part - a.x) @ chord / (chord @ chord))
+    aside = float(np.abs(part - a.x - share * chord).max())
+    return special if -1e-9 <= share <= 1.0 + 1e-9 and aside <= float(np.linalg.norm(chord)) else None
 
 
 def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
