@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -11,11 +12,10 @@ import numpy as np
 from vibroimpact.continuation.equations import DOUBLING, Range
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import EDGE, MOST_POINTS, Way, both_ways, check_range, check_share, follow
-from vibroimpact.continuation.points import Solution
+from vibroimpact.continuation.points import Point
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
 from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Sticking, sticking_curve
 from vibroimpact.model import Model, check_names
-from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking import StickingEnd
 from vibroimpact.parameters import invalid, truth
@@ -127,8 +127,7 @@ def boundary_through(
         longest, sticking = min(longest, LONGEST_STEP), Sticking(point.orbit.model, *plane, point.n_periods, report)
         walk = partial(sticking_curve, sticking, longest, most)
     else:
-        begin = _beginning(point, plane)
-        walk = partial(_walk, begin, begin.equations.tangent(begin.x, np.ones(len(begin.x))), longest, virtual)
+        walk = partial(_walk, _beginning(point, plane), longest, virtual)
     back, on = both_ways(walk, report)
     points, ends = [*back.points[:0:-1], *on.points], (back.end, on.end)
     orbits = [at.orbit for at in points]
@@ -168,7 +167,7 @@ def check_box(model: Model, parameters: Any, ranges: Any, orbit: Orbit | None = 
     return Plane((chosen[0], chosen[1]), (first, second))
 
 
-def _beginning(point: BifurcationPoint, plane: Plane) -> Solution:
+def _beginning(point: BifurcationPoint, plane: Plane) -> Point:
     """Return the point of a boundary at a bifurcation on a branch."""
     once, z = equations_of(point.orbit, *plane)
     x, condition = once.pack(z), CONDITIONS.get(point.kind, point.kind)
@@ -179,19 +178,19 @@ def _beginning(point: BifurcationPoint, plane: Plane) -> Solution:
     found, corrections, _ = equations.newton(x, equations.tangent(x, np.ones(len(x))))
     if not corrections:
         raise NoBoundary("Newton's method does not lead from `point` to its boundary; take another point")
-    return Solution(equations, found)
+    return Point(equations, found, equations.tangent(found, np.ones(len(found))))
 
 
-def _walk(last: Solution, along: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
+def _walk(first: Point, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
     """Yield, point by point, one direction of a boundary as far as it has been followed."""
+    last = replace(first, tangent=direction * first.tangent)
     equations, way, possible = last.equations, Way([last]), last.admissible
-    for number, step in enumerate(follow(equations, last.x, direction * along, longest)):
-        point, end = Solution(equations, step.x), step.end
+    for number, (point, end) in enumerate(follow(last, longest)):
         if end == "lost" or point.residual > WORST:
             point, end = last, "lost"
-        elif not equations.in_order(step.x):
+        elif not equations.in_order(point.x):
             point, end = last, "impacts_merge"
-        elif not equations.fits(step.x):
+        elif not equations.fits(point.x):
             point, end = last, "resonance"
         elif possible and not virtual and not point.admissible:
             point, end = last.furthest(point, HALVINGS, _admissible), "inadmissible"
@@ -204,6 +203,6 @@ def _walk(last: Solution, along: Floats, longest: float, virtual: bool, directio
         last = point
 
 
-def _admissible(point: Solution) -> bool:
+def _admissible(point: Point) -> bool:
     """Whether a point is on the boundary, and its orbit can be."""
     return point.admissible and point.residual <= WORST

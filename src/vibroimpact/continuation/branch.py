@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from vibroimpact.continuation.bifurcations import between, lost_contact
 from vibroimpact.continuation.equations import Equations
 from vibroimpact.continuation.flights import equations_of
-from vibroimpact.continuation.following import MOST_POINTS, Step, Way, both_ways, check_range, check_share, follow
-from vibroimpact.continuation.points import Point, Solution, between, lost_contact
+from vibroimpact.continuation.following import MOST_POINTS, Way, both_ways, check_range, check_share, follow
+from vibroimpact.continuation.points import Point, Solution
 from vibroimpact.continuation.results import Branch, course
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
@@ -194,16 +195,18 @@ def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Gen
     """Yield, point by point, a branch to its end or to a graze beyond which other equations hold, and return that."""
     before = way.points[-1]
     equations = before.equations
-    steps = follow(equations, before.x, before.tangent, strides * longest)
-    for step, after in _dense(equations, before, steps, longest):
-        if step.end == "lost" or not equations.in_order(step.x):
-            way.end = "lost" if step.end == "lost" else "impacts_merge"
-            graze = None if step.end == "lost" else lost_contact(before, after)
-            if graze is not None:
+    for after, end in _dense(before, follow(before, strides * longest), longest):
+        if end == "lost":
+            way.end = "lost"
+            return None
+        if not equations.in_order(after.x):
+            graze = lost_contact(before, after)
+            if graze is None:
+                way.end = "impacts_merge"
+                way.points.append(before.furthest(after, SHARP, lambda point: equations.in_order(point.x)))
+            else:
                 way.end = "grazing"
                 way.special.append(graze)
-            elif way.end == "impacts_merge":
-                way.points.append(before.furthest(after, SHARP, lambda point: equations.in_order(point.x)))
             return graze
         halved = _halved(before, after)
         if halved is not None:
@@ -226,20 +229,19 @@ def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Gen
             return None
         way.points.append(after)
         before = after
-        way.end = step.end or "budget"
-        if step.end or len(way.points) > MOST_POINTS:
+        way.end = end or "budget"
+        if end or len(way.points) > MOST_POINTS:
             return None
         yield way
     return None
 
 
-def _dense(equations: Equations, before: Point, steps: Iterable[Step], longest: float) -> Iterator[tuple[Step, Point]]:
-    """Yield the steps of a curve and their points, with points between where a longer step nears a bifurcation."""
-    for step in steps:
-        after = Point(equations, step.x, step.tangent)
-        for part in [] if step.end == "lost" else _inside(before, after, longest):
-            yield Step(part.x, part.tangent), part
-        yield step, after
+def _dense(before: Point, steps: Iterable[tuple[Point, str]], longest: float) -> Iterator[tuple[Point, str]]:
+    """Yield the points of a curve as `follow` does, with points between where a longer step nears a bifurcation."""
+    for after, end in steps:
+        for point in [] if end == "lost" else _inside(before, after, longest):
+            yield point, ""
+        yield after, end
         before = after
 
 

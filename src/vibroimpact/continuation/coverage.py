@@ -237,7 +237,7 @@ def _end_of_orbit(orbit: Orbit, parameter: str, values: tuple[float, float]) -> 
     for way in walk(equations, equations.pack(z), STRIDE, False, 1.0 if end > begin else -1.0):
         if way.special:
             return way.special[0].bifurcation(parameter), False
-    return None, way.end == "range" and abs(equations.values(way.points[-1].x)[0] - end) < abs(end - begin) / 2
+    return None, way.end == "range" and abs(way.points[-1].value - end) < abs(end - begin) / 2
 
 
 def _touch(model: Model, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:

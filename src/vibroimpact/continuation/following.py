@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.equations import Equations, Range
+from vibroimpact.continuation.equations import Range
+from vibroimpact.continuation.points import Point
 from vibroimpact.model import Model
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit, check_pair
@@ -30,52 +31,48 @@ UNKNOWN: Any = None  # how many points or curves there will be
 MOST_POINTS = 20_000  # of one direction
 
 
-@dataclass(frozen=True)
-class Step:
-    """A point of a curve and its tangent; `end` is why no point follows, "range", "closed" or "lost", else empty."""
+def follow(first: Point, longest: float) -> Iterator[tuple[Point, str]]:
+    """Yield the points of a curve after the first, along its tangent, to the edge of the ranges or back to it.
 
-    x: Floats
-    tangent: Floats
-    end: str = ""
-
-
-def follow(equations: Equations, x: Floats, tangent: Floats, longest: float) -> Iterator[Step]:
-    """Yield the points of a curve after x, where `tangent` is its tangent, to the edge of the ranges or back to x."""
-    start, first, step, away = x, tangent, longest, False
+    With each, why no point follows: "range", "closed" or "lost", where it is the last one again; else empty.
+    """
+    equations, point, step, away = first.equations, first, longest, False
     while True:
-        counts, ahead = equations.weights(x), x + step * tangent
-        found, corrections, jacobian = equations.newton(ahead, counts * counts * tangent)
-        turned = equations.tangent(found, tangent, jacobian) if corrections else tangent
-        straight = (turned * counts) @ (tangent * counts) / np.linalg.norm(turned * counts)
+        counts, ahead = equations.weights(point.x), point.x + step * point.tangent
+        found, corrections, jacobian = equations.newton(ahead, counts * counts * point.tangent)
+        following = point.at(found, jacobian) if corrections else point
+        turned = following.tangent * counts
+        straight = turned @ (point.tangent * counts) / np.linalg.norm(turned)
         if not corrections or straight < STRAIGHT or np.abs((found - ahead) * counts).max() > step:
             step *= 0.5
             if step < SHORTEST * longest:
-                yield Step(x, tangent, "lost")
+                yield point, "lost"
                 return
             continue
         outside = [j for j in range(equations.inner, len(found)) if not -EDGE <= found[j] <= 1.0 + EDGE]
         if outside:
-            yield _to_edge(equations, x, found, outside, tangent)
+            yield _to_edge(point, found, outside)
             return
-        x, tangent = found, turned
-        distance = equations.distance(start, x)
+        point = following
+        distance = equations.distance(first.x, point.x)
         away = away or distance > AWAY * longest
-        closed = away and distance < longest and tangent @ first > 0.0
-        yield Step(x, tangent, "closed" if closed else "")
+        closed = away and distance < longest and point.tangent @ first.tangent > 0.0
+        yield point, "closed" if closed else ""
         if closed:
             return
         step = min(longest, step * (GROWTH if corrections <= EASY else 1.0))
 
 
-def _to_edge(equations: Equations, inside: Floats, beyond: Floats, outside: list[int], tangent: Floats) -> Step:
+def _to_edge(inside: Point, beyond: Floats, outside: list[int]) -> tuple[Point, str]:
     """Return the point at which the curve first leaves the ranges, between a point inside and one beyond."""
-    reached = {j: ((0.0 if beyond[j] < 0.0 else 1.0) - inside[j]) / (beyond[j] - inside[j]) for j in outside}
+    edges = {j: 0.0 if beyond[j] < 0.0 else 1.0 for j in outside}
+    reached = {j: (edge - inside.x[j]) / (beyond[j] - inside.x[j]) for j, edge in edges.items()}
     j = min(reached, key=lambda key: reached[key])
-    start = inside + reached[j] * (beyond - inside)
-    found, corrections, jacobian = equations.newton(start, np.eye(len(start))[j], 0.0 if beyond[j] < 0.0 else 1.0)
-    if not corrections or np.abs(found - start).max() > np.abs(beyond - inside).max() + EDGE:
-        return Step(inside, tangent, "lost")
-    return Step(found, equations.tangent(found, tangent, jacobian), "range")
+    start = inside.x + reached[j] * (beyond - inside.x)
+    found, corrections, jacobian = inside.equations.newton(start, np.eye(len(start))[j], edges[j])
+    if not corrections or np.abs(found - start).max() > np.abs(beyond - inside.x).max() + EDGE:
+        return inside, "lost"
+    return inside.at(found, jacobian), "range"
 
 
 @dataclass

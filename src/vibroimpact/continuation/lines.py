@@ -66,7 +66,7 @@ def on_line(
                 continue
             equations, solved = equations_of(orbit, (parameter,), (range,))
             for way in both_ways(partial(walk, equations, equations.pack(solved), longest, False), look):
-                rows = [[*p.equations.values(p.x), p.equations.velocities(p.x)[0]] for p in way.points]
+                rows = [[p.value, p.equations.velocities(p.x)[0]] for p in way.points]
                 covered[seed.how].append(np.array(rows))
                 yield from (special.bifurcation(parameter) for special in way.special)
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vibroimpact.continuation.bifurcations import switch_branch
 from vibroimpact.continuation.branch import continue_orbit
-from vibroimpact.continuation.points import switch_branch
 from vibroimpact.continuation.results import Branch
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.orbit import Orbit, orbit_distance, same_orbit

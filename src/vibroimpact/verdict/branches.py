@@ -86,21 +86,17 @@ class Branch:
     def _passes(self, value: float) -> bool:
         """Whether the branch has passed a value, or comes back past its beginning."""
         begun, points = self.varied.value, self.way.points if self.way else []
-        ways = [(_value(point) - begun) / (value - begun) for point in points]
+        ways = [(point.value - begun) / (value - begun) for point in points]
         return bool(ways) and (max(ways) >= 1.0 or min(ways) < -WHOLE)
 
     def _crossing(self, a: Any, b: Any, value: float) -> Any:
         """Return the orbit at a value between two points, or None where that is not between them."""
-        low, high = _value(a), _value(b)
+        low, high = a.value, b.value
         if not min(low, high) <= value <= max(low, high) or low == high:
             return None
         x = a.x + (value - low) / (high - low) * (b.x - a.x)
         found, made, _ = a.equations.newton(x, np.eye(len(x))[-1])
         return a.equations.orbit(found) if made else None
-
-
-def _value(point: Any) -> float:
-    return float(point.equations.values(point.x)[0])
 
 
 class Branches(dict[tuple[int, str, int], Branch]):
