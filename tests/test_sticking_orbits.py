@@ -336,13 +336,23 @@ def default_end():
     return end_of_sticking(vi.ImpactOscillator(), "omega", (0.3, 0.4))
 
 
-def test_without_a_gap_the_end_of_sticking_knows_no_amplitude(default_end):
-    curve = continue_boundary(default_end, ("omega", "amplitude"), ((0.2, 0.5), (0.5, 2.0)), step=0.02)
-    omega, amplitude = curve.values.T
+@pytest.mark.parametrize("order", [1, -1])
+def test_without_a_gap_the_end_of_sticking_knows_no_amplitude(default_end, order):
+    names, ranges = ("omega", "amplitude")[::order], ((0.2, 0.5), (0.5, 2.0))[::order]
+    curve = continue_boundary(default_end, names, ranges, step=0.02)
+    omega, amplitude = curve.values.T[::order]
     assert curve.outcome == ("range", "range")
     assert omega == pytest.approx(END, rel=1e-14)
     assert sorted((amplitude[0], amplitude[-1])) == pytest.approx([0.5, 2.0], rel=1e-14)
     assert np.array(curve.touch_phases) == pytest.approx(0.5)
+
+
+def test_a_curve_that_begins_on_the_edge_of_the_ranges_leads_away_from_it(default_end):
+    curve = continue_boundary(default_end, ("omega", "mass"), ((default_end.value, 0.6), (0.5, 2.0)), step=0.02)
+    assert curve.outcome == ("range", "range")
+    assert curve.values[-1].tolist() == [default_end.value, 1.0]
+    assert curve.values[0, 1] == 0.5
+    assert len(curve.orbits) > 30
 
 
 def test_a_curve_of_ends_of_sticking_may_be_stopped_on_request(default_end):

@@ -25,7 +25,7 @@ Place = tuple[float, float]  # in a plane, in parts of its ranges from where its
 Path = Callable[[float], Place]
 
 # Radians to either side of the direction so far, tried in turn; the last ones lead back along a tongue, around its tip.
-FANS = (0.05, 0.1, 0.2, 0.4, 0.8, 1.4, 2.0, 2.4, 2.8, 3.0, 3.08, 3.12)
+FANS = (0.05, 0.1, 0.2, 0.4, 0.8, 1.4, 2.0, 2.4, 2.8, 3.0, 3.08, 3.12, math.pi)
 LONGEST_STEP = 0.02  # of the ranges: the largest distance between points
 FINEST_STEP = 1 / 1024  # of the step: only so close together may points lie on either side of a corner
 BAND = 0.12  # of the chord between points: how far off it the curve may lie
@@ -179,13 +179,14 @@ def sticking_curve(plane: Sticking, longest: float, most: int, side: float) -> I
         angle = plane.crossing(path, int(side))
         found = last if angle is None else path(angle)
         inside = plane.inside(found)  # what an edge cuts off goes on straight: it meets the edge at the same value
-        if angle is None or not (step <= finest or plane.joined(last, inside, int(side))):
+        moved = math.dist(inside, last) > EDGE  # a start on the edge is no second point
+        if angle is None or not (step <= finest or not moved or plane.joined(last, inside, int(side))):
             if step <= finest:
                 way.end, way.why = "lost", plane.why
                 break
             step = max(0.5 * step, finest)
             continue
-        if math.dist(inside, last) > EDGE:  # a start on the edge is no second point
+        if moved:
             way.points.append(plane.last(found))
         if inside != found:
             way.end = "range"
