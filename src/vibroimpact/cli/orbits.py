@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -170,8 +171,10 @@ def orbits_json(found: Orbits[Any], model: Model) -> dict[str, Any]:
 SUMMED = "name", "stable", "trace", "determinant"
 
 
-def _plain(orbit: Orbit | SystemOrbit) -> dict[str, Any]:
-    content = {key: value for key, value in vars(orbit).items() if key not in ("oscillator", "system", "family")}
+def _plain(orbit: Orbit) -> dict[str, Any]:
+    content = {
+        part.name: getattr(orbit, part.name) for part in fields(orbit) if part.name not in ("oscillator", "family")
+    }
     for key in {"multipliers", "half_multipliers", "neutral"} & set(content):
         content[key] = [[z.real, z.imag] for z in content[key]]
     if "start" in content:
@@ -389,12 +392,11 @@ def _periods(options: Options, usual: str) -> Any:
 
 
 def _kinds(text: str | None, study: Study) -> tuple[str, ...]:
-    from vibroimpact.continuation.results import KINDS, SYSTEM_KINDS
+    from vibroimpact.continuation.results import kinds_of
 
-    known = KINDS if study.is_one_mass else SYSTEM_KINDS
-    if text is None:
-        return known
-    chosen = tuple(part.strip().replace("-", "_").replace(" ", "_") for part in text.split(","))
+    with refusing():
+        known = kinds_of(study.model)
+    chosen = known if text is None else tuple(re.sub("[- ]", "_", part.strip()) for part in text.split(","))
     if unknown := [kind for kind in chosen if kind not in known]:
         raise WrongRequest(f"unknown `--kind` {unknown[0]!r}; choose from {', '.join(known).replace('_', '-')}")
     return chosen

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from vibroimpact.model import Model, State, check_names
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING, objection
-from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, parameters_of
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
 from vibroimpact.parameters import invalid
 
 SAME = 1e-7  # of the fastest impact, and in sine and cosine of the driving angle: nearer than this, two orbits are one
@@ -21,12 +22,12 @@ SAME = 1e-7  # of the fastest impact, and in sine and cosine of the driving angl
 
 @dataclass(frozen=True)
 class Orbit:
-    """A period-n impact-p motion, stable or not, of one oscillator.
+    """A period-n impact-p motion, stable or not, of one oscillator; base of those of systems.
 
     Parameters
     ----------
-    oscillator : ImpactOscillator
-        The oscillator that moves so.
+    oscillator : ImpactOscillator or ImpactSystem
+        What moves so.
     n_periods : int, >= 1
         Driving periods in a cycle.
     n_impacts : int, >= 1 or -1
@@ -35,7 +36,7 @@ class Orbit:
         Speeds just before contact, in m/s, in the order of time; of a complete chatter those above its cutoff.
     phases : tuple of float
         Driving phases of these impacts, in [0, 1).
-    multipliers : tuple of two complex
+    multipliers : tuple of complex
         Floquet multipliers of the cycle, in (y, y'); both 0 for an orbit that sticks, which erases all memory.
     admissible : bool
         Whether the mass can move so: no contact before the next impact, no impact velocity away from the stop.
@@ -56,12 +57,12 @@ class Orbit:
     ('period-1 impact-1', True, 6.226413)
     """
 
-    oscillator: ImpactOscillator
+    oscillator: Any
     n_periods: int
     n_impacts: int
     velocities: tuple[float, ...]
     phases: tuple[float, ...]
-    multipliers: tuple[complex, complex]
+    multipliers: tuple[complex, ...]
     admissible: bool = True
     message: str = ""
     stick_phase: float = math.nan
@@ -71,12 +72,24 @@ class Orbit:
 
     @property
     def model(self) -> Model:
-        """The family that made the oscillator, or the oscillator itself."""
-        return self.oscillator if self.family is None else self.family
+        """The family that made the oscillator or system, or that itself."""
+        found: Model = self.oscillator if self.family is None else self.family
+        return found
 
     def value(self, parameter: str) -> float:
         """Return the value of a parameter of its model."""
         return value_of(self.model, parameter)
+
+    @cached_property
+    def stops(self) -> tuple[str, ...]:
+        """Names of the stops that are struck, in the order of time."""
+        return tuple(stop.name for stop in self.oscillator.stops) * len(self.velocities)
+
+    @cached_property
+    def start(self) -> State:
+        """A state on the orbit: just before its first impact, or at its release from the stop."""
+        phase, velocity = (self.release_phase, 0.0) if self.sticks else (self.phases[0], self.velocities[0])
+        return State(self.oscillator.gap, velocity, phase * self.oscillator.period)
 
     @property
     def trace(self) -> float:
@@ -86,39 +99,76 @@ class Orbit:
     @property
     def determinant(self) -> float:
         """Determinant of the cycle's Jacobian, r^(2p) exp(-c n T/m): the product of the multipliers."""
-        return (self.multipliers[0] * self.multipliers[1]).real
+        return math.prod(self.multipliers).real
 
     @property
     def sticks(self) -> bool:
-        """Whether the mass comes to rest at the stop."""
+        """Whether it comes to rest at a stop."""
         return self.stuck_time > 0.0
 
     @property
+    def symmetric(self) -> bool:
+        """Whether the orbit is its own mirror image half a cycle later."""
+        return False
+
+    @property
+    def spectral_radius(self) -> float:
+        """Size of the largest multiplier."""
+        return max(map(abs, self.multipliers))
+
+    @property
     def stable(self) -> bool:
-        """Whether perturbations decay: both multipliers lie inside the unit circle."""
-        return max(map(abs, self.multipliers)) < 1.0
+        """Whether perturbations decay: all multipliers lie inside the unit circle."""
+        return self.spectral_radius < 1.0
 
     @property
     def period(self) -> float:
         """Length of the cycle in s."""
-        return self.n_periods * self.oscillator.period
+        length: float = self.n_periods * self.oscillator.period
+        return length
 
     @property
     def lyapunov(self) -> float:
-        """Largest exponent in 1/s: ln of the spectral radius over the cycle's time; -inf for an orbit that sticks."""
-        radius = max(map(abs, self.multipliers))
-        return math.log(radius) / self.period if radius > 0.0 else -math.inf
+        """Largest exponent in 1/s: ln of the spectral radius over the cycle's time; -inf where that is 0."""
+        return math.log(self.spectral_radius) / self.period if self.spectral_radius > 0.0 else -math.inf
 
     @property
     def name(self) -> str:
         """The motion in two or three words."""
         return cycle_name(self.n_periods, self.n_impacts, self.sticks)
 
-    @property
-    def start(self) -> State:
-        """A state on the orbit: at its first impact, or at its release from the stop."""
-        phase, velocity = (self.release_phase, 0.0) if self.sticks else (self.phases[0], self.velocities[0])
-        return State(self.oscillator.gap, velocity, phase * self.oscillator.period)
+    def motion(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Return displacements, velocities and accelerations at times in s, each of shape (times, coordinates).
+
+        Raises
+        ------
+        ValueError
+            It rests at a stop.
+
+        Examples
+        --------
+        >>> from vibroimpact import ImpactOscillator, find_orbit
+        >>> orbit = find_orbit(ImpactOscillator(omega=2.0))[0]
+        >>> displacement, _, _ = orbit.motion([0.0, orbit.period])
+        >>> [round(float(y), 6) for y in displacement[:, 0]]
+        [-4.087842, -4.087842]
+        """
+        self.check_flies()
+        cycle, z = solution_of(self)
+        parameters, osc, turns = parameters_of(self.oscillator), self.oscillator, z[: cycle.n_impacts]
+        flight, found = flight_of(parameters), np.empty((3, np.size(times), 1))
+        for row, turn in enumerate(turns[0] + (np.ravel(times) / osc.period - turns[0]) % self.n_periods):
+            i = int(np.searchsorted(turns, turn, side="right")) - 1
+            angle, leaving, _ = cycle.takeoff(parameters, z, i)
+            gap, rate = flight.after(angle, leaving, float(turn - turns[i]) * osc.period)
+            found[:, row, 0] = osc.gap - gap, -rate, -flight.bend(TURN * float(turn), gap, rate)
+        return found[0], found[1], found[2]
+
+    def check_flies(self) -> None:
+        """Refuse an orbit that rests at a stop: it does not follow from its impacts."""
+        if self.sticks:
+            hint = "follow it with simulate(orbit.model, orbit.start)"
+            raise ValueError(f"the {self.name} orbit rests at a stop; {hint}")
 
 
 def family_of(model: Model) -> Model | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -11,10 +12,9 @@ from numpy.typing import ArrayLike
 
 from vibroimpact.cells import Floats
 from vibroimpact.model import Model, State
-from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.orbit import Orbit, value_of
+from vibroimpact.orbits.orbit import Orbit, family_of
 from vibroimpact.orbits.systems.admissibility import objection
 from vibroimpact.orbits.systems.contacts import Contact, contacts_of
 from vibroimpact.orbits.systems.cycle import Cycle
@@ -33,37 +33,25 @@ class Rest(NamedTuple):
     end: float
 
 
-@dataclass(frozen=True)
-class SystemOrbit:
-    """A period-n impact-p motion, stable or not, of a system with stops that are rigid or give.
+@dataclass(frozen=True, kw_only=True)
+class SystemOrbit(Orbit):
+    """A period-n impact-p motion, stable or not, of a system with rigid or compliant stops.
+
+    Its `oscillator` is the system. On a compliant stop, an impact is where contact begins. Of several rests,
+    `stick_phase` and `release_phase` are those of the first, and `stuck_time` is the sum.
 
     Parameters
     ----------
-    system : ImpactSystem
-        The system that moves so.
-    n_periods : int, >= 1
-        Driving periods in a cycle.
     stops : tuple of str
-        Names of the stops that are struck, in the order of time. On a compliant stop, contact begins.
+        Names of the stops that are struck, in the order of time.
     turns : tuple of float
         Times of these impacts in driving periods, the first in [0, 1).
-    velocities : tuple of float
-        Rates at which clearances close just before contact, in m/s.
     impulses : tuple of float
         Impulses of the impacts in N s: of a compliant stop, the integral of its force over the contact.
     start : State
         Coordinates, their rates and time just before the first impact; of an orbit that rests, while nothing happens.
-    multipliers : tuple of 2n complex
-        Floquet multipliers of the cycle in the coordinates and their rates, the largest first; without the `neutral`
-        ones.
     half_multipliers : tuple of 2n complex
         Those of half a cycle and the mirror, if the orbit is its own mirror image half a cycle later; else empty.
-    admissible : bool
-        Whether the system can move so: no clearance below zero, every impact towards its stop.
-    message : str
-        Why it is inadmissible; empty if it is admissible.
-    family : family, optional
-        The family, at its own values, that the system was made by.
     events : tuple of (float, str, str)
         Times in driving periods, kinds and stops of all that happens in a cycle: each "impact", and of compliant stops
         "let_go", where the force has fallen to zero, and "push_again", where it rises before contact is lost.
@@ -77,32 +65,24 @@ class SystemOrbit:
         Of a chatter the impacts above 1e-9 V are listed.
     neutral : tuple of complex
         Multipliers of a free centre, where masses without a spring to the ground strike one another: 1 of its place,
-        and 1, or less under drag, of its drift. No stop feels them, and they decide nothing. The drift is that with
-        which the centre returns, if there is one.
+        and 1, or less under drag, of its drift. No stop feels them, and they decide nothing; `multipliers` are the
+        others, the largest first. The drift is that with which the centre returns, if there is one.
 
     Examples
     --------
-    >>> from vibroimpact import Force, ImpactSystem, Stop
-    >>> from vibroimpact.orbits.systems import find
+    >>> from vibroimpact import Force, ImpactSystem, Stop, find_orbit
     >>> ball = ImpactSystem(mass=1.0, stiffness=0.0, force=Force(omega=10.0, constant=-9.81),
     ...     stops=[Stop(direction=-1, gap=0.0, restitution=0.5, name="table", motion={1: 0.12})])
-    >>> orbit = find(ball)[0]
+    >>> orbit = find_orbit(ball)[0]
     >>> orbit.name, orbit.stops, orbit.stable, round(orbit.velocities[0], 9)
     ('period-1 impact-1', ('table',), True, 4.109203191)
     """
 
-    system: ImpactSystem
-    n_periods: int
-    stops: tuple[str, ...]
+    stops: tuple[str, ...] = field()
     turns: tuple[float, ...]
-    velocities: tuple[float, ...]
     impulses: tuple[float, ...]
-    start: State
-    multipliers: tuple[complex, ...]
+    start: State = field()
     half_multipliers: tuple[complex, ...] = ()
-    admissible: bool = True
-    message: str = ""
-    family: Model | None = field(default=None, repr=False, compare=False)
     events: tuple[tuple[float, str, str], ...] = ()
     pushing: tuple[str, ...] = ()
     contacts: tuple[Contact, ...] = ()
@@ -110,18 +90,10 @@ class SystemOrbit:
     neutral: tuple[complex, ...] = ()
 
     @property
-    def model(self) -> Model:
-        """The family that made the system, or the system itself."""
-        return self.system if self.family is None else self.family
-
-    def value(self, parameter: str) -> float:
-        """Return the value of a parameter of its model."""
-        return value_of(self.model, parameter)
-
-    @property
-    def sticks(self) -> bool:
-        """Whether it rests at a stop."""
-        return bool(self.rests)
+    def system(self) -> ImpactSystem:
+        """The system that moves so."""
+        found: ImpactSystem = self.oscillator
+        return found
 
     @property
     def twin(self) -> SystemOrbit:
@@ -139,28 +111,21 @@ class SystemOrbit:
         image = dict(zip(self.system.stop_names, (self.system.stop_names[at] for at in images), strict=True))
         later = first % 1.0 - self.turns[0]
         place, rate = (tuple(-number for number in part) for part in (start.displacement, start.velocity))
-        state = State(place, rate, start.time + (half if first < 1.0 else -half))
+        turns = tuple(turn + later for turn in self.turns)
+        rests = tuple(Rest(image[stop], begin + later, end + later) for stop, begin, end in self.rests)
+        stick, release, _ = at_rest(rests, self.n_periods, self.system.period)
         return replace(
             self,
             stops=tuple(image[stop] for stop in self.stops),
-            turns=tuple(turn + later for turn in self.turns),
-            start=state,
+            turns=turns,
+            phases=phases_of(turns),
+            start=State(place, rate, start.time + (half if first < 1.0 else -half)),
             events=tuple((turn + later, kind, image[stop]) for turn, kind, stop in self.events),
             pushing=tuple(image[stop] for stop in self.pushing),
-            rests=tuple(Rest(image[stop], begin + later, end + later) for stop, begin, end in self.rests),
+            rests=rests,
+            stick_phase=stick,
+            release_phase=release,
         )
-
-    @property
-    def n_impacts(self) -> int:
-        """Impacts in a cycle; -1 if a rest follows a complete chatter, not a single impact."""
-        struck = set(zip(self.stops, self.turns, strict=True))
-        rests = [rest for rest in self.rests if rest.end - rest.begin < self.n_periods]
-        return len(self.turns) if all((stop, begin) in struck for stop, begin, _ in rests) else -1
-
-    @property
-    def phases(self) -> tuple[float, ...]:
-        """Driving phases of the impacts, in [0, 1)."""
-        return tuple(turn % 1.0 for turn in self.turns)
 
     @property
     def symmetric(self) -> bool:
@@ -171,16 +136,6 @@ class SystemOrbit:
     def stable(self) -> bool:
         """Whether perturbations decay: all multipliers lie inside the unit circle, by more than rounding."""
         return self.spectral_radius < 1.0 - ROUNDING
-
-    @property
-    def spectral_radius(self) -> float:
-        """Size of the largest multiplier."""
-        return max(map(abs, self.multipliers))
-
-    @property
-    def trace(self) -> float:
-        """Trace of the cycle's Jacobian: the sum of the multipliers."""
-        return sum(self.multipliers).real
 
     @property
     def determinant(self) -> float:
@@ -199,7 +154,7 @@ class SystemOrbit:
         return math.prod((_shrinks(stop, v) for stop, v in struck), start=math.exp(-lost))
 
     def motion(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Return displacements, velocities and accelerations at times in s, each of shape (times, n).
+        """Return displacements, velocities and accelerations at times in s, each of shape (times, coordinates).
 
         Raises
         ------
@@ -222,23 +177,22 @@ class SystemOrbit:
         cycle, unknown = cycle_of(self)
         return moved(cycle, unknown, np.asarray(times, float) * self.system.force.omega)
 
-    @property
-    def period(self) -> float:
-        """Length of the cycle in s."""
-        return self.n_periods * self.system.period
 
-    @property
-    def lyapunov(self) -> float:
-        """Largest exponent in 1/s: ln of the spectral radius over the cycle's time."""
-        return math.log(self.spectral_radius) / self.period if self.spectral_radius > 0.0 else -math.inf
-
-    @property
-    def name(self) -> str:
-        """The motion in two or three words."""
-        return cycle_name(self.n_periods, self.n_impacts, self.sticks)
+AnyOrbit = Orbit
 
 
-AnyOrbit = Orbit | SystemOrbit
+def phases_of(turns: Sequence[float]) -> tuple[float, ...]:
+    """Return driving phases, in [0, 1), from times in driving periods."""
+    return tuple(turn % 1.0 for turn in turns)
+
+
+def at_rest(rests: Sequence[Rest], n_periods: int, period: float) -> tuple[float, float, float]:
+    """Return the phases at which the first rest in a cycle begins and ends, and the time in s that all of them take."""
+    if not rests:
+        return math.nan, math.nan, 0.0
+    _, begin, end = rests[0]
+    release = end % 1.0 if end - begin < n_periods else math.nan
+    return begin % 1.0, release, sum(rest.end - rest.begin for rest in rests) * period
 
 
 def _shrinks(stop: Stop, v: float) -> float:
@@ -254,8 +208,7 @@ def cycle_of(orbit: SystemOrbit) -> tuple[Cycle, Floats]:
     ValueError
         It rests at a stop.
     """
-    if orbit.sticks:
-        raise ValueError(f"the {orbit.name} orbit rests at a stop; follow it with simulate(orbit.system, orbit.start)")
+    orbit.check_flies()
     flow, names = Flow(orbit.system), orbit.system.stop_names
     events = tuple(Event(names.index(stop), kind) for _, kind, stop in orbit.events)
     pushing = tuple(sorted(names.index(stop) for stop in orbit.pushing))
@@ -312,18 +265,20 @@ def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:
     velocities = speeds[cycle.impacts] * flow.lengths[list(cycle.stops)] * flow.omega
     turns = (angles / TURN - math.floor(angles[0] / TURN)).tolist()
     return SystemOrbit(
-        system=system,
+        oscillator=system,
         n_periods=cycle.n_periods,
+        n_impacts=len(cycle.impacts),
         stops=tuple(names[stop] for stop in cycle.stops),
         turns=tuple(turns[at] for at in cycle.impacts),
         velocities=tuple(velocities.tolist()),
+        phases=phases_of([turns[at] for at in cycle.impacts]),
         impulses=tuple(contact.impulse for contact in contacts),
         start=State(state[: flow.n].tolist(), state[flow.n :].tolist(), turns[0] * system.period),
         multipliers=multipliers,
         half_multipliers=halves,
         admissible=not message,
         message=message,
-        family=None if model is system else model,
+        family=family_of(model),
         events=tuple((turn, kind, names[stop]) for turn, (stop, kind) in zip(turns, cycle.events, strict=True)),
         pushing=tuple(names[stop] for stop in cycle.pushing),
         contacts=contacts,

@@ -23,12 +23,12 @@ from vibroimpact.model import Model, State
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.orbit import SAME
+from vibroimpact.orbits.orbit import SAME, family_of
 from vibroimpact.orbits.search import CLOSE, MOST, SINGULAR, Orbits, Solved
 from vibroimpact.orbits.systems.contacts import Contact
 from vibroimpact.orbits.systems.cycle import multipliers_of
 from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.orbits.systems.orbit import Rest, SystemOrbit
+from vibroimpact.orbits.systems.orbit import Rest, SystemOrbit, at_rest, phases_of
 from vibroimpact.parameters import invalid
 from vibroimpact.system import ImpactSystem
 
@@ -171,17 +171,27 @@ def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tup
 def _orbit(model: Model, cycle: _Cycle, state: State, multipliers: tuple[complex, ...], n_periods: int) -> SystemOrbit:
     system: ImpactSystem = model.at()
     whole = math.floor(cycle.times[0])
+    turns = tuple((cycle.times - whole).tolist())
+    rests = tuple(Rest(stop, begin - whole, end - whole) for stop, begin, end in cycle.rests)
+    struck = set(zip(cycle.stops, turns, strict=True))
+    chatters = any((rest.stop, rest.begin) not in struck for rest in rests if rest.end - rest.begin < n_periods)
+    stick, release, stuck = at_rest(rests, n_periods, system.period)
     return SystemOrbit(
-        system=system,
+        oscillator=system,
         n_periods=n_periods,
+        n_impacts=-1 if chatters else len(turns),
         stops=cycle.stops,
-        turns=tuple((cycle.times - whole).tolist()),
+        turns=turns,
         velocities=tuple(cycle.velocities.tolist()),
+        phases=phases_of(turns),
         impulses=tuple(cycle.impulses.tolist()),
         start=state,
         multipliers=multipliers,
-        family=None if model is system else model,
+        family=family_of(model),
         contacts=tuple(Contact(impulse) for impulse in cycle.impulses.tolist()),
         neutral=multipliers_of(Flow(system).drift(TURN * n_periods)),
-        rests=tuple(Rest(stop, begin - whole, end - whole) for stop, begin, end in cycle.rests),
+        rests=rests,
+        stick_phase=stick,
+        release_phase=release,
+        stuck_time=stuck,
     )
