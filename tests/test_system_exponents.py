@@ -7,7 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from designs import RESTS
-from systems import beside_its_centre, free_masses, one_mass
+from systems import beside_its_centre, between_stops, chain, free_masses, one_mass
 from test_system_orbits import bouncing_ball
 from vibroimpact import models
 from vibroimpact.backends.system_carry import Carrier
@@ -18,18 +18,6 @@ from vibroimpact.oscillator import ImpactOscillator
 pytestmark = pytest.mark.usefixtures("modal_engine")
 
 NAMED = ("n_periods", "n_impacts", "lyapunov_per_impact")
-
-
-def chain(**changes):
-    K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
-    given = {
-        "mass": np.eye(3),
-        "damping": 0.02 * K,
-        "stiffness": K,
-        "force": vi.Force(omega=0.9, harmonics={1: [1.0, 0.0, 0.0]}),
-        "stops": [vi.Stop(direction=[0, 0, 1], gap=0.5, restitution=0.7)],
-    }
-    return vi.ImpactSystem(**given | changes)
 
 
 def index(model, *names, **how):
@@ -114,26 +102,7 @@ def test_the_exponent_of_a_motion_that_sticks_is_that_of_differences():
     assert found == pytest.approx(math.log(radius) / (periods * system.period), abs=1e-5)
 
 
-def test_every_known_index_of_a_system_has_the_bits_of_another_grid():
-    grid = vi.parameter_map(chain(), omega=[0.85, 0.9, 0.95], indices=NAMED, sample_impacts=500, workers=1)
-    alone = vi.parameter_map(chain(), omega=[0.9], indices=NAMED, sample_impacts=500, workers=2)
-    for name in NAMED:
-        assert grid[name].values[1] == alone[name].values[0]
-
-
 # Quasi-periodic motions: an exponent of 0, and no cycle
-
-
-def between_stops(omega):
-    """Return two masses, the second one between two stops; their symmetric motion loses its stability below 0.967."""
-    K = np.array([[2.9, -1.6], [-1.6, 1.6]])
-    return vi.ImpactSystem(
-        mass=np.diag([1.1, 0.8]),
-        damping=0.017 * K,
-        stiffness=K,
-        force=vi.Force(omega=omega, harmonics={1: [1.0, 0.0]}),
-        stops=[vi.Stop(direction=[0.0, side], gap=0.7, restitution=0.81) for side in (1.0, -1.0)],
-    )
 
 
 def averages(system):

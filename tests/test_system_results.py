@@ -3,15 +3,12 @@
 import numpy as np
 import pytest
 import xarray as xr
-from numpy.testing import assert_array_equal
 
 import systems as make
 import vibroimpact as vi
 from systems import one_mass, two_masses
 from test_system_basins import two_masses as random_masses
 from vibroimpact import models
-from vibroimpact.backends import get_backend
-from vibroimpact.backends.base import ImpactWindow, Measurement, StroboscopicWindow
 from vibroimpact.dataset import model_of
 from vibroimpact.kernels.systems.series import SIZE, trough
 from vibroimpact.motion import motion_name
@@ -514,17 +511,3 @@ def test_a_motion_of_a_system_has_the_name_that_a_map_gives_it():
         assert not found.n_impacts > 0 or len(found.velocities) == len(found.phases) == found.n_impacts
         names.add(found.kind)
     assert {"periodic", "sticking", "chaotic"} <= names
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_what_is_seen_of_a_motion_does_not_hang_on_what_moves_beside_it(seed):
-    """Twenty cells share the lanes, and each is what it is alone, to the bit; so are its contacts and rests."""
-    machine = make.a_random_machine(np.random.default_rng([29, seed]))
-    omega = machine.omega * np.linspace(0.8, 1.2, 20)
-    cells = machine.cells({"omega": omega})
-    for window in (ImpactWindow(3, 40), StroboscopicWindow(1, 30, 0.25, 5)):
-        together = get_backend("cpu").samples(cells, Measurement(window))
-        for at in (0, 7, 19):
-            (alone,) = get_backend("cpu").samples(cells[at : at + 1], Measurement(window))
-            for name in vars(alone):
-                assert_array_equal(getattr(together[at], name), getattr(alone, name), err_msg=name)
