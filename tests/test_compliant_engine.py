@@ -82,30 +82,6 @@ def test_the_force_of_a_rigid_stop_that_is_held_counts():
     assert float(index["mean_force"]) == pytest.approx(-mean, rel=1e-7)
 
 
-@pytest.mark.parametrize(("omega", "c"), [(0.9, 0.9), (1.1, 0.0), (1.9, 0.9), (2.4, 2.5)])
-def test_the_exponent_of_a_cycle_is_that_of_its_multipliers(omega, c):
-    """A damper that begins to push makes the acceleration jump, and the deviation with it."""
-    system = oscillator(spring(50.0, c, 0.3), spring(20.0, 0.4, 0.5, -1.0), damping=0.2, omega=omega)
-    how = {"indices": ["lyapunov", "n_periods"], "transient_impacts": 3000, "sample_impacts": 8001}
-    index = vi.parameter_map(system, omega=[omega], **how).isel(omega=0)
-    cycle, size = int(index["n_periods"]), 1e-5
-    assert cycle > 0
-    begin = settled(system, 1000)
-    centre = np.array([begin.displacement[0], begin.velocity[0]])
-    columns = [
-        (advance(system, centre + step, cycle) - advance(system, centre - step, cycle)) / (2.0 * size)
-        for step in size * np.eye(2)
-    ]
-    radius = np.abs(np.linalg.eigvals(np.transpose(columns))).max()
-    assert float(index["lyapunov"]) == pytest.approx(math.log(radius) / (cycle * system.period), rel=2e-3)
-
-
-def advance(system, point, periods):
-    start = vi.State([point[0]], [point[1]])
-    seen = vi.simulate(system, start=start, periods=periods, samples_per_period=1)
-    return np.array([seen["displacement"].values[-1, 0], seen["velocity"].values[-1, 0]])
-
-
 def test_a_weight_on_a_spring_stays_there_and_the_motion_says_so():
     system = oscillator(spring(100.0, 2.0, 0.0), stiffness=0.0, damping=0.0, force=0.1, constant=5.0)
     seen = section(system)

@@ -6,14 +6,6 @@ import pytest
 import vibroimpact as vi
 
 
-def test_a_diagram_shows_the_impacts_of_its_sections():
-    values = np.linspace(1.0, 5.0, 70)  # more than are sampled at once
-    diagram = vi.bifurcation_diagram(vi.ImpactOscillator(), omega=values, sample_impacts=40, workers=2)
-    for omega, column in zip(values, diagram["velocity"].values, strict=True):
-        section = vi.impact_section(vi.ImpactOscillator(omega=omega), sample_impacts=40)
-        assert np.array_equal(column, section["velocity"].values)
-
-
 def test_of_long_windows_few_values_are_sampled_at_once_and_a_stop_is_heard():
     asked = []
 

@@ -41,24 +41,6 @@ def test_the_diagram_of_one_coordinate_is_that_of_the_oscillator(section, direct
             np.testing.assert_allclose(system[name], one[name], rtol=1e-9, atol=1e-11)
 
 
-def test_a_fresh_diagram_holds_the_sections_of_its_values():
-    found = vi.bifurcation_diagram(two_masses(), bar_gap=GAPS, **SHORT)
-    names = np.array(found["stop"].attrs["flag_meanings"].split())
-    for gap in GAPS:
-        hits, column = vi.impact_section(two_masses().replace(bar_gap=gap), **SHORT), found.sel(bar_gap=gap)
-        assert np.array_equal(column["velocity"], hits["velocity"])
-        assert np.array_equal(column["phase"], hits["phase"])
-        assert (names[column["stop"].values + 1] == hits["stop"].values).all()
-
-
-def test_a_stroboscopic_diagram_gives_the_coordinate_asked_for():
-    how = {"transient_periods": 20, "sample_periods": 9}
-    found = vi.bifurcation_diagram(two_masses(), section="stroboscopic", coordinate=1, bar_gap=GAPS, **how)
-    looks = vi.stroboscopic_section(two_masses().replace(bar_gap=GAPS[1]), **how)
-    for name in ("displacement", "velocity"):
-        assert np.array_equal(found[name][1], looks[name].isel(coordinate=1))
-
-
 def test_a_motion_carried_to_the_same_value_goes_on():
     """The next value of an axis that changes nothing starts where the one before ended."""
     whole = vi.impact_section(two_masses(), transient_impacts=0, sample_impacts=12)
