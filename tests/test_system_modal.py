@@ -29,22 +29,6 @@ def test_one_mass_has_the_numbers_of_plain_division():
     assert form.decoupled
 
 
-@pytest.mark.parametrize("unit", ["mass", "force", "length", "time"])
-@pytest.mark.parametrize("n", [1, 2, 3, 6])
-def test_powers_of_two_scale_the_modal_form_exactly(unit, n):
-    system = a_random_system(np.random.default_rng(n), n)
-    form, there = system.modal(), changed(system, **{unit: 8.0}).modal()
-    factor = {"mass": (1, 1, 1), "force": (1, 1, 1), "length": (8, 1, 8), "time": (1, 1 / 8, 1 / 64)}[unit]
-    length, rate, load = factor
-    np.testing.assert_array_equal(there.shapes, form.shapes)
-    np.testing.assert_array_equal(there.squares, rate**2 * form.squares)
-    np.testing.assert_array_equal(there.damping, rate * form.damping)
-    np.testing.assert_array_equal(there.forces, load * form.forces)
-    np.testing.assert_array_equal(there.constant, load * form.constant)
-    np.testing.assert_array_equal(there.motions, length * form.motions)
-    np.testing.assert_array_equal(there.mobility / there.mobility[0, 0], form.mobility / form.mobility[0, 0])
-
-
 def test_modes_satisfy_the_equations_of_motion():
     rng = np.random.default_rng(4)
     for n in range(1, 13):
@@ -274,10 +258,3 @@ def test_a_drift_is_felt_where_drag_differs_from_mass_to_mass_and_a_place_never(
     assert differing.neutral.tolist() == [[True, False], [False, False]]
     assert alike.decoupled
     assert alike.damping == pytest.approx(0.1 * np.eye(2))
-
-
-def test_powers_of_two_scale_the_modes_of_free_masses_exactly():
-    one, two = (on_one_another(unit * np.diag([0.3, 1.1, 0.7]), stops=((1, -1, 0), (0, 1, -1))).modal()
-                for unit in (1.0, 2.0))  # fmt: skip
-    assert (one.shapes == two.shapes).all()
-    assert (2.0 * one.masses == two.masses).all()
