@@ -82,14 +82,6 @@ def test_the_force_of_a_rigid_stop_that_is_held_counts():
     assert float(index["mean_force"]) == pytest.approx(-mean, rel=1e-7)
 
 
-def test_a_weight_on_a_spring_stays_there_and_the_motion_says_so():
-    system = oscillator(spring(100.0, 2.0, 0.0), stiffness=0.0, damping=0.0, force=0.1, constant=5.0)
-    seen = section(system)
-    assert vi.Status(int(seen["status"])) == vi.Status.STUCK_FOREVER
-    rest = vi.simulate(system, periods=400, samples_per_period=8)["displacement"].values[-8:, 0]
-    assert np.abs(rest - 0.05).max() < 2e-3
-
-
 @pytest.mark.parametrize(("gap", "names"), [(0.3, {"wall"}), (0.2, {"wall", "soft"}), (0.4, {"wall"})])
 @pytest.mark.parametrize("first", [0, 1])
 def test_a_spring_at_or_behind_a_rigid_stop_is_never_pushed(gap, names, first):
@@ -159,34 +151,6 @@ def test_an_impact_at_the_start_counts_in_maps_as_in_sections():
     between = math.pi / 10.0 + 2.0
     assert float(seen["time"][1]) == pytest.approx(between, rel=1e-14)
     assert float(cell["impacts_per_period"][0]) == pytest.approx(2.0 * math.pi / between, rel=1e-14)
-
-
-@pytest.mark.parametrize("damping", [0.0, 0.1])
-@pytest.mark.parametrize("stop", [spring(10.0, gap=0.0), spring(10.0, 0.5, 0.0), vi.Stop(direction=1.0, gap=0.0)])
-def test_a_system_at_rest_that_touches_a_stop_stays_in_contact_as_one_mass_does(stop, damping):
-    one = vi.ImpactOscillator(amplitude=0.0, gap=0.0, damping=damping)
-    assert vi.Status(int(section(one)["status"])) == vi.Status.STUCK_FOREVER
-    system = oscillator(stop, damping=damping, force=0.0)
-    assert vi.Status(int(section(system)["status"])) == vi.Status.STUCK_FOREVER
-    cell = vi.parameter_map(system, omega=[1.3], indices=["std"], **FEW)
-    assert vi.Status(int(cell["status"][0])) == vi.Status.STUCK_FOREVER
-
-
-def test_what_is_pressed_from_rest_is_in_contact_without_an_impact():
-    load = {"stiffness": 0.0, "damping": 0.1, "force": 0.0, "constant": 1.0}
-    seen = section(oscillator(spring(10.0, gap=0.0), **load), start=vi.State(0.0, 0.0))
-    assert seen.sizes["impact"] == 0
-    assert vi.Status(int(seen["status"])) == vi.Status.STUCK_FOREVER
-
-
-@pytest.mark.parametrize(("force", "stays"), [(0.9, True), (1.1, False)])
-def test_a_preloaded_stop_is_never_left_while_the_steady_force_pushes(force, stays):
-    """Penetration d'' + .4 d' + 4 d = 1 + force/G sin wt, G the amplitude for unit force: the stop pushes with 3 d."""
-    omega = 1.3
-    gain = 4.0 / abs(4.0 - omega**2 + 0.4j * omega)
-    system = oscillator(spring(3.0, gap=0.0), damping=0.4, omega=omega, force=force / gain, constant=1.0)
-    status = vi.Status(int(section(system, sample_impacts=40)["status"]))
-    assert (status == vi.Status.STUCK_FOREVER) == stays
 
 
 def test_a_motion_is_returned_although_its_last_contact_never_ends():

@@ -8,63 +8,11 @@ from scipy.linalg import expm
 
 import vibroimpact as vi
 from codes import Engine, Witness
-from systems import a_random_system, impacts, linear, outcome, system, two_masses
+from systems import a_random_system, impacts, linear, system, two_masses
 from vibroimpact import Status
 from vibroimpact.backends.reference.systems import follow
 
 # Hard cases.
-
-
-def test_chatter_on_two_stops_at_once_ends_in_their_corner():
-    stops = [
-        vi.Stop(direction=[1, 0.3], gap=0.0, restitution=0.7),
-        vi.Stop(direction=[-0.3, 1], gap=0.0, restitution=0.5),
-    ]
-    corner = system(np.eye(2), 0, np.zeros((2, 2)), 0.1, stops, constant=[1.0, 1.3])
-    hits = impacts(corner, 1000, start=vi.State([-1.0, -1.0], [0.0, 0.0]))
-    assert Status(int(hits["status"])) == Status.STUCK_FOREVER
-    assert sorted(set(hits["stop"].values)) == ["stop_1", "stop_2"]
-    assert hits["velocity"].values[-1] < 1e-6
-
-
-def test_a_stop_is_struck_while_another_is_closed():
-    stops = [vi.Stop(direction=[1, 0], gap=0.0, restitution=0.5), vi.Stop(direction=[0, 1], gap=0.2, restitution=0.7)]
-    both = system(np.eye(2), 0.1 * np.eye(2), [[2, -0.1], [-0.1, 1]], 1.3, stops, {1: [0, 1]}, constant=[5.0, 0.0])
-    hits = impacts(both, 30, start=vi.State([0.0, 0.0], [0.0, 0.0]))
-    assert set(hits["stop"].values) == {"stop_2"}
-    assert hits["stick_stop"].values.tolist() == ["stop_1"]
-    assert np.isnan(hits["release_time"].values[0])
-
-
-def test_a_mass_that_drifts_away_is_seen_to():
-    free = system(1, 0, 0, 1.0, [vi.Stop(direction=1, gap=1.0, restitution=0.5)])
-    assert outcome(free, start=vi.State([0.0], [-1.0])) == Status.NO_IMPACT
-    assert outcome(free) == Status.NO_IMPACT  # it never moves
-    once = impacts(free, 5, start=vi.State([0.0], [1.0]))
-    assert once["velocity"].values == pytest.approx([1.0])
-    assert Status(int(once["status"])) == Status.STOPPED_IMPACTING
-
-
-@pytest.mark.parametrize(
-    ("damping", "constant", "speed", "outcomes"),
-    [
-        (0.0, -1.0, 1.3, {Status.NO_IMPACT}),  # thrown to 0.845 of the way, it falls back
-        (0.0, -1.0, 1.5, {Status.STOPPED_IMPACTING}),
-        (1.0, 0.0, 0.9, {Status.NO_IMPACT}),  # drag stops it after 0.9
-        (1.0, 0.0, 1.1, {Status.STOPPED_IMPACTING}),
-        (0.0, 1.0, -5.0, {Status.STUCK_FOREVER}),  # it comes back and stays; beside it the other moves on
-        (1.0, 1.0, -5.0, {Status.STUCK_FOREVER}),
-    ],
-)
-def test_a_free_mass_is_given_up_where_it_never_comes_back(damping, constant, speed, outcomes):
-    stop = vi.Stop(direction=1, gap=1.0, restitution=0.5)
-    free = system(1, damping, 0, 1.0, [stop], {1: 0.001}, constant=[constant])
-    assert outcome(free, start=vi.State([0.0], [speed])) in outcomes
-    # Beside a mass on a spring, which the drift has nothing to do with, it is the same.
-    beside = vi.Stop(direction=[1, 0], gap=1.0, restitution=0.5)
-    both = system(np.eye(2), np.diag([damping, 0.1]), np.diag([0.0, 1.0]), 1.0, [beside], {1: [0.001, 0.3]},
-                  constant=[constant, 0.0])  # fmt: skip
-    assert outcome(both, start=vi.State([0.0, 0.0], [speed, 0.0])) in outcomes
 
 
 def test_a_free_mass_that_damping_couples_to_another_is_waited_for():
@@ -124,12 +72,6 @@ def clearance_ahead(model, state, phase):
         least = min(least, float((model.stops[0].gap - model.stops[0].direction @ block[:n]).min()))
         block = period @ block
     return least
-
-
-def test_a_system_at_rest_never_moves():
-    assert (
-        outcome(two_masses(force=vi.Force(omega=8.0), stops=[vi.Stop(direction=[0, 1], gap=0.1)])) == Status.NO_IMPACT
-    )
 
 
 @pytest.mark.parametrize("gap", [0.2, 0.0])
@@ -198,11 +140,6 @@ def test_a_start_exactly_at_a_stop(speed):
     assert (motion["clearance"].values >= 0.0).all()
 
 
-def test_a_pressed_mass_that_is_never_released():
-    pressed = system(1, 0.1, 1, 1.0, [vi.Stop(direction=1, gap=0.1)], {1: 0.5}, constant=[2.0])
-    assert outcome(pressed) == Status.STUCK_FOREVER
-
-
 def test_a_stop_that_opens_and_closes_at_one_instant_ends_a_rest_and_begins_another():
     """Three masses fill a room of no width, rigid on one side, until the budget is spent."""
     rigid = vi.Stop(direction=[1, 1, 1], gap=0.0, restitution=0.0)
@@ -216,17 +153,6 @@ def test_a_stop_that_opens_and_closes_at_one_instant_ends_a_rest_and_begins_anot
     assert (~over).sum() <= 1 < over.sum()
     assert (ended - begun)[over].min() >= -1e-12  # rounding of times of 36 s
     assert (ended - begun)[over].sum() <= np.nanmax(ended) * (1.0 + 1e-9)  # rests of one stop do not overlap
-
-
-def test_a_map_and_a_section_agree_on_a_stop_that_is_closed_before_and_after_the_window():
-    pressed = vi.Stop(direction=[1, 0], gap=0.0, restitution=0.5, name="seat")
-    struck = vi.Stop(direction=[0, 1], gap=0.2, restitution=0.7, name="bar")
-    both = system(
-        np.eye(2), 0.1 * np.eye(2), [[2, -0.1], [-0.1, 1]], 1.3, [pressed, struck], {1: [0, 1]}, constant=[5.0, 0.0]
-    )
-    assert outcome(both, 40, transient=10) == Status.STICKING
-    found = vi.parameter_map(both, omega=[1.3], transient_impacts=10, sample_impacts=40)
-    assert Status(int(found["status"].values[0])) == Status.STICKING
 
 
 @pytest.mark.parametrize("n", [2, 3, 4])
