@@ -107,3 +107,14 @@ def run(tmp_path, monkeypatch, capsys):
         return code, told.out.splitlines(), told.err.splitlines()
 
     return ran
+
+
+@pytest.fixture
+def shown():
+    """Return the functions of figures; each figure is closed after its test."""
+    import matplotlib.pyplot as plt
+
+    import vibroimpact as vi
+
+    yield vi.plotting
+    plt.close("all")

@@ -90,15 +90,6 @@ def test_a_diagram_of_a_system_is_summed_up_in_words():
 # Pictures
 
 
-@pytest.fixture
-def shown():
-    """Return the functions of figures; each figure is closed after its test."""
-    import matplotlib.pyplot as plt
-
-    yield vi.plotting
-    plt.close("all")
-
-
 def _points(ax, label):
     (line,) = (line for line in ax.get_lines() if str(line.get_label()).endswith(label))
     return line.get_xydata()
