@@ -41,9 +41,9 @@ def test_the_first_20_impacts_on_rigid_stops_are_those_of_the_witness(first):
         number, wrong, what = difference(seed, model, q, speed, sure)
         assert wrong < 1e-11, (seed, what)
         compared, sticks = compared + number, sticks + rests
-    assert compared > 13 * BLOCK
-    assert squeezed <= 0.02 * BLOCK
-    assert sticks > 0.2 * BLOCK
+    assert compared > 12 * BLOCK
+    assert squeezed <= 1
+    assert sticks > 0.1 * BLOCK
 
 
 @pytest.mark.long(but=1)
