@@ -120,6 +120,24 @@ def test_a_window_carries_on_where_the_one_before_it_ended(exact):
     assert after.impact_velocity == pytest.approx(known, rel=0.0 if exact == "reference" else 1e-9, abs=0.0)
 
 
+@pytest.mark.parametrize(
+    ("parameters", "start", "expected"),
+    [
+        ({"gap": 10.0}, None, "no_impact"),
+        ({"gap": -2.0}, None, "stuck_forever"),
+        ({"amplitude": 0.0}, vi.State(-1.0), "decaying"),
+        ({"gap": 1.0, "omega": 3.0, "damping": 0.1}, vi.State(-5.0), "stopped_impacting"),
+        ({"omega": 0.1}, None, "sticking"),
+        ({"omega": 2.0}, None, "ok"),
+    ],
+)
+def test_exact_back_ends_agree_on_how_a_motion_ends(exact, parameters, start, expected):
+    osc = vi.ImpactOscillator(**parameters)
+    keep = {"sticking": 950, "decaying": 200}.get(expected, 40)
+    hits = vi.impact_section(osc, start=start, transient_impacts=0, sample_impacts=keep, backend=exact)
+    assert vi.Status(int(hits["status"])).word == expected
+
+
 def test_exact_back_ends_agree_on_settled_indices():
     names = ("std", "mean_velocity", "max_velocity", "impacts_per_period")
     sweeps = {
