@@ -11,7 +11,7 @@ import pytest
 
 import vibroimpact as vi
 from designs import RARE, random_oscillator
-from vibroimpact.backends import ImpactWindow, cpu
+from vibroimpact.backends import ImpactWindow, scalar
 from vibroimpact.coexistence import measuring
 
 OSC = vi.ImpactOscillator()
