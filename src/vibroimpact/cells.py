@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
+BEYOND = 1e-12  # of the lengths that a clearance is the sum of: so little beyond a stop is rounding
 COUNTABLE = 2.0**53  # periods: the next whole number is the next number
 FASTEST = 4.0  # of V: the hardest of the impacts that are spread over the impact surface
 
@@ -140,7 +141,7 @@ class Cells:
             return self
         turns = start.time * self["omega"] / (2.0 * np.pi)
         _check_start(start, self["gap"], turns)
-        return self.replace(**_start(self["gap"] - start.displacement, start.velocity, turns))
+        return self.replace(**_start(np.maximum(self["gap"] - start.displacement, 0.0), start.velocity, turns))
 
 
 def spread(numbers: Any, further: int = 0) -> tuple[Floats, ...]:
@@ -215,7 +216,7 @@ def check_single(name: str, start: State) -> None:
 def _check_start(start: State, gap: Floats, turns: Floats) -> None:
     check_single("start", start)
     nearest = float(np.min(gap, initial=np.inf))
-    if start.displacement > nearest:
+    if start.displacement - nearest > BEYOND * (abs(nearest) + abs(start.displacement)):
         raise ValueError(
             f"`start` must have a displacement of at most the gap, {nearest:g} m here, got {start.displacement!r}; "
             "start the mass in front of the stop"

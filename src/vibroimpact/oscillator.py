@@ -74,6 +74,7 @@ class ImpactOscillator:
     kind: ClassVar[str] = "oscillator"  # as files name it
     at_rest: ClassVar[str] = "rest at y = min(0, gap)"
     coordinates: ClassVar[int] = 1
+    stop_names: ClassVar[tuple[str, ...]] = ("stop",)
     says_all: ClassVar[bool] = True  # its parameters are all its numbers
     forgets: ClassVar[bool] = True  # phase and velocity of an impact are the whole state, and a rest erases all memory
 
@@ -198,6 +199,11 @@ class ImpactOscillator:
     def natural_frequency(self) -> float:
         """Undamped natural angular frequency w_n = sqrt(k/m) in rad/s."""
         return math.sqrt(self.stiffness / self.mass)
+
+    @property
+    def slowest_frequency(self) -> float:
+        """The natural angular frequency in rad/s, the only one."""
+        return self.natural_frequency
 
     @property
     def damping_ratio(self) -> float:

@@ -263,6 +263,14 @@ class Stop(ByValue):
         """How far from zero it comes, at most."""
         return float(abs(self.gap) + sum(map(abs, self.motion.values())))
 
+    def place(self, time: Any, omega: float, *, rate: bool = False) -> Any:
+        """Return a . q in contact in m at times in s, an array, or its rate in m/s; omega is that of its motion."""
+        parts = [
+            (by * (1j * order * omega) ** rate * np.exp(1j * order * omega * time)).imag
+            for order, by in self.motion.items()
+        ]
+        return sum(parts, np.full_like(time, 0.0 if rate else self.gap))
+
     @property
     def kinds(self) -> tuple[str, ...]:
         """The numbers of it that are parameters of a system."""

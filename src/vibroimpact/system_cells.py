@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.cells import COUNTABLE, Cells, Floats, spread
+from vibroimpact.cells import BEYOND, COUNTABLE, Cells, Floats, spread
 from vibroimpact.contact import KNOWN
 from vibroimpact.matrices import nearest
 from vibroimpact.modal import ModalForm, fastest_rates, speed_parts, steady_motions, velocity_scales
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 # The blocks of KINDS, a rigid stop has no spring; then the mark of a law, whose number stands for a restitution.
 NUMBERS = "gap", "restitution", "spring", "dashpot", "law"
-BEYOND = 1e-12  # of the lengths that a clearance is the sum of: so little beyond a stop is rounding
 
 
 @dataclass(frozen=True)

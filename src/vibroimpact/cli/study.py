@@ -8,27 +8,18 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vibroimpact.beside import compile_beside
-from vibroimpact.cli import WrongRequest, refusing
-from vibroimpact.cli.options import ENDS
+from vibroimpact.cli import refusing
+from vibroimpact.cli.schema import ENDS, TABLES
 from vibroimpact.cli.units import has_unit, left_dimensionless, without_unit
 from vibroimpact.model import Model, State
-from vibroimpact.options import Sampling, Tolerances
+from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import ImpactOscillator
-from vibroimpact.parameters import (
-    Parameter,
-    choice,
-    invalid,
-    phase_number,
-    positive_number,
-    real_number,
-    unknown,
-    whole_number,
-)
+from vibroimpact.parameters import Parameter, invalid, unknown, whole_number
 
 if TYPE_CHECKING:
     import numpy as np
@@ -37,80 +28,6 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 MOST_POINTS = 10_000_000  # of an axis; a typing error asks for more
-
-
-# The schema: what each table of a study file may hold
-
-
-def _part_of(kind: type) -> dict[str, Callable[[str, Any], Any]]:
-    """Return the checks of a dataclass's fields, each made by the dataclass itself."""
-    return {field.name: lambda name, value: getattr(kind(**{name: value}), name) for field in fields(kind)}
-
-
-def _one_of(*values: str) -> Callable[[str, Any], str]:
-    return lambda name, value: choice(name, value, values)
-
-
-def _flag(name: str, value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise invalid(name, value, "true or false")
-    return value
-
-
-def _count(name: str, value: Any) -> int:
-    return whole_number(name, value, 1)
-
-
-def _none_or_more(name: str, value: Any) -> int:
-    return whole_number(name, value, 0)
-
-
-def _several(name: str, value: Any) -> int:
-    return whole_number(name, value, 2)
-
-
-def _indices(name: str, value: Any) -> tuple[str, ...]:
-    from vibroimpact.indices import check_indices
-
-    if not isinstance(value, (str, list, tuple)):
-        raise invalid(name, value, 'a list of names such as ["std"]')
-    return check_indices(value)
-
-
-def _backend(name: str, value: Any) -> str:
-    from vibroimpact.backends import BACKENDS
-
-    return choice(name, value, BACKENDS)
-
-
-def _coordinates(name: str, value: Any) -> Any:
-    """Return a number, or several for the coordinates of a system."""
-    return [real_number(name, each) for each in value] if isinstance(value, (list, tuple)) else real_number(name, value)
-
-
-TABLES: dict[str, dict[str, Callable[[str, Any], Any]]] = {
-    "sampling": {
-        **_part_of(Sampling),
-        "phase": phase_number,
-        "periods": positive_number,
-        "skip_periods": _none_or_more,
-        "samples_per_period": _count,
-    },
-    "start": {"displacement": _coordinates, "velocity": _coordinates, "time": real_number},
-    "tolerances": _part_of(Tolerances),
-    "run": {
-        "indices": _indices,
-        "backend": _backend,
-        "time_step": positive_number,
-        "workers": _count,
-        "section": _one_of("impact", "stroboscopic"),
-        "direction": _one_of("fresh", "up", "down"),
-        "early_closing": _flag,
-        "by_stop": _flag,
-        "starts": _several,
-        "coordinate": _none_or_more,
-    },
-}
 
 
 @dataclass(frozen=True)
@@ -142,20 +59,6 @@ class Study:
         """Say which model and numbers are used, once nothing of the request is refused any more."""
         warning = [f"vibroimpact: {self.warning}"] if self.warning else []
         print(self, *warning, sep="\n", file=sys.stderr, flush=True)
-
-    def of_one_mass(self, command: str) -> Study:
-        """Return the study, or refuse it for a command that takes one mass with one stop only."""
-        if not self.is_one_mass:
-            commands = "simulate, section, diagram, map, orbit, continue, boundary, basins, describe and compare"
-            made = self.model.at()
-            raise WrongRequest(f"{command} takes one mass with one stop only, got {made!s}; systems have {commands}")
-        return self
-
-    @property
-    def is_one_mass(self) -> bool:
-        """Whether its model is one mass with one stop."""
-        with refusing():
-            return isinstance(self.model.at(), ImpactOscillator)
 
     def arguments(self, function: str) -> dict[str, Any]:
         """Return the study's arguments of a public function, axes left out: a function takes those that concern it."""

@@ -153,9 +153,7 @@ def _motion(explorer: Explorer) -> bytes:
     text = io.StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(["# " + ", ".join(f"{name} = {value!r}" for name, value in point.osc.values.items())])
-    writer.writerow(
-        ["time [s]", f"{'displacement' if point.shown.direction is None else point.shown.label} [m]", "velocity [m/s]"]
-    )
+    writer.writerow(["time [s]", f"{point.shown.name.removesuffix(' y')} [m]", "velocity [m/s]"])
     columns = (point.history[name].tolist() for name in ("time", "displacement", "velocity"))
     writer.writerows(zip(*columns, strict=True))
     return text.getvalue().encode()

@@ -17,7 +17,6 @@ from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import Orbit
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.plotting.diagrams import with_index
 
 Floats = NDArray[np.float64]
@@ -25,7 +24,7 @@ Places = NDArray[np.int64]  # of cells along an axis of the finest lattice
 KeepGoing = Callable[[], bool]
 
 SIDES = (64, 128, 256)  # of the lattices; each contains the one before
-COARSER = (16, 32)  # before them, for systems: a cell of three modes takes some milliseconds
+COARSER = (16, 32)  # before them, where a rest at a stop erases no memory: a cell may take some milliseconds
 BAND, USUAL = 2048, 500  # cells per job, about, with so many impacts per cell; fewer where more are sampled
 TRANSIENT = 100  # impacts left out
 TRIED = (2, 5, 17)  # initial conditions in turn, rest among them, of cells without impact from rest: until one hits
@@ -53,7 +52,7 @@ def positions(low: float, high: float, cells: Places) -> Floats:
 
 def sides(view: View) -> tuple[int, ...]:
     """Return the lattices of a view in turn."""
-    return SIDES if isinstance(view.made, ImpactOscillator) else (*COARSER, *SIDES)
+    return SIDES if view.made.forgets else (*COARSER, *SIDES)
 
 
 def bands(side: int, samples: int = USUAL, first: int = SIDES[0]) -> list[tuple[Places, Places]]:

@@ -160,11 +160,12 @@ class PointView:
         """Draw the present motion."""
         self._point, made = point, point.made
         reached = np.concatenate([point.history["displacement"], *_places(point), [0.0]])
+        single = made.coordinates == 1 and bool(np.max(made.stiffness) > 0.0)
         facts = {
             "period": made.period,
-            "single": point.shown.direction is None,  # one mass, and then whether a force drives it
-            "force": 1.0 if point.shown.direction is None and made.amplitude else 0.0,
-            "label": point.shown.label,
+            "single": single,  # one mass on a spring, and then whether a sine drives it
+            "force": 1.0 if single and _sine(made) else 0.0,
+            "label": point.shown.name,
             "low": float(reached.min()),
             "high": float(reached.max()),
         }
@@ -275,17 +276,16 @@ def _motion(point: Point | None) -> dict[str, Any]:
         "displacement": point.history["displacement"],
         "velocity": point.history["velocity"],
         "hits": hits["time"] - begin,
-        "hit_places": point.shown.places(hits["stop"], hits["time"]),
+        "hit_places": point.places(hits["stop"], hits["time"]),
         "rest_begin": rests["begin"] - begin,
         "rest_end": rests["end"] - begin,
-        "rest_places": point.shown.places(rests["stop"], rests["begin"]),
+        "rest_places": point.places(rests["stop"], rests["begin"]),
         "looks_y": point.poincare["displacement"],
         "looks_v": point.poincare["velocity"],
         "phases": point.impact_map["phase"],
         "speeds": point.impact_map["velocity"],
     }
-    for number, wall in enumerate(point.shown.walls):
-        columns[f"wall_{number}"] = wall.at(time if wall.motion.size else time[:1])
+    columns |= {f"wall_{number}": places for number, places in enumerate(_places(point))}
     lengths = {name: len(values) for name, values in columns.items()}
     values = np.concatenate(list(columns.values())).astype(np.float32)
     walls = [(wall.side, wall.name) for wall in point.shown.walls]
@@ -293,8 +293,16 @@ def _motion(point: Point | None) -> dict[str, Any]:
 
 
 def _places(point: Point) -> list[Any]:
-    """Return the places of the walls during the history."""
-    return [wall.at(point.history["time"] if wall.motion.size else np.zeros(1)) for wall in point.shown.walls]
+    """Return the places of the walls during the history, one of those that stay where they are."""
+    shown, time = point.shown, point.history["time"]
+    return [shown.place(wall, time if shown.moves(wall) else np.zeros(min(1, len(time)))) for wall in shown.walls]
+
+
+def _sine(made: Any) -> bool:
+    """Whether a single coordinate is driven by a sine of its own sense: the page turns its arrow so."""
+    form = made.modal()
+    force = form.forces[form.orders == 1]
+    return bool(force.real.any() and (force.real >= 0.0).all()) and not force.imag.any()
 
 
 def one_turn(point: Point) -> int:

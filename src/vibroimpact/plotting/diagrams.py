@@ -151,8 +151,8 @@ def mark_empty(ax: Axes, diagram: xr.Dataset, axis: str) -> None:
 
 def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) -> None:
     """Set the limits of the y axis: speeds from zero, a phase from 0 to 1, the rest around what is drawn."""
-    osc, made = labels.reference(diagram), labels.made(diagram)
-    speed = made.velocity_scale if made else 1.0
+    model = labels.made(diagram)
+    speed = model.velocity_scale if model else 1.0
     if quantity == "phase":
         ax.set_ylim(-0.03, 1.0)
     elif quantity == "velocity" and "impact" in diagram[quantity].dims:
@@ -160,7 +160,7 @@ def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) ->
         low = float(np.nanmin(heights, initial=0.0))  # an exponent drawn over the speeds may be negative
         ax.set_ylim(low - 0.03 * (top - low), top + 0.05 * (top - low))
     else:
-        per_speed = osc.natural_frequency if osc and quantity == "displacement" else 1.0
+        per_speed = model.slowest_frequency if model and quantity == "displacement" else 1.0
         ax.set_ylim(*style.view(heights, style.magnitude(heights, speed / per_speed)))
 
 

@@ -11,12 +11,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 
-from vibroimpact.dataset import VARIABLES, model_of, oscillator_of
+from vibroimpact.dataset import VARIABLES, model_of
 from vibroimpact.model import Model
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import counted
 from vibroimpact.plotting.ticks import power_of, quantity, scale_axis, unit_label
-from vibroimpact.system import ImpactSystem
 
 MOST = 8  # values of parameters in a title
 PER_INCH = 11.5  # letters of an axis label
@@ -163,27 +161,17 @@ def _family(dataset: xr.Dataset) -> tuple[str, dict[str, float]] | None:
     return str(values.pop("family")), values | {k: v for k, v in _selected(dataset).items() if k in values}
 
 
-def reference(dataset: xr.Dataset) -> ImpactOscillator | None:
-    """Return the oscillator of a result, with the values selected from its axes; None if it is not recorded.
+def made(dataset: xr.Dataset) -> Any:
+    """Return the oscillator or the system of a result, with the values selected from its axes; None if not recorded.
 
-    Of a family it is the oscillator at the family's own values.
+    Of a family it is the one at the family's own values.
     """
-    if "oscillator" not in dataset.attrs:
+    if not {"oscillator", "system"} & set(dataset.attrs):
         return None
-    osc = oscillator_of(dataset)
+    model = model_of(dataset)
     if _family(dataset):
-        return osc
-    return osc.replace(**{name: value for name, value in _selected(dataset).items() if name in osc.parameters})
-
-
-def made(dataset: xr.Dataset) -> ImpactOscillator | ImpactSystem | None:
-    """Return the oscillator or the system of a result, as `reference` does; None if neither is recorded."""
-    if "system" not in dataset.attrs:
-        return reference(dataset)
-    system = model_of(dataset)
-    if _family(dataset):
-        return system
-    return system.replace(**{name: value for name, value in _selected(dataset).items() if name in system.parameters})
+        return model
+    return model.replace(**{name: value for name, value in _selected(dataset).items() if name in model.parameters})
 
 
 def own_value(dataset: xr.Dataset, name: str) -> float | None:
