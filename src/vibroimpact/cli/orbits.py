@@ -58,9 +58,11 @@ def orbit(options: Options) -> None:
         output.write_json(orbits_json(found, study.model), options, out)
         typer.echo(f"wrote {out} ({perf_counter() - began:.2g} s)")
         return
-    asked = {name: options[name] for name in ("stops", "symmetric", "near") if options[name]}
-    asked = {"n_periods": options.value("n_periods"), **asked} if "stops" in asked else _type(options) | asked
-    output.hand_on(orbits_dataset(found, study.model, asked), options, perf_counter() - began)
+    arguments = {name: options[name] for name in ("stops", "symmetric", "near") if options[name]}
+    arguments = (
+        {"n_periods": options.value("n_periods"), **arguments} if "stops" in arguments else _type(options) | arguments
+    )
+    output.hand_on(orbits_dataset(found, study.model, arguments), options, perf_counter() - began)
 
 
 def _type(options: Options) -> dict[str, Any]:

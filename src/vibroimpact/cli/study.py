@@ -116,22 +116,22 @@ def make_study(
     ValueError: `sample_impacts` must be a whole number >= 1, got 0
     """
     reader, typed = _Reader(dotted), changes or {}
-    own = reader.tables(document)
+    file = reader.tables(document)
     if typed.get("start"):
-        own["run"] = {key: value for key, value in own["run"].items() if key != "starts"}
+        file["run"] = {key: value for key, value in file["run"].items() if key != "starts"}
     if "starts" in typed.get("run", ()):
-        own["start"] = {}
+        file["start"] = {}
     model: Model = ImpactOscillator()
     if "model" in document:
         from vibroimpact.families import load_model
 
         model = load_model(document["model"])
 
-    values = reader.values("oscillator", model, Parameter.check, own["oscillator"], typed.get("oscillator", {}))
+    values = reader.values("oscillator", model, Parameter.check, file["oscillator"], typed.get("oscillator", {}))
     if not reader.faults:
         model = reader.check("", "", lambda: model.replace(**values)) or model
-    axes = reader.values("axes", model, axis_values, typed.get("axes") or own["axes"])
-    given = {table: reader.entries(table, {**own[table], **typed.get(table, {})}) for table in TABLES}
+    axes = reader.values("axes", model, axis_values, typed.get("axes") or file["axes"])
+    given = {table: reader.entries(table, {**file[table], **typed.get(table, {})}) for table in TABLES}
     if given["start"] and "displacement" not in given["start"]:
         reader.faults.append("`start` must have a `displacement`, in m")
     if given["start"] and "starts" in given["run"]:
@@ -144,7 +144,7 @@ def make_study(
     if reader.faults:
         raise ValueError("\n".join(reader.faults))
     tolerances = {"tolerances": Tolerances(**given["tolerances"])} if given["tolerances"] else {}
-    written = [*own["oscillator"].values(), *typed.get("oscillator", {}).values(), *own["axes"].values()]
+    written = [*file["oscillator"].values(), *typed.get("oscillator", {}).values(), *file["axes"].values()]
     in_si = {"mass", "stiffness"} <= set(values) or has_unit([*written, *typed.get("axes", {}).values()])
     warning = left_dimensionless({*values, *axes}) if in_si and "model" not in document else ""
     return Study(model, axes, {**given["sampling"], **given["run"], **start, **tolerances}, warning)
@@ -173,7 +173,7 @@ class _Reader:
         table: str,
         model: Model,
         check: Callable[[Parameter, Any], Any],
-        own: Mapping[str, Any],
+        file: Mapping[str, Any],
         typed: Mapping[str, Any] | None = None,
     ) -> dict[str, Any]:
         """Return checked values by parameter; of those typed the last one wins, and replaces what a file has."""
@@ -181,7 +181,7 @@ class _Reader:
         taken = {name_of(model, key) for key in typed}
         taken |= {parameters[name].replaces or name for name in taken & set(parameters)}
         found: dict[str, tuple[str, Any]] = {}
-        for key, value in own.items():
+        for key, value in file.items():
             name = name_of(model, key)
             if name in found:
                 self.faults.append(f"give either `{found[name][0]}` or `{key}`, not both")
@@ -194,8 +194,8 @@ class _Reader:
         def checked(parameter: Parameter, value: Any) -> Any:
             return check(parameter, without_unit(parameter, value))
 
-        known = [(name, *given) for name, given in found.items() if name in parameters]
-        return {name: self.check(table, key, checked, parameters[name], value) for name, key, value in known}
+        entries = [(name, *given) for name, given in found.items() if name in parameters]
+        return {name: self.check(table, key, checked, parameters[name], value) for name, key, value in entries}
 
     def entries(self, table: str, entries: Mapping[str, Any]) -> dict[str, Any]:
         """Return the checked entries of a table."""

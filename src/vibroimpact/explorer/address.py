@@ -50,7 +50,7 @@ def to_query(view: View) -> str:
     for name, choice in CHOICES.items():
         value = getattr(view, name)
         if name == "index" or value != getattr(View, name):
-            pairs += [(choice.key, text) for text, known in choice.texts.items() if known == value]
+            pairs += [(choice.key, text) for text, offered in choice.texts.items() if offered == value]
     if view.start is not None:
         pairs.append(("start", _numbers(parts_of(view.start))))
     pairs += [("pin", _numbers(pin.values.values())) for pin in view.pins]

@@ -41,17 +41,16 @@ def stiffness(osc: Model) -> float:
     >>> stiffness(ImpactOscillator(omega=0.25)), stiffness(ImpactOscillator(omega=1.0, damping=4.0)) > 3.7
     (4.0, True)
     """
-    known: Any = osc
-    return _known(known)[1]
+    return _made_of(osc)[1]
 
 
 def made_of(model: Any) -> Any:
     """Return the oscillator or system that a model is at its own values."""
-    return _known(model)[0]
+    return _made_of(model)[0]
 
 
 @lru_cache(1024)  # a view asks for five points, most of them those of the view before
-def _known(model: Any) -> tuple[Any, float]:
+def _made_of(model: Any) -> tuple[Any, float]:
     made = model.at()
     cell = made.cells({})
     return made, float(cell.fastest_rate[0] / cell.slowest_rate[0])

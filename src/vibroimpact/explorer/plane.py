@@ -57,12 +57,12 @@ def sides(view: View) -> tuple[int, ...]:
 
 def bands(side: int, samples: int = USUAL, first: int = SIDES[0]) -> list[tuple[Places, Places]]:
     """Return the cells that a lattice adds to the one before, as rectangles small enough for a job."""
-    here, most = lattice(side), BAND * USUAL / max(samples, USUAL) * (1 if first == SIDES[0] else 1 / 16)
+    cells, most = lattice(side), BAND * USUAL / max(samples, USUAL) * (1 if first == SIDES[0] else 1 / 16)
     if side == first:
-        parts = [(here, here)]
+        parts = [(cells, cells)]
     else:
         old = lattice(side // 2)
-        new = np.setdiff1d(here, old)
+        new = np.setdiff1d(cells, old)
         parts = [(old, new), (new, old), (new, new)]
     return [
         (columns, rows)
@@ -106,7 +106,7 @@ class Plane:
     seconds: float = 0.0
     stored: str = ""  # the stored sweep that they were taken from
     origin: str = "from rest"
-    held: frozenset[str] = frozenset(INDICES)  # indices that are known
+    indices: frozenset[str] = frozenset(INDICES)  # those that are known
     tried: bool | None = None  # whether `elsewhere` is complete, or was given up; None is not yet
 
     @classmethod
@@ -175,7 +175,7 @@ class Plane:
         # attributes and nothing else: no cell is computed
         sweep = compute_cells(view.osc, view.samples, view.stiffness, one, keep_going=lambda: False)
         axes = {name: (name, self.axis(axis), sweep[name].attrs) for axis, name in zip("xy", dims, strict=True)}
-        names = [str(name) for name in sweep.data_vars if name == "status" or name in self.held]
+        names = [str(name) for name in sweep.data_vars if name == "status" or name in self.indices]
         content = {name: (dims, self.array(name), sweep[name].attrs) for name in names}
         origin = {} if self.origin == Plane.origin else {"origin": f" {self.origin}"}
         if view.worst:

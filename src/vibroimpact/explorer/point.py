@@ -288,21 +288,21 @@ class Motions:
     """The last few motions of a page, so that going back to one costs nothing."""
 
     def __init__(self) -> None:
-        self._known: dict[Hashable, Point] = {}
+        self._points: dict[Hashable, Point] = {}
         self._lock = threading.Lock()
 
     def of(self, view: View, osc: Model | None = None) -> Point:
         """Return the motion at the view's point, or at another one that starts from rest."""
         key = view.point_key if osc is None else (osc, None, *view.point_key[2:])
         with self._lock:
-            known = self._known.get(key)
-        if known is None:
-            known = compute_point(view, osc)
+            point = self._points.get(key)
+        if point is None:
+            point = compute_point(view, osc)
             with self._lock:
-                while len(self._known) >= REMEMBERED:
-                    del self._known[next(iter(self._known))]
-                self._known[key] = known
-        return known
+                while len(self._points) >= REMEMBERED:
+                    del self._points[next(iter(self._points))]
+                self._points[key] = point
+        return point
 
 
 def sentence(
@@ -341,9 +341,9 @@ def _settled_motion(osc: Any, kind: MotionClass, status: Status, indices: dict[s
             reach, gap = (quantity(length, "m", 3) for length in (osc.steady_amplitude, osc.stops[0].gap))
             swings = f"; the steady swing of {reach} stays short of the gap of {gap}"
         return f"{words}{swings}."
-    known = f", {peak}" if math.isfinite(indices["max_velocity"]) else ""
+    hardest = f", {peak}" if math.isfinite(indices["max_velocity"]) else ""
     reason = f"no cycle in {impacts} impacts, and chaos is not certain" if status.has_indices else status.sentence
-    return f"undecided{known}: {reason.split(';')[0]}; sample more impacts."
+    return f"undecided{hardest}: {reason.split(';')[0]}; sample more impacts."
 
 
 def _periods(value: float) -> str:

@@ -238,8 +238,8 @@ def rounded(value: Any, ends: Range) -> float:
 
 def symbol(parameter: Parameter) -> str:
     """Return a parameter's symbol, as ω; its name in words where it has none of its own."""
-    known = parameter.symbol and parameter.symbol != parameter.name
-    return GREEK.get(parameter.symbol, parameter.symbol) if known else parameter.long_name
+    has_symbol = parameter.symbol and parameter.symbol != parameter.name
+    return GREEK.get(parameter.symbol, parameter.symbol) if has_symbol else parameter.long_name
 
 
 def unit(parameter: Parameter) -> str:

@@ -67,32 +67,32 @@ class PlaneView:
 
     def show_plane(self, plane: Plane) -> Parts:
         """Show a plane as far as it is known."""
-        seen, view = shades(plane), plane.view
-        named = not seen.scale
-        motions, names = np.unique(seen.name, return_inverse=True)
+        colours, view = shades(plane), plane.view
+        named = not colours.scale
+        motions, names = np.unique(colours.name, return_inverse=True)
         picture = {
             "side": plane.side,
-            "shape": seen.number.shape,
+            "shape": colours.number.shape,
             "x": view.x_range,
             "y": view.y_range,
-            "cells": seen.number[::-1].ravel(),  # the upper row first, as in pictures
-            "values": [] if named else seen.value.ravel(),
+            "cells": colours.number[::-1].ravel(),  # the upper row first, as in pictures
+            "values": [] if named else colours.value.ravel(),
             "names": names.ravel().astype(np.uint16),
             "motions": [name_of(code) for code in motions.tolist()],
             "index": "" if named else SHORT.get(INDICES[view.index].long_name, INDICES[view.index].long_name),
             "unit": "" if named else plain(INDICES[view.index].units),
-            "colors": seen.colors,
-            "scale": seen.scale,
+            "colors": colours.colors,
+            "scale": colours.scale,
             "origin": plane.origin,
-            "low": seen.low,
-            "high": seen.high,
-            "ticks": seen.ticks,
+            "low": colours.low,
+            "high": colours.high,
+            "ticks": colours.ticks,
         }
         cells = f"stored sweep {escape(plane.stored)}" if plane.stored else f"{plane.side} × {plane.side} cells"
         took = f"computed in {plane.seconds:.1f} s" if plane.seconds else ""
         whence = WORST if view.worst and view.index not in UNRANKED else plane.origin
-        head = f"<b>{escape(seen.title)}</b> {whence} <span title='{took}'>{cells}</span>"
-        legend = " ".join(_legend_entry(color, label) for color, label in seen.legend)
+        head = f"<b>{escape(colours.title)}</b> {whence} <span title='{took}'>{cells}</span>"
+        legend = " ".join(_legend_entry(color, label) for color, label in colours.legend)
         parts: Parts = {"plane": picture, "#plane-head": {"html": head}, "#colours": {"html": legend}}
         if self._hatched is not None and plane is not self._hatched:  # what is hatched belongs to its plane
             parts |= self.show_hatch(None)

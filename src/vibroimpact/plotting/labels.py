@@ -189,16 +189,16 @@ def title(dataset: xr.Dataset) -> str:
     """Return the parameters that a result holds fixed, and its note or from where it begins, in one line."""
     osc, family = made(dataset), _family(dataset)
     varied = {str(name) for name, coord in dataset.coords.items() if coord.ndim}
-    held: list[str] = []
+    values: list[str] = []
     if family:
-        held = [f"{name} = {value:.5g}" for name, value in family[1].items() if name not in varied]
-        held = [family[0], *(held if len(held) <= MOST else ())]
+        values = [f"{name} = {value:.5g}" for name, value in family[1].items() if name not in varied]
+        values = [family[0], *(values if len(values) <= MOST else ())]
     elif osc:
         varied |= {osc.parameters[name].replaces or name for name in varied if name in osc.parameters}
-        held = [parameter_text(name, osc) for name in osc.values if name not in varied]
-        if len(held) > MOST:
-            held = [*held[: "omega" not in varied], counted(len(osc.stops), "stop")]
-    return ",  ".join(filter(None, [*held, str(dataset.attrs.get("note", _begun(dataset)))]))
+        values = [parameter_text(name, osc) for name in osc.values if name not in varied]
+        if len(values) > MOST:
+            values = [*values[: "omega" not in varied], counted(len(osc.stops), "stop")]
+    return ",  ".join(filter(None, [*values, str(dataset.attrs.get("note", _begun(dataset)))]))
 
 
 def _begun(dataset: xr.Dataset) -> str:
