@@ -181,8 +181,8 @@ def _initial_conditions(study: Study, options: Options) -> dict[str, Any]:
 
     axes: dict[str, Any] = {}
     with refusing():
-        for flag, text in (("--x", options["x"]), ("--y", options["y"])):
-            for name, span in o.parse_axis(flag, text, o.GRID, "phase=0:1:200").items() if text else ():
+        for axis in ("x", "y"):
+            for name, span in (options.value(axis) or {}).items():
                 if name in axes:
                     raise WrongRequest(f"the axis {name} is given twice; give each coordinate one axis")
                 axes[name] = span_values(Parameter(name, name), span, least=2)

@@ -322,9 +322,10 @@ def boundary(options: Options) -> None:
     of_orbits = options["near"] is not None or options.value("n_impacts") != 1
     box = _ranges(study, 2, contain=of_orbits)
     names, kinds = tuple(box), _kinds(options["kinds"])
+    from vibroimpact.figures import MOTION
     from vibroimpact.indices import INDICES
 
-    output.check(options, "boundary_curves", (*INDICES, output.MOTION))
+    output.check(options, "boundary_curves", (*INDICES, MOTION))
     over = output.map_beneath(options, names)
     with Meter("boundaries", opening=study.tell) as meter, refusing():
         curves = (_of_orbits if of_orbits else _all)(study, box, kinds, options, meter)
@@ -350,7 +351,7 @@ def _all(study: Study, box: Mapping[str, Range], kinds: Kinds, options: Options,
 
     more = options.given("lines", "step")
     if options["periods_list"]:
-        more["n_periods"] = _periods(options, "")
+        more["n_periods"] = options.value("periods_list")
     plane: Any = tuple(box), tuple(box.values())
     return vibroimpact.boundary_curves(study.model, *plane, kinds=kinds, progress=meter, **more)
 
@@ -362,7 +363,7 @@ def _of_orbits(study: Study, box: Mapping[str, Range], kinds: Kinds, options: Op
 
     step, names = options.given("step"), tuple(box)
     branches: list[Branch] = []
-    for n in _periods(options, "1"):
+    for n in options.value("periods_list") or (1,):
         found = _find(study, options, n_periods=n, n_impacts=options.value("n_impacts"))
         branches += _branches(found, names[0], box[names[0]], meter, **step)
     points = [point for branch in branches for point in branch.special if kinds is None or point.kind in kinds]
@@ -371,10 +372,6 @@ def _of_orbits(study: Study, box: Mapping[str, Range], kinds: Kinds, options: Op
     followed = listed(sorted({branch.orbits[0].name for branch in branches})) or "no orbit"
     curves.message = f"followed {followed} from the oscillator at -p along {names[0]} only; other motions end elsewhere"
     return curves
-
-
-def _periods(options: Options, usual: str) -> Any:
-    return numbers("--periods", options["periods_list"] or usual, "whole numbers such as 1,2")
 
 
 def _kinds(text: str | None) -> Kinds:

@@ -11,7 +11,7 @@ import typer
 
 from vibroimpact.cli import Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import Options
-from vibroimpact.figures import EXPONENTS, KINDS, kinds_of
+from vibroimpact.figures import EXPONENTS, KINDS, MOTION, kind_of_index, kinds_of
 from vibroimpact.parameters import choice
 from vibroimpact.progress import Meter, speed
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 FILM_ENDINGS = (".gif", ".mp4")
 NEEDS = {name: kind.needs for name, kind in KINDS.items()}  # indices that figures are drawn from
-MOTION = "motion"  # in place of an index: the types of motion
 
 
 def hand_on(dataset: xr.Dataset, options: Options, seconds: float, over: xr.Dataset | None = None) -> None:
@@ -193,20 +192,17 @@ def draw(dataset: xr.Dataset, options: Options, over: xr.Dataset | None = None) 
 
 def _kind_for(index: str | None, usual: str) -> str:
     """Return the figure of an index over two axes: exponents and types of motion have their own."""
-    if usual not in ("index-contour", "exponent-map") or index is None:
-        return usual
-    return "motion-map" if index == MOTION else "exponent-map" if index in EXPONENTS else "index-contour"
+    return usual if index is None or usual not in ("index-contour", "exponent-map") else kind_of_index(index)
 
 
 def _beneath_boundaries(over: xr.Dataset, index: str) -> dict[str, Any]:
-    """Return the function that draws a map beneath boundaries: types of motion, exponents, or contours of an index."""
+    """Return what draws a map beneath boundaries: types of motion, exponents, or contours of an index."""
     from vibroimpact import plotting
 
-    if index == MOTION:
-        return {"ax": plotting.motion_map(over)}
-    if index in EXPONENTS:
-        return {"ax": plotting.exponent_map(over, index)}
-    return {"sweep": over, "index": index}
+    kind = kind_of_index(index)
+    if kind == "index-contour":
+        return {"sweep": over, "index": index}
+    return {"ax": plotting.KINDS[kind](over, **{} if index == MOTION else {"index": index})}
 
 
 def _first_index(dataset: xr.Dataset) -> str:

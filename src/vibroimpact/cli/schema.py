@@ -164,9 +164,12 @@ START_X = _axis(
     "x",
     "phase=0:1:200 of impacts, or displacement=-3:0:200 of states; for systems displacement_0, velocity_1, ... "
     "(default: phases 0 to 1)",
+    example="phase=0:1:200",
     table="",
 )
-START_Y = _axis("y", "velocity=0:3:200, in m/s. (default: 0 to 4 max(f, k|g|)/sqrt(km))", table="")
+START_Y = _axis(
+    "y", "velocity=0:3:200, in m/s. (default: 0 to 4 max(f, k|g|)/sqrt(km))", example="phase=0:1:200", table=""
+)
 
 # Sampling
 
@@ -292,7 +295,11 @@ SEARCH = (VARY, WITHIN)
 _orbit = partial(Option, panel="Which orbits")
 ORBIT_PERIODS = _orbit("n_periods", "N", "Driving periods per cycle.", flags=("--periods",), default=1)
 PERIODS_LIST = _orbit(
-    "periods_list", "N,N", "Driving periods per cycle, one or several. (default: see above)", flags=("--periods",)
+    "periods_list",
+    "N,N",
+    "Driving periods per cycle, one or several. (default: see above)",
+    flags=("--periods",),
+    read=lambda text: numbers("--periods", text, "whole numbers such as 1,2"),
 )
 ORBIT_IMPACTS = _orbit(
     "n_impacts", "P", "Impacts per cycle; -1 for complete chatter and sticking.", flags=("--impacts",), default=1

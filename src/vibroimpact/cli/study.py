@@ -138,9 +138,9 @@ def make_study(
         reader.faults.append("give either `start` or `starts`, not both")
     if not reader.faults:
         reader.check("", "", _check_replaced, model, values, axes)
-    if reader.faults:
-        raise ValueError("\n".join(reader.faults))
-    start = {"start": reader.check("", "", lambda: State(**given["start"]))} if given["start"] else {}
+    start = {}
+    if given["start"] and not reader.faults:
+        start["start"] = reader.check("", "", lambda: State(**given["start"]))
     if reader.faults:
         raise ValueError("\n".join(reader.faults))
     tolerances = {"tolerances": Tolerances(**given["tolerances"])} if given["tolerances"] else {}

@@ -12,7 +12,8 @@ from vibroimpact.explorer.address import BY_NAME, PRESETS, Preset, case_of, rang
 from vibroimpact.explorer.limits import Range, allowed_range, parts_of
 from vibroimpact.explorer.models import first_view
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import CHOICES, MOTION, parameter_label, rounded, symbol
+from vibroimpact.explorer.state import CHOICES, parameter_label, rounded, symbol
+from vibroimpact.figures import MOTION
 from vibroimpact.indices import INDICES
 
 MOST_OTHERS = 12  # offered as initial conditions

@@ -14,7 +14,8 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
 from vibroimpact.explorer.plane import Floats, Plane
-from vibroimpact.explorer.state import GREEK, MOTION
+from vibroimpact.explorer.state import GREEK
+from vibroimpact.figures import MOTION
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import motion_name, refined
 from vibroimpact.plotting.categories import COUNTS, missing_layers, motion_layers, number_layers

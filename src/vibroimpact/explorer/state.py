@@ -11,12 +11,12 @@ from itertools import product
 from typing import Any
 
 from vibroimpact.explorer.limits import EDGE, PIN, Range, check_limits, checked_range, checked_start, made_of, stiffness
+from vibroimpact.figures import MOTION
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, invalid, real_number
 
-MOTION = "motion"  # the index that is a name
 SHOWN = (MOTION, *INDICES)
 SAMPLES = (200, 500, 1000, 2000, 5000)
 CASES = (

@@ -19,8 +19,9 @@ from vibroimpact.dataset import model_of, variable
 from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.models import Find, opened_as
 from vibroimpact.explorer.plane import Plane, positions
-from vibroimpact.explorer.state import MOTION, SAMPLES, View, table
+from vibroimpact.explorer.state import SAMPLES, View, table
 from vibroimpact.families import ready_made
+from vibroimpact.figures import MOTION
 from vibroimpact.files import load
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model
