@@ -32,7 +32,7 @@ EDGE, PIN = " at the edge of the plane", " in a pin"
 HALVINGS = 24  # of the way to an end that is refused
 
 
-def stiffness(osc: Model) -> float:
+def stiffness(osc: Any) -> float:
     """Return the fastest of driving, natural and decay rate over the slowest of driving and natural rate.
 
     Examples

@@ -12,7 +12,7 @@ from vibroimpact.parameters import counted
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.orbits import Dims, check_result, draw_sticks, ended, legend
 from vibroimpact.plotting.style import BLUE, DOTS, Floats, on_axes
-from vibroimpact.plotting.views import times_of, view_of
+from vibroimpact.plotting.views import View, times_of, view_of
 from vibroimpact.plotting.walls import caption_of, color_of
 
 MANY = 200  # more distinct points than this are drawn as an attractor, fewer as separate marks
@@ -116,14 +116,21 @@ def stroboscopic_map(
     ax.set_xlim(low, high)
     ax.set_ylim(*style.view(points[:, 1], sizes[1], least))
     labels.label_axes(ax, drawn["displacement"], drawn["velocity"])
-    for wall in view.walls if view else ():
-        place = float(view.place(wall, times_of(section)[:1])[0])
+    if view is not None:
+        _draw_stops(ax, view, times_of(section)[:1])
+    legend(ax, section)
+    return ax
+
+
+def _draw_stops(ax: Axes, view: View, time: Floats) -> None:
+    """Draw the stops that act on what is shown alone, where they are at that time, each with an entry in the legend."""
+    low, high = ax.get_xlim()
+    for wall in view.walls:
+        place = float(view.place(wall, time)[0])
         if (high - place if wall.side > 0 else place - low) > 0.0:
             caption = caption_of(view.model, wall.name)
             name = caption if caption != wall.name else f"{'compliant ' * wall.compliant}stop {wall.name}"
             style.draw_stop(ax, place, (low, high)[wall.side > 0], upright=True, label=name, compliant=wall.compliant)
-    legend(ax, section)
-    return ax
 
 
 def _stick_phases(section: xr.Dataset, period: float) -> list[tuple[float, float]]:

@@ -83,7 +83,8 @@ class View:
         return found if self.stop is None else found + self._moved(self.stop, time, rate=rate)
 
     def _moved(self, number: int, time: Floats, *, rate: bool = False) -> Floats:
-        return self.model.stops[number].place(time, self.model.omega, rate=rate)
+        found: Floats = self.model.stops[number].place(time, self.model.omega, rate=rate)
+        return found
 
     def place(self, wall: Wall, time: Floats, *, rate: bool = False) -> Floats:
         """Return the place of a wall, or its velocity."""

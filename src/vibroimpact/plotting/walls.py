@@ -68,10 +68,10 @@ def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) 
     for wall, outermost in far:
         above, room = wall.side > 0, ROOM * (high - low)
         caption = caption_of(view.model, wall.name)
-        place = "" if caption != wall.name else f" at {outermost:.4g} m"
+        far_off = "" if caption != wall.name else f" at {outermost:.4g} m"
         # Turned with its text by a quarter, the downward arrow points right.
         arrow = r"$\downarrow$" if upright == above else r"$\uparrow$"
-        _name(ax, f"{caption}{place} {arrow}", high + 0.5 * room if above else low - 0.5 * room, upright=upright)
+        _name(ax, f"{caption}{far_off} {arrow}", high + 0.5 * room if above else low - 0.5 * room, upright=upright)
         low, high = (low, high + room) if above else (low - room, high)
     return low, high
 
