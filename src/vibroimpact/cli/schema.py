@@ -174,22 +174,22 @@ START_Y = _axis(
 # Sampling
 
 _sampling = partial(Option, panel="Sampling", table="sampling", check=_field_of(Sampling))
-TRANSIENT_IMPACTS = _sampling("transient_impacts", "N", "Impacts discarded first. (default: 100)")
-SAMPLE_IMPACTS = _sampling("sample_impacts", "N", "Impacts kept after that. (default: 5000)")
-BASIN_IMPACTS = _sampling("sample_impacts", "N", "Impacts kept, in the first of three rounds. (default: 500)")
+TRANSIENT_IMPACTS = _sampling("transient_impacts", "N", "Impacts discarded first.", default=Sampling.transient_impacts)
+SAMPLE_IMPACTS = _sampling("sample_impacts", "N", "Impacts kept after that.", default=Sampling.sample_impacts)
+BASIN_IMPACTS = _sampling("sample_impacts", "N", "Impacts kept, in the first of three rounds.", default=500)
 PHASE = _sampling(
-    "phase", "PHI", "Phase of the stroboscopic section, from 0 to below 1. (default: 0)", check=phase_number
+    "phase", "PHI", "Phase of the stroboscopic section, from 0 to below 1.", default=0, check=phase_number
 )
 IMPACTS = (TRANSIENT_IMPACTS, SAMPLE_IMPACTS)
 PERIODS = (
-    _sampling("transient_periods", "N", "Driving periods discarded first. (default: 200)"),
-    _sampling("sample_periods", "N", "Driving periods kept after that. (default: 500)"),
+    _sampling("transient_periods", "N", "Driving periods discarded first.", default=Sampling.transient_periods),
+    _sampling("sample_periods", "N", "Driving periods kept after that.", default=Sampling.sample_periods),
     PHASE,
 )
 DURATION = (
-    _sampling("periods", "N", "Driving periods to compute. (default: 20)", check=positive_number),
-    _sampling("skip_periods", "N", "Driving periods that pass before. (default: 0)", check=_whole(0)),
-    _sampling("samples_per_period", "N", "Samples per driving period. (default: 200)", check=_whole(1)),
+    _sampling("periods", "N", "Driving periods to compute.", default=20, check=positive_number),
+    _sampling("skip_periods", "N", "Driving periods that pass before.", default=0, check=_whole(0)),
+    _sampling("samples_per_period", "N", "Samples per driving period.", default=200, check=_whole(1)),
 )
 OTHERS = replace(
     START, help="For systems: the coordinates that no axis varies, and the time: Q,Q:V,V:T. (default: at rest)"
@@ -197,7 +197,7 @@ OTHERS = replace(
 ON_STOP = Option(
     "stop", "NAME", "For systems: the stop that the impacts strike; the only one need not be named.", "Axes"
 )
-START_PHASE = Option("phase", "PHI", "Phase of states, with displacement. (default: 0)", "Axes", table="sampling")
+START_PHASE = Option("phase", "PHI", "Phase of states, with displacement.", "Axes", default=0, table="sampling")
 
 # How it is computed
 
@@ -205,14 +205,16 @@ _how = partial(Option, panel="How to compute")
 BACKEND = _how(
     "backend",
     "NAME",
-    "What computes, such as cuda (GPU), reference (slow witness) or fixed-step (the paper's). (default: cpu)",
+    "What computes, such as cuda (GPU), reference (slow witness) or fixed-step (the paper's).",
+    default="cpu",
     table="run",
     check=_backend,
 )
 TIME_STEP = _how(
     "time_step",
     "S",
-    "Time step of the back end fixed-step, in s. (default: 0.0005)",
+    "Time step of the back end fixed-step, in s.",
+    default=0.0005,
     table="run",
     check=positive_number,
 )
@@ -243,9 +245,9 @@ CLUSTER = _how(
 TILE = _how("tile", "N", "Cells per tile in a store or on a cluster, roughly. (default: 4096; 4 with slow back ends)")
 REFINE = _how("refine", "L", "Halve the intervals of both axes L times, and compute only where the motion changes.")
 STEP = _how(
-    "step", "X", "Longest step along a curve, as a fraction of the ranges and of a driving period. (default: 0.01)"
+    "step", "X", "Longest step along a curve, as a fraction of the ranges and of a driving period.", default=0.01
 )
-LINES = _how("lines", "N", "Lines across the plane, each way, to search for boundaries on. (default: 5)")
+LINES = _how("lines", "N", "Lines across the plane, each way, to search for boundaries on.", default=5)
 DOUBLINGS = _how(
     "doublings", "N", "Number of period doublings to follow into the doubled orbits.", check=_whole(0), default=0
 )
@@ -273,7 +275,8 @@ SECTION_KIND = replace(SECTION, flags=("--kind",))
 COORDINATE = _what(
     "coordinate",
     "N",
-    "For systems: the coordinate that a stroboscopic section shows. (default: 0)",
+    "For systems: the coordinate that a stroboscopic section shows.",
+    default=0,
     table="run",
     check=_whole(0),
 )
@@ -289,7 +292,7 @@ VARY = _what(
     "Comma-separated: parameters varied in search of boundaries and remedies. (default: all)",
     read=words,
 )
-WITHIN = _what("within", "X", "How far: from value/(1+X) to value*(1+X). (default: 3)")
+WITHIN = _what("within", "X", "How far: from value/(1+X) to value*(1+X).", default=3)
 SEARCH = (VARY, WITHIN)
 
 _orbit = partial(Option, panel="Which orbits")
@@ -353,7 +356,7 @@ FIGURE_KIND = _output(
     flags=("--kind",),
 )  # fmt: skip
 SHOWN = (
-    _output("coordinate", "N", "For systems: the coordinate that a figure of one motion shows. (default: 0)"),
+    _output("coordinate", "N", "For systems: the coordinate that a figure of one motion shows.", default=0),
     _output(
         "stop", "NAME", "For systems: the stop whose clearance, or whose map of `--by-stop`, a figure shows.", read=str
     ),
