@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from vibroimpact.orbits.systems import SystemOrbit
 
 Range = tuple[float, float]
-Kinds = tuple[str, ...] | None  # of boundaries; None is all of the model
 
 DIAGRAM_VALUES = 400  # of the diagram beneath a branch
 DIAGRAM = {"transient_impacts": 500, "sample_impacts": 100}  # of each value, unless the study gives them
@@ -77,19 +76,20 @@ def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Any]:
     names, symmetric, near = (options.get(name) for name in ("stops", "symmetric", "near"))
     kind = orbit_type or _type(options)
     with refusing():
+        impact_is_state = study.model.at().forgets
         if not (names or symmetric):
+            if near and not impact_is_state:
+                raise WrongRequest("`--near` of a system goes with `--stops`: a time in s for each of them")
             start: Any = near and numbers("--near", near, "PHASE,VELOCITY such as 0.25,1.4", 2)
             return vibroimpact.find_orbit(study.model, **kind, near=start)
+        if impact_is_state:
+            flag = "--stops" if names else "--symmetric"
+            raise WrongRequest(f"`{flag}` goes with a system, and {study.model!s} has one stop; leave it out")
         if options["n_impacts"] is not None:
             raise WrongRequest("give either `--impacts` or the stops that are struck, not both")
         times: Any = near and numbers("--near", near, "times in s such as 0.1,0.3")
-        return find(
-            study.model,
-            n_periods=kind["n_periods"],
-            stops=options.value("stops"),
-            symmetric=bool(symmetric),
-            near=times,
-        )
+        stops = options.value("stops")
+        return find(study.model, n_periods=kind["n_periods"], stops=stops, symmetric=bool(symmetric), near=times)
 
 
 def orbits_dataset(found: Orbits[Any], model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
@@ -321,7 +321,7 @@ def boundary(options: Options) -> None:
     study = options.study()
     of_orbits = options["near"] is not None or options.value("n_impacts") != 1
     box = _ranges(study, 2, contain=of_orbits)
-    names, kinds = tuple(box), _kinds(options["kinds"])
+    names, kinds = tuple(box), _kinds(options, study)
     from vibroimpact.figures import MOTION
     from vibroimpact.indices import INDICES
 
@@ -345,7 +345,7 @@ def _bundled(curves: Boundaries, study: Study, box: Mapping[str, Range]) -> xr.D
     return bundle(parts, "boundary_curves", made_by)
 
 
-def _all(study: Study, box: Mapping[str, Range], kinds: Kinds, options: Options, meter: Meter) -> Boundaries:
+def _all(study: Study, box: Mapping[str, Range], kinds: tuple[str, ...], options: Options, meter: Meter) -> Boundaries:
     """Return the curves of what a coarse map shows, or, with --periods, of orbits with one impact and of sticking."""
     import vibroimpact
 
@@ -356,7 +356,9 @@ def _all(study: Study, box: Mapping[str, Range], kinds: Kinds, options: Options,
     return vibroimpact.boundary_curves(study.model, *plane, kinds=kinds, progress=meter, **more)
 
 
-def _of_orbits(study: Study, box: Mapping[str, Range], kinds: Kinds, options: Options, meter: Meter) -> Boundaries:
+def _of_orbits(
+    study: Study, box: Mapping[str, Range], kinds: tuple[str, ...], options: Options, meter: Meter
+) -> Boundaries:
     """Return the boundaries that the orbits at the model itself meet along the first parameter."""
     from vibroimpact.continuation import curves_through
     from vibroimpact.motion import listed
@@ -366,7 +368,7 @@ def _of_orbits(study: Study, box: Mapping[str, Range], kinds: Kinds, options: Op
     for n in options.value("periods_list") or (1,):
         found = _find(study, options, n_periods=n, n_impacts=options.value("n_impacts"))
         branches += _branches(found, names[0], box[names[0]], meter, **step)
-    points = [point for branch in branches for point in branch.special if kinds is None or point.kind in kinds]
+    points = [point for branch in branches for point in branch.special if point.kind in kinds]
     plane: Any = names, tuple(box.values())
     curves = curves_through(points, *plane, progress=meter, **step)
     followed = listed(sorted({branch.orbits[0].name for branch in branches})) or "no orbit"
@@ -374,13 +376,12 @@ def _of_orbits(study: Study, box: Mapping[str, Range], kinds: Kinds, options: Op
     return curves
 
 
-def _kinds(text: str | None) -> Kinds:
-    """Return the kinds of boundaries that are typed; None is all of the model."""
-    from vibroimpact.continuation.results import POINTS
+def _kinds(options: Options, study: Study) -> tuple[str, ...]:
+    """Return the kinds of boundaries: those typed, or all that the model may have."""
+    from vibroimpact.continuation.results import KINDS, SYSTEM_KINDS
 
-    if text is None:
-        return None
-    chosen = tuple(part.strip().replace("-", "_").replace(" ", "_") for part in text.split(","))
-    if unknown := [kind for kind in chosen if kind not in POINTS]:
-        raise WrongRequest(f"unknown `--kind` {unknown[0]!r}; choose from {', '.join(POINTS).replace('_', '-')}")
-    return chosen
+    known = KINDS if study.model.at().forgets else SYSTEM_KINDS
+    chosen = [kind.replace("-", "_").replace(" ", "_") for kind in options.value("kinds") or known]
+    if unknown := [kind for kind in chosen if kind not in known]:
+        raise WrongRequest(f"unknown `--kind` {unknown[0]!r}; choose from {', '.join(known).replace('_', '-')}")
+    return tuple(chosen)

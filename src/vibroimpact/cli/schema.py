@@ -313,7 +313,7 @@ NEAR = _orbit(
 )  # fmt: skip
 KINDS = _orbit(
     "kinds", "KINDS", "Comma-separated: fold, period-doubling, grazing, end-of-sticking. (default: all)",
-    flags=("--kind",),
+    flags=("--kind",), read=words,
 )  # fmt: skip
 ORBIT = (ORBIT_PERIODS, ORBIT_IMPACTS, NEAR)
 STRUCK = (
