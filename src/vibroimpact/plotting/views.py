@@ -204,7 +204,9 @@ def view_of_page(model: Any, coordinate: int = 0, stop: int = 0) -> View:
     else:
         number = max(stop, 1) - 1
         form, name = model.stops[number].direction, f"y at {model.stop_names[number]}"
-    return View(model, form, "displacement y" if form.tolist() == [1.0] else name)
+    if len(model.stops) == 1 and form.tolist() == [1.0]:  # there is nothing else to show
+        name = "displacement y"
+    return View(model, form, name)
 
 
 def stops_of(result: Mapping[Any, Any], event: str, model: Any) -> Any:
