@@ -33,7 +33,7 @@ _ABOUT = (
     "<p>Click a point of the plane to see its motion. Drag to move, scroll to zoom. Choose a case above; Help explains "
     "terms and keys.{}</p>"
 )
-_OF_STOPS = " Colours speak of all stops together; plots show one displacement, and as walls the stops in its way."
+_OF_SEVERAL = " Colours speak of all stops together; plots show one displacement, and as walls the stops in its way."
 
 
 class Menu(NamedTuple):
@@ -125,13 +125,12 @@ class Controls:
         coordinates, names_of_stops = range(1, view.made.coordinates + 1), view.made.stop_names
         toward = [("0", "towards the stop"), *((str(one), f"coordinate {one}") for one in coordinates)]
         stops = [("0", "at all stops"), *((str(at), f"at {name}") for at, name in enumerate(names_of_stops, 1))]
-        several = len(coordinates) + len(names_of_stops) > 2
         offered = {
             "index": _index_options(),
             "samples": [(text, text) for text in CHOICES["samples"].texts],
             "line": [("x", "x axis"), ("y", "y axis")],
-            "coordinate": toward if several else [],
-            "stop": stops if several else [],
+            "coordinate": toward if self._several else [],
+            "stop": stops if self._several else [],
         }
         return {
             "case": self._cases(),
@@ -140,6 +139,12 @@ class Controls:
             **{name: Menu(options, str(getattr(view, name))) for name, options in offered.items()},
             "start": self._starts(),
         }
+
+    @property
+    def _several(self) -> bool:
+        """Whether there are coordinates or stops to choose from."""
+        made = self.explorer.view.made
+        return bool(made.coordinates + len(made.stops) > 2)
 
     def _cases(self) -> Menu:
         view = self.explorer.view
@@ -161,11 +166,11 @@ class Controls:
         return Menu(options, chosen)
 
     def about(self) -> str:
-        """Return the source of a case's numbers; else what to do, and which of several stops it shows."""
+        """Return the source of a case's numbers; else what to do, and what is shown of several."""
         case = case_of(self.explorer.view)
         if case is not None:
             return _description(case)
-        return _ABOUT.format(_OF_STOPS if len(self.explorer.view.made.stops) > 1 else "")
+        return _ABOUT.format(_OF_SEVERAL if self._several else "")
 
     def rows(self) -> dict[str, tuple[float, float, float]]:
         """Return every parameter as it is now, and the ends of its slider."""
