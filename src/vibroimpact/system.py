@@ -305,10 +305,8 @@ class ImpactSystem(ByValue):
         if len(self.stops) != 1 or form.orders.tolist() != [1] or form.constant.any() or form.motions.any():
             return math.nan
         impedance = np.diag(form.squares - self.omega**2) + 1j * self.omega * form.damping
-        try:
-            return float(abs(form.directions[0] @ np.linalg.solve(impedance, form.forces[0])))
-        except np.linalg.LinAlgError:  # undamped resonance
-            return math.inf
+        resonant = np.linalg.matrix_rank(impedance) < len(impedance)
+        return math.inf if resonant else float(abs(form.directions[0] @ np.linalg.solve(impedance, form.forces[0])))
 
     def modal(self) -> ModalForm:
         """Return the system in the coordinates of its modes."""
