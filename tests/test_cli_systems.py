@@ -143,7 +143,6 @@ def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
         (f"basins {OWN}", "`stop` must name the stop that is struck: bar, baffle"),
         (f"basins {OWN} --x gap=0:1:3 --y velocity_0=0:1:3", "unknown coordinate 'gap'; choose from displacement_0"),
         ("describe --model bouncing_ball --vary gap", "unknown parameter 'gap'; choose from mass, amplitude"),
-        (f"compare old.toml new.toml {OWN} --out both.png", "a figure of compare takes one mass with one stop only"),
         (f"diagram {OWN} --x bar_gap=0.04:0.05:2 --coordinate 2", "`coordinate` must be less than the number of"),
         (f"simulate {OWN} --stop bar", "`--stop` needs a figure; add for example --out figure.png"),
         (f"section {OWN} --coordinate 1 --out it.csv", "`--coordinate` needs a figure"),

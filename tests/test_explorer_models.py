@@ -14,11 +14,11 @@ from vibroimpact.explorer.models import finder, first_view, only_known, opened, 
 from vibroimpact.explorer.plane import SIDES, TRANSIENT, Plane, lattice, sides
 from vibroimpact.explorer.point import compute_point
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.shown import shown
 from vibroimpact.explorer.state import View, parameter_label, table
 from vibroimpact.explorer.views import PointView
 from vibroimpact.families import load_model, ready_made
 from vibroimpact.indices import INDICES
+from vibroimpact.plotting.views import view_of_page
 
 
 @vi.family(units={"rpm": "1/min", "clearance_mm": "mm"})
@@ -76,8 +76,8 @@ def test_the_stop_and_the_coordinate_are_among_those_there_are():
     for part in ({"stop": 5}, {"coordinate": 4}):
         with pytest.raises(ValueError, match="as many as there are"):
             replace(of("tube_in_supports"), **part)
-    with pytest.raises(ValueError, match="at most 0"):
-        View(stop=1)
+    with pytest.raises(ValueError, match="at most 1"):
+        View(stop=2)
 
 
 def test_a_slider_spans_a_decade_to_either_side_of_a_number_that_must_be_positive_and_all_of_a_bounded_range():
@@ -95,9 +95,9 @@ def test_the_motion_shown_of_a_system_stays_between_its_walls_and_touches_them_a
     point = compute_point(of(name))
     time, y = point.history["time"], point.history["displacement"]
     for wall in point.shown.walls:
-        room = wall.side * (wall.at(time) - y)
+        room = wall.side * (point.shown.place(wall, time) - y)
         assert room.min() >= -1e-9 * np.abs(y).max()
-    touched = point.shown.places(point.impacts["stop"], point.impacts["time"])
+    touched = point.places(point.impacts["stop"], point.impacts["time"])
     here = ~np.isnan(touched)
     assert here.any()
     at = np.searchsorted(time, point.impacts["time"][here])
@@ -124,13 +124,13 @@ def test_impacts_at_one_stop_are_part_of_those_at_all():
 
 def test_walls_are_the_stops_across_what_is_shown():
     system = ready_made("tube_in_supports").at()
-    assert [(wall.name, wall.side) for wall in shown(system, stop=3).walls] == [
+    assert [(wall.name, wall.side) for wall in view_of_page(system, stop=3).walls] == [
         ("second_upper", 1),
         ("second_lower", -1),
     ]
-    assert shown(system, coordinate=1).walls == ()
-    ball = shown(ready_made("bouncing_ball").at()).walls[0]
-    assert ball.at(np.linspace(0.0, 0.02, 1000)).std() > 0.0  # its table moves
+    assert view_of_page(system, coordinate=1).walls == []
+    ball = view_of_page(ready_made("bouncing_ball").at())
+    assert ball.place(ball.walls[0], np.linspace(0.0, 0.02, 1000)).std() > 0.0  # its table moves
 
 
 def test_lattices_hold_the_coarser_ones_also_those_of_systems():

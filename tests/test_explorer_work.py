@@ -275,7 +275,7 @@ def test_what_was_computed_for_one_plane_is_never_shown_as_another(explorer, hea
     explorer.start()
     assert explorer.wait(300)
     gate = threading.Event()
-    pool.submit("somebody else", Urgency.COARSE, lambda: gate.wait(300))
+    pool.submit("somebody else", Urgency.FIRST, lambda: gate.wait(300))
     heard.clear()
     assert explorer.zoom((1.9, 2.0), (1.0, 1.1))
     assert explorer.set(index="motion")
@@ -291,7 +291,7 @@ def test_a_search_holds_up_neither_planes_nor_clicks(pool):
     gate, done = threading.Event(), {urgency: threading.Event() for urgency in Urgency}
     pool.submit("a", Urgency.SEARCH, lambda: gate.wait(300))
     pool.submit("a", Urgency.SEARCH, lambda: gate.wait(300))
-    for urgency in (Urgency.CLICK, Urgency.COARSE, Urgency.LINE, Urgency.FINE):
+    for urgency in (Urgency.CLICK, Urgency.FIRST, Urgency.FINE):
         pool.submit("b", urgency, done[urgency].set)
         assert done[urgency].wait(300)
     gate.set()

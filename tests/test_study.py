@@ -10,8 +10,9 @@ import pytest
 import vibroimpact as vi
 from fenced import ROOT, blocks, table
 from vibroimpact.cli import WrongRequest
-from vibroimpact.cli.options import PARAMETERS, SAMPLE_IMPACTS, STUDY, Options, X
-from vibroimpact.cli.study import TABLES, make_study
+from vibroimpact.cli.options import Options
+from vibroimpact.cli.schema import PARAMETERS, SAMPLE_IMPACTS, STUDY, TABLES, X
+from vibroimpact.cli.study import make_study
 
 DESIGN = """
 [oscillator]

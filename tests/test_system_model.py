@@ -433,3 +433,24 @@ def test_matrices_that_systems_share_cannot_be_written_into():
     for matrix in (system.mass, system.damping, system.stiffness):
         with pytest.raises(ValueError, match="WRITEABLE"):
             matrix.setflags(write=True)
+
+
+@pytest.mark.parametrize("numbers", [{}, {"omega": 0.3, "damping": 0.4}, {"mass": 2.0, "gap": -0.1}])
+def test_one_mass_and_the_same_machine_as_a_system_answer_alike(numbers):
+    osc = vi.ImpactOscillator(**numbers)
+    assert osc.system.stop_names == osc.stop_names
+    assert osc.system.coordinates == osc.coordinates
+    assert osc.system.slowest_frequency == pytest.approx(osc.slowest_frequency, rel=1e-14)
+    assert osc.system.steady_amplitude == pytest.approx(osc.steady_amplitude, rel=1e-14)
+
+
+def test_the_steady_swing_of_what_is_no_single_sine_towards_one_stop_is_no_number():
+    assert math.isnan(vi.models.two_sided_oscillator().steady_amplitude)
+    assert math.isnan(vi.models.bouncing_ball().steady_amplitude)
+    assert vi.models.bouncing_ball().slowest_frequency == vi.models.bouncing_ball().omega  # a free mass
+
+
+def test_a_stop_is_where_its_motion_has_taken_it():
+    stop, time = vi.Stop(direction=1.0, gap=0.5, motion={2: 0.1}), np.linspace(0.0, 3.0, 7)
+    assert stop.gap + stop.shift(1.5 * time) == pytest.approx(0.5 + 0.1 * np.sin(3.0 * time), abs=1e-15)
+    assert stop.speed(1.5 * time, 1.5) == pytest.approx(0.3 * np.cos(3.0 * time), abs=1e-15)

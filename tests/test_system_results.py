@@ -220,9 +220,11 @@ def test_a_picture_refuses_what_the_system_has_not(shown, more, words):
         shown.phase_portrait(vi.simulate(two_masses(), periods=1), **more)
 
 
-def test_a_picture_of_one_mass_has_no_stop_to_choose(shown):
-    with pytest.raises(ValueError, match="`coordinate` and `stop` are for results of systems"):
-        shown.phase_portrait(vi.simulate(vi.ImpactOscillator(), periods=1), stop="bar")
+def test_a_picture_of_one_mass_may_show_the_clearance_of_its_one_stop(shown):
+    motion = vi.simulate(vi.ImpactOscillator(), periods=1)
+    with pytest.raises(ValueError, match="unknown `stop` 'bar'; choose from stop"):
+        shown.phase_portrait(motion, stop="bar")
+    assert shown.time_history(motion, stop="stop").get_ylabel() == "clearance of stop $u_\\mathrm{stop}$ [m]"
 
 
 # Files and stores

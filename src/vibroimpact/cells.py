@@ -173,7 +173,7 @@ class Cells:
             return self
         turns = start.time * self["omega"] / (2.0 * np.pi)
         _check_start(start, self["gap"], turns)
-        return self.replace(**_start(self["gap"] - start.displacement, start.velocity, turns))
+        return self.replace(**_start(np.maximum(self["gap"] - start.displacement, 0.0), start.velocity, turns))
 
 
 def spread(numbers: Any, further: int = 0) -> tuple[Floats, ...]:
@@ -248,7 +248,7 @@ def check_single(name: str, start: State) -> None:
 def _check_start(start: State, gap: Floats, turns: Floats) -> None:
     check_single("start", start)
     nearest = float(np.min(gap, initial=np.inf))
-    if start.displacement > nearest:
+    if start.displacement - nearest > BEYOND * (abs(nearest) + abs(start.displacement)):
         raise ValueError(
             f"`start` must have a displacement of at most the gap, {nearest:g} m here, got {start.displacement!r}; "
             "start the mass in front of the stop"

@@ -151,7 +151,7 @@ def bifurcation_diagram(
     left_out = window.transient if isinstance(window, ImpactWindow) else window.skip_periods
     asked = f"hold {len(cells):,} values of {left_out + window.keep:,} {_along(section)}s each, which take"
     check_steps("axes", asked, len(cells) * (left_out + window.keep), COSTLY)
-    dataset = _empty_diagram(request, section, window.keep, getattr(made, "stop_names", ()))
+    dataset = _empty_diagram(request, section, window.keep, () if made.says_all else made.stop_names)
     further: dict[str, Any] = {
         "section": section,
         "direction": direction,

@@ -9,6 +9,7 @@ from vibroimpact.parameters import Parameter, invalid
 
 INCHES, DOTS = (0.5, 100.0), (10.0, 2400.0)  # of a side, and an inch
 EXPONENTS = ("lyapunov", "lyapunov_per_impact")
+MOTION = "motion"  # in place of an index: the types of motion
 
 
 class Kind(NamedTuple):
@@ -58,6 +59,17 @@ def kinds_of(function: str, axes: int = 0) -> tuple[str, ...]:
     """
     of_map = function == "parameter_map"
     return tuple(name for name, kind in KINDS.items() if function in kind.results and (kind.axes == axes or not of_map))
+
+
+def kind_of_index(index: str) -> str:
+    """Return the kind of figure that shows an index over two parameters, or the types of motion.
+
+    Examples
+    --------
+    >>> kind_of_index("std"), kind_of_index("lyapunov"), kind_of_index(MOTION)
+    ('index-contour', 'exponent-map', 'motion-map')
+    """
+    return "motion-map" if index == MOTION else "exponent-map" if index in EXPONENTS else "index-contour"
 
 
 def check_size(size: Any) -> tuple[float, float]:

@@ -84,6 +84,7 @@ class ImpactOscillator:
     kind: ClassVar[str] = "oscillator"  # as files name it
     at_rest: ClassVar[str] = "rest at y = min(0, gap)"
     coordinates: ClassVar[int] = 1
+    stop_names: ClassVar[tuple[str, ...]] = ("stop",)
     says_all: ClassVar[bool] = True  # its parameters are all its numbers
     forgets: ClassVar[bool] = True  # phase and velocity of an impact are the whole state, and a rest erases all memory
     step_cost: ClassVar[int] = 1  # of a certified step, which others are compared with
@@ -152,7 +153,7 @@ class ImpactOscillator:
         from vibroimpact.system import ImpactSystem
 
         force = Force(omega=self.omega, harmonics={1: self.amplitude})
-        stop = Stop(direction=1.0, gap=self.gap, restitution=self.restitution, name="stop")
+        stop = Stop(direction=1.0, gap=self.gap, restitution=self.restitution, name=self.stop_names[0])
         linear = {"mass": self.mass, "damping": self.damping, "stiffness": self.stiffness}
         return ImpactSystem(**linear, force=force, stops=[stop])
 
@@ -160,11 +161,6 @@ class ImpactOscillator:
     def stops(self) -> tuple[Stop, ...]:
         """Its stop, as those of a system."""
         return self.system.stops
-
-    @property
-    def stop_names(self) -> tuple[str, ...]:
-        """The name of its stop."""
-        return self.system.stop_names
 
     def initial(self, start: State | None = None, argument: str = "start") -> tuple[Floats, Floats, float]:
         """Return displacement, velocity and time of an initial condition that is checked, as systems do."""
@@ -224,6 +220,11 @@ class ImpactOscillator:
     def natural_frequency(self) -> float:
         """Undamped natural angular frequency w_n = sqrt(k/m) in rad/s."""
         return math.sqrt(self.stiffness / self.mass)
+
+    @property
+    def slowest_frequency(self) -> float:
+        """The natural angular frequency in rad/s, the only one."""
+        return self.natural_frequency
 
     @property
     def damping_ratio(self) -> float:

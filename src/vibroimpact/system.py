@@ -15,7 +15,7 @@ from vibroimpact.by_value import ByValue
 from vibroimpact.cells import Floats
 from vibroimpact.elements import NUMBERS
 from vibroimpact.matrices import ROUNDING, matrices, nearest, table_of_modes
-from vibroimpact.modal import ModalForm, modal_form, velocity_scale
+from vibroimpact.modal import FREE, ModalForm, modal_form, velocity_scale
 from vibroimpact.model import State, check_names
 from vibroimpact.parameters import OF_ONE_MASS, Parameter, Scale, check_one, counted, invalid, radians
 from vibroimpact.stops import (
@@ -284,6 +284,22 @@ class ImpactSystem(ByValue):
     def natural_frequencies(self) -> Floats:
         """Undamped natural angular frequencies without stops in rad/s, ascending; 0 for rigid-body modes."""
         return np.sqrt(self.modal().squares)
+
+    @property
+    def slowest_frequency(self) -> float:
+        """The slowest natural angular frequency in rad/s; where all masses are free, that of driving."""
+        sprung = self.natural_frequencies[self.natural_frequencies > FREE * self.omega]
+        return float(sprung[0]) if sprung.size else self.omega
+
+    @property
+    def steady_amplitude(self) -> float:
+        """Amplitude in m of the steady sine that its only stop sees without it; NaN where it is no sine, or of more."""
+        form = self.modal()
+        if len(self.stops) != 1 or form.orders.tolist() != [1] or form.constant.any() or form.motions.any():
+            return math.nan
+        impedance = np.diag(form.squares - self.omega**2) + 1j * self.omega * form.damping
+        resonant = np.linalg.matrix_rank(impedance) < len(impedance)
+        return math.inf if resonant else float(abs(form.directions[0] @ np.linalg.solve(impedance, form.forces[0])))
 
     def modal(self) -> ModalForm:
         """Return the system in the coordinates of its modes."""

@@ -10,21 +10,20 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from vibroimpact.cli import Interrupted, WrongRequest, files, output, refusing
-from vibroimpact.cli import options as o
-from vibroimpact.cli.options import parse_axis
+from vibroimpact.cli import schema as o
+from vibroimpact.cli.options import Option, Options, with_options
 from vibroimpact.compiling import told_first
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibroimpact.cli.options import Options
     from vibroimpact.cli.study import Study
 
 INITIAL_CONDITIONS = 200  # along an axis of basins that is not given
 
 
-@o.with_options(o.MODEL, o.START, o.DURATION, o.ENGINE, o.FILM_OUT, o.FIGURE, o.SHOWN, o.PICTURE)
+@with_options(o.MODEL, o.START, o.DURATION, o.ENGINE, o.FILM_OUT, o.FIGURE, o.SHOWN, o.PICTURE)
 def simulate(options: Options) -> None:
     """Compute the motion in time from its initial conditions.
 
@@ -43,7 +42,7 @@ def simulate(options: Options) -> None:
         typer.echo(f"settles to: {motion_of(_call('impact_section', study))}")
 
 
-@o.with_options(o.MODEL, o.START, o.SECTION_KIND, o.IMPACTS, o.PERIODS, o.ENGINE, o.OUT, o.FIGURE, o.SHOWN, o.PICTURE)
+@with_options(o.MODEL, o.START, o.SECTION_KIND, o.IMPACTS, o.PERIODS, o.ENGINE, o.OUT, o.FIGURE, o.SHOWN, o.PICTURE)
 def section(options: Options) -> None:
     """Impact map or Poincare map of the settled motion, and the name of that motion.
 
@@ -67,7 +66,7 @@ def _motion(function: str, study: Study, options: Options) -> None:
     output.hand_on(dataset, options, perf_counter() - began)
 
 
-@o.with_options(
+@with_options(
     o.MODEL, o.START, o.X, o.SECTION, o.COORDINATE, o.DIRECTION, o.INDICES, o.IMPACTS, o.PERIODS, o.ENGINE, o.WORKERS,
     o.OUT, o.FIGURE, o.INDEX, o.PICTURE,
 )  # fmt: skip
@@ -91,7 +90,7 @@ def diagram(options: Options) -> None:
     _sweep("bifurcation_diagram", Meter("diagram", patience=GRACE, opening=study.tell), study, options, **study.axes)
 
 
-@o.with_options(
+@with_options(
     o.MODEL, o.START, o.STARTS, o.X, o.Y, o.MORE_AXES, o.INDICES, o.BY_STOP, o.IMPACTS, o.ENGINE, o.EVERY_IMPACT,
     o.WORKERS, o.CLUSTER, o.TILE, o.REFINE, o.OUT, o.FIGURE, o.INDEX, o.LEVEL, o.PICTURE,
 )  # fmt: skip
@@ -124,9 +123,7 @@ def parameter_map(options: Options) -> None:
     resumed = stored and files.store_exists(options)
     if not resumed:
         output.check(options, "parameter_map", study.given.get("indices", ("std",)), len(study.axes))
-    more = options.numbers("tile", "refine")
-    if options["cluster"] is not None:
-        more["cluster"] = options["cluster"]
+    more = options.given("tile", "refine", "cluster")
     if stored:
         _into_store(study, options, more, resumed=resumed)
     else:
@@ -147,7 +144,7 @@ def _with_index(options: Options) -> Study:
         return replace(study, given={**study.given, "indices": check_indices([*computed, index])})
 
 
-@o.with_options(
+@with_options(
     o.MODEL, o.START_X, o.START_Y, o.START_PHASE, o.OTHERS, o.ON_STOP, o.TRANSIENT_IMPACTS, o.BASIN_IMPACTS, o.BACKEND,
     o.TOLERANCE, o.WORKERS, o.OUT, o.PICTURE,
 )  # fmt: skip
@@ -184,8 +181,8 @@ def _initial_conditions(study: Study, options: Options) -> dict[str, Any]:
 
     axes: dict[str, Any] = {}
     with refusing():
-        for flag, text in (("--x", options["x"]), ("--y", options["y"])):
-            for name, span in parse_axis(flag, text, o.GRID, "phase=0:1:200").items() if text else ():
+        for axis in ("x", "y"):
+            for name, span in (options.value(axis) or {}).items():
                 if name in axes:
                     raise WrongRequest(f"the axis {name} is given twice; give each coordinate one axis")
                 axes[name] = span_values(Parameter(name, name), span, least=2)
@@ -239,7 +236,7 @@ def _call(function: str, study: Study, **more: Any) -> xr.Dataset:
 # Verdicts
 
 
-@o.with_options(o.MODEL, o.SEARCH, o.WORKERS, o.JSON)
+@with_options(o.MODEL, o.SEARCH, o.WORKERS, o.JSON)
 def describe(options: Options) -> None:
     """What it does, how hard it hits, how far it is from another motion, and ways to soften the impacts.
 
@@ -260,9 +257,9 @@ def describe(options: Options) -> None:
         raise Interrupted("interrupted; what was found so far is shown")
 
 
-@o.with_options(
-    o.Option("first", "A.toml", "The study file of one design.", flags=(), required=True),
-    o.Option("second", "B.toml", "That of the other.", flags=(), required=True),
+@with_options(
+    Option("first", "A.toml", "The study file of one design.", flags=(), required=True),
+    Option("second", "B.toml", "That of the other.", flags=(), required=True),
     o.PARAMETERS, o.USER_MODEL, o.SEARCH, o.WORKERS, o.JSON, o.COMPARE_OUT, o.PICTURE,
 )  # fmt: skip
 def compare(options: Options) -> None:
@@ -277,8 +274,6 @@ def compare(options: Options) -> None:
     """
     files = [options["first"], options["second"]]
     first, second = (options.study(file) for file in files)
-    if output.is_figure(options):
-        first, second = (study.of_one_mass("a figure of compare") for study in (first, second))
     output.check_looks(options, (*output.FIGURE_ENDINGS, ".json"))
     import vibroimpact
 
@@ -313,9 +308,9 @@ def _search(study: Study, options: Options) -> dict[str, Any]:
     """Return which parameters a verdict varies, and how far."""
     from vibroimpact.cli.study import name_of
 
-    chosen = options.numbers("within")
+    chosen = options.given("within")
     if options["vary"] is not None:
-        chosen["parameters"] = [name_of(study.model, name.strip()) for name in options["vary"].split(",")]
+        chosen["parameters"] = [name_of(study.model, name) for name in options.value("vary")]
     return chosen
 
 

@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from vibroimpact.cli import REFUSALS, Interrupted, output, refusing
-from vibroimpact.cli import options as o
+from vibroimpact.cli import schema as o
+from vibroimpact.cli.options import FLAG, PATH, Option, Options, with_options
 from vibroimpact.parameters import printable
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
-    from vibroimpact.cli.options import Options
     from vibroimpact.execution.store import SweepStore
 
 
-@o.with_options(
-    o.Option("file", "FILE", "A result saved as .zarr or .nc.", flags=(), required=True),
+@with_options(
+    Option("file", "FILE", "A result saved as .zarr or .nc.", flags=(), required=True),
     o.FIGURE_KIND, o.SHOWN, o.INDEX, o.LEVEL, o.SWEEP_FILE, o.OVER, o.OUT, o.PICTURE,
 )  # fmt: skip
 def plot(options: Options) -> None:
@@ -68,7 +68,7 @@ def _understood(path: Path) -> Iterator[None]:
         raise OSError(f"{str(path)!r} is damaged, or no result of this package ({what}); make it again") from error
 
 
-@o.with_options(o.Option("file", "STORE", "A map written tile by tile, as a .zarr.", flags=(), required=True))
+@with_options(Option("file", "STORE", "A map written tile by tile, as a .zarr.", flags=(), required=True))
 def info(options: Options) -> None:
     """Progress of a stored map, what it cost and found, and how to continue it.
 
@@ -79,9 +79,9 @@ def info(options: Options) -> None:
     typer.echo("\n".join(map(printable, sentences_of_store(options["file"]))))
 
 
-@o.with_options(
+@with_options(
     o.FOLDER,
-    o.Option("quick", "", "Coarse grids: the same report in well under a minute.", kind=o.FLAG),
+    Option("quick", "", "Coarse grids: the same report in well under a minute.", kind=FLAG),
     o.LEVEL, o.OVERWRITE,
 )  # fmt: skip
 def reproduce(options: Options) -> None:
@@ -91,7 +91,7 @@ def reproduce(options: Options) -> None:
 
       vibroimpact reproduce --out report --quick
     """
-    level = output.level_of(options)
+    level = options.value("level")
     from vibroimpact.studies.lee import run
 
     with Meter("report", keeps=False) as meter:
@@ -105,14 +105,14 @@ def reproduce(options: Options) -> None:
     typer.echo(f"wrote {report} ({meter.seconds:.3g} s)")
 
 
-@o.with_options(
-    o.Option(
-        "store", "STORE", "A saved map over two or more parameters, .zarr or .nc, to open.", flags=(), kind=o.PATH
+@with_options(
+    Option(
+        "store", "STORE", "A saved map over two or more parameters, .zarr or .nc, to open.", flags=(), kind=PATH
     ),
-    o.Option("port", "N", "Port to listen on; 0 is any free port. (default: the first free one from 5006)"),
+    Option("port", "N", "Port to listen on; 0 is any free port. (default: the first free one from 5006)"),
     replace(o.USER_MODEL, help="What to show: a model of your own (its file is run), or a ready-made one.", panel=None),
-    o.Option("no_browser", "", "Print the address, and open nothing.", kind=o.FLAG),
-    o.Option("host", "ADDRESS", "Address to listen on, for access from the network. (default: 127.0.0.1)"),
+    Option("no_browser", "", "Print the address, and open nothing.", kind=FLAG),
+    Option("host", "ADDRESS", "Address to listen on, for access from the network. (default: 127.0.0.1)"),
 )  # fmt: skip
 def explore(options: Options) -> None:
     r"""A page in the browser: turn the parameters, see the stability map, click a point, watch its motion.
@@ -142,13 +142,13 @@ def explore(options: Options) -> None:
             options["store"],
             model=model,
             name=name,
-            port=options.number("port"),
+            port=options.value("port"),
             host=options["host"] or "127.0.0.1",
             browser=not options["no_browser"],
         )
 
 
-@o.with_options(replace(o.CLUSTER, help="Compile on each machine of a Dask cluster: tcp://HOST:PORT of its scheduler."))
+@with_options(replace(o.CLUSTER, help="Compile on each machine of a Dask cluster: tcp://HOST:PORT of its scheduler."))
 def warm_up(options: Options) -> None:
     """Compile all that is compiled at its first use, for an image, a cluster, or a first command that does not wait.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from time import perf_counter
@@ -13,16 +12,14 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import typer
 
 from vibroimpact.cli import Ended, WrongRequest, output, refusing
-from vibroimpact.cli import options as o
-from vibroimpact.cli.options import numbers
+from vibroimpact.cli import schema as o
+from vibroimpact.cli.options import Options, numbers, with_options
 from vibroimpact.compiling import told_first
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibroimpact.cli.options import Options
     from vibroimpact.cli.study import Study
     from vibroimpact.continuation import Boundaries, Branch
     from vibroimpact.model import Model
@@ -38,7 +35,7 @@ DIAGRAM = {"transient_impacts": 500, "sample_impacts": 100}  # of each value, un
 # Orbits
 
 
-@o.with_options(o.MODEL, o.ORBIT, o.STRUCK, o.ORBIT_OUT)
+@with_options(o.MODEL, o.ORBIT, o.STRUCK, o.ORBIT_OUT)
 def orbit(options: Options) -> None:
     """Periodic orbits of one (n, p) type, stable or not: impacts, Floquet multipliers.
 
@@ -60,45 +57,39 @@ def orbit(options: Options) -> None:
         output.write_json(orbits_json(found, study.model), options, out)
         typer.echo(f"wrote {out} ({perf_counter() - began:.2g} s)")
         return
-    asked = {name: options[name] for name in ("stops", "symmetric", "near") if options[name]}
-    asked = {"n_periods": options.number("n_periods", 1), **asked} if "stops" in asked else _type(options) | asked
-    output.hand_on(orbits_dataset(found, study.model, asked), options, perf_counter() - began)
+    arguments = {name: options[name] for name in ("stops", "symmetric", "near") if options[name]}
+    arguments = (
+        {"n_periods": options.value("n_periods"), **arguments} if "stops" in arguments else _type(options) | arguments
+    )
+    output.hand_on(orbits_dataset(found, study.model, arguments), options, perf_counter() - began)
 
 
 def _type(options: Options) -> dict[str, Any]:
-    return {name: options.number(name, 1) for name in ("n_periods", "n_impacts")}
+    return {name: options.value(name) for name in ("n_periods", "n_impacts")}
 
 
 def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Any]:
-    """Return the orbits of the given type, or of the options' type."""
-    import vibroimpact
-
-    if not study.is_one_mass:
-        return _find_of_system(study, options, **orbit_type)
-    if given := [f"`--{name}`" for name in ("stops", "symmetric") if options.get(name)]:
-        raise WrongRequest(f"{given[0]} goes with a system, and {study.model!s} has one stop; leave it out")
-    near: Any = options["near"] and numbers("--near", options["near"], "PHASE,VELOCITY such as 0.25,1.4", 2)
-    with refusing():
-        return vibroimpact.find_orbit(study.model, **orbit_type or _type(options), near=near)
-
-
-def _find_of_system(study: Study, options: Options, **orbit_type: Any) -> Orbits[SystemOrbit]:
-    """Return the orbits of a system that strike the given stops in turn, or have the given type."""
+    """Return the orbits that strike the given stops in turn, or have the given type, or that of the options."""
     import vibroimpact
     from vibroimpact.orbits.systems import find
 
-    struck, symmetric = (options.get(name) for name in ("stops", "symmetric"))
-    named, more = struck or symmetric, orbit_type or _type(options)
-    if named and options["n_impacts"] is not None:
-        raise WrongRequest("give either `--impacts` or the stops that are struck, not both")
-    if options["near"] and not struck:
-        raise WrongRequest("`--near` of a system goes with `--stops`: a time in s for each of them")
-    near: Any = options["near"] and numbers("--near", options["near"], "times in s such as 0.1,0.3")
+    names, symmetric, near = (options.get(name) for name in ("stops", "symmetric", "near"))
+    kind = orbit_type or _type(options)
     with refusing():
-        if not named:
-            return vibroimpact.find_orbit(study.model, **more)
-        stops: Any = struck and [name.strip() for name in struck.split(",")]
-        return find(study.model, n_periods=more["n_periods"], stops=stops, symmetric=bool(symmetric), near=near)
+        impact_is_state = study.model.at().forgets
+        if not (names or symmetric):
+            if near and not impact_is_state:
+                raise WrongRequest("`--near` of a system goes with `--stops`: a time in s for each of them")
+            start: Any = near and numbers("--near", near, "PHASE,VELOCITY such as 0.25,1.4", 2)
+            return vibroimpact.find_orbit(study.model, **kind, near=start)
+        if impact_is_state:
+            flag = "--stops" if names else "--symmetric"
+            raise WrongRequest(f"`{flag}` goes with a system, and {study.model!s} has one stop; leave it out")
+        if options["n_impacts"] is not None:
+            raise WrongRequest("give either `--impacts` or the stops that are struck, not both")
+        times: Any = near and numbers("--near", near, "times in s such as 0.1,0.3")
+        stops = options.value("stops")
+        return find(study.model, n_periods=kind["n_periods"], stops=stops, symmetric=bool(symmetric), near=times)
 
 
 def orbits_dataset(found: Orbits[Any], model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
@@ -112,7 +103,7 @@ def orbits_dataset(found: Orbits[Any], model: Model, arguments: Mapping[str, Any
     counts = [len(orbit.velocities) for orbit in found]
     content = orbit_variables(found, max(counts, default=0), "orbit")
     parts = {"real": "real part of a Floquet multiplier", "imag": "imaginary part of a Floquet multiplier"}
-    several = not isinstance(model.at(), ImpactOscillator)
+    several = not model.at().says_all
     for part, text in parts.items():
         rows = [[getattr(complex(value), part) for value in orbit.multipliers] for orbit in found]
         table = np.array(rows) if rows else np.empty((0, 2 * np.size(model.at().mass, 0) if several else 2))
@@ -203,7 +194,7 @@ def _sentence(found: Orbits[Any]) -> str:
 # Branches
 
 
-@o.with_options(o.MODEL, o.RANGE, o.ORBIT, o.STRUCK, o.DOUBLINGS, o.STEP, o.WORKERS, o.OUT, o.DIAGRAM, o.PICTURE)
+@with_options(o.MODEL, o.RANGE, o.ORBIT, o.STRUCK, o.DOUBLINGS, o.STEP, o.WORKERS, o.OUT, o.DIAGRAM, o.PICTURE)
 def follow(options: Options) -> None:
     """Follow the orbits of one (n, p) type along a parameter, through folds; report where they change.
 
@@ -224,12 +215,11 @@ def follow(options: Options) -> None:
     if options["diagram"] and not output.is_figure(options):
         raise WrongRequest("`--diagram` needs a figure; add for example --out branch.png")
     from vibroimpact.dataset import bundle, provenance
-    from vibroimpact.parameters import whole_number
 
     with Meter("orbits", opening=study.tell) as meter, refusing():
-        doublings = whole_number("doublings", options.number("doublings", 0), 0)
+        doublings = options.value("doublings")
         found = _find(study, options)
-        branches = _branches(found, parameter, span, meter, doublings, **options.numbers("step"))
+        branches = _branches(found, parameter, span, meter, doublings, **options.given("step"))
     if not branches:
         _nothing(found.message, options)
     beneath = _diagram(study, parameter, span) if options["diagram"] and not meter.stopped else None
@@ -247,7 +237,7 @@ def _branches(
 
     if found and found[0].sticks:
         instead = "follow their end with `vibroimpact boundary --kind end-of-sticking`"
-        if not isinstance(found[0].model.at(), ImpactOscillator):
+        if not found[0].model.at().forgets:
             instead = "find them value by value, with `vibroimpact orbit --impacts -1`"
         raise WrongRequest(f"orbits that rest at the stop have no branch; {instead}")
     return follow_all(
@@ -310,7 +300,7 @@ def _nothing(message: str, options: Options) -> NoReturn:
 # Boundaries
 
 
-@o.with_options(
+@with_options(
     o.MODEL, o.RANGE_X, o.RANGE_Y, o.KINDS, o.PERIODS_LIST, o.ORBIT_IMPACTS, o.NEAR, o.LINES, o.STEP, o.OUT, o.OVER,
     o.INDEX, o.PICTURE,
 )  # fmt: skip
@@ -331,12 +321,13 @@ def boundary(options: Options) -> None:
       vibroimpact boundary -p w=0.9 --impacts 2 --x w=0.6:1.1 --y r=0.5:0.9
     """
     study = options.study()
-    of_orbits = options["near"] is not None or options.number("n_impacts", 1) != 1
+    of_orbits = options["near"] is not None or options.value("n_impacts") != 1
     box = _ranges(study, 2, contain=of_orbits)
-    names, kinds = tuple(box), _kinds(options["kinds"], study)
+    names, kinds = tuple(box), _kinds(options, study)
+    from vibroimpact.figures import MOTION
     from vibroimpact.indices import INDICES
 
-    output.check(options, "boundary_curves", (*INDICES, output.MOTION))
+    output.check(options, "boundary_curves", (*INDICES, MOTION))
     over = output.map_beneath(options, names)
     with Meter("boundaries", opening=study.tell) as meter, refusing():
         curves = (_of_orbits if of_orbits else _all)(study, box, kinds, options, meter)
@@ -360,9 +351,9 @@ def _all(study: Study, box: Mapping[str, Range], kinds: tuple[str, ...], options
     """Return the curves of what a coarse map shows, or, with --periods, of orbits with one impact and of sticking."""
     import vibroimpact
 
-    more = options.numbers("lines", "step")
+    more = options.given("lines", "step")
     if options["periods_list"]:
-        more["n_periods"] = _periods(options, "")
+        more["n_periods"] = options.value("periods_list")
     plane: Any = tuple(box), tuple(box.values())
     return vibroimpact.boundary_curves(study.model, *plane, kinds=kinds, progress=meter, **more)
 
@@ -374,10 +365,10 @@ def _of_orbits(
     from vibroimpact.continuation import curves_through
     from vibroimpact.motion import listed
 
-    step, names = options.numbers("step"), tuple(box)
+    step, names = options.given("step"), tuple(box)
     branches: list[Branch] = []
-    for n in _periods(options, "1"):
-        found = _find(study, options, n_periods=n, n_impacts=options.number("n_impacts", 1))
+    for n in options.value("periods_list") or (1,):
+        found = _find(study, options, n_periods=n, n_impacts=options.value("n_impacts"))
         branches += _branches(found, names[0], box[names[0]], meter, **step)
     points = [point for branch in branches for point in branch.special if point.kind in kinds]
     plane: Any = names, tuple(box.values())
@@ -387,16 +378,13 @@ def _of_orbits(
     return curves
 
 
-def _periods(options: Options, usual: str) -> Any:
-    return numbers("--periods", options["periods_list"] or usual, "whole numbers such as 1,2")
-
-
-def _kinds(text: str | None, study: Study) -> tuple[str, ...]:
+def _kinds(options: Options, study: Study) -> tuple[str, ...]:
+    """Return the kinds of boundaries: those typed, or all that the model may have."""
     from vibroimpact.continuation.results import kinds_of
 
     with refusing():
         known = kinds_of(study.model)
-    chosen = known if text is None else tuple(re.sub("[- ]", "_", part.strip()) for part in text.split(","))
+    chosen = [kind.replace("-", "_").replace(" ", "_") for kind in options.value("kinds") or known]
     if unknown := [kind for kind in chosen if kind not in known]:
         raise WrongRequest(f"unknown `--kind` {unknown[0]!r}; choose from {', '.join(known).replace('_', '-')}")
-    return chosen
+    return tuple(chosen)

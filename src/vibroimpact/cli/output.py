@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from vibroimpact.cli import Interrupted, WrongRequest, refusing
-from vibroimpact.cli.options import number
-from vibroimpact.figures import DOTS, EXPONENTS, INCHES, KINDS, check_dpi, check_size, kinds_of
+from vibroimpact.cli.options import Options
+from vibroimpact.figures import EXPONENTS, KINDS, MOTION, kind_of_index, kinds_of
 from vibroimpact.parameters import choice
 from vibroimpact.progress import Meter, speed
 
@@ -21,10 +21,9 @@ if TYPE_CHECKING:
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 FILM_ENDINGS = (".gif", ".mp4")
 NEEDS = {name: kind.needs for name, kind in KINDS.items()}  # indices that figures are drawn from
-MOTION = "motion"  # in place of an index: the types of motion
 
 
-def hand_on(dataset: xr.Dataset, options: Mapping[str, Any], seconds: float, over: xr.Dataset | None = None) -> None:
+def hand_on(dataset: xr.Dataset, options: Options, seconds: float, over: xr.Dataset | None = None) -> None:
     """Write a result to its file, or print its sentences."""
     if options["out"] is not None:
         write(dataset, options, options["out"], over)
@@ -37,9 +36,7 @@ def hand_on(dataset: xr.Dataset, options: Mapping[str, Any], seconds: float, ove
         typer.echo(line)
 
 
-def finish(
-    dataset: xr.Dataset | None, options: Mapping[str, Any], meter: Meter, over: xr.Dataset | None = None
-) -> None:
+def finish(dataset: xr.Dataset | None, options: Options, meter: Meter, over: xr.Dataset | None = None) -> None:
     """Hand on a result, or what an interrupted command had finished, without replacing a complete result."""
     from vibroimpact.files import partial_name
     from vibroimpact.status import Status
@@ -55,11 +52,11 @@ def finish(
     if out is not None and out.exists():
         message += f"; {out} is unchanged"
         out = partial_name(out)
-    hand_on(dataset, {**options, "out": out}, meter.seconds, over)
+    hand_on(dataset, options.with_values(out=out), meter.seconds, over)
     raise Interrupted(message)
 
 
-def check(options: Mapping[str, Any], function: str, indices: tuple[str, ...] = (), n_axes: int = 0) -> None:
+def check(options: Options, function: str, indices: tuple[str, ...] = (), n_axes: int = 0) -> None:
     """Refuse an output that could not be made, before anything is computed."""
     check_looks(options, FIGURE_ENDINGS + FILM_ENDINGS * (function == "simulate"))
     if _is_film(options) and any(options.get(name) is not None for name in ("figure", "size", "dpi")):
@@ -79,12 +76,13 @@ def check(options: Mapping[str, Any], function: str, indices: tuple[str, ...] = 
         raise WrongRequest(f"`--out` must be data such as .zarr for {n_axes} axes, got {str(options['out'])!r}")
 
 
-def check_looks(options: Mapping[str, Any], endings: tuple[str, ...] = FIGURE_ENDINGS) -> None:
+def check_looks(options: Options, endings: tuple[str, ...] = FIGURE_ENDINGS) -> None:
     """Refuse a place that cannot be written to, and invalid sizes and levels.
 
     `endings` are those allowed besides the formats of data.
     """
-    _size(options), _dpi(options), level_of(options)
+    for name in ("size", "dpi", "level"):
+        options.value(name)
     if options.get("out") is not None:
         from vibroimpact.files import DATA_ENDINGS, check_output
 
@@ -102,7 +100,7 @@ def _is_film(options: Mapping[str, Any]) -> bool:
     return is_figure(options) and options["out"].suffix.lower() in FILM_ENDINGS
 
 
-def read(options: Mapping[str, Any], name: str) -> xr.Dataset | None:
+def read(options: Options, name: str) -> xr.Dataset | None:
     """Return the saved result that an option names; it is drawn only in a figure."""
     if options.get(name) is None:
         return None
@@ -114,7 +112,7 @@ def read(options: Mapping[str, Any], name: str) -> xr.Dataset | None:
         return load(options[name])
 
 
-def write_json(content: Any, options: Mapping[str, Any], path: Path) -> None:
+def write_json(content: Any, options: Options, path: Path) -> None:
     """Write plain lists, dictionaries, numbers and text."""
     from vibroimpact.files import replacing
 
@@ -127,7 +125,7 @@ def as_json(content: Any) -> str:
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
 
 
-def write(dataset: xr.Dataset, options: Mapping[str, Any], path: Path, over: xr.Dataset | None = None) -> None:
+def write(dataset: xr.Dataset, options: Options, path: Path, over: xr.Dataset | None = None) -> None:
     """Write data, a film, or a figure drawn over another result, in the format that the ending of `path` names."""
     if not is_figure({"out": path}):
         from vibroimpact.files import save
@@ -142,25 +140,21 @@ def write(dataset: xr.Dataset, options: Mapping[str, Any], path: Path, over: xr.
     from vibroimpact import plotting
 
     if _is_film({"out": path}):
-        shown = _shown(options)
+        shown = options.given("coordinate", "stop")
         with refusing(OSError), Meter("film", keeps=False) as meter:
             plotting.animate(dataset, path, overwrite=options["overwrite"], progress=meter, **shown)
         return
     try:
         with refusing(OSError):
             drawn = draw(dataset, options, over)
-        plotting.save_figure(drawn, path, size=_size(options), dpi=_dpi(options), overwrite=options["overwrite"])
+        plotting.save_figure(
+            drawn, path, size=options.value("size"), dpi=options.value("dpi"), overwrite=options["overwrite"]
+        )
     finally:
         plt.close("all")
 
 
-def _shown(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return which coordinate or stop of a system is shown, where that was asked for."""
-    shown = {name: options[name] for name in ("coordinate", "stop") if options.get(name) is not None}
-    return shown | ({"coordinate": number(shown["coordinate"])} if "coordinate" in shown else {})
-
-
-def draw(dataset: xr.Dataset, options: Mapping[str, Any], over: xr.Dataset | None = None) -> Any:
+def draw(dataset: xr.Dataset, options: Options, over: xr.Dataset | None = None) -> Any:
     """Return the Axes of the figure chosen, or of the one that suits the result."""
     from vibroimpact import plotting
 
@@ -180,7 +174,7 @@ def draw(dataset: xr.Dataset, options: Mapping[str, Any], over: xr.Dataset | Non
     if kind.startswith("index-"):
         more["index"] = index or _first_index(dataset)
     if kind == "index-contour":
-        more["level"] = level_of(options)
+        more["level"] = options.value("level")
     if kind == "exponent-map":
         more["index"] = index or next((name for name in EXPONENTS if name in dataset), EXPONENTS[0])
     if kind == "branch-diagram":
@@ -188,7 +182,7 @@ def draw(dataset: xr.Dataset, options: Mapping[str, Any], over: xr.Dataset | Non
     if kind == "boundaries" and over is not None:
         more |= _beneath_boundaries(over, index or _first_index(over))
     if kind in ("time-history", "phase-portrait", "stroboscopic-map"):
-        more |= _shown(options)
+        more |= options.given("coordinate", "stop")
     if kind == "bifurcation-diagram" and index is not None:
         if index not in dataset:
             raise ValueError(f"`--index` must be an index of the diagram, got {index!r}; add it to --indices")
@@ -198,20 +192,17 @@ def draw(dataset: xr.Dataset, options: Mapping[str, Any], over: xr.Dataset | Non
 
 def _kind_for(index: str | None, usual: str) -> str:
     """Return the figure of an index over two axes: exponents and types of motion have their own."""
-    if usual not in ("index-contour", "exponent-map") or index is None:
-        return usual
-    return "motion-map" if index == MOTION else "exponent-map" if index in EXPONENTS else "index-contour"
+    return usual if index is None or usual not in ("index-contour", "exponent-map") else kind_of_index(index)
 
 
 def _beneath_boundaries(over: xr.Dataset, index: str) -> dict[str, Any]:
-    """Return the function that draws a map beneath boundaries: types of motion, exponents, or contours of an index."""
+    """Return what draws a map beneath boundaries: types of motion, exponents, or contours of an index."""
     from vibroimpact import plotting
 
-    if index == MOTION:
-        return {"ax": plotting.motion_map(over)}
-    if index in EXPONENTS:
-        return {"ax": plotting.exponent_map(over, index)}
-    return {"sweep": over, "index": index}
+    kind = kind_of_index(index)
+    if kind == "index-contour":
+        return {"sweep": over, "index": index}
+    return {"ax": plotting.KINDS[kind](over, **{} if index == MOTION else {"index": index})}
 
 
 def _first_index(dataset: xr.Dataset) -> str:
@@ -220,36 +211,7 @@ def _first_index(dataset: xr.Dataset) -> str:
     return next((name for name in EVERY if name in dataset), "std")
 
 
-def _size(options: Mapping[str, Any]) -> tuple[float, float] | None:
-    text = options.get("size")
-    if text is None:
-        return None
-    try:
-        return check_size([number(part) for part in text.lower().split("x")])
-    except ValueError:
-        each = "{:g} to {:g} inches".format(*INCHES)
-        raise WrongRequest(f"`--size` must be width x height such as 8x5, each {each}, got {text!r}") from None
-
-
-def _dpi(options: Mapping[str, Any]) -> float:
-    text = options.get("dpi")
-    try:
-        return 150.0 if text is None else check_dpi(number(text))
-    except ValueError:
-        between = "between {:g} and {:g}".format(*DOTS)
-        raise WrongRequest(f"`--dpi` must be {between}, got {text!r}; 150 is usual") from None
-
-
-def level_of(options: Mapping[str, Any]) -> float | None:
-    """Return the level at which a boundary is drawn; None leaves it to the figure."""
-    text = options.get("level")
-    level = None if text is None else number(text)
-    if isinstance(level, str) or (level is not None and not abs(level) < float("inf")):
-        raise WrongRequest(f"`--level` must be a finite number, got {text!r}; give it in the unit of the index")
-    return level
-
-
-def map_beneath(options: Any, names: tuple[str, ...]) -> xr.Dataset | None:
+def map_beneath(options: Options, names: tuple[str, ...]) -> xr.Dataset | None:
     """Return the saved map that the curves are drawn over."""
     over = read(options, "over")
     if over is None:

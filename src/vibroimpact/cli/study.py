@@ -8,27 +8,18 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vibroimpact.beside import compile_beside
-from vibroimpact.cli import WrongRequest, refusing
-from vibroimpact.cli.options import ENDS
+from vibroimpact.cli import refusing
+from vibroimpact.cli.schema import ENDS, TABLES
 from vibroimpact.cli.units import has_unit, left_dimensionless, without_unit
 from vibroimpact.model import Model, State
-from vibroimpact.options import Sampling, Tolerances
+from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import ImpactOscillator
-from vibroimpact.parameters import (
-    Parameter,
-    choice,
-    invalid,
-    phase_number,
-    positive_number,
-    real_number,
-    unknown,
-    whole_number,
-)
+from vibroimpact.parameters import Parameter, invalid, unknown, whole_number
 
 if TYPE_CHECKING:
     import numpy as np
@@ -37,80 +28,6 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 MOST_POINTS = 10_000_000  # of an axis; a typing error asks for more
-
-
-# The schema: what each table of a study file may hold
-
-
-def _part_of(kind: type) -> dict[str, Callable[[str, Any], Any]]:
-    """Return the checks of a dataclass's fields, each made by the dataclass itself."""
-    return {field.name: lambda name, value: getattr(kind(**{name: value}), name) for field in fields(kind)}
-
-
-def _one_of(*values: str) -> Callable[[str, Any], str]:
-    return lambda name, value: choice(name, value, values)
-
-
-def _flag(name: str, value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise invalid(name, value, "true or false")
-    return value
-
-
-def _count(name: str, value: Any) -> int:
-    return whole_number(name, value, 1)
-
-
-def _none_or_more(name: str, value: Any) -> int:
-    return whole_number(name, value, 0)
-
-
-def _several(name: str, value: Any) -> int:
-    return whole_number(name, value, 2)
-
-
-def _indices(name: str, value: Any) -> tuple[str, ...]:
-    from vibroimpact.indices import check_indices
-
-    if not isinstance(value, (str, list, tuple)):
-        raise invalid(name, value, 'a list of names such as ["std"]')
-    return check_indices(value)
-
-
-def _backend(name: str, value: Any) -> str:
-    from vibroimpact.backends import BACKENDS
-
-    return choice(name, value, BACKENDS)
-
-
-def _coordinates(name: str, value: Any) -> Any:
-    """Return a number, or several for the coordinates of a system."""
-    return [real_number(name, each) for each in value] if isinstance(value, (list, tuple)) else real_number(name, value)
-
-
-TABLES: dict[str, dict[str, Callable[[str, Any], Any]]] = {
-    "sampling": {
-        **_part_of(Sampling),
-        "phase": phase_number,
-        "periods": positive_number,
-        "skip_periods": _none_or_more,
-        "samples_per_period": _count,
-    },
-    "start": {"displacement": _coordinates, "velocity": _coordinates, "time": real_number},
-    "tolerances": _part_of(Tolerances),
-    "run": {
-        "indices": _indices,
-        "backend": _backend,
-        "time_step": positive_number,
-        "workers": _count,
-        "section": _one_of("impact", "stroboscopic"),
-        "direction": _one_of("fresh", "up", "down"),
-        "early_closing": _flag,
-        "by_stop": _flag,
-        "starts": _several,
-        "coordinate": _none_or_more,
-    },
-}
 
 
 @dataclass(frozen=True)
@@ -142,20 +59,6 @@ class Study:
         """Say which model and numbers are used, once nothing of the request is refused any more."""
         warning = [f"vibroimpact: {self.warning}"] if self.warning else []
         print(self, *warning, sep="\n", file=sys.stderr, flush=True)
-
-    def of_one_mass(self, command: str) -> Study:
-        """Return the study, or refuse it for a command that takes one mass with one stop only."""
-        if not self.is_one_mass:
-            commands = "simulate, section, diagram, map, orbit, continue, boundary, basins, describe and compare"
-            made = self.model.at()
-            raise WrongRequest(f"{command} takes one mass with one stop only, got {made!s}; systems have {commands}")
-        return self
-
-    @property
-    def is_one_mass(self) -> bool:
-        """Whether its model is one mass with one stop."""
-        with refusing():
-            return isinstance(self.model.at(), ImpactOscillator)
 
     def arguments(self, function: str) -> dict[str, Any]:
         """Return the study's arguments of a public function, axes left out: a function takes those that concern it."""
@@ -213,35 +116,35 @@ def make_study(
     ValueError: `sample_impacts` must be a whole number >= 1, got 0
     """
     reader, typed = _Reader(dotted), changes or {}
-    own = reader.tables(document)
+    file = reader.tables(document)
     if typed.get("start"):
-        own["run"] = {key: value for key, value in own["run"].items() if key != "starts"}
+        file["run"] = {key: value for key, value in file["run"].items() if key != "starts"}
     if "starts" in typed.get("run", ()):
-        own["start"] = {}
+        file["start"] = {}
     model: Model = ImpactOscillator()
     if "model" in document:
         from vibroimpact.families import load_model
 
         model = load_model(document["model"])
 
-    values = reader.values("oscillator", model, Parameter.check, own["oscillator"], typed.get("oscillator", {}))
+    values = reader.values("oscillator", model, Parameter.check, file["oscillator"], typed.get("oscillator", {}))
     if not reader.faults:
         model = reader.check("", "", lambda: model.replace(**values)) or model
-    axes = reader.values("axes", model, axis_values, typed.get("axes") or own["axes"])
-    given = {table: reader.entries(table, {**own[table], **typed.get(table, {})}) for table in TABLES}
+    axes = reader.values("axes", model, axis_values, typed.get("axes") or file["axes"])
+    given = {table: reader.entries(table, {**file[table], **typed.get(table, {})}) for table in TABLES}
     if given["start"] and "displacement" not in given["start"]:
         reader.faults.append("`start` must have a `displacement`, in m")
     if given["start"] and "starts" in given["run"]:
         reader.faults.append("give either `start` or `starts`, not both")
     if not reader.faults:
         reader.check("", "", _check_replaced, model, values, axes)
-    if reader.faults:
-        raise ValueError("\n".join(reader.faults))
-    start = {"start": reader.check("", "", lambda: State(**given["start"]))} if given["start"] else {}
+    start = {}
+    if given["start"] and not reader.faults:
+        start["start"] = reader.check("", "", lambda: State(**given["start"]))
     if reader.faults:
         raise ValueError("\n".join(reader.faults))
     tolerances = {"tolerances": Tolerances(**given["tolerances"])} if given["tolerances"] else {}
-    written = [*own["oscillator"].values(), *typed.get("oscillator", {}).values(), *own["axes"].values()]
+    written = [*file["oscillator"].values(), *typed.get("oscillator", {}).values(), *file["axes"].values()]
     in_si = {"mass", "stiffness"} <= set(values) or has_unit([*written, *typed.get("axes", {}).values()])
     warning = left_dimensionless({*values, *axes}) if in_si and "model" not in document else ""
     return Study(model, axes, {**given["sampling"], **given["run"], **start, **tolerances}, warning)
@@ -270,7 +173,7 @@ class _Reader:
         table: str,
         model: Model,
         check: Callable[[Parameter, Any], Any],
-        own: Mapping[str, Any],
+        file: Mapping[str, Any],
         typed: Mapping[str, Any] | None = None,
     ) -> dict[str, Any]:
         """Return checked values by parameter; of those typed the last one wins, and replaces what a file has."""
@@ -278,7 +181,7 @@ class _Reader:
         taken = {name_of(model, key) for key in typed}
         taken |= {parameters[name].replaces or name for name in taken & set(parameters)}
         found: dict[str, tuple[str, Any]] = {}
-        for key, value in own.items():
+        for key, value in file.items():
             name = name_of(model, key)
             if name in found:
                 self.faults.append(f"give either `{found[name][0]}` or `{key}`, not both")
@@ -291,8 +194,8 @@ class _Reader:
         def checked(parameter: Parameter, value: Any) -> Any:
             return check(parameter, without_unit(parameter, value))
 
-        known = [(name, *given) for name, given in found.items() if name in parameters]
-        return {name: self.check(table, key, checked, parameters[name], value) for name, key, value in known}
+        entries = [(name, *given) for name, given in found.items() if name in parameters]
+        return {name: self.check(table, key, checked, parameters[name], value) for name, key, value in entries}
 
     def entries(self, table: str, entries: Mapping[str, Any]) -> dict[str, Any]:
         """Return the checked entries of a table."""

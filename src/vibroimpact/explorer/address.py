@@ -50,7 +50,7 @@ def to_query(view: View) -> str:
     for name, choice in CHOICES.items():
         value = getattr(view, name)
         if name == "index" or value != getattr(View, name):
-            pairs += [(choice.key, text) for text, known in choice.texts.items() if known == value]
+            pairs += [(choice.key, text) for text, offered in choice.texts.items() if offered == value]
     if view.start is not None:
         pairs.append(("start", _numbers(parts_of(view.start))))
     pairs += [("pin", _numbers(pin.values.values())) for pin in view.pins]
@@ -103,17 +103,16 @@ def _view(model: Model, names: dict[str, str], given: dict[str, str], pins: list
         if text is not None:
             content[name] = choice.texts[text]
     if "start" in given:
-        content["start"] = _start(given["start"], osc.at())
+        content["start"] = _start(given["start"], osc.at().coordinates)
     if pins:
         values = [_floats("pin", pin, len(names)) for pin in pins]
         content["pins"] = tuple(model.replace(**dict(zip(table(model), one, strict=True))) for one in values)
     return View(**content)
 
 
-def _start(text: str, made: Any) -> State:
-    number = 0 if isinstance(made, ImpactOscillator) else len(made.mass)
-    *parts, time = _floats("start", text, 2 * max(number, 1) + 1)
-    return State(parts[:number], parts[number:], time) if number else State(parts[0], parts[1], time)
+def _start(text: str, n: int) -> State:
+    *parts, time = _floats("start", text, 2 * n + 1)
+    return State(parts[:n], parts[n:], time)
 
 
 def _axis(axis: str, text: str, names: dict[str, str]) -> tuple[str, tuple[float, float]]:

@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 
 from vibroimpact import models
 from vibroimpact.explorer.address import BY_NAME, PRESETS, Preset, case_of, ranges_for
-from vibroimpact.explorer.limits import Range, allowed_range
+from vibroimpact.explorer.limits import Range, allowed_range, parts_of
 from vibroimpact.explorer.models import first_view
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import CHOICES, MOTION, parameter_label, rounded, symbol
+from vibroimpact.explorer.state import CHOICES, parameter_label, rounded, symbol
+from vibroimpact.figures import MOTION
 from vibroimpact.indices import INDICES
 
 MOST_OTHERS = 12  # offered as initial conditions
@@ -32,7 +33,7 @@ _ABOUT = (
     "<p>Click a point of the plane to see its motion. Drag to move, scroll to zoom. Choose a case above; Help explains "
     "terms and keys.{}</p>"
 )
-_OF_SYSTEMS = " Colours speak of all stops together; plots show one displacement, and as walls the stops in its way."
+_OF_SEVERAL = " Colours speak of all stops together; plots show one displacement, and as walls the stops in its way."
 
 
 class Menu(NamedTuple):
@@ -118,17 +119,18 @@ class Controls:
         return self._ranges
 
     def menus(self) -> dict[str, Menu]:
-        """Return every menu; those that a single mass does not need offer nothing."""
+        """Return every menu; those that offer no choice are empty."""
         view = self.explorer.view
         names = [(name, f"{name} {symbol(one)}" if one.symbol != name else name) for name, one in view.table.items()]
-        toward = [("0", "towards the stop"), *((str(one), f"coordinate {one}") for one in view.coordinates)]
-        stops = [("0", "at all stops"), *((str(at), f"at {name}") for at, name in enumerate(view.stops, 1))]
+        coordinates, names_of_stops = range(1, view.made.coordinates + 1), view.made.stop_names
+        toward = [("0", "towards the stop"), *((str(one), f"coordinate {one}") for one in coordinates)]
+        stops = [("0", "at all stops"), *((str(at), f"at {name}") for at, name in enumerate(names_of_stops, 1))]
         offered = {
             "index": _index_options(),
             "samples": [(text, text) for text in CHOICES["samples"].texts],
             "line": [("x", "x axis"), ("y", "y axis")],
-            "coordinate": toward if view.stops else [],
-            "stop": stops if view.stops else [],
+            "coordinate": toward if self._several else [],
+            "stop": stops if self._several else [],
         }
         return {
             "case": self._cases(),
@@ -137,6 +139,12 @@ class Controls:
             **{name: Menu(options, str(getattr(view, name))) for name, options in offered.items()},
             "start": self._starts(),
         }
+
+    @property
+    def _several(self) -> bool:
+        """Whether there are coordinates or stops to choose from."""
+        made = self.explorer.view.made
+        return bool(made.coordinates + len(made.stops) > 2)
 
     def _cases(self) -> Menu:
         view = self.explorer.view
@@ -151,18 +159,18 @@ class Controls:
         options, chosen = [("rest", "at rest")], "rest"
         for at, other in enumerate(self.explorer.others[:MOST_OTHERS]):
             options.append((str(at), f"on {other.name} ({100 * other.share:.0f} %)"))
-            chosen = str(at) if start == other.start else chosen
+            chosen = str(at) if start is not None and parts_of(start) == parts_of(other.start) else chosen
         if start is not None and chosen == "rest":
             options.append(("kept", "as in the link"))
             chosen = "kept"
         return Menu(options, chosen)
 
     def about(self) -> str:
-        """Return the source of a case's numbers; else what to do, and what the page cannot do for a system."""
+        """Return the source of a case's numbers; else what to do, and what is shown of several."""
         case = case_of(self.explorer.view)
         if case is not None:
             return _description(case)
-        return _ABOUT.format(_OF_SYSTEMS if self.explorer.view.stops else "")
+        return _ABOUT.format(_OF_SEVERAL if self._several else "")
 
     def rows(self) -> dict[str, tuple[float, float, float]]:
         """Return every parameter as it is now, and the ends of its slider."""

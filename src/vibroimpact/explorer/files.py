@@ -13,12 +13,14 @@ from typing import Any
 import numpy as np
 
 import vibroimpact as vi
+from vibroimpact import figures
 from vibroimpact.classes import NEEDED
 from vibroimpact.explorer.address import to_query
 from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.plane import OTHERS, TRANSIENT, WORST, positions
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import MOTION, View
+from vibroimpact.explorer.state import View
+from vibroimpact.figures import MOTION
 
 
 @dataclass(frozen=True)
@@ -55,18 +57,12 @@ def _indices(view: View) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*shown, *NEEDED[:3])))
 
 
-def _figure(index: str) -> tuple[str, tuple[str, ...]]:
-    """Return which function of `plotting` draws a plane of an index, and its arguments beside the sweep."""
-    if index == MOTION:
-        return "motion_map", ()
-    return ("exponent_map" if index.startswith("lyapunov") else "index_contour"), (index,)
-
-
 def python_lines(view: View) -> str:
     """Return a script that computes and draws what the view shows."""
     (x0, x1), (y0, y1) = _axis(view, "x"), _axis(view, "y")
     start = "" if view.start is None else f", start=vi.{view.start!r}"
-    figure, arguments = _figure(view.index)
+    figure = figures.KINDS[figures.kind_of_index(view.index)].function
+    arguments = () if view.index == MOTION else (view.index,)
     note = f"# the plane, from rest; start={OTHERS + 1} tries {OTHERS} other initial conditions of each cell too"
     more = ""
     if view.worst:
@@ -153,9 +149,7 @@ def _motion(explorer: Explorer) -> bytes:
     text = io.StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(["# " + ", ".join(f"{name} = {value!r}" for name, value in point.osc.values.items())])
-    writer.writerow(
-        ["time [s]", f"{'displacement' if point.shown.direction is None else point.shown.label} [m]", "velocity [m/s]"]
-    )
+    writer.writerow(["time [s]", f"{point.shown.name.removesuffix(' y')} [m]", "velocity [m/s]"])
     columns = (point.history[name].tolist() for name in ("time", "displacement", "velocity"))
     writer.writerows(zip(*columns, strict=True))
     return text.getvalue().encode()

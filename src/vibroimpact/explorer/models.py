@@ -81,15 +81,15 @@ def first_view(model: Model, name: str) -> View:
     ValueError
         It has fewer than two parameters, or nothing about its own values is within the limits.
     """
-    known = table(model)
-    if len(known) < 2:
-        raise ValueError(f"`model` {name!r} must have two or more parameters to vary, got {len(known)}; add some")
-    x = next((key for key in known if _moves(model, key, _driving)), next(iter(known)))
-    others = [key for key in known if key != x]
+    parameters = table(model)
+    if len(parameters) < 2:
+        raise ValueError(f"`model` {name!r} must have two or more parameters to vary, got {len(parameters)}; add some")
+    x = next((key for key in parameters if _moves(model, key, _driving)), next(iter(parameters)))
+    others = [key for key in parameters if key != x]
     y = next((key for key in others if _moves(model, key, _gaps)), others[-1])
     made, values = model.at(), model.values
-    ranges = {key: allowed_range(known[key], usual_range(known[key], values[key], made)) for key in (x, y)}
-    close = {key: near(known[key], values[key], ends) for key, ends in ranges.items()}
+    ranges = {key: allowed_range(parameters[key], usual_range(parameters[key], values[key], made)) for key in (x, y)}
+    close = {key: near(parameters[key], values[key], ends) for key, ends in ranges.items()}
     view = View(osc=model, x=x, y=y, x_range=close[x], y_range=close[y], model=name, index="max_velocity", samples=200)
     return with_axes(view, ranges)[0]
 

@@ -17,7 +17,6 @@ from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import Orbit
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.plotting.diagrams import with_index
 
 Floats = NDArray[np.float64]
@@ -25,7 +24,7 @@ Places = NDArray[np.int64]  # of cells along an axis of the finest lattice
 KeepGoing = Callable[[], bool]
 
 SIDES = (64, 128, 256)  # of the lattices; each contains the one before
-COARSER = (16, 32)  # before them, for systems: a cell of three modes takes some milliseconds
+COARSER = (16, 32)  # before them, where a rest at a stop erases no memory: a cell may take some milliseconds
 BAND, USUAL = 2048, 500  # cells per job, about, with so many impacts per cell; fewer where more are sampled
 TRANSIENT = 100  # impacts left out
 TRIED = (2, 5, 17)  # initial conditions in turn, rest among them, of cells without impact from rest: until one hits
@@ -53,17 +52,17 @@ def positions(low: float, high: float, cells: Places) -> Floats:
 
 def sides(view: View) -> tuple[int, ...]:
     """Return the lattices of a view in turn."""
-    return SIDES if isinstance(view.made, ImpactOscillator) else (*COARSER, *SIDES)
+    return SIDES if view.made.forgets else (*COARSER, *SIDES)
 
 
 def bands(side: int, samples: int = USUAL, first: int = SIDES[0]) -> list[tuple[Places, Places]]:
     """Return the cells that a lattice adds to the one before, as rectangles small enough for a job."""
-    here, most = lattice(side), BAND * USUAL / max(samples, USUAL) * (1 if first == SIDES[0] else 1 / 16)
+    cells, most = lattice(side), BAND * USUAL / max(samples, USUAL) * (1 if first == SIDES[0] else 1 / 16)
     if side == first:
-        parts = [(here, here)]
+        parts = [(cells, cells)]
     else:
         old = lattice(side // 2)
-        new = np.setdiff1d(here, old)
+        new = np.setdiff1d(cells, old)
         parts = [(old, new), (new, old), (new, new)]
     return [
         (columns, rows)
@@ -107,7 +106,7 @@ class Plane:
     seconds: float = 0.0
     stored: str = ""  # the stored sweep that they were taken from
     origin: str = "from rest"
-    held: frozenset[str] = frozenset(INDICES)  # indices that are known
+    indices: frozenset[str] = frozenset(INDICES)  # those that are known
     tried: bool | None = None  # whether `elsewhere` is complete, or was given up; None is not yet
 
     @classmethod
@@ -176,7 +175,7 @@ class Plane:
         # attributes and nothing else: no cell is computed
         sweep = compute_cells(view.osc, view.samples, view.stiffness, one, keep_going=lambda: False)
         axes = {name: (name, self.axis(axis), sweep[name].attrs) for axis, name in zip("xy", dims, strict=True)}
-        names = [str(name) for name in sweep.data_vars if name == "status" or name in self.held]
+        names = [str(name) for name in sweep.data_vars if name == "status" or name in self.indices]
         content = {name: (dims, self.array(name), sweep[name].attrs) for name in names}
         origin = {} if self.origin == Plane.origin else {"origin": f" {self.origin}"}
         if view.worst:

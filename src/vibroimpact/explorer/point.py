@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 import vibroimpact as vi
 from vibroimpact.explorer.limits import granted, made_of, stiffness
 from vibroimpact.explorer.plane import TRANSIENT, KeepGoing
-from vibroimpact.explorer.shown import Shown, shown
 from vibroimpact.explorer.state import View
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.model import Model, State
 from vibroimpact.motion import MotionClass, decide, motion_name
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.plotting import views
 from vibroimpact.plotting.ticks import quantity
 from vibroimpact.sections import measure_orbit
 from vibroimpact.status import Status
@@ -36,7 +35,6 @@ FAINT = 1e-6  # of the largest velocity: slower impacts are not drawn
 RECORDED = (
     "time", "displacement", "velocity", "impact_time", "impact_velocity", "stick_time", "release_time",
 )  # fmt: skip
-OF_STOPS = ("impact_stop", "stick_stop")  # numbers of stops; one mass has one
 REMEMBERED = 16  # motions per page
 START_IMPACTS = 2000  # of an initial condition, for which a budget is granted
 
@@ -47,7 +45,7 @@ class Point:
 
     osc: Model
     made: Any  # the oscillator or system that it is
-    shown: Shown
+    shown: views.View
     name: str
     sentence: str
     n_periods: int
@@ -62,15 +60,15 @@ class Point:
     @property
     def size(self) -> float:
         """The static deflection or the gap of one mass, whichever is larger, or alike in m: a scale for axes."""
-        return self.made.velocity_scale / _slowest(self.made) or 1.0
+        return self.made.velocity_scale / self.made.slowest_frequency or 1.0
 
-
-def _slowest(made: Any) -> float:
-    """Return the slowest natural rate that is not zero; of free masses that of driving."""
-    if isinstance(made, ImpactOscillator):
-        return made.natural_frequency
-    rates = made.natural_frequencies
-    return float(rates[rates > 1e-2 * made.omega].min(initial=made.omega))
+    def places(self, stops: Any, time: Floats) -> Floats:
+        """Return the places of stops, by their names, at times; NaN of those that are not in the way."""
+        found = np.full(len(time), np.nan)
+        for wall in self.shown.walls:
+            struck = np.flatnonzero(stops == wall.name)
+            found[struck] = self.shown.place(wall, time[struck])
+        return found
 
 
 def compute_point(view: View, model: Model | None = None) -> Point:
@@ -81,10 +79,10 @@ def compute_point(view: View, model: Model | None = None) -> Point:
     start = view.start if model is None else None
     model = model or view.osc
     osc = made_of(model)
-    seen = shown(osc, view.coordinate, view.stop)
-    ratio = osc.omega / _slowest(osc)
+    shown = views.view_of_page(osc, view.coordinate, view.stop)
+    ratio = osc.omega / osc.slowest_frequency
     lead = max(20, int(LEAD * min(ratio, 1.0)))
-    of_these = LOOKS if seen.direction is None else LOOKS // 2  # a system takes ten times as long
+    of_these = LOOKS if osc.forgets else LOOKS // 2  # others take ten times as long
     looks = max(20, min(int(of_these * ratio), MOST_LOOKS))
     density = min(max(60, math.ceil(24 / ratio)), HISTORY)  # samples per period
     found, orbit, section = measure_orbit(
@@ -98,87 +96,78 @@ def compute_point(view: View, model: Model | None = None) -> Point:
         tolerances=granted(stiffness(model), TRANSIENT + view.samples),
         patience=granted(stiffness(model), lead + looks),
     )
-    orbit = _projected(osc, seen, orbit)
+    orbit = _projected(shown, orbit)
     status, indices = Status(int(found.pop("status"))), found
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
     kind = MotionClass(int(decide(status, view.samples * indices["lyapunov_per_impact"], n, p)))
 
-    impact_map = _impact_map(osc, start, orbit, n, 0 < n <= looks or not status.has_indices, view.stop - 1)
+    impact_map = _impact_map(osc, start, orbit, n, 0 < n <= looks or not status.has_indices, view.stop)
     length = max(2.0, min(40.0, HISTORY / density)) * osc.period
     parts, settled = None, view.settled
     if settled:
-        parts = _settled(osc, seen, orbit, lead * osc.period, length, n, status.has_indices)
+        parts = _settled(shown, orbit, lead * osc.period, length, n, status.has_indices)
         begin = _hardest(osc, impact_map) if parts is None and status.has_indices else None
         if begin is not None:  # the budget ended the record before a long enough part of it was settled
-            parts = _carried_on(osc, seen, begin, length, density)
+            parts = _carried_on(shown, begin, length, density)
         settled = parts is not None
     return Point(
         osc=model,
         made=osc,
-        shown=seen,
+        shown=shown,
         name=motion_name(kind, n, p),
         sentence=sentence(osc, kind, status, indices, start, TRANSIENT + view.samples),
         n_periods=n,
         settled=settled,
         indices=indices,
-        **(parts or _beginning(osc, seen, start, orbit, length)),
+        **(parts or _beginning(shown, start, orbit, length)),
         impact_map=impact_map,
         poincare={name: orbit[name][section + lead * density :: density] for name in ("displacement", "velocity")},
     )
 
 
-def _projected(osc: Any, seen: Shown, orbit: dict[str, Any]) -> Columns:
-    """Return an orbit with the displacement that is shown, and numbers of stops for their names."""
-    if isinstance(osc, ImpactOscillator):
-        counts = {"impact_stop": "impact_time", "stick_stop": "stick_time"}
-        return orbit | {name: np.zeros(len(orbit[of]), int) for name, of in counts.items()}
-    number = {name: at for at, name in enumerate(osc.stop_names)}
-    stops = {name: np.array([number.get(one, -1) for one in orbit[name].tolist()], int) for name in OF_STOPS}
-    return orbit | stops | {name: seen.of(orbit[name]) for name in ("displacement", "velocity")}
+def _projected(shown: views.View, orbit: dict[str, Any]) -> Columns:
+    """Return an orbit with the displacement that is shown, and the name of the stop at each impact and rest."""
+    names = {f"{event}_stop": views.stops_of(orbit, event, shown.model) for event in ("impact", "stick")}
+    y = shown.values(orbit["time"], orbit["displacement"])
+    return orbit | names | {"displacement": y, "velocity": shown.values(orbit["time"], orbit["velocity"], rate=True)}
 
 
-def _settled(osc: Any, seen: Shown, orbit: Columns, lead: float, length: float, n: int, hits: bool) -> Parts | None:
+def _settled(shown: views.View, orbit: Columns, lead: float, length: float, n: int, hits: bool) -> Parts | None:
     """Return the end of an orbit as if it began in the first period, from a hard impact on.
 
     Of a cycle that is the hardest one; of a motion that does not repeat, the hardest of the last 64 before the end.
     None where there is too little after the `lead`.
     """
-    time, hit_time = orbit["time"], orbit["impact_time"]
+    time, hit_time, period = orbit["time"], orbit["impact_time"], shown.model.period
     if not len(time) or time[-1] - time[0] < lead + length:
         return None
     begin, settled = float(time[-1]) - length, float(time[0]) + lead
-    first = max(settled, begin - n * osc.period) if n else settled
+    first = max(settled, begin - n * period) if n else settled
     last = np.flatnonzero((hit_time >= first) & (hit_time <= begin))[::-1]
     last = last if n else last[:64]
     if hits and len(last):
         begin = float(hit_time[last[int(orbit["impact_velocity"][last].argmax())]])
-    return _parts(osc, seen, orbit, begin, begin + length, math.floor(begin / osc.period) * osc.period)
+    return _parts(shown, orbit, begin, begin + length, math.floor(begin / period) * period)
 
 
-def _beginning(osc: Any, seen: Shown, start: State | None, orbit: Columns, length: float) -> Parts:
+def _beginning(shown: views.View, start: State | None, orbit: Columns, length: float) -> Parts:
     """Return an orbit from its start on."""
     begin = 0.0 if start is None else start.time
     end = max([begin, *orbit["time"][-1:]])
-    return _parts(osc, seen, orbit, begin, min(begin + length, end), start=start)
+    return _parts(shown, orbit, begin, min(begin + length, end), start=start)
 
 
-def _carried_on(osc: Any, seen: Shown, begin: State, length: float, density: int) -> Parts:
+def _carried_on(shown: views.View, begin: State, length: float, density: int) -> Parts:
     """Return the motion after an impact, from a run of its own."""
-    periods = length / osc.period
+    osc, periods = shown.model, length / shown.model.period
     limits = granted(stiffness(osc), math.ceil(periods))
     orbit = vi.simulate(osc, start=begin, periods=periods, samples_per_period=density, tolerances=limits)
     followed = {name: orbit[name].values for name in RECORDED}
-    return _beginning(osc, seen, begin, _projected(osc, seen, followed), length)
+    return _beginning(shown, begin, _projected(shown, followed), length)
 
 
 def _parts(
-    osc: Any,
-    seen: Shown,
-    orbit: Columns,
-    begin: float,
-    end: float,
-    shift: float = 0.0,
-    start: State | None = None,
+    shown: views.View, orbit: Columns, begin: float, end: float, shift: float = 0.0, start: State | None = None
 ) -> Parts:
     """Return history, impacts and rests of an orbit between two times in s, which are made earlier by `shift`.
 
@@ -188,12 +177,13 @@ def _parts(
     within, hit = (time >= begin) & (time <= end), (hit_time >= begin) & (hit_time <= end)
     time, y, v, hit_time, hit_speed = time[within], y[within], v[within], hit_time[hit], hit_speed[hit]
     if start is not None:
-        place, speed = (seen.of(np.array(part, float)) for part in (start.displacement, start.velocity))
-        time, y, v = np.append(start.time, time), np.append(place, y), np.append(speed, v)
+        at = np.array([start.time])
+        place, speed = shown.values(at, start.displacement), shown.values(at, start.velocity, rate=True)
+        time, y, v = np.append(at, time), np.append(place, y), np.append(speed, v)
     hard = np.flatnonzero(hit_speed > FAINT * float(hit_speed.max(initial=0.0)))[:HISTORY]
     hit_time, hit_speed, struck = hit_time[hard], hit_speed[hard], orbit["impact_stop"][hit][hard]
-    between = _away_from(time, hit_time, 1e-9 * osc.period)
-    sides = [(time[between], y[between], v[between]), *_sides(seen, hit_time, hit_speed, struck)]
+    between = _away_from(time, hit_time, 1e-9 * shown.model.period)
+    sides = [(time[between], y[between], v[between]), *_sides(shown, hit_time, hit_speed, struck)]
     all_time, places, speeds = (np.concatenate(part) for part in zip(*sides, strict=True))
     order = np.argsort(all_time, kind="stable")
     left = np.where(np.isnan(release), end, release).clip(max=end)
@@ -208,15 +198,15 @@ def _parts(
     }  # fmt: skip
 
 
-def _sides(seen: Shown, time: Floats, speed: Floats, stop: Floats) -> list[tuple[Floats, Floats, Floats]]:
+def _sides(shown: views.View, time: Floats, speed: Floats, stop: Any) -> list[tuple[Floats, Floats, Floats]]:
     """Return time, displacement and velocity of both sides of impacts at the walls in the way of what is shown."""
     sides = []
-    for wall in seen.walls:
-        here = np.flatnonzero(stop == wall.number)
-        place, moving, closing = wall.at(time[here]), wall.velocity(time[here]), speed[here] / wall.scale
-        sides.append((time[here], place, moving + closing))
-        if wall.restitution is not None:
-            sides.append((time[here], place, moving - wall.restitution * closing))
+    for wall in shown.walls:
+        struck = np.flatnonzero(stop == wall.name)
+        place, before, after = shown.sides(wall, time[struck], speed[struck])
+        sides.append((time[struck], place, before))
+        if not wall.compliant:
+            sides.append((time[struck], place, after))
     return sides
 
 
@@ -226,7 +216,7 @@ def _hardest(osc: Any, impact_map: Columns) -> State | None:
     if not len(velocity) or not osc.forgets:
         return None
     at = int(velocity.argmax())
-    return State(osc.gap, float(velocity[at]), float(phase[at]) * osc.period)
+    return State(osc.stops[0].gap, float(velocity[at]), float(phase[at]) * osc.period)
 
 
 def _away_from(time: Floats, events: Floats, width: float) -> NDArray[np.bool_]:
@@ -238,17 +228,15 @@ def _away_from(time: Floats, events: Floats, width: float) -> NDArray[np.bool_]:
     return np.asarray(nearest > width)
 
 
-def _impact_map(
-    osc: Any, start: State | None, orbit: Columns, n_periods: int, repeats: bool, stop: int = -1
-) -> Columns:
+def _impact_map(osc: Any, start: State | None, orbit: Columns, n_periods: int, repeats: bool, stop: int = 0) -> Columns:
     """Return phase and velocity of the impacts after a transient; of a cycle those of the recorded orbit suffice.
 
-    Those of a system are those recorded, at one stop or, -1, at all.
+    Where they are not the whole state they are those recorded, at one stop, counted from 1, or, 0, at all.
     """
     if not osc.forgets:
-        hit = {name: orbit[f"impact_{name}"][TRANSIENT:] for name in ("phase", "velocity", "stop")}
-        at = np.flatnonzero((hit["stop"] == stop) | (stop < 0))[:IMPACTS]
-        return {name: hit[name][at] for name in ("phase", "velocity")}
+        struck = orbit["impact_stop"][TRANSIENT:]
+        at = np.flatnonzero(struck == osc.stop_names[stop - 1]) if stop else np.arange(len(struck))
+        return {name: orbit[f"impact_{name}"][TRANSIENT:][at[:IMPACTS]] for name in ("phase", "velocity")}
     time = orbit["impact_time"]
     cycle = int(np.searchsorted(time, time[-1] - n_periods * osc.period)) if len(time) else 0
     last = slice(min(TRANSIENT, cycle), TRANSIENT + IMPACTS)  # at least the impacts of one cycle
@@ -259,7 +247,7 @@ def _impact_map(
     # It hits too seldom for the record to hold them all: the orbit goes on from its last impact, which is seen again.
     if len(time):
         phase, speed = (float(orbit[f"impact_{name}"][-1]) for name in ("phase", "velocity"))
-        start = State(osc.gap, speed, phase * osc.period)
+        start = State(osc.stops[0].gap, speed, phase * osc.period)
     more = vi.impact_section(
         osc,
         start=start,
@@ -300,21 +288,21 @@ class Motions:
     """The last few motions of a page, so that going back to one costs nothing."""
 
     def __init__(self) -> None:
-        self._known: dict[Hashable, Point] = {}
+        self._points: dict[Hashable, Point] = {}
         self._lock = threading.Lock()
 
     def of(self, view: View, osc: Model | None = None) -> Point:
         """Return the motion at the view's point, or at another one that starts from rest."""
         key = view.point_key if osc is None else (osc, None, *view.point_key[2:])
         with self._lock:
-            known = self._known.get(key)
-        if known is None:
-            known = compute_point(view, osc)
+            point = self._points.get(key)
+        if point is None:
+            point = compute_point(view, osc)
             with self._lock:
-                while len(self._known) >= REMEMBERED:
-                    del self._known[next(iter(self._known))]
-                self._known[key] = known
-        return known
+                while len(self._points) >= REMEMBERED:
+                    del self._points[next(iter(self._points))]
+                self._points[key] = point
+        return point
 
 
 def sentence(
@@ -349,13 +337,13 @@ def _settled_motion(osc: Any, kind: MotionClass, status: Status, indices: dict[s
     if kind.stored == MotionClass.NO_IMPACT:
         words = "no impact" if status == Status.NO_IMPACT else status.sentence.split(";")[0]
         swings = ""
-        if isinstance(osc, ImpactOscillator) and osc.steady_amplitude < osc.gap:
-            reach, gap = (quantity(length, "m", 3) for length in (osc.steady_amplitude, osc.gap))
+        if osc.stops and osc.steady_amplitude < osc.stops[0].gap:
+            reach, gap = (quantity(length, "m", 3) for length in (osc.steady_amplitude, osc.stops[0].gap))
             swings = f"; the steady swing of {reach} stays short of the gap of {gap}"
         return f"{words}{swings}."
-    known = f", {peak}" if math.isfinite(indices["max_velocity"]) else ""
+    hardest = f", {peak}" if math.isfinite(indices["max_velocity"]) else ""
     reason = f"no cycle in {impacts} impacts, and chaos is not certain" if status.has_indices else status.sentence
-    return f"undecided{known}: {reason.split(';')[0]}; sample more impacts."
+    return f"undecided{hardest}: {reason.split(';')[0]}; sample more impacts."
 
 
 def _periods(value: float) -> str:

@@ -206,7 +206,7 @@ class Explorer:
 
     def run(self, kind: str, job: Job) -> None:
         """Run a job for this page in its turn; a second one of its kind takes the place of one that waits."""
-        self._work.submit(kind, Urgency.LINE, job)
+        self._work.submit(kind, Urgency.FIRST, job)
 
     def _travel(self, origin: list[View], goal: list[View]) -> bool:
         with self._lock:
@@ -283,38 +283,33 @@ class Explorer:
     def _renew_plane(self) -> None:
         self.plane = self._refinement = None
         self._send(("late", False))
-        known = self.stored(self.view) if self.stored else None
-        if known is not None:
-            self._work.submit("plane", Urgency.COARSE, lambda: self._show_plane(known))
+        stored = self.stored(self.view) if self.stored else None
+        if stored is not None:
+            self._work.submit("plane", Urgency.FIRST, lambda: self._show_plane("plane", stored))
         else:
-            begun = Plane.unknown(self.view), self._work, self._show_plane, self._show_hatch, self._late
-            self._refinement = Refinement(*begun)
+            self._refinement = Refinement(Plane.unknown(self.view), self._work, self._show_plane)
 
-    def _show_plane(self, plane: Plane) -> None:
-        with self._lock:
-            if plane.view.plane_key != self.view.plane_key:
-                return
-            plane.view = self.view
-            self.plane = plane
-            self._send(("plane", plane))
-
-    def _show_hatch(self, plane: Plane) -> None:
-        with self._lock:
-            if plane.view.plane_key != self.view.plane_key:
-                return
-            self._send(("hatch", plane))
-            if plane.tried is False:
-                limit = f"{work.PLANE_SECONDS:g} s"
-                told = f"hatching of cells without impact from rest incomplete: stopped after {limit}"
-                self._send(("message", told), ("late", True))
-
-    def _late(self) -> None:
+    def _show_plane(self, what: str, plane: Plane) -> None:
+        """Send what is new of a plane: "plane", "hatch", or that it is "late"."""
         limit = f"{work.PLANE_SECONDS:g} s"
-        told = f"This plane takes more than {limit}: go on with it, zoom in, or sample fewer impacts per cell."
-        self._send(("message", told), ("late", True))
+        with self._lock:
+            if plane.view.plane_key != self.view.plane_key:
+                return
+            if what == "plane":
+                plane.view, self.plane = self.view, plane
+            if what != "late":
+                self._send((what, plane))
+            if what == "late":
+                message = (
+                    f"This plane takes more than {limit}: go on with it, zoom in, or sample fewer impacts per cell."
+                )
+                self._send(("message", message), ("late", True))
+            elif what == "hatch" and plane.tried is False:
+                message = f"hatching of cells without impact from rest incomplete: stopped after {limit}"
+                self._send(("message", message), ("late", True))
 
     def _renew_line(self) -> None:
-        self._search("line", Urgency.LINE, compute_line, "diagram", LINE_SECONDS)
+        self._search("line", Urgency.FIRST, compute_line, "diagram", LINE_SECONDS)
 
     def _renew_curves(self) -> None:
         self._work.renew("curves")

@@ -14,7 +14,8 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
 from vibroimpact.explorer.plane import Floats, Plane
-from vibroimpact.explorer.state import GREEK, MOTION
+from vibroimpact.explorer.state import GREEK
+from vibroimpact.figures import MOTION
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import motion_name, refined
 from vibroimpact.plotting.categories import COUNTS, missing_layers, motion_layers, number_layers
@@ -75,7 +76,7 @@ def shades(plane: Plane) -> Shades:
     colors = SCALES[signed]
     with np.errstate(invalid="ignore"):
         place = np.clip((place - low) / (high - low) * len(colors), 0, len(colors) - 1)
-    others = [(here, color, _plain(color, text)) for here, color, text in missing_layers(sweep, field, "")]
+    others = [(mask, color, _plain(color, text)) for mask, color, text in missing_layers(sweep, field, "")]
     return Shades(
         number=_numbers(others, np.nan_to_num(place).astype(np.uint16), len(colors)),
         value=value,
@@ -110,14 +111,14 @@ def _categories(value: Any, name: Floats, title: str, found: Iterator[Layer]) ->
         high=1.0,
         title=title,
         ticks=(),
-        legend=tuple((color, f"{text} ({_share(here)})") for here, color, text in layers),
+        legend=tuple((color, f"{text} ({_share(mask)})") for mask, color, text in layers),
     )
 
 
 def _numbers(layers: Sequence[Layer], number: NDArray[np.uint16], first: int) -> NDArray[np.uint16]:
     """Return numbers of colours with those of layers set, counted from `first`."""
-    for at, (here, _, _) in enumerate(layers, first):
-        number[here] = at
+    for at, (mask, _, _) in enumerate(layers, first):
+        number[mask] = at
     return number
 
 

@@ -10,13 +10,13 @@ from functools import cached_property
 from itertools import product
 from typing import Any
 
-from vibroimpact.explorer.limits import EDGE, PIN, Range, check_limits, check_start, checked_range, made_of, stiffness
+from vibroimpact.explorer.limits import EDGE, PIN, Range, check_limits, checked_range, checked_start, made_of, stiffness
+from vibroimpact.figures import MOTION
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, invalid, real_number
 
-MOTION = "motion"  # the index that is a name
 SHOWN = (MOTION, *INDICES)
 SAMPLES = (200, 500, 1000, 2000, 5000)
 CASES = (
@@ -136,11 +136,11 @@ class View:
         for where, points in (("", [self.osc]), (PIN, self.pins), (EDGE, self.corners())):
             for osc in points:
                 check_limits(osc, where)
-        for kind, number in (("coordinate", len(self.coordinates)), ("stop", len(self.stops))):
+        for kind, number in (("coordinate", self.made.coordinates), ("stop", len(self.made.stops))):
             if getattr(self, kind) > number:
                 raise invalid(kind, getattr(self, kind), f"at most {number}, as many as there are")
         if self.start is not None:
-            check_start(self.start, self.made)
+            object.__setattr__(self, "start", checked_start(self.start, self.made))
 
     @cached_property
     def table(self) -> dict[str, Parameter]:
@@ -151,16 +151,6 @@ class View:
     def made(self) -> Any:
         """The oscillator or system at the point."""
         return made_of(self.osc)
-
-    @property
-    def coordinates(self) -> range:
-        """The numbers of a system's coordinates; none of one mass."""
-        return range(0) if isinstance(self.made, ImpactOscillator) else range(1, len(self.made.mass) + 1)
-
-    @property
-    def stops(self) -> tuple[str, ...]:
-        """The names of a system's stops; none of one mass."""
-        return () if isinstance(self.made, ImpactOscillator) else self.made.stop_names
 
     def corners(self) -> list[Model]:
         """Return the models at the plane's four corners."""
@@ -248,8 +238,8 @@ def rounded(value: Any, ends: Range) -> float:
 
 def symbol(parameter: Parameter) -> str:
     """Return a parameter's symbol, as ω; its name in words where it has none of its own."""
-    known = parameter.symbol and parameter.symbol != parameter.name
-    return GREEK.get(parameter.symbol, parameter.symbol) if known else parameter.long_name
+    has_symbol = parameter.symbol and parameter.symbol != parameter.name
+    return GREEK.get(parameter.symbol, parameter.symbol) if has_symbol else parameter.long_name
 
 
 def unit(parameter: Parameter) -> str:

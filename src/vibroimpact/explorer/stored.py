@@ -19,8 +19,9 @@ from vibroimpact.dataset import model_of, variable
 from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.models import Find, opened_as
 from vibroimpact.explorer.plane import Plane, positions
-from vibroimpact.explorer.state import MOTION, SAMPLES, View, table
+from vibroimpact.explorer.state import SAMPLES, View, table
 from vibroimpact.families import ready_made
+from vibroimpact.figures import MOTION
 from vibroimpact.files import load
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model
@@ -65,32 +66,32 @@ def open_study(path: str | os.PathLike[str], model: Model | None = None, name: s
 def _view_of(path: str | os.PathLike[str], model: Model | None, called: str) -> tuple[View, Stored, Find]:
     sweep = _read(path)
     model, called, find = _model_of(path, sweep, model, called)
-    known = table(model)
-    sweep = sweep if "frequency" in known else _over_omega(sweep)
+    parameters = table(model)
+    sweep = sweep if "frequency" in parameters else _over_omega(sweep)
     status = sweep.get("status")
     dims = [str(name) for name in status.dims] if status is not None else []
     sweep = sweep.drop_vars([name for name, index in sweep.data_vars.items() if not set(index.dims) <= set(dims)])
     indices = [name for name in sweep.data_vars if name in INDICES]
-    if len(dims) < 2 or not indices or any(name not in known for name in dims):
+    if len(dims) < 2 or not indices or any(name not in parameters for name in dims):
         raise ValueError(
-            f"`store` must be a sweep over two or more of {', '.join(known)}"
-            f"{'' if 'frequency' in known else ' (or frequency for omega)'}, got "
+            f"`store` must be a sweep over two or more of {', '.join(parameters)}"
+            f"{'' if 'frequency' in parameters else ' (or frequency for omega)'}, got "
             f"{os.fspath(path)!r} with axes {', '.join(dims) or 'none'}; make one with `vibroimpact map --out`"
         )
     for name in dims[2:]:
         sweep = sweep.isel({name: sweep.sizes[name] // 2})
     osc = model.replace(**{name: float(sweep[name]) for name in dims[2:]})
     x, y = dims[:2]
-    ranges = {name: _edges(known[name], sweep[name].values) for name in (x, y)}
+    ranges = {name: _edges(parameters[name], sweep[name].values) for name in (x, y)}
     middle = {name: float(np.clip(osc.values[name], *ranges[name])) for name in (x, y)}
     view = View(
         osc=osc.replace(**middle), x=x, y=y, x_range=ranges[x], y_range=ranges[y], index=str(indices[0]),
         samples=_samples(sweep), model=called,
     )  # fmt: skip
-    plane, held = _plane(view, sweep.transpose(x, y, ...), Path(path).name)
+    plane, shown = _plane(view, sweep.transpose(x, y, ...), Path(path).name)
 
     def stored(wanted: View) -> Plane | None:
-        if wanted.plane_key != view.plane_key or wanted.index not in held:
+        if wanted.plane_key != view.plane_key or wanted.index not in shown:
             return None
         return replace(plane, view=wanted)
 
@@ -206,6 +207,6 @@ def _plane(view: View, sweep: xr.Dataset, name: str) -> tuple[Plane, frozenset[s
     missing = int(sweep.attrs.get("cells_missing", 0))
     plane.stored = f"{name}, {len(sweep[view.x])} × {len(sweep[view.y])} cells" + f", {missing} missing" * bool(missing)
     plane.side = FINEST
-    plane.held = frozenset(map(str, near.data_vars)) & frozenset(INDICES)
+    plane.indices = frozenset(map(str, near.data_vars)) & frozenset(INDICES)
     plane.origin = _origin(sweep)
-    return plane, plane.held | ({MOTION} & set(near.data_vars))
+    return plane, plane.indices | ({MOTION} & set(near.data_vars))

@@ -67,32 +67,32 @@ class PlaneView:
 
     def show_plane(self, plane: Plane) -> Parts:
         """Show a plane as far as it is known."""
-        seen, view = shades(plane), plane.view
-        named = not seen.scale
-        motions, names = np.unique(seen.name, return_inverse=True)
+        colours, view = shades(plane), plane.view
+        named = not colours.scale
+        motions, names = np.unique(colours.name, return_inverse=True)
         picture = {
             "side": plane.side,
-            "shape": seen.number.shape,
+            "shape": colours.number.shape,
             "x": view.x_range,
             "y": view.y_range,
-            "cells": seen.number[::-1].ravel(),  # the upper row first, as in pictures
-            "values": [] if named else seen.value.ravel(),
+            "cells": colours.number[::-1].ravel(),  # the upper row first, as in pictures
+            "values": [] if named else colours.value.ravel(),
             "names": names.ravel().astype(np.uint16),
             "motions": [name_of(code) for code in motions.tolist()],
             "index": "" if named else SHORT.get(INDICES[view.index].long_name, INDICES[view.index].long_name),
             "unit": "" if named else plain(INDICES[view.index].units),
-            "colors": seen.colors,
-            "scale": seen.scale,
+            "colors": colours.colors,
+            "scale": colours.scale,
             "origin": plane.origin,
-            "low": seen.low,
-            "high": seen.high,
-            "ticks": seen.ticks,
+            "low": colours.low,
+            "high": colours.high,
+            "ticks": colours.ticks,
         }
         cells = f"stored sweep {escape(plane.stored)}" if plane.stored else f"{plane.side} × {plane.side} cells"
         took = f"computed in {plane.seconds:.1f} s" if plane.seconds else ""
         whence = WORST if view.worst and view.index not in UNRANKED else plane.origin
-        head = f"<b>{escape(seen.title)}</b> {whence} <span title='{took}'>{cells}</span>"
-        legend = " ".join(_legend_entry(color, label) for color, label in seen.legend)
+        head = f"<b>{escape(colours.title)}</b> {whence} <span title='{took}'>{cells}</span>"
+        legend = " ".join(_legend_entry(color, label) for color, label in colours.legend)
         parts: Parts = {"plane": picture, "#plane-head": {"html": head}, "#colours": {"html": legend}}
         if self._hatched is not None and plane is not self._hatched:  # what is hatched belongs to its plane
             parts |= self.show_hatch(None)
@@ -160,11 +160,12 @@ class PointView:
         """Draw the present motion."""
         self._point, made = point, point.made
         reached = np.concatenate([point.history["displacement"], *_places(point), [0.0]])
+        single = made.coordinates == 1 and bool(np.max(made.stiffness) > 0.0)
         facts = {
             "period": made.period,
-            "single": point.shown.direction is None,  # one mass, and then whether a force drives it
-            "force": 1.0 if point.shown.direction is None and made.amplitude else 0.0,
-            "label": point.shown.label,
+            "single": single,  # one mass on a spring, and then whether a sine drives it
+            "force": 1.0 if single and _sine(made) else 0.0,
+            "label": point.shown.name,
             "low": float(reached.min()),
             "high": float(reached.max()),
         }
@@ -275,17 +276,16 @@ def _motion(point: Point | None) -> dict[str, Any]:
         "displacement": point.history["displacement"],
         "velocity": point.history["velocity"],
         "hits": hits["time"] - begin,
-        "hit_places": point.shown.places(hits["stop"], hits["time"]),
+        "hit_places": point.places(hits["stop"], hits["time"]),
         "rest_begin": rests["begin"] - begin,
         "rest_end": rests["end"] - begin,
-        "rest_places": point.shown.places(rests["stop"], rests["begin"]),
+        "rest_places": point.places(rests["stop"], rests["begin"]),
         "looks_y": point.poincare["displacement"],
         "looks_v": point.poincare["velocity"],
         "phases": point.impact_map["phase"],
         "speeds": point.impact_map["velocity"],
     }
-    for number, wall in enumerate(point.shown.walls):
-        columns[f"wall_{number}"] = wall.at(time if wall.motion.size else time[:1])
+    columns |= {f"wall_{number}": places for number, places in enumerate(_places(point))}
     lengths = {name: len(values) for name, values in columns.items()}
     values = np.concatenate(list(columns.values())).astype(np.float32)
     walls = [(wall.side, wall.name) for wall in point.shown.walls]
@@ -293,8 +293,16 @@ def _motion(point: Point | None) -> dict[str, Any]:
 
 
 def _places(point: Point) -> list[Any]:
-    """Return the places of the walls during the history."""
-    return [wall.at(point.history["time"] if wall.motion.size else np.zeros(1)) for wall in point.shown.walls]
+    """Return the places of the walls during the history, one of those that stay where they are."""
+    shown, time = point.shown, point.history["time"]
+    return [shown.place(wall, time if shown.moves(wall) else np.zeros(min(1, len(time)))) for wall in shown.walls]
+
+
+def _sine(made: Any) -> bool:
+    """Whether a single coordinate is driven by a sine of its own sense: the page turns its arrow so."""
+    form = made.modal()
+    force = form.forces[form.orders == 1]
+    return bool(force.real.any() and (force.real >= 0.0).all()) and not force.imag.any()
 
 
 def one_turn(point: Point) -> int:

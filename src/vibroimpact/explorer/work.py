@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import math
 import os
 import sys
 import threading
 import time
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
 from itertools import count
@@ -21,8 +20,7 @@ from vibroimpact.explorer.plane import TRIED, KeepGoing, Plane, bands, sides
 
 Job = Callable[[], None]
 
-NICE = 10  # niceness of threads whose work can wait
-CALM = 1.0  # s without a click before the last thread turns to work that can wait
+NICE = 10  # niceness of threads whose work can wait: a tenth of the processor where a click wants it
 PLANE_SECONDS = 30.0  # that all threads may spend on a plane, time in the queue excluded
 log = logging.getLogger(__name__)
 
@@ -30,20 +28,18 @@ log = logging.getLogger(__name__)
 class Urgency(IntEnum):
     """What is done first."""
 
-    CLICK = 0
-    COARSE = 1
-    LINE = 2
-    FINE = 3
-    HATCH = 4
-    SEARCH = 5
+    CLICK = 0  # motions
+    FIRST = 1  # what a change shows first: the coarse plane, the diagram
+    FINE = 2  # what makes it finer
+    SEARCH = 3  # what may take many seconds
 
 
-@dataclass(order=True)
+@dataclass(frozen=True, eq=False)
 class _Waiting:
     urgency: Urgency
     number: int
-    owner: Hashable = field(compare=False)
-    job: Job = field(compare=False)
+    owner: Hashable
+    job: Job
 
 
 class Pool:
@@ -65,13 +61,10 @@ class Pool:
         self._numbers = count()
         self._changed = threading.Condition()
         self._open = True
-        self._clicked = -math.inf
         general = tuple(urgency for urgency in Urgency if urgency < Urgency.SEARCH)
         duties = [general] * self.workers + [(Urgency.CLICK,), (Urgency.SEARCH,)]
         self._threads = [
-            threading.Thread(
-                target=self._work, args=(duty, number == 0 < self.workers - 1), name=f"explorer-{number}", daemon=True
-            )
+            threading.Thread(target=self._work, args=(duty,), name=f"explorer-{number}", daemon=True)
             for number, duty in enumerate(duties)
         ]
         for thread in self._threads:
@@ -81,8 +74,6 @@ class Pool:
         """Queue a job; the job itself must check whether it is still wanted."""
         with self._changed:
             self._waiting.append(_Waiting(urgency, next(self._numbers), owner, job))
-            if urgency == Urgency.CLICK:
-                self._clicked = time.monotonic()
             self._changed.notify_all()
 
     def forget(self, owner: Hashable) -> list[Job]:
@@ -108,29 +99,26 @@ class Pool:
         for thread in self._threads:
             thread.join(5.0)
 
-    def _work(self, duty: tuple[Urgency, ...], yields: bool) -> None:
+    def _work(self, duty: tuple[Urgency, ...]) -> None:
         if duty != (Urgency.CLICK,):
             _lower_priority()
-        while (job := self._next(duty, yields)) is not None:
+        while (job := self._next(duty)) is not None:
             try:
                 job()
             except Exception:
                 log.exception("a job of the explorer failed")
             del job  # it refers to its page, which may be gone before the next one comes
 
-    def _next(self, duty: tuple[Urgency, ...], yields: bool) -> Job | None:
-        """Return the next thing to do; while people click, a thread that yields leaves its core to them."""
+    def _next(self, duty: tuple[Urgency, ...]) -> Job | None:
+        """Return the next thing to do; None once the pool is closed."""
         with self._changed:
             while self._open:
-                busy = yields and time.monotonic() - self._clicked < CALM
-                least = Urgency.COARSE if busy else Urgency.SEARCH
-                ready = [waiting for waiting in self._waiting if waiting.urgency in duty and waiting.urgency <= least]
-                if ready:
+                if ready := [waiting for waiting in self._waiting if waiting.urgency in duty]:
                     best = min(ready, key=self._rank)
                     self._waiting.remove(best)
                     self._served[best.owner] = next(self._numbers)
                     return best.job
-                self._changed.wait(CALM if busy else None)
+                self._changed.wait()
         return None
 
     def _rank(self, waiting: _Waiting) -> tuple[int, int, int]:
@@ -278,72 +266,59 @@ class Refinement:
         What is filled.
     work : Work
         The page's jobs.
-    show : callable
-        Gets the plane whenever a lattice is complete.
-    hatch : callable
-        Gets the plane when other initial conditions begin to be tried, and when that has ended.
-    late : callable
-        Called when the plane takes longer than `PLANE_SECONDS`: then it waits to `go_on`.
+    tell : callable
+        Gets "plane" and the plane whenever a lattice is complete; "hatch" and the plane when other initial conditions
+        begin to be tried, and when that has ended; "late" and the plane when its lattices take longer than
+        `PLANE_SECONDS`: then it waits to `go_on`.
     """
 
-    def __init__(
-        self,
-        plane: Plane,
-        work: Work,
-        show: Callable[[Plane], None],
-        hatch: Callable[[Plane], None],
-        late: Callable[[], None],
-    ) -> None:
-        self.plane, self._work, self._show, self._hatch, self._late = plane, work, show, hatch, late
+    def __init__(self, plane: Plane, work: Work, tell: Callable[[str, Plane], None]) -> None:
+        self.plane, self._work, self._tell = plane, work, tell
         self._stamp, self._begun = work.renew("plane"), time.monotonic()
         self._spent, self._level = 0.0, 0
         self._left: list[Callable[[KeepGoing], bool]] = []  # parts of a lattice that are not yet filled
         self._sides = sides(plane.view)
         self._queue(0)
 
-    def _wanted(self, stamp: int) -> bool:
-        """Return whether the page still shows this plane, and it was not left since."""
-        return self._work.wanted("plane", stamp)
+    @property
+    def _hatching(self) -> bool:
+        return self._level == len(self._sides)
 
     def _queue(self, level: int) -> None:
-        jobs: list[Callable[[KeepGoing], bool]]
-        if level < len(self._sides):
-            urgency = Urgency.COARSE if level == 0 else Urgency.FINE
-            view = self.plane.view
-            rectangles = bands(self._sides[level], view.samples * (TRIED[-1] if view.worst else 1), self._sides[0])
-            jobs = [partial(self.plane.fill, *part) for part in rectangles]
+        """Begin a lattice, or after the last one the other initial conditions."""
+        self._level, view = level, self.plane.view
+        if self._hatching:
+            self._spent = 0.0
+            self._left = [partial(self.plane.try_others, places) for places in self.plane.quiet()]
         else:
-            urgency, self._spent = Urgency.HATCH, 0.0
-            jobs = [partial(self.plane.try_others, places) for places in self.plane.quiet()]
-            if jobs:
-                self._hatch(self.plane)
-        self._level, self._left = level, jobs
-        self._submit(urgency)
+            samples = view.samples * (TRIED[-1] if view.worst else 1)
+            self._left = [
+                partial(self.plane.fill, *part) for part in bands(self._sides[level], samples, self._sides[0])
+            ]
+        self._submit()
 
-    def _submit(self, urgency: Urgency) -> None:
+    def _submit(self) -> None:
+        if self._hatching and self._left:
+            self.plane.tried = None
+            self._tell("hatch", self.plane)
+        urgency = Urgency.FINE if self._level else Urgency.FIRST
         for job in list(self._left):
-            self._work.submit("plane", urgency, partial(self._run, self._level, job, self._stamp), self._stamp)
+            self._work.submit("plane", urgency, partial(self._run, job, self._stamp), self._stamp)
 
     def go_on(self) -> None:
         """Take up again what was left for lack of time."""
         with self._work.lock:
-            if self._wanted(self._stamp) or not self._left:
+            if self._work.wanted("plane", self._stamp) or not self._left:
                 return
             self._stamp, self._spent = self._work.renew("plane"), 0.0
-        hatching = self._level == len(self._sides)
-        if hatching:
-            self.plane.tried = None
-            self._hatch(self.plane)
-        self._submit(Urgency.HATCH if hatching else Urgency.FINE)
+        self._submit()
 
-    def _run(self, level: int, job: Callable[[KeepGoing], bool], stamp: int) -> None:
+    def _run(self, job: Callable[[KeepGoing], bool], stamp: int) -> None:
         """Compute a part; the last one of a lattice shows it and begins the next."""
-        begun = clock()
-        granted = PLANE_SECONDS * self._work.pool.workers - self._spent
-
-        def keep_going() -> bool:
-            return self._wanted(stamp) and clock() - begun < granted
-
+        begun, level = clock(), self._level
+        keep_going = Clock(
+            lambda: self._work.wanted("plane", stamp), PLANE_SECONDS * self._work.pool.workers - self._spent
+        )
         try:
             filled = keep_going() and job(keep_going)
         except Exception:
@@ -353,25 +328,19 @@ class Refinement:
             self._spent += clock() - begun
             if filled and job in self._left:  # not again by one that was under way when the plane was left and went on
                 self._left.remove(job)
-            complete = self._wanted(stamp) and not self._left
-        if not filled:
-            if self._give_up(stamp):
-                self._late() if level < len(self._sides) else self._end_hatch(complete=False)
-        elif complete and level == len(self._sides):
-            self._end_hatch(complete=True)
-        elif complete:
+            complete = self._work.wanted("plane", stamp) and not self._left
+        if complete and level < len(self._sides):
             self.plane.side, self.plane.seconds = self._sides[level], time.monotonic() - self._begun
-            self._show(self.plane)
+            self._tell("plane", self.plane)
             self._queue(level + 1)
-
-    def _end_hatch(self, complete: bool) -> None:
-        self.plane.tried = complete
-        self._hatch(self.plane)
+        elif complete or (not filled and self._give_up(stamp)):
+            self.plane.tried = complete if level == len(self._sides) else None
+            self._tell("late" if level < len(self._sides) else "hatch", self.plane)
 
     def _give_up(self, stamp: int) -> bool:
         """Drop the rest of the plane; return whether it was wanted until now."""
         with self._work.lock:
-            wanted = self._wanted(stamp)
+            wanted = self._work.wanted("plane", stamp)
             if wanted:
                 self._work.renew("plane")
             return wanted

@@ -60,9 +60,9 @@ def motion_layers(codes: Any, n_periods: Any, n_impacts: Any) -> Iterator[Layer]
     rest = codes == MotionClass.PERIODIC
     counts = Counter(zip(n_periods[rest].tolist(), n_impacts[rest].tolist(), strict=True))
     for name, color in name_colors(counts, codes.size).items():
-        here = (codes == MotionClass.PERIODIC) & (n_periods == name[0]) & (n_impacts == name[1])
-        rest = rest & ~here
-        yield here, color, cycle_name(*name)
+        mask = (codes == MotionClass.PERIODIC) & (n_periods == name[0]) & (n_impacts == name[1])
+        rest = rest & ~mask
+        yield mask, color, cycle_name(*name)
     yield rest, OTHER_PERIODIC, "other periodic"
     yield from ((codes == kind, COLORS[kind], word) for kind, word in WORDS.items())
 
@@ -90,8 +90,8 @@ def missing_layers(sweep: xr.Dataset, field: xr.DataArray, of_what: str) -> Iter
     ended = codes > Status.SHORT_WINDOW
     yield from style.by_status(gone & ended, codes, of_what, style.origin(sweep))
     for reason, color, text in _reasons(sweep, field, values):
-        if count := int((here := gone & ~ended & reason).sum()):
-            yield here, color, text + (f" ({counted(count, of_what)})" if of_what else "")
+        if count := int((mask := gone & ~ended & reason).sum()):
+            yield mask, color, text + (f" ({counted(count, of_what)})" if of_what else "")
 
 
 def _reasons(sweep: xr.Dataset, field: xr.DataArray, values: Any) -> Iterator[tuple[Mask, str, str]]:
@@ -120,5 +120,5 @@ def _without(field: xr.DataArray) -> str:
 
 def _kinds(sweep: xr.Dataset, field: xr.DataArray) -> Any:
     """Return the classes of motion of a map, -1 where it does not hold what decides them."""
-    known = set(NEEDED) <= set(map(str, sweep.variables)) and "sample_impacts" in sweep.attrs.get("arguments", "")
-    return classify(sweep)["motion"].transpose(*field.dims).values if known else np.full(field.shape, -1)
+    decides = set(NEEDED) <= set(map(str, sweep.variables)) and "sample_impacts" in sweep.attrs.get("arguments", "")
+    return classify(sweep)["motion"].transpose(*field.dims).values if decides else np.full(field.shape, -1)

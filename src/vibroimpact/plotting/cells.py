@@ -60,8 +60,8 @@ def fill_cells(ax: Axes, field: xr.DataArray, layers: Iterable[Layer], others: s
     """Fill the cells of each layer with its colour, the `others` with theirs or none; return legend entries."""
     shape = grid_of(field)[2].shape
     shade, entries = np.zeros((*shape, 4)) if others is None else np.full((*shape, 3), to_rgb(others)), []
-    for here, color, text in (layer for layer in layers if layer[0].any()):
-        shade[here] = (*to_rgb(color), 1.0)[: shade.shape[2]]
+    for mask, color, text in (layer for layer in layers if layer[0].any()):
+        shade[mask] = (*to_rgb(color), 1.0)[: shade.shape[2]]
         entries.append(swatch(color, text))
     if entries or others:
         colour_mesh(ax, field, shade)
@@ -72,10 +72,10 @@ def hatch_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]
     """Hatch the cells in which other initial conditions do what the colour does not show; return the legend entry."""
     if HATCHED not in sweep:
         return []
-    here = sweep[HATCHED].transpose(*field.dims).values.T
+    mask = sweep[HATCHED].transpose(*field.dims).values.T
     columns, rows = map(_edges, grid_of(field)[:2])
     boxes = []
-    for row, cells in enumerate(here):
+    for row, cells in enumerate(mask):
         ends = np.flatnonzero(np.diff(np.pad(cells.astype(int), 1)))
         boxes += [(columns[i], columns[j], *rows[row : row + 2]) for i, j in zip(ends[::2], ends[1::2], strict=True)]
     if not boxes:
@@ -87,7 +87,7 @@ def hatch_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]
     for color, width in (("white", 2.4), (INK, 0.9)):  # seen on any colour
         with mpl.rc_context({"hatch.linewidth": width}):
             ax.add_patch(PathPatch(area, facecolor="none", edgecolor=color, hatch=HATCH, linewidth=0.0, zorder=2))
-    text = f"{sweep.attrs[HATCHED]} ({counted(int(here.sum()), 'cell')})"
+    text = f"{sweep.attrs[HATCHED]} ({counted(int(mask.sum()), 'cell')})"
     return [Patch(facecolor="white", edgecolor=INK, hatch=HATCH, linewidth=0.5, label=text)]
 
 
@@ -139,20 +139,20 @@ def draw_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
     values = grid_of(field)[2]
     entries = []
     if field.name in COUNTS:
-        shown = [(here.T, color, f"{share_of(here)}   {text}") for here, color, text in number_layers(sweep, field)]
+        shown = [(mask.T, color, f"{share_of(mask)}   {text}") for mask, color, text in number_layers(sweep, field)]
         style.legend_beside(ax, fill_cells(ax, field, shown, OPEN), f"share of the cells, and\n{labels.label(field)}")
     else:
         how, bar = colour_scale(sweep, field)
         add_bar(ax, colour_mesh(ax, field, np.ma.masked_invalid(values), **how), field, pad=0.02, **bar)
         missing = missing_layers(sweep, field, "cell")
-        entries = fill_cells(ax, field, ((here.T, color, text) for here, color, text in missing))
+        entries = fill_cells(ax, field, ((mask.T, color, text) for mask, color, text in missing))
     frame_plane(ax, field)
     return entries + hatch_cells(ax, sweep, field)
 
 
-def share_of(here: Mask) -> str:
+def share_of(mask: Mask) -> str:
     """Return the share of some cells in all, right-aligned."""
-    return labels.percent(float(here.mean())).rjust(6, FIGURE_SPACE)
+    return labels.percent(float(mask.mean())).rjust(6, FIGURE_SPACE)
 
 
 def _beyond(values: Floats, limit: float) -> str:

@@ -129,15 +129,15 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
     entries = ax.get_legend_handles_labels()[0]
     colors = dict(zip(dict.fromkeys(map(motion_along, drawn)), cycle(COLORS)))
     looks: set[int] = set()
-    seen = [heights]
+    in_view = [heights]
     for branch, name in zip(drawn, map(motion_along, drawn), strict=True):
         for part in split(branch, parameter):
             ax.plot(part.values, part.velocities, color=colors[name], zorder=3, **LOOKS[part.look] | {"label": None})
             looks.add(part.look)
-            seen += [part.velocities.ravel()] if part.look != INADMISSIBLE else []
+            in_view += [part.velocities.ravel()] if part.look != INADMISSIBLE else []
     entries += [Line2D([], [], color=color, linewidth=2.0, label=name) for name, color in colors.items()]
     entries += [Line2D([], [], color=INK, **LOOKS[look]) for look in sorted(looks)]
-    set_height(ax, drawn[0], "velocity", np.concatenate(seen))
+    set_height(ax, drawn[0], "velocity", np.concatenate(in_view))
     labels.label_axes(ax, drawn[0][parameter], drawn[0]["velocity"])
     entries += _draw_special(ax, drawn)
     style.legend_below(ax, entries)
@@ -208,13 +208,13 @@ def _merged(ax: Axes, names: list[tuple[float, float, str]]) -> list[tuple[float
     wide, high = np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())
     joined: list[tuple[float, float, list[str]]] = []
     for value, height, letters in sorted(names):
-        for i, (at, top, held) in enumerate(joined):
-            if value - at < NAME_WIDTH * wide * (len(held) + 1) and abs(height - top) < NAME_HEIGHT * high:
-                joined[i] = at, max(top, height), list(dict.fromkeys([*held, letters]))
+        for i, (at, top, texts) in enumerate(joined):
+            if value - at < NAME_WIDTH * wide * (len(texts) + 1) and abs(height - top) < NAME_HEIGHT * high:
+                joined[i] = at, max(top, height), list(dict.fromkeys([*texts, letters]))
                 break
         else:
             joined.append((value, height, [letters]))
-    return [(at, top, ", ".join(held)) for at, top, held in joined]
+    return [(at, top, ", ".join(texts)) for at, top, texts in joined]
 
 
 def _check_beneath(diagram: Any, parameter: str) -> None:

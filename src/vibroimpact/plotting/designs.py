@@ -18,7 +18,6 @@ from vibroimpact.dataset import model_from
 from vibroimpact.figures import check_size
 from vibroimpact.model import Model, State
 from vibroimpact.motion import motion_name, refined
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import several
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.orbits import phase_portrait, time_history
@@ -99,7 +98,8 @@ def oscillator_sketch(oscillator: Model | None = None, ax: Axes | None = None) -
 
     Examples
     --------
-    >>> oscillator_sketch(ImpactOscillator(omega=2.8)).axison
+    >>> import vibroimpact as vi
+    >>> oscillator_sketch(vi.ImpactOscillator(omega=2.8)).axison
     False
     """
     if isinstance(oscillator, type) or not isinstance(oscillator, Model | None):
@@ -192,8 +192,8 @@ def comparison_figure(
         phase_portrait(motion, ax=axes[1, column])
         impact_map(section, ax=axes[2, column])
         axes[0, column].set_title("\n".join([*head, ",  ".join(texts)]), fontsize=10)
-    gaps = [osc.gap for osc in models if isinstance(osc, ImpactOscillator)]
-    if len(gaps) == len(models):
+    if all(map(_has_one_fixed_stop, models)):
+        gaps = [model.stops[0].gap for model in models]
         _share(axes[0], "y", gaps)
         _share(axes[1], "x", gaps)
     _share(axes[1], "y")
@@ -223,8 +223,8 @@ def _designs(designs: Any, names: Sequence[str]) -> Designs:
 def _compared(dataset: xr.Dataset) -> Designs:
     """Return the designs of a comparison from its dataset."""
     models = [model_from(plain) for plain in json.loads(dataset.attrs["arguments"])["oscillators"]]
-    own = json.loads(dataset.attrs["model"]) if "model" in dataset.attrs else models[0].values
-    parameters = [dataset[name] for name in own if name in dataset]
+    names = json.loads(dataset.attrs["model"]) if "model" in dataset.attrs else models[0].values
+    parameters = [dataset[name] for name in names if name in dataset]
     differing = [(labels.described(pair), pair.values) for pair in parameters if pair.values[0] != pair.values[1]]
     texts = [[labels.held_text(symbol, values[i], units) for (_, units, symbol), values in differing] for i in range(2)]
     return models, [list(_heads(dataset.isel(design=i))) for i in range(2)], texts
@@ -253,7 +253,14 @@ def _settled(model: Model) -> State | None:
     if not looks.sizes["period"]:
         return None
     displacement, velocity = (looks[name][0].values.tolist() for name in ("displacement", "velocity"))
-    return State(min(displacement, model.gap) if isinstance(model, ImpactOscillator) else displacement, velocity)
+    return State(displacement, velocity)
+
+
+def _has_one_fixed_stop(model: Any) -> bool:
+    """Whether figures of such models can share a view: one coordinate below one rigid stop that stays in place."""
+    return model.coordinates == len(model.stops) == 1 and not (
+        model.stops[0].compliant or model.stops[0].motion or model.stops[0].direction[0] < 0.0
+    )
 
 
 def _share(axes: Sequence[Axes], along: str, gaps: Sequence[float] | None = None) -> None:

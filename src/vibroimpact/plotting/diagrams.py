@@ -74,8 +74,8 @@ def with_index(sweep: xr.Dataset, index: str) -> tuple[xr.Dataset, xr.DataArray]
     and impacts, it is the first. `HATCHED` marks the cells in which the others do what the colour does not show: they
     hit where the first does not, or lead to another motion; the attribute of the same name says which.
     """
-    held = [str(name) for name in sweep.data_vars if name != "status"]
-    choice("index", index, held, "or run the map again with it among `indices`")
+    names = [str(name) for name in sweep.data_vars if name != "status"]
+    choice("index", index, names, "or run the map again with it among `indices`")
     if "start" in sweep[index].dims:
         sweep = _of_starts(sweep, index)
     return sweep, sweep[index]
@@ -91,16 +91,20 @@ def _of_starts(sweep: xr.Dataset, index: str) -> xr.Dataset:
         names = [name for name in {index, *UNRANKED} if index == "motion" or name == index]
         differs = sum((sweep[name] != first[name]).any("start") for name in names) > 0
         said = f"another {'motion' if index == 'motion' else 'number'} from other initial conditions"
-        own = {"note": f"{whence}, the first of {several}", HATCHED: said, "origin": f" {whence}"}
-        return first.assign({HATCHED: differs}).assign_attrs(own)
+        attributes = {"note": f"{whence}, the first of {several}", HATCHED: said, "origin": f" {whence}"}
+        return first.assign({HATCHED: differs}).assign_attrs(attributes)
     extreme = np.fmin if index == "grazing_margin" else np.fmax  # of what is no number the other
     worst = sweep[[index]].reduce(extreme.reduce, "start", keep_attrs=True)
     silent = first["status"].isin([Status.NO_IMPACT, Status.STOPPED_IMPACTING, Status.STUCK_FOREVER, Status.DECAYING])
     hits = (sweep["status"] <= Status.SHORT_WINDOW).any("start")
     others = sweep.sizes["start"] - 1
     said = f"no impact {whence}, impacts from other initial conditions"
-    own = {"note": f"worst of {several}", HATCHED: said, "origin": f" {whence}, none that last from the other {others}"}
-    return worst.assign({"status": first["status"], HATCHED: silent & hits}).assign_attrs(sweep.attrs | own)
+    attributes = {
+        "note": f"worst of {several}",
+        HATCHED: said,
+        "origin": f" {whence}, none that last from the other {others}",
+    }
+    return worst.assign({"status": first["status"], HATCHED: silent & hits}).assign_attrs(sweep.attrs | attributes)
 
 
 def resolved(sweep: xr.Dataset, field: xr.DataArray) -> Floats:
@@ -151,8 +155,8 @@ def mark_empty(ax: Axes, diagram: xr.Dataset, axis: str) -> None:
 
 def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) -> None:
     """Set the limits of the y axis: speeds from zero, a phase from 0 to 1, the rest around what is drawn."""
-    osc, made = labels.reference(diagram), labels.made(diagram)
-    speed = made.velocity_scale if made else 1.0
+    model = labels.made(diagram)
+    speed = model.velocity_scale if model else 1.0
     if quantity == "phase":
         ax.set_ylim(-0.03, 1.0)
     elif quantity == "velocity" and "impact" in diagram[quantity].dims:
@@ -160,7 +164,7 @@ def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) ->
         low = float(np.nanmin(heights, initial=0.0))  # an exponent drawn over the speeds may be negative
         ax.set_ylim(low - 0.03 * (top - low), top + 0.05 * (top - low))
     else:
-        per_speed = osc.natural_frequency if osc and quantity == "displacement" else 1.0
+        per_speed = model.slowest_frequency if model and quantity == "displacement" else 1.0
         ax.set_ylim(*style.view(heights, style.magnitude(heights, speed / per_speed)))
 
 
@@ -212,8 +216,8 @@ def _draw_index(ax: Axes, field: xr.DataArray, scale: float) -> Floats:
     values = scale * field.values.astype(float)
     if field.name in COUNTS:
         values[values <= 0.0] = np.nan
-    held = np.pad(np.isfinite(values), 1)
-    alone = held[1:-1] & ~held[:-2] & ~held[2:]
+    finite = np.pad(np.isfinite(values), 1)
+    alone = finite[1:-1] & ~finite[:-2] & ~finite[2:]
     x = field[field.dims[0]].values
     symbol = labels.symbol_of(field)
     name = symbol if scale == 1.0 else rf"{scale:g} $\times$ {symbol}"
@@ -327,9 +331,9 @@ def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -
     ax = style.new_axes(ax, (8.0, 4.0), labels.title(sweep))
     _draw_index(ax, field, 1.0)
     style.mark_missing(ax, axis.values, missing_layers(sweep, field, "column"))
-    if HATCHED in sweep and (here := sweep[HATCHED].values).any():
-        text = f"{sweep.attrs[HATCHED]} ({counted(int(here.sum()), 'column')})"
-        style.mark_missing(ax, axis.values, [(here, ELSEWHERE, text)])
+    if HATCHED in sweep and (mask := sweep[HATCHED].values).any():
+        text = f"{sweep.attrs[HATCHED]} ({counted(int(mask.sum()), 'column')})"
+        style.mark_missing(ax, axis.values, [(mask, ELSEWHERE, text)])
     _frame_index(ax, resolved(sweep, field))
     ax.set_xlim(float(axis.min()), float(axis.max()))
     labels.label_axes(ax, axis, field)

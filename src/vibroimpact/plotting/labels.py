@@ -11,12 +11,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 
-from vibroimpact.dataset import VARIABLES, model_of, oscillator_of
+from vibroimpact.dataset import VARIABLES, model_of
 from vibroimpact.model import Model
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import counted
 from vibroimpact.plotting.ticks import power_of, quantity, scale_axis, unit_label
-from vibroimpact.system import ImpactSystem
 
 MOST = 8  # values of parameters in a title
 PER_INCH = 11.5  # letters of an axis label
@@ -163,27 +161,17 @@ def _family(dataset: xr.Dataset) -> tuple[str, dict[str, float]] | None:
     return str(values.pop("family")), values | {k: v for k, v in _selected(dataset).items() if k in values}
 
 
-def reference(dataset: xr.Dataset) -> ImpactOscillator | None:
-    """Return the oscillator of a result, with the values selected from its axes; None if it is not recorded.
+def made(dataset: xr.Dataset) -> Any:
+    """Return the oscillator or the system of a result, with the values selected from its axes; None if not recorded.
 
-    Of a family it is the oscillator at the family's own values.
+    Of a family it is the one at the family's own values.
     """
-    if "oscillator" not in dataset.attrs:
+    if not {"oscillator", "system"} & set(dataset.attrs):
         return None
-    osc = oscillator_of(dataset)
+    model = model_of(dataset)
     if _family(dataset):
-        return osc
-    return osc.replace(**{name: value for name, value in _selected(dataset).items() if name in osc.parameters})
-
-
-def made(dataset: xr.Dataset) -> ImpactOscillator | ImpactSystem | None:
-    """Return the oscillator or the system of a result, as `reference` does; None if neither is recorded."""
-    if "system" not in dataset.attrs:
-        return reference(dataset)
-    system = model_of(dataset)
-    if _family(dataset):
-        return system
-    return system.replace(**{name: value for name, value in _selected(dataset).items() if name in system.parameters})
+        return model
+    return model.replace(**{name: value for name, value in _selected(dataset).items() if name in model.parameters})
 
 
 def own_value(dataset: xr.Dataset, name: str) -> float | None:
@@ -201,16 +189,16 @@ def title(dataset: xr.Dataset) -> str:
     """Return the parameters that a result holds fixed, and its note or from where it begins, in one line."""
     osc, family = made(dataset), _family(dataset)
     varied = {str(name) for name, coord in dataset.coords.items() if coord.ndim}
-    held: list[str] = []
+    values: list[str] = []
     if family:
-        held = [f"{name} = {value:.5g}" for name, value in family[1].items() if name not in varied]
-        held = [family[0], *(held if len(held) <= MOST else ())]
+        values = [f"{name} = {value:.5g}" for name, value in family[1].items() if name not in varied]
+        values = [family[0], *(values if len(values) <= MOST else ())]
     elif osc:
         varied |= {osc.parameters[name].replaces or name for name in varied if name in osc.parameters}
-        held = [parameter_text(name, osc) for name in osc.values if name not in varied]
-        if len(held) > MOST:
-            held = [*held[: "omega" not in varied], counted(len(osc.stops), "stop")]
-    return ",  ".join(filter(None, [*held, str(dataset.attrs.get("note", _begun(dataset)))]))
+        values = [parameter_text(name, osc) for name in osc.values if name not in varied]
+        if len(values) > MOST:
+            values = [*values[: "omega" not in varied], counted(len(osc.stops), "stop")]
+    return ",  ".join(filter(None, [*values, str(dataset.attrs.get("note", _begun(dataset)))]))
 
 
 def _begun(dataset: xr.Dataset) -> str:

@@ -90,8 +90,8 @@ def _reference_values(
     limits = {str(dim): (float(field[dim].min()), float(field[dim].max())) for dim in field.dims}
     if reference is None:
         axis = str(field.dims[1])
-        own = labels.own_value(sweep, axis)
-        return {} if own is None or not limits[axis][0] <= own <= limits[axis][1] else {axis: float(own)}
+        usual = labels.own_value(sweep, axis)
+        return {} if usual is None or not limits[axis][0] <= usual <= limits[axis][1] else {axis: float(usual)}
     chosen = {}
     if not isinstance(reference, Mapping):
         raise invalid("reference", reference, "values by axis", 'write for example {"mass": 1.5}')
@@ -261,8 +261,8 @@ def _draw_surface(solid: Any, sweep: xr.Dataset, field: xr.DataArray, colors: Sc
     """
     x, y, values = grid_of(field)
     shade, entries = np.zeros((*values.shape, 4)), []
-    for here, color, text in missing_layers(sweep, field, "cell"):
-        shade[here.T] = (*to_rgb(color), 1.0)
+    for mask, color, text in missing_layers(sweep, field, "cell"):
+        shade[mask.T] = (*to_rgb(color), 1.0)
         entries.append(swatch(color, text))
     gone = shade[..., 3] > 0.0
     heights = np.where(gone, np.nan, values)
@@ -274,8 +274,8 @@ def _draw_surface(solid: Any, sweep: xr.Dataset, field: xr.DataArray, colors: Sc
     flat = corners(gone)
     quads = np.stack([*map(corners, np.meshgrid(x, y)), corners(heights)], axis=-1)
     quads[flat.any(axis=2), :, 2] = solid.get_zlim()[0]
-    own = np.take_along_axis(corners(shade), flat.argmax(axis=2)[..., None, None], axis=2)[:, :, 0]
-    faces = np.where(flat.any(axis=2)[..., None], own, colors.to_rgba(quads[..., 2].mean(axis=2)))
+    colour_of_flat = np.take_along_axis(corners(shade), flat.argmax(axis=2)[..., None, None], axis=2)[:, :, 0]
+    faces = np.where(flat.any(axis=2)[..., None], colour_of_flat, colors.to_rgba(quads[..., 2].mean(axis=2)))
     looks: dict[str, Any] = {"linewidths": 0.0, "antialiased": False, "rasterized": True}
     solid.add_collection3d(Poly3DCollection(quads.reshape(-1, 4, 3), facecolors=faces.reshape(-1, 4), **looks))
     return entries
@@ -319,28 +319,28 @@ def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = Non
     designs, field, varied = check_points("designs", designs, index)
     x, values = varied[0], field.values.astype(float)
     y = varied[1] if len(varied) > 1 else field
-    known = np.isfinite(resolved := diagrams.resolved(designs, field))
+    finite = np.isfinite(resolved := diagrams.resolved(designs, field))
     numbers = y is not field and index in COUNTS
     ax = style.new_axes(ax, (8.4, 5.2) if numbers else (7.2, 5.4), labels.title(designs))
     height = (field if y is field else y).values
     if y is field:
-        ax.plot(x.values[known], values[known], **DOTS, color=BLUE, markersize=4, zorder=3)
+        ax.plot(x.values[finite], values[finite], **DOTS, color=BLUE, markersize=4, zorder=3)
         style.mark_missing(ax, x.values, missing_layers(designs, field, "design"))
     elif numbers:
-        for here, color, text in number_layers(designs, field):
-            ax.scatter(x.values[here], height[here], color=color, edgecolors=WALL, s=24, label=text, zorder=3)
+        for mask, color, text in number_layers(designs, field):
+            ax.scatter(x.values[mask], height[mask], color=color, edgecolors=WALL, s=24, label=text, zorder=3)
     else:
         how, bar = colour_scale(designs, field)
-        drawn = ax.scatter(x.values[known], height[known], c=values[known], s=22, zorder=3, **how)
+        drawn = ax.scatter(x.values[finite], height[finite], c=values[finite], s=22, zorder=3, **how)
         add_bar(ax, drawn, field, pad=0.02, **bar)
-        for here, color, text in missing_layers(designs, field, "design"):
-            ax.scatter(x.values[here], height[here], marker="x", color=color, label=text, zorder=2)
+        for mask, color, text in missing_layers(designs, field, "design"):
+            ax.scatter(x.values[mask], height[mask], marker="x", color=color, label=text, zorder=2)
     named = ax.get_legend_handles_labels()[0] if numbers else []
     if named:
         style.legend_beside(ax, named, labels.label(field))
-    if diagrams.HATCHED in designs and (here := designs[diagrams.HATCHED].values & np.isfinite(height)).any():
-        text = f"{designs.attrs[diagrams.HATCHED]} ({counted(int(here.sum()), 'design')})"
-        ax.scatter(x.values[here], height[here], s=70, facecolors="none", edgecolors=INK, label=text, zorder=4)
+    if diagrams.HATCHED in designs and (mask := designs[diagrams.HATCHED].values & np.isfinite(height)).any():
+        text = f"{designs.attrs[diagrams.HATCHED]} ({counted(int(mask.sum()), 'design')})"
+        ax.scatter(x.values[mask], height[mask], s=70, facecolors="none", edgecolors=INK, label=text, zorder=4)
     labels.label_axis(ax.xaxis, x)
     labels.label_axis(ax.yaxis, y, resolved if y is field else None)
     style.legend_added(ax, ax.get_legend_handles_labels()[0][len(named) :])

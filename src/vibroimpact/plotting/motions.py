@@ -64,7 +64,7 @@ def motion_map(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
     """
     classes = sweep if isinstance(sweep, xr.Dataset) and "motion" in sweep else classify(sweep)
     classes, field = diagrams.check_sweep("sweep", classes, "motion", 2)
-    layers = [(here, color, f"{cells.share_of(here)}   {text}") for here, color, text in _layers(classes, field)]
+    layers = [(mask, color, f"{cells.share_of(mask)}   {text}") for mask, color, text in _layers(classes, field)]
     ax = style.new_axes(ax, (7.8, 5.0), labels.title(classes))
     entries = cells.fill_cells(ax, field, layers, OPEN)
     cells.frame_plane(ax, field)
@@ -162,11 +162,11 @@ def _attractors(value: Any) -> xr.DataArray:
 
 def _title(dataset: xr.Dataset) -> str:
     """Return the oscillator's parameters, and the phase of initial conditions that have none of their own."""
-    held = labels.title(dataset)
-    if "phase" in dataset.dims or not held:
-        return held
+    fixed = labels.title(dataset)
+    if "phase" in dataset.dims or not fixed:
+        return fixed
     phase = json.loads(dataset.attrs["arguments"]).get("phase", 0.0)
-    return f"{held},  {labels.value_text(VARIABLES['phase'][2], phase, '')}"
+    return f"{fixed},  {labels.value_text(VARIABLES['phase'][2], phase, '')}"
 
 
 def _basins(dataset: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:

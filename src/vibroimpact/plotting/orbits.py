@@ -11,13 +11,12 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import counted
 from vibroimpact.plotting import labels, style
-from vibroimpact.plotting.style import BLUE, DOTS, GREEN, INK, RED, RINGS, Floats, on_axes
-from vibroimpact.plotting.systems import View, between_impacts, color_of, draw_forces, draw_walls, view_of
+from vibroimpact.plotting.style import BLUE, DOTS, GREEN, INK, RINGS, Floats, on_axes
+from vibroimpact.plotting.views import View, between_impacts, stops_of, view_of
+from vibroimpact.plotting.walls import color_of, draw_forces, draw_walls
 from vibroimpact.status import Status
-from vibroimpact.system import ImpactSystem
 
 Dims = str | tuple[str, ...]
 STATES: dict[str, Dims] = {
@@ -68,10 +67,10 @@ def _broken_orbit(states: tuple[Floats, ...], impacts: tuple[Floats, ...]) -> tu
     """
     (sampled, place, rate), (times, at, before, after_it) = states, impacts
     jump = np.column_stack([before, np.where(before == after_it, before, np.nan), after_it]).ravel()
-    own = between_impacts(sampled, times)
-    t = np.concatenate([np.repeat(times, 3), sampled[own]])
-    y = np.concatenate([np.where(np.isnan(jump), np.nan, np.repeat(at, 3)), place[own]])
-    dy = np.concatenate([jump, rate[own]])
+    free = between_impacts(sampled, times)
+    t = np.concatenate([np.repeat(times, 3), sampled[free]])
+    y = np.concatenate([np.where(np.isnan(jump), np.nan, np.repeat(at, 3)), place[free]])
+    dy = np.concatenate([jump, rate[free]])
     order = np.argsort(t, kind="stable")
     return _rounded(t[order], y[order], dy[order])
 
@@ -111,36 +110,11 @@ def draw_sticks(ax: Axes, bars: Any, name: str, zorder: float) -> None:
     ax.add_collection(LineCollection(bars, label=name, **look), autolim=False)
 
 
-def _stop(ax: Axes, displacement: Floats, osc: ImpactOscillator, *, upright: bool) -> tuple[float, float]:
-    """Draw the stop and return the limits of the displacement axis; an arrow points to a stop too far off."""
-    size = style.magnitude(displacement, osc.velocity_scale / osc.natural_frequency)
-    text = f"stop, {labels.parameter_text('gap', osc)}"
-    low, high = style.view(displacement, size)
-    near = osc.gap - high <= 3.0 * (high - low)
-    if near:
-        low, high = style.view(np.append(displacement, osc.gap), size)
-        start = osc.gap
-        high = start + max(0.12 * (high - low), high - start)
-        style.draw_stop(ax, start, high, upright=upright)
-    else:
-        # Turned with its text by a quarter, the downward arrow points right, to where the stop is.
-        text += r" $\downarrow$" if upright else r" $\uparrow$"
-        start, high = high, high + 0.12 * (high - low)
-    middle = 0.5 * (start + high)
-    place: dict[str, Any] = {"x": 0.995, "y": middle, "transform": ax.get_yaxis_transform(), "ha": "right"}
-    if upright:
-        place = {"x": middle, "y": 0.995, "transform": ax.get_xaxis_transform(), "rotation": 90, "ha": "center"}
-    box = {"facecolor": "#ededed", "edgecolor": "none", "pad": 2}
-    ax.text(s=text, va="top" if upright else "center", fontsize=8.5, color=INK, bbox=box, **place)
-    return low, high
-
-
 @dataclass(frozen=True)
 class _Motion:
     """What is drawn of a simulation: y and y' over time, those at impacts, and the line through both."""
 
-    model: ImpactOscillator | ImpactSystem
-    view: View | None
+    view: View
     y: xr.DataArray
     rate: xr.DataArray
     impacts: tuple[Floats, ...]  # y, and y' before and after
@@ -148,56 +122,38 @@ class _Motion:
 
     def groups(self, simulation: xr.Dataset) -> Iterator[tuple[Any, str, str]]:
         """Yield which impacts are drawn alike, their colour and their name."""
-        if self.view is None:
-            if count := simulation.sizes["impact"]:
-                yield slice(None), RED, counted(count, "impact")
-            return
-        for wall, here in self.view.struck(simulation):
-            text = f"{counted(int(here.sum()), 'impact')} on {wall.name}"
-            yield here, color_of(self.view.system, wall.name), text
+        for wall, struck in self.view.struck(simulation):
+            where = f" on {wall.name}" if "impact_stop" in simulation else ""
+            text = counted(int(struck.sum()), "impact") + where
+            yield struck, color_of(self.view.model, wall.name), text
 
-    def rests(self, simulation: xr.Dataset) -> Iterator[tuple[list[Floats], str]]:
-        """Yield, of each stop that is drawn, time, y and y' along each stick at it, and the name of these sticks."""
-        sticks = _sticks(simulation)
-        if isinstance(self.model, ImpactOscillator):
-            if len(sticks):
-                rests = [np.column_stack([span, [self.model.gap] * 2, [0.0] * 2]) for span in sticks]
-                yield rests, counted(len(sticks), "stick") + " (at rest at the stop)"
-            return
-        for wall in self.view.walls if self.view else ():
-            own = sticks[simulation["stick_stop"].values == wall.name]
-            if len(own) and self.view:
-                rests = [self.view.held(wall, *span) for span in own]
-                yield rests, f"{counted(len(own), 'stick')} ({wall.name} is closed)"
+    def rests(self, simulation: xr.Dataset) -> Iterator[tuple[list[Floats], str, str]]:
+        """Yield, of each stop that is drawn, time, y and y' along each stick at it, their name, and where they are."""
+        sticks, names = _sticks(simulation), stops_of(simulation, "stick", self.view.model)
+        for wall in self.view.walls:
+            spans = sticks[names == wall.name]
+            where = f" ({wall.name} is closed)" if "stick_stop" in simulation else " (at rest at the stop)"
+            if len(spans):
+                yield [self.view.rest(wall, *span) for span in spans], counted(len(spans), "stick"), where
 
-    def limits(self, ax: Axes, time: Floats, *, upright: bool) -> tuple[float, float]:
+    def limits(self, ax: Axes, *, upright: bool) -> tuple[float, float]:
         """Draw the stops and return the limits of the axis of y."""
-        if isinstance(self.model, ImpactOscillator) or self.view is None:
-            return _stop(ax, self.line[1], self.model, upright=upright)  # type: ignore[arg-type]
         return draw_walls(ax, self.view, self.line[1], self.line[0], upright=upright)
 
 
-def _started(simulation: xr.Dataset, coordinate: int | None, stop: str | None) -> _Motion:
+def _motion(simulation: xr.Dataset, coordinate: int | None, stop: str | None) -> _Motion:
     """Return the motion that is drawn of a checked simulation."""
-    of_system = isinstance(simulation, xr.Dataset) and "coordinate" in simulation.dims
-    check_result("simulation", simulation, "simulate", STATES | (COORDINATES if of_system else {}))
-    model = labels.made(simulation)
-    if model is None:
+    several = isinstance(simulation, xr.Dataset) and "coordinate" in simulation.dims
+    check_result("simulation", simulation, "simulate", STATES | (COORDINATES if several else {}))
+    view = view_of(simulation, coordinate, stop)
+    if view is None:
         raise ValueError(
             "`simulation` has no attribute 'oscillator', which says where the stop is; "
             "keep the attributes (xarray.set_options(keep_attrs=True)) when you compute with a result"
         )
-    view = view_of(simulation, coordinate, stop)
-    times, speeds = simulation["impact_time"].values, simulation["impact_velocity"].values
-    if view is not None:
-        y, rate, impacts = view.labelled(simulation), view.labelled(simulation, rate=True), view.impacts(simulation)
-    else:
-        osc: Any = model
-        y, rate = simulation["displacement"], simulation["velocity"]
-        impacts = np.full_like(speeds, osc.gap), speeds, -osc.restitution * speeds
+    y, rate, impacts = view.labelled(simulation), view.labelled(simulation, rate=True), view.impacts(simulation)
     states = simulation["time"].values, y.values, rate.values
-    line = _broken_orbit(states, (times, *impacts))
-    return _Motion(model, view, y, rate, impacts, line)
+    return _Motion(view, y, rate, impacts, _broken_orbit(states, (simulation["impact_time"].values, *impacts)))
 
 
 @on_axes
@@ -228,24 +184,24 @@ def time_history(
     >>> ax.get_xlabel()
     'time $t$ [s]'
     """
-    motion, own = _started(simulation, coordinate, stop), ax is None
+    motion, new = _motion(simulation, coordinate, stop), ax is None
     ax = style.new_axes(ax, (8.0, 3.8), labels.title(simulation))
     t, y, _ = motion.line
     whole = ~np.isnan(y)
     ax.plot(t[whole], y[whole], color=BLUE, linewidth=1.2, zorder=2)
 
-    ax.set_ylim(*motion.limits(ax, simulation["time"].values, upright=False))
+    ax.set_ylim(*motion.limits(ax, upright=False))
     impacts = simulation["impact_time"].values
-    for here, color, text in motion.groups(simulation):
+    for struck, color, text in motion.groups(simulation):
         look = DOTS | {"color": color, "markersize": 4, "zorder": 5}
-        ax.plot(impacts[here], motion.impacts[0][here], label=text, **look)
-    for rests, name in motion.rests(simulation):
-        draw_sticks(ax, [rest[:, :2] for rest in rests], name, 4)
+        ax.plot(impacts[struck], motion.impacts[0][struck], label=text, **look)
+    for rests, text, where in motion.rests(simulation):
+        draw_sticks(ax, [rest[:, :2] for rest in rests], text + where, 4)
     ax.set_xlim(float(simulation["time"][0]), float(simulation["time"][-1]))
-    if own and "force" in simulation:
+    if new and "force" in simulation:
         labels.label_axis(ax.yaxis, motion.y)
         below = style.panel_below(ax, 1.9)
-        draw_forces(below, motion.model, simulation)
+        draw_forces(below, motion.view.model, simulation)
         legend(below, simulation, ax)
     else:
         labels.label_axes(ax, simulation["time"], motion.y)
@@ -281,12 +237,12 @@ def phase_portrait(
     >>> ax.get_xlabel()
     'displacement $y$ [m]'
     """
-    motion = _started(simulation, coordinate, stop)
+    motion = _motion(simulation, coordinate, stop)
     ax = style.new_axes(ax, (6.4, 5.4), labels.title(simulation))
     _, y, dy = motion.line
     ax.plot(y, dy, color=BLUE, linewidth=0.9, label="flight", zorder=2)
-    for here, color, text in motion.groups(simulation):
-        place, before, after = (part[here] for part in motion.impacts)
+    for struck, color, text in motion.groups(simulation):
+        place, before, after = (part[struck] for part in motion.impacts)
         ends = zip(place, before, after, strict=True)
         jumps = [[(at, arrives), (at, leaves)] for at, arrives, leaves in ends if leaves != arrives]
         thin: dict[str, Any] = {
@@ -299,16 +255,16 @@ def phase_portrait(
         if jumps:
             ax.add_collection(LineCollection(jumps, label=text, **thin), autolim=False)
         ax.plot(place, before, **DOTS, color=color, markersize=3, zorder=4, label="" if jumps else text)
-    for rests, name in motion.rests(simulation):
-        name = name.removesuffix(" (at rest at the stop)")
+    for rests, text, where in motion.rests(simulation):
+        name = text + where * ("stick_stop" in simulation)
         if all(np.ptp(rest[:, 1:], axis=0).any() for rest in rests):  # with a stop that moves
             draw_sticks(ax, [rest[:, 1:] for rest in rests], name, 5)
         else:
             ax.plot(*rests[0][:1, 1:].T, "s", color=GREEN, markersize=7, markeredgewidth=0, label=name, zorder=5)
     ring = RINGS | {"markeredgecolor": INK, "markersize": 5, "zorder": 6}
     ax.plot(float(motion.y[0]), float(motion.rate[0]), label="start", **ring)
-    ax.set_xlim(*motion.limits(ax, simulation["time"].values, upright=True))
-    ax.set_ylim(*style.view(dy, style.magnitude(dy, motion.model.velocity_scale)))
+    ax.set_xlim(*motion.limits(ax, upright=True))
+    ax.set_ylim(*style.view(dy, style.magnitude(dy, motion.view.model.velocity_scale)))
     labels.label_axes(ax, motion.y, motion.rate)
     legend(ax, simulation)
     return ax

@@ -10,9 +10,10 @@ from matplotlib.axes import Axes
 
 from vibroimpact.parameters import counted
 from vibroimpact.plotting import labels, style
-from vibroimpact.plotting.orbits import check_result, draw_sticks, ended, legend
+from vibroimpact.plotting.orbits import Dims, check_result, draw_sticks, ended, legend
 from vibroimpact.plotting.style import BLUE, DOTS, Floats, on_axes
-from vibroimpact.plotting.systems import View, color_of, view_of
+from vibroimpact.plotting.views import View, times_of, view_of
+from vibroimpact.plotting.walls import caption_of, color_of
 
 MANY = 200  # more distinct points than this are drawn as an attractor, fewer as separate marks
 
@@ -97,50 +98,39 @@ def stroboscopic_map(
     '1 point in 50 periods'
     """
     view = view_of(section, coordinate, stop) if isinstance(section, xr.Dataset) else None
+    drawn = section
     if view is not None:
-        return _stroboscopic_of_system(section, view, ax)
-    ax, points = _section(section, ax, "stroboscopic_section", "displacement", "period")
+        dims: Dims = ("period", "coordinate") if "coordinate" in section.dims else "period"
+        check_result("section", section, "stroboscopic_section", dict.fromkeys(("displacement", "velocity"), dims))
+        drawn = section.assign(displacement=view.labelled(section), velocity=view.labelled(section, rate=True))
+    ax, points = _section(drawn, ax, "stroboscopic_section", "displacement", "period")
     if not len(points):
         return ax
-    osc = labels.reference(section)
     # One size for both axes: an orbit may well pass the section near y = 0 or at y' = 0.
-    rate = max(osc.omega, osc.natural_frequency) if osc else 1.0
-    size = style.magnitude(points * [1.0, 1.0 / rate], osc.velocity_scale / osc.natural_frequency if osc else 1.0)
+    model = view.model if view else None
+    rate = max(model.omega, model.slowest_frequency) if model else 1.0
+    size = style.magnitude(points * [1.0, 1.0 / rate], model.velocity_scale / model.slowest_frequency if model else 1.0)
     sizes = np.array([size, size * rate])
     least = 0.1 if _draw_points(ax, points, 1e-6 * sizes, "period") else 1e-6
     low, high = style.view(points[:, 0], sizes[0], least)
     ax.set_xlim(low, high)
     ax.set_ylim(*style.view(points[:, 1], sizes[1], least))
-    labels.label_axes(ax, section["displacement"], section["velocity"])
-    if osc and osc.gap < high:
-        style.draw_stop(ax, osc.gap, high, upright=True, label=f"stop, {labels.parameter_text('gap', osc)}")
+    labels.label_axes(ax, drawn["displacement"], drawn["velocity"])
+    if view is not None:
+        _draw_stops(ax, view, times_of(section)[:1])
     legend(ax, section)
     return ax
 
 
-def _stroboscopic_of_system(section: xr.Dataset, view: View, ax: Axes | None) -> Axes:
-    """Draw what is seen of a system once per driving period."""
-    wanted = dict.fromkeys(("displacement", "velocity"), ("period", "coordinate"))
-    check_result("section", section, "stroboscopic_section", wanted)
-    shown = {"displacement": view.labelled(section), "velocity": view.labelled(section, rate=True)}
-    ax, points = _section(section.assign(shown), ax, "stroboscopic_section", "displacement", "period")
-    if not len(points):
-        return ax
-    size = style.magnitude(points / [1.0, view.system.omega], view.system.velocity_scale / view.system.omega)
-    sizes = np.array([size, size * view.system.omega])
-    least = 0.1 if _draw_points(ax, points, 1e-6 * sizes, "period") else 1e-6
-    low, high = style.view(points[:, 0], sizes[0], least)
+def _draw_stops(ax: Axes, view: View, time: Floats) -> None:
+    """Draw the stops that act on what is shown alone, where they are at that time, each with an entry in the legend."""
+    low, high = ax.get_xlim()
     for wall in view.walls:
-        place = float(view.place(wall, section["time"].values[:1])[0])
-        if low < place < high:
-            beyond = high if wall.ratio > 0.0 else low
-            name = f"{'compliant ' if wall.compliant else ''}stop {wall.name}"
-            style.draw_stop(ax, place, beyond, upright=True, label=name, compliant=wall.compliant)
-    ax.set_xlim(low, high)
-    ax.set_ylim(*style.view(points[:, 1], sizes[1], least))
-    labels.label_axes(ax, *shown.values())
-    legend(ax, section)
-    return ax
+        place = float(view.place(wall, time)[0])
+        if (high - place if wall.side > 0 else place - low) > 0.0:
+            caption = caption_of(view.model, wall.name)
+            name = caption if caption != wall.name else f"{'compliant ' * wall.compliant}stop {wall.name}"
+            style.draw_stop(ax, place, (low, high)[wall.side > 0], upright=True, label=name, compliant=wall.compliant)
 
 
 def _stick_phases(section: xr.Dataset, period: float) -> list[tuple[float, float]]:
@@ -185,15 +175,15 @@ def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     if not len(points):
         return ax
     fastest = float(points[:, 1].max())
-    osc: Any = labels.made(section)
+    model: Any = labels.made(section)
     tolerance = np.array([1e-6, 1e-6 * fastest])
-    if osc and "stop" in section:
-        for name in (name for name in osc.stop_names if (section["stop"] == name).any()):
-            here = section["stop"].values == name
-            _draw_points(ax, points[here], tolerance, "impact", wrap=True, color=color_of(osc, name), of=f" on {name}")
+    if model and "stop" in section:
+        for name in (name for name in model.stop_names if (section["stop"] == name).any()):
+            struck, look = section["stop"].values == name, {"color": color_of(model, name), "of": f" on {name}"}
+            _draw_points(ax, points[struck], tolerance, "impact", wrap=True, **look)
     else:
         _draw_points(ax, points, tolerance, "impact", wrap=True)
-    if osc and "stick_time" in section and (sticks := _stick_phases(section, osc.period)):
+    if model and "stick_time" in section and (sticks := _stick_phases(section, model.period)):
         draw_sticks(ax, [[(start, 0.0), (end, 0.0)] for start, end in sticks], "stick (at rest at the stop)", 2)
     ax.set_ylim(-0.03 * fastest, 1.08 * fastest)
     labels.label_axes(ax, section["phase"], section["velocity"])

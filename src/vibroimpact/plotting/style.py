@@ -111,8 +111,8 @@ ValueError
 
 def on_axes(draw: Draw) -> Draw:
     """Add to the docstring of a figure's function what is the same for all: its last parameter, returns, raises."""
-    own = inspect.cleandoc(draw.__doc__ or "")
-    draw.__doc__ = re.sub(r"\n\n(?=(Notes|References|Examples)\n)", ON_AXES, own, count=1)
+    text = inspect.cleandoc(draw.__doc__ or "")
+    draw.__doc__ = re.sub(r"\n\n(?=(Notes|References|Examples)\n)", ON_AXES, text, count=1)
     return draw
 
 
@@ -305,19 +305,19 @@ def origin(dataset: xr.Dataset) -> str:
 def by_status(missing: Mask, codes: NDArray[np.integer[Any]], of_what: str, origin: str = "") -> Iterator[Layer]:
     """Yield for each status where it leaves something without a value, its colour, and its legend entry."""
     for status in Status:
-        here = missing & (codes == status)
-        if count := int(here.sum()):
+        mask = missing & (codes == status)
+        if count := int(mask.sum()):
             words = {
                 Status.NO_IMPACT: f"no impact{origin}",
                 Status.STOPPED_IMPACTING: f"impacts cease after a transient{origin.removeprefix(' from rest')}",
             }
             text = words.get(status) or motion_name(int(refined(0, status)))
-            yield here, STATUS_COLORS.get(status, WALL), text + (f" ({counted(count, of_what)})" if of_what else "")
+            yield mask, STATUS_COLORS.get(status, WALL), text + (f" ({counted(count, of_what)})" if of_what else "")
 
 
 def mark_missing(ax: Axes, positions: Floats, layers: Iterable[Layer]) -> None:
     """Mark along the bottom axis where there is nothing to draw, one colour per reason."""
     look: dict[str, Any] = DOTS | {"marker": "s", "markersize": 4.0, "zorder": 4, "transform": ax.get_xaxis_transform()}
-    for here, color, text in layers:
+    for mask, color, text in layers:
         edge = {"markeredgewidth": 0.5, "markeredgecolor": WALL} if color == "#ffffff" else {}
-        ax.add_line(Line2D(positions[here], np.full(here.sum(), 0.012), color=color, label=text, **look | edge))
+        ax.add_line(Line2D(positions[mask], np.full(mask.sum(), 0.012), color=color, label=text, **look | edge))

@@ -1,0 +1,233 @@
+"""What is drawn of a motion: a coordinate or the clearance of a stop, with the walls of the stops that act on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import CubicHermiteSpline
+
+from vibroimpact.parameters import choice, invalid, whole_number
+from vibroimpact.plotting import labels
+from vibroimpact.plotting.style import Floats, Mask
+from vibroimpact.stops import Stop
+
+SMOOTH = 200  # places of a moving stop per driving period, as of a motion by default
+PARALLEL = 1e-9  # of the size of a direction: what rounding may add to one that is a multiple of another
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A stop that acts on what is drawn alone: y <= wall where `ratio` > 0, else y >= wall."""
+
+    stop: Stop
+    number: int
+    ratio: float  # of its direction to the form drawn
+
+    @property
+    def name(self) -> str:
+        """The name of the stop."""
+        return str(self.stop.name)
+
+    @property
+    def compliant(self) -> bool:
+        """Whether the stop is compliant."""
+        return self.stop.compliant
+
+    @property
+    def side(self) -> int:
+        """Where the wall is: 1 above y, -1 below."""
+        return 1 if self.ratio > 0.0 else -1
+
+
+@dataclass(frozen=True)
+class View:
+    """One number of a motion over time: y = form . q, or the clearance u of a stop, with its rate.
+
+    Parameters
+    ----------
+    model : ImpactOscillator or ImpactSystem
+        What moves.
+    form : (n,) array
+        The weights of the coordinates.
+    name, symbol : str
+        What y is called.
+    stop : int, optional
+        The number of the stop whose clearance y is.
+    """
+
+    model: Any
+    form: Floats
+    name: str = ""
+    symbol: str = ""
+    stop: int | None = None
+
+    @cached_property
+    def walls(self) -> list[Wall]:
+        """The stops whose directions are multiples of the form."""
+        found, at = [], int(np.abs(self.form).argmax())
+        for number, stop in enumerate(self.model.stops):
+            ratio = float(stop.direction[at] / self.form[at])
+            if ratio and np.abs(stop.direction - ratio * self.form).max() <= PARALLEL * np.abs(stop.direction).max():
+                found.append(Wall(stop, number, ratio))
+        return found
+
+    def values(self, time: Floats, coordinates: Any, *, rate: bool = False) -> Floats:
+        """Return y, or its rate, from displacements or velocities, one row per time."""
+        found: Floats = np.reshape(coordinates, (-1, len(self.form))) @ self.form
+        return found if self.stop is None else found + self._moved(self.stop, time, rate=rate)
+
+    def _moved(self, number: int, time: Floats, *, rate: bool = False) -> Floats:
+        stop, omega = self.model.stops[number], self.model.omega
+        if rate:
+            return np.zeros_like(time) + stop.speed(omega * time, omega)
+        return np.full_like(time, stop.gap) + stop.shift(omega * time)
+
+    def place(self, wall: Wall, time: Floats, *, rate: bool = False) -> Floats:
+        """Return the place of a wall, or its velocity."""
+        if wall.number == self.stop:
+            return np.zeros_like(time)
+        offset = 0.0 if self.stop is None else self._moved(self.stop, time, rate=rate)
+        found: Floats = offset + self._moved(wall.number, time, rate=rate) / wall.ratio
+        return found
+
+    def moves(self, wall: Wall) -> bool:
+        """Whether a wall moves in this view."""
+        return wall.number != self.stop and any(
+            self.model.stops[number].motion for number in (wall.number, self.stop) if number is not None
+        )
+
+    def rest(self, wall: Wall, start: float, end: float) -> Floats:
+        """Return time, y and y' while a wall is closed; of one that moves at so many times that it draws no polygon."""
+        number = 2 + math.ceil((end - start) / self.model.period * SMOOTH) * self.moves(wall)
+        time = np.linspace(start, end, number)
+        return np.column_stack([time, self.place(wall, time), self.place(wall, time, rate=True)])
+
+    def sides(self, wall: Wall, time: Floats, speed: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return y and its rates before and after impacts on a wall; where a compliant one is touched no rate jumps."""
+        moves, closing = self.place(wall, time, rate=True), speed / wall.ratio
+        return self.place(wall, time), moves + closing, moves - wall.stop.rebound(speed) * closing
+
+    def impacts(self, simulation: xr.Dataset) -> tuple[Floats, Floats, Floats]:
+        """Return y and its rates before and after each impact, whichever stop is struck.
+
+        Of a stop that acts on y alone they are the wall's and those of the law of restitution. At any other y' jumps by
+        -form . M^-1 d p, with p the impulse along d; without these jumps y is smooth, and the cubic through the samples
+        leads to the impact.
+        """
+        time, speed = simulation["impact_time"].values, simulation["impact_velocity"].values
+        struck = list(self.struck(simulation))
+        if sum(at.sum() for _, at in struck) < len(time):
+            found = self._through(simulation, time, self._jumps(simulation))
+        else:
+            found = np.empty((3, len(time)))
+        for wall, at in struck:
+            found[:, at] = self.sides(wall, time[at], speed[at])
+        return found[0], found[1], found[2]
+
+    def struck(self, simulation: xr.Dataset) -> Iterator[tuple[Wall, Mask]]:
+        """Yield each wall that is struck, and at which impacts."""
+        names = stops_of(simulation, "impact", self.model)
+        for wall in self.walls:
+            at: Mask = names == wall.name
+            if at.any():
+                yield wall, at
+
+    def _jumps(self, simulation: xr.Dataset) -> Floats:
+        """Return by how much y' jumps at each impact."""
+        struck, found = simulation["impact_stop"].values, np.zeros(simulation.sizes["impact"])
+        for stop in (stop for stop in self.model.stops if not stop.compliant):
+            at, per_impulse = struck == stop.name, self.form @ np.linalg.solve(self.model.mass, stop.direction)
+            found[at] = -per_impulse * simulation["impulse"].values[at]
+        return found
+
+    def _through(self, simulation: xr.Dataset, at: Floats, jumps: Floats) -> Floats:
+        """Return y and its rates before and after each jump, from the samples around it."""
+        time = simulation["time"].values
+        y = self.values(time, simulation["displacement"].values)
+        rate = self.values(time, simulation["velocity"].values, rate=True)
+        free = between_impacts(time, at)
+        if free.sum() < 2:
+            return np.full((3, len(at)), np.nan)
+        total, moment = (np.append(0.0, np.cumsum(jumps * by)) for by in (1.0, at))
+        passed = np.searchsorted(at, time)
+        smooth = CubicHermiteSpline(
+            time[free], (y - time * total[passed] + moment[passed])[free], (rate - total[passed])[free]
+        )
+        return np.array([
+            smooth(at) + at * total[:-1] - moment[:-1], smooth(at, 1) + total[:-1], smooth(at, 1) + total[1:],
+        ])  # fmt: skip
+
+    def labelled(self, dataset: xr.Dataset, *, rate: bool = False) -> xr.DataArray:
+        """Return y, or its rate, over the time or the periods of a result, with name, unit and symbol."""
+        source = dataset["velocity" if rate else "displacement"]
+        attrs = dict(source.attrs)
+        if self.stop is not None or len(self.form) > 1:
+            attrs = {"long_name": "rate of " * rate + self.name, "symbol": self.symbol + "'" * rate}
+            attrs["units"] = "m/s" if rate else "m"
+        values = self.values(times_of(dataset), source.values, rate=rate)
+        return xr.DataArray(values, dims=source.dims[:1], attrs=attrs, name=source.name)
+
+
+def view_of(dataset: xr.Dataset, coordinate: int | None, stop: str | None) -> View | None:
+    """Return the view of a result; None where it does not hold its model.
+
+    Unless chosen it is coordinate 0, or, where no stop acts on that alone, the clearance of the first stop.
+    """
+    model = labels.made(dataset)
+    if stop is not None and coordinate is not None:
+        raise ValueError("give either `coordinate` or `stop`, not both")
+    if model is None:
+        return None
+    if stop is not None:
+        return _clearance(model, model.stop_names.index(choice("stop", stop, model.stop_names)))
+    n, at = model.coordinates, 0 if coordinate is None else whole_number("coordinate", coordinate, 0)
+    if at >= n:
+        raise invalid("coordinate", coordinate, f"less than the number of coordinates, {n}")
+    view = View(model, np.eye(n)[at], f"coordinate {at}", f"q_{at}")
+    return _clearance(model, 0) if coordinate is None and model.stops and not view.walls else view
+
+
+def _clearance(model: Any, number: int) -> View:
+    name = model.stop_names[number]
+    return View(model, -np.array(model.stops[number].direction), f"clearance of {name}", f"u_{name}", number)
+
+
+def view_of_page(model: Any, coordinate: int = 0, stop: int = 0) -> View:
+    """Return what pages show: a coordinate, or the displacement towards a stop, both counted from 1; 0 is the first."""
+    if coordinate or not model.stops:
+        form, name = np.eye(model.coordinates)[max(coordinate, 1) - 1], f"coordinate {max(coordinate, 1)}"
+    else:
+        number = max(stop, 1) - 1
+        form, name = model.stops[number].direction, f"y at {model.stop_names[number]}"
+    if len(model.stops) == 1 and form.tolist() == [1.0]:  # there is nothing else to show
+        name = "displacement y"
+    return View(model, form, name)
+
+
+def stops_of(result: Mapping[Any, Any], event: str, model: Any) -> Any:
+    """Return the names of the stops of each event of a result, "impact" or "stick"; one stop need not be named."""
+    if f"{event}_stop" in result:
+        return np.asarray(result[f"{event}_stop"])
+    return np.full(len(result.get(f"{event}_time", ())), model.stop_names[0])
+
+
+def times_of(result: xr.Dataset) -> Floats:
+    """Return the times of a result, zeros where it holds none: only what moves needs them."""
+    return result["time"].values if "time" in result else np.zeros(len(result["displacement"]))
+
+
+def between_impacts(sampled: Floats, times: Floats) -> Mask:
+    """Return which samples lie between impacts.
+
+    A sample at an impact holds the state after it, but rounding may put its time before: it adds nothing.
+    """
+    around = np.concatenate([[-np.inf], times, [np.inf]])
+    after = np.searchsorted(times, sampled)
+    found: Mask = np.minimum(sampled - around[after], around[after + 1] - sampled) >= 1e-6 * np.ptp(sampled[:2])
+    return found

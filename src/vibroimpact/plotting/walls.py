@@ -1,0 +1,122 @@
+"""The walls of a view and the forces of compliant stops, as figures show them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
+from matplotlib.colors import to_rgba
+from matplotlib.patches import Rectangle
+
+from vibroimpact.plotting import labels, style
+from vibroimpact.plotting.style import INK, RED, Floats
+from vibroimpact.plotting.views import View, Wall
+
+STOPS = (RED, "#e69f00", "#7a3dd8", "#0b7a75", "#7a5230")  # impacts on each, in the order of the model
+FAR = 3.0  # spans of the motion: a wall farther off is only pointed at
+ROOM = 0.12  # of the span: what is seen behind a wall
+
+
+def color_of(model: Any, name: str) -> str:
+    """Return the colour of the impacts on a stop."""
+    return STOPS[model.stop_names.index(name) % len(STOPS)]
+
+
+def caption_of(model: Any, name: str) -> str:
+    """Return the name of a stop, with its gap where the model has a parameter for it that needs no name."""
+    return f"{name}, {labels.parameter_text('gap', model)}" if "gap" in model.parameters else name
+
+
+def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) -> tuple[float, float]:
+    """Draw the stops that act on y alone and return the limits of its axis.
+
+    Over time a moving stop is drawn as it moves; upright, in a portrait, where it comes to be farthest. Arrows point to
+    those too far off. Of a compliant stop, what the motion enters is shaded in its colour.
+    """
+    scale = view.model.velocity_scale / view.model.slowest_frequency
+    low, high = style.view(y, style.magnitude(y, scale))
+    span = high - low
+    near: list[tuple[Wall, Floats, float]] = []
+    far: list[tuple[Wall, float]] = []
+    for wall in view.walls:
+        place = view.place(wall, time)
+        outermost = float((wall.side * place).max()) * wall.side
+        if (outermost - high if wall.side > 0 else low - outermost) <= FAR * span:
+            near.append((wall, place, outermost))
+        else:
+            far.append((wall, outermost))
+    reached = np.append(y, [outermost for _, _, outermost in near])
+    low, high = style.view(reached, style.magnitude(reached, scale))
+    room = ROOM * (high - low)
+    deepest = {wall.name: _deepest(wall, y, outermost) for wall, _, outermost in near}
+    for wall, _, _ in near:
+        end = deepest[wall.name]
+        low, high = (low, max(high, end + room)) if wall.side > 0 else (min(low, end - room), high)
+    for wall, place, outermost in near:
+        beyond = high if wall.side > 0 else low
+        if view.moves(wall) and not upright:
+            ax.fill_between(time, place, beyond, zorder=1.5, **style.BEHIND[wall.compliant])
+            ax.plot(time, place, **style.FACE[wall.compliant], zorder=1.6)
+        else:
+            style.draw_stop(ax, outermost, beyond, upright=upright, compliant=wall.compliant)
+        if wall.compliant:
+            _shade(ax, wall, (time, y, place), color_of(view.model, wall.name), upright=upright)
+        _name(ax, caption_of(view.model, wall.name), 0.5 * (deepest[wall.name] + beyond), upright=upright)
+    for wall, outermost in far:
+        above, room = wall.side > 0, ROOM * (high - low)
+        caption = caption_of(view.model, wall.name)
+        far_off = "" if caption != wall.name else f" at {outermost:.4g} m"
+        # Turned with its text by a quarter, the downward arrow points right.
+        arrow = r"$\downarrow$" if upright == above else r"$\uparrow$"
+        _name(ax, f"{caption}{far_off} {arrow}", high + 0.5 * room if above else low - 0.5 * room, upright=upright)
+        low, high = (low, high + room) if above else (low - room, high)
+    return low, high
+
+
+def draw_forces(ax: Axes, model: Any, simulation: xr.Dataset) -> None:
+    """Draw the forces of compliant stops over time, each contact before a box of its duration and largest force."""
+    for stop in (stop for stop in model.stops if stop.compliant):
+        hits = simulation.isel(impact=np.flatnonzero(simulation["impact_stop"] == stop.name))
+        begins, length, peak = (hits[name].values for name in ("impact_time", "contact_time", "peak_force"))
+        # Where contact begins the force jumps from zero to c v.
+        touch: Floats = float(stop.damping or 0.0) * hits["impact_velocity"].values
+        time = np.concatenate([simulation["time"].values, begins, begins, begins + length])
+        force = np.concatenate([simulation["force"].sel(stop=stop.name).values, 0.0 * touch, touch, 0.0 * touch])
+        order, color = np.argsort(time, kind="stable")[: np.isfinite(time).sum()], color_of(model, str(stop.name))
+        ax.plot(time[order], force[order], color=color, linewidth=1.2, zorder=3, label=f"force of {stop.name}")
+        boxes = [Rectangle((at, 0.0), long, most) for at, long, most in zip(begins, length, peak, strict=True)]
+        look: dict[str, Any] = {"facecolor": to_rgba(color, 0.2), "edgecolor": to_rgba(color, 0.5), "linewidth": 0.8}
+        ax.add_collection(PatchCollection(boxes, **look, zorder=2))
+    ax.set_ylim(bottom=0.0)
+    labels.label_axes(ax, simulation["time"], simulation["force"])
+
+
+def _deepest(wall: Wall, y: Floats, outermost: float) -> float:
+    """Return the depth to which the motion reaches into a compliant stop; of a rigid one its place."""
+    if not wall.compliant:
+        return outermost
+    reached = np.append(y[np.isfinite(y)], outermost)
+    return float(reached.max() if wall.side > 0 else reached.min())
+
+
+def _shade(ax: Axes, wall: Wall, line: tuple[Floats, Floats, Floats], color: str, *, upright: bool) -> None:
+    """Shade where the motion is inside a compliant stop."""
+    time, y, place = line
+    inside = (y - place) * wall.side >= 0.0
+    look: dict[str, Any] = {"facecolor": color, "alpha": 0.2, "linewidth": 0.0, "zorder": 1.7}
+    if not upright:
+        ax.fill_between(time, place, y, where=inside, label=f"penetration of {wall.name}", **look)
+    elif inside.any():
+        ends = place[inside], y[inside]
+        ax.axvspan(min(map(np.min, ends)), max(map(np.max, ends)), label=f"penetration of {wall.name}", **look)
+
+
+def _name(ax: Axes, text: str, middle: float, *, upright: bool) -> None:
+    place: dict[str, Any] = {"x": 0.995, "y": middle, "transform": ax.get_yaxis_transform(), "ha": "right"}
+    if upright:
+        place = {"x": middle, "y": 0.995, "transform": ax.get_xaxis_transform(), "rotation": 90, "ha": "center"}
+    box = {"facecolor": "#ededed", "edgecolor": "none", "pad": 2}
+    ax.text(s=text, va="top" if upright else "center", fontsize=8.5, color=INK, bbox=box, **place)
