@@ -84,9 +84,9 @@ class View:
 
     def _moved(self, number: int, time: Floats, *, rate: bool = False) -> Floats:
         stop, omega = self.model.stops[number], self.model.omega
-        if rate:
-            return np.zeros_like(time) + stop.speed(omega * time, omega)
-        return np.full_like(time, stop.gap) + stop.shift(omega * time)
+        begun, moved = (0.0, stop.speed(omega * time, omega)) if rate else (stop.gap, stop.shift(omega * time))
+        found: Floats = np.full_like(time, begun) + moved
+        return found
 
     def place(self, wall: Wall, time: Floats, *, rate: bool = False) -> Floats:
         """Return the place of a wall, or its velocity."""
