@@ -21,7 +21,7 @@ from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass, decide
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits import find_orbit
-from vibroimpact.orbits.search import stable_orbits
+from vibroimpact.orbits.one_mass import stable_orbits
 from vibroimpact.orbits.sticking import CREST
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import invalid

@@ -63,14 +63,14 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
 
 def flown(cycle: Cycle, unknown: Floats, i: int) -> tuple[Leg, list[Course]]:
     """Return leg i of an orbit, and the courses of the stops in it."""
-    known = cycle.known(unknown)
-    if i not in known:
+    latest = cycle.latest(unknown)
+    if i not in latest:
         flow, angles, event = cycle.flow, cycle.angles(unknown), cycle.events[i]
         begin = flow.drive(angles[i])
         start = np.append(flow.struck(event.stop, cycle.states(unknown)[i], begin), begin)
         leg = Leg(flow, start, float(angles[i + 1] - angles[i]), cycle.phases[i + 1])
-        known[i] = leg, list(courses(leg, event.stop))
-    found: tuple[Leg, list[Course]] = known[i]
+        latest[i] = leg, list(courses(leg, event.stop))
+    found: tuple[Leg, list[Course]] = latest[i]
     return found
 
 

@@ -27,6 +27,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -112,23 +113,23 @@ class Cycle:
         return found, np.append(angles, self.states(unknown)[first])
 
     @cached_property
-    def _known(self) -> dict[Any, Any]:
+    def _latest(self) -> dict[Any, Any]:
         return {}
 
-    def known(self, unknown: Floats) -> dict[Any, Any]:
-        """Return the results kept of the solution that was looked at last, if it is this one, and is added to."""
+    def latest(self, unknown: Floats) -> dict[Any, Any]:
+        """Return what is computed already of an unknown, to be read and added to: only of the latest one."""
         content = unknown.tobytes()
-        if self._known.get("solution") != content:
-            self._known.clear()
-            self._known["solution"] = content
-        return self._known
+        if self._latest.get("unknown") != content:
+            self._latest.clear()
+            self._latest["unknown"] = content
+        return self._latest
 
     def states(self, unknown: Floats) -> list[Floats]:
         """Return the states just before the events, and before the first one of the next cycle."""
-        known = self.known(unknown)
-        if "states" not in known:
-            known["states"] = self._flown(unknown.copy())
-        found: list[Floats] = known["states"]
+        latest = self.latest(unknown)
+        if "states" not in latest:
+            latest["states"] = self._flown(unknown.copy())
+        found: list[Floats] = latest["states"]
         return found
 
     def _flown(self, unknown: Floats) -> list[Floats]:
@@ -155,6 +156,32 @@ class Cycle:
         """Return the velocities of the impacts in m/s."""
         found: Floats = self.speeds(unknown)[self.impacts] * self.flow.lengths[list(self.stops)] * self.flow.omega
         return found
+
+    def misses(self, unknown: Floats) -> Floats:
+        """Return the levels at the events, then by how much the cycle is open."""
+        return self._linear(unknown)[0]
+
+    def jacobian(self, unknown: Floats) -> Floats:
+        """Return the derivative of the misses."""
+        return self._linear(unknown)[1]
+
+    def _linear(self, unknown: Floats) -> tuple[Floats, Floats]:
+        latest = self.latest(unknown)
+        if "linear" not in latest:
+            latest["linear"] = self.linearised(unknown)
+        found: tuple[Floats, Floats] = latest["linear"]
+        return found
+
+    def scales(self, unknown: Floats) -> tuple[Floats, Floats]:
+        """Return the sizes of the misses and of the unknown; angles of contacts count by the rates in them."""
+        size = float(np.abs(unknown[len(self.events) :]).max()) or 1.0
+        rates = [self.flow.phase(pushing).fastest for pushing in self.phases]
+        angles = [self.flow.phase().fastest / max(pair) for pair in pairwise(rates)]  # 1 where no stop is compliant
+        return np.full(len(unknown), size), np.append(angles, np.full(len(unknown) - len(angles), size))
+
+    def in_order(self, unknown: Floats) -> bool:
+        """Whether the events follow one another, the first of the next cycle included."""
+        return bool((np.diff(self.angles(unknown)) > 0.0).all())
 
     def linearised(self, unknown: Floats) -> tuple[Floats, Floats]:
         """Return the misses and their derivative: the levels at the events, then by how much the cycle is open."""

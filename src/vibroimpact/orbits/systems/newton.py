@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.orbits.search import CLOSE, MOST, SINGULAR, Solved
+from vibroimpact.orbits import newton
+from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.events import IMPACT, LET_GO, Event
 from vibroimpact.orbits.systems.flow import Flow
@@ -27,33 +26,10 @@ def from_angles(cycle: Cycle, angles: Floats) -> Floats:
 
 
 def solve(cycle: Cycle, start: Floats) -> Solved:
-    """Return the solution that damped Newton's method reaches: steps are halved while they raise the misses."""
-    p, unknown = len(cycle.events), np.array(start, dtype=float)
-    unknown[p:][cycle.flow.neutral] = 0.0  # where a free centre is must not set the size
-    size = float(np.abs(unknown[p:]).max()) or 1.0
-    paces = [cycle.flow.phase(pushing).fastest for pushing in cycle.phases]
-    quick = [cycle.flow.phase().fastest / max(pair) for pair in pairwise(paces)]  # 1 where no stop gives
-    columns = np.append(quick, np.full(len(unknown) - p, size))
-    misses, matrix = cycle.linearised(unknown)
-    for _ in range(MOST):
-        scaled = matrix * columns / size
-        if not np.isfinite(scaled).all():
-            break
-        correction = np.linalg.lstsq(scaled, misses / size, rcond=None)[0]
-        largest, part = float(np.abs(correction).max()), 1.0
-        while part > 1e-3:
-            trial = unknown - part * columns * correction
-            left, slope = cycle.linearised(trial)
-            in_order = bool((np.diff(cycle.angles(trial)) > 0.0).all())
-            if largest < CLOSE or (in_order and np.abs(left).max() < np.abs(misses).max()):
-                break
-            part *= 0.5
-        else:
-            break
-        unknown, misses, matrix = trial, left, slope
-        if largest < CLOSE:
-            return Solved(unknown, in_order, bool(np.linalg.cond(scaled) > SINGULAR))
-    return Solved(unknown, False, bool(not np.isfinite(matrix).all() or np.linalg.cond(matrix * columns / size) > 1e6))
+    """Return the solution that damped Newton's method reaches."""
+    unknown = np.array(start, dtype=float)
+    unknown[len(cycle.events) :][cycle.flow.neutral] = 0.0  # where a free centre is must not set the size
+    return newton.solve(cycle, unknown)
 
 
 def with_releases(flow: Flow, stops: tuple[int, ...], angles: Floats, end: float) -> tuple[tuple[Event, ...], Floats]:

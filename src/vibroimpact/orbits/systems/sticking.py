@@ -23,8 +23,9 @@ from vibroimpact.model import Model, State
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.found import Guess, Orbits, other_name
+from vibroimpact.orbits.newton import CLOSE, MOST, SINGULAR, Solved
 from vibroimpact.orbits.orbit import SAME, family_of
-from vibroimpact.orbits.search import CLOSE, MOST, SINGULAR, Orbits, Solved
 from vibroimpact.orbits.systems.contacts import Contact
 from vibroimpact.orbits.systems.cycle import multipliers_of
 from vibroimpact.orbits.systems.flow import Flow
@@ -50,17 +51,18 @@ class _Cycle(NamedTuple):
     moves: Floats
 
 
-def find_sticking(model: Model, n_periods: int, near: SystemOrbit | State | None) -> Orbits[SystemOrbit]:
+def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOrbit]:
     """Return the period-n orbit that rests at a stop, from an orbit or a state near it, or the motion from rest."""
     system: ImpactSystem = model.at()
-    if isinstance(near, SystemOrbit) and len(near.start.displacement) != len(system.mass):
-        raise invalid("near", near.name, f"an orbit of {len(system.mass)} coordinates")
-    if isinstance(near, State):
-        system.cells({}, near)  # refused where it does not fit
+    if guess.orbit is not None:
+        if len(guess.orbit.start.displacement) != system.coordinates:
+            raise invalid("near", guess.orbit.name, f"an orbit of {system.coordinates} coordinates")
+    elif guess.state is not None:
+        system.cells({}, guess.state)  # refused where it does not fit
     carrier, name = Carrier(system.cells({}), Tolerances()), cycle_name(n_periods, -1)
     try:
-        state = near.start if isinstance(near, SystemOrbit) else near or _settled(system)
-        if not (isinstance(near, SystemOrbit) and near.sticks):
+        state = guess.state or _settled(system)
+        if guess.orbit is None or not guess.orbit.sticks:
             state = _quiet(system, carrier, state, n_periods)
         found, derivative = _solve(carrier, state, system.period, n_periods)
     except ValueError as error:  # beyond a stop, or not to be followed
@@ -79,8 +81,7 @@ def find_sticking(model: Model, n_periods: int, near: SystemOrbit | State | None
         own = cycle_name(periods, len(cycle.times) * periods // n_periods)
         return Orbits(outcome="other_name", message=f"converged to a {own} orbit, which rests at no stop")
     if periods < n_periods:
-        message = f"converged to a {cycle_name(periods, -1)} orbit instead of a {name} one"
-        return Orbits(outcome="other_name", message=message)
+        return other_name(cycle_name(periods, -1), name)
     orbit = _orbit(model, cycle, state, multipliers_of(derivative), n_periods)
     return Orbits([orbit], message=f"1 {name} orbit")
 

@@ -1,0 +1,125 @@
+"""The result of a search for periodic orbits, and what a search begins with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from vibroimpact.model import Model, State
+from vibroimpact.motion import cycle_name
+from vibroimpact.orbits.newton import Solved
+from vibroimpact.orbits.orbit import Orbit
+from vibroimpact.parameters import choice, invalid, several
+
+IMPACTS = 1000  # in a cycle, at most: the equations grow as its square
+
+Kind = TypeVar("Kind")
+
+
+class Orbits(list[Kind], Generic[Kind]):
+    """The orbits of one (n, p) type, stable ones first, with the outcome of the search.
+
+    Attributes
+    ----------
+    outcome : str
+        "found"; "inadmissible" (solutions, but each penetrates the stop); "none" (none exists, or no initial guess
+        converged to one); "other_name" (the guess converged to an orbit of fewer periods and impacts);
+        "not_converged"; "singular" (it converged to a fold or a graze, where the equations do not fix an orbit).
+    message : str
+        The outcome in a sentence.
+    """
+
+    def __init__(self, orbits: Iterable[Kind] = (), *, outcome: str = "found", message: str = "") -> None:
+        super().__init__(orbits)
+        self.outcome = outcome
+        self.message = message
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What a search begins with: an orbit and a state on it, a state alone, numbers, or nothing.
+
+    `numbers` is whatever else was given, not checked yet: a phase and a velocity of one mass, times of impacts in s for
+    systems.
+    """
+
+    orbit: Any = None
+    state: State | None = None
+    numbers: Any = None
+
+    @staticmethod
+    def of(near: Any) -> Guess:
+        """Return the guess that the argument `near` gives: an orbit, an attractor, a State, numbers or None."""
+        if isinstance(near, State):
+            return Guess(state=near)
+        state = getattr(near, "start", None)
+        if not isinstance(state, State):
+            return Guess(numbers=near)
+        return Guess(orbit=getattr(near, "orbit", near), state=state)
+
+    @property
+    def none(self) -> bool:
+        """Whether nothing was given."""
+        return self.state is None and self.numbers is None
+
+    @property
+    def only_state(self) -> bool:
+        """Whether a state was given that is on no orbit known."""
+        return self.state is not None and self.orbit is None
+
+    @property
+    def near(self) -> Any:
+        """What was given, for messages that refuse it."""
+        return next((given for given in (self.orbit, self.state) if given is not None), self.numbers)
+
+
+NOTHING = Guess()
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The orbits that are looked for: of which model, their type, or the stops that they strike, and a first guess."""
+
+    model: Model
+    n_periods: int
+    n_impacts: int
+    stops: tuple[int, ...] | None
+    symmetric: bool
+    guess: Guess
+
+    @property
+    def name(self) -> str:
+        """The (n, p) type in words."""
+        return cycle_name(self.n_periods, self.n_impacts)
+
+
+def numbers_of(stops: Any, names: tuple[str, ...]) -> tuple[int, ...]:
+    """Return the numbers of the stops that are struck in turn, from their names."""
+    given = several("stops", stops, "a stop's name or a list of them")
+    found = tuple(names.index(choice("stops", name, names)) for name in given)
+    if not 1 <= len(found) <= IMPACTS:
+        raise invalid("stops", stops, f"1 to {IMPACTS} stops to strike")
+    return found
+
+
+def ordered(orbits: Iterable[Orbit]) -> Orbits[Any]:
+    """Return orbits of one type, stable ones first, then admissible ones, then hard ones, and what they are."""
+    found = sorted(orbits, key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)))
+    good = sum(orbit.admissible for orbit in found)
+    if good:
+        return Orbits(found, message=f"{good} {found[0].name} orbit{'s' if good > 1 else ''}")
+    return Orbits(found, outcome="inadmissible", message=found[0].message)
+
+
+def lost(found: Solved, name: str) -> Orbits[Any]:
+    """Return the outcome where Newton's method did not reach an orbit."""
+    if found.singular:
+        message = "converged to a fold or a graze, where the equations are singular; begin beside it"
+        return Orbits(outcome="singular", message=message)
+    return Orbits(outcome="not_converged", message=f"not converged to a {name} orbit; begin nearer to one")
+
+
+def other_name(reached: str, name: str) -> Orbits[Any]:
+    """Return the outcome where Newton's method reached an orbit that repeats sooner than it was to."""
+    return Orbits(outcome="other_name", message=f"converged to a {reached} orbit instead of a {name} one")
