@@ -55,6 +55,9 @@ TURN = 2.0 * math.pi
 NEAR = 0.5  # of rate times duration: nodes nearer than this are not subtracted from one another
 STRIDE = 0.15  # radians of the fastest rate between two samples of a flight
 MOST_SAMPLES = 1 << 15
+# Two orbits are one, and a cycle repeats, if nowhere they differ by more than this: of the fastest impact, of a driving
+# period, and in sine and cosine of the driving angle. Newton's method leaves 1e-14 times the condition number.
+SAME = 1e-7
 VANISHED = 1e-12  # relative: a response this small is rounding
 BOUNDLESS = 1e12  # of V: a velocity this large stands for infinity
 
@@ -261,8 +264,8 @@ class Cycle:
         for i in range(p):
             begin, end = self.span(z, i)
             q, dq = flight.kick((end - begin) * TURN / parameters[4])
-            held, back = dq + flight.damp * q, -flight.stiff * q
-            a, b, c, d = held * a + q * c, held * b + q * d, back * a + dq * c, back * b + dq * d
+            stay, back = dq + flight.damp * q, -flight.stiff * q
+            a, b, c, d = stay * a + q * c, stay * b + q * d, back * a + dq * c, back * b + dq * d
             v = float(z[p + (i + 1) % p])
             # `neighbours.separations` has the same saltation; its forces round as (f sin - k g)/m, not as here.
             # y'' = -u'' just before (y' = v) and just after (y' = -r v).

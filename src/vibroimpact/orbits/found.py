@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from vibroimpact.model import Model, State
-from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.parameters import choice, invalid, several
@@ -87,11 +86,6 @@ class Wanted:
     stops: tuple[int, ...] | None
     symmetric: bool
     guess: Guess
-
-    @property
-    def name(self) -> str:
-        """The (n, p) type in words."""
-        return cycle_name(self.n_periods, self.n_impacts)
 
 
 def numbers_of(stops: Any, names: tuple[str, ...]) -> tuple[int, ...]:

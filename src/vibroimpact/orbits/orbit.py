@@ -14,10 +14,8 @@ from numpy.typing import ArrayLike
 from vibroimpact.model import Model, State, check_names
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING, objection
-from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
+from vibroimpact.orbits.equations import SAME, TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
 from vibroimpact.parameters import invalid
-
-SAME = 1e-7  # of the fastest impact, and in sine and cosine of the driving angle: nearer than this, two orbits are one
 
 
 @dataclass(frozen=True)
@@ -151,7 +149,7 @@ class Orbit:
         >>> orbit = find_orbit(ImpactOscillator(omega=2.0))[0]
         >>> displacement, _, _ = orbit.motion([0.0, orbit.period])
         >>> [round(float(y), 6) for y in displacement[:, 0]]
-        [-4.087842, -4.087842]
+        [-5.605775, -5.605775]
         """
         self.check_flies()
         cycle, z = solution_of(self)

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.orbits.systems.admissibility import Leg, clearances, pulls, sampled, turning_points
-from vibroimpact.orbits.systems.cycle import Cycle
+from vibroimpact.orbits.systems.admissibility import clearances, pulls, sampled, turning_points
+from vibroimpact.orbits.systems.cycle import Cycle, Leg
 from vibroimpact.orbits.systems.events import IMPACT
 
 NODES = 8  # of Gauss-Legendre quadrature over one stride of the samples: exact to rounding
@@ -68,14 +68,10 @@ def _pressed(cycle: Cycle, unknown: Floats, at: int) -> Contact:
 
 def _legs(cycle: Cycle, unknown: Floats, at: int) -> Iterator[tuple[int, Leg]]:
     """Yield the legs from an impact to the next one on the same stop, and the stop, which is mirrored in the mirror."""
-    flow, p = cycle.flow, len(cycle.events)
-    states, angles, stop = cycle.states(unknown), cycle.angles(unknown), cycle.events[at].stop
+    p, stop = len(cycle.events), cycle.events[at].stop
     for i in range(at, at + p):
         if i == p and cycle.images:
             stop = cycle.images[stop]
-        event = cycle.events[i % p]
-        if i > at and event == (stop, IMPACT):
+        if i > at and cycle.events[i % p] == (stop, IMPACT):
             return
-        begin = flow.drive(angles[i % p])
-        start = np.append(flow.struck(event.stop, states[i % p], begin), begin)
-        yield stop, Leg(flow, start, float(angles[i % p + 1] - angles[i % p]), cycle.phases[i % p + 1])
+        yield stop, cycle.leg(unknown, i % p)

@@ -28,7 +28,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,15 @@ from vibroimpact.matrices import ROUNDING
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event, Pushing
 from vibroimpact.orbits.systems.flow import Flow
+
+
+class Leg(NamedTuple):
+    """A part of a motion between two events: its state and drive just after the first, and the stops that push."""
+
+    flow: Flow
+    start: Floats
+    duration: float
+    pushing: Pushing = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +150,12 @@ class Cycle:
             found.append(after + grown @ after + driven @ drives[i])
         return found
 
+    def leg(self, unknown: Floats, i: int) -> Leg:
+        """Return the leg from event i on."""
+        angles, drive = self.angles(unknown), self.flow.drive(unknown[i])
+        after = self.flow.struck(self.events[i].stop, self.states(unknown)[i], drive)
+        return Leg(self.flow, np.append(after, drive), float(angles[i + 1] - angles[i]), self.phases[i + 1])
+
     def speeds(self, unknown: Floats) -> Floats:
         """Return the velocities at the events over the lengths of their stops' directions, by the driving angle.
 
@@ -178,6 +193,12 @@ class Cycle:
         rates = [self.flow.phase(pushing).fastest for pushing in self.phases]
         angles = [self.flow.phase().fastest / max(pair) for pair in pairwise(rates)]  # 1 where no stop is compliant
         return np.full(len(unknown), size), np.append(angles, np.full(len(unknown) - len(angles), size))
+
+    def beside_centre(self, unknown: Floats) -> Floats:
+        """Return the unknown with a free centre at rest at 0: where it is must not set the size."""
+        found = np.array(unknown, dtype=float)
+        found[len(self.events) :][self.flow.neutral] = 0.0
+        return found
 
     def in_order(self, unknown: Floats) -> bool:
         """Whether the events follow one another, the first of the next cycle included."""

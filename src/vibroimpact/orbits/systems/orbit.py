@@ -227,13 +227,13 @@ def solution_of(orbit: SystemOrbit, flow: Flow) -> tuple[Floats, Floats]:
 def moved(cycle: Cycle, unknown: Floats, angles: Floats) -> tuple[Floats, Floats, Floats]:
     """Return displacements, velocities and accelerations along a whole cycle at driving angles."""
     flow, ends = cycle.flow, cycle.angles(unknown)
-    states, n = cycle.states(unknown), cycle.flow.n
+    n = flow.n
     found = np.empty((3, len(angles), n))
     for row, angle in enumerate(unknown[0] + (angles - unknown[0]) % cycle.length):
         i = min(int(np.searchsorted(ends, angle, side="right")) - 1, len(cycle.events) - 1)
-        after, pushing = flow.struck(cycle.events[i].stop, states[i], flow.drive(ends[i])), cycle.phases[i + 1]
-        x = flow.fly(after, ends[i], angle, pushing)
-        rate = flow.rate(x, flow.drive(angle), pushing)
+        leg = cycle.leg(unknown, i)
+        x = flow.fly(leg.start[: 2 * n], ends[i], angle, leg.pushing)
+        rate = flow.rate(x, flow.drive(angle), leg.pushing)
         found[:2, row] = (flow.physical @ x).reshape(2, n)
         found[2, row] = flow.omega * (flow.physical @ rate)[n:]
     return found[0], found[1], found[2]

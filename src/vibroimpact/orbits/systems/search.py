@@ -14,20 +14,20 @@ from vibroimpact.cells import Floats
 from vibroimpact.model import Model, State
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits import equations
-from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.found import NOTHING, Guess, Orbits, Wanted, lost, numbers_of, ordered, other_name
-from vibroimpact.orbits.orbit import SAME, same_orbit, true_cycle
+from vibroimpact.orbits.equations import SAME
+from vibroimpact.orbits.found import IMPACTS, NOTHING, Guess, Orbits, Wanted, lost, numbers_of, ordered, other_name
+from vibroimpact.orbits.newton import solve
+from vibroimpact.orbits.orbit import same_orbit, true_cycle
 from vibroimpact.orbits.systems.closed_form import one_impact
 from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.events import struck
 from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.orbits.systems.newton import from_angles, solve, with_releases
+from vibroimpact.orbits.systems.guesses import beginning, traced
 from vibroimpact.orbits.systems.one_contact import one_contact
-from vibroimpact.orbits.systems.orbit import SystemOrbit, cycle_of, make_orbit
+from vibroimpact.orbits.systems.orbit import SystemOrbit, make_orbit
 from vibroimpact.orbits.systems.sticking import find_sticking
 from vibroimpact.orbits.systems.symmetry import mirror
-from vibroimpact.orbits.systems.trace import cycle_from
-from vibroimpact.parameters import invalid, real_number, several
+from vibroimpact.parameters import invalid
 from vibroimpact.recognition import cycle_length
 from vibroimpact.system import ImpactSystem
 
@@ -79,11 +79,13 @@ def striking(
         stops = numbers_of(names, system.stop_names)
     every = [(at,) for at in range(len(system.stops)) if not symmetric or at < images[at]]
     sequences = every if stops is None else [stops]
+    if not sequences:
+        raise invalid("stops", None, f"1 to {IMPACTS} stops to strike", "the system has none")
     flow, mirrored = Flow(system), images if symmetric else ()
     all_known = guess.none or not (guess.only_state or flow.compliant[sequences[0][0]])
     if len(sequences[0]) == 1 and all_known:
         return _of_one(model, [Cycle(flow, n_periods, struck(sequence), mirrored) for sequence in sequences])
-    return _from(model, *_begin(flow, n_periods, sequences[0], mirrored, guess), images)
+    return _from(model, *beginning(flow, n_periods, sequences[0], mirrored, guess), images)
 
 
 def cycles_of_one_impact(system: ImpactSystem, n_periods: int) -> list[Cycle]:
@@ -140,11 +142,13 @@ def _from_near(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Or
     """Return the orbit that Newton's method reaches from another, or from the motion from a state."""
     if guess.orbit is not None:
         return striking(model, n_periods, guess=guess)
-    stops = _struck_from(model.at(), n_periods, n_impacts, guess)
-    if stops is None:
+    system: ImpactSystem = model.at()
+    system.cells({}, guess.state)  # refused where it does not fit
+    found = traced(Flow(system), n_periods, guess.state, n_impacts)
+    if found is None:
         message = f"the motion from there does not come near a {cycle_name(n_periods, n_impacts)} orbit at once"
         return Orbits(outcome="not_converged", message=f"{message}; begin nearer to one")
-    return striking(model, n_periods, stops, guess)
+    return _from(model, *found, mirror(system)[0])
 
 
 def _with_near(orbits: Orbits[SystemOrbit], model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOrbit]:
@@ -156,57 +160,9 @@ def _with_near(orbits: Orbits[SystemOrbit], model: Model, n_periods: int, guess:
     return ordered([*orbits, *more]) if more else orbits
 
 
-def _struck_from(system: ImpactSystem, n_periods: int, n_impacts: int, guess: Guess) -> tuple[int, ...] | None:
-    """Return the stops of the cycle of so many impacts that the motion from a state nearly repeats; None if of none."""
-    system.cells({}, guess.state)  # refused where it does not fit
-    flow = Flow(system)
-    found = cycle_from(flow, n_periods, *_placed(flow, guess), n_impacts)
-    return found and found[0].stops
-
-
-def _placed(flow: Flow, guess: Guess) -> tuple[Floats, float]:
-    """Return the state of a guess in scaled modes, and its driving angle."""
-    state: Any = guess.state
-    return np.linalg.solve(flow.physical, np.append(state.displacement, state.velocity)), state.time * flow.omega
-
-
-def _begin(
-    flow: Flow, n_periods: int, stops: tuple[int, ...], images: tuple[int, ...], guess: Guess
-) -> tuple[Cycle, Floats]:
-    """Return the cycle and the unknown that Newton's method starts from."""
-    length = TURN * n_periods * (0.5 if images else 1.0)
-    orbit, parts = guess.orbit, 2 if images and guess.orbit is not None and guess.orbit.symmetric else 1
-    if orbit is not None and len(orbit.system.mass) == flow.n:
-        cycle, unknown = cycle_of(orbit)
-        state = cycle.flow.physical @ unknown[len(cycle.events) :]
-        p = len(cycle.events) // parts
-        cycle = replace(cycle, flow=flow, n_periods=n_periods, events=cycle.events[:p], images=images)
-        if cycle.stops == stops:
-            return cycle, np.append(unknown[:p], np.linalg.solve(flow.physical, state))
-    elif guess.only_state:
-        found = cycle_from(flow, n_periods, *_placed(flow, guess), stops)
-        if found is None:
-            raise invalid("near", guess.state, f"a state from which these stops are struck in {n_periods} periods")
-        return replace(found[0], images=()), found[1]
-    if guess.none:
-        raise invalid("near", None, "an orbit or the times of the impacts", "orbits of several impacts need a guess")
-    if orbit is not None:
-        angles = TURN * np.array(orbit.turns[: orbit.n_impacts // parts])
-    else:
-        times = several("near", guess.numbers, "an orbit or times")
-        angles = flow.omega * np.array([real_number(f"near[{i}]", time) for i, time in enumerate(times)])
-    if len(angles) != len(stops):
-        raise invalid("near", guess.near, f"one time for each of the {len(stops)} stops struck")
-    if not (np.diff(np.append(angles, angles[0] + length)) > 0.0).all():
-        raise invalid("near", guess.near, f"times in order, within {length / flow.omega:.6g} s")
-    events, angles = with_releases(flow, stops, angles, angles[0] + length)
-    cycle = Cycle(flow, n_periods, events, images)
-    return cycle, from_angles(cycle, angles)
-
-
 def _from(model: Model, cycle: Cycle, start: Floats, images: tuple[int, ...]) -> Orbits[SystemOrbit]:
     """Return the orbit that Newton's method reaches."""
-    found = solve(cycle, start)
+    found = solve(cycle, cycle.beside_centre(start))
     name = cycle_name(cycle.n_periods, len(cycle.stops) * (2 if cycle.images else 1))
     if found.singular or not found.converged:
         return lost(found, name)

@@ -22,10 +22,10 @@ from vibroimpact.cells import Floats
 from vibroimpact.model import Model, State
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
-from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.equations import SAME, TURN
 from vibroimpact.orbits.found import Guess, Orbits, other_name
 from vibroimpact.orbits.newton import CLOSE, MOST, SINGULAR, Solved
-from vibroimpact.orbits.orbit import SAME, family_of
+from vibroimpact.orbits.orbit import family_of
 from vibroimpact.orbits.systems.contacts import Contact
 from vibroimpact.orbits.systems.cycle import multipliers_of
 from vibroimpact.orbits.systems.flow import Flow
@@ -78,8 +78,8 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
     apart = np.abs(cycle.moves - cycle.moves[0]).max(axis=1) / np.abs(cycle.moves[0]).max()
     periods = next(n for n in range(1, n_periods + 1) if n_periods % n == 0 and apart[n] <= SAME)
     if not (cycle.rests and len(cycle.times)):
-        own = cycle_name(periods, len(cycle.times) * periods // n_periods)
-        return Orbits(outcome="other_name", message=f"converged to a {own} orbit, which rests at no stop")
+        reached = cycle_name(periods, len(cycle.times) * periods // n_periods)
+        return Orbits(outcome="other_name", message=f"converged to a {reached} orbit, which rests at no stop")
     if periods < n_periods:
         return other_name(cycle_name(periods, -1), name)
     orbit = _orbit(model, cycle, state, multipliers_of(derivative), n_periods)
