@@ -14,8 +14,7 @@ from vibroimpact.continuation.sticking import _Plane, sticking_curve
 from vibroimpact.dataset import bundle
 from vibroimpact.orbits import find_orbit
 from vibroimpact.orbits.equations import parameters_of
-from vibroimpact.orbits.newton import solve
-from vibroimpact.orbits.one_mass import Closing
+from vibroimpact.orbits.one_mass import solve
 from vibroimpact.orbits.orbit import make_orbit, solution_of
 from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release, scaling_exponent
 from vibroimpact.report import sentences_of
@@ -90,7 +89,7 @@ def beside(curve, at, osc, distance):
     null = np.linalg.svd(matrix)[2][-1] * columns
     sizes = [side * part * math.sqrt(distance) for part in (0.1, 0.3, 1.0, 3.0) for side in (-1, 1)]
     for size in sizes if curve.kind == "fold" else [0.0]:
-        found = solve(Closing(osc, cycle), z + size * null)
+        found = solve(osc, cycle, z + size * null)
         if found.converged and found.z[cycle.n_impacts :].min() > 0.0:
             yield make_orbit(osc, cycle, found.z)
 

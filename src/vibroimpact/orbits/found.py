@@ -37,30 +37,27 @@ class Orbits(list[Kind], Generic[Kind]):
 
 @dataclass(frozen=True)
 class Guess:
-    """What a search begins with: an orbit and a state on it, a state alone, numbers, or nothing.
+    """What a search begins with: as it was `given`, the orbit that this is, and a state on that, or a state alone.
 
-    `numbers` is whatever else was given, not checked yet: a phase and a velocity of one mass, times of impacts in s for
-    systems.
+    Without a state, what is given are numbers, not checked yet: a phase and a velocity of one mass, times of impacts in
+    s for systems.
     """
 
+    given: Any = None
     orbit: Any = None
     state: State | None = None
-    numbers: Any = None
 
     @staticmethod
     def of(near: Any) -> Guess:
-        """Return the guess that the argument `near` gives: an orbit, an attractor, a State, numbers or None."""
-        if isinstance(near, State):
-            return Guess(state=near)
-        state = getattr(near, "start", None)
-        if not isinstance(state, State):
-            return Guess(numbers=near)
-        return Guess(orbit=getattr(near, "orbit", near), state=state)
+        """Return the guess that an orbit, an attractor, a State, numbers or None makes."""
+        orbit = None if isinstance(near, State) else getattr(near, "orbit", near)
+        state = near if isinstance(near, State) else getattr(near, "start", None)
+        return Guess(near, orbit, state) if isinstance(state, State) else Guess(near)
 
     @property
     def none(self) -> bool:
         """Whether nothing was given."""
-        return self.state is None and self.numbers is None
+        return self.given is None
 
     @property
     def only_state(self) -> bool:
@@ -68,9 +65,9 @@ class Guess:
         return self.state is not None and self.orbit is None
 
     @property
-    def near(self) -> Any:
-        """What was given, for messages that refuse it."""
-        return next((given for given in (self.orbit, self.state) if given is not None), self.numbers)
+    def only_numbers(self) -> bool:
+        """Whether what was given is neither an orbit nor a state."""
+        return self.state is None and not self.none
 
 
 NOTHING = Guess()
@@ -101,17 +98,16 @@ def ordered(orbits: Iterable[Orbit]) -> Orbits[Any]:
     """Return orbits of one type, stable ones first, then admissible ones, then hard ones, and what they are."""
     found = sorted(orbits, key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)))
     good = sum(orbit.admissible for orbit in found)
-    if good:
-        return Orbits(found, message=f"{good} {found[0].name} orbit{'s' if good > 1 else ''}")
-    return Orbits(found, outcome="inadmissible", message=found[0].message)
+    number = f"{good} {found[0].name} orbit{'s' if good > 1 else ''}"
+    return Orbits(found, outcome="found" if good else "inadmissible", message=number if good else found[0].message)
 
 
 def lost(found: Solved, name: str) -> Orbits[Any]:
     """Return the outcome where Newton's method did not reach an orbit."""
-    if found.singular:
-        message = "converged to a fold or a graze, where the equations are singular; begin beside it"
-        return Orbits(outcome="singular", message=message)
-    return Orbits(outcome="not_converged", message=f"not converged to a {name} orbit; begin nearer to one")
+    if not found.singular:
+        return Orbits(outcome="not_converged", message=f"not converged to a {name} orbit; begin nearer to one")
+    message = "converged to a fold or a graze, where the equations are singular; begin beside it"
+    return Orbits(outcome="singular", message=message)
 
 
 def other_name(reached: str, name: str) -> Orbits[Any]:

@@ -7,46 +7,21 @@ and a grid over the impact surface.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import partial
 
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
 from vibroimpact.backends.cpu import outlast
 from vibroimpact.model import Model
+from vibroimpact.orbits import newton
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
 from vibroimpact.orbits.found import Guess, Orbits, Wanted, lost, ordered, other_name
-from vibroimpact.orbits.newton import solve
+from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit, from_hardest, impacts_of, make_orbit, same_orbit, solution_of, true_cycle
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import invalid, real_number
-
-NEAR = "an Orbit, a State at the stop, or (phase, velocity)"
-IMPACT = "an impact of velocity > 0"
-
-
-class Closing(NamedTuple):
-    """The equations of a cycle of one oscillator, for Newton's method."""
-
-    osc: ImpactOscillator
-    cycle: Cycle
-
-    def scales(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the sizes of the misses (m, m/s) and of the unknown (turns, m/s)."""
-        return self.cycle.scales(self.osc, fastest_of(self.osc, z[self.cycle.n_impacts :]))
-
-    def misses(self, z: Floats) -> Floats:
-        """Return by how much each flight misses its impact."""
-        return self.cycle.misses(parameters_of(self.osc), z)
-
-    def jacobian(self, z: Floats) -> Floats:
-        """Return the derivative of the misses."""
-        return self.cycle.jacobian(parameters_of(self.osc), z)
-
-    def in_order(self, z: Floats) -> bool:
-        """Whether the impacts follow one another."""
-        return self.cycle.in_order(z)
 
 
 def find(wanted: Wanted) -> Orbits[Orbit]:
@@ -77,6 +52,12 @@ def find(wanted: Wanted) -> Orbits[Orbit]:
     return _from(model, cycle, cycle_of(chain))
 
 
+def solve(osc: ImpactOscillator, cycle: Cycle, start: Floats) -> Solved:
+    """Return the solution that Newton's method reaches."""
+    sizes, parameters = cycle.scales(osc, fastest_of(osc, start[cycle.n_impacts :])), parameters_of(osc)
+    return newton.solve(partial(cycle.linearised, parameters), start, sizes, cycle.in_order)
+
+
 def stable_orbits(osc: ImpactOscillator, n_periods: int) -> list[Orbit]:
     """Return the stable, admissible period-n impact-1 orbits, the hardest first; only stable ones are made."""
     cycle, parameters = Cycle(n_periods, 1), parameters_of(osc)
@@ -88,29 +69,28 @@ def stable_orbits(osc: ImpactOscillator, n_periods: int) -> list[Orbit]:
 
 def _impact(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
     """Return phase and velocity of an impact near the orbit that is wanted, if one is given."""
-    orbit, state, numbers = guess.orbit, guess.state, guess.numbers
-    if guess.none:
-        return None
-    if orbit is not None and orbit.oscillator.forgets:
-        return (orbit.phases[0], orbit.velocities[0]) if orbit.velocities else None
-    if guess.only_state:
-        assert state is not None
+    orbit, state, given = guess.orbit, guess.state, guess.given
+    if guess.none or (orbit is not None and orbit.oscillator.forgets):
+        return (orbit.phases[0], orbit.velocities[0]) if orbit is not None and orbit.velocities else None
+    if guess.only_state and state is not None:
         if state.displacement != osc.gap:
             raise invalid("near", state, f"a state at an impact, with displacement = gap = {osc.gap!r}")
         phase, velocity = state.time / osc.period, state.velocity
-    elif isinstance(numbers, (tuple, list)) and len(numbers) == 2:
-        phase, velocity = real_number("near", numbers[0]), numbers[1]
+    elif isinstance(given, (tuple, list)) and len(given) == 2:
+        phase, velocity = real_number("near", given[0]), given[1]
     else:
-        raise invalid("near", guess.near, NEAR, "for example near=(0.25, 1.4)")
-    speed = real_number("near", velocity, IMPACT)
+        what = "an Orbit, a State at the stop, or (phase, velocity)"
+        raise invalid("near", given, what, "for example near=(0.25, 1.4)")
+    allowed = "an impact of velocity > 0"
+    speed = real_number("near", velocity, allowed)
     if speed <= 0.0:
-        raise invalid("near", velocity, IMPACT, "give the speed just before contact")
+        raise invalid("near", velocity, allowed, "give the speed just before contact")
     return phase, speed
 
 
 def _from(model: Model, cycle: Cycle, start: Floats) -> Orbits[Orbit]:
     """Return the orbit that Newton's method reaches."""
-    found = solve(Closing(model.at(), cycle), start)
+    found = solve(model.at(), cycle, start)
     if found.singular or not found.converged:
         return lost(found, cycle.name)
     smallest = true_cycle(cycle, found.z)
@@ -125,7 +105,7 @@ def _anywhere(model: Model, cycle: Cycle) -> Orbits[Orbit]:
     solutions: list[Floats] = []
     others: list[Cycle] = []
     for start in candidates(osc, cycle):
-        found = solve(Closing(osc, cycle), start)
+        found = solve(osc, cycle, start)
         if not found.converged or found.singular or found.z[cycle.n_impacts :].min() <= 0.0:
             continue
         z = from_hardest(cycle, found.z)

@@ -35,7 +35,9 @@ from numpy.typing import NDArray
 
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import ROUNDING
+from vibroimpact.orbits import newton
 from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event, Pushing
 from vibroimpact.orbits.systems.flow import Flow
 
@@ -172,33 +174,15 @@ class Cycle:
         found: Floats = self.speeds(unknown)[self.impacts] * self.flow.lengths[list(self.stops)] * self.flow.omega
         return found
 
-    def misses(self, unknown: Floats) -> Floats:
-        """Return the levels at the events, then by how much the cycle is open."""
-        return self._linear(unknown)[0]
-
-    def jacobian(self, unknown: Floats) -> Floats:
-        """Return the derivative of the misses."""
-        return self._linear(unknown)[1]
-
-    def _linear(self, unknown: Floats) -> tuple[Floats, Floats]:
-        latest = self.latest(unknown)
-        if "linear" not in latest:
-            latest["linear"] = self.linearised(unknown)
-        found: tuple[Floats, Floats] = latest["linear"]
-        return found
-
-    def scales(self, unknown: Floats) -> tuple[Floats, Floats]:
-        """Return the sizes of the misses and of the unknown; angles of contacts count by the rates in them."""
-        size = float(np.abs(unknown[len(self.events) :]).max()) or 1.0
+    def solve(self, start: Floats) -> Solved:
+        """Return the solution that Newton's method reaches."""
+        unknown, p = np.array(start, dtype=float), len(self.events)
+        unknown[p:][self.flow.neutral] = 0.0  # where a free centre is must not set the size
+        size = float(np.abs(unknown[p:]).max()) or 1.0
         rates = [self.flow.phase(pushing).fastest for pushing in self.phases]
         angles = [self.flow.phase().fastest / max(pair) for pair in pairwise(rates)]  # 1 where no stop is compliant
-        return np.full(len(unknown), size), np.append(angles, np.full(len(unknown) - len(angles), size))
-
-    def beside_centre(self, unknown: Floats) -> Floats:
-        """Return the unknown with a free centre at rest at 0: where it is must not set the size."""
-        found = np.array(unknown, dtype=float)
-        found[len(self.events) :][self.flow.neutral] = 0.0
-        return found
+        misses = np.full(len(unknown), size)
+        return newton.solve(self.linearised, unknown, (misses, np.append(angles, misses[p:])), self.in_order)
 
     def in_order(self, unknown: Floats) -> bool:
         """Whether the events follow one another, the first of the next cycle included."""

@@ -47,12 +47,12 @@ def beginning(
     if orbit is not None:
         angles = TURN * np.array(orbit.turns[: orbit.n_impacts // parts])
     else:
-        times = several("near", guess.numbers, "an orbit or times")
+        times = several("near", guess.given, "an orbit or times")
         angles = flow.omega * np.array([real_number(f"near[{i}]", time) for i, time in enumerate(times)])
     if len(angles) != len(stops):
-        raise invalid("near", guess.near, f"one time for each of the {len(stops)} stops struck")
+        raise invalid("near", guess.given, f"one time for each of the {len(stops)} stops struck")
     if not (np.diff(np.append(angles, angles[0] + length)) > 0.0).all():
-        raise invalid("near", guess.near, f"times in order, within {length / flow.omega:.6g} s")
+        raise invalid("near", guess.given, f"times in order, within {length / flow.omega:.6g} s")
     events, angles = _with_releases(flow, stops, angles, angles[0] + length)
     cycle = Cycle(flow, n_periods, events, images)
     return cycle, _from_angles(cycle, angles)

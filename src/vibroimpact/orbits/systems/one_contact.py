@@ -25,7 +25,6 @@ import numpy as np
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.newton import solve
 from vibroimpact.orbits.orbit import Impacts, same_orbit
 from vibroimpact.orbits.systems.admissibility import courses
 from vibroimpact.orbits.systems.closed_form import EPS, VANISHED, not_isolated, nowhere, unforced
@@ -52,7 +51,7 @@ def one_contact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
     found: list[Floats] = []
     contacts: list[Impacts] = []
     for start in starts:
-        solved = solve(cycle, cycle.beside_centre(start))
+        solved = cycle.solve(start)
         if solved.converged and not _pulls(cycle, solved.z):
             contact = Impacts(solved.z[:1] / TURN, cycle.velocities(solved.z))
             if not any(same_orbit(contact, other) for other in contacts):

@@ -16,7 +16,6 @@ from vibroimpact.motion import cycle_name
 from vibroimpact.orbits import equations
 from vibroimpact.orbits.equations import SAME
 from vibroimpact.orbits.found import IMPACTS, NOTHING, Guess, Orbits, Wanted, lost, numbers_of, ordered, other_name
-from vibroimpact.orbits.newton import solve
 from vibroimpact.orbits.orbit import same_orbit, true_cycle
 from vibroimpact.orbits.systems.closed_form import one_impact
 from vibroimpact.orbits.systems.cycle import Cycle
@@ -31,7 +30,6 @@ from vibroimpact.parameters import invalid
 from vibroimpact.recognition import cycle_length
 from vibroimpact.system import ImpactSystem
 
-NEAR = "an orbit or an attractor of a system, or a State"
 # Impacts of the motion from rest before those that Newton's method starts from: the second, as in verdicts, where the
 # first end in no cycle yet.
 TRANSIENTS = 2000, 1 << 15
@@ -45,12 +43,12 @@ def find(wanted: Wanted) -> Orbits[SystemOrbit]:
     or where the motion from rest has settled to one.
     """
     model, n, p, guess = wanted.model, wanted.n_periods, wanted.n_impacts, wanted.guess
-    if guess.orbit is not None and guess.orbit.oscillator.forgets:
-        raise invalid("near", guess.near, NEAR)
-    if wanted.symmetric or wanted.stops is not None:
+    by_stops = wanted.symmetric or wanted.stops is not None
+    of_one_mass = guess.orbit is not None and guess.orbit.oscillator.forgets
+    if of_one_mass or (guess.only_numbers and not by_stops):
+        raise invalid("near", guess.given, "an orbit or an attractor of a system, or a State")
+    if by_stops:
         return striking(model, n, wanted.stops, guess, symmetric=wanted.symmetric)
-    if guess.numbers is not None:
-        raise invalid("near", guess.near, NEAR)
     if p == -1:
         return find_sticking(model, n, guess)
     if guess.orbit is not None and len(guess.orbit.stops) != p:
@@ -162,7 +160,7 @@ def _with_near(orbits: Orbits[SystemOrbit], model: Model, n_periods: int, guess:
 
 def _from(model: Model, cycle: Cycle, start: Floats, images: tuple[int, ...]) -> Orbits[SystemOrbit]:
     """Return the orbit that Newton's method reaches."""
-    found = solve(cycle, cycle.beside_centre(start))
+    found = cycle.solve(start)
     name = cycle_name(cycle.n_periods, len(cycle.stops) * (2 if cycle.images else 1))
     if found.singular or not found.converged:
         return lost(found, name)
@@ -221,7 +219,7 @@ def find_near(
 ) -> Orbits[SystemOrbit]:
     """Return the orbit that a motion has settled to, by the times of its impacts, or by a state where contacts last."""
     every = model.at().stops
-    guess = Guess(state=state) if any(every[stop].compliant for stop in stops) else Guess(numbers=times)
+    guess = Guess.of(state) if any(every[stop].compliant for stop in stops) else Guess(times)
     try:
         return striking(model, n_periods, tuple(stops), guess)
     except ValueError:  # the motion does not repeat these impacts
