@@ -131,3 +131,10 @@ def find_orbit(
     from vibroimpact.orbits.systems.search import find  # slower to import
 
     return find(wanted)
+
+
+def stable_orbits(model: Model, n_periods: int) -> list[Any]:
+    """Return the stable, admissible period-n impact-1 orbits of a model, the hardest first."""
+    osc = model.at()
+    orbits = one_mass.stable_orbits(osc, n_periods) if osc.forgets else find_orbit(model, n_periods=n_periods)
+    return [orbit for orbit in orbits if orbit.stable and orbit.admissible]

@@ -215,13 +215,10 @@ def cycle_of(orbit: SystemOrbit) -> tuple[Cycle, Floats]:
     flow, names = Flow(orbit.system), orbit.system.stop_names
     events = tuple(Event(names.index(stop), kind) for _, kind, stop in orbit.events)
     pushing = tuple(sorted(names.index(stop) for stop in orbit.pushing))
-    return Cycle(flow, orbit.n_periods, events, (), pushing), np.concatenate(solution_of(orbit, flow))
-
-
-def solution_of(orbit: SystemOrbit, flow: Flow) -> tuple[Floats, Floats]:
-    """Return the driving angles of the events of an orbit, and the state before the first one."""
     state = np.append(orbit.start.displacement, orbit.start.velocity)
-    return TURN * np.array([turn for turn, _, _ in orbit.events]), np.linalg.solve(flow.physical, state)
+    angles = TURN * np.array([turn for turn, _, _ in orbit.events])
+    unknown = np.append(angles, np.linalg.solve(flow.physical, state))
+    return Cycle(flow, orbit.n_periods, events, (), pushing), unknown
 
 
 def moved(cycle: Cycle, unknown: Floats, angles: Floats) -> tuple[Floats, Floats, Floats]:
@@ -241,11 +238,11 @@ def moved(cycle: Cycle, unknown: Floats, angles: Floats) -> tuple[Floats, Floats
 
 def at_first_contact(orbit: SystemOrbit) -> SystemOrbit:
     """Return the steady motion that an orbit is whose impacts all have velocity 0, as one impact a driving period."""
-    flow = Flow(orbit.system)
-    angles, state = solution_of(orbit, flow)
-    stop = orbit.system.stop_names.index(orbit.stops[0])
-    cycle = Cycle(flow, 1, (Event(stop, GRAZE if flow.compliant[stop] else IMPACT),))
-    return make_orbit(orbit.model, cycle, np.append(angles[:1], state))
+    cycle, unknown = cycle_of(orbit)
+    first = cycle.events[0].stop
+    event = Event(first, GRAZE if cycle.flow.compliant[first] else IMPACT)
+    steady = Cycle(cycle.flow, 1, (event,))
+    return make_orbit(orbit.model, steady, np.append(unknown[:1], unknown[len(cycle.events) :]))
 
 
 def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:
