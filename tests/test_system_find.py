@@ -177,6 +177,18 @@ def test_orbits_of_one_mass_and_of_its_system_answer_the_same_questions():
         orbit.motion([0.0])
 
 
+def test_one_mass_and_its_system_take_the_orbits_and_attractors_of_the_other_as_guesses():
+    one = vi.ImpactOscillator(omega=0.9)
+    for p in (2, -1):
+        model = one if p > 0 else one.replace(omega=0.1)
+        guesses = [*vi.find_orbit(model, n_impacts=p), *vi.find_orbit(model.system, n_impacts=p)]
+        assert len(guesses) == 2
+        for near in (*guesses, vi.attractors(model)[0] if p > 0 else guesses[0]):
+            for machine in (model, model.system):
+                (found,) = vi.find_orbit(machine, n_impacts=p, near=near)
+                assert sorted(found.velocities)[-1] == pytest.approx(sorted(near.velocities)[-1], rel=1e-9)
+
+
 def test_a_family_of_systems_has_the_orbits_of_its_values():
     @vi.family
     def slot(width=1.0):

@@ -7,6 +7,7 @@ and a grid over the impact surface.
 
 from __future__ import annotations
 
+from dataclasses import astuple
 from functools import partial
 
 import numpy as np
@@ -41,7 +42,7 @@ def find(wanted: Wanted) -> Orbits[Orbit]:
             return Orbits(outcome="none", message=why)
         return ordered(make_orbit(model, cycle, z) for z in solutions)
     orbit = guess.orbit
-    if orbit is not None and (orbit.n_periods, orbit.n_impacts) == (cycle.n_periods, cycle.n_impacts):
+    if orbit is not None and orbit.oscillator.forgets and (orbit.n_periods, orbit.n_impacts) == astuple(cycle):
         return _from(model, cycle, solution_of(orbit)[1])
     if impact is None:
         return _anywhere(model, cycle)
@@ -68,9 +69,9 @@ def stable_orbits(osc: ImpactOscillator, n_periods: int) -> list[Orbit]:
 def _impact(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
     """Return phase and velocity of an impact near the orbit that is wanted, if one is given."""
     orbit, state, given = guess.orbit, guess.state, guess.given
-    if guess.none or (orbit is not None and orbit.oscillator.forgets):
+    if guess.none or orbit is not None:
         return (orbit.phases[0], orbit.velocities[0]) if orbit is not None and orbit.velocities else None
-    if guess.only_state and state is not None:
+    if state is not None:
         if state.displacement != osc.gap:
             raise invalid("near", state, f"a state at an impact, with displacement = gap = {osc.gap!r}")
         phase, velocity = state.time / osc.period, state.velocity

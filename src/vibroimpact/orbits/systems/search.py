@@ -44,9 +44,10 @@ def find(wanted: Wanted) -> Orbits[SystemOrbit]:
     """
     model, n, p, guess = wanted.model, wanted.n_periods, wanted.n_impacts, wanted.guess
     by_stops = wanted.symmetric or wanted.stops is not None
-    of_one_mass = guess.orbit is not None and guess.orbit.oscillator.forgets
-    if of_one_mass or (guess.only_numbers and not by_stops):
+    if guess.only_numbers and not by_stops:
         raise invalid("near", guess.given, "an orbit or an attractor of a system, or a State")
+    if guess.orbit is not None and guess.orbit.oscillator.forgets:
+        guess = Guess.of(guess.state)  # of one mass nothing else is known
     if by_stops:
         return striking(model, n, wanted.stops, guess, symmetric=wanted.symmetric)
     if p == -1:
