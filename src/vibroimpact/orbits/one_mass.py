@@ -135,15 +135,15 @@ SETTLING = 2000  # impacts left out on the way to the attractor
 
 def followed(osc: ImpactOscillator, cycle: Cycle, phases: Floats, velocities: Floats) -> list[Floats | None]:
     """Return from each impact the p impacts that follow, itself included, and the next: turns and velocities."""
-    return [_chain(seen, cycle.n_impacts) for seen in contacts(osc, phases, velocities, cycle.n_impacts)]
+    return [_chain(samples, cycle.n_impacts) for samples in contacts(osc, phases, velocities, cycle.n_impacts)]
 
 
-def _chain(seen: Samples, p: int) -> Floats | None:
+def _chain(samples: Samples, p: int) -> Floats | None:
     """Return turns and velocities of p + 1 impacts in a row, or None if there are fewer."""
-    if len(seen.impact_phase) < p + 1:
+    if len(samples.impact_phase) < p + 1:
         return None
     periods, phases, velocities = (
-        column[-p - 1 :] for column in (seen.impact_periods, seen.impact_phase, seen.impact_velocity)
+        column[-p - 1 :] for column in (samples.impact_periods, samples.impact_phase, samples.impact_velocity)
     )
     return np.concatenate([periods - periods[0] + phases, velocities])
 
@@ -169,8 +169,8 @@ def attractor_chain(osc: ImpactOscillator, cycle: Cycle) -> Floats | None:
     if osc.gap <= 0.0:  # slightly out of balance, otherwise nothing starts
         cells = cells.replace(velocity=cells["velocity"] - 1e-3 * osc.velocity_scale)
     window = ImpactWindow(SETTLING, cycle.n_impacts + 1)
-    (seen,) = get_backend("cpu").samples(cells, Measurement(window))
-    return _chain(seen, cycle.n_impacts)
+    (samples,) = get_backend("cpu").samples(cells, Measurement(window))
+    return _chain(samples, cycle.n_impacts)
 
 
 def candidates(osc: ImpactOscillator, cycle: Cycle) -> list[Floats]:

@@ -113,7 +113,7 @@ def find_orbit(
     (('above', 'below'), True, 1.01091975001, 0.306971826277)
     """
     check_model(osc)
-    made = osc.at()
+    design = osc.at()
     n = whole_number("n_periods", n_periods, 1)
     p = whole_number("n_impacts", 1 if n_impacts is None else n_impacts, -1, IMPACTS)
     if p == 0:
@@ -122,11 +122,11 @@ def find_orbit(
         raise invalid("n_periods", n, "odd for symmetric motions", "the force repeats itself in the mirror")
     if n_impacts is not None and (symmetric or stops is not None):
         raise invalid("n_impacts", n_impacts, "left out where `stops` or `symmetric` is given", "they determine it")
-    struck = None if stops is None else numbers_of(stops, tuple(stop.name for stop in made.stops))
+    struck = None if stops is None else numbers_of(stops, tuple(stop.name for stop in design.stops))
     if struck is not None:
         p = len(struck) * (2 if symmetric else 1)
     wanted = Wanted(osc, n, p, struck, symmetric, Guess.of(near))
-    if made.forgets:
+    if design.forgets:
         return one_mass.find(wanted)
     from vibroimpact.orbits.systems.search import find  # slower to import
 

@@ -129,28 +129,28 @@ def courses(leg: Leg, struck: int = -1) -> Iterator[Course]:
 
     A stop that has let go and is still pressed in, u < 0, stays away from what moves as long as its force would pull.
     """
-    flow, n, seen = leg.flow, 2 * leg.flow.n, sampled(leg)
+    flow, n, samples = leg.flow, 2 * leg.flow.n, sampled(leg)
     for stop, row in enumerate(clearances(flow, leg.pushing)):
         lag, bound = flow.lag(stop), row[0].copy()
         bound[:n] = 0.0
         pull = pulls(row, lag)
-        gaps, rates, bounds = seen.along(np.stack([row[0], row[1], bound]))
+        gaps, rates, bounds = samples.along(np.stack([row[0], row[1], bound]))
         size = float(max(np.abs(gaps - bounds).max(), np.abs(bounds).max()))
         if stop == struck and flow.restitution[stop] == 0.0:
             rates[0] = 0.0
         closing = bool(rates[-1] < 0.0)
         if stop in leg.pushing:
-            forces, slopes = seen.along(-pull[:2])
-            yield Course(stop, seen.angles, forces, *turning_points(-pull, seen, slopes), size, closing)
+            forces, slopes = samples.along(-pull[:2])
+            yield Course(stop, samples.angles, forces, *turning_points(-pull, samples, slopes), size, closing)
             continue
-        places, lowest = turning_points(row, seen, rates)
+        places, lowest = turning_points(row, samples, rates)
         if lag:
-            pulled, slopes = seen.along(pull[:2])
-            others, least = turning_points(pull, seen, slopes)
-            pressed = np.interp(others, seen.angles, gaps) < 0.0
+            pulled, slopes = samples.along(pull[:2])
+            others, least = turning_points(pull, samples, slopes)
+            pressed = np.interp(others, samples.angles, gaps) < 0.0
             places, lowest = np.append(places, others[pressed]), np.append(lowest, least[pressed])
             gaps = np.maximum(gaps, pulled)
-        yield Course(stop, seen.angles, gaps, places, lowest, size, closing)
+        yield Course(stop, samples.angles, gaps, places, lowest, size, closing)
 
 
 class Samples(NamedTuple):
@@ -176,11 +176,11 @@ class Samples(NamedTuple):
         return found
 
 
-def turning_points(series: Floats, seen: Samples, slopes: Floats) -> tuple[Floats, Floats]:
+def turning_points(series: Floats, samples: Samples, slopes: Floats) -> tuple[Floats, Floats]:
     """Return the minima between samples of the power series of state and drive, and their values."""
     turning = np.flatnonzero((slopes[:-1] < 0.0) & (slopes[1:] >= 0.0))
-    offsets, lowest = _minima(seen.at(series, turning), float(seen.angles[1]))
-    return seen.angles[turning] + offsets, lowest
+    offsets, lowest = _minima(samples.at(series, turning), float(samples.angles[1]))
+    return samples.angles[turning] + offsets, lowest
 
 
 def sampled(leg: Leg) -> Samples:

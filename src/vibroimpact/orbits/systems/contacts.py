@@ -49,17 +49,17 @@ def _pressed(cycle: Cycle, unknown: Floats, at: int) -> Contact:
         if stop not in leg.pushing:
             continue
         time, row = time + leg.duration, clearances(flow, leg.pushing)[stop]
-        pull, seen = pulls(row, flow.lag(stop)), sampled(leg)
+        pull, samples = pulls(row, flow.lag(stop)), sampled(leg)
         nodes, weights = np.polynomial.legendre.leggauss(NODES)
-        nodes, weights = 0.5 * seen.angles[1] * (nodes + 1.0), 0.5 * seen.angles[1] * weights
-        slopes, (pulling, gaps) = row[1:] * np.arange(1.0, len(row))[:, None], (seen.along(pull), seen.along(row))
+        nodes, weights = 0.5 * samples.angles[1] * (nodes + 1.0), 0.5 * samples.angles[1] * weights
+        slopes, (pulling, gaps) = row[1:] * np.arange(1.0, len(row))[:, None], (samples.along(pull), samples.along(row))
         pulled = np.polynomial.polynomial.polyval(nodes, pulling[:, :-1])
         impulse -= float((pulled @ weights).sum())
         if flow.lag(stop):
-            rates = np.polynomial.polynomial.polyval(nodes, seen.along(slopes)[:, :-1])
+            rates = np.polynomial.polynomial.polyval(nodes, samples.along(slopes)[:, :-1])
             lost += float(((pulled * rates) @ weights).sum())
-        force = -min(-force, pulling[0].min(), turning_points(pull, seen, pulling[1])[1].min(initial=math.inf))
-        depth = -min(-depth, gaps[0].min(), turning_points(row, seen, gaps[1])[1].min(initial=math.inf))
+        force = -min(-force, pulling[0].min(), turning_points(pull, samples, pulling[1])[1].min(initial=math.inf))
+        depth = -min(-depth, gaps[0].min(), turning_points(row, samples, gaps[1])[1].min(initial=math.inf))
     length, omega = float(flow.lengths[begun]), flow.omega
     unit = float(flow.stiffness[begun]) * (1.0 + flow.lag(begun)) * omega  # of impulses over the length
     impulse, force = unit * impulse / length, unit * omega * force / length

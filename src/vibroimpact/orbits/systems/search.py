@@ -90,7 +90,7 @@ def striking(
 def cycles_of_one_impact(system: ImpactSystem, n_periods: int) -> list[Cycle]:
     """Return the cycles with one impact on each stop, and those with one on each of a pair that is mirrored.
 
-    Where a stop gives, contact begins, and when it ends is to be found.
+    On a compliant stop contact begins, and when it ends is to be found.
     """
     flow, images = Flow(system), mirror(system)[0] if n_periods % 2 else ()
     cycles = [Cycle(flow, n_periods, struck((stop,))) for stop in range(len(system.stops))]
@@ -176,43 +176,40 @@ def _from(model: Model, cycle: Cycle, start: Floats, images: tuple[int, ...]) ->
 
 def halved(cycle: Cycle, unknown: Floats, images: tuple[int, ...]) -> tuple[Cycle, Floats]:
     """Return half of a cycle and its unknown, if the mirror makes the second half of the first, else both unchanged."""
-    p = len(cycle.events)
+    p, angles = len(cycle.events), unknown[: len(cycle.events)]
     half = replace(cycle, events=cycle.events[: p // 2], images=images)
-    if cycle.images or not images or p % 2 or cycle.n_periods % 2 == 0:
-        return cycle, unknown
-    if cycle.events[p // 2 :] != tuple(event.in_mirror(images) for event in half.events):
+    image = tuple(event.in_mirror(images) for event in half.events) if images else ()
+    if cycle.images or cycle.n_periods % 2 == 0 or not image or cycle.events[p // 2 :] != image:
         return cycle, unknown
     x, mirrored = (state[~cycle.flow.neutral] for state in (unknown[p:], cycle.states(unknown)[p // 2]))
-    angles = unknown[:p]
-    apart = np.abs(angles[p // 2 :] - angles[: p // 2] - half.length).max()
-    if apart > SAME or np.abs(x + mirrored).max() > SAME * np.abs(x).max():
-        return cycle, unknown
-    return half, np.append(angles[: p // 2], unknown[p:])
+    late = np.abs(angles[p // 2 :] - angles[: p // 2] - half.length).max()
+    alike = late <= SAME and np.abs(x + mirrored).max() <= SAME * np.abs(x).max()
+    return (half, np.append(angles[: p // 2], unknown[p:])) if alike else (cycle, unknown)
 
 
 def settled(model: Model, n_periods: int, n_impacts: int, transients: Sequence[int] = TRANSIENTS) -> list[SystemOrbit]:
     """Return the orbit that the motion from rest has settled to, if it has that name."""
     system = model.at()
-    seen: Any
+    samples: Any
     for transient in transients:
         window = ImpactWindow(transient, n_impacts * math.ceil(LOOK / n_impacts) + 1)  # it ends as the transient does
-        (seen,) = get_backend("cpu").samples(system.cells({}), Measurement(window))
-        turns = (seen.impact_periods + seen.impact_phase)[-n_impacts - 1 :]
+        (samples,) = get_backend("cpu").samples(system.cells({}), Measurement(window))
+        turns = (samples.impact_periods + samples.impact_phase)[-n_impacts - 1 :]
         if len(turns) <= n_impacts:
             break
         if abs(turns[-1] - turns[0] - n_periods) <= SAME * n_periods:
-            stops = seen.impact_stop[-n_impacts - 1 : -1].tolist()
+            stops = samples.impact_stop[-n_impacts - 1 : -1].tolist()
             times = (turns[:-1] * system.period).tolist()
-            if found := find_near(model, n_periods, stops, times, ended(system, seen)):
+            if found := find_near(model, n_periods, stops, times, ended(system, samples)):
                 return list(found)
-        elif cycle_length(seen.impact_velocity, seen.impact_phase):  # of another name
+        elif cycle_length(samples.impact_velocity, samples.impact_phase):  # of another name
             break
     return []
 
 
-def ended(system: Any, seen: Any) -> State:
+def ended(system: Any, samples: Any) -> State:
     """Return the state in which a sampled motion ended."""
-    return State(seen.last_displacement, seen.last_velocity, seen.last_phase * system.period)
+    return State(samples.last_displacement, samples.last_velocity, samples.last_phase * system.period)
 
 
 def find_near(
