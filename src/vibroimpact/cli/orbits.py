@@ -15,6 +15,7 @@ from vibroimpact.cli import Ended, WrongRequest, output, refusing
 from vibroimpact.cli import options as o
 from vibroimpact.cli.options import numbers
 from vibroimpact.compiling import told_first
+from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from vibroimpact.continuation import Boundaries, Branch
     from vibroimpact.model import Model
     from vibroimpact.orbits import Orbit, Orbits
+    from vibroimpact.orbits.systems import SystemOrbit
 
 Range = tuple[float, float]
 
@@ -67,25 +69,35 @@ def _type(options: Options) -> dict[str, Any]:
 
 
 def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Any]:
-    """Return the orbits of the given type, or of the options' type, or those that strike the given stops in turn."""
+    """Return the orbits of the given type, or of the options' type."""
     import vibroimpact
 
-    stops, symmetric = options.get("stops"), bool(options.get("symmetric"))
-    wanted: dict[str, Any] = orbit_type or _type(options)
-    if study.is_one_mass:
-        if given := [f"`--{name}`" for name in ("stops", "symmetric") if options.get(name)]:
-            raise WrongRequest(f"{given[0]} goes with a system, and {study.model!s} has one stop; leave it out")
-    elif options["near"] and not stops:
-        raise WrongRequest("`--near` of a system goes with `--stops`: a time in s for each of them")
-    if stops or symmetric:
-        if options["n_impacts"] is not None:
-            raise WrongRequest("give either `--impacts` or the stops that are struck, not both")
-        names = stops and [name.strip() for name in stops.split(",")]
-        wanted = {"n_periods": wanted["n_periods"], "stops": names, "symmetric": symmetric}
-    example = ("PHASE,VELOCITY such as 0.25,1.4", 2) if study.is_one_mass else ("times in s such as 0.1,0.3",)
-    near: Any = options["near"] and numbers("--near", options["near"], *example)
+    if not study.is_one_mass:
+        return _find_of_system(study, options, **orbit_type)
+    if given := [f"`--{name}`" for name in ("stops", "symmetric") if options.get(name)]:
+        raise WrongRequest(f"{given[0]} goes with a system, and {study.model!s} has one stop; leave it out")
+    near: Any = options["near"] and numbers("--near", options["near"], "PHASE,VELOCITY such as 0.25,1.4", 2)
     with refusing():
-        return vibroimpact.find_orbit(study.model, **wanted, near=near)
+        return vibroimpact.find_orbit(study.model, **orbit_type or _type(options), near=near)
+
+
+def _find_of_system(study: Study, options: Options, **orbit_type: Any) -> Orbits[SystemOrbit]:
+    """Return the orbits of a system that strike the given stops in turn, or have the given type."""
+    import vibroimpact
+
+    struck, symmetric = (options.get(name) for name in ("stops", "symmetric"))
+    named, more = struck or symmetric, orbit_type or _type(options)
+    if named and options["n_impacts"] is not None:
+        raise WrongRequest("give either `--impacts` or the stops that are struck, not both")
+    if options["near"] and not struck:
+        raise WrongRequest("`--near` of a system goes with `--stops`: a time in s for each of them")
+    near: Any = options["near"] and numbers("--near", options["near"], "times in s such as 0.1,0.3")
+    with refusing():
+        if not named:
+            return vibroimpact.find_orbit(study.model, **more)
+        stops: Any = struck and [name.strip() for name in struck.split(",")]
+        more = {"n_periods": more["n_periods"], "stops": stops, "symmetric": bool(symmetric)}
+        return vibroimpact.find_orbit(study.model, **more, near=near)
 
 
 def orbits_dataset(found: Orbits[Any], model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
@@ -99,10 +111,10 @@ def orbits_dataset(found: Orbits[Any], model: Model, arguments: Mapping[str, Any
     counts = [len(orbit.velocities) for orbit in found]
     content = orbit_variables(found, max(counts, default=0), "orbit")
     parts = {"real": "real part of a Floquet multiplier", "imag": "imaginary part of a Floquet multiplier"}
-    several = not model.at().forgets
+    several = not isinstance(model.at(), ImpactOscillator)
     for part, text in parts.items():
         rows = [[getattr(complex(value), part) for value in orbit.multipliers] for orbit in found]
-        table = np.array(rows) if rows else np.empty((0, 2 * model.at().coordinates if several else 2))
+        table = np.array(rows) if rows else np.empty((0, 2 * np.size(model.at().mass, 0) if several else 2))
         if several:
             content[f"multiplier_{part}"] = number(("orbit", "multiplier"), table, text)
         else:
@@ -129,7 +141,7 @@ def orbits_dataset(found: Orbits[Any], model: Model, arguments: Mapping[str, Any
     return xr.Dataset(content, attrs=provenance("find_orbit", model, arguments) | outcome)
 
 
-def _struck(found: Orbits[Any], p: int) -> dict[str, xr.Variable]:
+def _struck(found: Orbits[SystemOrbit], p: int) -> dict[str, xr.Variable]:
     """Return stops and impulses of the impacts of a system's orbits."""
     import numpy as np
 
@@ -159,9 +171,8 @@ SUMMED = "name", "stable", "trace", "determinant"
 
 
 def _plain(orbit: Orbit) -> dict[str, Any]:
-    content = {
-        part.name: getattr(orbit, part.name) for part in fields(orbit) if part.name not in ("oscillator", "family")
-    }
+    kept = (part.name for part in fields(orbit) if part.name not in ("oscillator", "family"))
+    content = {name: getattr(orbit, name) for name in kept}
     for key in {"multipliers", "half_multipliers", "neutral"} & set(content):
         content[key] = [[z.real, z.imag] for z in content[key]]
     if "start" in content:
@@ -234,7 +245,7 @@ def _branches(
 
     if found and found[0].sticks:
         instead = "follow their end with `vibroimpact boundary --kind end-of-sticking`"
-        if not found[0].oscillator.forgets:
+        if not isinstance(found[0].model.at(), ImpactOscillator):
             instead = "find them value by value, with `vibroimpact orbit --impacts -1`"
         raise WrongRequest(f"orbits that rest at the stop have no branch; {instead}")
     return follow_all(

@@ -7,7 +7,7 @@ import numpy as np
 from vibroimpact.stops import Stop
 from vibroimpact.system import ImpactSystem
 
-EQUAL = 1e-12  # relative: numbers nearer than this are equal
+SAME = 1e-12  # relative: numbers nearer than this are equal
 
 
 def mirror(system: ImpactSystem) -> tuple[tuple[int, ...], str]:
@@ -44,7 +44,7 @@ def mirror(system: ImpactSystem) -> tuple[tuple[int, ...], str]:
 def _is_image(stop: Stop, other: Stop) -> bool:
     """Return whether a stop is another one, in the mirror and half a period later; directions may differ in length."""
     ratio = np.abs(stop.direction).max() / np.abs(other.direction).max()
-    near = EQUAL * np.abs(stop.direction).max()
+    near = SAME * np.abs(stop.direction).max()
     reach = abs(stop.gap) + sum(map(abs, stop.motion.values()))
     motions = [
         stop.motion.get(order, 0.0) * (-1) ** order - ratio * other.motion.get(order, 0.0)
@@ -54,9 +54,9 @@ def _is_image(stop: Stop, other: Stop) -> bool:
         stop.restitution == other.restitution
         and stop.compliant == other.compliant
         and all(
-            abs((one or 0.0) * ratio**2 - (another or 0.0)) <= EQUAL * (another or 0.0)
-            for one, another in ((stop.stiffness, other.stiffness), (stop.damping, other.damping))
+            abs((own or 0.0) * ratio**2 - (its or 0.0)) <= SAME * (its or 0.0)
+            for own, its in ((stop.stiffness, other.stiffness), (stop.damping, other.damping))
         )
         and (np.abs(stop.direction + ratio * other.direction) <= near).all()
-        and max(map(abs, [stop.gap - ratio * other.gap, *motions])) <= EQUAL * reach
+        and max(map(abs, [stop.gap - ratio * other.gap, *motions])) <= SAME * reach
     )
