@@ -95,9 +95,8 @@ def _find_of_system(study: Study, options: Options, **orbit_type: Any) -> Orbits
     with refusing():
         if not named:
             return vibroimpact.find_orbit(study.model, **more)
-        stops: Any = struck and [name.strip() for name in struck.split(",")]
-        more = {"n_periods": more["n_periods"], "stops": stops, "symmetric": bool(symmetric)}
-        return vibroimpact.find_orbit(study.model, **more, near=near)
+        n, stops = more["n_periods"], struck and [name.strip() for name in struck.split(",")]
+        return vibroimpact.find_orbit(study.model, n_periods=n, stops=stops, symmetric=bool(symmetric), near=near)
 
 
 def orbits_dataset(found: Orbits[Any], model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from vibroimpact.model import Model, State
+from vibroimpact.model import State
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.parameters import choice, invalid, several
@@ -64,25 +64,8 @@ class Guess:
         """Whether a state was given that is on no orbit known."""
         return self.state is not None and self.orbit is None
 
-    @property
-    def only_numbers(self) -> bool:
-        """Whether what was given is neither an orbit nor a state."""
-        return self.state is None and not self.none
-
 
 NOTHING = Guess()
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """The orbits that are looked for: of which model, their type, or the stops that they strike, and a first guess."""
-
-    model: Model
-    n_periods: int
-    n_impacts: int
-    stops: tuple[int, ...] | None
-    symmetric: bool
-    guess: Guess
 
 
 def numbers_of(stops: Any, names: tuple[str, ...]) -> tuple[int, ...]:

@@ -18,19 +18,17 @@ from vibroimpact.model import Model
 from vibroimpact.orbits import newton
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
-from vibroimpact.orbits.found import Guess, Orbits, Wanted, lost, ordered, other_name
+from vibroimpact.orbits.found import Guess, Orbits, lost, ordered, other_name
 from vibroimpact.orbits.newton import Solved
-from vibroimpact.orbits.orbit import Orbit, from_hardest, impacts_of, make_orbit, same_orbit, solution_of, true_cycle
+from vibroimpact.orbits.orbit import Impacts, Orbit, from_hardest, make_orbit, same_orbit, solution_of, true_cycle
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import invalid, real_number
 
 
-def find(wanted: Wanted) -> Orbits[Orbit]:
-    """Return the orbits of one mass that are wanted."""
-    if wanted.symmetric:
-        return Orbits(outcome="none", message="not symmetric: one stop has no mirror image")
-    model, guess, osc = wanted.model, wanted.guess, wanted.model.at()
-    cycle, impact = Cycle(wanted.n_periods, wanted.n_impacts), _impact(osc, guess)
+def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[Orbit]:
+    """Return the period-n impact-p orbits of one mass: those of one impact, that which sticks, others from a guess."""
+    osc: ImpactOscillator = model.at()
+    cycle, impact = Cycle(n_periods, n_impacts), _impact(osc, guess)
     if cycle.n_impacts == -1:
         from vibroimpact.orbits.sticking import find_sticking_orbit, why_none  # slower to import
 
@@ -108,7 +106,7 @@ def _anywhere(model: Model, cycle: Cycle) -> Orbits[Orbit]:
         if not found.converged or found.singular or found.z[cycle.n_impacts :].min() <= 0.0:
             continue
         z = from_hardest(cycle, found.z)
-        if any(same_orbit(impacts_of(cycle, z), impacts_of(cycle, other)) for other in solutions):
+        if any(same_orbit(Impacts.of(z), Impacts.of(other)) for other in solutions):
             continue
         smallest = true_cycle(cycle, z)
         if smallest == cycle:

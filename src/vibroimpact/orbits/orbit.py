@@ -242,7 +242,7 @@ def from_hardest(cycle: Cycle, z: Floats) -> Floats:
 def true_cycle(cycle: Cycle, z: Floats) -> Cycle:
     """Return the smallest n and p with which the cycle repeats."""
     n, p = cycle.n_periods, cycle.n_impacts
-    impacts, flights = _points(impacts_of(cycle, z), z[p:].max()), np.diff(np.append(z[:p], z[0] + n))
+    impacts, flights = _points(Impacts.of(z), z[p:].max()), np.diff(np.append(z[:p], z[0] + n))
     for parts in range(math.gcd(n, p), 1, -1):
         if math.gcd(n, p) % parts == 0:
             moved = [np.abs(table - np.roll(table, p // parts, axis=0)).max() for table in (impacts, flights)]
@@ -257,10 +257,10 @@ class Impacts(NamedTuple):
     phases: Sequence[float] | Floats
     velocities: Sequence[float] | Floats
 
-
-def impacts_of(cycle: Cycle, z: Floats) -> Impacts:
-    """Return the impacts of a solution z = (turns, velocities)."""
-    return Impacts(z[: cycle.n_impacts], z[cycle.n_impacts :])
+    @staticmethod
+    def of(z: Floats) -> Impacts:
+        """Return the impacts of a solution z = (turns, velocities)."""
+        return Impacts(*np.split(z, 2))
 
 
 class HasImpacts(Protocol):

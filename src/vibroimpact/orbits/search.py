@@ -1,4 +1,4 @@
-"""Find the periodic orbits of a model: what is wanted is checked here once, and the engine of its kind finds them."""
+"""Find the periodic orbits of a model: what is wanted is checked here once, and the engine that suits it finds them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from vibroimpact.model import Model, check_model
 from vibroimpact.orbits import one_mass
-from vibroimpact.orbits.found import IMPACTS, Guess, Orbits, Wanted, numbers_of
+from vibroimpact.orbits.found import IMPACTS, Guess, Orbits, numbers_of
 from vibroimpact.parameters import invalid, truth, whole_number
 
 
@@ -122,15 +122,19 @@ def find_orbit(
         raise invalid("n_periods", n, "odd for symmetric motions", "the force repeats itself in the mirror")
     if n_impacts is not None and (symmetric or stops is not None):
         raise invalid("n_impacts", n_impacts, "left out where `stops` or `symmetric` is given", "they determine it")
+    guess = Guess.of(near)
     struck = None if stops is None else numbers_of(stops, tuple(stop.name for stop in design.stops))
-    if struck is not None:
-        p = len(struck) * (2 if symmetric else 1)
-    wanted = Wanted(osc, n, p, struck, symmetric, Guess.of(near))
     if design.forgets:
-        return one_mass.find(wanted)
-    from vibroimpact.orbits.systems.search import find  # slower to import
+        if symmetric:
+            return Orbits(outcome="none", message="not symmetric: one stop has no mirror image")
+        return one_mass.find(osc, n, p if struck is None else len(struck), guess)
+    from vibroimpact.orbits.systems import search as systems  # slower to import
 
-    return find(wanted)
+    if guess.orbit is not None and guess.orbit.oscillator.forgets:
+        guess = Guess.of(guess.state)  # all that an orbit of one mass says of a system
+    if symmetric or struck is not None:
+        return systems.striking(osc, n, struck, guess, symmetric=symmetric)
+    return systems.find(osc, n, p, guess)
 
 
 def stable_orbits(model: Model, n_periods: int) -> list[Any]:

@@ -15,7 +15,7 @@ from vibroimpact.model import Model, State
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits import equations
 from vibroimpact.orbits.equations import SAME
-from vibroimpact.orbits.found import IMPACTS, NOTHING, Guess, Orbits, Wanted, lost, numbers_of, ordered, other_name
+from vibroimpact.orbits.found import IMPACTS, NOTHING, Guess, Orbits, lost, numbers_of, ordered, other_name
 from vibroimpact.orbits.orbit import same_orbit, true_cycle
 from vibroimpact.orbits.systems.closed_form import one_impact
 from vibroimpact.orbits.systems.cycle import Cycle
@@ -36,28 +36,24 @@ TRANSIENTS = 2000, 1 << 15
 LOOK = 128  # impacts in which a cycle of up to half as many is recognised
 
 
-def find(wanted: Wanted) -> Orbits[SystemOrbit]:
-    """Return the orbits of a system that are wanted.
+def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[SystemOrbit]:
+    """Return the period-n impact-p orbits of a system, on whichever stops.
 
     All those of one impact, and of two that are mirror images of one another; others, and one that rests, from `near`,
     or where the motion from rest has settled to one.
     """
-    model, n, p, guess = wanted.model, wanted.n_periods, wanted.n_impacts, wanted.guess
-    by_stops = wanted.symmetric or wanted.stops is not None
-    if guess.only_numbers and not by_stops:
+    if guess.state is None and not guess.none:
         raise invalid("near", guess.given, "an orbit or an attractor of a system, or a State")
-    if guess.orbit is not None and guess.orbit.oscillator.forgets:
-        guess = Guess.of(guess.state)  # of one mass nothing else is known
-    if by_stops:
-        return striking(model, n, wanted.stops, guess, symmetric=wanted.symmetric)
-    if p == -1:
-        return find_sticking(model, n, guess)
-    if guess.orbit is not None and len(guess.orbit.stops) != p:
+    if n_impacts == -1:
+        return find_sticking(model, n_periods, guess)
+    if guess.orbit is not None and len(guess.orbit.stops) != n_impacts:
         hint = f"or give n_impacts={len(guess.orbit.stops)}"
-        raise invalid("near", guess.orbit.name, f"an orbit of {p} impacts", hint)
-    if p == 1:
-        return _with_near(striking(model, n), model, n, guess)
-    return _anywhere(model, n, p) if guess.none else _from_near(model, n, p, guess)
+        raise invalid("near", guess.orbit.name, f"an orbit of {n_impacts} impacts", hint)
+    if n_impacts == 1:
+        return _with_near(striking(model, n_periods), model, n_periods, guess)
+    if guess.none:
+        return _anywhere(model, n_periods, n_impacts)
+    return _from_near(model, n_periods, n_impacts, guess)
 
 
 def striking(
@@ -102,10 +98,7 @@ def of_one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
 
     On a compliant stop also which others may have been missed.
     """
-    if cycle.flow.compliant[cycle.events[0].stop]:
-        return one_contact(cycle)
-    unknowns, why = one_impact(cycle)
-    return [(cycle, unknown) for unknown in unknowns], why
+    return (one_contact if cycle.flow.compliant[cycle.events[0].stop] else one_impact)(cycle)
 
 
 def _of_one(model: Model, cycles: Iterable[Cycle]) -> Orbits[SystemOrbit]:
