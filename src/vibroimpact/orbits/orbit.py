@@ -116,8 +116,8 @@ class Orbit:
 
     @property
     def stable(self) -> bool:
-        """Whether perturbations decay: all multipliers lie inside the unit circle."""
-        return self.spectral_radius < 1.0
+        """Whether perturbations decay: all multipliers lie inside the unit circle, by more than rounding."""
+        return self.spectral_radius < 1.0 - ROUNDING
 
     @property
     def period(self) -> float:

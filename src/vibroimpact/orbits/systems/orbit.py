@@ -133,11 +133,6 @@ class SystemOrbit(Orbit):
         return bool(self.half_multipliers)
 
     @property
-    def stable(self) -> bool:
-        """Whether perturbations decay: all multipliers lie inside the unit circle, by more than rounding."""
-        return self.spectral_radius < 1.0 - ROUNDING
-
-    @property
     def determinant(self) -> float:
         """Product of the multipliers: exp(-tr(M^-1 C) t) of each leg, with the damping c a a^T of the stops that push
         in it, times r d(r v)/dv of each impact on a rigid one; 0 of an orbit that rests.
