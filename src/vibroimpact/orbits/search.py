@@ -38,13 +38,13 @@ def find_orbit(
         Impacts in a cycle, p, on whichever stops; -1 for an orbit with a complete chatter, which sticks. 1 unless
         `stops` or `symmetric` is given, which determine it.
     stops : str or sequence of str, optional
-        Names of the stops that are struck in a cycle, in the order of time; of symmetric motions in half a cycle.
+        Names of the stops that are struck in a cycle, in the order of time; for symmetric motions, in half a cycle.
         Inadmissible orbits are listed, too.
     symmetric : bool
         Take motions that are mirrored, q -> -q, after half a cycle (n odd). Without `stops`, those that strike one of
         each pair of stops in half a cycle, or the stops of `near`.
     near : Orbit, Attractor, State or sequence of float, optional
-        Initial guess: an orbit or an attractor of this or another model of the same kind, a state at the stop, or phase
+        Initial guess: an orbit or an attractor of this or another model, a state at the stop, or phase
         in [0, 1) and velocity > 0 (m/s) of an impact. None tries the attractor reached from rest and a grid over the
         impact surface. Not used for one impact on a rigid stop, where all solutions are known in closed form. For
         systems, an orbit, an attractor or any state near one, or, with `stops`, the times of the impacts in s; None
