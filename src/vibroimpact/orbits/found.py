@@ -39,20 +39,27 @@ class Orbits(list[Kind], Generic[Kind]):
 class Guess:
     """What a search begins with: as it was `given`, the orbit that this is, and a state on that, or a state alone.
 
-    Without a state, what is given are numbers, not checked yet: a phase and a velocity of one mass, times of impacts in
-    s for systems.
+    Of an orbit also the stops that it strikes, and whether it rests and is symmetric. Without a state, what is given
+    are numbers, not checked yet: a phase and a velocity of one mass, times of impacts in s for systems.
     """
 
     given: Any = None
     orbit: Any = None
     state: State | None = None
+    stops: tuple[str, ...] = ()
+    sticks: bool = False
+    symmetric: bool = False
 
     @staticmethod
     def of(near: Any) -> Guess:
         """Return the guess that an orbit, an attractor, a State, numbers or None makes."""
-        orbit = None if isinstance(near, State) else getattr(near, "orbit", near)
         state = near if isinstance(near, State) else getattr(near, "start", None)
-        return Guess(near, orbit, state) if isinstance(state, State) else Guess(near)
+        if not isinstance(state, State):
+            return Guess(near)
+        orbit = None if near is state else getattr(near, "orbit", near)
+        if orbit is None:
+            return Guess(near, state=state)
+        return Guess(near, orbit, state, orbit.stops, orbit.sticks, orbit.symmetric)
 
     @property
     def none(self) -> bool:

@@ -67,8 +67,10 @@ def stable_orbits(osc: ImpactOscillator, n_periods: int) -> list[Orbit]:
 def _impact(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
     """Return phase and velocity of an impact near the orbit that is wanted, if one is given."""
     orbit, state, given = guess.orbit, guess.state, guess.given
-    if guess.none or orbit is not None:
-        return (orbit.phases[0], orbit.velocities[0]) if orbit is not None and orbit.velocities else None
+    if guess.none or (orbit is not None and not orbit.velocities):
+        return None
+    if orbit is not None:
+        return orbit.phases[0], orbit.velocities[0]
     if state is not None:
         if state.displacement != osc.gap:
             raise invalid("near", state, f"a state at an impact, with displacement = gap = {osc.gap!r}")

@@ -29,7 +29,7 @@ def beginning(
 ) -> tuple[Cycle, Floats]:
     """Return the cycle and the unknown that Newton's method starts from."""
     length = TURN * n_periods * (0.5 if images else 1.0)
-    orbit, parts = guess.orbit, 2 if images and guess.orbit is not None and guess.orbit.symmetric else 1
+    orbit, parts = guess.orbit, 2 if images and guess.symmetric else 1
     if orbit is not None and len(orbit.system.mass) == flow.n:
         cycle, unknown = cycle_of(orbit)
         state = cycle.flow.physical @ unknown[len(cycle.events) :]

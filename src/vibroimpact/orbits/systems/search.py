@@ -46,8 +46,8 @@ def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[S
         raise invalid("near", guess.given, "an orbit or an attractor of a system, or a State")
     if n_impacts == -1:
         return find_sticking(model, n_periods, guess)
-    if guess.orbit is not None and len(guess.orbit.stops) != n_impacts:
-        hint = f"or give n_impacts={len(guess.orbit.stops)}"
+    if guess.stops and len(guess.stops) != n_impacts:
+        hint = f"or give n_impacts={len(guess.stops)}"
         raise invalid("near", guess.orbit.name, f"an orbit of {n_impacts} impacts", hint)
     if n_impacts == 1:
         return _with_near(striking(model, n_periods), model, n_periods, guess)
@@ -69,9 +69,8 @@ def striking(
     images, why = mirror(system)
     if symmetric and why:
         return Orbits(outcome="none", message=why)
-    if stops is None and guess.orbit is not None:
-        names = guess.orbit.stops[: len(guess.orbit.stops) // 2] if symmetric else guess.orbit.stops
-        stops = numbers_of(names, system.stop_names)
+    if stops is None and guess.stops:
+        stops = numbers_of(guess.stops[: len(guess.stops) // (2 if symmetric else 1)], system.stop_names)
     every = [(at,) for at in range(len(system.stops)) if not symmetric or at < images[at]]
     sequences = every if stops is None else [stops]
     if not sequences:
@@ -132,7 +131,7 @@ def _anywhere(model: Model, n_periods: int, n_impacts: int) -> Orbits[SystemOrbi
 
 def _from_near(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[SystemOrbit]:
     """Return the orbit that Newton's method reaches from another, or from the motion from a state."""
-    if guess.orbit is not None:
+    if guess.stops:
         return striking(model, n_periods, guess=guess)
     system: ImpactSystem = model.at()
     system.cells({}, guess.state)  # refused where it does not fit
@@ -146,7 +145,7 @@ def _from_near(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Or
 def _with_near(orbits: Orbits[SystemOrbit], model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOrbit]:
     """Return orbits, and the one near a guess if it is none of them."""
     compliant = any(stop.compliant for stop in model.at().stops)
-    if guess.none or not compliant or (guess.orbit is not None and guess.orbit.sticks):
+    if guess.none or guess.sticks or not compliant:
         return orbits
     more = [one for one in _from_near(model, n_periods, 1, guess) if not any(same_orbit(one, each) for each in orbits)]
     return ordered([*orbits, *more]) if more else orbits

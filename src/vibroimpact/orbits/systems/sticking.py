@@ -62,7 +62,7 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
     carrier, name = Carrier(system.cells({}), Tolerances()), cycle_name(n_periods, -1)
     try:
         state = guess.state or _settled(system)
-        if guess.orbit is None or not guess.orbit.sticks:
+        if not guess.sticks:
             state = _quiet(system, carrier, state, n_periods)
         found, derivative = _solve(carrier, state, system.period, n_periods)
     except ValueError as error:  # beyond a stop, or not to be followed
