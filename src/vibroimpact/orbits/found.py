@@ -94,10 +94,13 @@ def ordered(orbits: Iterable[Orbit]) -> Orbits[Any]:
 
 def lost(found: Solved, name: str) -> Orbits[Any]:
     """Return the outcome where Newton's method did not reach an orbit."""
-    if not found.singular:
-        return Orbits(outcome="not_converged", message=f"not converged to a {name} orbit; begin nearer to one")
-    message = "converged to a fold or a graze, where the equations are singular; begin beside it"
-    return Orbits(outcome="singular", message=message)
+    outcome, message = "not_converged", f"not converged to a {name} orbit; give a guess nearer to one as `near`"
+    if found.singular:
+        outcome, message = (
+            "singular",
+            "converged to a fold or a graze, where the equations are singular; begin beside it",
+        )
+    return Orbits(outcome=outcome, message=message)
 
 
 def other_name(reached: str, name: str) -> Orbits[Any]:
