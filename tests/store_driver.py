@@ -89,30 +89,6 @@ def ended(child):
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
-def harm(folder, wanted, name):
-    """Sweep into one store after the other, each ended by a signal again and again, then left alone."""
-    chance, sent = random.Random(20), signal.Signals[name]
-    began = time.perf_counter()
-    code = ended(forked(lambda: sweep(folder / "whole.zarr")))
-    whole = time.perf_counter() - began
-    stores, codes, unborn = 0, [], 0
-    while len([hit for hit in codes if hit]) < int(wanted):
-        store = folder / f"{stores}.zarr"
-        for turn in range(8):
-            child = forked(lambda store=store: sweep(store))
-            # The first while the store is being made, but once the copy of this process runs.
-            early, late = [(0.03, 0.08), (0.03, 0.35)][turn] if turn < 2 else (0.25, 0.9)
-            time.sleep(whole * chance.uniform(early, late))
-            os.kill(child, sent)
-            codes.append(ended(child))
-            unborn += not store.exists()
-            if not codes[-1]:
-                break
-        code |= ended(forked(lambda store=store: sweep(store)))
-        stores += 1
-    return {"stores": stores, "codes": codes, "unborn": unborn, "code": code}
-
-
 REFINED = {"omega": np.linspace(1.5, 3.5, 13), "mass": np.linspace(0.5, 1.5, 13), "sample_impacts": 200}
 
 
@@ -122,24 +98,28 @@ def refined(store, **options):
     return vi.parameter_map(OSC, refine=2, store=store, **{"workers": 2} | REFINED | options)
 
 
-def harm_refined(folder, wanted):
-    """Kill the refinement of a plane again and again, then leave it alone."""
-    chance = random.Random(6)
+def harm(folder, wanted, name, job):
+    """Sweep into one store after the other, each ended by a signal again and again, then left alone."""
+    chance, sent, run = random.Random(20), signal.Signals[name], {"sweep": sweep, "refined": refined}[job]
     began = time.perf_counter()
-    code = ended(forked(lambda: refined(folder / "whole.zarr")))
-    whole, codes, stores = time.perf_counter() - began, [], 0
-    while codes.count(-signal.SIGKILL) < int(wanted):
+    code = ended(forked(lambda: run(folder / "whole.zarr")))
+    whole = time.perf_counter() - began
+    stores, codes, unborn = 0, [], 0
+    while len([hit for hit in codes if hit]) < int(wanted):
         store = folder / f"{stores}.zarr"
-        for turn in range(6):
-            child = forked(lambda store=store: refined(store))
-            time.sleep(whole * chance.uniform(0.05, 0.3 if turn < 3 else 0.9))
-            os.kill(child, signal.SIGKILL)
+        for turn in range(8):
+            child = forked(lambda store=store: run(store))
+            # The first while the store is being made, but once the copy of this process runs.
+            early, late = [(0.03, 0.08), (0.03, 0.35)][turn] if turn < 2 else (0.25, 0.9)
+            time.sleep(whole * chance.uniform(early, late))
+            os.kill(child, sent)
             codes.append(ended(child))
+            unborn += not store.exists()
             if not codes[-1]:
                 break
-        code |= ended(forked(lambda store=store: refined(store)))
+        code |= ended(forked(lambda store=store: run(store)))
         stores += 1
-    return {"stores": stores, "codes": codes, "code": code}
+    return {"stores": stores, "codes": codes, "unborn": unborn, "code": code}
 
 
 def race(folder, times):
@@ -239,9 +219,7 @@ def typed(folder, patience, *words):
     sys.exit(main())
 
 
-COMMANDS = {
-    job.__name__: job for job in (harm, harm_refined, race, interrupted, slow, clock, small_files, large, typed)
-}
+COMMANDS = {job.__name__: job for job in (harm, race, interrupted, slow, clock, small_files, large, typed)}
 
 if __name__ == "__main__":
     command, place, *rest = sys.argv[1:]

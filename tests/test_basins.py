@@ -422,7 +422,7 @@ GRID = {"phase": [0.1, 0.2], "velocity": [0.5, 1.0]}
         ),
         (
             {"displacement": [-1.0, 0.5], "velocity": [0.0, 1.0]},
-            "`displacement` must be at most 0, got 0.5; the stop is there",
+            "the axes must stay before all stops, but displacement = 0.5 and velocity = 0 lies beyond 'stop' by 0.5 m",
         ),
         (
             {"displacement": [-1.0, 0.0], "velocity": [0.0], "phase": 1.0},
@@ -445,7 +445,7 @@ def test_a_wrong_request_for_basins_is_refused(axes, message):
         (vi.State(-1.0), r"`starts` must be a list .*; write starts=\[State"),
         (3, "`starts` must be a list .*, got 3"),
         ([0.3], "`starts` must be a list .*, got 0.3; write State"),
-        ([vi.State(0.1)], "`starts` must be a list .* in front of the stop, got State.*the gap, 0 m here"),
+        ([vi.State(0.1)], "`starts` lies beyond 'stop' by 0.1 m at time 0; start before"),
     ],
 )
 def test_wrong_starts_are_refused(starts, message):

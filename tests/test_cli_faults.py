@@ -208,6 +208,16 @@ def test_a_damaged_store_is_an_unreadable_input(run, tmp_path):
     assert "figure.png" not in names(tmp_path)
 
 
+def test_a_stored_map_whose_axis_is_damaged_is_not_gone_on_with(run, tmp_path):
+    small = "map --x w=1.5:2.5:3 --y m=1:2:3 --sample-impacts 20 --out map.zarr"
+    assert run(small)[0] == 0
+    (tmp_path / "map.zarr/omega/c/0").unlink()
+    for command in (small, "info map.zarr"):
+        code, _, complaints = run(command)
+        assert (code, len(complaints)) == (2, 1)
+        assert "omega/c/0' is missing or damaged); restore that file or delete the store" in complaints[0]
+
+
 # Failures and interruptions
 
 

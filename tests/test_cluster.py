@@ -83,68 +83,52 @@ def test_a_cluster_gives_the_bits_of_one_machine(client, whole):
     assert_same(sweep(cluster=client), whole)
 
 
-def test_a_cluster_takes_several_initial_conditions(client):
-    how = {"omega": np.linspace(1.0, 3.0, 5), "gap": [-0.2, 0.5], "start": 4, "sample_impacts": 50}
-    here = vi.parameter_map(vi.ImpactOscillator(), **how)
-    there = vi.parameter_map(vi.ImpactOscillator(), cluster=client, tile=7, **how)
-    assert np.array_equal(here["std"].values, there["std"].values, equal_nan=True)
-
-
-def test_workers_compute_and_refine_maps_of_systems(client, tmp_path):
-    slot = vi.family(vi.models.impact_damper)
-    how = {"clearance": np.linspace(4e-3, 6e-3, 9), "frequency": [29.0, 29.5, 30.0], "sample_impacts": 60}
-    stored = vi.parameter_map(slot, cluster=client, tile=7, store=tmp_path / "slot.zarr", **how)
-    assert stored["std"].values.tobytes() == vi.parameter_map(slot, **how)["std"].values.tobytes()
-    there, here = (vi.refined_map(slot, refine=1, **how, **place) for place in ({"cluster": client}, {}))
-    assert np.array_equal(there["std"].values, here["std"].values, equal_nan=True)
-    assert np.array_equal(there["level"].values, here["level"].values)
-
-
 def growing(v):
     return 0.5 + 0.3 * v / (1.0 + v)
 
 
-def test_workers_compute_under_a_law_of_restitution(client):
-    ball = vi.ImpactSystem(
-        mass=2.0,
-        stiffness=0.0,
-        force=vi.Force(omega=0.7, constant=6.0),
-        stops=[vi.Stop(direction=1.0, gap=0.0, restitution=growing)],
-    )
-    how = {"stop_1_gap": np.linspace(0.0, 0.3, 8), "start": vi.State(-1.0), "transient_impacts": 0, "sample_impacts": 5}
-    here, there = vi.parameter_map(ball, **how), vi.parameter_map(ball, cluster=client, tile=4, **how)
-    assert here["std"].values.tolist() == there["std"].values.tolist()
+def ball():
+    """Return a ball that falls onto a stop which obeys a law of restitution."""
+    stop = vi.Stop(direction=1.0, gap=0.0, restitution=growing)
+    return vi.ImpactSystem(mass=2.0, stiffness=0.0, force=vi.Force(omega=0.7, constant=6.0), stops=[stop])
 
 
-@pytest.mark.parametrize("backend", ["reference", "fixed-step"])
-def test_workers_compute_with_any_back_end(client, backend):
-    axes = {"omega": [1.0, 2.0, 2.8], "mass": [1.0, 1.1]}
-    asked = {"backend": backend, "indices": ("std",), "transient_impacts": 2, "sample_impacts": 3, **axes}
-    here = vi.parameter_map(vi.ImpactOscillator(), **asked)
-    there = vi.parameter_map(vi.ImpactOscillator(), cluster=client, tile=2, **asked)
-    assert np.array_equal(here["std"].values, there["std"].values)
+SMALL = {"omega": [1.0, 2.0, 2.8], "mass": [1.0, 1.1], "transient_impacts": 2, "sample_impacts": 3}
+LAW = {"stop_1_gap": np.linspace(0.0, 0.3, 8), "start": vi.State(-1.0), "transient_impacts": 0, "sample_impacts": 5}
+DAMPER = {"clearance": np.linspace(4e-3, 6e-3, 9), "frequency": [29.0, 29.5, 30.0], "sample_impacts": 60}
+STUDIES = {
+    "several initial conditions": (vi.ImpactOscillator, {**SMALL, "gap": [-0.2, 0.5], "start": 4}),
+    "a law of restitution": (ball, LAW),
+    "reference": (vi.ImpactOscillator, {**SMALL, "backend": "reference"}),
+    "fixed-step": (vi.ImpactOscillator, {**SMALL, "backend": "fixed-step"}),
+    "a family, stored": (lambda: vi.family(vi.models.impact_damper), DAMPER),
+    "a family, refined": (lambda: vi.family(vi.models.impact_damper), DAMPER | {"refine": 1}),
+}
 
 
-def test_workers_that_see_the_store_write_to_it_themselves(client, whole, tmp_path, monkeypatch):
-    monkeypatch.setattr("vibroimpact.execution.layout.put", lambda *what: pytest.fail("the client wrote a tile"))
-    stored = sweep(cluster=client, store=tmp_path / "run.zarr")
-    assert_same(stored, whole)
-    assert SweepStore(tmp_path / "run.zarr").damaged() == []
+@pytest.mark.parametrize("study", STUDIES)
+def test_workers_compute_what_one_machine_computes(client, tmp_path, study):
+    model, how = STUDIES[study]
+    place = {"store": tmp_path / "run.zarr"} if "stored" in study else {}
+    here, there = vi.parameter_map(model(), **how), vi.parameter_map(model(), cluster=client, tile=2, **place, **how)
+    for name in here.data_vars:
+        assert there[name].values.tobytes() == here[name].values.tobytes(), name
 
 
-def test_a_relative_path_is_found_by_workers_in_another_folder(client, whole, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert_same(sweep(cluster=client, store="run.zarr"), whole)
-
-
-def test_tiles_of_workers_that_do_not_see_the_store_are_written_by_the_client(client, whole, tmp_path):
-    client.run(_look_for, "another mark")
+@pytest.mark.parametrize("seen", [True, False])
+def test_tiles_are_written_by_the_workers_that_see_the_store_or_else_by_the_client(
+    client, whole, tmp_path, monkeypatch, seen
+):
+    monkeypatch.chdir(tmp_path)  # workers are in another folder
+    if seen:
+        monkeypatch.setattr(layout, "write_tile", lambda *what: pytest.fail("the client wrote a tile"))
+    client.run(_look_for, layout.MARK if seen else "another mark")
     try:
-        stored = sweep(cluster=client, store=tmp_path / "run.zarr")
+        stored = sweep(cluster=client, store="run.zarr")
     finally:
         client.run(_look_for, layout.MARK)
     assert_same(stored, whole)
-    assert SweepStore(tmp_path / "run.zarr").damaged() == []
+    assert SweepStore(tmp_path / "run.zarr").is_whole()
 
 
 def _look_for(mark):
@@ -378,11 +362,6 @@ def test_a_running_scheduler_is_reached_by_its_address(client, whole):
 def test_what_is_no_cluster_is_refused(wrong):
     with pytest.raises(ValueError, match=r"^`cluster` must be a .*, got"), connect(wrong):
         pass
-
-
-def test_threads_here_and_a_cluster_at_once_are_refused():
-    with pytest.raises(ValueError, match=r"either `workers` or `cluster`.*cluster='local:3'"):
-        sweep(workers=3, cluster="local:2")
 
 
 def test_a_closed_client_is_refused(client):

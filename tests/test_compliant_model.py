@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from vibroimpact.contact import hunt_crossley
+from vibroimpact.elements import BLOCKS, KINDS, NUMBERS, bars
 
 
 def spring(**changes):
@@ -84,3 +86,56 @@ def test_a_contact_too_short_to_matter_is_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         between(spring(stiffness=1e10))
+
+
+# What a kind of stop says of itself
+
+STOPS = {
+    "number": vi.Stop(direction=1.0, gap=0.1, restitution=0.7),
+    "law": vi.Stop(direction=1.0, gap=0.1, restitution=hunt_crossley(damping=0.4)),
+    "compliant": vi.Stop(direction=1.0, gap=0.1, stiffness=50.0, damping=2.0),
+}
+
+
+def test_every_number_of_a_kind_has_a_range_and_a_block_of_cells():
+    taken = {name for kind in KINDS for name in kind.takes}
+    assert {"gap"} | taken == set(NUMBERS)
+    assert NUMBERS.keys() | {"law"} == BLOCKS.keys()
+    for kind in KINDS:
+        assert kind.instead.keys().isdisjoint(kind.takes)
+
+
+@pytest.mark.parametrize("name", STOPS)
+def test_a_stop_bars_the_way_in_a_table_as_its_kind_says(name):
+    stop = STOPS[name]
+    system = vi.ImpactSystem(mass=1.0, stiffness=1.0, force=vi.Force(omega=2.0), stops=[stop])
+    cells = system.cells({})
+    assert cells.bars.tolist() == [[stop.element.impenetrable]]
+    row = {"gap": stop.gap} | stop.element.row()
+    assert bars({number: np.array([row.get(number, block.none)]) for number, block in BLOCKS.items()}).tolist() == [
+        stop.element.impenetrable
+    ]
+
+
+@pytest.mark.parametrize("name", STOPS)
+def test_the_sensitivity_of_a_contact_is_the_derivative_of_the_speed_that_it_leaves(name):
+    element, v, step = STOPS[name].element, 1.3, 1e-5
+    left = [speed * element.rebound(speed) for speed in (v - step, v + step)]
+    assert element.sensitivity(v) == pytest.approx((left[1] - left[0]) / (2.0 * step), rel=1e-8)
+
+
+@pytest.mark.parametrize("name", STOPS)
+def test_a_force_has_a_value_only_where_a_contact_takes_time(name):
+    element = STOPS[name].element
+    force = element.force(np.array([-0.1, 0.1, 0.1]), np.array([1.0, 1.0, -9.0]))
+    expected = [np.nan] * 3 if element.instantaneous else [0.0, 7.0, 0.0]
+    assert force.tolist() == pytest.approx(expected, nan_ok=True)
+    assert ("peak_force" in element.reports) is not element.instantaneous
+
+
+def test_a_moving_stop_has_the_speed_that_is_the_rate_of_its_shift():
+    stop, omega, time, step = spring(motion={1: 0.01 + 0.02j, 3: 0.005j}), 2.0, np.linspace(0.0, 3.0, 7), 1e-6
+    rate = (stop.shift(omega * (time + step)) - stop.shift(omega * (time - step))) / (2.0 * step)
+    assert stop.speed(omega * time, omega) == pytest.approx(rate, abs=1e-9)
+    moved = between(stop).clearances([0.0, 0.0], 1.7)
+    assert moved == pytest.approx([stop.gap + stop.shift(omega * 1.7)])

@@ -147,7 +147,7 @@ def test_a_function_is_known_by_its_code_and_the_values_that_it_uses():
         (lambda: vi.Stop(direction=1, gap=0, restitution=lambda v: 0.5 - v), r"got -\d.*at a speed of"),
         (lambda: vi.Stop(direction=1, gap=0, restitution=lambda v: math.nan), "got nan at a speed of"),
         (lambda: vi.Stop(direction=1, gap=0, restitution=lambda: 0.5), "fails at a speed of"),
-        (lambda: vi.Stop(direction=1, gap=0, restitution=softening, stiffness=2.0), "None for a stop with `stiffness`"),
+        (lambda: vi.Stop(direction=1, gap=0, restitution=softening, stiffness=2.0), "None for a compliant stop"),
         (lambda: vi.ImpactOscillator(restitution=softening), r"ImpactSystem\(.*restitution=law\)\]\)"),
         (lambda: hunt_crossley(damping=1.0)(-0.1), "`v` must be speeds >= 0"),
     ],

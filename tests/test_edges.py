@@ -13,7 +13,8 @@ from vibroimpact.coexistence.measuring import Runner, cells_of, orbit_cells, spr
 from vibroimpact.motion import MotionClass
 from vibroimpact.verdict import describe
 from vibroimpact.verdict.boundaries import nearest_boundaries
-from vibroimpact.verdict.present import coexisting_motions, percent, present_motion, range_of
+from vibroimpact.verdict.present import coexisting_motions, present_motion
+from vibroimpact.verdict.ranges import percent, range_of
 
 STEPS = 60  # of a test's own path to an edge
 SEEN, LATEST = ImpactWindow(300, 2000), ImpactWindow(30_000, 5000)
@@ -116,7 +117,7 @@ def faults(present, track, runner):
             cell = track.cell(osc, track.beyond)
         else:
             there = edge.value if math.isnan(edge.beyond_at) else edge.beyond_at
-            around = spread_cells(osc.replace(**{edge.parameter: there}), 64)
+            around = spread_cells(osc.replace(**{edge.parameter: there}).cells({}), 64)
             others = {motion.name for motion in runner.measure(around, LATEST)}
             another = edge.kind == "fold" and edge.beyond == present.measured.name  # an orbit of the same n and p
             chaos_goes_on = track.group[0] == "aperiodic" and edge.beyond in others  # beside what may follow on it
@@ -176,7 +177,7 @@ def rest(osc):
 
 
 def many(osc):
-    return Cells.join([spread_cells(osc, 64), *orbit_cells(osc)])
+    return Cells.join([spread_cells(osc.cells({}), 64), *orbit_cells(osc)])
 
 
 def lasting(cells, runner):

@@ -153,6 +153,12 @@ def test_several_initial_conditions_are_stored(tmp_path):
     assert equal(stored.load(), vi.parameter_map(OSC, **how))
 
 
+@vi.family
+def mixed(x=1.0):
+    """An oscillator or a system."""
+    return OSC if x < 2.0 else vi.models.bouncing_ball()
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -170,6 +176,8 @@ def test_several_initial_conditions_are_stored(tmp_path):
             "either `points` or .* gap, not both",
         ),
         (lambda: vi.parameter_map(OSC, points=3), "`points` must be a mapping or DataFrame"),
+        (lambda: vi.parameter_map(mixed, x=[1.0, 3.0]), "must be oscillators, or all systems"),
+        (lambda: vi.parameter_map(mixed, points={"x": [3.0, 1.0]}), "must be oscillators, or all systems"),
         (lambda: vi.parameter_map(OSC, omega=[1.0], start=[]), "`start` must be .* at least one"),
         (lambda: vi.parameter_map(OSC, omega=[1.0], start=[None, 3]), "`start` must be None or a State, got 3"),
     ],

@@ -97,7 +97,7 @@ def test_where_none_of_some_stiff_motions_ends_the_others_are_not_tried(monkeypa
     monkeypatch.setattr(cpu, "MOST", 1000)  # stiffness is what needs more than that
     osc, runner = RARE, measuring.Runner(tolerances=vi.Tolerances(steps_per_impact=1))
     status, steps = np.zeros(256, int), np.zeros(256, int)
-    for which, outcome in runner.run(measuring.spread_cells(osc), ImpactWindow(100, 500)):
+    for which, outcome in runner.run(measuring.spread_cells(osc.cells({})), ImpactWindow(100, 500)):
         status[which], steps[which] = outcome["status"], outcome["steps"]
     assert (status == vi.Status.BUDGET).all()
     assert np.count_nonzero(steps) == measuring.ASKED

@@ -175,6 +175,11 @@ def test_what_is_no_impact_section_is_refused():
         recognise(section([0.5], [1.0]), longest=0)
 
 
+@pytest.mark.parametrize("cycles", [2, 3])
+def test_a_section_of_two_cycles_is_enough_to_name_them(cycles):
+    assert recognise(section(*repeated([0.3, 0.8, 1.2], [1.0, 0.7, 0.4], 2, cycles=cycles))).name == "period-2 impact-3"
+
+
 def test_a_cycle_longer_than_half_the_samples_is_not_claimed():
     assert cycle_length(np.array([1.0, 2.0, 3.0, 1.0]), np.zeros(4)) == 0
 

@@ -47,7 +47,7 @@ def test_a_refined_map_on_a_cluster_has_the_bits_of_one_machine(client, whole, t
 
 @pytest.mark.long
 def test_a_sweep_stopped_on_a_cluster_goes_on_here_and_the_other_way_round(client, whole, tmp_path, monkeypatch):
-    monkeypatch.setattr("vibroimpact.execution.LISTED", 32)
+    monkeypatch.setattr("vibroimpact.execution.base.LISTED", 32)
     for first, then in (({"cluster": client}, {}), ({}, {"cluster": client})):
         store = tmp_path / f"{len(first)}.zarr"
         partial = plane(store=store, progress=lambda done, total, partial: done < 150, **first)
@@ -71,7 +71,7 @@ def test_a_finished_refined_store_needs_no_cluster(whole, tmp_path):
     ("wrong", "words"),
     [
         ({"cluster": "local"}, "`cluster` must be .*, got 'local'"),
-        ({"cluster": "local:2", "workers": 2}, "either `workers` or `cluster`"),
+        ({"cluster": "local:2", "workers": 2}, "either `workers` or `cluster`.*cluster='local:2'"),
         ({"tile": 100}, "with `refine`, `tile` goes with `cluster` only"),
         ({"cluster": "local:2", "tile": 0}, "`tile` must be a whole number >= 1, got 0"),
     ],

@@ -12,9 +12,9 @@ from vibroimpact.backends.system_rows import in_steps
 from vibroimpact.backends.systems import layout_for
 from vibroimpact.coexistence.measuring import Runner, spread_cells
 from vibroimpact.scales import scale_of
-from vibroimpact.verdict.branches import Branches
-from vibroimpact.verdict.present import present_motion, range_of
-from vibroimpact.verdict.systems import orbit_boundaries
+from vibroimpact.verdict.boundaries import nearest_boundaries
+from vibroimpact.verdict.present import present_motion
+from vibroimpact.verdict.ranges import range_of
 
 OMEGA = np.linspace(0.1, 5.0, 15)
 MASS = np.linspace(0.2, 4.0, 5)
@@ -135,7 +135,7 @@ def test_what_kernels_are_given_of_a_system_has_the_same_digits_in_any_unit():
     for seed in range(100):
         rng = np.random.default_rng([3803, seed])
         system, powers = on_springs(rng), 2.0 ** rng.integers(-9, 10, 3)
-        here, there = (spread_cells(one, 4) for one in (system, in_units(system, *powers.tolist())))
+        here, there = (spread_cells(one.cells({}), 4) for one in (system, in_units(system, *powers.tolist())))
         rows, others = (in_steps(cells, 1e-9, layout_for(cells)) for cells in (here, there))
         known = (rows != 0.0) & np.isfinite(rows)
         assert np.array_equal(known, (others != 0.0) & np.isfinite(others)), seed
@@ -166,11 +166,8 @@ def test_boundaries_are_the_same_in_metres_and_in_millimetres():
     """N, m, kg and N, mm, t: a gap of 0 is compared with the static deflection f/k, damping with the critical one."""
     gap, damping = "stop_1_gap", "stop_1_damping"
     here, there = (
-        orbit_boundaries(
-            present_motion(one, Runner()).orbit,
-            [range_of(one, name, 3.0) for name in (gap, damping)],
-            lambda: True,
-            Branches(),
+        nearest_boundaries(
+            present_motion(one, Runner()), [range_of(one, name, 3.0) for name in (gap, damping)], Runner()
         )
         for one in (STEEL, in_units(STEEL, 1e-3, 1e3, 1.0))
     )

@@ -244,13 +244,6 @@ def test_a_file_without_an_order_comes_back_by_name(tmp_path):
     assert list(vi.load(tmp_path / "other.nc").variables) == ["count", "omega", "std"]
 
 
-def test_a_stored_map_has_its_variables_in_the_order_of_the_map_in_memory(tmp_path):
-    plane = {"omega": [2.0, 2.8], "mass": [1.0, 2.0], "indices": ("std", "max_velocity"), "sample_impacts": 20}
-    stored = vi.parameter_map(OSC, store=tmp_path / "run.zarr", **plane)
-    assert list(stored.variables) == list(vi.parameter_map(OSC, **plane).variables)
-    assert list(vi.load(tmp_path / "run.zarr").variables) == list(stored.variables)
-
-
 def test_csv_of_a_branch_says_of_each_row_whether_it_is_an_orbit_a_multiplier_or_a_special_point(tmp_path, result):
     dataset = result("branch")
     table = pd.read_csv(vi.save(dataset, tmp_path / "branch.csv"))
@@ -279,41 +272,35 @@ def test_csv_of_a_motion_without_impacts_tells_its_status(tmp_path):
     assert table.status.dropna().tolist() == ["no_impact"]
 
 
-@pytest.mark.parametrize("what", [OSC, sweep()["std"], [sweep()], None])
-def test_only_results_are_saved(tmp_path, what):
-    with pytest.raises(ValueError, match="`dataset` must be an xarray.Dataset, .*, got .*; .* save its .dataset"):
-        vi.save(what, tmp_path / "x.zarr")
-    assert not list(tmp_path.iterdir())
+SAVED = "`dataset` must be an xarray.Dataset, .*, got .*; .* save its .dataset"
+LOADED = r"`path` must be a \.zarr folder or a \.nc file, got"
 
 
-@pytest.mark.parametrize("ending", [".csv", ".mat", ".xls"])
-def test_load_refuses_exports_with_a_remedy(tmp_path, ending):
-    with pytest.raises(ValueError, match=r"`path` must be a \.zarr folder or a \.nc file, got"):
-        vi.load(tmp_path / f"map{ending}")
-
-
-@pytest.mark.parametrize("path", [3, None, ["map.zarr"]])
-def test_what_is_no_path_is_refused(path):
-    with pytest.raises(ValueError, match="`path` must be the name of a file or folder, got"):
-        vi.load(path)
-    with pytest.raises(ValueError, match="`out` must be the name of a file or folder, got"):
-        vi.save(sweep(), path)
-
-
-def test_load_says_that_a_file_is_missing_or_damaged(tmp_path):
-    with pytest.raises(FileNotFoundError, match="does not exist"):
-        vi.load(tmp_path / "none.nc")
-    (tmp_path / "bad.nc").write_text("no HDF5")
-    (tmp_path / "bad.zarr").mkdir()
-    for name in ("bad.nc", "bad.zarr"):
-        with pytest.raises(OSError, match="cannot be read"):
-            vi.load(tmp_path / name)
-
-
-def test_an_unknown_ending_is_refused_before_anything_is_written(tmp_path):
-    with pytest.raises(ValueError, match=r"`out` must end in \.zarr, \.nc, \.csv or \.mat, got .*map\.xls"):
-        vi.save(sweep(), tmp_path / "map.xls")
-    assert not list(tmp_path.iterdir())
+@pytest.mark.parametrize(
+    ("job", "error", "words"),
+    [
+        *((lambda what=what: vi.save(what, "x.zarr"), ValueError, SAVED) for what in (OSC, sweep()["std"], [], None)),
+        *((lambda end=end: vi.load(f"map{end}"), ValueError, LOADED) for end in (".csv", ".mat", ".xls")),
+        *((lambda no=no: vi.load(no), ValueError, "`path` must be the name of a file") for no in (3, None, ["x.zarr"])),
+        *((lambda no=no: vi.save(sweep(), no), ValueError, "`out` must be the name of a") for no in (3, None, ["x"])),
+        (lambda: vi.save(sweep(), "map.xls"), ValueError, r"`out` must end in \.zarr, .* or \.mat, got .*map\.xls"),
+        (lambda: vi.load("none.nc"), FileNotFoundError, "does not exist"),
+        (lambda: vi.load("bad.nc"), OSError, "cannot be read"),
+        (lambda: vi.load("bad.zarr"), OSError, "cannot be read"),
+        (lambda: files.check_output("no/map.zarr"), FileNotFoundError, "folder does not exist"),
+        (lambda: vi.save(sweep(), "thesis.zarr", overwrite=True), IsADirectoryError, "not a Zarr store"),
+    ],
+)
+def test_what_cannot_be_saved_or_loaded_is_refused_and_nothing_is_written(tmp_path, monkeypatch, job, error, words):
+    monkeypatch.chdir(tmp_path)
+    Path("bad.nc").write_text("no HDF5")
+    Path("bad.zarr").mkdir()
+    Path("thesis.zarr").mkdir()
+    Path("thesis.zarr/chapter.txt").write_text("precious")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(error, match=words):
+        job()
+    assert sorted(tmp_path.rglob("*")) == before
 
 
 @pytest.mark.parametrize("ending", files.DATA_ENDINGS)
@@ -327,20 +314,6 @@ def test_an_existing_output_is_kept_unless_overwriting_is_allowed(tmp_path, endi
     if ending in (".zarr", ".nc"):
         assert vi.load(path)["std"][0, 0] == 2.0
     assert names(tmp_path) == [path.name]
-
-
-def test_a_folder_that_is_no_store_is_never_replaced(tmp_path):
-    folder = tmp_path / "thesis.zarr"
-    folder.mkdir()
-    (folder / "chapter.txt").write_text("precious")
-    with pytest.raises(IsADirectoryError, match="not a Zarr store"):
-        vi.save(sweep(), folder, overwrite=True)
-    assert (folder / "chapter.txt").read_text() == "precious"
-
-
-def test_a_missing_folder_is_told_before_computing(tmp_path):
-    with pytest.raises(FileNotFoundError, match="folder does not exist"):
-        files.check_output(tmp_path / "no" / "map.zarr")
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="rights do not bind the superuser")

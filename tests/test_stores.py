@@ -18,7 +18,8 @@ import store_driver as driver
 import vibroimpact as vi
 from vibroimpact import parameters
 from vibroimpact.backends.cpu import CpuBackend
-from vibroimpact.execution import cut, threads
+from vibroimpact.execution import threads
+from vibroimpact.execution.base import cut
 from vibroimpact.execution.store import SweepStore
 
 matplotlib.use("Agg")
@@ -84,12 +85,13 @@ def test_tiles_of_any_size_hold_the_bits_of_the_sweep_in_memory(tmp_path, axes, 
     assert {name: stored.attrs[name] for name in memory.attrs} == memory.attrs
 
 
-def test_a_store_keeps_the_labels_and_the_call(tmp_path):
-    stored = plane(store=tmp_path / "run.zarr", start=vi.State(-0.5), tile=64)
-    memory = plane(start=vi.State(-0.5))
+def test_a_store_keeps_the_labels_the_call_and_the_order_of_variables(tmp_path):
+    how = {"start": vi.State(-0.5), "indices": ("std", "max_velocity")}
+    stored, memory = plane(store=tmp_path / "run.zarr", tile=64, **how), plane(**how)
     assert stored.attrs["oscillator"] == memory.attrs["oscillator"]
     assert stored.attrs["arguments"] == memory.attrs["arguments"]
     assert stored.attrs["cells_missing"] == 0
+    assert list(stored.variables) == list(vi.load(tmp_path / "run.zarr").variables) == list(memory.variables)
     xr.testing.assert_identical(vi.load(tmp_path / "run.zarr").drop_attrs(), memory.drop_attrs())
 
 
@@ -149,23 +151,20 @@ def test_a_store_keeps_the_tiles_it_was_made_with(partly):
         ({"tolerances": vi.Tolerances(chatter=1e-8)}, "chatter is 1e-09 there, 1e-08 here"),
         ({"backend": "reference"}, "backend is cpu there, reference here"),
         ({"early_closing": False}, "early_closing is True there, False here"),
+        ({"version": "99.0"}, "version is .* there, 99.0 here"),
+        ({"reversed": True}, "axis 1 is omega .* there, mass .* here; axis 2 is mass"),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
 )
-def test_another_study_is_refused_with_the_difference(partly, change, difference):
+def test_another_study_is_refused_with_the_difference(partly, monkeypatch, change, difference):
     before = sorted((file, file.stat().st_mtime_ns) for file in partly.rglob("*"))
-    osc = change.pop("osc", OSC)
+    osc, change = change.get("osc", OSC), {name: value for name, value in change.items() if name != "osc"}
+    if version := change.pop("version", None):
+        monkeypatch.setattr("vibroimpact.request.package_version", lambda: version)
+    axes = {"mass": MASS, "omega": OMEGA} if change.pop("reversed", False) else {"omega": OMEGA, "mass": MASS}
     with pytest.raises(ValueError, match=f"`store` is '.*', which holds another study .{difference}.*; choose another"):
-        vi.parameter_map(osc, store=partly, **{"omega": OMEGA, "mass": MASS, "sample_impacts": 50} | change)
+        vi.parameter_map(osc, store=partly, **axes | {"sample_impacts": 50} | change)
     assert sorted((file, file.stat().st_mtime_ns) for file in partly.rglob("*")) == before
-
-
-def test_axes_in_another_order_and_another_version_are_other_studies(partly, monkeypatch):
-    with pytest.raises(ValueError, match="axis 1 is omega .* there, mass .* here; axis 2 is mass"):
-        vi.parameter_map(OSC, store=partly, mass=MASS, omega=OMEGA, sample_impacts=50)
-    monkeypatch.setattr("vibroimpact.request.package_version", lambda: "99.0")
-    with pytest.raises(ValueError, match="version is .* there, 99.0 here"):
-        plane(store=partly)
 
 
 # A part of it
@@ -296,45 +295,32 @@ def test_a_store_may_be_a_link(tmp_path, there):
 # Refused
 
 
-def test_a_start_beyond_the_stop_anywhere_on_a_gap_axis_is_refused_before_the_store_is_made(tmp_path):
-    with pytest.raises(ValueError, match="at most the gap, 0.4 m here, got 0.5"):
-        vi.parameter_map(OSC, start=vi.State(0.5), omega=[2.0], gap=[0.4, 0.6], store=tmp_path / "run.zarr")
-    with pytest.raises(ValueError, match="`start` must have a displacement .* got 0.5"):
-        vi.parameter_map(OSC, start=vi.State(0.5), omega=[2.0, 3.0], store=tmp_path / "run.zarr")
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize(
-    ("store", "error", "words"),
+    ("how", "error", "words"),
     [
-        ("run.nc", ValueError, "`store` must be a folder ending in .zarr, got"),
-        ("missing/run.zarr", FileNotFoundError, "folder does not exist; make it first"),
-        ("file.zarr", OSError, "which is no stored sweep"),
-        ("empty.zarr", OSError, "which is no stored sweep"),
-        ("saved.zarr", OSError, "which is no stored sweep"),
+        ({"store": "run.nc"}, ValueError, "`store` must be a folder ending in .zarr, got"),
+        ({"store": 5}, ValueError, "`store` must be the path of a folder ending in .zarr, got"),
+        ({"store": "missing/run.zarr"}, FileNotFoundError, "folder does not exist; make it first"),
+        ({"store": "file.zarr"}, OSError, "which is no stored sweep"),
+        ({"store": "empty.zarr"}, OSError, "which is no stored sweep"),
+        ({"store": "saved.zarr"}, OSError, "which is no stored sweep"),
+        ({"tile": 0}, ValueError, "`tile` must be .*, got"),
+        ({"tile": 2.5}, ValueError, "`tile` must be .*, got"),
+        ({"tile": "many"}, ValueError, "`tile` must be .*, got"),
+        ({"start": vi.State(0.5), "gap": [0.4, 0.6]}, ValueError, "at most the gap, 0.4 m here, got 0.5"),
+        ({"start": vi.State(0.5)}, ValueError, "`start` must have a displacement .* got 0.5"),
     ],
+    ids=str,
 )
-def test_what_is_no_store_is_refused_and_left_alone(tmp_path, store, error, words):
+def test_what_cannot_be_stored_is_refused_and_what_lies_there_left_alone(tmp_path, monkeypatch, how, error, words):
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "file.zarr").write_text("mine")
     (tmp_path / "empty.zarr").mkdir()
-    vi.save(vi.parameter_map(OSC, omega=[2.0], sample_impacts=10), tmp_path / "saved.zarr")
+    vi.save(vi.parameter_map(OSC, omega=[2.0], sample_impacts=10), "saved.zarr")
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(error, match=words):
-        plane(store=tmp_path / store)
+        plane(**{"store": "run.zarr"} | how)
     assert sorted(tmp_path.rglob("*")) == before
-
-
-@pytest.mark.parametrize("store", [5, True, object()])
-def test_a_store_that_is_no_path_is_refused(store):
-    with pytest.raises(ValueError, match="`store` must be the path of a folder ending in .zarr, got"):
-        plane(store=store)
-
-
-@pytest.mark.parametrize("tile", [0, -1, 2.5, "many"])
-def test_a_tile_is_a_number_of_cells(tmp_path, tile):
-    with pytest.raises(ValueError, match="`tile` must be .*, got"):
-        plane(store=tmp_path / "run.zarr", tile=tile)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_failing_back_end_ends_the_sweep_and_frees_the_store(tmp_path, monkeypatch):

@@ -21,9 +21,9 @@ from vibroimpact.plotting import comparison_figure
 from vibroimpact.recognition import recognise
 from vibroimpact.verdict import compare, describe
 from vibroimpact.verdict.advice import Advice
-from vibroimpact.verdict.boundaries import Edge
-from vibroimpact.verdict.present import range_of
-from vibroimpact.verdict.text import advice_words, edge_words
+from vibroimpact.verdict.changes import advice_words, edge_words
+from vibroimpact.verdict.edges import Edge
+from vibroimpact.verdict.ranges import range_of
 
 matplotlib.use("agg")
 END_OF_STICKING = 0.34718041326569626  # of the default oscillator, rad/s

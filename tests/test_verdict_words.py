@@ -14,8 +14,10 @@ from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.orbits.sticking import periods_from_release
 from vibroimpact.verdict import describe
 from vibroimpact.verdict.advice import advise
-from vibroimpact.verdict.boundaries import Found, _end_of_sticking
-from vibroimpact.verdict.present import coexisting_motions, present_motion, range_of
+from vibroimpact.verdict.boundaries import _end_of_sticking
+from vibroimpact.verdict.edges import Side
+from vibroimpact.verdict.present import coexisting_motions, present_motion
+from vibroimpact.verdict.ranges import range_of
 
 # The mass rests at the stop again and again, and rounding decides when that ends; it does after some 1e4 impacts.
 RESTLESS = vi.ImpactOscillator(damping=0.2015, omega=2.4248, restitution=0.9009, gap=0.2097)
@@ -172,7 +174,7 @@ def test_sticking_of_random_designs_hardly_ever_ends_before_its_boundary():
         for name in ("omega", "damping"):
             for direction in (-1, 1):
                 varied = range_of(osc, name, 3.0)
-                found = _end_of_sticking(present, Found(varied, direction))
+                found = _end_of_sticking(present, Side(varied, direction))
                 last = found.end if math.isnan(found.value) else found.value
                 there = [varied.at(varied.between(varied.value, last, share)) for share in shares]
                 if any(periods_from_release(design, n) != n for design in there):

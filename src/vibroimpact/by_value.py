@@ -1,4 +1,4 @@
-"""Things that are what they are made of: two with the same arguments are one."""
+"""Value objects: equality and hash follow from the arguments."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class ByValue:
 
     def __repr__(self) -> str:
         given = {name: value for name, value in self.arguments().items() if value is not None}
-        told = (f"{name}={shown(value)}" for name, value in given.items() if not isinstance(value, Mapping) or value)
-        return f"{type(self).__name__}({', '.join(told)})"
+        words = (f"{name}={written(value)}" for name, value in given.items() if not isinstance(value, Mapping) or value)
+        return f"{type(self).__name__}({', '.join(words)})"
 
     def __reduce__(self) -> Any:
-        return _made, (type(self), self.arguments())
+        return _rebuilt, (type(self), self.arguments())
 
 
-def _made(kind: Any, arguments: dict[str, Any]) -> Any:
+def _rebuilt(kind: Any, arguments: dict[str, Any]) -> Any:
     return kind(**arguments)
 
 
@@ -60,10 +60,10 @@ def _plain(value: Any) -> Any:
     return tuple(map(_plain, value)) if isinstance(value, (tuple, list)) else value
 
 
-def shown(value: Any) -> str:
+def written(value: Any) -> str:
     """Return a value as an argument is written, arrays as lists."""
     if isinstance(value, np.ndarray):
-        return f"[{', '.join(map(shown, value.tolist()))}]"
+        return f"[{', '.join(map(written, value.tolist()))}]"
     if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{key!r}: {shown(entry)}' for key, entry in value.items())}}}"
+        return f"{{{', '.join(f'{key!r}: {written(entry)}' for key, entry in value.items())}}}"
     return repr(value.real if isinstance(value, complex) and not value.imag else value)

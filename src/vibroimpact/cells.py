@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Self, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 COUNTABLE = 2.0**53  # periods: the next whole number is the next number
+BEYOND = 1e-12  # of the lengths that a clearance is the sum of: so little beyond a stop is rounding
 FASTEST = 4.0  # of V: the hardest of the impacts that are spread over the impact surface
 
 
@@ -37,6 +38,9 @@ class Cells:
     >>> len(cells), cells["omega"].tolist(), cells["clearance"].tolist()
     (2, [1.0, 2.0], [0.5, 0.5])
     """
+
+    # Beside n, p and means, what parts the cycles that cells lead to: the closest near-miss.
+    parting: ClassVar[tuple[str, ...]] = ("grazing_margin",)
 
     table: Floats
     columns: tuple[str, ...]
@@ -61,6 +65,16 @@ class Cells:
 
     def __len__(self) -> int:
         return len(self.table)
+
+    def copies(self, number: int) -> Self:
+        """Return so many cells like the first one."""
+        found: Self = self[np.zeros(number, np.int64)]  # type: ignore[assignment]
+        return found
+
+    @property
+    def coordinates(self) -> int:
+        """How many coordinates each cell has."""
+        return 1
 
     @property
     def phases(self) -> Floats:
@@ -127,6 +141,25 @@ class Cells:
     def striking(self, stops: Any, velocities: Any, phases: Any) -> Cells:
         """Return the cells with the stop struck at velocities and phases; all `stops` are number 0."""
         return self.replace(**_start(0.0, velocities, phases))
+
+    def at(self, displacement: Any, velocity: Any, turns: Any) -> Cells:
+        """Return the cells from coordinates and velocities, a row each or one for all, at times in driving periods."""
+        y, speed = (np.reshape(part, -1) for part in (displacement, velocity))
+        return self.replace(**_start(self["gap"] - y, speed, np.asarray(turns, np.float64)))
+
+    def carried(self, displacement: Any, velocity: Any, phases: Any) -> Cells:
+        """Return the cells from states, a row each, at phases; beyond the stop, from rest at it or leaving it.
+
+        What is beyond it by rounding alone is at the stop.
+        """
+        y, speed = (np.reshape(part, -1) for part in (displacement, velocity))
+        reach = self.velocity_scale * np.sqrt(self["mass"] / self["stiffness"])  # f/k or |g|
+        passed = y - self["gap"] > BEYOND * reach
+        return self.at(np.minimum(y, self["gap"]), np.where(passed, np.minimum(speed, 0.0), speed), phases)
+
+    def beyond(self) -> Floats:
+        """Return the depth in m of each start beyond the stop, its only column; 0 before it."""
+        return np.maximum(-self["clearance"], 0.0)[:, None]
 
     def begun(self, start: State | None) -> Cells:
         """Return the cells from an initial condition; None leaves them as they are.

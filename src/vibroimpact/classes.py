@@ -139,10 +139,10 @@ def _check(sweep: Any) -> None:
 
     if not isinstance(sweep, xr.Dataset):
         raise invalid("sweep", sweep, "a Dataset", "give what `parameter_map` returned")
-    held = set(map(str, sweep.data_vars))
-    if {"lyapunov", "impacts_per_period"} <= held and "model" not in sweep.attrs:  # a family has its periods to itself
-        held.add("lyapunov_per_impact")
-    missing = [name for name in NEEDED if name not in held]
+    names = set(map(str, sweep.data_vars))
+    if {"lyapunov", "impacts_per_period"} <= names and "model" not in sweep.attrs:  # a family has its periods to itself
+        names.add("lyapunov_per_impact")
+    missing = [name for name in NEEDED if name not in names]
     if missing:
         wanted = ", ".join(repr(name) for name in NEEDED[:3])
         raise ValueError(

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroimpact.by_value import ByValue, shown
+from vibroimpact.by_value import ByValue, written
 from vibroimpact.cells import Floats
 from vibroimpact.fingerprint import fingerprint
 from vibroimpact.matrices import numbers
@@ -31,10 +31,10 @@ Compiler = Callable[[Any], Any]
 TRIED = np.logspace(-9.0, 2.0, 111)  # speeds in m/s at which a function is tried when it is made a law
 NEAR = 3e-4  # of a speed: the distance of a difference, whose rounding is some 1e-12 of r/v
 SERIES = 0.05  # of D v: below it a power series has the digits that the formula loses
-KNOWN: dict[float, Law] = {}  # by their marks, which stand in tables of numbers
+LAWS: dict[float, Law] = {}  # by their marks, which stand in tables of numbers
 
 
-class _Made(NamedTuple):
+class _Formula(NamedTuple):
     """What computes a law: a rule, made by a compiler and by what reads a table; its number, or r; and its table."""
 
     rule: Callable[[Compiler, Callable[[float, int], float]], Rule]
@@ -66,27 +66,27 @@ class Law(ByValue):
 
     kind: str
     given: Mapping[str, Any]
-    made: _Made
+    formula: _Formula
     code: float  # a mark of what is compiled, a whole number below 2^53
     mark: float  # and of the law, but for its number
 
     def __init__(self, kind: str, given: Mapping[str, Any]) -> None:
-        made = _MAKERS[kind](**given)
+        formula = _MAKERS[kind](**given)
         kept = {name: value if callable(value) else _kept(value) for name, value in given.items()}
-        own = _mark((kind, *kept.values()))
-        code = own if kind == "function" else _mark(kind)
-        mark = code if made.number else own
-        vars(self).update(kind=kind, given=MappingProxyType(kept), made=made, code=code, mark=mark)
+        whole = _mark((kind, *kept.values()))
+        code = whole if kind == "function" else _mark(kind)
+        mark = code if formula.number else whole
+        vars(self).update(kind=kind, given=MappingProxyType(kept), formula=formula, code=code, mark=mark)
 
     @property
     def constant(self) -> float | None:
         """r, if it is the same at all speeds."""
-        return self.made.constant
+        return self.formula.constant
 
     @property
     def number(self) -> float:
         """The number that its rule takes."""
-        return self.made.number
+        return self.formula.number
 
     def __call__(self, v: Any) -> Any:
         """Return r at speeds v in m/s."""
@@ -100,8 +100,8 @@ class Law(ByValue):
         speeds = np.asarray(v, np.float64)
         if not (speeds >= 0.0).all():
             raise invalid("v", v, "speeds >= 0")
-        table = self.made.table
-        rule = self.made.rule(lambda function: function, lambda number, at: float(table[at]))
+        table = self.formula.table
+        rule = self.formula.rule(lambda function: function, lambda number, at: float(table[at]))
         found: Floats = np.array([float(rule(speed, self.number, order)) for speed in speeds.ravel().tolist()])
         return found.reshape(speeds.shape) if speeds.ndim else float(found[0])
 
@@ -125,7 +125,7 @@ class Law(ByValue):
     def __repr__(self) -> str:
         if self.kind == "function":
             return str(self.plain()["law"])
-        return f"{self.kind}({', '.join(f'{name}={shown(value)}' for name, value in self.given.items())})"
+        return f"{self.kind}({', '.join(f'{name}={written(value)}' for name, value in self.given.items())})"
 
 
 def hunt_crossley(*, damping: float) -> Law:
@@ -195,8 +195,8 @@ def kelvin_voigt(*, damping_ratio: float) -> Law:
 
     Notes
     -----
-    The force k d + c d' is zero after w_d t = 2 arccos(zeta). The common exp(-pi zeta/sqrt(1 - zeta^2)) lets go
-    where the penetration is zero: by then the damper pulls.
+    The force k d + c d' is zero after w_d t = 2 arccos(zeta). The common exp(-pi zeta/sqrt(1 - zeta^2)) ends
+    contact where the penetration is zero: by then the damper pulls.
 
     References
     ----------
@@ -250,8 +250,8 @@ def law_of(given: Any) -> Any:
     """Return the law that a Python function, or what `Law.plain` returns, stands for; all else as it is.
 
     A function is one of the speed alone, in Python that numba compiles. Its derivative is a difference, good to 1e-9 of
-    r/v where the function is smooth. From its `plain` form it is found again if it is known here; else the table of its
-    values stands for it.
+    r/v where the function is smooth. From its `plain` form it is found again if it was met before; else the table of
+    its values stands for it.
 
     Raises
     ------
@@ -267,17 +267,17 @@ def law_of(given: Any) -> Any:
     ValueError: `restitution` must be from 0 to 1, got 2.0 at a speed of 1e-09 m/s; limit what it returns by min and max
     """
     if isinstance(given, Mapping):
-        own = {name: value for name, value in given.items() if name not in ("law", "mark")}
-        return KNOWN.get(given.get("mark", 0.0)) or Law("piecewise" if "mark" in given else given["law"], own)
+        arguments = {name: value for name, value in given.items() if name not in ("law", "mark")}
+        return LAWS.get(given.get("mark", 0.0)) or Law("piecewise" if "mark" in given else given["law"], arguments)
     if isinstance(given, Law) or not callable(given):
         return given
     return Law("function", {"function": given})
 
 
-def _hunt_crossley(damping: Any) -> _Made:
+def _hunt_crossley(damping: Any) -> _Formula:
     """With x = D v and y = r x the law is x - ln(1 + x) = -y - ln(1 - y); the unknown is L = -ln(1 - y)."""
     number = Parameter("damping", "damping", low=0.0).check(damping)
-    return _Made(lambda compiled, entry: _of_hunt_crossley, number, None if number else 1.0)
+    return _Formula(lambda compiled, entry: _of_hunt_crossley, number, None if number else 1.0)
 
 
 def _power_series(terms: int) -> tuple[float, ...]:
@@ -313,15 +313,15 @@ def _of_hunt_crossley(v: float, damping: float, order: int) -> float:
     return damping * (1.0 + r) * (math.exp(-log) - r) / ((1.0 + x) * r * x) if order else r
 
 
-def _kelvin_voigt(damping_ratio: Any) -> _Made:
+def _kelvin_voigt(damping_ratio: Any) -> _Formula:
     zeta = Parameter("damping_ratio", "damping ratio", low=0.0).check(damping_ratio)
     root = math.sqrt(abs((1.0 - zeta) * (1.0 + zeta)))
     half = math.atan2(root, zeta) if zeta < 1.0 else math.asinh(root)  # of the contact, times w_d
     constant = math.exp(-2.0 * zeta * (half / root if root else 1.0))
-    return _Made(lambda compiled, entry: lambda v, number, order: 0.0 if order else constant, constant=constant)
+    return _Formula(lambda compiled, entry: lambda v, number, order: 0.0 if order else constant, constant=constant)
 
 
-def _piecewise(speeds: Any, values: Any) -> _Made:
+def _piecewise(speeds: Any, values: Any) -> _Formula:
     from scipy.interpolate import PchipInterpolator
 
     knots, heights = numbers("speeds", speeds, 1), numbers("values", values, 1)
@@ -332,7 +332,7 @@ def _piecewise(speeds: Any, values: Any) -> _Made:
     if heights.min() < 0.0 or heights.max() > 1.0:
         raise invalid("values", heights.tolist(), "numbers from 0 to 1")
     cubics = PchipInterpolator(knots, heights).c.T
-    return _Made(_of_table, table=np.concatenate([[len(knots)], heights[[0, -1]], knots, cubics.ravel()]))
+    return _Formula(_of_table, table=np.concatenate([[len(knots)], heights[[0, -1]], knots, cubics.ravel()]))
 
 
 def _of_table(compiled: Compiler, entry: Callable[[float, int], float]) -> Rule:
@@ -355,7 +355,7 @@ def _of_table(compiled: Compiler, entry: Callable[[float, int], float]) -> Rule:
     return of_table
 
 
-def _function(function: Any) -> _Made:
+def _function(function: Any) -> _Formula:
     for v in TRIED.tolist():
         try:
             r = float(function(v))
@@ -380,10 +380,10 @@ def _function(function: Any) -> _Made:
 
         return of_function
 
-    return _Made(rule)
+    return _Formula(rule)
 
 
-_MAKERS: dict[str, Callable[..., _Made]] = {
+_MAKERS: dict[str, Callable[..., _Formula]] = {
     "hunt_crossley": _hunt_crossley,
     "kelvin_voigt": _kelvin_voigt,
     "piecewise": _piecewise,

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.cells import FASTEST
+from vibroimpact.elements import REPORTS
 from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, State
 from vibroimpact.oscillator import ImpactOscillator
@@ -38,12 +39,8 @@ VARIABLES: dict[str, tuple[str, str, str]] = {
     "release_time": ("time at which the mass leaves the stop", "s", "t"),
     "count": ("number of samples kept", "1", "N"),
     "clearance": ("clearance to the stop", "m", "u"),
-    "impulse": ("impulse of the impact", "N s", "P"),
-    "energy_lost": ("energy lost at the stop by the impact", "J", "E"),
     "force": ("force of the stop", "N", "F"),
-    "peak_force": ("largest force of the contact", "N", "F"),
-    "contact_time": ("duration of the contact", "s", "t_c"),
-    "penetration": ("deepest penetration of the contact", "m", "d"),
+    **{name: (report.long_name, report.unit, report.symbol) for name, report in REPORTS.items()},
 } | {index.name: (index.long_name, index.units, index.symbol) for index in EVERY.values()}
 
 SYMBOLS = {entry.symbol: name for name, entry in ImpactOscillator.parameters.items() if not entry.replaces}

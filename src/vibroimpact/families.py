@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from importlib.util import module_from_spec, spec_from_file_location
 from itertools import chain
@@ -16,10 +16,8 @@ from typing import Any, overload
 import numpy as np
 
 from vibroimpact.cells import Cells
-from vibroimpact.model import Model, State, check_model, check_names
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.model import Model, State, check_model, check_names, is_model
 from vibroimpact.parameters import Parameter, invalid, unknown
-from vibroimpact.system import ImpactSystem
 
 
 class Family:
@@ -65,16 +63,16 @@ class Family:
         """Return the oscillator or system that the function makes of its parameters, some of them changed."""
         given = self.values | self._checked(values)
         try:
-            made = self.function(**given)
+            model = self.function(**given)
         except Exception as error:
             where = ", ".join(f"{name}={value:g}" for name, value in given.items())
-            told = isinstance(error, (ValueError, ArithmeticError, ImportError))  # by their text alone
-            words = error if told else f"{type(error).__name__}: {error}"
+            clear = isinstance(error, (ValueError, ArithmeticError, ImportError))  # by their text alone
+            words = error if clear else f"{type(error).__name__}: {error}"
             raise ValueError(f"{self} fails at {where}: {words}{self._place(error)}") from error
-        if not isinstance(made, (ImpactOscillator, ImpactSystem, Model)) or isinstance(made, type):  # the slow one last
+        if not is_model(model):
             hint = f"return an ImpactOscillator or an ImpactSystem{self._place()}"
-            raise invalid(f"{self}(...)", made, "a model", hint)
-        return made.at()
+            raise invalid(f"{self}(...)", model, "a model", hint)
+        return model.at()
 
     def _place(self, error: BaseException | None = None) -> str:
         """Return the file and line of the function, or of what failed in its file; nothing of ready-made models."""
@@ -87,14 +85,22 @@ class Family:
         """Return one cell per point: the function is called at each of them."""
         check_names(self.parameters, points)
         rows = zip(*(np.asarray(values, np.float64).tolist() for values in points.values()), strict=True)
-        made = (self.at(**dict(zip(points, row, strict=True))) for row in rows) if points else iter([self.at()])
-        first = next(made)
-        cells: Cells = first.cells_of(chain([first], made))
+        designs = (self.at(**dict(zip(points, row, strict=True))) for row in rows) if points else iter([self.at()])
+        first = next(designs)
+        cells: Cells = first.cells_of(chain([first], _of_one_kind(designs, first.kind)))
         return cells.begun(start)
 
     def _checked(self, values: Mapping[str, Any]) -> dict[str, float]:
         check_names(self.parameters, values)
         return {name: self.parameters[name].check(value) for name, value in values.items()}
+
+
+def _of_one_kind(designs: Iterable[Any], kind: str) -> Iterator[Any]:
+    """Yield designs, or refuse those that no table holds together with others."""
+    for design in designs:
+        if design.kind != kind:
+            raise ValueError("all models of one family must be oscillators, or all systems; these are both")
+        yield design
 
 
 def _named(module: str, name: str, values: dict[str, float]) -> Family:
@@ -154,7 +160,7 @@ def family(function: Callable[..., Any] | None = None, /, *, units: Mapping[str,
     ({'rpm': 3, 'clearance_mm': 2}, '1/min')
     """
     if function is None:
-        return lambda made: _family(made, units or {})
+        return lambda named: _family(named, units or {})
     return _family(function, units or {})
 
 
@@ -162,18 +168,18 @@ def _family(function: Callable[..., Any], units: Mapping[str, str]) -> Family:
     if not callable(function):
         raise invalid("function", function, "a function of named numbers that returns a model")
     parameters, values = {}, {}
-    known: Mapping[str, Parameter] = getattr(function, "parameters", {})  # of ready-made models
+    table: Mapping[str, Parameter] = getattr(function, "parameters", {})  # of ready-made models
     for name, argument in inspect.signature(function).parameters.items():
         named = argument.kind in (argument.POSITIONAL_OR_KEYWORD, argument.KEYWORD_ONLY)
         if not named or argument.default is argument.empty:
             raise ValueError(f"`{name}` of {function.__name__} needs a number for a default, like {name}=1.0")
-        usual = known.get(name) or Parameter(name, name.replace("_", " "), symbol=name)
+        usual = table.get(name) or Parameter(name, name.replace("_", " "), symbol=name)
         parameters[name] = replace(usual, unit=units.get(name, usual.unit))
         values[name] = parameters[name].check(argument.default)
     check_names(parameters, units)
-    made = Family(function, parameters, values)
-    check_model(made)
-    return made
+    model = Family(function, parameters, values)
+    check_model(model)
+    return model
 
 
 # ---- models by name
@@ -187,7 +193,7 @@ def load_model(place: Any) -> Model:
     Raises
     ------
     ValueError
-        The file cannot be run, or NAME is no model; the message tells the line.
+        The file cannot be run, or NAME is no model; the message names the line.
     """
     if str(place).isidentifier():
         return ready_made(str(place))
@@ -212,8 +218,7 @@ def load_model(place: Any) -> Model:
 
 def _model_in(module: Any, name: str, place: Any) -> Model:
     """Return the model of that name in a module, once it has been made at its own values."""
-    found = {key: value for key, value in vars(module).items() if isinstance(value, Model)}
-    models = {key: value for key, value in found.items() if not isinstance(value, type)}
+    models = {key: value for key, value in vars(module).items() if is_model(value)}
     wanted = vars(module).get(name)
     if name not in models:
         code = getattr(wanted, "__code__", None)

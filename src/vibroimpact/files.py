@@ -16,14 +16,12 @@ from uuid import uuid4
 
 import numpy as np
 
-from vibroimpact.cells import Tiling
 from vibroimpact.dataset import check_attributes
 from vibroimpact.formats import WRITERS, in_order, write_labels
 from vibroimpact.parameters import check_fits, invalid, truth
 
 if TYPE_CHECKING:
     import xarray as xr
-    from numpy.typing import NDArray
 
 DATA_ENDINGS = tuple(WRITERS)
 MOVES = 1000  # attempts to replace an output that other processes keep replacing
@@ -114,8 +112,9 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
 
     Notes
     -----
-    Files from elsewhere are safe to load: of a store only regular files inside it are read, and only values of the size
-    and the packing that `save` and stores give them.
+    A `.zarr` folder from elsewhere is safe to load: only regular files inside it are read, and only values of the size
+    and the packing that `save` and stores give them. A `.nc` file is read by HDF5, which unpacks whatever it holds:
+    load only those you trust.
 
     Examples
     --------
@@ -125,7 +124,7 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     """
     import xarray as xr
 
-    from vibroimpact.guard import netcdf_size
+    from vibroimpact.guard import GuardedStore, netcdf_size
 
     source = _path("path", path)
     ending = source.suffix.lower()
@@ -133,35 +132,26 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
         raise invalid("path", str(path), "a .zarr folder or a .nc file", ".csv and .mat are exports only")
     if not source.exists():
         raise FileNotFoundError(f"`path` {str(path)!r} does not exist; {offered(source) or 'check the spelling'}")
+    place: Any = GuardedStore(source) if ending == ".zarr" else source
     with _explained(source):
-        place = _opened(source)
         size = netcdf_size(source) if place is source else place.size()
     check_fits("path", f"is {str(path)!r}, whose values take", size, "xarray.open_zarr(path) reads a store in parts")
     with _explained(source), xr.open_dataset(place, **_OPEN[ending]) as stored:
-        done = None if place is source else place.done()
         loaded = _restored(stored.load())
-        if done is not None and "level" not in loaded:  # a refined map keeps its tiles elsewhere
-            _check_tiles(loaded, done)
+        if place is not source:
+            place.check_sweep(map(str, loaded.coords), map(str, loaded.data_vars))
         return loaded
 
 
-def _check_tiles(sweep: xr.Dataset, done: NDArray[np.int64]) -> None:
-    """Raise where a tile of a stored map does not hold what was written there."""
-    from vibroimpact.guard import is_as_written
-
-    results = {str(name): values.values for name, values in sweep.data_vars.items()}
-    tiling = Tiling(sweep["status"].shape, tuple(sweep.attrs["tile"]))
-    for number, record in zip(range(len(tiling)), done.tolist(), strict=True):
-        if not is_as_written(record, {name: values[tiling[number]] for name, values in results.items()}):
-            raise OSError(f"tile {number} holds other numbers than were written; the same sweep computes it again")
-
-
-def load_lazily(path: str | os.PathLike[str]) -> xr.Dataset:
+def load_lazily(path: Path) -> xr.Dataset:
     """Open a Zarr store as `load` does, but read values from disk only when they are used."""
     import xarray as xr
 
-    with _explained(Path(path)):
-        return _restored(xr.open_dataset(_opened(Path(path)), **_OPEN[".zarr"]))
+    from vibroimpact.guard import GuardedStore
+
+    place: Any = GuardedStore(path)
+    with _explained(path):
+        return _restored(xr.open_dataset(place, **_OPEN[".zarr"]))
 
 
 def _path(name: str, given: Any) -> Path:
@@ -181,13 +171,6 @@ def _explained(path: Path) -> Iterator[None]:
         raise OSError(
             f"`path` {str(path)!r} cannot be read ({_first_line(error)}); give a result that this package saved"
         ) from error
-
-
-def _opened(path: Path) -> Any:
-    """Return the Dataset that xarray opens."""
-    from vibroimpact.guard import GuardedStore
-
-    return GuardedStore(path) if path.suffix.lower() == ".zarr" else path
 
 
 def _restored(dataset: xr.Dataset) -> xr.Dataset:
@@ -248,7 +231,7 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
     """
     target = Path(path)
     try:
-        with _scratch(target) as scratch:
+        with scratch_beside(target) as scratch:
             part = scratch / target.name
             yield part
             if os.path.lexists(target) and not overwrite:
@@ -262,19 +245,19 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
 
 
 @contextmanager
-def _scratch(target: Path) -> Iterator[Path]:
+def scratch_beside(target: Path) -> Iterator[Path]:
     """Yield a folder beside the target for what is being written; remove it, and those that killed processes left."""
     sweep_up(target)
     for _ in range(MOVES):
         scratch = Path(mkdtemp(prefix=f".{target.stem}-", suffix=PART, dir=target.parent))
-        with _held(scratch) as mine:
-            if mine is False:  # another process has just taken it for a leftover
+        with _locked(scratch) as locked:
+            if locked is False:  # another process has just taken it for a leftover
                 continue
             try:
                 yield scratch
                 shutil.rmtree(scratch)
             except BaseException:
-                remove_folder(scratch)
+                _remove_folder(scratch)
                 raise
             return
     raise OSError(errno.EBUSY, "other processes keep removing what is written there")
@@ -286,30 +269,30 @@ def sweep_up(target: Path) -> None:
     The system takes a lock back from a process that ends, however it ends.
     """
     for left in target.parent.glob(f".{glob.escape(target.stem)}-*{PART}"):
-        with _held(left) as unused:
-            if unused:
+        with _locked(left) as locked:
+            if locked:
                 shutil.rmtree(left, ignore_errors=True)
 
 
 @contextmanager
-def _held(folder: Path) -> Iterator[bool | None]:
-    """Hold a folder, if no other process does and it is there; None where this system locks no folders."""
+def _locked(folder: Path) -> Iterator[bool | None]:
+    """Lock a folder, if no other process has and it is there; yield None where this system locks no folders."""
     try:
         import fcntl
     except ImportError:
         yield None
         return
-    handle, held = None, None
+    handle, locked = None, None
     try:
         handle = os.open(folder, os.O_RDONLY)
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        held = os.path.samestat(os.fstat(handle), os.stat(folder))
+        locked = os.path.samestat(os.fstat(handle), os.stat(folder))
     except (BlockingIOError, FileNotFoundError):
-        held = False
+        locked = False
     except OSError:  # some file systems lock none, either
-        held = None
+        locked = None
     try:
-        yield held
+        yield locked
     finally:
         if handle is not None:
             os.close(handle)
@@ -326,7 +309,7 @@ def offered(path: Path) -> str:
     return f"what it held lies in {str(aside)!r}, set aside by a process that ended: rename that" if aside else ""
 
 
-def remove_folder(folder: Path) -> None:
+def _remove_folder(folder: Path) -> None:
     """Remove a folder that threads of a failed writer may go on filling, or recreate, for a moment."""
     quiet = 0
     for _ in range(100):

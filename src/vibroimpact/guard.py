@@ -1,6 +1,7 @@
-"""Files from elsewhere: of a store or a file nothing is read but what this package writes, of the sizes declared there.
+"""Files from elsewhere: of a store nothing is read but what this package writes, in the sizes that are declared there.
 
 A chunk of a few kilobytes may decode to gigabytes, a chunk may be a pipe or a link to a device, a description anything.
+A NetCDF file is read by HDF5, which unpacks whatever its chunks say.
 """
 
 from __future__ import annotations
@@ -8,39 +9,29 @@ from __future__ import annotations
 import asyncio
 import json
 import math
-import mmap
 import os
 import re
-import shutil
 import stat
-import struct
-import zlib
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numcodecs import Zstd
-from numpy.typing import NDArray
 from zarr.core.buffer import default_buffer_prototype
 from zarr.storage import LocalStore
 
 from vibroimpact.parameters import check_fits, in_words
 
 if TYPE_CHECKING:
-    import h5py
     from zarr.abc.store import ByteRequest
     from zarr.core.buffer import Buffer, BufferPrototype
 
 DESCRIPTION = "zarr.json"
 MOST_TEXT = 1 << 24  # bytes of a description, and of a chunk of words
 WORD = 64  # bytes that a word takes in memory
+RECORDS = "progress/tiles"  # the array that holds a record per tile of a stored sweep
 CODECS = {"bytes", "vlen-utf8"}  # how `save` and stores turn numbers and words into bytes, which zstd may pack
-RECORDS = "progress/tiles"  # the array that holds a record per tile of a stored sweep, of which the first number says
-DIGEST = 2  # that the tile is done and, from here on, the digest of its numbers; earlier versions wrote 1
-MAGIC = b"\x28\xb5\x2f\xfd"  # of a frame of zstd
-HEAP = b"GCOL\1\0\0\0"  # begins what holds the words of an HDF5 file
 
 
 class Declared(NamedTuple):
@@ -54,14 +45,13 @@ class Declared(NamedTuple):
     @property
     def size(self) -> int:
         """Bytes that the array takes in memory, and what reading it takes beside that: a chunk, unpacked."""
-        item = self.item or WORD
-        return item * (math.prod(self.shape) + math.prod(self.chunk))
+        return (self.item or WORD) * (math.prod(self.shape) + math.prod(self.chunk))
 
 
 class GuardedStore(LocalStore):
     """A Zarr store in a folder: each file read is a regular one inside it, and a chunk decodes to what is declared.
 
-    `OSError` names the file that is refused. Written files take the place of whatever has their name.
+    `OSError` names the file that is refused. Nothing is written or removed through a link out of the folder.
     """
 
     def __init__(self, root: Path | str, *, read_only: bool = True) -> None:
@@ -97,19 +87,26 @@ class GuardedStore(LocalStore):
     def content(self, key: str) -> bytes | None:
         """Return the content of a file once it has been checked, or None where there is none."""
         if key.rpartition("/")[2] == DESCRIPTION:
-            found = self._bytes(key, MOST_TEXT)
-            if found is not None:
-                self._describe(key, found)
-            return found
+            content = self._bytes(key, MOST_TEXT)
+            if content is not None:
+                self._describe(key, content)
+            return content
         place = re.fullmatch(r"(.+?)/c(?:/\d+)*", key)
         array = None if place is None else self.declared(place[1])
         if array is None:
             return None
         size = math.prod(array.chunk) * array.item if array.item else MOST_TEXT
-        found = self._bytes(key, size + size // 100 + 1024)
-        if found is not None:
-            self._check_chunk(key, found, array, size)
-        return found
+        content = self._bytes(key, size + size // 100 + 1024)
+        if content is not None:
+            self._check_chunk(key, content, array, size)
+        return content
+
+    def is_whole(self, key: str) -> bool:
+        """Whether a file is there and was not altered since it was written."""
+        try:
+            return self.content(key) is not None
+        except (OSError, ValueError):
+            return False
 
     def declared(self, name: str) -> Declared | None:
         """Return the declaration of an array; None where there is none, or a group."""
@@ -122,14 +119,23 @@ class GuardedStore(LocalStore):
         arrays = [self.declared(name) for name in os.listdir(self.root)]
         return sum(array.size for array in arrays if array)
 
-    def done(self) -> NDArray[np.int64] | None:
-        """Return of every tile of a stored sweep whether it is done, and its digest; None of what has no records."""
-        import zarr
+    def check_sweep(self, axes: Iterable[str], names: Iterable[str]) -> None:
+        """Raise where a stored sweep has lost a chunk, which Zarr would read as missing values.
 
-        with suppress(Exception):
-            records: Any = zarr.open_array(self, path=RECORDS, mode="r") if self.declared(RECORDS) else None
-            return None if records is None else np.asarray(records[:, 0], np.int64)
-        return None
+        The status of a tile is written last: where it lies, every array of these `names` has a chunk, which spans
+        whatever dimensions follow those of the grid.
+        """
+        if self.declared(RECORDS) is None:
+            return
+        dims = {name: len(array.shape) for name in names if (array := self.declared(name))}
+        chunks = [f"{axis}/c/0" for axis in axes]
+        for tile in (self.root / "status/c").glob("/".join("*" * dims["status"])):
+            if tile.name.isdigit():  # else half written
+                place = tile.relative_to(self.root / "status").as_posix()
+                chunks += [f"{name}/{place}{'/0' * (number - dims['status'])}" for name, number in dims.items()]
+        for chunk in chunks:
+            if not (self.root / chunk).exists():
+                raise self._refused(chunk, "is missing")
 
     def _bytes(self, key: str, most: int) -> bytes | None:
         try:
@@ -148,7 +154,7 @@ class GuardedStore(LocalStore):
         if state.st_size > most:
             raise self._refused(key, f"takes {in_words(state.st_size)}, more than its array declares")
         with open(real, "rb") as file:
-            return file.read(most)
+            return file.read(state.st_size)
 
     def _describe(self, key: str, content: bytes) -> None:
         """Note what an array declares; raise where a description is damaged, or none that this package writes."""
@@ -158,7 +164,7 @@ class GuardedStore(LocalStore):
             if described["zarr_format"] != 3 or not isinstance(described.get("attributes", {}), dict):
                 raise ValueError
             array = _declared(described) if described["node_type"] != "group" else None
-        except (ValueError, TypeError, KeyError, LookupError, AttributeError, RecursionError):
+        except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
             raise self._refused(key, "is damaged, or of a kind that this package does not write") from None
         if array is not None:
             check_fits(
@@ -167,15 +173,14 @@ class GuardedStore(LocalStore):
         self._declared[name] = array
 
     def _check_chunk(self, key: str, content: bytes, array: Declared, size: int) -> None:
-        found = unpacked_size(content) if array.packed else len(content)
-        if found is None or (found > size if array.item is None else found != size):
-            raise self._refused(key, f"does not decode to the {in_words(size)} of its array")
+        """Raise unless a chunk decodes to `size` bytes; one of words to as many words as it has, in `size` at most."""
         try:
-            plain = bytes(Zstd().decode(content)) if array.packed else content
-        except RuntimeError:
-            raise self._refused(key, "was altered; running the same sweep again computes it anew") from None
-        if array.item is None and int.from_bytes(plain[:4], "little") != math.prod(array.chunk):  # words' number
-            raise self._refused(key, "does not hold as many words as its array declares")
+            plain = _unpacked(content, size) if array.packed else content
+        except (RuntimeError, ValueError):
+            plain = b""
+        words = int.from_bytes(plain[:4], "little")
+        if len(plain) != size if array.item else words != math.prod(array.chunk):
+            raise self._refused(key, "was altered, or is no chunk of its array; a stored sweep computes it again")
 
     def _refused(self, key: str, why: str) -> OSError:
         return OSError(f"{str(self.root / key)!r} {why}")
@@ -183,53 +188,30 @@ class GuardedStore(LocalStore):
     # Writing
 
     async def set(self, key: str, value: Buffer) -> None:
-        """Write a file; a folder, a pipe or a link that has its name goes."""
-        await asyncio.to_thread(self._make_way, key)
+        """Write a file; a link or a pipe that has its name goes."""
+        self._check_folder(key)
         await super().set(key, value)
 
     def set_sync(self, key: str, value: Buffer) -> None:
-        """Write a file; a folder, a pipe or a link that has its name goes."""
-        self._make_way(key)
+        """Write a file; a link or a pipe that has its name goes."""
+        self._check_folder(key)
         super().set_sync(key, value)
 
     async def delete(self, key: str) -> None:
         """Remove a file, or what has its name."""
-        await asyncio.to_thread(self.delete_sync, key)
+        self._check_folder(key)
+        await super().delete(key)
 
     def delete_sync(self, key: str) -> None:
         """Remove a file, or what has its name."""
-        self._check_writable()
-        self._make_way(key)
-        (self.root / key).unlink(missing_ok=True)
+        self._check_folder(key)
+        super().delete_sync(key)
 
-    def _make_way(self, key: str) -> None:
-        place = self.root
-        for part in key.split("/")[:-1]:
-            place = place / part
-            if place.is_symlink():
-                raise self._refused(str(place.relative_to(self.root)), "is a link; put the folder in its place")
-            if not place.is_dir():
-                _make_folder(place)
-        clear(self.root / key)
-
-
-def _make_folder(place: Path) -> None:
-    """Make a folder in the place of whatever has its name; another thread or process may at the same moment."""
-    if not place.is_dir():
-        try:
-            place.unlink(missing_ok=True)
-        except OSError:
-            if not place.is_dir():
-                raise
-    place.mkdir(parents=True, exist_ok=True)
-
-
-def clear(path: Path) -> None:
-    """Remove what has the name of a file and is none: a folder, a link, a pipe."""
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    elif os.path.lexists(path) and not stat.S_ISREG(os.lstat(path).st_mode):
-        path.unlink(missing_ok=True)
+    def _check_folder(self, key: str) -> None:
+        """Refuse to touch a file behind a link out of the store."""
+        folder = os.path.realpath((self.root / key).parent)
+        if not f"{folder}{os.sep}".startswith(self._real + os.sep):
+            raise self._refused(key, "lies behind a link out of the store; put the folder in its place")
 
 
 def _declared(described: dict[str, Any]) -> Declared:
@@ -261,32 +243,16 @@ def _declared(described: dict[str, Any]) -> Declared:
     return Declared(shape, chunk, item, len(codecs) > 1)
 
 
-def unpacked_size(content: bytes) -> int | None:
-    """Return the bytes that one frame of zstd decodes to; None where it is no single whole frame that says so."""
-    try:
-        head = content[4]
-        single, at = head >> 5 & 1, 5
-        at += (not single) + (0, 1, 2, 4)[head & 3]
-        length = (single, 2, 4, 8)[head >> 6]
-        size = int.from_bytes(content[at : at + length], "little") + 256 * (length == 2)
-        at += length
-        last = 0
-        while not last:
-            block = int.from_bytes(content[at : at + 3].ljust(3, b"\x06"), "little")  # block type 3 is none
-            last, kind = block & 1, block >> 1 & 3
-            at += 3 + (1 if kind == 1 else block >> 3)
-            if kind == 3:
-                return None
-        at += 4 * (head >> 2 & 1)
-    except IndexError:
-        return None
-    return size if content[:4] == MAGIC and length and at == len(content) else None
+def _unpacked(content: bytes, most: int) -> bytes:
+    """Return what a chunk decodes to; raise where it was altered, or takes more than `most` bytes."""
+    Zstd().decode(content, np.empty(most, np.uint8))  # never writes beyond its end, whatever the chunk says of itself
+    return bytes(Zstd().decode(content))
 
 
 def netcdf_size(path: Path) -> int:
     """Return the bytes that the variables of a NetCDF file take in memory.
 
-    `OSError`: it is no regular file, or a damaged one, or a variable lies elsewhere or unpacks to another size.
+    `OSError`: it is no regular file, or no HDF5, or a variable lies elsewhere. Chunks are not looked into.
     """
     import h5py
 
@@ -294,76 +260,15 @@ def netcdf_size(path: Path) -> int:
         raise OSError(f"{str(path)!r} is no regular file")
     size = 0
     with h5py.File(path, "r") as file:
-        _check_heaps(path)
         for name in file:
             if not isinstance(file.get(name, getlink=True), h5py.HardLink):
                 raise OSError(f"variable {name!r} is a link")
             variable = file[name]
             if not isinstance(variable, h5py.Dataset):
                 continue
-            made = variable.id.get_create_plist()
-            if made.get_layout() == h5py.h5d.VIRTUAL or made.get_external_count():
+            properties = variable.id.get_create_plist()
+            if properties.get_layout() == h5py.h5d.VIRTUAL or properties.get_external_count():
                 raise OSError(f"variable {name!r} lies in another file")
-            declared = Declared(
-                variable.shape or (),
-                variable.chunks or (0,),
-                None if variable.dtype.kind == "O" else variable.dtype.itemsize,
-                made.get_nfilters() > 0,
-            )
-            size += declared.size
-            if declared.packed:
-                _check_packed(variable)
+            item = WORD if variable.dtype.kind == "O" else variable.dtype.itemsize
+            size += item * (math.prod(variable.shape or ()) + math.prod(variable.chunks or (0,)))
     return size
-
-
-def digest_of(values: Mapping[str, Any]) -> int:
-    """Return 32 bits that follow from a tile's numbers: a chunk that was put in the place of another alters them."""
-    digest = 0
-    for name in sorted(values):
-        digest = zlib.crc32(np.ascontiguousarray(values[name]).data, digest)
-    return digest
-
-
-def is_as_written(done: int, values: Mapping[str, Any]) -> bool:
-    """Whether the numbers of a tile are those of which its record says that they were written."""
-    return done < DIGEST or done - DIGEST == digest_of(values)
-
-
-def _check_heaps(path: Path) -> None:
-    """Raise where HDF5 would follow a list without end: what holds the words of a file has no checksum there."""
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        begin = -1
-        while (begin := content.find(HEAP, begin + 1)) >= 0:
-            at, end = begin + 16, begin + int.from_bytes(content[begin + 8 : begin + 16], "little")
-            while at + 16 <= end:
-                number, length = struct.unpack("<H6xQ", content[at : at + 16].ljust(16, b"\0"))
-                at += 16 + -(-length // 8) * 8 if number else length
-                if not (number or length) or at > min(end, len(content)):
-                    raise OSError("its words are damaged")
-
-
-def _check_packed(variable: h5py.Dataset) -> None:
-    """Raise where zlib did not pack a chunk, its bytes perhaps shuffled before, or it unpacks to another size."""
-    import h5py
-
-    made = variable.id.get_create_plist()
-    filters = [made.get_filter(at)[0] for at in range(made.get_nfilters())]
-    if filters[-1] != h5py.h5z.FILTER_DEFLATE or filters[:-1] not in ([], [h5py.h5z.FILTER_SHUFFLE]):
-        raise OSError(f"variable {variable.name!r} is packed by other means than zlib; repack it with nccopy -d 1")
-    size = math.prod(variable.chunks) * variable.id.get_type().get_size()
-    check_fits("path", f"has chunks of variable {variable.name!r} that take", size, "it is damaged")
-    chunks: list[Any] = []
-    variable.id.chunk_iter(chunks.append)
-    for chunk in chunks:
-        whole = chunk.filter_mask == 0 and chunk.size <= size + size // 100 + 1024
-        if not whole or _inflated(variable.id.read_direct_chunk(chunk.chunk_offset)[1], size) != size:
-            raise OSError(f"a chunk of variable {variable.name!r} does not unpack to the {in_words(size)} it declares")
-
-
-def _inflated(content: bytes, most: int) -> int:
-    """Return the bytes that zlib makes of a chunk, counted a part at a time, and not far beyond `most`."""
-    unpacking, found = zlib.decompressobj(), 0
-    while content and found <= most:
-        found += len(unpacking.decompress(content, 1 << 20))
-        content = unpacking.unconsumed_tail
-    return found

@@ -9,6 +9,7 @@ import numpy as np
 
 from vibroimpact.backends.base import Samples, SystemSamples
 from vibroimpact.dataset import dataset_of, impact_speed, plain_variable, status_variable, stick_times, variable
+from vibroimpact.elements import REPORTS, Element
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -87,12 +88,9 @@ def _impacts_of_system(system: ImpactSystem, seen: SystemSamples, seconds: Secon
 
 
 def _contacts(system: ImpactSystem, seen: SystemSamples) -> dict[str, Any]:
-    """Return the impulse and loss of impacts, and for compliant stops the force, duration and depth of contacts."""
-    found = {"impulse": seen.impact_impulse, "energy_lost": seen.impact_energy}
-    if any(stop.compliant for stop in system.stops):
-        found |= {"peak_force": seen.impact_force, "contact_time": seen.impact_duration}
-        found |= {"penetration": seen.impact_depth}
-    return {name: variable(name, "impact", values) for name, values in found.items()}
+    """Return what is reported of every contact, by whatever kinds of stops there are."""
+    names = dict.fromkeys([*Element.reports, *(name for stop in system.stops for name in stop.element.reports)])
+    return {name: variable(name, "impact", getattr(seen, REPORTS[name].field)) for name in names}
 
 
 def _rests(system: ImpactSystem, seen: SystemSamples, seconds: Seconds) -> dict[str, Any]:
@@ -109,25 +107,20 @@ def _stops(system: ImpactSystem, dim: str, numbers: Any, long_name: str) -> Any:
 
 
 def _forces(system: ImpactSystem, seen: SystemSamples) -> dict[str, Any]:
-    """Return the forces of compliant stops at the looks, NaN of rigid ones."""
-    if not any(stop.compliant for stop in system.stops):
+    """Return the forces of all stops at the looks, NaN of those whose impacts take no time."""
+    if all(stop.element.instantaneous for stop in system.stops):
         return {}
-    found, turn = np.full((len(seen.look_phase), len(system.stops)), np.nan), 2j * np.pi * seen.look_phase
-    depth = -_clearances(system, seen)
-    for at, stop in enumerate(system.stops):
-        if stop.stiffness is None or stop.damping is None:
-            continue
-        moved = sum((1j * order * system.omega * by * np.exp(order * turn)).imag for order, by in stop.motion.items())
-        force = stop.stiffness * depth[:, at] + stop.damping * (seen.look_velocity @ stop.direction - moved)
-        found[:, at] = np.where(depth[:, at] > 0.0, np.maximum(force, 0.0), 0.0)
-    return {"force": variable("force", ("time", "stop"), found)}
+    found, angle, clearances = [], 2.0 * np.pi * seen.look_phase, _clearances(system, seen)
+    for stop, clearance in zip(system.stops, clearances.T, strict=True):
+        rate = seen.look_velocity @ stop.direction - stop.speed(angle, system.omega)
+        found.append(stop.element.force(-clearance, rate))
+    return {"force": variable("force", ("time", "stop"), np.column_stack(found))}
 
 
 def _clearances(system: ImpactSystem, seen: SystemSamples) -> Any:
     """Return the clearances of all stops at the looks; rounding beyond a stop is contact."""
-    turn = 2j * np.pi * seen.look_phase
-    found = np.empty((len(seen.look_phase), len(system.stops)))
+    angle = 2.0 * np.pi * seen.look_phase
+    found = np.empty((len(angle), len(system.stops)))
     for at, stop in enumerate(system.stops):
-        moved = sum((by * np.exp(order * turn)).imag for order, by in stop.motion.items())
-        found[:, at] = stop.gap + moved - seen.look_displacement @ stop.direction
+        found[:, at] = stop.gap + stop.shift(angle) - seen.look_displacement @ stop.direction
     return np.where((found < 0.0) & (found > -1e-12 * np.abs(seen.look_displacement).max(initial=1e-300)), 0.0, found)

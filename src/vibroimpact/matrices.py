@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.cells import Floats
-from vibroimpact.parameters import SMALLEST, invalid
+from vibroimpact.parameters import SMALLEST, invalid, radians
 
 KEPT = 256  # sets of matrices whose checks and modes are remembered
 COORDINATES = 128  # at most: a bar of finite elements, its waves told apart
@@ -94,6 +94,22 @@ def _checked(n: int, *entries: bytes) -> dict[str, Floats]:
         _check_semidefinite(name, matrix, mass)
     found = {"mass": mass, "damping": damping, "stiffness": stiffness}
     return {name: np.frombuffer(matrix.tobytes()).reshape(n, n) for name, matrix in found.items()}
+
+
+def table_of_modes(frequencies: Any, damping_ratios: Any, shapes: Any) -> tuple[Floats, Floats, Floats]:
+    """Return natural angular frequencies in rad/s, damping ratios and mode shapes, checked, from frequencies in Hz."""
+    natural, ratios = numbers("frequencies", frequencies, 1), numbers("damping_ratios", damping_ratios, 1)
+    ratios = ratios if np.ndim(damping_ratios) else np.full(len(natural), ratios[0])
+    table = numbers("shapes", shapes, 2)
+    if not len(natural) == len(ratios) == table.shape[1]:
+        raise ValueError(
+            "`frequencies`, `damping_ratios` and the columns of `shapes` must be as many, one per mode, "
+            f"got {len(natural)}, {len(ratios)} and {table.shape[1]}"
+        )
+    for name, values in {"frequencies": natural, "damping_ratios": ratios}.items():
+        if values.min() < 0.0:
+            raise invalid(name, values.tolist(), "numbers >= 0")
+    return radians(natural), ratios, table
 
 
 def _square(name: str, given: Any) -> Floats:
@@ -187,6 +203,18 @@ def scaled(shapes: Floats) -> Floats:
     return found
 
 
+def closed(columns: Floats, *maps: Floats) -> Floats:
+    """Return an orthonormal basis of the least space that holds columns of size 1 and is closed under maps."""
+    sized = [matrix / (np.abs(matrix).max() or 1.0) for matrix in maps]
+    new, found = columns, np.zeros((len(columns), 0))
+    while new.size:
+        left, sizes, _ = np.linalg.svd(new - found @ (found.T @ new), full_matrices=False)
+        new = left[:, sizes > 1e-10]
+        found = np.hstack([found, new])
+        new = np.hstack([matrix @ new for matrix in sized])
+    return found
+
+
 def _symmetric(matrix: Floats) -> Floats:
     found: Floats = 0.5 * (matrix + matrix.T)
     return found
@@ -204,14 +232,14 @@ def nearest(mass: Floats, directions: Floats, bounds: Floats) -> Floats | None:
     gram = directions @ moved
     size = np.sqrt(np.diag(gram))
     for count in range(1, min(n, len(bounds)) + 1):
-        for held in map(list, combinations(range(len(bounds)), count)):
-            inside = gram[np.ix_(held, held)]
-            if np.linalg.eigvalsh(inside / np.outer(size[held], size[held]))[0] < n * ROUNDING:
+        for active in map(list, combinations(range(len(bounds)), count)):
+            inside = gram[np.ix_(active, active)]
+            if np.linalg.eigvalsh(inside / np.outer(size[active], size[active]))[0] < n * ROUNDING:
                 continue
-            q: Floats = np.linalg.solve(inside.T, moved[:, held].T).T @ bounds[held]
+            q: Floats = np.linalg.solve(inside.T, moved[:, active].T).T @ bounds[active]
             slack = n * ROUNDING * (np.abs(directions) @ np.abs(q) + np.abs(bounds))
-            slack[held] = np.inf
-            pushed = np.linalg.solve(inside, bounds[held])
+            slack[active] = np.inf
+            pushed = np.linalg.solve(inside, bounds[active])
             if (pushed <= 0.0).all() and (directions @ q <= bounds + slack).all():
                 return q
     return None

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.matrices import KEPT, ROUNDING, blocks, modes, scaled
+from vibroimpact.matrices import KEPT, ROUNDING, blocks, closed, modes, scaled
 
 TURNED = 1e-6  # at most, in rad: eigenvectors by rounding
 FREE = 0.01  # of the driving frequency: slower modes are masses without a spring where speeds are estimated
@@ -99,15 +99,27 @@ class ModalForm:
         found: Floats = self.directions @ self.jumps.T
         return found
 
+    @property
+    def deflections(self) -> Floats:
+        r"""The change of clearances by forces at rest, :math:`\sum_{i,h} |\alpha_{ji} f_{hi}|/\Omega_i^2`, and the
+        largest move of the stop itself; w stands for the :math:`\Omega` of modes without a spring.
+        """
+        pushes = np.abs(self.constant) + np.abs(self.forces).sum(axis=0)
+        squares = np.where(self.squares > 0.0, self.squares, self.omega**2)
+        found: Floats = np.abs(self.directions) @ (pushes / squares) + np.abs(self.motions).sum(axis=1)
+        return found
+
 
 def numbers_of(stops: Any) -> dict[str, Any]:
-    """Return gaps, restitutions, stiffnesses and viscosities of stops."""
-
-    def column(kind: str, none: float) -> Floats:
-        return np.array([none if (value := getattr(stop, kind)) is None else value for stop in stops], np.float64)
-
-    of_rigid, of_giving = {"restitution": column("ratio", math.nan)}, {"viscosity": column("damping", 0.0)}
-    return {"gaps": column("gap", 0.0), "stiffness": column("stiffness", 0.0)} | of_rigid | of_giving
+    """Return gaps, restitutions, stiffnesses and viscosities of stops, NaN or 0 where a stop has none."""
+    numbers = [stop.element.row() for stop in stops]
+    ratios = [math.nan if stop.ratio is None else stop.ratio for stop in stops]
+    return {
+        "gaps": np.array([stop.gap for stop in stops], np.float64),
+        "restitution": np.array(ratios, np.float64),
+        "stiffness": np.array([row.get("stiffness", 0.0) for row in numbers], np.float64),
+        "viscosity": np.array([row.get("damping", 0.0) for row in numbers], np.float64),
+    }
 
 
 def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, stops: Any) -> ModalForm:
@@ -178,24 +190,24 @@ def _centred(shapes: Floats, squares: Floats, mass: Floats, directions: Floats) 
     alike = shapes[:, :rigid]
     alike = alike / np.sqrt(np.einsum("ji,jk,ki->i", alike, mass, alike) / mass[0, 0])
     rounding = _admixed(shapes, squares)[:rigid] * (np.abs(directions) @ np.abs(alike))
-    seen = directions @ alike
-    seen[np.abs(seen) <= rounding] = 0.0
-    seen /= np.linalg.norm(directions, axis=1)[:, None]
+    approach = directions @ alike
+    approach[np.abs(approach) <= rounding] = 0.0
+    approach /= np.linalg.norm(directions, axis=1)[:, None]
     free, felt = [], []
-    for group in blocks(seen.T @ seen) if rigid else []:
-        own, part = shapes[:, group], seen[:, group]
+    for group in blocks(approach.T @ approach) if rigid else []:
+        turned, part = shapes[:, group], approach[:, group]
         _, sizes, turn = np.linalg.svd(part)
         rank = int(np.count_nonzero(sizes > len(squares) * ROUNDING * np.abs(part).max(initial=0.0)))
         if 0 < rank < len(group):
-            own = scaled(alike[:, group] @ turn.T)
-        felt.append(own[:, :rank])
-        free.append(own[:, rank:])
+            turned = scaled(alike[:, group] @ turn.T)
+        felt.append(turned[:, :rank])
+        free.append(turned[:, rank:])
     number = sum(part.shape[1] for part in free)
     return (np.hstack([*free, *felt, shapes[:, rigid:]]) if number else shapes), number
 
 
 def _admixed(shapes: Floats, squares: Floats) -> Floats:
-    """Return by how much at most rounding of the stiffnesses turns each mode towards elastic ones of its group."""
+    """Return the angle by which rounding of stiffnesses turns each mode, at most, towards elastic ones of its group."""
     n, grouped = len(squares), np.abs(shapes).T @ np.abs(shapes) > 0.0
     largest = np.where(grouped, squares, 0.0).max(axis=1)
     softest = np.where(grouped & (squares > 0.0), squares, np.inf).min(axis=1)
@@ -222,7 +234,7 @@ def _parted(shapes: Floats, squares: Floats, mass: Floats, damping: Floats, free
 
 
 def _by_rounding(coupling: Floats, damping: Floats, shapes: Floats, masses: Floats, squares: Floats, free: int) -> Any:
-    """Return which modal damping off the diagonal rounding explains, and which of the `free` modes on it.
+    """Return the mask of modal damping that rounding explains, off the diagonal and of the `free` modes on it.
 
     It is rounding of the products, and that of the eigenvectors: two of one group of coordinates, whose squares are
     apart by some part of the group's largest, are turned into each other by rounding over that part.
@@ -261,13 +273,13 @@ def speed_parts(form: ModalForm, omegas: Floats) -> tuple[Floats, Floats, Floats
     """
     elastic = form.squares >= (FREE * omegas[:, None]) ** 2
     entries = form.directions, form.masses, form.squares, form.damping
-    seen, struck = _seen(len(form.masses), *(part.tobytes() for part in entries)), np.diag(form.mobility)
+    linked, struck = _linked(len(form.masses), *(part.tobytes() for part in entries)), np.diag(form.mobility)
     pushes = [np.where(elastic, 0.0, form.constant) / omegas[:, None]]
     for order, force in zip(form.orders, form.forces, strict=True):
         pushes.append(force / np.sqrt(np.where(elastic, form.squares, (order * omegas[:, None]) ** 2)))
     unit = _power_of_two(form.masses.max())
     roots = np.sqrt(form.masses / unit)
-    pushed = sum(_sizes(seen.T, roots * push) for push in pushes) * np.sqrt(unit * struck)
+    pushed = sum(_sizes(linked.T, roots * push) for push in pushes) * np.sqrt(unit * struck)
     moved = _each(np.abs(form.motions), form.orders * omegas[:, None])
     shares = form.directions * form.jumps
     sprung = np.where(elastic[:, None], 0.0, shares).sum(axis=2) <= len(form.squares) * ROUNDING * struck
@@ -292,7 +304,7 @@ def _sizes(matrix: Floats, columns: Any) -> Floats:
 
 
 @lru_cache(KEPT)
-def _seen(n: int, *entries: bytes) -> Floats:
+def _linked(n: int, *entries: bytes) -> Floats:
     """Return orthonormal directions, in mass-normalised modes, of what can move a stop's clearance or be moved by it.
 
     They span the least space that holds the stops' directions and is closed under Omega^2 and D^T.
@@ -310,18 +322,6 @@ def _seen(n: int, *entries: bytes) -> Floats:
 def _power_of_two(size: float) -> float:
     """Return the unit in which a size is of order one: what is computed in it has the same digits in any other unit."""
     return math.ldexp(1.0, math.frexp(size)[1])
-
-
-def closed(columns: Floats, *maps: Floats) -> Floats:
-    """Return an orthonormal basis of the least space that holds columns of size 1 and is closed under maps."""
-    sized = [matrix / (np.abs(matrix).max() or 1.0) for matrix in maps]
-    new, found = columns, np.zeros((len(columns), 0))
-    while new.size:
-        left, sizes, _ = np.linalg.svd(new - found @ (found.T @ new), full_matrices=False)
-        new = left[:, sizes > 1e-10]
-        found = np.hstack([found, new])
-        new = np.hstack([matrix @ new for matrix in sized])
-    return found
 
 
 def fastest_rates(form: ModalForm, omegas: Floats) -> Floats:
@@ -357,12 +357,12 @@ def steady_motions(
     apart = (form.damping != 0.0) & ~np.eye(n, dtype=bool)
     loaded = (np.diag(form.damping) > 0.0) & (form.constant != 0.0)
     slides = ~sprung & (apart.any(axis=0) | apart.any(axis=1) | loaded)
-    own = form.damping[np.ix_(slides, slides)]
+    brakes = form.damping[np.ix_(slides, slides)]
     amplitudes = np.zeros((len(omegas), n, highest), complex)
-    slide, held = np.zeros(n), np.zeros_like(form.directions)
+    slide, sliding = np.zeros(n), np.zeros_like(form.directions)
     try:
-        slide[slides] = np.linalg.solve(own, form.constant[slides])
-        held[:, slides] = np.linalg.solve(own.T, form.directions[:, slides].T).T
+        slide[slides] = np.linalg.solve(brakes, form.constant[slides])
+        sliding[:, slides] = np.linalg.solve(brakes.T, form.directions[:, slides].T).T
     except np.linalg.LinAlgError:
         slide[:] = np.nan
     for order in form.orders.tolist():
@@ -372,16 +372,16 @@ def steady_motions(
     static = np.divide(form.constant - form.damping @ slide, form.squares, where=sprung, out=np.zeros(n))
     still, swung = form.directions @ static, np.abs(motions - form.directions @ amplitudes).sum(axis=2)
     there = np.isfinite(swung).all(axis=1) & np.isfinite(amplitudes).all(axis=(1, 2)) & np.isfinite(still).all()
-    taken = (form.directions - held @ form.damping)[:, sprung]
-    give = taken**2 @ (1.0 / (form.masses * form.squares)[sprung]) + held**2 @ (1.0 / form.masses)
+    taken = (form.directions - sliding @ form.damping)[:, sprung]
+    give = taken**2 @ (1.0 / (form.masses * form.squares)[sprung]) + sliding**2 @ (1.0 / form.masses)
     nearing = form.directions @ slide > n * ROUNDING * (np.abs(form.directions) @ np.abs(slide))
     still[nearing] = np.inf
     waves = np.stack([amplitudes.real, amplitudes.imag], -1).reshape(len(omegas), -1)
     steady = np.column_stack([np.tile(static, (len(omegas), 1)), waves])
-    parts = {"steady": steady, "give": give, "slide": slide, "sliding": held.ravel()}
-    known = {name: np.where(there[:, None], values, 0.0) for name, values in parts.items()}
+    parts = {"steady": steady, "give": give, "slide": slide, "sliding": sliding.ravel()}
+    columns = {name: np.where(there[:, None], values, 0.0) for name, values in parts.items()}
     lost = np.where(there, 0.0, np.nan)[:, None]
-    return known, still + lost, swung + lost
+    return columns, still + lost, swung + lost
 
 
 def _solved(matrices: Any, column: Any) -> Any:

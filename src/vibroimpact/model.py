@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, runtime_checkable
 
 from vibroimpact.parameters import Parameter, invalid, real_number, unknown
 
@@ -42,9 +42,20 @@ class Model(Protocol):
         ...
 
 
+def is_model(value: Any) -> TypeGuard[Model]:
+    """Return whether something is a model, and not a class of models."""
+    kind = type(value)
+    if kind not in _CLASSES and isinstance(value, Model) and not isinstance(value, type):
+        _CLASSES.add(kind)
+    return kind in _CLASSES
+
+
+_CLASSES: set[type] = set()  # of models met so far: to ask a protocol takes longer than to make a model
+
+
 def check_model(model: Any, name: str = "osc") -> None:
     """Refuse what is neither an oscillator, a system nor a family."""
-    if not isinstance(model, Model) or isinstance(model, type):
+    if not is_model(model):
         raise invalid(name, model, "an ImpactOscillator or a family", "write for example ImpactOscillator(omega=2.8)")
 
 
@@ -52,7 +63,7 @@ def check_names(parameters: Mapping[str, Parameter], names: Iterable[str]) -> No
     """Refuse names that are no parameters, with the one that was probably meant, also by its symbol."""
     for name in names:
         if not isinstance(name, str) or name not in parameters:
-            meant = next((known for known, parameter in parameters.items() if parameter.symbol == str(name)), None)
+            meant = next((key for key, parameter in parameters.items() if parameter.symbol == str(name)), None)
             raise unknown("parameter", name, parameters, f"did you mean {meant!r}?" if meant else "")
 
 
@@ -63,7 +74,7 @@ class State:
     Parameters
     ----------
     displacement : float or sequence of float
-        y in m; at most the gap. Of an `ImpactSystem` all coordinates, kept as a tuple.
+        y in m; at most the gap. For an `ImpactSystem`, all coordinates, kept as a tuple.
     velocity : float or sequence of float
         y' in m/s; at the stop, > 0 is an impact at this very time. As many as coordinates, all 0 unless given.
     time : float

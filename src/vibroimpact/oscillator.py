@@ -9,10 +9,20 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from vibroimpact.model import State, check_model, check_names
-from vibroimpact.parameters import OF_ONE_MASS, Parameter, invalid
+from vibroimpact.parameters import (
+    CRITICAL,
+    OF_ONE_MASS,
+    Parameter,
+    Scale,
+    check_one,
+    critical_damping,
+    hertz,
+    invalid,
+    radians,
+)
 
 if TYPE_CHECKING:
-    from vibroimpact.cells import Cells
+    from vibroimpact.cells import Cells, Floats
     from vibroimpact.modal import ModalForm
     from vibroimpact.stops import Stop
     from vibroimpact.system import ImpactSystem
@@ -76,6 +86,8 @@ class ImpactOscillator:
     coordinates: ClassVar[int] = 1
     says_all: ClassVar[bool] = True  # its parameters are all its numbers
     forgets: ClassVar[bool] = True  # phase and velocity of an impact are the whole state, and a rest erases all memory
+    step_cost: ClassVar[int] = 1  # of a certified step, which others are compared with
+    offsets: ClassVar[tuple[str, ...]] = ("gap",)  # parameters whose zero is a value like any other
 
     mass: float
     damping: float
@@ -102,13 +114,13 @@ class ImpactOscillator:
         check_names(self.parameters, misnamed)
         if callable(restitution):
             raise invalid("restitution", restitution, "a number here", _AS_SYSTEM)
-        _check_one("omega", omega, "frequency", frequency)
-        _check_one("damping", damping, "damping_ratio", damping_ratio)
+        check_one("omega", omega, "frequency", frequency)
+        check_one("damping", damping, "damping_ratio", damping_ratio)
         check = {name: parameter.check for name, parameter in self.parameters.items()}
         if frequency is not None:
-            omega = 2.0 * math.pi * check["frequency"](frequency)
+            omega = radians(check["frequency"](frequency))
         if damping_ratio is not None:
-            critical = 2.0 * math.sqrt(check["stiffness"](stiffness) * check["mass"](mass))
+            critical = critical_damping(check["stiffness"](stiffness), check["mass"](mass))
             damping = check["damping_ratio"](damping_ratio) * critical
         damping, omega = 0.01 if damping is None else damping, 2.0 if omega is None else omega
         given = (mass, damping, stiffness, amplitude, omega, restitution, gap)
@@ -149,6 +161,15 @@ class ImpactOscillator:
         """Its stop, as those of a system."""
         return self.system.stops
 
+    @property
+    def stop_names(self) -> tuple[str, ...]:
+        """The name of its stop."""
+        return self.system.stop_names
+
+    def initial(self, start: State | None = None, argument: str = "start") -> tuple[Floats, Floats, float]:
+        """Return displacement, velocity and time of an initial condition that is checked, as systems do."""
+        return self.system.initial(start, argument)
+
     def modal(self) -> ModalForm:
         """Return it in the coordinate of its mode, as systems are."""
         return self.system.modal()
@@ -169,7 +190,7 @@ class ImpactOscillator:
         shape = np.shape(next(iter(points.values()), 0.0))
         columns = {name: np.full(shape, points.get(name, getattr(self, name))) for name in PARAMETERS}
         if "frequency" in points:
-            columns["omega"] = 2.0 * math.pi * points["frequency"]
+            columns["omega"] = radians(points["frequency"])
         if "damping_ratio" in points:
             columns["damping"] = points["damping_ratio"] * (2.0 * np.sqrt(columns["stiffness"] * columns["mass"]))
         return Cells.at_rest(columns).begun(start)
@@ -185,9 +206,14 @@ class ImpactOscillator:
         return Cells.at_rest({name: np.array([getattr(design, name) for design in rows]) for name in PARAMETERS})
 
     @property
+    def rest(self) -> State:
+        """The state at rest that motions start from unless another one is given."""
+        return State(min(0.0, self.gap))
+
+    @property
     def frequency(self) -> float:
         """Driving frequency in Hz."""
-        return self.omega / (2.0 * math.pi)
+        return float(hertz(self.omega))
 
     @property
     def period(self) -> float:
@@ -202,7 +228,7 @@ class ImpactOscillator:
     @property
     def damping_ratio(self) -> float:
         """Damping over critical damping, c / (2 sqrt(k m)); 1 is critical."""
-        return self.damping / (2.0 * math.sqrt(self.stiffness * self.mass))
+        return self.damping / critical_damping(self.stiffness, self.mass)
 
     @property
     def steady_amplitude(self) -> float:
@@ -227,6 +253,17 @@ class ImpactOscillator:
         force = max(self.amplitude, self.stiffness * abs(self.gap))
         return force / math.sqrt(self.stiffness * self.mass)
 
+    def scales(self) -> dict[str, Scale]:
+        """Return the sizes that changes of its parameters are relative to where these are 0, by name."""
+        critical = critical_damping(self.stiffness, self.mass)
+        return {
+            "damping": Scale(critical, CRITICAL),
+            "damping_ratio": Scale(1.0, CRITICAL),
+            "amplitude": Scale(self.stiffness * abs(self.gap), "k |g|"),
+            "restitution": Scale(1.0, "1"),
+            "gap": Scale(self.amplitude / self.stiffness, "f/k"),
+        }
+
     def dimensionless(self) -> tuple[ImpactOscillator, dict[str, float]]:
         """Return the same oscillator with m = k = 1 and f = 1 (g = +-1 if unforced), and its units.
 
@@ -246,11 +283,6 @@ class ImpactOscillator:
         return scaled, {"time": time, "displacement": length, "velocity": length / time}
 
 
-def _check_one(name: str, value: Any, other: str, other_value: Any) -> None:
-    if value is not None and other_value is not None:
-        raise ValueError(f"give either `{name}` or `{other}`, not both; got {value!r} and {other_value!r}")
-
-
 def the_oscillator(model: Any) -> ImpactOscillator:
     """Return the one oscillator that a model is at its own values, or refuse a system.
 
@@ -258,8 +290,8 @@ def the_oscillator(model: Any) -> ImpactOscillator:
     cycle and all motions that stick are one attractor, and that velocity and phase of an impact are the whole state.
     """
     check_model(model)
-    osc = model.at()
-    if not isinstance(osc, ImpactOscillator):
+    osc: ImpactOscillator = model.at()
+    if not osc.forgets:
         raise ValueError(
             f"`osc` must be one mass with one stop, got {osc!s}; for systems use simulate, impact_section, "
             "stroboscopic_section, bifurcation_diagram, parameter_map, attractors, basins or describe"

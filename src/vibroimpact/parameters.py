@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 COUNTS = 1_000_000_000  # the largest number of anything
 SMALLEST = 1e-60  # the size of a number that is not 0, 1e60 the largest: products of several are numbers, too
@@ -22,17 +22,23 @@ def invalid(name: str, value: Any, allowed: str, hint: str = "") -> ValueError:
 
 def unknown(what: str, name: Any, choices: Iterable[str], hint: str = "") -> ValueError:
     """Return the error for a name that is none of the choices, with the one that was probably meant."""
-    known = list(choices)
-    close = get_close_matches(str(name), known, 1)
+    names = list(choices)
+    close = get_close_matches(str(name), names, 1)
     hint = hint or (f"did you mean {close[0]!r}?" if close else "")
-    return ValueError(f"unknown {what} {name!r}; choose from {', '.join(known)}" + (f"; {hint}" if hint else ""))
+    return ValueError(f"unknown {what} {name!r}; choose from {', '.join(names)}" + (f"; {hint}" if hint else ""))
+
+
+def check_one(name: str, value: Any, other: str, other_value: Any) -> None:
+    """Refuse two arguments of which one replaces the other; None is not given."""
+    if value is not None and other_value is not None:
+        raise ValueError(f"give either `{name}` or `{other}`, not both; got {value!r} and {other_value!r}")
 
 
 def choice(name: str, value: Any, choices: Iterable[str], hint: str = "") -> str:
     """Return the value if it is one of the choices."""
-    known = tuple(choices)
-    if not isinstance(value, str) or value not in known:
-        raise unknown(f"`{name}`", value, known, hint)
+    names = tuple(choices)
+    if not isinstance(value, str) or value not in names:
+        raise unknown(f"`{name}`", value, names, hint)
     return value
 
 
@@ -178,6 +184,34 @@ class Parameter:
         return number
 
 
+LIGHT = 0.05  # of critical damping: a damping that machines have
+
+
+class Scale(NamedTuple):
+    """A size > 0 in the unit of a parameter, and its name; without a name it is the parameter's own."""
+
+    size: float
+    of: str = ""
+
+
+CRITICAL = "critical damping"  # the name of that size
+
+
+def critical_damping(stiffness: float, mass: float) -> float:
+    """Return the critical damping 2 sqrt(k m) of a mass on a spring, in N s/m."""
+    return 2.0 * math.sqrt(stiffness * mass)
+
+
+def radians(hertz: Any) -> Any:
+    """Return angular frequencies in rad/s of frequencies in Hz, or angles of turns."""
+    return 2.0 * math.pi * hertz
+
+
+def hertz(radians: Any) -> Any:
+    """Return frequencies in Hz of angular frequencies in rad/s, or turns of angles."""
+    return radians / (2.0 * math.pi)
+
+
 # What it costs: steps, memory
 
 STEPS = 1 << 40  # of one call, at most
@@ -206,10 +240,10 @@ def installed() -> int | None:
 
 def check_fits(name: str, what: str, needed: int, remedy: str) -> None:
     """Refuse what needs more bytes than the machine has."""
-    here = installed()
-    if here is not None and needed > here:
+    memory = installed()
+    if memory is not None and needed > memory:
         raise ValueError(
-            f"`{name}` {what} {in_words(needed)} of memory, but this machine has {in_words(here)}; {remedy}"
+            f"`{name}` {what} {in_words(needed)} of memory, but this machine has {in_words(memory)}; {remedy}"
         )
 
 

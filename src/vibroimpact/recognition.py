@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.cells import Floats
-from vibroimpact.dataset import model_of, oscillator_of, start_of
+from vibroimpact.dataset import model_of, start_of
 from vibroimpact.motion import Motion, MotionClass, decide, may_wind
 from vibroimpact.neighbours import resolved, separations
 from vibroimpact.options import Tolerances
@@ -23,7 +23,10 @@ from vibroimpact.status import Status
 if TYPE_CHECKING:
     import xarray as xr
 
+    from vibroimpact.system import ImpactSystem
+
 _NAMING = ("lyapunov_per_impact", "n_periods", "n_impacts")
+PERIODS_SAME = 1e-6  # driving periods: impacts so near to the end of a cycle are at it
 
 
 def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64) -> Motion:
@@ -72,10 +75,32 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
     ['period-1 impact-1', 'chaotic']
     """
     _check(section, tolerance, longest)
-    if "system" in section.attrs:
-        return _of_system(section, tolerance, longest)
+    model: Any = model_of(section)
     status = Status(int(section["status"]))
-    osc = oscillator_of(section)
+    find = _by_impacts if model.forgets else _by_states
+    found = find(section, model, tolerance=tolerance, longest=longest)
+    kind = MotionClass(int(decide(status, found.growth, found.n, found.p, found.sampled)))
+    if kind not in (MotionClass.PERIODIC, MotionClass.STICKING):
+        return Motion(kind.word, status=status)
+    velocity, phase = (section[name].values[found.cycle] for name in ("velocity", "phase"))
+    return Motion(kind.word, found.n, found.p, *_from_hardest(velocity, phase), status)
+
+
+class _Found(NamedTuple):
+    """What names a motion: n and p, 0 without a cycle; ln of the growth of perturbations over the sample; which impacts
+    are those of the last cycle; and over how many impacts it may have been quasi-periodic.
+    """
+
+    n: int
+    p: int
+    growth: float
+    cycle: NDArray[np.bool_]
+    sampled: int = 0
+
+
+def _by_impacts(section: xr.Dataset, osc: ImpactOscillator, **limits: Any) -> _Found:
+    """Return what names a motion whose impacts are its whole state: from these alone."""
+    status = Status(int(section["status"]))
     time, phase, velocity = (np.asarray(section[name], dtype=np.float64) for name in ("time", "phase", "velocity"))
     releases = np.asarray(section["release_time"], dtype=np.float64)
     releases = np.sort(releases[np.isfinite(releases)])
@@ -86,24 +111,18 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
         from_release[0][0] = releases[-1] - n * osc.period
         if not resolved(osc, *from_release):
             n, p = 0, -1  # intermittent: rounding decides when the mass rests again
-    elif p := cycle_length(velocity, phase, tolerance=tolerance, longest=longest):
-        settled = time[len(time) // 2 :]
-        waits = np.rint((settled[p:] - settled[:-p]) / osc.period)
-        n, growth = int(waits[0]) if (waits == waits[0]).all() else 0, 0.0
+    elif p := cycle_length(velocity, phase, **limits):
+        n, growth = _whole_periods(time, p, osc.period), 0.0
         cycle[-p:] = True
     if not n and status.has_indices and status != Status.STICKING:
         growth = float(separations(osc, time, phase, velocity)[-1:].sum())
-    kind = MotionClass(int(decide(status, growth, n, p)))
-    if kind not in (MotionClass.PERIODIC, MotionClass.STICKING):
-        return Motion(kind.word, status=status)
-    impacts = _from_hardest(velocity[cycle], phase[cycle]) if n else ((), ())
-    return Motion(kind.word, n, p, *impacts, status)
+    return _Found(n, p, growth, cycle & (n > 0))
 
 
-def _of_system(section: xr.Dataset, tolerance: float, longest: int) -> Motion:
-    system, status = model_of(section), Status(int(section["status"]))
-    velocity, phase = (np.asarray(section[name], dtype=np.float64) for name in ("velocity", "phase"))
-    n, p, growth, keep = *system_cycle(section, system.period, tolerance=tolerance, longest=longest), 0.0, 0
+def _by_states(section: xr.Dataset, system: ImpactSystem, **limits: Any) -> _Found:
+    """Return what names a motion of which a section holds a part: what does not repeat, or rests, is computed again."""
+    status, period, keep = Status(int(section["status"])), system.period, 0
+    n, p, growth = *system_cycle(section, period, **limits), 0.0
     if status.has_indices and (not n or section.sizes["stick"]):
         how = json.loads(section.attrs["arguments"])
         keep = how["sample_impacts"]
@@ -111,21 +130,24 @@ def _of_system(section: xr.Dataset, tolerance: float, longest: int) -> Motion:
         found = get_backend("cpu").indices(system.cells({}, start_of(section)), wanted)
         growth, n, p = (found[name][0] for name in _NAMING)
         growth *= keep
-    kind = MotionClass(int(decide(status, growth, n, p, keep if may_wind(system) else 0)))
-    if kind not in (MotionClass.PERIODIC, MotionClass.STICKING):
-        return Motion(kind.word, status=status)
-    turns = section["time"].values / system.period
-    cycle = slice(-int(p), None) if p > 0 else turns > turns[-1] - n + 1e-6
-    return Motion(kind.word, int(n), int(p), *_from_hardest(velocity[cycle], phase[cycle]), status)
+    turns, number = section["time"].values / period, section.sizes["impact"]
+    last = np.arange(number) >= number - p if p > 0 else turns > turns[-1:] - n + PERIODS_SAME
+    return _Found(int(n), int(p), growth, last, keep if may_wind(system) else 0)
 
 
 def system_cycle(section: xr.Dataset, period: float, **limits: Any) -> tuple[int, int]:
     """Return after how many driving periods and impacts the impacts of a system repeat, stop by stop, or 0 and 0."""
     speed, phase, time, stop = (section[name].values for name in ("velocity", "phase", "time", "stop"))
-    codes = np.unique(stop, return_inverse=True)[1].astype(float)
-    p = recurrence(speed, np.exp(2j * np.pi * phase), codes, **limits)
-    waits = np.rint((time[p:] - time[:-p]) / period)[len(time) // 2 - p :] if p else np.zeros(0)
-    return (int(waits[0]), p) if len(waits) and (waits == waits[0]).all() else (0, 0)
+    p = cycle_length(speed, phase, np.unique(stop, return_inverse=True)[1].astype(float), **limits)
+    n = _whole_periods(time, p, period) if p else 0
+    return (n, p) if n else (0, 0)
+
+
+def _whole_periods(time: Floats, p: int, period: float) -> int:
+    """Return in how many driving periods p impacts repeat, by those of the second half; 0 where it is not the same."""
+    settled = time[min(len(time) // 2, len(time) - p - 1) :]
+    waits = np.rint((settled[p:] - settled[:-p]) / period)
+    return int(waits[0]) if (waits == waits[0]).all() else 0
 
 
 def recurrence(*columns: NDArray[Any], tolerance: float = 1e-6, longest: int = 64) -> int:
@@ -155,15 +177,18 @@ def _apart(column: NDArray[Any], p: int) -> float:
     return float(np.abs(column[len(column) % p :].reshape(-1, p) - column[-p:]).max())
 
 
-def cycle_length(velocity: Floats, phase: Floats, *, tolerance: float = 1e-6, longest: int = 64) -> int:
-    """Return the fewest impacts after which velocities and phases repeat, or 0."""
-    return recurrence(velocity, np.exp(2j * np.pi * phase), tolerance=tolerance, longest=longest)
+def cycle_length(velocity: Floats, phase: Floats, *stops: Floats, **limits: Any) -> int:
+    """Return the fewest impacts after which velocities and phases, and numbers of stops if given, repeat, or 0.
+
+    Limits are those of `recurrence`.
+    """
+    return recurrence(velocity, np.exp(2j * np.pi * phase), *stops, **limits)
 
 
 def _check(section: xr.Dataset, tolerance: float, longest: int) -> None:
-    known = map(str, getattr(section, "variables", ()))
+    variables = map(str, getattr(section, "variables", ()))
     of_systems = {"stop"} if "system" in getattr(section, "attrs", {}) else set()
-    missing = ({"time", "phase", "velocity", "release_time", "status"} | of_systems).difference(known)
+    missing = ({"time", "phase", "velocity", "release_time", "status"} | of_systems).difference(variables)
     if missing or not {"oscillator", "system"} & set(section.attrs):
         raise ValueError(
             f"`section` must be an impact section; it holds no {min(missing, default='oscillator')!r}; "

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import keyword
-import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 from types import MappingProxyType
 from typing import Any
@@ -14,22 +13,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.by_value import ByValue, shown
-from vibroimpact.contact import Law, law_of
+from vibroimpact.by_value import ByValue, written
+from vibroimpact.contact import Law
+from vibroimpact.elements import NUMBERS, Element, element_of
 from vibroimpact.matrices import ROUNDING, nearest, numbers
-from vibroimpact.parameters import OF_ONE_MASS, SMALLEST, invalid, several, unknown, whole_number
+from vibroimpact.parameters import (
+    OF_ONE_MASS,
+    SMALLEST,
+    counted,
+    hertz,
+    invalid,
+    radians,
+    several,
+    unknown,
+    whole_number,
+)
 
-SHORTEST = 1e-9  # driving periods: shorter contacts are those of a rigid stop
 STOPS = 5  # at most: an impact is solved among all their sets
-KINDS = "gap", "restitution", "stiffness", "damping"  # of numbers of stops that are parameters
-# Of which a system has some, with the same ranges; a stop without a stiffness is another one.
-USUAL = {
-    **OF_ONE_MASS,
-    "stiffness": replace(
-        OF_ONE_MASS["stiffness"],
-        hint="give the stiffness of a compliant stop in N/m; leave it out for a rigid stop",
-    ),
-}
 
 
 def vector(name: str, value: Any, kind: type = np.float64) -> Any:
@@ -43,15 +43,13 @@ def vector(name: str, value: Any, kind: type = np.float64) -> Any:
 
 def check_length(name: str, value: Any, n: int) -> None:
     """Refuse a vector that is not one over n coordinates."""
-    if not isinstance(value, np.ndarray):
-        raise ValueError(
-            f"`{name}` names points ({', '.join(map(str, value))}), which only ImpactSystem.from_modes knows; "
-            f"give {n} number{'s'[: n > 1]}, one per coordinate"
-        )
-    if len(value) != n:
-        raise ValueError(
-            f"`{name}` must have {n} number{'s'[: n > 1]}, one per coordinate of the mass matrix, got {len(value)}"
-        )
+    if isinstance(value, np.ndarray) and len(value) == n:
+        return
+    wanted = f"{counted(n, 'number')}, one per coordinate"
+    if isinstance(value, np.ndarray):
+        raise ValueError(f"`{name}` must have {wanted} of the mass matrix, got {len(value)}")
+    points = ", ".join(map(str, value))
+    raise ValueError(f"`{name}` names points ({points}), which only ImpactSystem.from_modes knows; give {wanted}")
 
 
 def _by_order(name: str, given: Any) -> dict[int, Any]:
@@ -118,13 +116,13 @@ class Force(ByValue):
                 "an unforced system takes one, too: it sets the period"
             )
         if frequency is not None:
-            omega = 2.0 * math.pi * USUAL["frequency"].check(frequency)
+            omega = radians(OF_ONE_MASS["frequency"].check(frequency))
         found = {
             order: vector(f"harmonics[{order}]", value, np.complex128)
             for order, value in _by_order("harmonics", harmonics).items()
         }
         vars(self).update(  # as the constructor of a frozen class must; families make thousands
-            omega=USUAL["omega"].check(omega),
+            omega=OF_ONE_MASS["omega"].check(omega),
             harmonics=MappingProxyType(found),
             constant=None if constant is None else vector("constant", constant),
         )
@@ -136,13 +134,19 @@ class Force(ByValue):
     @property
     def frequency(self) -> float:
         """Frequency in Hz."""
-        return self.omega / (2.0 * math.pi)
+        return float(hertz(self.omega))
 
     @property
     def vectors(self) -> dict[str, Any]:
         """The vectors over coordinates or points, by their names."""
         found = {f"harmonics[{order}]": value for order, value in self.harmonics.items()}
         return found | ({} if self.constant is None else {"constant": self.constant})
+
+
+def check_force(force: Any) -> None:
+    """Refuse what is no load."""
+    if not isinstance(force, Force):
+        raise invalid("force", force, "a Force", "write Force(omega=1.0) for none: it sets the period")
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -156,8 +160,8 @@ class Stop(ByValue):
 
     .. math:: F = \max(0,\ k d + c \dot d), \qquad d = -u > 0,
 
-    from where u falls through zero until the force has fallen to zero. It never pulls: where c > 0 it lets go before u
-    is back at zero, and keeps out of the way from there on.
+    from where u falls through zero until the force has fallen to zero. It never pulls: where c > 0 it separates before
+    u returns to zero, and exerts no force until contact is made again.
 
     Parameters
     ----------
@@ -208,6 +212,7 @@ class Stop(ByValue):
     damping: float | None
     name: str | None
     motion: Mapping[int, complex]
+    element: Element  # what contacts do, by its kind
 
     def __init__(
         self,
@@ -226,37 +231,36 @@ class Stop(ByValue):
         entries = form.tolist() if isinstance(form, np.ndarray) else form.values()
         if not max(map(abs, entries)) >= SMALLEST:
             of = f" of stop {name!r}" if name else ""
-            raise ValueError(f"`direction`{of} must not be zero, got {shown(form)}; a . q = gap is contact")
-        if stiffness is None and damping is not None:
-            raise invalid("damping", damping, "None for a rigid stop", "give a `stiffness` (N/m) to a compliant one")
-        if stiffness is not None and restitution is not None:
-            raise invalid("restitution", restitution, "None for a stop with `stiffness`", "give it `damping`")
+            raise ValueError(f"`direction`{of} must not be zero, got {written(form)}; a . q = gap is contact")
+        numbered = {"restitution": restitution, "stiffness": stiffness, "damping": damping}
+        element = element_of(numbered)
         moves = {
             order: complex(numbers(f"motion[{order}]", value, 0, np.complex128).item())
             for order, value in _by_order("motion", motion).items()
         }
         vars(self).update(
             direction=form,
-            gap=USUAL["gap"].check(gap),
-            restitution=None,
-            stiffness=None,
-            damping=None,
+            gap=NUMBERS["gap"].check(gap),
             name=name,
             motion=MappingProxyType(moves),
+            element=element,
+            **dict.fromkeys(numbered) | vars(element),
         )
-        given = {"stiffness": stiffness, "damping": damping or 0.0} if stiffness is not None else {}
-        for kind, value in (given or {"restitution": 0.8 if restitution is None else law_of(restitution)}).items():
-            vars(self)[kind] = value if isinstance(value, Law) else USUAL[kind].check(value)
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the constructor by name."""
-        numbered = {kind: getattr(self, kind) for kind in (*self.kinds, *(["restitution"] if self.law else []))}
-        return {"direction": self.direction, **numbered, "name": self.name, "motion": dict(self.motion)}
+        return {
+            "direction": self.direction,
+            "gap": self.gap,
+            **vars(self.element),
+            "name": self.name,
+            "motion": dict(self.motion),
+        }
 
     @property
     def compliant(self) -> bool:
-        """Whether it gives."""
-        return self.stiffness is not None
+        """Whether contacts last, with a force that has a value at any time."""
+        return not self.element.instantaneous
 
     @property
     def reach(self) -> float:
@@ -266,21 +270,31 @@ class Stop(ByValue):
     @property
     def kinds(self) -> tuple[str, ...]:
         """The numbers of it that are parameters of a system."""
-        return ("gap", "stiffness", "damping") if self.compliant else ("gap",) if self.law else ("gap", "restitution")
+        return ("gap", *self.element.parameters)
 
     @property
     def law(self) -> Law | None:
         """The law of restitution of a rigid stop; None where it is a number."""
-        return self.restitution if isinstance(self.restitution, Law) else None
+        return self.element.law
 
     @property
     def ratio(self) -> float | None:
         """The restitution of a rigid stop where it is the same at all speeds."""
-        return self.law.constant if self.law else self.restitution  # type: ignore[return-value]
+        return self.element.ratio
 
     def rebound(self, v: Any) -> Any:
-        """Return r of a rigid stop at impacts of speeds v in m/s."""
-        return self.law(v) if self.law else self.ratio
+        """Return r at impacts of speeds v in m/s; -1, which changes nothing, of a compliant stop."""
+        return self.element.rebound(v)
+
+    def shift(self, angle: Any) -> Any:
+        """Return the displacement away from what it stops, in m, at driving angles w t."""
+        turn = 1j * np.asarray(angle, np.float64)
+        return sum((by * np.exp(order * turn)).imag for order, by in self.motion.items())
+
+    def speed(self, angle: Any, omega: float) -> Any:
+        """Return the rate of that displacement in m/s, at driving angles w t."""
+        turn = 1j * np.asarray(angle, np.float64)
+        return sum((1j * order * omega * by * np.exp(order * turn)).imag for order, by in self.motion.items())
 
     def called(self, name: str) -> Stop:
         """Return a copy of that name: families make stops by the thousands."""
@@ -311,7 +325,7 @@ def named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
     for at, (stop, name) in enumerate(zip(found, map(str, names), strict=True)):
         check_length(f"stops[{at}].direction", stop.direction, n)
         other, _, kind = name.rpartition("_")
-        taken = name in ("omega", "frequency") or (other in names and kind in KINDS)
+        taken = name in ("omega", "frequency") or (other in names and kind in NUMBERS)
         if taken or names.count(name) > 1:
             owner = "a parameter" if taken else "another stop"
             raise ValueError(f"`stops[{at}].name` {name!r} is that of {owner}; give each stop a name of its own")
@@ -320,11 +334,10 @@ def named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
 
 def check_room(stops: Sequence[Stop], mass: Any) -> None:
     """Refuse stops whose clearances cannot all be positive or zero at any time."""
-    if all(stop.gap >= 0.0 or stop.compliant for stop in stops):
+    bars = [stop for stop in stops if stop.element.impenetrable]
+    if all(stop.gap >= 0.0 for stop in bars):
         return  # q = 0 is before all of them where they are farthest
-    for one, other in combinations(stops, 2):
-        if one.compliant or other.compliant:
-            continue
+    for one, other in combinations(bars, 2):
         ratio = np.abs(one.direction).max() / np.abs(other.direction).max()
         if (np.abs(one.direction + ratio * other.direction) > 1e-12 * np.abs(one.direction)).any():
             continue
@@ -336,9 +349,8 @@ def check_room(stops: Sequence[Stop], mass: Any) -> None:
                 f"`stops` {one.name!r} and {other.name!r} overlap by {-room:.6g} m: they face each other, and no "
                 "position is before both; their gaps must have a sum >= 0"
             )
-    rigid = [stop for stop in stops if not stop.compliant]
-    most_open = np.array([stop.gap + sum(map(abs, stop.motion.values())) for stop in rigid])
-    if nearest(mass, np.array([stop.direction for stop in rigid]).reshape(-1, len(mass)), most_open) is None:
+    most_open = np.array([stop.gap + sum(map(abs, stop.motion.values())) for stop in bars])
+    if nearest(mass, np.array([stop.direction for stop in bars]).reshape(-1, len(mass)), most_open) is None:
         names = ", ".join(str(stop.name) for stop in stops)
         raise ValueError(f"`stops` {names} overlap: no position is before all of them")
 
@@ -346,16 +358,10 @@ def check_room(stops: Sequence[Stop], mass: Any) -> None:
 def warn_of_short_contacts(stops: Sequence[Stop], mass: NDArray[np.float64], period: float) -> None:
     """Warn of contacts so short that only their restitution matters."""
     for stop in stops:
-        if stop.stiffness is None or stop.damping is None:
-            continue
-        struck = 1.0 / (stop.direction @ np.linalg.solve(mass, stop.direction))
-        if math.pi * math.sqrt(struck / stop.stiffness) < SHORTEST * period:
-            ratio = 0.5 * stop.damping / math.sqrt(stop.stiffness * struck)
-            warnings.warn(
-                f"a contact with {stop.name!r} takes less than {SHORTEST:g} driving periods; a rigid stop with the "
-                f"restitution of a damping ratio of {ratio:.3g} is the same and faster",
-                stacklevel=4,
-            )
+        if not stop.element.instantaneous:
+            struck = 1.0 / (stop.direction @ np.linalg.solve(mass, stop.direction))
+            if words := stop.element.too_short(struck, period):
+                warnings.warn(f"a contact with {stop.name!r} {words}", stacklevel=4)
 
 
 def names_of_points(points: Any, count: int) -> tuple[str, ...]:

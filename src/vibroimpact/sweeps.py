@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibroimpact.backends import ImpactWindow, Measurement, check_takes, get_backend
 from vibroimpact.dataset import missing
-from vibroimpact.execution import check_place, computing, usual_tile
+from vibroimpact.execution.base import usual_tile
+from vibroimpact.execution.places import check_place, computing
 from vibroimpact.indices import check_indices
 from vibroimpact.model import Model, State, check_model
 from vibroimpact.options import Sampling, Tolerances
@@ -94,9 +95,9 @@ def parameter_map(
     workers : int, optional
         Threads; None is one a core. The result does not depend on it.
     store : path, optional
-        A folder ending in .zarr into which tiles are written as they finish. Of the same study only what is missing
-        or damaged there is computed; another study is refused. The Dataset returned reads from it, and memory is
-        bounded by the tiles in flight.
+        A folder ending in .zarr into which tiles are written as they finish. Of the same study only the tiles that are
+        missing or damaged there are computed; another study is refused, and so is other damage. The Dataset returned
+        reads from it, and memory is bounded by the tiles in flight.
     tile : int, >= 1, optional
         Cells of a tile, about, with `store` or `cluster` only; 4096 by default, 4 with the slow back ends "reference"
         and "fixed-step". A store keeps the tiles it was made with.

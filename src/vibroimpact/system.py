@@ -13,14 +13,15 @@ import numpy as np
 
 from vibroimpact.by_value import ByValue
 from vibroimpact.cells import Floats
-from vibroimpact.matrices import ROUNDING, matrices, nearest, numbers
+from vibroimpact.elements import NUMBERS
+from vibroimpact.matrices import ROUNDING, matrices, nearest, table_of_modes
 from vibroimpact.modal import ModalForm, modal_form, velocity_scale
 from vibroimpact.model import State, check_names
-from vibroimpact.parameters import Parameter, invalid
+from vibroimpact.parameters import OF_ONE_MASS, Parameter, Scale, check_one, counted, invalid, radians
 from vibroimpact.stops import (
-    USUAL,
     Force,
     Stop,
+    check_force,
     check_length,
     check_room,
     named_stops,
@@ -91,6 +92,8 @@ class ImpactSystem(ByValue):
     at_rest: ClassVar[str] = "rest at q = 0, or before the stops in its way"
     says_all: ClassVar[bool] = False  # its parameters are not all its numbers
     forgets: ClassVar[bool] = False  # beside an impact, or a rest at a stop, other things move on
+    step_cost: ClassVar[int] = 4  # of a certified step, in those of one mass
+    offsets: ClassVar[tuple[str, ...]] = ()  # parameters whose zero is a value like any other
 
     mass: Floats
     damping: Floats
@@ -101,7 +104,7 @@ class ImpactSystem(ByValue):
     def __init__(
         self, *, mass: Any, stiffness: Any, damping: Any = 0.0, force: Force, stops: Iterable[Stop] = ()
     ) -> None:
-        _check_force(force)
+        check_force(force)
         found = matrices(mass, damping, stiffness)
         for name, value in force.vectors.items():
             check_length(name, value, len(found["mass"]))
@@ -171,20 +174,8 @@ class ImpactSystem(ByValue):
         >>> beam.stops[0].direction, beam.force.harmonics[1].real
         (array([2., 2.]), array([ 2.04, -4.29]))
         """
-        hertz = numbers("frequencies", frequencies, 1)
-        ratios = numbers("damping_ratios", damping_ratios, 1)
-        ratios = ratios if np.ndim(damping_ratios) else np.full(len(hertz), ratios[0])
-        table = numbers("shapes", shapes, 2)
-        if not len(hertz) == len(ratios) == table.shape[1]:
-            raise ValueError(
-                "`frequencies`, `damping_ratios` and the columns of `shapes` must be as many, one per mode, "
-                f"got {len(hertz)}, {len(ratios)} and {table.shape[1]}"
-            )
-        for name, values in {"frequencies": hertz, "damping_ratios": ratios}.items():
-            if values.min() < 0.0:
-                raise invalid(name, values.tolist(), "numbers >= 0")
-        rates = 2.0 * math.pi * hertz
-        _check_force(force)
+        rates, ratios, table = table_of_modes(frequencies, damping_ratios, shapes)
+        check_force(force)
         places = names_of_points(points, len(table))
         vectors = {name: over_modes(name, value, places, table) for name, value in force.vectors.items()}
         harmonics = {order: vectors[f"harmonics[{order}]"] for order in force.harmonics}
@@ -205,13 +196,11 @@ class ImpactSystem(ByValue):
         return {**linear, "force": self.force, "stops": self.stops}
 
     def __repr__(self) -> str:
-        n = len(self.mass)
         values = (f"{name}={value!r}" for name, value in self.values.items())
-        return f"ImpactSystem({n} coordinate{'s'[: n > 1]}, {', '.join(values)})"
+        return f"ImpactSystem({counted(self.coordinates, 'coordinate')}, {', '.join(values)})"
 
     def __str__(self) -> str:
-        n = len(self.mass)
-        words = f"ImpactSystem of {n} coordinate{'s'[: n > 1]}"
+        words = f"ImpactSystem of {counted(self.coordinates, 'coordinate')}"
         return words + (f" with {', '.join(self.stop_names)}" if self.stops else "")
 
     @property
@@ -227,10 +216,10 @@ class ImpactSystem(ByValue):
     @cached_property
     def parameters(self) -> Mapping[str, Parameter]:
         """The parameters that an axis may vary, by name."""
-        table = {name: USUAL[name] for name in ("omega", "frequency")}
+        table = {name: OF_ONE_MASS[name] for name in ("omega", "frequency")}
         for stop in self.stops:
             for kind in stop.kinds:
-                usual, name = USUAL[kind], f"{stop.name}_{kind}"
+                usual, name = NUMBERS[kind], f"{stop.name}_{kind}"
                 words = f"{usual.long_name} of {stop.name}"
                 table[name] = replace(usual, name=name, long_name=words, symbol=f"{usual.symbol}_{stop.name}")
         return MappingProxyType(table)
@@ -244,20 +233,19 @@ class ImpactSystem(ByValue):
     def replace(self, **changes: float) -> ImpactSystem:
         """Return a copy with some parameters changed; `frequency` (Hz) may stand for `omega`."""
         check_names(self.parameters, changes)
-        if "omega" in changes and "frequency" in changes:
-            raise ValueError("give either `omega` or `frequency`, not both")
+        check_one("omega", changes.get("omega"), "frequency", changes.get("frequency"))
         given = {name: self.parameters[name].check(value) for name, value in changes.items()}
         if "frequency" in given:
-            given["omega"] = 2.0 * math.pi * given["frequency"]
+            given["omega"] = radians(given["frequency"])
         values = self.values | given
         force = Force(**{**self.force.arguments(), "omega": values["omega"]})
         stops = [stop.replace(**{kind: values[f"{stop.name}_{kind}"] for kind in stop.kinds}) for stop in self.stops]
-        made = object.__new__(ImpactSystem)  # of matrices that are checked
-        vars(made).update(self.arguments() | {"force": force, "stops": tuple(stops)})
-        check_room(made.stops, made.mass)
+        changed = object.__new__(ImpactSystem)  # of matrices that are checked
+        vars(changed).update(self.arguments() | {"force": force, "stops": tuple(stops)})
+        check_room(changed.stops, changed.mass)
         if "_modal" in vars(self):
-            vars(made)["_modal"] = self._modal.replace(force, stops)
-        return made
+            vars(changed)["_modal"] = self._modal.replace(force, stops)
+        return changed
 
     def at(self, **values: float) -> ImpactSystem:
         """Return the system with some parameters changed: what a model is at one point of its axes."""
@@ -271,6 +259,11 @@ class ImpactSystem(ByValue):
     def cells_of(designs: Iterable[ImpactSystem]) -> SystemCells:
         """Return one cell per design, all at rest and with as many coordinates and stops."""
         return SystemCells.of_systems(designs)
+
+    @property
+    def rest(self) -> State:
+        """The state at rest that motions start from unless another one is given."""
+        return State(*self.initial())
 
     @property
     def omega(self) -> float:
@@ -319,13 +312,25 @@ class ImpactSystem(ByValue):
         """
         return velocity_scale(self.modal())
 
+    def scales(self) -> dict[str, Scale]:
+        """Return the sizes of the numbers of its stops by name, with the mass 1/(a . M^-1 a) that each stop strikes."""
+        form = self.modal()
+        found: dict[str, Scale] = {}
+        widest = max((abs(stop.gap) for stop in self.stops), default=0.0)
+        struck = 1.0 / np.diag(form.mobility)
+        for stop, mass, deflection in zip(self.stops, struck.tolist(), form.deflections.tolist(), strict=True):
+            gap = Scale(deflection, "the static deflection") if deflection else Scale(widest, "the widest gap")
+            sizes = {"gap": gap} | stop.element.scales(mass, self.omega)
+            found |= {f"{stop.name}_{name}": size for name, size in sizes.items()}
+        return found
+
     def clearances(self, displacement: Any, time: float = 0.0) -> Floats:
         """Return the clearances u of all stops in m; negative beyond a stop."""
         found: Floats = self._bounds(time) - self._directions @ np.asarray(displacement, np.float64)
         return found
 
-    def initial(self, start: State | None = None) -> tuple[Floats, Floats, float]:
-        """Return coordinates, velocities and time of an initial condition that is checked.
+    def initial(self, start: State | None = None, argument: str = "start") -> tuple[Floats, Floats, float]:
+        """Return coordinates, velocities and time of an initial condition that is checked, given as `argument`.
 
         None is at rest at time 0, at q = 0 or, where that is beyond a rigid stop, at the nearest q before all of those,
         in the norm sqrt(q . M q). A compliant stop may be pushed in.
@@ -337,25 +342,27 @@ class ImpactSystem(ByValue):
         """
         n = len(self.mass)
         if start is None:
-            rigid = self._rigid
-            q = nearest(self.mass, self._directions[rigid], self._bounds(0.0)[rigid])
+            bars = self._bars
+            q = nearest(self.mass, self._directions[bars], self._bounds(0.0)[bars])
             if q is None:
                 raise ValueError("the stops leave no room at time 0; give a start at another time")
             return q, np.zeros(n), 0.0
         if not isinstance(start, State):
-            raise invalid("start", start, "None or a State", "write State(displacement=[...], velocity=[...])")
+            raise invalid(argument, start, "None or a State", "write State(displacement=[...], velocity=[...])")
         q, speed = (np.array(part, np.float64, ndmin=1) for part in (start.displacement, start.velocity))
         if len(q) != n:
-            raise ValueError(f"`start` must have {n} coordinate{'s'[: n > 1]}, as the mass matrix has, got {len(q)}")
+            raise ValueError(f"`{argument}` must have {counted(n, 'coordinate')}, as the mass matrix has, got {len(q)}")
         beyond = -self.clearances(q, start.time)
-        size = np.abs(self._directions) @ np.abs(q) + self._reach * (1.0 + abs(start.time) * self.omega)
+        reach = np.array([stop.reach for stop in self.stops])
+        size = np.abs(self._directions) @ np.abs(q) + reach * (1.0 + abs(start.time) * self.omega)
         over = [
             f"{name!r} by {depth:.3g} m"
-            for name, depth, most, rigid in zip(self.stop_names, beyond, n * ROUNDING * size, self._rigid, strict=True)
-            if rigid and depth > most
+            for name, depth, most, bars in zip(self.stop_names, beyond, n * ROUNDING * size, self._bars, strict=True)
+            if bars and depth > most
         ]
         if over:
-            raise ValueError(f"`start` lies beyond {' and '.join(over)} at time {start.time:g}; start before the stops")
+            where = " and ".join(over)
+            raise ValueError(f"`{argument}` lies beyond {where} at time {start.time:g}; start before the stops")
         return q, speed, start.time
 
     @cached_property
@@ -363,22 +370,11 @@ class ImpactSystem(ByValue):
         return np.array([stop.direction for stop in self.stops]).reshape(-1, len(self.mass))
 
     @cached_property
-    def _rigid(self) -> Any:
-        return np.array([not stop.compliant for stop in self.stops], bool)
-
-    @cached_property
-    def _reach(self) -> Floats:
-        """How far from zero each stop comes, at most."""
-        return np.array([stop.reach for stop in self.stops])
+    def _bars(self) -> Any:
+        """Which stops are impenetrable."""
+        return np.array([stop.element.impenetrable for stop in self.stops], bool)
 
     def _bounds(self, time: float) -> Floats:
         """Return a . q in contact, for every stop at some time."""
-        turn = 1j * self.omega * time
-        moved = [sum((by * np.exp(h * turn)).imag for h, by in stop.motion.items()) for stop in self.stops]
-        found: Floats = np.array([stop.gap for stop in self.stops]) + np.array(moved, np.float64)
+        found: Floats = np.array([stop.gap + stop.shift(self.omega * time) for stop in self.stops], np.float64)
         return found
-
-
-def _check_force(force: Any) -> None:
-    if not isinstance(force, Force):
-        raise invalid("force", force, "a Force", "write Force(omega=1.0) for none: it sets the period")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -11,26 +10,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.cells import COUNTABLE, Cells, Floats, spread
-from vibroimpact.contact import KNOWN
+from vibroimpact.cells import BEYOND, COUNTABLE, Cells, Floats, spread
+from vibroimpact.elements import BLOCKS, bars
 from vibroimpact.matrices import nearest
 from vibroimpact.modal import ModalForm, fastest_rates, speed_parts, steady_motions, velocity_scales
-from vibroimpact.stops import KINDS
+from vibroimpact.parameters import hertz, radians
 
 if TYPE_CHECKING:
     from vibroimpact.model import State
     from vibroimpact.system import ImpactSystem
-
-# The blocks of KINDS, a rigid stop has no spring; then the mark of a law, whose number stands for a restitution.
-NUMBERS = "gap", "restitution", "spring", "dashpot", "law"
-BEYOND = 1e-12  # of the lengths that a clearance is the sum of: so little beyond a stop is rounding
 
 
 @dataclass(frozen=True)
 class Shape:
     """What all systems of one table share: their numbers of modes, stops and harmonics.
 
-    `coupled`: damping is not proportional in one of them; `moving`, `compliant`, `rigid`: a stop is so.
+    `coupled`: damping is not proportional in one of them; `moving`: a stop is; `compliant`, `rigid`: one is not
+    impenetrable, or is.
     """
 
     modes: int
@@ -47,9 +43,10 @@ class Shape:
         n, s, m = self.modes, self.stops, self.harmonics
         return {
             "eta": n, "rate": n, "turn": 3, "square": n, "damping": n * n, "load": n, "force": 2 * m * n,
-            "alpha": s * n, "jump": s * n, "weight": n, "gap": s, "motion": 2 * m * s, "restitution": s,
-            "spring": s, "dashpot": s, "law": s, "omega": 1, "scale": 1, "steady": n + 2 * m * n, "margin": s,
-            "give": s, "slide": n, "sliding": s * n, "neutral": 2 * n, "fastest": 1, "shapes": n * n, "time": 2,
+            "alpha": s * n, "jump": s * n, "weight": n, "gap": s, "motion": 2 * m * s,
+            **{block.name: s for block in BLOCKS.values()},
+            "omega": 1, "scale": 1, "steady": n + 2 * m * n, "margin": s, "give": s, "slide": n, "sliding": s * n,
+            "neutral": 2 * n, "fastest": 1, "shapes": n * n, "time": 2,
         }  # fmt: skip
 
 
@@ -59,6 +56,9 @@ class SystemCells(Cells):
 
     `cells[name]` is a column; of several numbers, such as ``cells.block("shapes")``, a block.
     """
+
+    # The first impact kept stands for the closest near-miss: on which stop (-1: not known), when and how hard.
+    parting = "first_stop", "first_phase", "first_velocity"
 
     shape: Shape
 
@@ -78,11 +78,11 @@ class SystemCells(Cells):
                 bases.append(system)
             which.append(known[key])
             numbers.append([_numbers(stop) for stop in system.stops])
-            if any((stop.gap < 0.0 or stop.motion) and not stop.compliant for stop in system.stops):
+            if any((stop.gap < 0.0 or stop.motion) and stop.element.impenetrable for stop in system.stops):
                 pushed[row] = system
         if len({(len(base.mass), len(base.stops)) for base in bases}) > 1:
             raise ValueError("all systems of one family must have as many coordinates and stops; these have others")
-        table = np.array(numbers).reshape(len(which), -1, len(NUMBERS))
+        table = np.array(numbers).reshape(len(which), -1, len(BLOCKS))
         forms = [(form, np.array([form.omega])) for form in (base.modal() for base in bases)]
         return cls._of_forms(forms, np.array(which), table, pushed.__getitem__)
 
@@ -94,12 +94,12 @@ class SystemCells(Cells):
         are columns.
         """
         number = len(np.atleast_1d(next(iter(points.values()), 0.0)))
-        omegas = points.get("omega", 2.0 * math.pi * points["frequency"] if "frequency" in points else None)
+        omegas = points.get("omega", radians(points["frequency"]) if "frequency" in points else None)
         values, which = np.unique(np.full(number, system.omega) if omegas is None else omegas, return_inverse=True)
-        table = np.empty((number, len(system.stops), len(NUMBERS)))
+        table = np.empty((number, len(system.stops), len(BLOCKS)))
         for j, stop in enumerate(system.stops):
             table[:, j] = _numbers(stop)
-            for place, kind in enumerate(KINDS):
+            for place, kind in enumerate(BLOCKS):
                 if f"{stop.name}_{kind}" in points:
                     table[:, j, place] = points[f"{stop.name}_{kind}"]
 
@@ -123,26 +123,27 @@ class SystemCells(Cells):
         """
         highest = max(int(form.orders.max(initial=0)) for form, _ in forms)
         coupled, moving = any(not form.decoupled for form, _ in forms), any(form.motions.any() for form, _ in forms)
-        gaps, springs = numbers[..., 0], numbers[..., KINDS.index("stiffness")]
+        blocks = {name: numbers[..., place] for place, name in enumerate(BLOCKS)}
+        gaps, barring = blocks["gap"], bars(blocks)
         shape = Shape(
             len(forms[0][0].masses),
             gaps.shape[1],
             highest,
             coupled,
             moving,
-            bool(springs.any()),
-            bool((springs == 0.0).any()),
+            not barring.all(),
+            bool(barring.any()),
         )
         parts = zip(*(_rows(form, omegas, shape) for form, omegas in forms), strict=True)
         rows, still, swung, driven, rate, offset = (np.concatenate(part)[which] for part in parts)
         cells = cls(rows, _columns(shape), shape)
         at, left = cells.places, gaps - still - swung
-        for place, name in enumerate(NUMBERS):
-            cells.table[:, at[name]] = numbers[..., place]
+        for name, values in blocks.items():
+            cells.table[:, at[BLOCKS[name].name]] = values
         cells.table[:, at["margin"]] = np.where(np.isnan(left), -np.inf, left)
         cells.table[:, at["scale"]] = velocity_scales(driven, rate, offset, cells["omega"], gaps)[:, None]
         beyond = cells._clearances(np.zeros(3), np.zeros_like(cells.block("eta"))) < 0.0
-        closed = (beyond & (springs == 0.0)).any(axis=1)
+        closed = (beyond & barring).any(axis=1)
         for row in np.flatnonzero(closed).tolist():
             own = there(row)
             cells.table[row, at["eta"]] = own.modal().inverse @ own.initial()[0]
@@ -162,6 +163,11 @@ class SystemCells(Cells):
         if isinstance(part, str):
             return self.block(part)[:, 0]
         return SystemCells(self.table[part], self.columns, self.shape)
+
+    @property
+    def coordinates(self) -> int:
+        """How many coordinates each cell has."""
+        return self.shape.modes
 
     @property
     def phases(self) -> Floats:
@@ -236,9 +242,9 @@ class SystemCells(Cells):
 
     def _back(self, row: int, clearances: Floats) -> Floats | None:
         """Return the shortest way in front of all rigid stops of a cell."""
-        rigid = self.block("spring")[row] == 0.0
+        barring = self.bars[row]
         alpha = self.block("alpha")[row].reshape(self.shape.stops, self.shape.modes)
-        return nearest(np.diag(self.block("weight")[row]), alpha[rigid], clearances[rigid])
+        return nearest(np.diag(self.block("weight")[row]), alpha[barring], clearances[barring])
 
     def begun(self, start: State | None) -> SystemCells:
         """Return the cells from an initial condition; None leaves them as they are.
@@ -254,7 +260,7 @@ class SystemCells(Cells):
         q, speed = (np.array(part, np.float64, ndmin=1) for part in (start.displacement, start.velocity))
         if len(q) != self.shape.modes:
             raise ValueError(f"`start` must have {self.shape.modes} coordinates, one per mode, got {len(q)}")
-        turns = start.time * self["omega"] / (2.0 * math.pi)
+        turns = hertz(start.time * self["omega"])
         if not np.abs(turns).max(initial=0.0) < COUNTABLE:
             raise ValueError(f"`start` must have a time of less than 2^53 driving periods, got {start.time!r}")
         begun = self.at(q, speed, turns)
@@ -267,7 +273,7 @@ class SystemCells(Cells):
             )
         return begun
 
-    def at(self, displacement: Floats, velocity: Floats, turns: Any) -> SystemCells:
+    def at(self, displacement: Any, velocity: Any, turns: Any) -> SystemCells:
         """Return the cells from coordinates and velocities, a row each or one for all, at times in driving periods."""
         columns = (np.broadcast_to(part, (len(self), self.shape.modes)) for part in (displacement, velocity))
         eta, rate = (np.linalg.solve(self.shapes, column[..., None])[..., 0] for column in columns)
@@ -280,7 +286,7 @@ class SystemCells(Cells):
             table[:, self.places[name]] = values
         return SystemCells(table, self.columns, self.shape)
 
-    def carried(self, displacement: Floats, velocity: Floats, phases: Any) -> SystemCells:
+    def carried(self, displacement: Any, velocity: Any, phases: Any) -> SystemCells:
         """Return the cells from states, a row each, at phases; beyond rigid stops, from the nearest one before them.
 
         The distance is sqrt(q . M q); a cell whose stops leave no room at that phase stays at rest.
@@ -295,7 +301,12 @@ class SystemCells(Cells):
         alpha = self.block("alpha").reshape(len(self), self.shape.stops, self.shape.modes)
         size = np.abs(self.block("gap")) + (np.abs(alpha) @ np.abs(eta)[..., None])[..., 0]
         depth = -self._clearances(self.block("turn"), eta)
-        return np.where((depth > BEYOND * size) & (self.block("spring") == 0.0), depth, 0.0)
+        return np.where((depth > BEYOND * size) & self.bars, depth, 0.0)
+
+    @property
+    def bars(self) -> Any:
+        """Which stops are impenetrable, in every cell."""
+        return bars({name: self.block(block.name) for name, block in BLOCKS.items()})
 
     def _clearances(self, turn: Floats, eta: Floats) -> Floats:
         """Return the clearances of all stops at (sin wt, cos wt)."""
@@ -325,7 +336,7 @@ class SystemCells(Cells):
 def _times(turns: Floats) -> dict[str, Floats]:
     """Return the blocks of times in driving periods."""
     whole = np.floor(turns)
-    angle = 2.0 * math.pi * (turns - whole)
+    angle = radians(turns - whole)
     turn = np.column_stack([np.sin(angle), np.cos(angle), whole])
     return {"turn": turn, "time": np.column_stack([whole, turns - whole])}
 
@@ -341,13 +352,9 @@ def _columns(shape: Shape) -> tuple[str, ...]:
 
 
 def _numbers(stop: Any) -> tuple[float, ...]:
-    """Return the numbers of a stop as NUMBERS has them."""
-    if stop.stiffness is not None:
-        return stop.gap, 1.0, stop.stiffness, stop.damping, 0.0
-    if stop.ratio is not None:
-        return stop.gap, stop.ratio, 0.0, 0.0, 0.0
-    KNOWN.setdefault(stop.law.mark, stop.law)
-    return stop.gap, stop.law.number, 0.0, 0.0, stop.law.mark
+    """Return the numbers of a stop as `BLOCKS` has them."""
+    row = {"gap": stop.gap} | stop.element.row()
+    return tuple(row.get(name, block.none) for name, block in BLOCKS.items())
 
 
 def _fixed(system: ImpactSystem) -> tuple[Any, ...]:

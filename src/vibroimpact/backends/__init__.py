@@ -62,7 +62,7 @@ def check_known(indices: Iterable[str], backend: Backend, model: Model) -> None:
     for name in indices:
         if name in FORCES and isinstance(model, ImpactOscillator):
             raise ValueError(f"`{name}` is an index of systems; write the oscillator as an ImpactSystem")
-        if name == "max_force" and not any(stop.compliant for stop in getattr(model, "stops", ())):
+        if name == "max_force" and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
             raise ValueError("`max_force` needs a compliant stop; the force of a rigid one has no largest value")
         if name not in backend.known_indices and name not in FORCES:
             known = ", ".join(known for known in INDICES if known in backend.known_indices)

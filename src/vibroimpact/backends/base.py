@@ -112,6 +112,11 @@ class Samples:
     last_phase: float
     steps: int
 
+    @property
+    def impact_stop(self) -> Counts:
+        """The number of the stop of each impact, the only one."""
+        return np.zeros(len(self.impact_velocity), np.int64)
+
     @classmethod
     def of(
         cls,

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.backends.base import Backend, Counts, Floats, ImpactWindow, Measurement, Outcome, Samples
-from vibroimpact.backends.cpu import CpuBackend, Limits, limits, outcomes, rows_of
+from vibroimpact.backends.cpu import CpuBackend
+from vibroimpact.backends.scalar import Limits, limits, outcomes, rows_of
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
 from vibroimpact.kernels.cell import RUNNING, Cell

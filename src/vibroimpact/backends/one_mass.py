@@ -9,13 +9,13 @@ so that it is an oscillator whose phase is ahead.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vibroimpact.backends import scalar
 from vibroimpact.backends.base import (
     Counts,
     Floats,
@@ -26,8 +26,8 @@ from vibroimpact.backends.base import (
     SystemSamples,
     energy_loss,
 )
-from vibroimpact.backends.cpu import Sweep
 from vibroimpact.cells import Cells
+from vibroimpact.elements import BLOCKS
 from vibroimpact.indices import INDICES
 from vibroimpact.system_cells import SystemCells
 
@@ -35,7 +35,8 @@ BELOW_ONE = np.nextafter(1.0, 0.0)
 ROUNDING = 1e-15  # of the lengths that a clearance is the difference of
 SAME = 1e-12  # of a scale of velocities: such a difference is rounding
 
-_NONE_OF = "motion", "spring", "dashpot", "law"  # what such a stop has none of
+# What such a stop has none of.
+_NONE_OF = "motion", *(block.name for number, block in BLOCKS.items() if number not in ("gap", "restitution"))
 
 
 def is_one_mass(cells: SystemCells) -> NDArray[np.bool_]:
@@ -86,7 +87,7 @@ def as_one_mass(cells: SystemCells) -> tuple[Cells, Floats]:
     return Cells.of(columns), ahead
 
 
-class OneMassSweep(Sweep):
+class OneMassSweep(scalar.Sweep):
     """Cells of systems that are one mass each, and what has become of them."""
 
     def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
@@ -100,10 +101,8 @@ class OneMassSweep(Sweep):
         return {name: values[:, None] if name in of_stops else values for name, values in found.items()}
 
 
-def samples(
-    cells: SystemCells, measurement: Measurement, sampled: Callable[[Cells, Measurement], list[Samples]]
-) -> list[SystemSamples]:
-    """Return the samples that the window takes of each cell, from a function that samples oscillators."""
+def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]:
+    """Return the samples that the window takes of each cell."""
     alike, ahead = as_one_mass(cells)
     groups = np.zeros(len(cells))
     if isinstance(measurement.window, StroboscopicWindow) and measurement.window.phase is not None:
@@ -111,7 +110,8 @@ def samples(
     found: list[Any] = [None] * len(cells)
     for group in np.unique(groups):
         rows = np.flatnonzero(groups == group)
-        for row, seen in zip(rows.tolist(), sampled(alike[rows], _shifted(measurement, float(group))), strict=True):
+        sampled = scalar.samples(alike[rows], _shifted(measurement, float(group)))
+        for row, seen in zip(rows.tolist(), sampled, strict=True):
             found[row] = _of_system(cells[row : row + 1], next(iter(alike[row : row + 1])), float(ahead[row]), seen)
     return found
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vibroimpact.backends.base import Floats
-from vibroimpact.backends.cpu import aligned
+from vibroimpact.backends.scalar import aligned
 from vibroimpact.backends.system_rows import in_steps, steps_of
 from vibroimpact.backends.systems import layout_for, room_for
 from vibroimpact.kernels.held import InMemory

@@ -8,7 +8,8 @@ import numpy as np
 
 from vibroimpact.backends.base import Floats
 from vibroimpact.backends.system_leaps import prepare_leaps
-from vibroimpact.contact import KNOWN
+from vibroimpact.contact import LAWS
+from vibroimpact.elements import BLOCKS
 from vibroimpact.kernels.cell import MOST
 from vibroimpact.kernels.restitution import address_of
 from vibroimpact.kernels.systems.layout import Layout
@@ -28,8 +29,7 @@ _POWERS = {
     "give": -2,
     "slide": 1,
     "sliding": -1,
-    "spring": 2,
-    "dashpot": 1,
+    **{block.name: block.power for block in BLOCKS.values()},
 }
 _RENAMED = {"omega": "theta", "scale": "cut"}
 
@@ -62,10 +62,10 @@ def _address_laws(k: Layout, table: Floats) -> None:
     """Put the addresses of laws of restitution in the place of their marks, and those of their tables."""
     laws, numbers = (table[:, first : first + k.stops] for first in (k.law, k.restitution))
     for mark in np.unique(laws[laws != 0.0]).tolist():
-        law, here = KNOWN[mark], laws == mark
-        laws[here] = address_of(law.code, law.made.rule)
-        if law.made.table is not None:
-            numbers[here] = law.made.table.ctypes.data
+        law, stops = LAWS[mark], laws == mark
+        laws[stops] = address_of(law.code, law.formula.rule)
+        if law.formula.table is not None:
+            numbers[stops] = law.formula.table.ctypes.data
 
 
 def _by_stop(cells: SystemCells, name: str) -> Floats:

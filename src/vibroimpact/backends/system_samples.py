@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, SystemSamples
-from vibroimpact.backends.cpu import aligned, ended_as
+from vibroimpact.backends.scalar import aligned, ended_as
 from vibroimpact.backends.system_rows import budgets_of, in_steps, steps_of
 from vibroimpact.backends.systems import alone_for, layout_for, noted, room_for
 from vibroimpact.kernels.cell import RUNNING

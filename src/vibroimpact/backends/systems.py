@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.backends import one_mass
 from vibroimpact.backends.base import (
     Counts,
     Floats,
@@ -16,7 +15,7 @@ from vibroimpact.backends.base import (
     Measurement,
     Outcome,
 )
-from vibroimpact.backends.cpu import aligned, statuses
+from vibroimpact.backends.scalar import aligned, statuses
 from vibroimpact.backends.system_leaps import slow_modes
 from vibroimpact.backends.system_rows import budgets_of, in_steps, steps_of
 from vibroimpact.indices import EVERY
@@ -43,7 +42,8 @@ def layout_for(cells: SystemCells, *flags: bool) -> Layout:
 
 def noted(layout: Layout) -> int:
     """Return the length of a cell's note."""
-    return march.SUMS + march.EACH * (layout.stops + 1)
+    length: int = march.SUMS + march.EACH * (layout.stops + 1)
+    return length
 
 
 def _turns(sine: Floats, cosine: Floats, periods: Floats) -> Floats:
@@ -68,34 +68,6 @@ def alone_for(layout: Layout) -> closing.Alone:
     return closing.Alone(k, lanes, notes, start, end, note, matrices[0], matrices[1], matrices[2], d, moved)
 
 
-def indices(cells: SystemCells, measurement: Measurement) -> Outcome:
-    """Return the indices, the status, the impacts computed and the certified steps of each cell."""
-    found: Outcome = {}
-    for done, outcome in share(cells, measurement)(lambda: False):
-        for name, values in outcome.items():
-            found.setdefault(name, np.empty((len(cells), *values.shape[1:]), values.dtype))[done] = values
-    return found
-
-
-def share(
-    cells: SystemCells, measurement: Measurement
-) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
-    """Return the work of a thread: cell after cell into its own lanes, until none is left.
-
-    What is one mass and one stop has an engine of its own.
-    """
-    scalar = one_mass.served(cells, measurement)
-    engines: list[tuple[Any, Any]] = [(scalar, one_mass.OneMassSweep), (~scalar, SystemSweep)]
-    sweeps = [(np.flatnonzero(rows), engine(cells[rows], measurement)) for rows, engine in engines if rows.any()]
-
-    def work(stopped: Callable[[], bool]) -> Iterator[tuple[Counts, Outcome]]:
-        for rows, sweep in sweeps:
-            for done in sweep.finished(stopped):
-                yield rows[done], sweep.outcome(done)
-
-    return work
-
-
 class SystemSweep:
     """Cells that threads share, and what has become of them."""
 
@@ -110,7 +82,7 @@ class SystemSweep:
         self.total = march.Window(*bounds, measurement.early_closing)
         self.table = in_steps(cells, measurement.tolerances.chatter, self.layout)
         self.omega = cells["omega"]
-        self.compliant: Any = (cells.block("spring") > 0.0).any(axis=0)
+        self.compliant: Any = (~cells.bars).any(axis=0)
         self.budgets = budgets_of(cells, measurement.tolerances, self.total.total)
         self.results, self.ends = np.zeros((len(cells), noted(self.layout))), np.zeros(len(cells), np.int8)
         self._tickets = np.zeros(1, np.int64)

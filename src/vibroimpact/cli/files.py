@@ -178,8 +178,15 @@ def is_store(options: Mapping[str, Any]) -> bool:
 
 def store_exists(options: Mapping[str, Any]) -> bool:
     """Return whether there is a stored map, of this study or another, that may not be overwritten."""
-    out: Path = options["out"]
-    return out.exists() and not options["overwrite"] and _opened(out) is not None
+    from vibroimpact.guard import RECORDS
+
+    if options["overwrite"] or not (options["out"] / RECORDS).exists():
+        return False
+    with refusing(OSError):
+        from vibroimpact.execution.store import SweepStore
+
+        SweepStore(options["out"])
+    return True
 
 
 def announce(out: Path) -> None:

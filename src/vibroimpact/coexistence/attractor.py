@@ -226,15 +226,11 @@ def _attractor(
 def quiet_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
     """Return an attractor without impacts: the steady motion without a stop, or rest."""
     osc, one = settled.osc, settled[at]
-    if isinstance(osc, ImpactSystem):
-        ended = settled.status[at] == Status.STUCK_FOREVER or not osc.modal().squares.all()  # at rest, or adrift
-        start = systems.resting(runner, settled, at) if ended else systems.steady_state(osc)
-    elif one.motion_class == MotionClass.STUCK_FOREVER:
-        start = State(osc.gap)
-    elif one.motion_class == MotionClass.AT_REST:
-        start = State(min(0.0, osc.gap))
+    ended = one.status == Status.STUCK_FOREVER or not osc.modal().squares.all()  # at rest at a stop, or adrift
+    if osc.forgets:
+        start = State(osc.gap) if ended else osc.steady_state
     else:
-        start = osc.steady_state
+        start = systems.resting(runner, settled, at) if ended else systems.steady_state(osc)
     return Attractor(kind=one.kind, status=one.status, start=start)
 
 
@@ -264,28 +260,36 @@ class Basin:
 
 def match(runner: Runner, settled: Settled, longest: ImpactWindow, counted: int) -> list[Basin]:
     """Return the attractors, the one with the largest share of the first `counted` initial conditions first."""
-    osc, alike = settled.osc, [*QUIET]
-    if isinstance(osc, ImpactSystem):
-        found = [Basin(of_system(osc, settled[at], seen), own) for at, seen, own in systems.cycles(runner, settled)]
-        kinds = MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC, MotionClass.STICKING
-        endless = settled.indices["n_periods"] == 0
-        for members in (np.flatnonzero((settled.kind == kind) & endless) for kind in kinds):
-            if not members.size:
-                continue
-            seen = systems.sample(runner, settled, int(members[0]), longest)
-            found.append(Basin(of_system(osc, settled[int(members[0])], seen), members))
-    else:
-        groups, alike = [*_cycles(settled), chaotic_groups(settled)], [MotionClass.STICKING, *QUIET]
-        found = [basin for parts in groups for basin in _joined(runner, settled, parts, longest)]
-    for kind in alike:
-        members = np.flatnonzero(settled.kind == kind)
-        if members.size:
-            at = int(members[0])
-            sticks = kind == MotionClass.STICKING
-            one = sticking_attractor(runner, settled, at) if sticks else quiet_attractor(runner, settled, at)
-            found.append(Basin(one, members))
+    basins = _by_indices if settled.osc.forgets else _by_impacts
+    quiet = [np.flatnonzero(settled.kind == kind) for kind in QUIET]
+    found = [
+        *basins(runner, settled, longest),
+        *(Basin(quiet_attractor(runner, settled, int(members[0])), members) for members in quiet if members.size),
+    ]
     found = [replace(basin, attractor=_reached(basin, settled, counted)) for basin in found]
     return sorted(found, key=lambda b: (-b.attractor.share, b.attractor.name, -b.attractor.max_velocity))
+
+
+def _by_impacts(runner: Runner, settled: Settled, longest: ImpactWindow) -> Iterator[Basin]:
+    """Yield what strikes stops: cycles by their impacts, and one of each kind of what does not repeat."""
+    for at, seen, members in systems.cycles(runner, settled):
+        yield Basin(of_system(settled.osc, settled[at], seen), members)
+    endless = settled.indices["n_periods"] == 0
+    for kind in MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC, MotionClass.STICKING:
+        members = np.flatnonzero((settled.kind == kind) & endless)
+        if members.size:
+            at = int(members[0])
+            seen = systems.sample(runner, settled, at, longest)
+            yield Basin(of_system(settled.osc, settled[at], seen), members)
+
+
+def _by_indices(runner: Runner, settled: Settled, longest: ImpactWindow) -> Iterator[Basin]:
+    """Yield what strikes the stop: cycles and chaos by their indices, and all that sticks as one."""
+    for groups in (*_cycles(settled), chaotic_groups(settled)):
+        yield from _joined(runner, settled, groups, longest)
+    members = np.flatnonzero(settled.kind == MotionClass.STICKING)
+    if members.size:
+        yield Basin(sticking_attractor(runner, settled, int(members[0])), members)
 
 
 def _reached(basin: Basin, settled: Settled, counted: int) -> Attractor:

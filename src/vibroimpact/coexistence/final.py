@@ -21,6 +21,7 @@ import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence.measuring import Measured, Runner, last_of
+from vibroimpact.indices import INDICES
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status
@@ -140,7 +141,7 @@ def _fate(runner: Runner, cell: Cells) -> Fate:
     impacts, tried, passing = 0, 0, 0.0
     while True:
         cells = Cells.join([released(cell, number) for number in range(tried, 2 * tried + 1)])
-        ends = runner.measure(cells, LATE, thrifty(runner))
+        ends = runner.measure(cells, LATE, thrifty(runner), tuple(INDICES))
         found.update(end.name for end in ends)
         impacts += sum(end.impacts for end in ends)
         tried = 2 * tried + 1  # twice as many releases each time

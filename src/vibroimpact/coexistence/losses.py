@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.cells import Floats
-from vibroimpact.matrices import ROUNDING
-from vibroimpact.modal import ModalForm, closed
+from vibroimpact.matrices import ROUNDING, closed
+from vibroimpact.modal import ModalForm
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.system import ImpactSystem
 
@@ -32,7 +32,7 @@ def lasting_stops(osc: ImpactOscillator | ImpactSystem) -> NDArray[np.bool_]:
     sizes c, one or several at once, change velocities by B c and start a motion without loss if W^T B c = 0, B c not 0.
     Where something drives a system, impacts on several stops do not stay together, and those on one count.
     """
-    lossless = np.array([stop.damping == 0.0 if stop.compliant else stop.ratio == 1.0 for stop in osc.stops], bool)
+    lossless = np.array([stop.element.lossless for stop in osc.stops], bool)
     if not lossless.any():
         return lossless
     form = osc.modal()

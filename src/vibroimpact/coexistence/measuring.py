@@ -13,8 +13,7 @@ import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, Measurement, StroboscopicWindow, get_backend
 from vibroimpact.backends.base import Counts, Outcome, Samples
-from vibroimpact.backends.cpu import expected_steps, outlast
-from vibroimpact.cells import cells_at, check_single, spread
+from vibroimpact.backends.scalar import expected_steps, outlast
 from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State
@@ -26,7 +25,6 @@ from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import invalid
 from vibroimpact.status import Status
 from vibroimpact.system import ImpactSystem
-from vibroimpact.system_cells import SystemCells
 
 SPREAD = 256  # initial conditions where none are given
 KNOWN_PERIODS = 16  # of orbits with one impact that are tried besides
@@ -35,7 +33,7 @@ HARDLY_EVER = 64  # periods: chaos in which the mass rests now and then is, stri
 ASKED, PARTS = 16, 8  # cells, a block of lanes, and parts of a limit, after which one asks how it goes
 COUNTED = ("impacts", "steps")
 QUIET = (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER, MotionClass.AT_REST)
-IDENTIFYING = (  # indices that name a motion and part attractors
+IDENTIFYING = (  # indices that name a motion and, with what `Cells.parting` adds, part attractors
     "mean_velocity",
     "max_velocity",
     "impacts_per_period",
@@ -44,10 +42,7 @@ IDENTIFYING = (  # indices that name a motion and part attractors
     "n_periods",
     "n_impacts",
     "dissipation",
-    "grazing_margin",
 )
-# For systems, the first kept impact stands for its closest near-miss: on which stop (-1: not known), when and how hard.
-FIRST = ("first_stop", "first_phase", "first_velocity")
 
 
 class Start(NamedTuple):
@@ -77,19 +72,12 @@ def cells_of(designs: Sequence[Model], starts: Sequence[Start | None] | None = N
 
 def identifying(cells: Cells) -> tuple[str, ...]:
     """Return the indices that name the motion of each cell and part attractors."""
-    return (*IDENTIFYING[:-1], *FIRST) if isinstance(cells, SystemCells) else IDENTIFYING
+    return *IDENTIFYING, *cells.parting
 
 
-def spread_cells(osc: ImpactOscillator | ImpactSystem | SystemCells, number: int = SPREAD) -> Cells:
-    """Return impacts spread evenly over the impact surface: phases 0 to 1, velocities 0 to 4 V; always the same.
-
-    Without a scale (V = 0) the motions are alike at every speed, and 1 m/s stands for V. For systems, they are those of
-    `SystemCells.struck`.
-    """
-    if not isinstance(osc, ImpactOscillator):
-        return copies(osc, number).struck(np.arange(number))
-    phase, velocity = spread(np.arange(number))
-    return cells_at(osc, np.zeros(number), (osc.velocity_scale or 1.0) * velocity, phase)
+def spread_cells(cell: Cells, number: int = SPREAD) -> Cells:
+    """Return impacts of a cell's design spread evenly over the impact surface, always the same (`Cells.struck`)."""
+    return cell.copies(number).struck(np.arange(number))
 
 
 def orbit_cells(osc: ImpactOscillator | ImpactSystem) -> list[Cells]:
@@ -104,23 +92,13 @@ def orbit_cell(osc: ImpactOscillator | ImpactSystem, orbit: Any) -> Cells:
     return Start(0.0, orbit.velocities[0], orbit.phases[0]).cell(osc)
 
 
-def copies(system: ImpactSystem | SystemCells, number: int) -> SystemCells:
-    """Return so many cells of a system, or of one that is a cell already, all at rest."""
-    cell = system if isinstance(system, SystemCells) else system.cells({})
-    found: SystemCells = cell[np.zeros(number, np.int64)]
-    return found
-
-
 def carried(osc: Any, start: State) -> Cells:
-    """Return the cell of a design that starts so, for systems before a stop where rounding puts it beyond that."""
-    if isinstance(osc, ImpactSystem):
-        q, speed = (np.array(part, np.float64, ndmin=1) for part in (start.displacement, start.velocity))
-        return copies(osc, 1).carried(q, speed, start.time / osc.period % 1.0)
-    cells: Cells = osc.cells({}, start)
-    return cells
+    """Return the cell of a design that starts so, before a stop where rounding puts it beyond that."""
+    cell: Cells = osc.cells({})
+    return cell.carried(start.displacement, start.velocity, start.time * osc.omega / (2.0 * math.pi) % 1.0)
 
 
-def state_cells(osc: ImpactOscillator | ImpactSystem, starts: Iterable[State]) -> Cells:
+def state_cells(osc: Any, starts: Iterable[State]) -> Cells:
     """Return one cell per state, or raise `ValueError` naming what is wrong with `starts`."""
     allowed = "a list of at least one State in front of the stop"
     if isinstance(starts, State):
@@ -134,16 +112,10 @@ def state_cells(osc: ImpactOscillator | ImpactSystem, starts: Iterable[State]) -
     for state in states:
         if not isinstance(state, State):
             raise invalid("starts", state, allowed, "write State(displacement, velocity=0.0, time=0.0)")
-    if isinstance(osc, ImpactSystem):
-        q, speed, seconds = zip(*map(osc.initial, states), strict=True)
-        turns = np.array(seconds) * osc.omega / (2.0 * math.pi)
-        return copies(osc, len(q)).at(np.array(q), np.array(speed), turns)
-    for state in states:
-        check_single("starts", state)
-        if state.displacement > osc.gap:
-            raise invalid("starts", state, allowed, f"displacements are at most the gap, {osc.gap:g} m here")
-    y, v, t = (np.array([getattr(state, name) for state in states]) for name in ("displacement", "velocity", "time"))
-    return cells_at(osc, osc.gap - y, v, t * osc.omega / (2.0 * math.pi))
+    checked = zip(*(osc.initial(state, "starts") for state in states), strict=True)
+    q, speed, seconds = map(np.array, checked)
+    cell: Cells = osc.cells({})
+    return cell.copies(len(states)).carried(q, speed, seconds * osc.omega / (2.0 * math.pi))
 
 
 @dataclass(frozen=True)
@@ -228,14 +200,14 @@ class Runner:
                 lost = {name: column[:1] for name, column in outcome.items()} | dict.fromkeys(COUNTED, np.zeros(1, int))
 
     def measure(
-        self, cells: Cells, window: ImpactWindow = PAPER, tolerances: Tolerances | None = None
+        self,
+        cells: Cells,
+        window: ImpactWindow = PAPER,
+        tolerances: Tolerances | None = None,
+        names: tuple[str, ...] = IDENTIFYING,
     ) -> list[Measured]:
-        """Return the motion of each cell, its kind by the rule of `classify`, with every index, for systems those
-        that name it.
-        """
+        """Return the motion of each cell, its kind by the rule of `classify`, with indices that name it at least."""
         self.measured += len(cells)
-        modes = cells.shape.modes if isinstance(cells, SystemCells) else 0
-        names = tuple(name for name in INDICES if not modes or name in IDENTIFYING[:-1])
         table = {name: np.full(len(cells), np.nan) for name in (*names, "status")}
         table["impacts"] = np.zeros(len(cells))
         for which, found in self.sweep(
@@ -243,7 +215,7 @@ class Runner:
         ):
             for name, column in table.items():
                 column[which] = found[name]
-        return _measured(table, window, names, winds=modes > 1)
+        return _measured(table, window, names, winds=cells.coordinates > 1)
 
     def record(
         self, cell: Cells, seen: ImpactWindow, window: ImpactWindow = PAPER, tolerances: Tolerances | None = None

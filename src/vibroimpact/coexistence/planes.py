@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vibroimpact.backends import Cells
-from vibroimpact.cells import Floats, cells_at
-from vibroimpact.coexistence.measuring import carried, copies
+from vibroimpact.cells import Floats
+from vibroimpact.coexistence.measuring import carried
 from vibroimpact.dataset import impact_speed, variable
 from vibroimpact.model import State, check_model, one_start
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, choice, invalid, phase_number, unknown
 from vibroimpact.request import check_axes
-from vibroimpact.system import ImpactSystem
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -48,20 +46,13 @@ class Plane:
         }
         number = math.prod(map(len, self.axes.values()))
         phases = columns.get("phase", np.full(number, self.phase))
-        if isinstance(self.model, ImpactSystem):
-            return self._of_system(columns, phases, number)
-        clearance = self.model.gap - columns["displacement"] if "displacement" in columns else np.zeros_like(phases)
-        return cells_at(self.model, clearance, columns["velocity"], phases)
-
-    def _of_system(self, columns: Mapping[str, Floats], phases: Floats, number: int) -> Any:
-        system = self.model
-        q, speed, _ = system.initial() if self.start is None else _numbers(self.start, len(system.mass))
-        held = {"displacement": np.tile(q, (number, 1)), "velocity": np.tile(speed, (number, 1))}
+        q, speed, _ = self.model.initial() if self.start is None else _numbers(self.start, self.model.coordinates)
+        state = {"displacement": np.tile(q, (number, 1)), "velocity": np.tile(speed, (number, 1))}
         for name, values in columns.items():
             kind, _, at = name.partition("_")
-            if kind in held and not self.struck:
-                held[kind][:, int(at or 0)] = values
-        cells = copies(system, number).at(held["displacement"], held["velocity"], phases)
+            if kind in state and not self.struck:
+                state[kind][:, int(at or 0)] = values
+        cells = self.model.cells({}).copies(number).at(**state, turns=phases)
         if self.struck:
             cells = cells.striking(np.full(number, self.stop), columns["velocity"], phases)
         over = cells.beyond()
@@ -69,7 +60,7 @@ class Plane:
             row, stop = np.argwhere(over)[0].tolist()
             where = " and ".join(f"{name} = {values[row]:.6g}" for name, values in columns.items())
             raise ValueError(
-                f"the axes must stay before all stops, but {where} lies beyond {system.stop_names[stop]!r} by "
+                f"the axes must stay before all stops, but {where} lies beyond {self.model.stop_names[stop]!r} by "
                 f"{over[row, stop]:.3g} m; narrow them, or change `start`"
             )
         return cells
@@ -81,7 +72,7 @@ class Plane:
     def seen(self, seen: Any) -> dict[str, Floats]:
         """Return the points of a sampled motion in the plane, by axis."""
         if self.struck:
-            here = seen.impact_stop == self.stop if isinstance(self.model, ImpactSystem) else slice(None)
+            here = seen.impact_stop == self.stop
             return {axis: getattr(seen, f"impact_{axis}")[here] for axis in self.axes}
         found = {}
         for axis in self.axes:
@@ -93,7 +84,7 @@ class Plane:
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of a plane beside its axes."""
         found: dict[str, Any] = {}
-        if self.struck and isinstance(self.model, ImpactSystem):
+        if self.struck and len(self.model.stops) > 1:
             found["stop"] = self.model.stop_names[self.stop]
         if self.start is not None:
             found["others"] = str(self.start)
@@ -103,10 +94,8 @@ class Plane:
 
     def note(self) -> dict[str, str]:
         """Return the words of a title on the plane beside its axes."""
-        if not isinstance(self.model, ImpactSystem):
-            return {}
-        said = [f"impacts on {self.model.stop_names[self.stop]}"] if self.struck else []
-        if self.start is not None:
+        said = [f"impacts on {self.model.stop_names[self.stop]}"] if self.struck and len(self.model.stops) > 1 else []
+        if self.start is not None and self.model.coordinates > 1:
             said.append(f"others of q = {_listed(self.start.displacement)} m, q' = {_listed(self.start.velocity)} m/s")
         return {"note": ", ".join(said)} if said else {}
 
@@ -129,8 +118,7 @@ def plane_of(model: Any, axes: Mapping[str, Any], stop: str | None, start: State
     """Return the plane that two axes span, checked."""
     check_model(model)
     made, given, phase = model.at(), dict(axes), 0.0
-    system = made if isinstance(made, ImpactSystem) else None
-    n = len(system.mass) if system else 1
+    n = made.coordinates
     names = [*_SIZES] if n == 1 else [f"{kind}_{at}" for at in range(n) for kind in _SIZES]
     known = [*names, *(["velocity"] if n > 1 else []), "phase"]
     for name in axes:
@@ -146,8 +134,8 @@ def plane_of(model: Any, axes: Mapping[str, Any], stop: str | None, start: State
     if not struck and not states:
         got = ", ".join(f"`{name}`" for name in axes) or "no axis"
         raise ValueError(f"the axes must be {_pairs(n)}, got {got}; name both, such as `phase` and `velocity`")
-    number = _number_of(system, stop, struck)
-    return Plane(made, check_axes(given, _coordinates(made, names, struck)), struck, phase, begun, number)
+    number = _number_of(made.stop_names, stop, struck)
+    return Plane(made, check_axes(given, _coordinates(names, struck)), struck, phase, begun, number)
 
 
 def _pairs(n: int) -> str:
@@ -156,26 +144,22 @@ def _pairs(n: int) -> str:
     return "two of displacement_0, velocity_0, displacement_1, ... and phase, or (phase, velocity) at a stop"
 
 
-def _number_of(system: ImpactSystem | None, stop: str | None, struck: bool) -> int:
+def _number_of(names: Sequence[str], stop: str | None, struck: bool) -> int:
     """Return the number of the stop that is struck; the only one need not be named."""
-    if system is None or not struck:
+    if not struck:
         if stop is not None:
-            raise ValueError("`stop` goes with a system and the axes (phase, velocity); leave it out")
+            raise ValueError("`stop` goes with the axes (phase, velocity); leave it out")
         return 0
-    names = system.stop_names
     if stop is None and len(names) != 1:
         raise ValueError(f"`stop` must name the stop that is struck: {', '.join(names) or 'this system has none'}")
     return names.index(names[0] if stop is None else choice("stop", stop, names))
 
 
-def _coordinates(model: ImpactOscillator | ImpactSystem, names: Any, struck: bool) -> dict[str, Parameter]:
+def _coordinates(names: Sequence[str], struck: bool) -> dict[str, Parameter]:
     velocity = Parameter("velocity", "velocity")
     if struck:
         velocity = Parameter("velocity", "velocity", low=0.0, hint="an impact has velocity > 0, a mass at rest 0")
     found = {name: Parameter(name, name) for name in names} | {"velocity": velocity}
-    if isinstance(model, ImpactOscillator):
-        hint = "the stop is there; start in front of it"
-        found["displacement"] = Parameter("displacement", "displacement", high=model.gap, hint=hint)
     return found | {"phase": Parameter("phase", "phase", low=0.0, high=1.0, hint="give (t mod T)/T")}
 
 

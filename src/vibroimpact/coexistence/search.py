@@ -146,7 +146,7 @@ def attractors_by(
 ) -> list[Attractor]:
     """Return the attractors of a model as `attractors` does, by a runner that may know fates already."""
     check_taken(osc, runner)
-    given = spread_cells(osc) if starts is None else state_cells(osc, starts)
+    given = spread_cells(osc.cells({})) if starts is None else state_cells(osc, starts)
     windows = rounds(osc, sampling.transient_impacts, sampling.sample_impacts)
 
     def outlook(settled: Settled, window: ImpactWindow) -> MotionClass:
@@ -271,7 +271,7 @@ def basins(
     def so_far(settled: Settled) -> xr.Dataset:
         return labelled.assign(status=status_variable(dims, settled.status.reshape(shape)))
 
-    survey = cache(lambda: outlook_from(runner, one, spread_cells(one), windows))
+    survey = cache(lambda: outlook_from(runner, one, spread_cells(one.cells({})), windows))
     _check_cost("axes", cells, windows[0])
     with reporter(progress, "initial conditions") as tell:
         settled, found = _matched(

@@ -28,7 +28,7 @@ from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.backends.base import Counts, Floats, Outcome
 from vibroimpact.coexistence.final import LATE, Fate, fate_of_release, thrifty
 from vibroimpact.coexistence.losses import attracts, driven, lasting_stops, rest_is_contact
-from vibroimpact.coexistence.measuring import IDENTIFYING, Measured, Runner, identifying, named
+from vibroimpact.coexistence.measuring import Measured, Runner, identifying, named
 from vibroimpact.indices import INDICES
 from vibroimpact.matrices import ROUNDING
 from vibroimpact.motion import MotionClass, decide, may_wind
@@ -94,7 +94,7 @@ class Settled:
         self.cells.table[at] = fate.cell.table[0]
         self.kind[at] = MotionClass.UNDECIDED if fate.end.status == Status.BUDGET else fate.end.motion_class
         self.status[at] = _plain(np.array([fate.end.status]), self.kind[at[:1]])[0]
-        for name in IDENTIFYING:
+        for name in identifying(self.cells):
             self.indices[name][at] = fate.end.indices[name]
         self.indices["impacts"][at] = max(fate.lasts, fate.end.impacts)
         self.passing[at] = np.fmax(fate.passing, self.passing[at])
@@ -283,10 +283,9 @@ def attracting_kinds(osc: ImpactOscillator | ImpactSystem, outcome: Outcome, kep
 
 def _lasts(osc: ImpactOscillator | ImpactSystem, outcome: Outcome) -> NDArray[np.bool_]:
     """Return of which cells hits may last without loss, so that those that hit as hard do not approach each other."""
-    if isinstance(osc, ImpactSystem):
-        lasting: NDArray[np.bool_] = outcome["struck"] & lasting_stops(osc) @ (1 << np.arange(len(osc.stops))) != 0
-        return lasting
-    return np.full(len(outcome["status"]), not attracts(osc))
+    struck = outcome.get("struck", np.ones_like(outcome["n_impacts"]))  # one bit a stop; the only one where none says
+    lasting: NDArray[np.bool_] = struck & lasting_stops(osc) @ (1 << np.arange(len(osc.stops))) != 0
+    return lasting
 
 
 def _loads(osc: ImpactOscillator | ImpactSystem) -> tuple[bool, bool, bool]:

@@ -19,7 +19,7 @@ from uuid import uuid4
 
 from vibroimpact.backends.base import Outcome
 from vibroimpact.dataset import package_version
-from vibroimpact.execution import Part, Pieces, usual_tile
+from vibroimpact.execution.base import Part, Pieces, usual_tile
 from vibroimpact.execution.threads import compute_here
 from vibroimpact.request import Request
 
@@ -78,10 +78,9 @@ class Cluster:
             )
         with _marked(store) as mark:
             shared = client.submit(_Shared, request, package_version(), store and str(store), mark, pure=False)
-            tasks = list(map(parts.__getitem__, range(len(parts))))
             name = f"vibroimpact-{uuid4().hex}"
-            keys = [f"{name}-{number}" for number in range(len(tasks))]
-            futures = client.map(_work, tasks, key=keys, retries=RETRIES, batch_size=BATCH, pure=False, shared=shared)
+            keys = [f"{name}-{number}" for number in range(len(parts))]
+            futures = client.map(_work, parts, key=keys, retries=RETRIES, batch_size=BATCH, pure=False, shared=shared)
             finished = as_completed(futures, loop=client.loop, with_results=True, raise_errors=False)
             waiting = {future.key: (number, future) for number, future in enumerate(futures)}
             del futures  # workers forget results that no future stands for
@@ -122,11 +121,12 @@ def _work(part: Part, shared: _Shared) -> Outcome | Rows:
         )
     outcome = compute_here(shared.request, part)
     if shared.store is not None and isinstance(part, tuple) and sees(shared.store, shared.mark):
-        from vibroimpact.execution.layout import put, record_of
+        from vibroimpact.execution.layout import record_of, write_tile
 
         with suppress(OSError):  # it sees the store and may not write: the client may, or explains what is wrong
             arrays = _arrays(shared.store, shared.mark, (*shared.request.indices, "status"))
-            return record_of(outcome, put(arrays, part, outcome))
+            write_tile(arrays, part, outcome)
+            return record_of(outcome)
     return outcome
 
 
@@ -141,11 +141,9 @@ def _marked(store: Path | None) -> Iterator[str]:
     if store is None:
         yield mark
         return
-    from vibroimpact.guard import clear
-
     file = _mark_of(store)
     with suppress(OSError):  # then no worker finds it, and the client writes
-        clear(file)
+        file.unlink(missing_ok=True)  # never written through a link
         file.write_text(mark)
     try:
         yield mark

@@ -12,11 +12,10 @@ from __future__ import annotations
 import json
 import math
 import os
-import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from shlex import join
 from threading import Lock
@@ -29,10 +28,10 @@ from zarr.codecs import ZstdCodec
 
 from vibroimpact.cells import Tiling
 from vibroimpact.dataset import level_variable, missing, plain_variable, status_variable, variable
-from vibroimpact.execution import cut
-from vibroimpact.files import remove_folder
+from vibroimpact.execution.base import cut
+from vibroimpact.files import scratch_beside
 from vibroimpact.formats import ORDER, order_of, with_texts
-from vibroimpact.guard import DIGEST, RECORDS, GuardedStore, clear, digest_of
+from vibroimpact.guard import RECORDS, GuardedStore
 from vibroimpact.parameters import check_fits
 from vibroimpact.request import Request, key_of
 from vibroimpact.status import Status
@@ -47,13 +46,12 @@ MARK = "cluster"  # the file in `progress` by which workers of a cluster recogni
 PACKING = ZstdCodec(checksum=True)
 PICTURE = 1 << 18  # cells in a chunk of a refined map's picture
 SPARE = 4096  # batches of a refined map, at most: each leaves a tile of the lists half empty
-# The record of a tile: whether it is done and its digest, what it cost, and how many of its cells have each status.
+# The record of a tile: whether it is done (above 0), what it cost, and how many of its cells have each status.
 DONE, MICROSECONDS, IMPACTS, STEPS, FIRST_STATUS = range(5)
 COLUMNS = FIRST_STATUS + len(Status)
 ROWS = 64  # records in a chunk
 SETTLING = 5.0  # seconds for which a process about to end waits for the tile that it is writing
-# Attributes of the records of a refined map: how many cells it is known to need, and the digest of its picture.
-NEEDED, DRAWN = "cells_needed", "picture"
+NEEDED = "cells_needed"  # an attribute of the records of a refined map: how many cells it is known to need
 
 Arrays = Mapping[str, NDArray[Any]]
 Rows = NDArray[np.int64]
@@ -66,21 +64,20 @@ class StoreBusy(OSError):
 
 
 @contextmanager
-def locked(lock: Path, store: Path, patience: float = 0.0) -> Iterator[None]:
+def locked(lock: Path, store: Path) -> Iterator[None]:
     """Hold a lock of a store; the system takes it back from a process that ends, however it ends."""
     from filelock import FileLock, Timeout
 
-    held = FileLock(lock, thread_local=False)
+    holding = FileLock(lock, thread_local=False)
     try:
-        clear(lock)
-        held.acquire(timeout=patience, poll_interval=0.01)
+        if lock.is_symlink():  # what it means would be emptied
+            lock.unlink()
+        holding.acquire(timeout=0.0)
     except Timeout:
         raise StoreBusy(
             f"`store` is {str(store)!r}, to which another process writes; wait until it has ended, or choose another "
             "name"
         ) from None
-    except FileNotFoundError:
-        raise
     except OSError as error:
         raise PermissionError(
             error.errno,
@@ -89,31 +86,22 @@ def locked(lock: Path, store: Path, patience: float = 0.0) -> Iterator[None]:
     try:
         yield
     finally:
-        held.release()
+        holding.release()
 
 
-def scratch_of(folder: Path) -> Path:
-    """Return the place where a store is laid out before it gets its name."""
-    return folder.with_name(f".{folder.name}.part")
-
-
-def create(folder: Path, request: Request, cells: int) -> None:
-    """Make the store of a request, unless one exists by now; remove what a killed process left half made."""
+def create(folder: Path, request: Request, identity: dict[str, Any], cells: int) -> None:
+    """Make the store of a request, unless another process makes it at the same moment."""
     if not folder.parent.is_dir():
         raise FileNotFoundError(f"`store` is {str(folder)!r}, whose folder does not exist; make it first")
     tiling = tiling_of(request, cells)
     _check_room(request, tiling)
     try:
-        with _claimed(scratch_of(folder), folder) as part:
-            if not os.path.lexists(folder):
-                lay_out(GuardedStore(part, read_only=False), request, request.identity(), tiling)
-                # Refused where another store has appeared: a rename never replaces a folder that holds something.
-                os.rename(part, folder)
-    except StoreBusy:
-        raise
+        with scratch_beside(folder) as scratch:
+            lay_out(GuardedStore(scratch / folder.name, read_only=False), request, identity, tiling)
+            os.rename(scratch / folder.name, folder)  # refused where a folder that holds something has the name
     except OSError as error:
-        if folder.is_dir() and scratch_of(folder).exists():
-            return  # it exists; only a leftover beside it could not be removed
+        if folder.is_dir():
+            return
         message = (
             f"`store` is {str(folder)!r}, which could not be made ({error.strerror or error}); nothing was changed; "
             "make room there or choose another folder"
@@ -142,40 +130,8 @@ def _check_room(request: Request, tiling: Tiling) -> None:
     check_fits("tile", f"is {cells:,} cells, which take", cells * request.cell_size, "4096 is usual")
 
 
-@contextmanager
-def _claimed(scratch: Path, folder: Path) -> Iterator[Path]:
-    """Yield a free name in the scratch folder, which no other process uses meanwhile."""
-    part = scratch / folder.name
-    with ExitStack() as held:
-        held.callback(_remove_empty, scratch)
-        _claim(scratch, folder, held)
-        try:
-            shutil.rmtree(part, ignore_errors=True)
-            yield part
-        except BaseException:
-            remove_folder(part)
-            raise
-        finally:
-            with suppress(OSError):  # Windows removes no open file
-                (scratch / LOCK).unlink()
-
-
-def _claim(scratch: Path, folder: Path, held: ExitStack) -> None:
-    for _ in range(100):
-        scratch.mkdir(exist_ok=True)
-        with suppress(FileNotFoundError):  # whoever held it has just removed it
-            held.enter_context(locked(scratch / LOCK, folder, patience=20.0))
-            return
-    raise StoreBusy(f"`store` is {str(folder)!r}, which another process keeps making; wait until it has ended")
-
-
-def _remove_empty(folder: Path) -> None:
-    with suppress(OSError):
-        folder.rmdir()
-
-
-def lay_out(place: Any, request: Request, identity: dict[str, Any], tiling: Tiling) -> None:
-    """Write a store in which no tile is done, into a store of Zarr's."""
+def lay_out(place: GuardedStore, request: Request, identity: dict[str, Any], tiling: Tiling) -> None:
+    """Write a store in which no tile is done."""
     names = (*request.indices, "status")
     command = join([Path(sys.argv[0]).name, *sys.argv[1:]])
     root = zarr.open_group(place, mode="w-", zarr_format=3)
@@ -262,7 +218,8 @@ class TileWriter:
 
         def job() -> Rows:
             if isinstance(result, Mapping):
-                record = record_of(result, put(self._arrays, self.tiling[number], result))
+                write_tile(self._arrays, self.tiling[number], result)
+                record = record_of(result)
             else:
                 record = result.copy()
             record[MICROSECONDS] = round(1e6 * seconds)
@@ -299,10 +256,8 @@ class TileWriter:
         """Write whole arrays at the root, and attributes, all in one step, once they are written."""
 
         def job() -> None:
-            drawn = {name: np.asarray(values, self._root[name].dtype) for name, values in arrays.items()}
-            for name, values in drawn.items():
+            for name, values in arrays.items():
                 _keeping(self._root[name])[...] = values
-            self._rows.update_attributes({DRAWN: digest_of(drawn)})
             self._root.update_attributes(dict(attrs))
 
         self.whole(job)
@@ -317,7 +272,6 @@ class TileWriter:
 
         def job() -> None:
             for leftover in (self.path / PROGRESS / MARK, *self.path.rglob("*.partial")):
-                clear(leftover)
                 leftover.unlink(missing_ok=True)
 
         self.whole(job)
@@ -338,24 +292,19 @@ class TileWriter:
         self._thread.shutdown()
 
 
-def put(arrays: Mapping[str, Any], part: tuple[slice, ...], result: Arrays) -> int:
-    """Write the results of a tile's cells, in the order of the grid; return their digest.
-
-    A tile of a list may be filled in part.
-    """
+def write_tile(arrays: Mapping[str, Any], part: tuple[slice, ...], result: Arrays) -> None:
+    """Write the results of a tile's cells, in the order of the grid; a tile of a list may be filled in part."""
     box = tuple(along.stop - along.start for along in part)
-    boxes = {name: (*box, *array.shape[len(box) :]) for name, array in arrays.items()}
-    written = {name: np.full(boxes[name], array.fill_value, array.dtype) for name, array in arrays.items()}
-    for name, values in written.items():
+    for name, array in arrays.items():
+        values = np.full((*box, *array.shape[len(box) :]), array.fill_value, array.dtype)
         values.ravel()[: result[name].size] = result[name].ravel()
-        _keeping(arrays[name])[part] = values
-    return digest_of(written)
+        _keeping(array)[part] = values
 
 
-def record_of(result: Arrays, digest: int) -> Rows:
+def record_of(result: Arrays) -> Rows:
     """Return the record of a tile whose results these are, but for the time that it took."""
     counts = np.bincount(result["status"].ravel(), minlength=len(Status))
-    return np.array([DIGEST + digest, 0, result["impacts"].sum(), result["steps"].sum(), *counts], np.int64)
+    return np.array([1, 0, result["impacts"].sum(), result["steps"].sum(), *counts], np.int64)
 
 
 def _keeping(array: Any) -> Any:
@@ -372,8 +321,10 @@ def _explained(path: Path) -> Iterator[None]:
         if not error.errno:
             raise
         kind = PermissionError if isinstance(error, PermissionError) else OSError
+        file = error.filename2 or error.filename
+        reason = os.strerror(error.errno) + (f": {str(file)!r}" if file else "")
         message = (
-            f"`store` is {str(path)!r}, which could not be written to ({os.strerror(error.errno)}); finished tiles are "
-            "kept; make room there or see to its permissions, then run the same again to go on"
+            f"`store` is {str(path)!r}, which could not be written to ({reason}); finished tiles are kept; make room "
+            "there or see to its permissions, then run the same again to go on"
         )
         raise kind(error.errno, message) from error

@@ -18,7 +18,7 @@ import numpy as np
 
 from vibroimpact.backends import Backend, Cells, Measurement, get_backend
 from vibroimpact.backends.base import Counts, Outcome, SharesCells
-from vibroimpact.execution import Part, Pieces, flat
+from vibroimpact.execution.base import Part, Pieces, flat
 from vibroimpact.parameters import whole_number
 from vibroimpact.request import Places, Request
 
@@ -73,9 +73,9 @@ class Threads:
                 ended = np.arange(which.start, which.stop) if isinstance(which, slice) else which
                 owner = np.searchsorted(bounds, ended, side="right") - 1
                 for part in np.unique(owner).tolist():
-                    own = owner == part
-                    results = {name: values[own] for name, values in outcome.items()}
-                    yield first + part, ended[own] - bounds[part], results
+                    inside = owner == part
+                    results = {name: values[inside] for name, values in outcome.items()}
+                    yield first + part, ended[inside] - bounds[part], results
             first += len(block)
 
 

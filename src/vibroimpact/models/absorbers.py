@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-
 import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.models.arguments import checked, count
+from vibroimpact.models.slots import slot
+from vibroimpact.parameters import radians
 from vibroimpact.stops import Force, Stop
 from vibroimpact.system import ImpactSystem
 
@@ -62,11 +61,6 @@ def impact_damper(
         The coordinates are x_0 of the structure and x_1, x_2, ... of the particles, from left to right; stops
         `left`, `between_1`, ..., `right`.
 
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
-
     Notes
     -----
     From rest nothing hits until the structure swings by d/(p + 1). Left out: weight and friction in the slot, and
@@ -80,7 +74,7 @@ def impact_damper(
     Examples
     --------
     >>> damper = impact_damper()
-    >>> (damper.natural_frequencies / (2 * math.pi)).round(9).tolist(), damper.clearances([1e-3, 0.0]).tolist()
+    >>> (damper.natural_frequencies / (2 * np.pi)).round(9).tolist(), damper.clearances([1e-3, 0.0]).tolist()
     ([0.0, 30.0], [0.0015, 0.0035])
     >>> impact_damper(particles=3).stop_names
     ('left', 'between_1', 'between_2', 'right')
@@ -142,11 +136,6 @@ def two_unit_impact_damper(
     ImpactSystem
         The coordinates are x_0, x_1, x_2; stops `first_left`, `first_right`, `second_left`, `second_right`.
 
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
-
     Notes
     -----
     With equal clearances all impacts from rest are simultaneous, two by two. Left out: as in `impact_damper`.
@@ -162,10 +151,10 @@ def two_unit_impact_damper(
     [0.0015, 0.0035, 0.001, 0.003]
     """
     one, two = np.array([-1.0, 1.0, 0.0]), np.array([-1.0, 0.0, 1.0])
-    sides = {"first_left": (-one, clearance), "first_right": (one, clearance)}
-    sides |= {"second_left": (-two, second_clearance), "second_right": (two, second_clearance)}
+    first = slot("first_left", "first_right", one, clearance, restitution=restitution)
+    second = slot("second_left", "second_right", two, second_clearance, restitution=restitution)
     masses = [mass, particle_mass, second_particle_mass]
-    return _structure(masses, natural_frequency, damping_ratio, force, frequency, _slots(sides, restitution))
+    return _structure(masses, natural_frequency, damping_ratio, force, frequency, [*first, *second])
 
 
 @checked
@@ -218,11 +207,6 @@ def tuned_mass_damper(
     ImpactSystem
         The coordinates are x_0 of the structure and x_1 of the absorber; stops `left` and `right`.
 
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
-
     Notes
     -----
     Den Hartog's best absorber has the tuning 1/(1 + mu) and the damping ratio sqrt(3 mu/(8 (1 + mu)^3)): 0.980 and
@@ -235,14 +219,13 @@ def tuned_mass_damper(
     Examples
     --------
     >>> bridge = tuned_mass_damper()
-    >>> (bridge.natural_frequencies / (2 * math.pi)).round(3).tolist(), bridge.clearances([0.004, 0.0]).tolist()
+    >>> (bridge.natural_frequencies / (2 * np.pi)).round(3).tolist(), bridge.clearances([0.004, 0.0]).tolist()
     ([1.845, 2.125], [0.006, 0.014])
     """
     absorber = mass_ratio * mass
-    rate = 2.0 * math.pi * natural_frequency * tuning
+    rate = radians(natural_frequency) * tuning
     link = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    relative = np.array([-1.0, 1.0])
-    stops = _slots({"left": (-relative, 2.0 * stroke), "right": (relative, 2.0 * stroke)}, restitution)
+    stops = slot("left", "right", np.array([-1.0, 1.0]), 2.0 * stroke, restitution=restitution)
     return _structure(
         [mass, absorber],
         natural_frequency,
@@ -253,14 +236,6 @@ def tuned_mass_damper(
         damping=2.0 * absorber_damping_ratio * rate * absorber * link,
         stiffness=rate**2 * absorber * link,
     )
-
-
-def _slots(sides: Mapping[str, tuple[Floats, float]], restitution: float) -> list[Stop]:
-    """Return the ends of slots, by name, with directions and total clearances."""
-    return [
-        Stop(direction=direction, gap=0.5 * clearance, restitution=restitution, name=name)
-        for name, (direction, clearance) in sides.items()
-    ]
 
 
 def _structure(
@@ -274,7 +249,7 @@ def _structure(
     stiffness: Floats | float = 0.0,
 ) -> ImpactSystem:
     """Return a driven mass on spring and damper, with other masses and what links them to it."""
-    n, rate = len(masses), 2.0 * math.pi * natural_frequency
+    n, rate = len(masses), radians(natural_frequency)
     ground = np.zeros((n, n))
     ground[0, 0] = 1.0
     return ImpactSystem(

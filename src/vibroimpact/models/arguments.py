@@ -14,6 +14,7 @@ from vibroimpact.parameters import Parameter, invalid, whole_number
 
 _Arguments = ParamSpec("_Arguments")
 _Made = TypeVar("_Made")
+_Documented = TypeVar("_Documented", bound=Callable[..., Any])
 
 
 def _positive(name: str, long_name: str, unit: str, hint: str = "") -> Parameter:
@@ -96,9 +97,22 @@ _TUBES = [
 TABLE = {entry.name: entry for entry in [*_OSCILLATORS, *_MACHINES, *_GEARS, *_DAMPERS, *_BEAMS, *_TUBES]}
 
 
+_RAISES = """
+Raises
+------
+ValueError
+    A number is out of its range.
+"""
+
+
 def checked(function: Callable[_Arguments, _Made]) -> Callable[_Arguments, _Made]:
-    """Return the function of named numbers with each checked by its name; `parameters` holds their table."""
+    """Return the function of named numbers with each checked by its name; `parameters` holds their table.
+
+    Its docstring says so, unless it says what else is refused.
+    """
     parameters = {name: TABLE[name] for name in inspect.signature(function).parameters}
+    if "\nRaises\n" not in inspect.cleandoc(function.__doc__ or ""):
+        function = sharing(_RAISES)(function)
 
     @functools.wraps(function)
     def model(*none: _Arguments.args, **given: _Arguments.kwargs) -> _Made:
@@ -108,6 +122,17 @@ def checked(function: Callable[_Arguments, _Made]) -> Callable[_Arguments, _Made
 
     vars(model)["parameters"] = parameters
     return model
+
+
+def sharing(sections: str) -> Callable[[_Documented], _Documented]:
+    """Return the decorator that adds sections to the docstrings of machines that share them, before their notes."""
+
+    def share(function: _Documented) -> _Documented:
+        text = inspect.cleandoc(function.__doc__ or "")
+        function.__doc__ = text.replace("\n\nNotes\n", f"\n\n{sections.strip()}\n\nNotes\n", 1)
+        return function
+
+    return share
 
 
 def count(name: str, value: float) -> int:

@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.parameters import choice, invalid
+from vibroimpact.parameters import choice, hertz, invalid
 
 _EPS = float(np.finfo(np.float64).eps)
 
@@ -57,6 +57,12 @@ class BeamModes:
         far = self.cosine * np.sin(b) - self.sine * np.cos(b) - self.decaying * np.exp(-b) + self.growing
         near = -self.sine - self.decaying + self.growing * np.exp(-b)
         return self._clean(far - near) / b
+
+    def hertz(self, rigidity: float, mass_per_length: float, length: float) -> Floats:
+        """Return the natural frequencies in Hz of a beam of rigidity E I in N m^2, mass per length and length in m."""
+        rate = math.sqrt(rigidity / mass_per_length) / length**2
+        found: Floats = self.wave_numbers**2 * hertz(rate)
+        return found
 
     def _clean(self, values: Floats) -> Floats:
         found: Floats = np.where(np.abs(values) <= 8.0 * _EPS * self.wave_numbers, 0.0, values)
@@ -144,13 +150,6 @@ _ENDS: dict[str, tuple[float, Callable[[float], float] | None, Callable[[Floats]
     "clamped-pinned": (0.25, lambda b: math.sin(b) - math.tanh(b) * math.cos(b), _clamped_pinned),
     "pinned-pinned": (0.0, None, _pinned_pinned),
 }
-
-
-def hertz(shapes: BeamModes, rigidity: float, mass_per_length: float, length: float) -> Floats:
-    """Return the natural frequencies in Hz of a beam of rigidity E I in N m^2 and a mass per length in kg/m."""
-    rate = math.sqrt(rigidity / mass_per_length) / length**2
-    found: Floats = shapes.wave_numbers**2 * (rate / (2.0 * math.pi))
-    return found
 
 
 def moving_row(name: str, place: float, shapes: BeamModes) -> Floats:

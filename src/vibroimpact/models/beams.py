@@ -2,15 +2,58 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from vibroimpact.models.arguments import checked, count
-from vibroimpact.models.beam_modes import beam_modes, hertz, moving_row
+from vibroimpact.models.arguments import checked, count, sharing
+from vibroimpact.models.beam_modes import beam_modes, moving_row
 from vibroimpact.stops import Force, Stop
 from vibroimpact.system import ImpactSystem
 
+_OF_BEAMS = r"""
+.. math:: E I w'''' + m' \ddot w + \mathrm{damping} = F \delta(x - x_F) \sin \omega t + m' a_0 \sin \omega t, \qquad
+          w(x_s) \le g, \qquad w = \sum_i \phi_i(x) \eta_i
+
+Parameters
+----------
+length, width, thickness : float, > 0
+    Of the strip in m; it bends along its thickness.
+youngs_modulus : float, > 0
+    E in Pa.
+density : float, > 0
+    In kg/m^3.
+damping_ratio : float, >= 0
+    Of every mode.
+force : float, >= 0
+    F in N, in phase with the base.
+force_at, stop_at : float, 0 to 1
+    x_F and x_s over the length, from the left end; the stop is where the strip moves.
+base_acceleration : float, >= 0
+    a_0 in m/s^2: the base moves as a_0/w^2 sin wt, and w is relative to it.
+frequency : float, > 0
+    Driving frequency in Hz.
+gap : float
+    g in m; negative means preloaded.
+restitution : float, 0 to 1
+    Of the stop.
+modes : int, 1 to 12
+    How many are kept.
+
+Returns
+-------
+ImpactSystem
+    Its coordinates are modal, in m sqrt(kg) with M = I; stop `stop`.
+
+Raises
+------
+ValueError
+    A number is out of its range, or the stop is at an end that is held.
+"""
+
 
 @checked
+@sharing(_OF_BEAMS)
 def cantilever_with_stop(
     *,
     length: float = 0.3,
@@ -32,44 +75,6 @@ def cantilever_with_stop(
 
     Sketch: a strip clamped at its left end, free at its right; beside it a stop, which is fixed to the clamp. A force
     acts on it, or the base shakes it, or both.
-
-    .. math:: E I w'''' + m' \ddot w + \mathrm{damping} = F \delta(x - x_F) \sin \omega t + m' a_0 \sin \omega t, \qquad
-              w(x_s) \le g, \qquad w = \sum_i \phi_i(x) \eta_i
-
-    Parameters
-    ----------
-    length, width, thickness : float, > 0
-        Of the strip in m; it bends along its thickness.
-    youngs_modulus : float, > 0
-        E in Pa.
-    density : float, > 0
-        In kg/m^3.
-    damping_ratio : float, >= 0
-        Of every mode.
-    force : float, >= 0
-        F in N, in phase with the base.
-    force_at, stop_at : float, 0 to 1
-        x_F and x_s over the length, from the clamp.
-    base_acceleration : float, >= 0
-        a_0 in m/s^2: the base moves as a_0/w^2 sin wt, and w is relative to it.
-    frequency : float, > 0
-        Driving frequency in Hz.
-    gap : float
-        g in m; negative means preloaded.
-    restitution : float, 0 to 1
-        Of the stop.
-    modes : int, 1 to 12
-        How many are kept.
-
-    Returns
-    -------
-    ImpactSystem
-        Its coordinates are modal, in m sqrt(kg) with M = I; stop `stop`.
-
-    Raises
-    ------
-    ValueError
-        A number is out of its range, or the stop is at the clamp.
 
     Notes
     -----
@@ -94,10 +99,11 @@ def cantilever_with_stop(
     >>> float(round(mass * beam.modal().mobility[0, 0], 9))  # over the struck mass
     12.0
     """
-    return _beam("clamped-free", **locals())
+    return _beam("clamped-free", locals())
 
 
 @checked
+@sharing(_OF_BEAMS)
 def clamped_beam_with_stop(
     *,
     length: float = 0.5,
@@ -119,44 +125,6 @@ def clamped_beam_with_stop(
 
     Sketch: a strip between two clamps, and beside it a stop; clamps and stop are one base.
 
-    .. math:: E I w'''' + m' \ddot w + \mathrm{damping} = F \delta(x - x_F) \sin \omega t + m' a_0 \sin \omega t, \qquad
-              w(x_s) \le g
-
-    Parameters
-    ----------
-    length, width, thickness : float, > 0
-        Of the strip in m; it bends along its thickness.
-    youngs_modulus : float, > 0
-        E in Pa.
-    density : float, > 0
-        In kg/m^3.
-    damping_ratio : float, >= 0
-        Of every mode.
-    force : float, >= 0
-        F in N, in phase with the base.
-    force_at, stop_at : float, 0 to 1
-        x_F and x_s over the length; the stop is away from the ends.
-    base_acceleration : float, >= 0
-        a_0 in m/s^2: the base moves as a_0/w^2 sin wt, and w is relative to it.
-    frequency : float, > 0
-        Driving frequency in Hz.
-    gap : float
-        g in m; negative means preloaded.
-    restitution : float, 0 to 1
-        Of the stop.
-    modes : int, 1 to 12
-        How many are kept.
-
-    Returns
-    -------
-    ImpactSystem
-        Its coordinates are modal, in m sqrt(kg) with M = I; stop `stop`.
-
-    Raises
-    ------
-    ValueError
-        A number is out of its range, or the stop is at an end.
-
     Notes
     -----
     With restitution results depend on `modes`, also in the limit: see `cantilever_with_stop`. A stop in the middle and
@@ -175,10 +143,11 @@ def clamped_beam_with_stop(
     >>> beam.stops[0].direction.round(6).tolist()
     [2.936483, 0.0, -2.599692]
     """
-    return _beam("clamped-clamped", **locals())
+    return _beam("clamped-clamped", locals())
 
 
 @checked
+@sharing(_OF_BEAMS)
 def clamped_pinned_beam_with_stop(
     *,
     length: float = 0.5,
@@ -200,44 +169,6 @@ def clamped_pinned_beam_with_stop(
 
     Sketch: a strip from a clamp to a hinge, and beside it a stop; clamp, hinge and stop are one base.
 
-    .. math:: E I w'''' + m' \ddot w + \mathrm{damping} = F \delta(x - x_F) \sin \omega t + m' a_0 \sin \omega t, \qquad
-              w(x_s) \le g
-
-    Parameters
-    ----------
-    length, width, thickness : float, > 0
-        Of the strip in m; it bends along its thickness.
-    youngs_modulus : float, > 0
-        E in Pa.
-    density : float, > 0
-        In kg/m^3.
-    damping_ratio : float, >= 0
-        Of every mode.
-    force : float, >= 0
-        F in N, in phase with the base.
-    force_at, stop_at : float, 0 to 1
-        x_F and x_s over the length, from the clamp; the stop is away from the ends.
-    base_acceleration : float, >= 0
-        a_0 in m/s^2: the base moves as a_0/w^2 sin wt, and w is relative to it.
-    frequency : float, > 0
-        Driving frequency in Hz.
-    gap : float
-        g in m; negative means preloaded.
-    restitution : float, 0 to 1
-        Of the stop.
-    modes : int, 1 to 12
-        How many are kept.
-
-    Returns
-    -------
-    ImpactSystem
-        Its coordinates are modal, in m sqrt(kg) with M = I; stop `stop`.
-
-    Raises
-    ------
-    ValueError
-        A number is out of its range, or the stop is at an end.
-
     Notes
     -----
     With restitution results depend on `modes`, also in the limit: see `cantilever_with_stop`. Left out: what stretching
@@ -252,10 +183,11 @@ def clamped_pinned_beam_with_stop(
     >>> (clamped_pinned_beam_with_stop().natural_frequencies / (2 * np.pi)).round(2).tolist()
     [44.11, 142.93, 298.22]
     """
-    return _beam("clamped-pinned", **locals())
+    return _beam("clamped-pinned", locals())
 
 
 @checked
+@sharing(_OF_BEAMS)
 def pinned_beam_with_stop(
     *,
     length: float = 1.0,
@@ -277,44 +209,6 @@ def pinned_beam_with_stop(
 
     Sketch: a strip between two hinges, and beside it a stop; hinges and stop are one base.
 
-    .. math:: E I w'''' + m' \ddot w + \mathrm{damping} = F \delta(x - x_F) \sin \omega t + m' a_0 \sin \omega t, \qquad
-              w(x_s) \le g
-
-    Parameters
-    ----------
-    length, width, thickness : float, > 0
-        Of the strip in m; it bends along its thickness.
-    youngs_modulus : float, > 0
-        E in Pa.
-    density : float, > 0
-        In kg/m^3.
-    damping_ratio : float, >= 0
-        Of every mode.
-    force : float, >= 0
-        F in N, in phase with the base.
-    force_at, stop_at : float, 0 to 1
-        x_F and x_s over the length; the stop is away from the ends.
-    base_acceleration : float, >= 0
-        a_0 in m/s^2: the base moves as a_0/w^2 sin wt, and w is relative to it.
-    frequency : float, > 0
-        Driving frequency in Hz.
-    gap : float
-        g in m; negative means preloaded.
-    restitution : float, 0 to 1
-        Of the stop.
-    modes : int, 1 to 12
-        How many are kept.
-
-    Returns
-    -------
-    ImpactSystem
-        Its coordinates are modal, in m sqrt(kg) with M = I; stop `stop`.
-
-    Raises
-    ------
-    ValueError
-        A number is out of its range, or the stop is at an end.
-
     Notes
     -----
     With restitution results depend on `modes`, also in the limit: see `cantilever_with_stop`. Frequencies are as
@@ -329,36 +223,24 @@ def pinned_beam_with_stop(
     >>> (pinned_beam_with_stop().natural_frequencies / (2 * np.pi)).round(2).tolist()
     [11.76, 47.06, 105.88]
     """
-    return _beam("pinned-pinned", **locals())
+    return _beam("pinned-pinned", locals())
 
 
-def _beam(
-    ends: str,
-    *,
-    length: float,
-    width: float,
-    thickness: float,
-    youngs_modulus: float,
-    density: float,
-    damping_ratio: float,
-    force: float,
-    force_at: float,
-    base_acceleration: float,
-    frequency: float,
-    stop_at: float,
-    gap: float,
-    restitution: float,
-    modes: float,
-) -> ImpactSystem:
-    shapes = beam_modes(ends, count("modes", modes))
-    per_length = density * width * thickness
+def _beam(ends: str, given: Mapping[str, float]) -> ImpactSystem:
+    """Return a beam of some ends, from the arguments of the four of them."""
+    length, width, thickness = given["length"], given["width"], given["thickness"]
+    shapes = beam_modes(ends, count("modes", given["modes"]))
+    per_length = given["density"] * width * thickness
     mass = per_length * length
-    table = np.array([moving_row("stop_at", stop_at, shapes), shapes.at(force_at), mass * shapes.means])
+    rows = moving_row("stop_at", given["stop_at"], shapes), shapes.at(given["force_at"]), mass * shapes.means
     return ImpactSystem.from_modes(
-        frequencies=hertz(shapes, youngs_modulus * width * thickness**3 / 12.0, per_length, length),
-        damping_ratios=damping_ratio,
-        shapes=table / np.sqrt(mass),
+        frequencies=shapes.hertz(given["youngs_modulus"] * width * thickness**3 / 12.0, per_length, length),
+        damping_ratios=given["damping_ratio"],
+        shapes=np.array(rows) / np.sqrt(mass),
         points=["stop", "force", "base"],
-        force=Force(frequency=frequency, harmonics={1: {"force": force, "base": base_acceleration}}),
-        stops=[Stop(direction={"stop": 1.0}, gap=gap, restitution=restitution, name="stop")],
+        force=Force(
+            frequency=given["frequency"],
+            harmonics={1: {"force": given["force"], "base": given["base_acceleration"]}},
+        ),
+        stops=[Stop(direction={"stop": 1.0}, gap=given["gap"], restitution=given["restitution"], name="stop")],
     )

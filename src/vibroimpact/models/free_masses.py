@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 
 from vibroimpact.models.arguments import checked
+from vibroimpact.models.slots import slot
+from vibroimpact.parameters import critical_damping
 from vibroimpact.stops import Force, Stop
 from vibroimpact.system import ImpactSystem
 
@@ -41,11 +43,6 @@ def bouncing_ball(
     -------
     ImpactSystem
         The coordinate is the height z; stop `table`.
-
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
 
     Notes
     -----
@@ -114,11 +111,6 @@ def impact_pair(
     ImpactSystem
         The coordinate is the absolute x; stops `left` and `right`, which move with the frame.
 
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
-
     Notes
     -----
     A horizontal slot has no rest position: from rest the mass waits for an end to reach it, and none does in the middle
@@ -145,7 +137,7 @@ def impact_pair(
         mass=mass,
         stiffness=0.0,
         force=Force(frequency=frequency, constant=-mass * gravity * math.sin(math.radians(inclination))),
-        stops=_between("left", "right", 1.0, clearance, amplitude, restitution),
+        stops=slot("left", "right", 1.0, clearance, amplitude, restitution=restitution),
     )
 
 
@@ -199,11 +191,6 @@ def idle_gear(
         The coordinate is theta in rad. The stops `drive` and `coast` are the flanks, which the driving gear moves;
         their clearances are in m and their impulses in N s along the line of action.
 
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
-
     Notes
     -----
     The flanks separate if J alpha > T. Left out: the stiffness of teeth and shafts, backlash that changes with
@@ -225,14 +212,13 @@ def idle_gear(
     0.625
     """
     omega = 2.0 * math.pi * order * rpm / 60.0
+    moves = base_radius * angular_acceleration / omega**2
     return ImpactSystem(
         mass=inertia,
         damping=rotational_damping,
         stiffness=0.0,
         force=Force(omega=omega, constant=-drag_torque),
-        stops=_between(
-            "drive", "coast", base_radius, backlash, base_radius * angular_acceleration / omega**2, restitution
-        ),
+        stops=slot("drive", "coast", base_radius, backlash, moves, restitution=restitution),
     )
 
 
@@ -283,11 +269,6 @@ def gear_pair(
     ImpactSystem
         The coordinate is x in m, the dynamic transmission error; stops `drive` and `coast` are the flanks.
 
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
-
     Notes
     -----
     Left out: that the stiffness changes as teeth enter and leave the mesh, and that shafts and bearings give.
@@ -303,28 +284,10 @@ def gear_pair(
     (0.4, [600.0])
     """
     mass = 1.0 / (base_radius**2 / inertia + second_base_radius**2 / second_inertia)
-    damping = 2.0 * mesh_damping_ratio * math.sqrt(mesh_stiffness * mass)
-    flanks = _between("drive", "coast", -1.0, backlash, -transmission_error, 0.0)
+    damping = mesh_damping_ratio * critical_damping(mesh_stiffness, mass)
     return ImpactSystem(
         mass=mass,
         stiffness=0.0,
         force=Force(frequency=frequency, constant=torque / base_radius),
-        stops=[flank.replace(restitution=None, stiffness=mesh_stiffness, damping=damping) for flank in flanks],
+        stops=slot("drive", "coast", -1.0, backlash, -transmission_error, stiffness=mesh_stiffness, damping=damping),
     )
-
-
-def _between(
-    below: str, above: str, factor: float, clearance: float, amplitude: float, restitution: float
-) -> list[Stop]:
-    """Return two stops that move together along factor * q, with a clearance in all."""
-    ends = {below: -1.0, above: 1.0}
-    return [
-        Stop(
-            direction=sign * factor,
-            gap=0.5 * clearance,
-            restitution=restitution,
-            name=name,
-            motion={1: sign * amplitude},
-        )
-        for name, sign in ends.items()
-    ]

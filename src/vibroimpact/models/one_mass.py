@@ -6,6 +6,7 @@ import math
 
 from vibroimpact.models.arguments import checked
 from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.parameters import critical_damping
 from vibroimpact.stops import Force, Stop
 from vibroimpact.system import ImpactSystem
 
@@ -73,7 +74,7 @@ def two_sided_oscillator(
     """
     return ImpactSystem(
         mass=mass,
-        damping=2.0 * damping_ratio * math.sqrt(stiffness * mass),
+        damping=damping_ratio * critical_damping(stiffness, mass),
         stiffness=stiffness,
         force=Force(frequency=frequency, harmonics={1: force}),
         stops=[
@@ -125,11 +126,6 @@ def bilinear_oscillator(
     ImpactSystem
         The coordinate is x; stop `spring`.
 
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
-
     Notes
     -----
     Left out: the mass of the stop, which makes the first instant of contact an impact, and its own vibration after it.
@@ -149,7 +145,7 @@ def bilinear_oscillator(
     """
     return ImpactSystem(
         mass=mass,
-        damping=2.0 * damping_ratio * math.sqrt(stiffness * mass),
+        damping=damping_ratio * critical_damping(stiffness, mass),
         stiffness=stiffness,
         force=Force(frequency=frequency, harmonics={1: force}),
         stops=[Stop(direction=1.0, gap=gap, stiffness=stop_stiffness, damping=stop_damping, name="spring")],
@@ -194,11 +190,6 @@ def base_excited_oscillator(
     -------
     ImpactOscillator
         Its displacement y is that of the mass over the base, and its velocities are relative to the base.
-
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
 
     Notes
     -----
@@ -265,11 +256,6 @@ def unbalanced_machine(
     -------
     ImpactOscillator
         At that speed; `vibroimpact.family` makes the speed an axis.
-
-    Raises
-    ------
-    ValueError
-        A number is out of its range.
 
     Notes
     -----

@@ -3,17 +3,67 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
-from vibroimpact.models.arguments import checked, count
-from vibroimpact.models.beam_modes import beam_modes, hertz, moving_row
+from vibroimpact.models.arguments import checked, count, sharing
+from vibroimpact.models.beam_modes import beam_modes, moving_row
 from vibroimpact.parameters import invalid
 from vibroimpact.stops import Force, Stop
 from vibroimpact.system import ImpactSystem
 
+_SIDES = {"upper": 1.0, "lower": -1.0}  # of a support
+_OF_TUBES = r"""
+.. math:: E I w'''' + m' \ddot w + \mathrm{damping} = f_0 + f \sin \omega t, \qquad |w(x_1)| \le c/2, \quad
+          |w(x_2)| \le c/2, \\
+          m' = \rho A + \rho_i A_i + C_m \rho_o \pi D^2/4
+
+Parameters
+----------
+length : float, > 0
+    L in m, from one tight baffle or tube sheet to the next.
+outer_diameter, wall_thickness : float, > 0
+    D and t in m; t is less than D/2.
+youngs_modulus : float, > 0
+    E in Pa.
+density : float, > 0
+    rho of the tube in kg/m^3.
+inner_fluid_density, outer_fluid_density : float, >= 0
+    rho_i and rho_o in kg/m^3.
+added_mass_coefficient : float, >= 0
+    C_m, mass of the fluid outside that moves along over the mass that the tube displaces: 1 alone in still water,
+    1.3 to 2 in a bundle.
+damping_ratio : float, >= 0
+    Of every mode, with the fluid.
+force_per_length, steady_force_per_length : float
+    f >= 0 and f_0 in N/m, uniform along the tube; drag or weight presses it to one side.
+frequency : float, > 0
+    Of f, such as that of shed vortices, in Hz.
+first_support_at, second_support_at : float, 0 to 1
+    x_1 and x_2 over the length, away from the ends.
+diametral_clearance : float, > 0
+    c in m, diameter of the hole less D.
+restitution : float, 0 to 1
+    In both supports.
+modes : int, 1 to 12
+    How many are kept.
+
+Returns
+-------
+ImpactSystem
+    Its coordinates are modal, in m sqrt(kg) with M = I; stops `first_upper`, `first_lower`, `second_upper`,
+    `second_lower`.
+
+Raises
+------
+ValueError
+    A number is out of its range, or a support is at an end.
+"""
+
 
 @checked
+@sharing(_OF_TUBES)
 def tube_in_supports(
     *,
     length: float = 1.5,
@@ -39,51 +89,6 @@ def tube_in_supports(
     Sketch: a tube from one tight baffle to the next, in water; between them two plates, each with a hole that leaves
     it half of `diametral_clearance` above and below. The flow shakes it along its whole length.
 
-    .. math:: E I w'''' + m' \ddot w + \mathrm{damping} = f_0 + f \sin \omega t, \qquad |w(x_1)| \le c/2, \quad
-              |w(x_2)| \le c/2, \\
-              m' = \rho A + \rho_i A_i + C_m \rho_o \pi D^2/4
-
-    Parameters
-    ----------
-    length : float, > 0
-        L in m, from one tight baffle to the next.
-    outer_diameter, wall_thickness : float, > 0
-        D and t in m; t is less than D/2.
-    youngs_modulus : float, > 0
-        E in Pa.
-    density : float, > 0
-        rho of the tube in kg/m^3.
-    inner_fluid_density, outer_fluid_density : float, >= 0
-        rho_i and rho_o in kg/m^3.
-    added_mass_coefficient : float, >= 0
-        C_m, mass of the fluid outside that moves along over the mass that the tube displaces: 1 alone in still water,
-        1.3 to 2 in a bundle.
-    damping_ratio : float, >= 0
-        Of every mode, with the fluid.
-    force_per_length, steady_force_per_length : float
-        f >= 0 and f_0 in N/m, uniform along the tube; drag or weight presses it to one side.
-    frequency : float, > 0
-        Of f, such as that of shed vortices, in Hz.
-    first_support_at, second_support_at : float, 0 to 1
-        x_1 and x_2 over the length, away from the ends.
-    diametral_clearance : float, > 0
-        c in m, diameter of the hole less D.
-    restitution : float, 0 to 1
-        In both supports.
-    modes : int, 1 to 12
-        How many are kept.
-
-    Returns
-    -------
-    ImpactSystem
-        Its coordinates are modal, in m sqrt(kg) with M = I; stops `first_upper`, `first_lower`, `second_upper`,
-        `second_lower`.
-
-    Raises
-    ------
-    ValueError
-        A number is out of its range, or a support is at an end.
-
     Notes
     -----
     With restitution results depend on `modes`, also in the limit: see `cantilever_with_stop`. Left out: motion across
@@ -106,10 +111,11 @@ def tube_in_supports(
     >>> tube.clearances([0.0, 0.0, 0.0]).tolist()
     [0.0004, 0.0004, 0.0004, 0.0004]
     """
-    return _tube("pinned-pinned", **locals())
+    return _tube("pinned-pinned", locals())
 
 
 @checked
+@sharing(_OF_TUBES)
 def clamped_tube_in_supports(
     *,
     length: float = 1.5,
@@ -135,49 +141,6 @@ def clamped_tube_in_supports(
     Sketch: a tube rolled into a tube sheet at either end, in water; between them two plates, each with a hole that
     leaves it half of `diametral_clearance` above and below. The flow shakes it along its whole length.
 
-    .. math:: E I w'''' + m' \ddot w + \mathrm{damping} = f_0 + f \sin \omega t, \qquad |w(x_1)| \le c/2, \quad
-              |w(x_2)| \le c/2, \\
-              m' = \rho A + \rho_i A_i + C_m \rho_o \pi D^2/4
-
-    Parameters
-    ----------
-    length : float, > 0
-        L in m, from one tube sheet to the other.
-    outer_diameter, wall_thickness : float, > 0
-        D and t in m; t is less than D/2.
-    youngs_modulus : float, > 0
-        E in Pa.
-    density : float, > 0
-        rho of the tube in kg/m^3.
-    inner_fluid_density, outer_fluid_density : float, >= 0
-        rho_i and rho_o in kg/m^3.
-    added_mass_coefficient : float, >= 0
-        C_m, as of `tube_in_supports`.
-    damping_ratio : float, >= 0
-        Of every mode, with the fluid.
-    force_per_length, steady_force_per_length : float
-        f >= 0 and f_0 in N/m, uniform along the tube.
-    frequency : float, > 0
-        Of f, in Hz.
-    first_support_at, second_support_at : float, 0 to 1
-        x_1 and x_2 over the length, away from the ends.
-    diametral_clearance : float, > 0
-        c in m, diameter of the hole less D.
-    restitution : float, 0 to 1
-        In both supports.
-    modes : int, 1 to 12
-        How many are kept.
-
-    Returns
-    -------
-    ImpactSystem
-        As `tube_in_supports`.
-
-    Raises
-    ------
-    ValueError
-        A number is out of its range, or a support is at an end.
-
     Notes
     -----
     As of `tube_in_supports`; left out is the axial load, too, that a cold or hot tube between stiff sheets has.
@@ -191,54 +154,41 @@ def clamped_tube_in_supports(
     >>> (clamped_tube_in_supports().natural_frequencies / (2 * np.pi)).round(2).tolist()
     [35.69, 98.39, 192.89]
     """
-    return _tube("clamped-clamped", **locals())
+    return _tube("clamped-clamped", locals())
 
 
-def _tube(
-    ends: str,
-    *,
-    length: float,
-    outer_diameter: float,
-    wall_thickness: float,
-    youngs_modulus: float,
-    density: float,
-    inner_fluid_density: float,
-    outer_fluid_density: float,
-    added_mass_coefficient: float,
-    damping_ratio: float,
-    force_per_length: float,
-    steady_force_per_length: float,
-    frequency: float,
-    first_support_at: float,
-    second_support_at: float,
-    diametral_clearance: float,
-    restitution: float,
-    modes: float,
-) -> ImpactSystem:
-    inner = outer_diameter - 2.0 * wall_thickness
+def _tube(ends: str, given: Mapping[str, float]) -> ImpactSystem:
+    """Return a tube of some ends, from the arguments of both of them."""
+    length, outer, wall_thickness = given["length"], given["outer_diameter"], given["wall_thickness"]
+    inner = outer - 2.0 * wall_thickness
     if inner <= 0.0:
-        raise invalid("wall_thickness", wall_thickness, f"less than half of `outer_diameter`, {outer_diameter / 2:g}")
-    bore, disc = 0.25 * math.pi * inner**2, 0.25 * math.pi * outer_diameter**2
-    wall = math.pi * wall_thickness * (outer_diameter - wall_thickness)
-    rigidity = youngs_modulus * wall * (outer_diameter**2 + inner**2) / 16.0
-    per_length = density * wall + inner_fluid_density * bore + added_mass_coefficient * outer_fluid_density * disc
-    shapes = beam_modes(ends, count("modes", modes))
-    places = {"first_support_at": first_support_at, "second_support_at": second_support_at}
-    rows = [moving_row(name, place, shapes) for name, place in places.items()]
-    sides = {"first_upper": ("first", 1.0), "first_lower": ("first", -1.0)}
-    sides |= {"second_upper": ("second", 1.0), "second_lower": ("second", -1.0)}
+        raise invalid("wall_thickness", wall_thickness, f"less than half of `outer_diameter`, {outer / 2:g}")
+    bore, disc = 0.25 * math.pi * inner**2, 0.25 * math.pi * outer**2
+    wall = math.pi * wall_thickness * (outer - wall_thickness)
+    rigidity = given["youngs_modulus"] * wall * (outer**2 + inner**2) / 16.0
+    inside = given["inner_fluid_density"] * bore
+    outside = given["added_mass_coefficient"] * given["outer_fluid_density"] * disc
+    per_length = given["density"] * wall + inside + outside
+    shapes = beam_modes(ends, count("modes", given["modes"]))
+    rows = [moving_row(name, given[name], shapes) for name in ("first_support_at", "second_support_at")]
+    sides = {f"{support}_{side}": {support: sign} for support in ("first", "second") for side, sign in _SIDES.items()}
     return ImpactSystem.from_modes(
-        frequencies=hertz(shapes, rigidity, per_length, length),
-        damping_ratios=damping_ratio,
+        frequencies=shapes.hertz(rigidity, per_length, length),
+        damping_ratios=given["damping_ratio"],
         shapes=np.array([*rows, length * shapes.means]) / math.sqrt(per_length * length),
         points=["first", "second", "span"],
         force=Force(
-            frequency=frequency,
-            harmonics={1: {"span": force_per_length}},
-            constant={"span": steady_force_per_length},
+            frequency=given["frequency"],
+            harmonics={1: {"span": given["force_per_length"]}},
+            constant={"span": given["steady_force_per_length"]},
         ),
         stops=[
-            Stop(direction={at: sign}, gap=0.5 * diametral_clearance, restitution=restitution, name=name)
-            for name, (at, sign) in sides.items()
+            Stop(
+                direction=direction,
+                gap=0.5 * given["diametral_clearance"],
+                restitution=given["restitution"],
+                name=name,
+            )
+            for name, direction in sides.items()
         ],
     )

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
-from vibroimpact.backends.cpu import outlast
+from vibroimpact.backends.scalar import outlast
 from vibroimpact.model import Model
 from vibroimpact.orbits import newton
 from vibroimpact.orbits.admissibility import contacts

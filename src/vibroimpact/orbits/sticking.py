@@ -30,7 +30,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from vibroimpact.backends.cpu import limits
+from vibroimpact.backends.scalar import limits
 from vibroimpact.kernels.advance import LOOK, TRACE
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.recorder import END, MEMORY, Recorder, begin, record

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vibroimpact.dataset import level_variable, plain_variable
-from vibroimpact.execution import Gathered, Place, check_place, computing, usual_tile
+from vibroimpact.execution.base import Gathered, Place, usual_tile
+from vibroimpact.execution.places import check_place, computing
 from vibroimpact.motion import may_wind
 from vibroimpact.parameters import invalid, real_number, several, whole_number
 from vibroimpact.progress import Report, Stop, reporter
@@ -52,7 +53,7 @@ def refine_map(
             stored = open_or_create(store, request, usual_tile(request, listed=True))
             if stored.is_whole():
                 return stored.dataset()
-            kept = stored, stack.enter_context(stored.writing(request))
+            kept = stored, stack.enter_context(stored.writing())
         place = stack.enter_context(computing(cluster, workers))
         picture = Picture(request.shape, request.indices, request.measurement.impacts.keep, may_wind(request.model))
         level = {"level": level_variable(request.dims, picture.level)}
@@ -146,7 +147,7 @@ class Batches:
         store, writer = self.kept
         if not writer.is_done(number):
             return False
-        with suppress(Exception):  # a damaged chunk: computed again
+        with suppress(OSError):  # damaged since the store was opened: computed again
             found = {name: values[: len(cells)] for name, values in store.read(number).items()}
             if np.array_equal(found["cell"], cells):
                 self.picture.put(cells, found, level)

@@ -6,17 +6,16 @@ import json
 import math
 from collections.abc import Callable, Iterator
 from itertools import groupby
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vibroimpact.dataset import bifurcation_name, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
 from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import counted
 from vibroimpact.recognition import recognise, recurrence
-from vibroimpact.report.quantities import axis_range, begun, quantity, spaced, span
+from vibroimpact.report.quantities import axis_range, initial_condition, quantity, spaced, span
 from vibroimpact.report.sweeps import diagram_sentences, map_sentences
 from vibroimpact.report.systems import coordinates, each_stop, system_sentence
 from vibroimpact.status import Status
@@ -52,7 +51,7 @@ def _simulation(dataset: xr.Dataset) -> Iterator[str]:
     time, speeds = dataset["time"].values, dataset["impact_velocity"].values
     if len(time):
         periods = f"{(time[-1] - time[0]) / period:.4g} driving periods of {period:.4g} s"
-        yield f"{begun(dataset, after=': ')}{periods}, {time[0]:.4g} to {time[-1]:.4g} s"
+        yield f"{initial_condition(dataset, after=': ')}{periods}, {time[0]:.4g} to {time[-1]:.4g} s"
         yield from _places(dataset)
     if len(speeds):
         at = dataset["impact_time"].values[speeds.argmax()]
@@ -75,14 +74,14 @@ def _places(dataset: xr.Dataset) -> Iterator[str]:
 
 def motion_of(section: xr.Dataset) -> str:
     """Return the motion of an impact section in a sentence."""
-    model = model_of(section)
-    if isinstance(model, ImpactOscillator):
-        return recognise(section).sentence(model.period)
-    return system_sentence(section, model)
+    model: Any = model_of(section)
+    if "stop" in section:
+        return system_sentence(section, model)
+    return recognise(section).sentence(model.period)
 
 
 def _impacts(dataset: xr.Dataset) -> Iterator[str]:
-    yield begun(dataset, after=": ") + motion_of(dataset)
+    yield initial_condition(dataset, after=": ") + motion_of(dataset)
     if speeds := dataset["velocity"].values.tolist():
         mean, std = np.mean(speeds), shown_spread(np.std(speeds), max(speeds))
         kept = f"{counted(len(speeds), 'impact')} kept"
@@ -95,7 +94,7 @@ def _impacts(dataset: xr.Dataset) -> Iterator[str]:
 def _stroboscopic(dataset: xr.Dataset) -> Iterator[str]:
     several = "coordinate" in dataset.dims
     columns = coordinates(dataset) if several else [dataset[name].values for name in ("displacement", "velocity")]
-    n, start = recurrence(*columns), begun(dataset, after=": ")
+    n, start = recurrence(*columns), initial_condition(dataset, after=": ")
     if not n:
         yield f"{start}the samples taken once per driving period do not repeat"
     else:

@@ -31,8 +31,8 @@ def spaced(word: str) -> str:
     return word.replace("_", " ")
 
 
-def begun(dataset: xr.Dataset, before: str = "from ", after: str = "") -> str:
-    """Return from which initial conditions a result was computed; nothing where it does not hold that."""
+def initial_condition(dataset: xr.Dataset, before: str = "from ", after: str = "") -> str:
+    """Return the initial conditions from which a result was computed; nothing where it does not hold them."""
     start = dataset.attrs.get("initial_condition", "")
     if "start" in dataset.coords and "start" not in dataset.dims:  # one of several was selected
         start = f"start = {int(dataset['start'])} of {start}"

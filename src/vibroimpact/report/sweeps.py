@@ -17,7 +17,7 @@ from vibroimpact.indices import EVERY, ROUNDING, spread_scale
 from vibroimpact.motion import MotionClass, decide, may_wind, motion_name, refined
 from vibroimpact.parameters import counted
 from vibroimpact.recognition import cycle_length, recurrence
-from vibroimpact.report.quantities import axis_range, begun, quantity, spaced, span
+from vibroimpact.report.quantities import axis_range, initial_condition, quantity, spaced, span
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -38,9 +38,9 @@ def map_sentences(dataset: xr.Dataset) -> Iterator[str]:
     ranges = "; ".join(axis_range(dataset, axis) for axis in axes)
     if "start" in dataset.dims:
         yield f"{shape} {cells}: {ranges}"
-        yield begun(dataset, "each from ")
+        yield initial_condition(dataset, "each from ")
     else:
-        yield f"{shape} {cells}{begun(dataset, ' from ')}: {ranges}"
+        yield f"{shape} {cells}{initial_condition(dataset, ' from ')}: {ranges}"
     for name in (name for name in EVERY if name in dataset):
         yield _index(dataset[name], axes, model_of(dataset).velocity_scale)
     if "filled_in" in dataset.attrs:
@@ -117,9 +117,9 @@ def diagram_sentences(dataset: xr.Dataset) -> Iterator[str]:
     axis = str(dataset["status"].dims[0])
     values = dataset[axis].values
     direction = json.loads(dataset.attrs.get("arguments", "{}")).get("direction", "fresh")
-    start = begun(dataset, ", each from ")
+    start = initial_condition(dataset, ", each from ")
     if direction != "fresh":
-        start = begun(dataset, f", going {direction} from ", ", then each from where its neighbour ended")
+        start = initial_condition(dataset, f", going {direction} from ", ", then each from where its neighbour ended")
     yield f"{counted(len(values), 'value')} of {axis_range(dataset, axis)}{start}"
     for name in ("displacement", "velocity"):
         if name in dataset and np.isfinite(dataset[name]).any():

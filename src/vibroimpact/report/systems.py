@@ -1,4 +1,4 @@
-"""Motions of systems in words: what each stop sees, and whether the impacts repeat."""
+"""Motions of systems in words: what strikes each stop, and whether the impacts repeat."""
 
 from __future__ import annotations
 
@@ -60,12 +60,12 @@ def each_stop(dataset: xr.Dataset) -> Iterator[str]:
     struck, speed = dataset["impact_stop" if whole else "stop"], dataset["impact_velocity" if whole else "velocity"]
     closed, impulse = dataset["stick_stop"].values, dataset["impulse"].values
     for name in dict.fromkeys([*dataset["stop"].values.tolist(), *closed.tolist()]):
-        here, rests = struck.values == name, int((closed == name).sum())
-        parts = [counted(int(here.sum()), "impact")]
-        if here.any():
-            hardest = quantity(float(speed.values[here].max()), "m/s", 4)
-            parts.append(f"up to {hardest} and {quantity(float(impulse[here].max()), 'N s', 4)}")
-        if contacts := list(_contacts(dataset.isel(impact=np.flatnonzero(here)))):
+        on_it, rests = struck.values == name, int((closed == name).sum())
+        parts = [counted(int(on_it.sum()), "impact")]
+        if on_it.any():
+            hardest = quantity(float(speed.values[on_it].max()), "m/s", 4)
+            parts.append(f"up to {hardest} and {quantity(float(impulse[on_it].max()), 'N s', 4)}")
+        if contacts := list(_contacts(dataset.isel(impact=np.flatnonzero(on_it)))):
             parts += contacts
         elif whole:
             least = float(dataset["clearance"].sel(stop=name).min())
@@ -78,7 +78,7 @@ def each_stop(dataset: xr.Dataset) -> Iterator[str]:
 
 
 def _contacts(impacts: xr.Dataset) -> Iterator[str]:
-    """Yield the largest force, the longest contact and the deepest of impacts on one stop, if it gives."""
+    """Yield the largest force, the longest contact and the deepest of impacts on one stop, if it is compliant."""
     most = {"peak_force": "force up to", "contact_time": "contacts of up to", "penetration": "pushed in by up to"}
     for name in (name for name in most if name in impacts and impacts[name].notnull().any()):
         yield f"{most[name]} {quantity(float(impacts[name].max()), impacts[name].attrs['units'], 4)}"

@@ -1,9 +1,9 @@
 """What a design does, how safely, and which changes soften its impacts; and two designs side by side."""
 
 from vibroimpact.verdict.advice import Advice
-from vibroimpact.verdict.boundaries import Edge
 from vibroimpact.verdict.compare import Comparison, compare
 from vibroimpact.verdict.describe import Verdict, describe
+from vibroimpact.verdict.edges import Edge
 from vibroimpact.verdict.present import Coexisting
 
 __all__ = ["Advice", "Coexisting", "Comparison", "Edge", "Verdict", "compare", "describe"]

@@ -16,25 +16,22 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
-from vibroimpact.cells import Floats, cells_at
+from vibroimpact.cells import Floats
 from vibroimpact.coexistence.final import LATE, irregular, rests
-from vibroimpact.coexistence.measuring import Measured, Runner, carried, copies, orbit_cell, orbit_cells, spread_cells
+from vibroimpact.coexistence.measuring import Measured, Runner, carried, orbit_cell, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass
-from vibroimpact.oscillator import ImpactOscillator
-from vibroimpact.system import ImpactSystem
-from vibroimpact.system_cells import SystemCells
 from vibroimpact.verdict.branches import Branches, present_orbits
 from vibroimpact.verdict.lines import ANY, ENDS, TRIED, Line, Search, rounded
-from vibroimpact.verdict.present import Coexisting, Present, Range, measure
+from vibroimpact.verdict.present import EQUAL, Coexisting, Present, measure
+from vibroimpact.verdict.ranges import PLACES, Range
 
-PLACES = 36  # values along a path
 FINER, HALVINGS = 2, 6  # times that steps near the present value are halved; of the step in which the benefit begins
 NEARER = PLACES // 3  # of these are looked at first
-SOFTER = 0.8 * (1.0 + 1e-9)  # of the hardest hit: a clear benefit
+SOFTER = 0.8 * (1.0 + EQUAL)  # of the hardest hit: a clear benefit
 SCOUTS = 6  # spread initial conditions with which a value is found
 INSTANTS = 128  # of each present cycle at which the change is made
 SCAN, TEST = ImpactWindow(500, 1500), ImpactWindow(1000, 2000)
-FEW = 8  # one in so many initial conditions is asked first: these reject most of what is rejected
+FEW = 8  # one in so many initial conditions is tried first: these reject most of what is rejected
 
 
 @dataclass(frozen=True)
@@ -85,8 +82,7 @@ class Target:
     def of(cls, motions: Sequence[Coexisting]) -> Target:
         """Return the target among motions that coexist."""
         worst = max(motions, key=lambda motion: motion.max_velocity)
-        chaotic = worst.name == MotionClass.CHAOTIC.word
-        return cls(worst.max_velocity, not all(motion.repeats for motion in motions), chaotic)
+        return cls(worst.max_velocity, not all(motion.repeats for motion in motions), worst.chaotic)
 
     def benefit(self, then: Iterable[Measured]) -> str:
         """Return the benefit of a change after which these are the motions, or nothing.
@@ -108,29 +104,22 @@ class Target:
 
 def hit(motion: Measured) -> float:
     """Return the hardest hit of a motion, infinity where it could not be followed."""
-    known = motion.hardest == 0.0 or motion.status.has_indices
-    return motion.hardest if known and not math.isnan(motion.hardest) else math.inf
+    followed = motion.hardest == 0.0 or motion.status.has_indices
+    return motion.hardest if followed and not math.isnan(motion.hardest) else math.inf
 
 
 @dataclass(frozen=True)
 class Cycle:
-    """States of a present motion through its cycle: displacements in m, velocities in m/s, driving phases."""
+    """States of a present motion through its cycle: displacements in m, velocities in m/s and driving phases."""
 
     displacement: Floats
     velocity: Floats
     phase: Floats
 
-    def cells(self, design: Any, every: int = 1) -> Cells:
-        """Return the states as cells of a changed design; where a stop has moved past the mass, it is there."""
+    def cells(self, cell: Cells, every: int = 1) -> Cells:
+        """Return the states as cells of the changed design of a single one."""
         y, v, phase = (column[::every] for column in (self.displacement, self.velocity, self.phase))
-        if not isinstance(design, ImpactOscillator):
-            return copies(design, len(phase)).carried(y, v, phase)
-        clear = y <= design.gap
-        return cells_at(design, np.where(clear, design.gap - y, 0.0), np.where(clear, v, np.minimum(v, 0.0)), phase)
-
-
-def _at_rest(design: Any) -> Any:
-    return design if isinstance(design, SystemCells) else design.cells({})
+        return cell.copies(len(phase)).carried(y, v, phase)
 
 
 def present_cycles(osc: Any, motions: Sequence[Coexisting], runner: Runner) -> list[Cycle]:
@@ -140,9 +129,8 @@ def present_cycles(osc: Any, motions: Sequence[Coexisting], runner: Runner) -> l
         periods = min(motion.n_periods or 16, INSTANTS)
         often = math.ceil(INSTANTS / periods)
         window = StroboscopicWindow(0, periods * often, None, often)
-        (seen,) = runner.samples(carried(osc, motion.start), window)
-        y = np.minimum(seen.look_displacement, osc.gap if isinstance(osc, ImpactOscillator) else math.inf)
-        found.append(Cycle(y, seen.look_velocity, seen.look_phase))
+        (samples,) = runner.samples(carried(osc, motion.start), window)
+        found.append(Cycle(samples.look_displacement, samples.look_velocity, samples.look_phase))
     return found
 
 
@@ -158,18 +146,16 @@ class Judge:
 
     def glance(self, designs: Sequence[Any], wanted: Sequence[tuple[str, ...]]) -> list[str]:
         """Return the benefit of each design, if wanted, from rest, the present motions, and then spread impacts."""
-        if designs and isinstance(designs[0], ImpactSystem):
-            cells = SystemCells.of_systems(designs)  # of one shape; they know all that initial conditions need
-            designs = [cells[at : at + 1] for at in range(len(designs))]
+        at_rest: Any = designs[0].cells_of(designs) if designs else None
         return self._benefits(
-            designs,
+            [at_rest[at : at + 1] for at in range(len(designs))],
             wanted,
-            lambda design: [_at_rest(design), *(cycle.cells(design, INSTANTS) for cycle in self.cycles)],
-            lambda design: [spread_cells(design, SCOUTS)],
+            lambda cell: [cell, *(cycle.cells(cell, INSTANTS) for cycle in self.cycles)],
+            lambda cell: [spread_cells(cell, SCOUTS)],
         )
 
     def _benefits(
-        self, designs: Sequence[Any], wanted: Sequence[tuple[str, ...]], *stages: Callable[[Any], list[Cells]]
+        self, designs: Sequence[Cells], wanted: Sequence[tuple[str, ...]], *stages: Callable[[Cells], list[Cells]]
     ) -> list[str]:
         motions: list[list[Measured]] = [[] for _ in designs]
         benefits = [""] * len(designs)
@@ -187,13 +173,13 @@ class Judge:
     def settled(self, varied: Range, value: float) -> list[Measured]:
         """Return the motions from all initial conditions, or from as few as show that there is no benefit."""
         motions: list[Measured] = []
-        begun: list[Cells] = []
+        tried: list[Cells] = []
         for cells in self._starts(varied, value):
-            begun.append(cells)
+            tried.append(cells)
             motions += measure(self.runner, cells, TEST)
             if not self.target.benefit(motions):
                 return motions
-        return self._watched(Cells.join(begun), motions)
+        return self._watched(Cells.join(tried), motions)
 
     def _watched(self, cells: Cells, motions: list[Measured]) -> list[Measured]:
         """Return motions, those that look chaotic as what they end in, if the hardest of them is a transient."""
@@ -213,15 +199,16 @@ class Judge:
         A slow change leads along the branches of the present orbits.
         """
         design = varied.at(value)
-        many = Cells.join([design.cells({}), spread_cells(design), *(cycle.cells(design) for cycle in self.cycles)])
+        cell = design.cells({})
+        many = Cells.join([cell, spread_cells(cell), *(cycle.cells(cell) for cycle in self.cycles)])
         number = len(many)
         mixed = np.argsort(np.arange(number) % FEW, kind="stable")
         first, *others = np.split(mixed, [number // FEW, number // 4, number // 2])
         yield many[first]
         if on := [orbit_cell(design, orbit) for orbit in self.branches.at(self.orbits, varied, value)]:
             yield Cells.join(on)
-        if known := orbit_cells(design):
-            yield Cells.join(known)
+        if of_one_impact := orbit_cells(design):
+            yield Cells.join(of_one_impact)
         yield from (many[some] for some in others)
 
 
@@ -246,10 +233,10 @@ def advise(
     _refine(good, judge)
     found = [_scaled(reached, each) for each in ranges if each.only_scales]
     for each in ranges:
-        mine = [search for search in good if search.range is each]
-        first = _smallest([search for search in mine if search.wanted == ANY], judge)
+        searches = [search for search in good if search.range is each]
+        first = _smallest([search for search in searches if search.wanted == ANY], judge)
         if first is not None and first.benefit != "no_impact":
-            found.append(_smallest([search for search in mine if search.wanted == ENDS], judge))
+            found.append(_smallest([search for search in searches if search.wanted == ENDS], judge))
         found.append(first)
     return tuple(sorted((advice for advice in found if advice is not None), key=lambda advice: abs(advice.change)))
 
@@ -287,9 +274,9 @@ def _enough(line: Line, lines: Sequence[Line]) -> bool:
 
 def _change_of(varied: Range, lines: Sequence[Line]) -> float:
     """Return the smallest change of a parameter to where benefits begin on one of its lines."""
-    mine = [line for line in lines if line.range is varied]
-    begun = [line.values[first] for line in mine if (first := line.begin(ANY)) is not None]
-    return min((abs(varied.change(value)) for value in begun), default=math.inf)
+    both = [line for line in lines if line.range is varied]
+    first_values = [line.values[first] for line in both if (first := line.begin(ANY)) is not None]
+    return min((abs(varied.change(value)) for value in first_values), default=math.inf)
 
 
 def _refine(searches: Sequence[Search], judge: Judge) -> None:

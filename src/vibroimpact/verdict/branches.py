@@ -5,6 +5,7 @@ A change that is made slowly leads along their branches, which initial condition
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
@@ -18,14 +19,13 @@ from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.following import Way
 from vibroimpact.continuation.system import system_of
 from vibroimpact.orbits.orbit import Impacts
-from vibroimpact.orbits.systems import SystemOrbit, ended
-from vibroimpact.system import ImpactSystem
-from vibroimpact.verdict.present import LONGEST, Coexisting, Present, Range, stable_cycle
+from vibroimpact.orbits.systems import ended
+from vibroimpact.verdict.present import LONGEST, Coexisting, Present, stable_cycle
+from vibroimpact.verdict.ranges import Range
 
-STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch near a bifurcation
-COARSE = 0.02  # the same of systems: ten times as dear as of one mass
+STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch of one mass near a bifurcation
 STRIDE = 0.08  # elsewhere
-MOST = 400  # orbits times impacts that are solved for along one branch
+MOST = 800  # orbits times impacts that are solved for along one branch
 WHOLE = 1e-6  # of a period, or a change: what differs by less is one
 
 
@@ -37,18 +37,18 @@ def present_orbits(present: Present, motions: Sequence[Coexisting], runner: Runn
 
 def _orbit_of(present: Present, motion: Coexisting, runner: Runner) -> Any:
     """Return the orbit that a coexisting motion is on, solved for from its impacts; None where that is not possible."""
-    n, made = motion.n_periods, present.oscillator
+    n, oscillator = motion.n_periods, present.oscillator
     if not motion.max_velocity or not 0 < n <= HARDLY_EVER:
         return None
-    seen: Any
-    (seen,) = runner.samples(carried(made, motion.start), ImpactWindow(0, LONGEST + 1))
-    turns, speeds = seen.impact_periods + seen.impact_phase, seen.impact_velocity
+    samples: Any
+    (samples,) = runner.samples(carried(oscillator, motion.start), ImpactWindow(0, LONGEST + 1))
+    turns, speeds = samples.impact_periods + samples.impact_phase, samples.impact_velocity
     p = int(np.searchsorted(turns, turns[0] + n - WHOLE)) if len(turns) == LONGEST + 1 else LONGEST + 1
     if p > LONGEST:
         return None
-    if isinstance(made, ImpactSystem):
-        return solved(present.model, n, seen.impact_stop[:p], turns[:p], speeds[:p], ended(made, seen))
-    return stable_cycle(present.model, n, p, Impacts(seen.impact_phase[:p], speeds[:p]))
+    if oscillator.forgets:
+        return stable_cycle(present.model, n, p, Impacts(samples.impact_phase[:p], speeds[:p]))
+    return solved(present.model, n, samples.impact_stop[:p], turns[:p], speeds[:p], ended(oscillator, samples))
 
 
 class Branch:
@@ -60,7 +60,7 @@ class Branch:
         self._ways = self._walk()
 
     def _walk(self) -> Iterator[Way]:
-        longest = COARSE if isinstance(self.orbit, SystemOrbit) else STEP
+        longest = STEP * math.sqrt(self.orbit.model.at().step_cost)  # dearer orbits lie wider apart
         system, z = system_of(self.orbit, (self.varied.name,), ((self.varied.low, self.varied.high),))
         yield from walk(system, system.pack(z), longest, False, self.direction, round(STRIDE / longest))
 
@@ -85,8 +85,8 @@ class Branch:
 
     def _passes(self, value: float) -> bool:
         """Whether the branch has passed a value, or comes back past its beginning."""
-        begun, points = self.varied.value, self.way.points if self.way else []
-        ways = [(_value(point) - begun) / (value - begun) for point in points]
+        present, points = self.varied.value, self.way.points if self.way else []
+        ways = [(_value(point) - present) / (value - present) for point in points]
         return bool(ways) and (max(ways) >= 1.0 or min(ways) < -WHOLE)
 
     def _crossing(self, a: Any, b: Any, value: float) -> Any:
@@ -95,8 +95,8 @@ class Branch:
         if not min(low, high) <= value <= max(low, high) or low == high:
             return None
         x = a.x + (value - low) / (high - low) * (b.x - a.x)
-        found, made, _ = a.system.newton(x, np.eye(len(x))[-1])
-        return a.system.orbit(found) if made else None
+        found, converged, _ = a.system.newton(x, np.eye(len(x))[-1])
+        return a.system.orbit(found) if converged else None
 
 
 def _value(point: Any) -> float:

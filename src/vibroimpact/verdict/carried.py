@@ -1,4 +1,4 @@
-"""Motions carried along many paths at once, in small steps, until each becomes another.
+"""A motion carried along a path, in small steps, until it becomes another.
 
 A step after which the motion is another is bisected. Whether it truly ends there is then seen from close by and over
 many more impacts: a motion that merely missed its own basin in a large step, or that had not settled, goes on.
@@ -10,18 +10,17 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from vibroimpact.backends import Cells, ImpactWindow
-from vibroimpact.coexistence.measuring import Measured, Runner, Start, cells_of
+from vibroimpact.coexistence.measuring import Measured, Start, cells_of
 from vibroimpact.motion import MotionClass
-from vibroimpact.verdict.present import Range, measure
+from vibroimpact.verdict.ranges import PLACES, Range
+from vibroimpact.verdict.searches import Search, followed, measured
 
-PLACES = 36  # values along a path, at least
 HALVINGS = 12  # of the step in which the motion changes
 NARROW = 0.5**HALVINGS / PLACES  # of a path
 SECTIONS, ROUNDS = 16, 4  # of a step that is searched from one state, and how often
-STATES = 4  # of a motion from which it may go on
+STATES, APART = 4, 317  # of a motion from which it may go on, and how many impacts lie between two of them
+FURTHER = 300  # impacts after which a motion is carried on from its state
 MISSED = 3  # times that a motion may miss its own basin along a path, before it is given up
 BRIEF = ImpactWindow(100, 1500)  # enough for a name, and an exponent to a few per cent
 LONG = ImpactWindow(5000, 5000)  # close to a boundary motions settle slowly, and chaos may be a transient
@@ -98,125 +97,100 @@ class Track:
         self.missed += 1
         self.done = self.done or self.missed > MISSED
 
+    def cells(self, states: Sequence[tuple[float, Start | None]]) -> Cells:
+        """Return the cells that start at places from states."""
+        there = [self.range.changed(self.at(place)) for place, _ in states]
+        return cells_of(there, [start for _, start in states])
 
-def carry(tracks: Sequence[Track], runner: Runner) -> None:
-    """Carry the motion of each track to where it becomes another, or to the end of its path."""
-    while active := [track for track in tracks if not track.done]:
-        if going := [track for track in active if not track.close]:
-            _go(going, runner)
-        else:
-            _look_closely(active, runner)
-
-
-def _cells(tracks: Sequence[Track], places: Sequence[float]) -> Cells:
-    there = [track.range.changed(track.at(place)) for track, place in zip(tracks, places, strict=True)]
-    return cells_of(there, [track.start for track in tracks])
+    def still(self, motion: Measured) -> bool:
+        """Return whether a motion may be the one that is followed."""
+        return motion.motion_class in UNSURE or self.same(motion)
 
 
-def _go(tracks: Sequence[Track], runner: Runner) -> None:
-    """Carry each motion to its next place, and see whether it is still the same."""
-    places = [track.next for track in tracks]
-    cells = _cells(tracks, places)
-    same = [still(track, motion) for track, motion in zip(tracks, measure(runner, cells, BRIEF), strict=True)]
-    kept = np.flatnonzero(same)
-    states = iter(runner.follow(cells[kept]) if kept.size else [])
-    for track, place, is_same in zip(tracks, places, same, strict=True):
-        if not is_same:
-            track.barrier = place
-            continue
-        track.go(place, next(states))
-        if math.isnan(track.barrier):
-            track.step = min(2.0 * track.step, 1.0 / PLACES)
+def carry(track: Track) -> Search[Track]:
+    """Carry a motion to where it becomes another, or to the end of its path."""
+    while not track.done:
+        yield from (_look_closely if track.close else _go)(track)
+    return track
 
 
-def still(track: Track, motion: Measured) -> bool:
-    """Return whether a motion may be the one that is followed."""
-    return motion.motion_class in UNSURE or track.same(motion)
+def _go(track: Track) -> Search[None]:
+    """Carry a motion to its next place, and see whether it is still the same."""
+    place = track.next
+    cell = track.cells([(place, track.start)])
+    (motion,) = yield measured(cell, BRIEF)
+    if not track.still(motion):
+        track.barrier = place
+        return
+    (state,) = yield followed(cell, FURTHER)
+    track.go(place, state)
+    if math.isnan(track.barrier):
+        track.step = min(2.0 * track.step, 1.0 / PLACES)
 
 
-def _look_closely(tracks: Sequence[Track], runner: Runner) -> None:
-    """Decide from the nearest states, and over many impacts, whether each motion does end where it seemed to.
+def _look_closely(track: Track) -> Search[None]:
+    """Decide from the nearest states, and over many impacts, whether a motion does end where it seemed to.
 
     One state may miss the motion's own basin where another of the same motion does not.
     """
-    behind = [track.behind[-1] if track.behind else (track.place, track.start) for track in tracks]
-    before = _states(tracks, behind, runner)
-    chosen = _same_from(tracks, [track.place for track in tracks], before, runner)
-    for track, (start, _) in zip(tracks, chosen, strict=True):
-        track.start = track.start if start is None else start
-    _look_back([track for track, (start, _) in zip(tracks, chosen, strict=True) if start is None], runner)
-    if not (left := [track for track in tracks if not track.done and track.close]):
+    behind = track.behind[-1] if track.behind else (track.place, track.start)
+    states = yield from _states(track, *behind)
+    start, _ = yield from _same_from(track, track.place, states, track.same)
+    if start is None:
+        yield from _look_back(track)
+    else:
+        track.start = start
+    if track.done or not track.close:
         return
-    inside = _states(left, [(track.place, track.start) for track in left], runner)
-    for track, (start, there) in zip(
-        left, _same_from(left, [track.barrier for track in left], inside, runner, still), strict=True
-    ):
-        if start is None:
-            track.beyond, track.done = there, True
-            continue
-        (state,) = runner.follow(start.cell(track.range.changed(track.outside)))
-        track.go_on(state)
+    states = yield from _states(track, track.place, track.start)
+    start, motion = yield from _same_from(track, track.barrier, states, track.still)
+    if start is None:
+        track.beyond, track.done = motion, True
+        return
+    (state,) = yield followed(track.cells([(track.barrier, start)]), FURTHER)
+    track.go_on(state)
 
 
-def _states(
-    tracks: Sequence[Track], places: Sequence[tuple[float, Start | None]], runner: Runner
-) -> list[list[Start | None]]:
-    """Return for each track some states of the motion at a place, the given one first."""
-    there = [track.range.changed(track.at(place)) for track, (place, _) in zip(tracks, places, strict=True)]
-    starts = [[start] for _, start in places]
+def _states(track: Track, place: float, start: Start | None) -> Search[list[Start | None]]:
+    """Return some states of the motion at a place, the given one first."""
+    states = [start]
     for _ in range(STATES - 1):
-        onward = runner.follow(cells_of(there, [own[-1] for own in starts]), 317)
-        for own, state in zip(starts, onward, strict=True):
-            own.append(state or own[-1])
-    return starts
+        (state,) = yield followed(track.cells([(place, states[-1])]), APART)
+        states.append(state or states[-1])
+    return states
 
 
 def _same_from(
-    tracks: Sequence[Track],
-    places: Sequence[float],
-    starts: Sequence[Sequence[Start | None]],
-    runner: Runner,
-    judge: Callable[[Track, Measured], bool] = lambda track, motion: track.same(motion),
-) -> list[tuple[Start | None, Measured]]:
-    """Return for each track the first of some states from which the motion is the same at a place, or None.
+    track: Track, place: float, states: Sequence[Start | None], same: Callable[[Measured], bool]
+) -> Search[tuple[Start | None, Measured]]:
+    """Return the first of some states from which the motion is the same at a place, or None.
 
     With it comes the motion from there, or from the first state.
     """
-    there = [track.range.changed(track.at(place)) for track, place in zip(tracks, places, strict=True)]
-    cells = cells_of([design for design in there for _ in range(STATES)], [one for own in starts for one in own])
-    motions = iter(measure(runner, cells, LONG))
-    found: list[tuple[Start | None, Measured]] = []
-    for track, own in zip(tracks, starts, strict=True):
-        seen = [next(motions) for _ in own]
-        right = [judge(track, motion) for motion in seen]
-        good = right.index(True) if any(right) and (all(right) or not track.lasts) else None
-        found.append((None, seen[0]) if good is None else (own[good], seen[good]))
-    return found
+    motions = yield measured(track.cells([(place, state) for state in states]), LONG)
+    right = [same(motion) for motion in motions]
+    if not any(right) or (track.lasts and not all(right)):
+        return None, motions[0]
+    first = right.index(True)
+    return states[first], motions[first]
 
 
-def _look_back(tracks: Sequence[Track], runner: Runner) -> None:
-    """Narrow down where motions end of which only a long window shows that they are transients, or settle slowly.
+def _look_back(track: Track) -> Search[None]:
+    """Narrow down where a motion ends of which only a long window shows that it is a transient, or settles slowly.
 
-    A motion is followed as far as it surely is the same, and ends where it surely is another.
+    It is followed as far as it surely is the same, and ends where it surely is another.
     """
-    left = [(track, [*track.behind, (track.place, track.start), (track.barrier, track.start)]) for track in tracks]
-    window = LONGEST if any(track.lasts for track in tracks) else LONG
-    for _ in range(ROUNDS if window == LONG else ROUNDS // 2):
-        if not left:
+    states = [*track.behind, (track.place, track.start), (track.barrier, track.start)]
+    window, rounds = (LONGEST, ROUNDS // 2) if track.lasts else (LONG, ROUNDS)
+    for _ in range(rounds):
+        motions = yield measured(track.cells(states), window)
+        ended = next((i for i, motion in enumerate(motions) if i and not track.still(motion)), None)
+        if ended is None:  # nowhere is it surely another
+            if track.beyond is None:
+                track.go_on(track.start)
             return
-        there = [track.range.changed(track.at(place)) for track, own in left for place, _ in own]
-        motions = iter(measure(runner, cells_of(there, [start for _, own in left for _, start in own]), window))
-        known, left = left, []
-        for track, own in known:
-            seen = [next(motions) for _ in own]
-            ended = next((i for i, motion in enumerate(seen) if i and not still(track, motion)), None)
-            if ended is None:  # nowhere is it surely another
-                if track.beyond is None:
-                    track.go_on(track.start)
-                continue
-            sure = next((i for i in range(ended - 1, 0, -1) if track.same(seen[i])), 0)
-            (track.place, track.start), (track.barrier, _), track.beyond = own[sure], own[ended], seen[ended]
-            part = (track.barrier - track.place) / SECTIONS
-            inner = [(track.place + part * j, track.start) for j in range(SECTIONS)]
-            left.append((track, [*inner, (track.barrier, track.start)]))
-            track.done = True
+        sure = next((i for i in range(ended - 1, 0, -1) if track.same(motions[i])), 0)
+        (track.place, track.start), (track.barrier, _), track.beyond = states[sure], states[ended], motions[ended]
+        part = (track.barrier - track.place) / SECTIONS
+        states = [(track.place + part * j, track.start) for j in range(SECTIONS)] + [(track.barrier, track.start)]
+        track.done = True

@@ -25,10 +25,10 @@ from vibroimpact.options import Tolerances
 from vibroimpact.parameters import Parameter, invalid, several
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
-from vibroimpact.verdict.boundaries import BOUNDARIES, ONSETS, Edge
+from vibroimpact.verdict.changes import advice_words, onset_words
 from vibroimpact.verdict.describe import Verdict, describe
-from vibroimpact.verdict.present import percent, range_of
-from vibroimpact.verdict.text import advice_words, onset_words
+from vibroimpact.verdict.edges import BOUNDARIES, ONSETS, Edge
+from vibroimpact.verdict.ranges import percent, range_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -131,7 +131,7 @@ def _worst_variables(verdicts: tuple[Verdict, Verdict]) -> dict[str, xr.Variable
     hit, speeds = "hardest hit from any initial condition", [_hardest(verdict) for verdict in verdicts]
     names = [(verdict.harder or verdict.motion).name for verdict in verdicts]
     shares = [verdict.harder.share if verdict.harder else math.nan for verdict in verdicts]
-    share = "share of the initial conditions that lead to it; none where a start from rest does"
+    share = "share of the initial conditions that lead to it; none where rest does"
     return {
         "worst_velocity": plain_variable("design", speeds, {"long_name": hit, "units": "m/s"}),
         "worst_motion": plain_variable("design", _texts(names), {"long_name": f"motion with the {hit}"}),
@@ -181,7 +181,7 @@ def _boundary(verdict: Verdict, edge: Edge) -> str:
         return f"at once ({edge.what})"
     others = [f"{what} {onset.value:.5g}" for onset, what in onset_words(edge)]
     if not edge.found:
-        end = "not sought" if math.isnan(edge.searched_to) else f"none to {edge.searched_to:.4g}"
+        end = "not sought" if edge.not_sought else f"none to {edge.searched_to:.4g}"
         return f"{end} ({', '.join(others)})" if others else end
     change = range_of(verdict.model, edge.parameter, 1.0).percent(edge.value)
     about = ", ".join([f"{'-' if edge.direction < 0 else '+'}{change}", edge.what, *others])
@@ -197,8 +197,7 @@ def _hardest(verdict: Verdict) -> float:
     """Return the hardest hit from any initial condition tried; 0 if all are known not to lead to impacts."""
     if verdict.worst:
         return verdict.worst.max_velocity
-    decided = sum(motion.share for motion in verdict.attractors) > 1.0 - 1e-9
-    return 0.0 if decided and verdict.max_velocity == 0.0 else math.nan
+    return 0.0 if not verdict.undecided and verdict.max_velocity == 0.0 else math.nan
 
 
 def _others(verdict: Verdict) -> str:
@@ -257,11 +256,11 @@ def compare(
     with reporter(progress, "parts") as report:
         for before, osc in enumerate((a, b)):
 
-            def tell(done: int, total: int, _: Any, before: int = before) -> Any:
+            def tally(done: int, total: int, _: Any, before: int = before) -> Any:
                 return report(before * total + done, 2 * total, None)
 
             verdicts.append(
-                describe(osc, parameters=varied, within=within, tolerances=tolerances, workers=workers, progress=tell)
+                describe(osc, parameters=varied, within=within, tolerances=tolerances, workers=workers, progress=tally)
             )
     return Comparison((first, second), (verdicts[0], verdicts[1]))
 

@@ -13,25 +13,14 @@ from vibroimpact.model import Model, check_model
 from vibroimpact.motion import Motion
 from vibroimpact.options import Tolerances
 from vibroimpact.progress import Report, reporter
-from vibroimpact.system import ImpactSystem
 from vibroimpact.verdict.advice import Advice, advise
-from vibroimpact.verdict.boundaries import Edge, nearest_boundaries
+from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.branches import Branches
-from vibroimpact.verdict.present import (
-    Coexisting,
-    Present,
-    Range,
-    check_parameters,
-    check_within,
-    coexisting_motions,
-    dearest,
-    present_motion,
-    range_of,
-)
-from vibroimpact.verdict.systems import lines_of_system, orbit_boundaries
+from vibroimpact.verdict.edges import Edge
+from vibroimpact.verdict.present import EQUAL, Coexisting, Present, coexisting_motions, dearest, present_motion
+from vibroimpact.verdict.ranges import Range, check_parameters, check_within, range_of
 from vibroimpact.verdict.text import lines
 
-ALIKE = 1e-9  # relative: hits that differ by less are as hard
 BESIDE = 3  # parts of the work besides one per parameter
 
 
@@ -70,8 +59,8 @@ class Verdict:
         For each parameter the smallest change that softens the impacts, and the smallest that ends them; the smallest
         of all first.
     complete : bool
-        False where `progress` asked to stop before the end, or more than 2^29 certified steps (2^27 of a
-        system) would have been taken.
+        False where `progress` asked to stop before the end, or more than 2^29 certified steps (2^27 for systems) would
+        have been taken.
     cells, steps : int
         Motions computed for it, and their certified steps.
     stops : tuple of str
@@ -118,17 +107,17 @@ class Verdict:
     def harder(self) -> Coexisting | None:
         """The worst motion if it is harder than that from rest, or this one's hits are unknown; of twins none is."""
         worst = self.worst
-        softer = worst is None or worst.from_rest or worst.max_velocity <= (1.0 + ALIKE) * self.max_velocity
+        softer = worst is None or worst.from_rest or worst.max_velocity <= (1.0 + EQUAL) * self.max_velocity
         return None if softer else worst
 
     @property
-    def of_system(self) -> bool:
-        """Whether it is on a system, not on one mass with one stop."""
-        return isinstance(self.oscillator, ImpactSystem)
+    def undecided(self) -> float:
+        """The share of the initial conditions of which it is not known what they lead to."""
+        share = 1.0 - sum(motion.share for motion in self.attractors)
+        return share if share >= EQUAL else 0.0
 
     def __str__(self) -> str:
-        told = lines_of_system(self) if self.of_system else lines(self)
-        return "\n".join(told)
+        return "\n".join(lines(self))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain dictionaries, lists, numbers and text, ready for JSON: NaN as None, infinity as "-inf"."""
@@ -138,7 +127,7 @@ class Verdict:
             "kind": self.kind,
             "motion": asdict(self.motion) | {"name": self.motion.name},
             "multipliers": [[z.real, z.imag] for z in self.orbit.multipliers] if self.orbit else None,
-            **({"stops": self.stops} if self.of_system else {}),
+            "stops": self.stops,
             "status": self.status,
             "indices": self.indices,
             "watched": self.watched,
@@ -282,10 +271,7 @@ def _describe(
     if not going():
         return False
     branches = Branches()
-    if isinstance(present.oscillator, ImpactSystem):
-        found["boundaries"] = orbit_boundaries(present.orbit, ranges, going, branches)
-    else:
-        found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"], branches)
+    found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"], branches)
     if len(found["boundaries"]) < 2 * len(ranges):
         return False
     found["advice"] = advise(present, found["attractors"], ranges, runner, branches)

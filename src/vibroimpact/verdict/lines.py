@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from vibroimpact.verdict.present import Range
+from vibroimpact.verdict.ranges import Range
 
 TRIED = 6  # values beyond the first good one at which advice is tested
 ANY, ENDS = ("softer", "no_chaos", "no_impact"), ("no_impact",)  # benefits that are looked for
@@ -25,7 +25,7 @@ class Line:
         """Return the place of the first value with a benefit that its next neighbour has too; None without one."""
         good = [benefit in wanted for benefit in self.benefits]
         pairs = zip(good, [*good[1:], good[-1]], strict=True)
-        return next((j for j, (here, beyond) in enumerate(pairs) if here and beyond), None)
+        return next((j for j, (this, neighbour) in enumerate(pairs) if this and neighbour), None)
 
     def between(self, nearer: float) -> list[float]:
         """Return values between neighbours, where a change is smaller than one and only one, or none, has a benefit."""
@@ -38,9 +38,9 @@ class Line:
 
     def add(self, values: Sequence[float], benefits: Iterable[str]) -> None:
         """Add values and the benefits there."""
-        known = [*zip(self.values, self.benefits, strict=True), *zip(values, benefits, strict=True)]
-        known.sort(key=lambda pair: abs(self.range.change(pair[0])))
-        self.values, self.benefits = [value for value, _ in known], [benefit for _, benefit in known]
+        pairs = [*zip(self.values, self.benefits, strict=True), *zip(values, benefits, strict=True)]
+        pairs.sort(key=lambda pair: abs(self.range.change(pair[0])))
+        self.values, self.benefits = [value for value, _ in pairs], [benefit for _, benefit in pairs]
 
 
 @dataclass

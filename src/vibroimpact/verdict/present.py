@@ -1,9 +1,7 @@
-"""A design as a verdict sees it: its motion from rest, the motions beside it, and how far each parameter is varied."""
+"""A design as a verdict sees it: its motion from rest, and the motions that coexist with it."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -17,29 +15,22 @@ from vibroimpact.coexistence.search import attractors_by, from_rest
 from vibroimpact.coexistence.systems import alike
 from vibroimpact.dataset import provenance
 from vibroimpact.labels import in_seconds, labelled_impacts
-from vibroimpact.model import Model, State, check_names
+from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
-from vibroimpact.orbits.orbit import Impacts, value_of
-from vibroimpact.oscillator import ImpactOscillator
-from vibroimpact.parameters import Parameter, invalid, several
+from vibroimpact.orbits.orbit import Impacts, family_of
 from vibroimpact.recognition import recognise
-from vibroimpact.scales import LIGHT, is_own_scale, scale_of
-from vibroimpact.system import ImpactSystem
 
-DEAREST = 1 << 29  # certified steps around a motion: five times those of the dearest of usual designs
-DEARER = 4  # times is a step of a system
+DEAREST = 1 << 29  # certified steps of one mass around a motion: five times those of the dearest of usual designs
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
 ALIKE = 5e-3  # `orbit_distance` from the settled motion within which an orbit or attractor is the same
 LONGEST = 16  # impacts in a cycle that is still solved for
-CROWDED = 1.5  # values along a path lie at (j/n)^1.5 of its way: a near boundary matters more than a far one
-FARTHEST = 1000.0  # how many times a parameter may be varied, at most
-TRIALS = 24  # bisections of a range whose end is no design of a family
+EQUAL = 1e-9  # relative: speeds, impulses, shares and sums of lengths that differ by less are equal
 
 
 def dearest(osc: Any) -> int:
     """Return the number of certified steps that a verdict may take."""
-    return DEAREST // (DEARER if isinstance(osc, ImpactSystem) else 1)
+    return DEAREST // int(osc.step_cost)
 
 
 def measure(runner: Runner, cells: Cells, window: ImpactWindow) -> list[Measured]:
@@ -49,17 +40,21 @@ def measure(runner: Runner, cells: Cells, window: ImpactWindow) -> list[Measured
 
 @dataclass(frozen=True)
 class Present:
-    """The motion that a design settles to from rest: followed to its end, its cycle, its exact orbit if any, what
-    continues it.
+    """The motion that a design settles to from rest.
+
+    It was followed to its `final` one; `motion` is its cycle, and `orbit` the same solved exactly, or None. `state` is
+    on it, or rest where it could not be followed. Where an impact is the whole state, `start` carries it on bit by bit;
+    else it was looked for as `attractor`.
     """
 
     model: Model
-    oscillator: Any  # an ImpactOscillator or an ImpactSystem
+    oscillator: Any  # what the model is at its values
     final: Final
     motion: Motion
-    orbit: Any  # an Orbit, for systems a SystemOrbit, or None
-    start: Start | None
-    attractor: Attractor | None = None  # of a system
+    orbit: Any
+    state: State
+    start: Start | None = None
+    attractor: Attractor | None = None
 
     @property
     def measured(self) -> Measured:
@@ -71,65 +66,74 @@ class Present:
         """The hardest hit of its cycle, or of the sample, in m/s; 0 where it does not hit."""
         return max(self.motion.velocities, default=self.measured.hardest)
 
-    @property
-    def state(self) -> State:
-        """A state on it, or rest where it could not be followed."""
-        if isinstance(self.oscillator, ImpactSystem):
-            q, speed, time = self.oscillator.initial()
-            return State(q, speed, time)
-        osc, start = self.oscillator, self.start or Start(max(self.oscillator.gap, 0.0), 0.0, 0.0)
-        return State(osc.gap - start.clearance, start.velocity, start.phase * osc.period)
-
 
 def present_motion(model: Model, runner: Runner) -> Present:
-    """Return the motion that a start from rest settles to.
+    """Return the motion that rest leads to.
+
+    Where a rest at the stop may make the end of a motion an accident of rounding, moved releases decide it.
+    """
+    return (_by_impacts if model.at().forgets else _by_states)(model, runner)
+
+
+def _by_impacts(model: Model, runner: Runner) -> Present:
+    """Return the motion from rest where phase and velocity of an impact are the whole state.
 
     One run measures and samples it, and a longer one what has not repeated by then; boundaries and advice are followed
     from the first impact of a cycle's sample, or from the end of another's.
     """
     osc = model.at()
-    if isinstance(osc, ImpactSystem):
-        return present_of_system(model, osc, runner)
     final = final_motion(runner, osc.cells({}), ImpactWindow(SETTLED, SHOWN))
-    measured, seen = final.measured, final.samples
+    measured, samples = final.measured, final.samples
     motion = Motion(measured.kind, measured.n_periods, measured.n_impacts, status=measured.status)
     if not (measured.motion_class.hits and measured.n_periods):
         orbit = _sticking_orbit(model, 1) if measured.motion_class == MotionClass.STICKING else None
-        return Present(model, osc, final, motion, orbit, last_of(seen))
+        return _carried_on(model, final, motion, orbit, last_of(samples))
     if measured.motion_class == MotionClass.STICKING:
         orbit = _sticking_orbit(model, measured.n_periods)
     else:
-        hits = Impacts(seen.impact_phase, seen.impact_velocity)
+        hits = Impacts(samples.impact_phase, samples.impact_velocity)
         orbit = stable_cycle(model, measured.n_periods, measured.n_impacts, hits)
     if orbit is not None and not orbit.sticks:
         motion = replace(motion, velocities=orbit.velocities, phases=orbit.phases)
     else:
-        recognised = recognise(labelled_impacts(seen, in_seconds(osc), provenance("impact_section", osc, {}), osc))
+        section = labelled_impacts(samples, in_seconds(osc), provenance("impact_section", osc, {}), osc)
+        recognised = recognise(section)
         motion = recognised if recognised.kind == motion.kind else motion
-    pairs = zip(seen.impact_velocity.tolist(), seen.impact_phase.tolist(), strict=True)
+    pairs = zip(samples.impact_velocity.tolist(), samples.impact_phase.tolist(), strict=True)
     after = (Start(0.0, -osc.restitution * velocity, phase) for velocity, phase in pairs)
-    return Present(model, osc, final, motion, orbit, next(after, None))
+    return _carried_on(model, final, motion, orbit, next(after, None))
 
 
-def present_of_system(model: Model, system: ImpactSystem, runner: Runner) -> Present:
-    """Return the motion that a system at rest settles to, followed for 32,767 impacts where it does not repeat."""
+def _carried_on(model: Model, final: Final, motion: Motion, orbit: Orbit | None, start: Start | None) -> Present:
+    """Return a motion of one mass from what carries it on; None where it could not be followed."""
+    osc = model.at()
+    state = osc.rest
+    if start is not None:
+        state = State(osc.gap - start.clearance, start.velocity, start.phase * osc.period)
+    return Present(model, osc, final, motion, orbit, state, start)
+
+
+def _by_states(model: Model, runner: Runner) -> Present:
+    """Return the motion from rest by whole states, followed for 32,767 impacts where it does not repeat."""
+    system = model.at()
     found, measured = from_rest(runner, system)
     final = Final(measured, None, measured.impacts)
     if found is None:
-        return Present(model, system, final, Motion(measured.kind, status=measured.status), None, None)
-    orbit = found.orbit and replace(found.orbit, family=None if model is system else model)
-    return Present(model, system, final, found.motion, orbit, None, found)
+        motion = Motion(measured.kind, status=measured.status)
+        return Present(model, system, final, motion, None, system.rest)
+    orbit = found.orbit and replace(found.orbit, family=family_of(model))
+    return Present(model, system, final, found.motion, orbit, found.start, attractor=found)
 
 
 def _sticking_orbit(model: Model, n_periods: int) -> Orbit | None:
     return next(iter(find_orbit(model, n_periods=n_periods, n_impacts=-1)), None)
 
 
-def stable_cycle(model: Model, n_periods: int, n_impacts: int, seen: Impacts) -> Orbit | None:
+def stable_cycle(model: Model, n_periods: int, n_impacts: int, impacts: Impacts) -> Orbit | None:
     """Return the stable orbit that a settled motion is on, from its last impacts."""
-    if n_impacts > LONGEST or len(seen.velocities) < n_impacts:
+    if n_impacts > LONGEST or len(impacts.velocities) < n_impacts:
         return None
-    last = Impacts(*(column[-n_impacts:] for column in seen))
+    last = Impacts(*(column[-n_impacts:] for column in impacts))
     near = float(last.phases[-1]), float(last.velocities[-1])
     found = [
         orbit
@@ -154,7 +158,7 @@ class Coexisting:
     dissipation : float
         Energy lost at the stop per driving period, in J.
     from_rest : bool
-        Whether it is the motion that a start from rest settles to.
+        Whether it is the motion that rest leads to.
     n_periods : int
         Driving periods of its cycle, 0 where it has none.
     start : State
@@ -162,7 +166,7 @@ class Coexisting:
     transient_impacts, transient_velocity
         As of `Attractor`: how many impacts it may take until it is reached, and how hard they are.
     stop : str
-        Of a cycle of a system: the stop that its hardest hit strikes.
+        For cycles of systems: the stop that the hardest hit strikes.
     """
 
     name: str
@@ -186,37 +190,38 @@ class Coexisting:
         """Whether it has no impacts, or repeats them before long."""
         return not self.max_velocity or 0 < self.n_periods <= HARDLY_EVER
 
+    @property
+    def chaotic(self) -> bool:
+        """Whether it is chaos, one of several or not."""
+        return self.name.partition(" ")[0] == MotionClass.CHAOTIC.word
+
 
 def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ...]:
     """Return the motions that `attractors` finds, that from rest first, with share 0 if it is none of them."""
     found = attractors_by(runner, present.oscillator)
-    motions = [_coexisting(attractor) for attractor in found]
-    if isinstance(present.oscillator, ImpactSystem):  # twins have one name
-        names = distinct_names(found)
-        motions = [replace(motion, name=name) for motion, name in zip(motions, names, strict=True)]
+    motions = [_coexisting(attractor, name) for attractor, name in zip(found, distinct_names(found), strict=True)]
     same = next((i for i, attractor in enumerate(found) if _is_present(attractor, present)), None)
     if same is None:
         measured = present.measured
-        state = present.attractor.start if present.attractor else present.state
-        first = Coexisting(measured.name, 0.0, 0.0, measured.loss, True, measured.n_periods, state)
+        first = Coexisting(measured.name, 0.0, 0.0, measured.loss, True, measured.n_periods, present.state)
     else:
         first = replace(motions.pop(same), from_rest=True)
     return replace(first, max_velocity=present.hardest), *motions
 
 
-def _coexisting(attractor: Attractor) -> Coexisting:
+def _coexisting(attractor: Attractor, name: str) -> Coexisting:
     hits = MotionClass[attractor.kind.upper()].hits
     velocity, loss = (attractor.max_velocity, attractor.dissipation) if hits else (0.0, 0.0)
-    what = attractor.name, attractor.share, velocity, loss, False, attractor.n_periods, attractor.start
+    what = name, attractor.share, velocity, loss, False, attractor.n_periods, attractor.start
     stop = next(iter(attractor.stops), "")
     return Coexisting(*what, attractor.transient_impacts, attractor.transient_velocity, stop)
 
 
 def _is_present(attractor: Attractor, present: Present) -> bool:
     """Whether an attractor is the present motion; of those that stick or do not hit there is one of each kind."""
-    measured, own = present.measured, present.attractor
-    if own is not None:
-        return attractor.kind == own.kind and alike(attractor, own)
+    measured, followed = present.measured, present.attractor
+    if followed is not None:
+        return attractor.kind == followed.kind and alike(attractor, followed)
     if attractor.kind == measured.kind == MotionClass.PERIODIC.word:
         if present.motion.velocities:
             return same_orbit(attractor, present.motion, tolerance=ALIKE)
@@ -224,121 +229,3 @@ def _is_present(attractor: Attractor, present: Present) -> bool:
     if attractor.kind == MotionClass.AT_REST.word:
         return measured.motion_class in (*QUIET, MotionClass.DECAYING)
     return attractor.kind == measured.kind
-
-
-# How far each parameter is varied
-
-
-@dataclass(frozen=True)
-class Range:
-    """A parameter of a model, its present value, the range around it, and what a change is measured in.
-
-    `of` names what a relative change refers to; empty where it is the present value itself.
-    """
-
-    model: Model
-    name: str
-    value: float
-    low: float
-    high: float
-    scale: float
-    of: str = ""
-
-    @property
-    def only_scales(self) -> bool:
-        """Whether the motion only grows in proportion: with the force, where the gap is zero."""
-        osc = self.model
-        return isinstance(osc, ImpactOscillator) and self.name == "amplitude" and osc.gap == 0.0 < osc.amplitude
-
-    def changed(self, value: float) -> Model:
-        """Return the model with another value of the parameter."""
-        return self.model.replace(**{self.name: value})
-
-    def at(self, value: float) -> ImpactOscillator:
-        """Return the oscillator that the model is at another value."""
-        osc: ImpactOscillator = self.model.at(**{self.name: value})
-        return osc
-
-    def end(self, direction: int) -> float:
-        """Return the last value downwards (-1) or upwards (+1)."""
-        return self.low if direction < 0 else self.high
-
-    def path(self, direction: int, number: int) -> list[float]:
-        """Return values from beside the present one to the end, close together at first; none without room."""
-        end = self.end(direction)
-        if end == self.value:
-            return []
-        shares = [(j / number) ** CROWDED for j in range(1, number + 1)]
-        return [self.between(self.value, end, share) for share in shares[:-1]] + [end]
-
-    def between(self, first: float, last: float, share: float) -> float:
-        """Return the value a share of the way along: equal ratios where both are positive, else equal differences."""
-        if not self.of and first > 0.0 and last > 0.0:
-            return first * math.exp(share * math.log(last / first))
-        return first + share * (last - first)
-
-    def change(self, value: float) -> float:
-        """Return the change to a value, signed, relative to the scale."""
-        return (value - self.value) / self.scale
-
-    def percent(self, value: float) -> str:
-        """Return the size of a change in words: '3.1 %', or '12 % of f/k'."""
-        size = percent(abs(self.change(value)))
-        return f"{size} of {self.of}" if self.of else size
-
-
-def percent(share: float) -> str:
-    """Return a share in per cent, two digits of it or all before the point."""
-    size = f"{100.0 * share:.2g}"
-    return f"{100.0 * share:.0f} %" if float(size) >= 100.0 else f"{size} %"
-
-
-def range_of(model: Model, name: str, within: float) -> Range:
-    """Return the range from value / (1 + within) to value * (1 + within), or around zero what its physics scales with.
-
-    The gap of one mass, and a number that is not positive, is varied by `within` times its `scale_of`, damping by
-    `LIGHT` of that; and no further than the family makes a design.
-    """
-    value, parameter = value_of(model, name), model.parameters[name]
-    scale = scale_of(model, name, value)
-    if is_own_scale(model, name, value):
-        low, high = value / (1.0 + within), min(value * (1.0 + within), parameter.high)
-    else:
-        far = within * scale.size * (LIGHT if scale.of == "critical damping" else 1.0)
-        low, high = max(value - far, parameter.low), min(value + far, parameter.high)
-    chosen = Range(model, name, value, low, high, *scale)
-    return replace(chosen, low=_possible(chosen, -1), high=_possible(chosen, 1))
-
-
-def _possible(chosen: Range, direction: int) -> float:
-    """Return the end of a range, of a family drawn in to where it still makes a design."""
-    inside, end = chosen.value, chosen.end(direction)
-    outside = end
-    for _ in range(TRIALS):
-        try:
-            chosen.at(outside)
-        except ValueError:
-            end = outside
-        else:
-            inside = outside
-        if inside == end:
-            break
-        outside = 0.5 * (inside + end)
-    return inside
-
-
-def check_parameters(model: Model, names: Iterable[str] | None) -> tuple[str, ...]:
-    """Return the names of the parameters to vary, or say which there are."""
-    if names is None:
-        return tuple(model.values)
-    chosen = several("parameters", names, "a list of names")
-    check_names(model.parameters, chosen)
-    if len(set(chosen)) < len(chosen):
-        raise invalid("parameters", chosen, "each parameter once", "drop the repeated one")
-    return chosen
-
-
-def check_within(within: float) -> float:
-    """Return the range over which parameters are varied, relative to their present values."""
-    hint = "3 varies from a quarter to fourfold"
-    return Parameter("within", "range", low=0.0, high=FARTHEST, closed=False, hint=hint).check(within)

@@ -1,56 +1,59 @@
-"""A verdict in words, line by line."""
+"""A verdict in words, line by line.
+
+One mass in front of one stop needs no names: it hits "the stop". Where there are several stops or coordinates, each
+stop is named.
+"""
 
 from __future__ import annotations
 
 import math
 import re
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from vibroimpact import report
+from vibroimpact.coexistence.losses import lasting_stops
 from vibroimpact.coexistence.measuring import PAPER, SPREAD
-from vibroimpact.model import Model
-from vibroimpact.motion import listed
-from vibroimpact.verdict.advice import INSTANTS, Advice
-from vibroimpact.verdict.boundaries import NOISE, ONSETS, Edge
-from vibroimpact.verdict.carried import LONG, PLACES
-from vibroimpact.verdict.onsets import Onset
-from vibroimpact.verdict.present import Coexisting, dearest, percent, range_of
+from vibroimpact.motion import MotionClass, listed
+from vibroimpact.parameters import counted
+from vibroimpact.verdict.advice import INSTANTS
+from vibroimpact.verdict.changes import advice_words, boundary_lines, number, parameters_line, speed
+from vibroimpact.verdict.present import EQUAL, Coexisting, dearest
+from vibroimpact.verdict.ranges import percent
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.describe import Verdict
 
-MARGIN, WIDTH = 12, 110
+MARGIN, WIDTH = 12, 110  # characters: of the titles, and of a line
 KNOWN = 1e-6  # of the motion's size: how well a state is known whose future is predicted
+NEUTRAL = 1e-3  # per period: an exponent so small says nothing of whether perturbations decay
 ADVICE = 3  # changes listed, at most
 LISTED = 4  # impacts of a cycle listed, at most
 SHOWN = 12  # coexisting motions listed, at most
-HARDER = 1.02  # times the hits of a motion: transients that hit so hard are told of
-FINE = 1e-8  # relative: no machine is set so exactly
-EXACT = 17  # digits that tell any two numbers apart
-MANY_GAPS = 10.0  # a change so many times the gap is given relative to f/k alone
+HARDER = 1.02  # times the hits of a motion: transients that hit so hard are mentioned
+FIRST = PAPER.transient + PAPER.keep  # impacts that a map computes of a motion
 _TIED = "\u00a0"
 
 
 Writer = Callable[["Verdict"], Iterator[str]]
 
 
-def lines(verdict: Verdict, own: Mapping[str, Writer] | None = None) -> Iterator[str]:
-    """Yield the lines of a verdict; `own` are writers for what is said of systems in other words."""
+def lines(verdict: Verdict) -> Iterator[str]:
+    """Yield the lines of a verdict."""
     writers: dict[str, Writer] = {
-        "oscillator": lambda verdict: iter([parameters_line(verdict.model)]),
+        verdict.oscillator.kind: _model,
         "motion": _motion,
         "hits": _hits,
         "energy": _energy,
         "at rest": _rest,
         "stability": _stability,
-        "boundaries": _boundaries,
+        "boundaries": boundary_lines,
         "coexisting": _coexisting,
         "advice": advice_lines,
     }
-    if own is not None:
-        writers = {"system": own["system"], **{title: writers[title] for title in list(writers)[1:]}, **own}
     yield from laid_out((title, writer(verdict)) for title, writer in writers.items())
     if not verdict.complete:
         yield from laid_out([("stopped", [stopped(verdict)])])
@@ -80,256 +83,259 @@ def _wrapped(head: str, line: str) -> Iterator[str]:
         yield part.replace(_TIED, " ")
 
 
-def speed(velocity: float) -> str:
-    """Return an impact velocity with its unit."""
-    return report.quantity(velocity, "m/s", 4)
+def needs_no_names(design: Any) -> bool:
+    """Return whether a design is one mass in front of one stop."""
+    return bool(design.coordinates == len(design.stops) == 1)
 
 
-def number(value: float, digits: int) -> str:
-    """Return a number of so many digits, without a power of ten below a million."""
-    return f"{float(f'{value:.{digits}g}'):g}"
+def _model(verdict: Verdict) -> Iterator[str]:
+    if not verdict.oscillator.says_all:
+        yield str(verdict.oscillator)
+    yield parameters_line(verdict.model)
 
 
-def parameters_line(model: Model) -> str:
-    """Return the parameters of a model in a line."""
-    return ", ".join(f"{name} {quantity(model, name, value, 6)}" for name, value in model.values.items())
-
-
-def quantity(model: Model, name: str, value: float, digits: int = 4) -> str:
-    """Return a value of a parameter with its unit; an angular frequency also in Hz."""
-    unit = model.parameters[name].unit
-    text = report.quantity(value, unit, digits)
-    return f"{text} ({value / (2.0 * math.pi):.{digits}g} Hz)" if unit == "rad/s" else text
+# The motion from rest
 
 
 def _motion(verdict: Verdict) -> Iterator[str]:
-    osc, motion = verdict.oscillator, verdict.motion
+    design, motion, kind = verdict.oscillator, verdict.motion, verdict.motion.motion_class
     if motion.n_periods:
-        yield f"from rest {motion.name}, repeats every {motion.n_periods * osc.period:.4g} s"
+        yield f"from rest {motion.name}, repeats every {motion.n_periods * design.period:.4g} s"
+    elif kind == MotionClass.UNDECIDED:
+        yield f"from rest undecided: {_why_undecided(verdict)}"
+    elif kind in (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER, MotionClass.AT_REST) and not design.forgets:
+        yield f"from rest {motion.name}{_clear_of(verdict)}"
     else:
-        yield f"from rest {motion.sentence(osc.period)}"
+        yield f"from rest {motion.sentence(design.period)}"
     yield from _watched(verdict)
-    yield from hardest_line(verdict)
-    if verdict.kind == "no_impact" and math.isfinite(osc.steady_amplitude):
-        yield (
-            f"it swings by {osc.steady_amplitude:.4g} m and stays {osc.gap - osc.steady_amplitude:.3g} m clear of the "
-            "stop"
-        )
-    if verdict.kind == "stuck_forever":
-        yield f"the preload -k g = {abs(osc.stiffness * osc.gap):.4g} N against the force f = {osc.amplitude:.4g} N"
-
-
-def hardest_line(verdict: Verdict) -> Iterator[str]:
-    """Yield which initial conditions lead to harder hits than rest does."""
     if worst := verdict.harder:
         share = percent(worst.share)
         yield f"hits hardest from {share} of the initial conditions: {worst.name}, {speed(worst.max_velocity)}"
+    if design.says_all:
+        yield from _beside_the_stop(verdict)
+
+
+def _why_undecided(verdict: Verdict) -> str:
+    design = verdict.oscillator
+    if (lasting := lasting_stops(design)).any():
+        names = listed([str(stop.name) for stop, lasts in zip(design.stops, lasting, strict=True) if lasts])
+        on = "" if needs_no_names(design) else f" on {names}"
+        return f"impacts{on} lose no energy, so that no motion with them attracts others"
+    return f"the impacts do not repeat within {verdict.watched}, nor are they surely chaotic"
 
 
 def _watched(verdict: Verdict) -> Iterator[str]:
     """Yield over how many impacts a motion was watched that did not soon repeat."""
-    first = PAPER.transient + PAPER.keep
     if verdict.releases:
         moved = sum(verdict.releases.values())
         ends = ", ".join(f"{number} to {name}" for name, number in verdict.releases.items())
         yield f"rounding decides when it next rests at the stop: of {moved} releases moved by up to 1e-11 V go {ends}"
     if verdict.transient and verdict.releases:
-        yield f"not moved, the first {first} impacts look {verdict.transient}"
+        yield f"not moved, the first {FIRST} impacts look {verdict.transient}"
     elif verdict.transient:
-        yield f"certain after {verdict.watched} impacts: the first {first} look {verdict.transient}"
-    elif verdict.watched > first:
+        yield f"certain after {verdict.watched} impacts: the first {FIRST} look {verdict.transient}"
+    elif verdict.watched > FIRST:
         yield f"watched over {verdict.watched} impacts"
 
 
+def _beside_the_stop(verdict: Verdict) -> Iterator[str]:
+    """Yield how far from the stop a motion without impacts stays, or how hard it is pressed to it, by name."""
+    osc = verdict.oscillator
+    if verdict.kind == "no_impact" and math.isfinite(osc.steady_amplitude):
+        clear = osc.gap - osc.steady_amplitude
+        yield f"it swings by {osc.steady_amplitude:.4g} m and stays {clear:.3g} m clear of the stop"
+    if verdict.kind == "stuck_forever":
+        yield f"the preload -k g = {abs(osc.stiffness * osc.gap):.4g} N against the force f = {osc.amplitude:.4g} N"
+
+
+def _clear_of(verdict: Verdict) -> str:
+    """Return the distance of a motion without impacts from which stop, or which it rests at or is pressed into."""
+    system = verdict.oscillator
+    present = next((motion for motion in verdict.attractors if motion.from_rest), None)
+    if present is None:
+        return ""
+    if verdict.kind == "no_impact" and not system.modal().squares.all():
+        return ", it never comes back to a stop"
+    if verdict.kind == "no_impact":
+        left = dict(zip(system.stop_names, system.cells({}).block("margin")[0].tolist(), strict=True))
+        name = min(left, key=lambda stop: left[stop])
+        return f", at least {report.quantity(left[name], 'm', 3)} clear of {name}"
+    q = present.start.displacement
+    left_now = system.clearances(q, present.start.time).tolist()
+    sizes = [abs(stop.gap) + float(np.abs(stop.direction) @ np.abs(q)) for stop in system.stops]
+    at = [stop for stop, gap, size in zip(system.stops, left_now, sizes, strict=True) if gap <= EQUAL * size]
+    rigid, compliant = ([stop.name for stop in at if stop.compliant is gives] for gives in (False, True))
+    return (f", at rest at {listed(rigid)}" if rigid else "") + (
+        f", pressed into {listed(compliant)}" if compliant else ""
+    )
+
+
+# Its impacts
+
+
 def _hits(verdict: Verdict) -> Iterator[str]:
-    motion, rate = verdict.motion, verdict.indices["impacts_per_period"]
+    motion, design = verdict.motion, verdict.oscillator
     if not math.isfinite(verdict.max_velocity) or verdict.max_velocity == 0.0:
         return
-    hardest = speed(verdict.max_velocity)
-    if verdict.kind == "sticking":
-        at = f" at phase {motion.phases[0]:.3g}" if motion.phases else ""
-        some = f"{motion.n_impacts} per cycle" if motion.n_impacts > 0 else "followed by a complete chatter"
-        yield f"hardest {hardest}{at}, {some}" if motion.n_periods else f"hardest {hardest} of those sampled"
-    elif verdict.kind == "periodic" and motion.velocities:
+    if not motion.velocities:
+        yield _sampled(verdict)
+        return
+    hits = list(zip(motion.velocities, motion.phases, strict=True))
+    if needs_no_names(design):
+        rate = verdict.indices["impacts_per_period"]
         often = "once per period" if rate == 1.0 else f"{rate:.4g} times per period"
-        pairs = list(zip(motion.velocities, motion.phases, strict=True))
-        hits = ", ".join(f"{speed(velocity)} at phase {phase:.3g}" for velocity, phase in pairs[:LISTED])
-        more = f", and {len(pairs) - LISTED} softer or equal" if len(pairs) > LISTED else ""
-        yield f"{often}: {hits}{more}"
+        chatter = "hardest " + _at_phase(*hits[0]) + ", followed by a complete chatter"
+        yield chatter if motion.n_impacts < 0 else f"{often}: {_listed(hits)}"
     else:
-        yield (
-            f"{rate:.3g} times per period on average, hardest {hardest} of {PAPER.keep} sampled, mean "
-            f"{speed(verdict.indices['mean_velocity'])}; phases spread {verdict.indices['impact_phase_spread']:.2g} "
-            "(0 one phase, 1 uniform)"
-        )
+        yield from _on_each_stop(verdict, hits)
+    if verdict.stops and verdict.orbit is not None:
+        yield from _impulses(verdict.orbit, not needs_no_names(design))
+
+
+def _sampled(verdict: Verdict) -> str:
+    """Return the rate and speeds of impacts that do not repeat; the rate of those that rest depends on the sample."""
+    hardest = f"hardest {speed(verdict.max_velocity)} of those sampled"
+    if verdict.kind == "sticking":
+        return hardest
+    names = "impacts_per_period", "mean_velocity", "impact_phase_spread"
+    rate, mean, spread = (verdict.indices[name] for name in names)
+    phases = f"; phases spread {spread:.2g} (0 one phase, 1 uniform)" if math.isfinite(spread) else ""
+    return f"about {rate:.2g} times per period, {hardest}, mean about {mean:.2g} m/s{phases}"
+
+
+def _on_each_stop(verdict: Verdict, hits: Sequence[tuple[float, float]]) -> Iterator[str]:
+    chatters = verdict.motion.n_impacts < 0
+    for name in verdict.oscillator.stop_names:
+        struck = [hit for hit, stop in zip(hits, verdict.stops, strict=True) if stop == name]
+        if not struck:
+            yield f"{name}: none"
+        elif chatters:
+            yield f"{name}: hardest {_at_phase(*max(struck))}"
+        else:
+            yield f"{name}: {counted(len(struck), 'impact')} per cycle, {_listed(struck)}"
+    if chatters:
+        yield "in its cycle it comes to rest at a stop after infinitely many impacts"
+
+
+def _listed(hits: Sequence[tuple[float, float]]) -> str:
+    """Return impacts of a cycle one by one if they are few."""
+    if len(hits) <= LISTED:
+        return listed([_at_phase(*hit) for hit in hits])
+    hardest, phase = max(hits)
+    return f"{min(hits)[0]:.4g} to {speed(hardest)}, hardest at phase {phase:.3g}"
+
+
+def _at_phase(velocity: float, phase: float) -> str:
+    return f"{speed(velocity)} at phase {phase:.3g}"
+
+
+def _impulses(orbit: Any, named: bool) -> Iterator[str]:
+    """Yield the largest impulse, and how hard, long and deep the hardest contact with a compliant stop is."""
+    most = next(at for at, kick in enumerate(orbit.impulses) if kick >= (1.0 - EQUAL) * max(orbit.impulses))
+    yield f"largest impulse {report.quantity(orbit.impulses[most], 'N s', 4)}{_on(orbit.stops[most], named)}"
+    pressed = [pair for pair in zip(orbit.contacts, orbit.stops, strict=True) if pair[0].peak_force > 0.0]
+    if pressed:
+        contact, stop = max(pressed, key=lambda pair: pair[0].peak_force)
+        values = (contact.peak_force, "N"), (contact.contact_time, "s"), (contact.penetration, "m")
+        force, time, depth = (report.quantity(value, unit, 4) for value, unit in values)
+        yield f"largest force {force}{_on(stop, named)}, which pushes for {time} and is pressed in by {depth}"
+
+
+def _on(stop: str, named: bool) -> str:
+    return f" on {stop}" if named else ""
 
 
 def _energy(verdict: Verdict) -> Iterator[str]:
-    lost, sampled = verdict.indices["dissipation"], verdict.of_system and not verdict.motion.n_periods
-    about, digits = ("about ", 2) if sampled else ("", 4)
+    lost = verdict.indices["dissipation"]
+    about, digits = ("", 4) if verdict.motion.n_periods or not lost else ("about ", 2)
     if math.isfinite(lost):
-        stop = "stops" if verdict.of_system else "stop"
+        stop = "stops" if len(verdict.oscillator.stops) > 1 else "stop"
         yield f"{about}{lost:.{digits}g} J lost at the {stop} per period, {verdict.power:.{digits}g} W on average"
 
 
 def _rest(verdict: Verdict) -> Iterator[str]:
     share = verdict.indices["stick_fraction"]
     if verdict.kind == "sticking" and math.isfinite(share):
-        yield f"{100.0 * share:.3g} % of the time at rest at {'a' if verdict.of_system else 'the'} stop"
+        which = "a" if len(verdict.oscillator.stops) > 1 else "the"
+        yield f"{100.0 * share:.3g} % of the time at rest at {which} stop"
 
 
 def _stability(verdict: Verdict) -> Iterator[str]:
-    period, exponent = verdict.oscillator.period, verdict.indices["lyapunov"]
-    if verdict.orbit is not None and verdict.kind == "periodic":
-        exponent = verdict.orbit.lyapunov
+    design, orbit, period = verdict.oscillator, verdict.orbit, verdict.oscillator.period
+    solved = orbit is not None and verdict.kind == "periodic"
+    exponent = orbit.lyapunov if solved else verdict.indices["lyapunov"]
     if math.isnan(exponent):
         return
-    if math.isinf(exponent) and verdict.releases and not verdict.motion.n_periods:
-        yield "each rest at the stop erases all memory, but neighbours part before the next: none is foreseen"
+    if math.isinf(exponent) and solved:
+        yield "all multipliers are 0: perturbations vanish within a cycle"
+    elif math.isinf(exponent) and verdict.releases and not verdict.motion.n_periods:
+        yield (
+            "each rest at the stop erases all memory, but perturbations grow before the next rest, which cannot be "
+            "predicted"
+        )
     elif math.isinf(exponent):
-        yield "a rest at the stop erases all memory: perturbations vanish (exponent -inf)"
+        rest = "a rest at the stop" if needs_no_names(design) else "a rest of all coordinates at once"
+        yield f"{rest} erases all memory: perturbations vanish (exponent -inf)"
     elif verdict.kind == "chaotic":
         ahead = -math.log(KNOWN) / exponent / period
         yield (
-            f"perturbations double every {number(math.log(2.0) / exponent, 3)} s "
-            f"(exponent {exponent:.4g} 1/s): a state known to {KNOWN:g} of its size is predictable for about "
+            f"perturbations double about every {number(math.log(2.0) / exponent, 2)} s (exponent about "
+            f"{exponent:.2g} 1/s): a state known to {KNOWN:g} of its size is predictable for about "
             f"{number(ahead, 2)} periods"
         )
-    elif exponent < 0.0 and verdict.kind == "periodic":
+    elif exponent < 0.0 and (solved or (verdict.kind == "periodic" and design.forgets)):
         half = -math.log(2.0) / exponent
         yield (
-            f"perturbations halve every {number(half, 3)} s, {number(half / period, 2)} periods (exponent "
-            f"{exponent:.4g} 1/s)"
+            f"{'' if needs_no_names(design) else _largest(orbit)}perturbations halve every {number(half, 3)} s, "
+            f"{number(half / period, 2)} periods (exponent {exponent:.4g} 1/s)"
         )
-    elif abs(exponent) * period < NOISE:
+    elif abs(exponent) * period < NEUTRAL:
         yield "perturbations neither decay nor grow"
     else:
-        yield f"perturbations hardly decay or grow (exponent {exponent:.2g} 1/s)"
+        yield f"perturbations {'decay' if exponent < 0.0 else 'grow'} (exponent about {exponent:.2g} 1/s)"
 
 
-def _boundaries(verdict: Verdict) -> Iterator[str]:
-    edges = verdict.boundaries
-    for down, up in zip(edges[::2], edges[1::2], strict=True):
-        if down.found or up.found or down.spacing or up.spacing or onset_words(down) or onset_words(up):
-            yield f"{down.parameter}: {edge_words(verdict.model, down)}; {edge_words(verdict.model, up)}"
-        elif math.isnan(down.searched_to) or math.isnan(up.searched_to):
-            yield f"{down.parameter}: not sought, as the motion is not decided"
-        else:
-            span = " to ".join(f"{edge.searched_to:.4g}" for edge in (down, up))
-            yield f"{down.parameter}: none from {span}"
-    yield from _about_edges(verdict)
+def _largest(orbit: Any) -> str:
+    """Return the size of the largest multiplier of an orbit."""
+    pair = ", a complex pair" if orbit.multipliers[0].imag else ""
+    return f"largest multiplier {orbit.spectral_radius:.4g} in size{pair}: "
 
 
-def _about_edges(verdict: Verdict) -> Iterator[str]:
-    """Yield for which initial conditions boundaries hold, and what was sampled."""
-    edges = verdict.boundaries
-    if verdict.kind in ("no_impact", "stuck_forever") and any(edge.from_some for edge in edges):
-        hitting = sum(motion.share for motion in verdict.attractors if motion.max_velocity > 0.0)
-        if any(edge.from_some and edge.from_some.change == 0.0 and not edge.at_once for edge in edges):
-            share = percent(hitting) if hitting else "some"
-            yield f"here already {share} of the initial conditions settle to impacts"
-        else:
-            yield (
-                f"up to there, at {PLACES} values per side, neither a start from rest nor the other ones tried go on "
-                f"hitting for {LONG.transient + LONG.keep} impacts: windows between these values may lie nearer"
-            )
-    elif any(edge.found for edge in edges):
-        yield "these hold for the motion from rest, carried along in small steps"
-    if any(edge.spacing for edge in edges):
-        yield "steps are those between the values tried: narrower windows of other motions may lie nearer"
-    if any(edge.found and not edge.at_once and abs(edge.change) < FINE for edge in edges):
-        yield f"changes of less than {percent(FINE)} lead to other motions: expect those around it in a machine"
-
-
-def edge_words(model: Model, edge: Edge) -> str:
-    """Return a boundary in words, such as 'up 3.1 % to 2.693 rad/s (period doubling; period-2 impact-2 at 2.695)'.
-
-    Of a motion without impacts others come first, where they differ: from where on some initial condition settles to
-    impacts, and a start from rest strikes the stop or settles to impacts.
-    """
-    way = "down" if edge.direction < 0 else "up"
-    then = _seen_beyond(model, edge) if edge.beyond and edge.kind != "change" else ""
-    if edge.at_once:
-        return f"{way} at once ({edge.what}{then})"
-    parts = [_place(model, edge, onset, [what]) for onset, what in onset_words(edge)]
-    steps = f"in steps of {percent(edge.spacing)}{f' of {edge.of}' if edge.of else ''}" if edge.spacing else ""
-    if edge.found:
-        parts.append(_place(model, edge, edge, [edge.what + then, "" if edge.exact else edge.accuracy, steps]))
-    else:
-        own = "of the motion itself " if parts else ""
-        parts.append(f"{own}none to {edge.searched_to:.4g}{f' ({steps})' if steps else ''}")
-    return f"{way} {', '.join(parts)}"
-
-
-def _seen_beyond(model: Model, edge: Edge) -> str:
-    """Return the motion that was seen beyond an edge, and where."""
-    if math.isnan(edge.beyond_at):
-        return f"; {edge.beyond} beyond"
-    return f"; {edge.beyond} at {report.quantity(edge.beyond_at, model.parameters[edge.parameter].unit, 6)}"
-
-
-def onset_words(edge: Edge) -> list[tuple[Onset, str]]:
-    """Return the sentences on where other motions begin to hit, the nearest first, and on what happens there."""
-    values = {name: onset.value for name in ONSETS if (onset := getattr(edge, name))}
-    if values.get("strikes") == values.get("from_rest"):
-        values.pop("strikes", None)
-    if values.get("from_some") == values.get("from_rest"):
-        values.pop("from_some", None)
-    known = [(getattr(edge, name), ONSETS[name]) for name, value in values.items() if value != edge.value]
-    return sorted((part for part in known if part[0].change), key=lambda part: abs(part[0].change))
-
-
-def _place(model: Model, edge: Edge, at: Edge | Onset, about: list[str]) -> str:
-    """Return a value on the way along a parameter, and what is known of it."""
-    present, digits = range_of(model, edge.parameter, 1.0).value, 6 if at.half_width == 0.0 else 5
-    while digits < EXACT and f"{at.value:.{digits}g}" == f"{present:.{digits}g}" and at.value != present:
-        digits += 1
-    place = quantity(model, edge.parameter, at.value, digits)
-    known = "; ".join(part for part in about if part)
-    return f"{change_words(model, edge.parameter, at.value)} to {place} ({known})"
-
-
-def change_words(model: Model, parameter: str, value: float) -> str:
-    """Return the size of a change, of the gap also relative to the gap itself: '3.1 %', or '14 % (4.1 % of f/k)'."""
-    varied = range_of(model, parameter, 1.0)
-    size = varied.percent(value)
-    if varied.of != "f/k" or not varied.value:
-        return size
-    share = abs(value / varied.value - 1.0)
-    return f"{percent(share)} ({size})" if share < MANY_GAPS else size
+# Other motions, and other designs
 
 
 def _coexisting(verdict: Verdict) -> Iterator[str]:
-    """Yield the motions that initial conditions settle to; for systems, on which stops these are impacts."""
-    motions, sample, of = verdict.attractors, f"{SPREAD} spread initial conditions", " of the initial conditions"
-    undecided = 1.0 - sum(motion.share for motion in motions)
-    if verdict.of_system:
-        sample += f", impacts on {listed(list(verdict.oscillator.stop_names)) or 'no stop'}"
-    if len(motions) == 1 and undecided < 1e-9:
-        mixed = verdict.of_system and not motions[0].repeats
-        comma, but = "," * verdict.of_system, f", but all {motions[0].name} motions count as one" * mixed
+    """Yield the motions that initial conditions settle to, and of several stops on which these are impacts."""
+    motions, design = verdict.attractors, verdict.oscillator
+    sample, of = f"{SPREAD} spread initial conditions", " of the initial conditions"
+    undecided = verdict.undecided
+    if named := not needs_no_names(design):
+        sample += f", impacts on {listed(list(design.stop_names))}"
+    if len(motions) == 1 and not undecided:
+        mixed = not design.forgets and not motions[0].repeats
+        comma, but = "," * named, f", but all {motions[0].name} motions count as one" * mixed
         yield f"none found: {sample}{comma} settle to this motion{but}{_slow(motions[0])}"
         return
-    if verdict.of_system and motions:
+    if named and motions:
         yield f"of {sample}:"
         of = ""
     for motion in motions[:SHOWN]:
-        lasting = " as far as it was watched" * (verdict.of_system and motion.name in ("chaotic", "quasi-periodic"))
+        lasting = " as far as it was watched" * (motion.name in ("chaotic", "quasi-periodic"))
         hit = f", hardest hit {speed(motion.max_velocity)}" if motion.max_velocity > 0.0 else ""
-        hit += f" on {motion.stop}" if hit and motion.stop else ""
+        hit += _on(motion.stop, named) if hit and motion.stop else ""
         rare = motion.share == 0.0 and not motion.from_rest
         share = "stable, but reached from none of them" if rare else f"{100.0 * motion.share:.3g} %{of}"
-        here = " (this motion)" if motion.from_rest else ""
-        yield f"{share}: {motion.name}{lasting}{here}{hit}{_slow(motion)}"
+        this = " (this motion)" if motion.from_rest else ""
+        yield f"{share}: {motion.name}{lasting}{this}{hit}{_slow(motion)}"
     if len(motions) > SHOWN:
         yield f"and {len(motions) - SHOWN} more"
-    if motions and undecided >= 1e-9:
+    if motions and undecided:
         yield f"{100.0 * undecided:.3g} %{of}: undecided"
 
 
 def _slow(motion: Coexisting) -> str:
     """Return the words on how long and hard initial conditions may hit before they settle, if that is notable."""
-    long = motion.transient_impacts > PAPER.transient + PAPER.keep
+    long = motion.transient_impacts > FIRST
     if not (long and motion.repeats and motion.transient_velocity > HARDER * motion.max_velocity):
         return ""
     often = number(motion.transient_impacts, 2)
@@ -342,8 +348,9 @@ def advice_lines(verdict: Verdict) -> Iterator[str]:
         return
     if verdict.worst is None and verdict.kind == "budget":
         yield "none, as the motion from rest was not followed to its end"
-    elif verdict.worst is None and (undecided := 1.0 - sum(motion.share for motion in verdict.attractors)) >= 1e-9:
-        yield f"none: no impacts from rest, but {100.0 * undecided:.3g} % of the initial conditions are undecided"
+    elif verdict.worst is None and verdict.undecided:
+        share = f"{100.0 * verdict.undecided:.3g} %"
+        yield f"none: no impacts from rest, but {share} of the initial conditions are undecided"
     elif verdict.worst is None:
         yield f"no impacts from rest or from any of {SPREAD} spread initial conditions"
     elif not verdict.boundaries:
@@ -367,17 +374,3 @@ def advice_lines(verdict: Verdict) -> Iterator[str]:
                 f"each holds from {min(tried)} initial conditions or more: rest, {SPREAD} spread ones and the present "
                 f"motions, changed at {INSTANTS} instants of each cycle"
             )
-
-
-def advice_words(model: Model, advice: Advice) -> str:
-    """Return a piece of advice in words."""
-    change = change_words(model, advice.parameter, advice.value)
-    verb = "raise" if advice.change > 0.0 else "lower"
-    head = f"{verb} {advice.parameter} by {change} to {quantity(model, advice.parameter, advice.value, 6)}: "
-    if advice.benefit == "no_impact":
-        return f"{head}{advice.motion}"
-    softer = 100.0 * (1.0 - advice.max_velocity / advice.before)
-    size = f"{abs(softer):.2g} % {'softer' if softer > 0.0 else 'harder'}"
-    calmed = ", no longer chaotic" if advice.benefit == "no_chaos" else ""
-    hits = f"hardest hit {advice.max_velocity:.4g} instead of {speed(advice.before)} ({size})"
-    return f"{head}{advice.motion}{calmed}, {hits}"

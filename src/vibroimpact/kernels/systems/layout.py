@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections import namedtuple
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any
 
 from vibroimpact.kernels.systems.series import SIZE
 
@@ -13,8 +15,8 @@ OPEN, STRUCK, RESTING, RELEASED, CLOSED, BALANCED, PASSING = 0.0, 1.0, 2.0, 3.0,
 NOTHING, CONTACT, STALLED = 0.0, 1.0, 2.0  # what ended a step; the last: it is at a stop without approaching it
 
 
-class Layout(NamedTuple):
-    """Rows of each number of a cell; modes, stops and harmonics 1 to H come first.
+def _sizes(n: int, s: int, m: int, flow: int, thorough: bool, compliant: bool, far: bool, free: bool) -> dict[str, int]:
+    """Return how many rows each number of a cell takes, in their order, with `flow` numbers of a mode's flow.
 
     `eta`, `rate` (eta' in steps), `turn` (sin wt, cos wt, whole periods) are the state; `kind` says how each stop is
     left or held; `age` and `made` count the steps flown since an event and made in all; `held` is the inverse of alpha
@@ -31,90 +33,30 @@ class Layout(NamedTuple):
     free centre `neutral` marks the amplitudes and rates that nothing depends on: no deviation counts there. From
     `pairs` on it is room to work.
     """
+    leap = n * flow + 2 + s * (1 + 2 * n)
+    return {
+        "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "made": 1, "closed": 1, "held": s * s, "lawless": 1,
+        "deta": n, "drate": n, "known": (2 * n + 2) * thorough, "missed": s * thorough,
+        "leaving": s, "engaged": 1, "pace": 1, "thrust": s, "work": s, "pushed": s, "peak": s, "depth": s, "entry": s,
+        "drained": 1,
+        "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
+        "gap": s, "motion": 2 * m * s, "restitution": s, "law": s, "tick": 1,
+        "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
+        "margin": s, "give": s, "slide": n, "sliding": s * n, "lift": s * (n + 1 + 2 * m),
+        "halves": leap, "wholes": leap, "fars": leap * far, "slow": s * n * far, "drawn": s * (n + 1 + 2 * m) * far,
+        "reach": s * (1 + 2 * n) * far, "within": 2 * s * (flow + 3) * (compliant and n == 1),
+        "neutral": 2 * n * free, "constants": 0,
+        "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE, "leapt": 2 * n, "apart": 4 * s,
+        "stop": s * SIZE, "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1,
+    }  # fmt: skip
 
-    modes: int
-    stops: int
-    harmonics: int
-    coupled: bool
-    moving: bool
-    thorough: bool
-    wary: bool
-    compliant: bool
-    rigid: bool
-    forceful: bool
-    draining: bool
-    far: bool
-    free: bool
-    flow: int
-    eta: int
-    rate: int
-    turn: int
-    kind: int
-    age: int
-    made: int
-    closed: int
-    held: int
-    lawless: int
-    deta: int
-    drate: int
-    known: int
-    missed: int
-    leaving: int
-    engaged: int
-    pace: int
-    thrust: int
-    work: int
-    pushed: int
-    peak: int
-    depth: int
-    entry: int
-    drained: int
-    square: int
-    damping: int
-    load: int
-    force: int
-    alpha: int
-    jump: int
-    weight: int
-    gap: int
-    motion: int
-    restitution: int
-    law: int
-    tick: int
-    spring: int
-    dashpot: int
-    hard: int
-    thick: int
-    theta: int
-    cut: int
-    speed: int
-    steady: int
-    margin: int
-    give: int
-    slide: int
-    sliding: int
-    lift: int
-    halves: int
-    wholes: int
-    fars: int
-    slow: int
-    drawn: int
-    reach: int
-    within: int
-    neutral: int
-    constants: int
-    pairs: int
-    flight: int
-    pull: int
-    leapt: int
-    apart: int
-    stop: int
-    hold: int
-    near: int
-    passed: int
-    which: int
-    hit: int
-    rows: int
+
+# What the cells of a table are like, as `layout_of` has it, then the first row of each number, and how many there are.
+LIKE = "modes stops harmonics coupled moving thorough wary compliant rigid forceful draining far free flow"
+if TYPE_CHECKING:
+    Layout = Any
+else:
+    Layout = namedtuple("Layout", [*LIKE.split(), *_sizes(1, 1, 1, 1, True, True, True, True), "rows"])
 
 
 def layout_of(
@@ -139,28 +81,7 @@ def layout_of(
     so; `far`: modes of some are so slow that far leaps are worth a trial; `free`: some have a free centre; `forceful`:
     impulses, largest forces or what compliant stops take are asked for; `draining`: so is what the dampers take.
     """
-    n, s, m = modes, stops, harmonics
-    own = 2 + 4 * (n if coupled else 1) + 4 * m
-    leap = n * own + 2 + s * (1 + 2 * n)
-    sizes = {
-        "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "made": 1, "closed": 1, "held": s * s, "lawless": 1,
-        "deta": n, "drate": n, "known": (2 * n + 2) * thorough, "missed": s * thorough,
-        "leaving": s, "engaged": 1, "pace": 1, "thrust": s, "work": s, "pushed": s, "peak": s, "depth": s, "entry": s,
-        "drained": 1,
-        "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
-        "gap": s, "motion": 2 * m * s, "restitution": s, "law": s, "tick": 1,
-        "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
-        "margin": s, "give": s, "slide": n, "sliding": s * n, "lift": s * (n + 1 + 2 * m),
-        "halves": leap, "wholes": leap, "fars": leap * far, "slow": s * n * far, "drawn": s * (n + 1 + 2 * m) * far,
-        "reach": s * (1 + 2 * n) * far, "within": 2 * s * (own + 3) * (compliant and n == 1),
-        "neutral": 2 * n * free, "constants": 0,
-        "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE, "leapt": 2 * n, "apart": 4 * s,
-        "stop": s * SIZE, "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1, "rows": 0,
-    }  # fmt: skip
-    places, row = {}, 0
-    for name, size in sizes.items():
-        places[name] = row
-        row += size
-    return Layout(
-        n, s, m, coupled, moving, thorough, wary, compliant, rigid, forceful, draining, far, free, own, **places
-    )
+    flow = 2 + 4 * (modes if coupled else 1) + 4 * harmonics
+    like = modes, stops, harmonics, coupled, moving, thorough, wary, compliant, rigid, forceful, draining, far, free
+    sizes = _sizes(modes, stops, harmonics, flow, thorough, compliant, far, free)
+    return Layout(*like, flow, *accumulate(sizes.values(), initial=0))

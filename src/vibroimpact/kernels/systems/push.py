@@ -38,9 +38,9 @@ from vibroimpact.kernels.systems.series import (
     integral,
     load,
     times,
-    trough,
     valued,
 )
+from vibroimpact.kernels.systems.trough import trough
 from vibroimpact.kernels.vectors import anywhere, get, put, select
 
 SURE = 1e-9  # of k times the lengths that u is the sum of: a damping force above it is no rounding

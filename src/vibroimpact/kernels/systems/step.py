@@ -42,10 +42,10 @@ from vibroimpact.kernels.systems.series import (
     slipped,
     store,
     tail,
-    trough,
     valued,
     wave,
 )
+from vibroimpact.kernels.systems.trough import trough
 from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 NEAR = 0.1  # of the rate: by how much it may change on the way to a contact that is solved for

@@ -74,7 +74,8 @@ class Flow:
     def __init__(self, system: ImpactSystem) -> None:
         form = system.modal()
         self.n, self.omega, self.restitution = len(form.squares), form.omega, form.restitution
-        self.compliant = form.stiffness > 0.0
+        self.compliant = np.array([not stop.element.instantaneous for stop in system.stops], bool)
+        self.elements = [stop.element for stop in system.stops]
         self.laws = [None if stop.ratio is not None else stop.law for stop in system.stops]
         roots, self.orders = np.sqrt(form.masses), form.orders.astype(float)
         self.neutral: Any = form.neutral.ravel()  # of the state: the place and the drift of a free centre
@@ -193,13 +194,8 @@ class Flow:
         """Return r and R of an impact at which the clearance over its length has that rate; -1, which changes nothing,
         where contact with a compliant stop begins.
         """
-        if self.compliant[stop]:
-            return -1.0, -1.0
-        law, r = self.laws[stop], float(self.restitution[stop])
-        if law is None:
-            return r, r
-        v = max(-closing * float(self.lengths[stop]) * self.omega, 0.0)
-        return law(v), law(v) + v * law.slope(v)
+        v, element = max(-closing * float(self.lengths[stop]) * self.omega, 0.0), self.elements[stop]
+        return element.rebound(v), element.sensitivity(v)
 
     def struck(self, stop: int, x: Floats, z: Floats) -> Floats:
         """Return the state just after an impact."""

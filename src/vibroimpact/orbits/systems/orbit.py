@@ -192,10 +192,7 @@ def at_rest(rests: Sequence[Rest], n_periods: int, period: float) -> tuple[float
 
 def _shrinks(stop: Stop, v: float) -> float:
     """Return r d(r v)/dv of an impact; 1 where contact with a compliant stop begins."""
-    if stop.compliant:
-        return 1.0
-    r = float(stop.rebound(v))
-    return r * (r + v * stop.law.slope(v)) if stop.law else r * r
+    return float(stop.element.rebound(v) * stop.element.sensitivity(v))
 
 
 def cycle_of(orbit: SystemOrbit) -> tuple[Cycle, Floats]:

@@ -51,12 +51,7 @@ def _is_image(stop: Stop, other: Stop) -> bool:
         for order in {*stop.motion, *other.motion}
     ]
     return bool(
-        stop.restitution == other.restitution
-        and stop.compliant == other.compliant
-        and all(
-            abs((own or 0.0) * ratio**2 - (its or 0.0)) <= SAME * (its or 0.0)
-            for own, its in ((stop.stiffness, other.stiffness), (stop.damping, other.damping))
-        )
+        stop.element.acts_as(other.element, ratio, SAME)
         and (np.abs(stop.direction + ratio * other.direction) <= near).all()
         and max(map(abs, [stop.gap - ratio * other.gap, *motions])) <= SAME * reach
     )

@@ -1,0 +1,288 @@
+"""The engine of one mass: certified steps in vectorised lanes for indices and for samples of many cells."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact.backends.base import (
+    Counts,
+    Floats,
+    ImpactWindow,
+    Measurement,
+    Outcome,
+    Samples,
+    StroboscopicWindow,
+    impacts_status,
+    looks_status,
+)
+from vibroimpact.cells import Cells
+from vibroimpact.indices import INDICES
+from vibroimpact.kernels.advance import LOOK, TRACE
+from vibroimpact.kernels.cell import DYING, FILLED, LAWLESS, MOST, PINNED, QUIET, RUNNING, SPENT, Cell
+from vibroimpact.kernels.closing import LONGEST
+from vibroimpact.kernels.cycle import FACTS
+from vibroimpact.kernels.flight import REACH
+from vibroimpact.kernels.lanes import CELL, LANES, ROWS
+from vibroimpact.kernels.recorder import END, IDLE, MEMORY, Recorder, begin, record, record_lanes, state_of
+from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
+from vibroimpact.kernels.runner import follow_cell, run_cells
+from vibroimpact.kernels.vectors import LANES as BLOCK
+from vibroimpact.options import Tolerances
+from vibroimpact.status import Status, window_status
+
+_LOOKS = 500  # at a cell or at lanes, 3 to 300 ms, before Python asks whether to stop
+_BATCH = 4096  # cells that end before they are handed on
+FEW = 4  # cells, recorded sooner one after the other than in lanes most of which stand idle
+ROOM = 4096  # rows of a buffer, which is emptied when it is full
+
+Window = ImpactWindow | StroboscopicWindow
+Limits = tuple[float, float, float]
+Seen = tuple[Floats, Floats, Floats]  # rows of impacts, looks and sticks
+
+
+def limits(tolerances: Tolerances) -> Limits:
+    """Return the tolerances in the order in which the kernels take them."""
+    return tolerances.chatter, tolerances.flight_periods, float(tolerances.steps_per_impact)
+
+
+def expected_steps(cells: Cells, window: ImpactWindow) -> Floats:
+    """Return the certified steps of so many flights of a period of the slower pace, at the length of the faster one."""
+    impacts = window.transient + window.keep
+    steps: Floats = impacts * 2.0 * math.pi / REACH * cells.fastest_rate / cells.slowest_rate
+    return steps
+
+
+def outlast(cells: Cells, measurement: Measurement) -> bool:
+    """Return whether all cells seem to need more steps than stiffness may grant them."""
+    window = measurement.impacts
+    granted = measurement.tolerances.steps_per_impact * (window.transient + window.keep)
+    return bool(expected_steps(cells, window).min() >= max(MOST, granted))
+
+
+def rows_of(cells: Cells) -> Floats:
+    """Return the table of cells as kernels read it; its columns must be those of a `Cell`, in that order."""
+    if cells.columns != Cell._fields:
+        raise ValueError(f"cells must have the columns {', '.join(Cell._fields)}, got {', '.join(cells.columns)}")
+    return np.ascontiguousarray(cells.table)
+
+
+def outcomes(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> Outcome:
+    """Return the outcome of cells, from the columns that lanes hand out and why each cell ended."""
+    full = ends == FILLED
+    columns = dict(zip(THOROUGH, results.T, strict=False))
+    found = {
+        name: np.where(full, columns[name], index.fill).astype(index.dtype)
+        for name, index in INDICES.items()
+        if name in columns
+    }
+    return found | {
+        "status": statuses(columns, ends, window),
+        "impacts": columns["counted"].astype(np.int64),
+        "steps": columns["steps"].astype(np.int64),
+    }
+
+
+def statuses(columns: dict[str, Floats], ends: NDArray[np.int8], window: ImpactWindow) -> NDArray[np.int8]:
+    """Return the status of every cell; it is decided once for each combination of ending and flags."""
+    flags = np.stack(
+        [columns["counted"] > 0.0, columns["sticks"] > 0.0, columns["span"] < 10.0, columns["known"] > 0.0],
+        axis=1,
+    )
+    kinds, which = np.unique(ends.astype(np.int64) * 16 + flags @ (8, 4, 2, 1), return_inverse=True)
+    found = [_status(kind // 16, [bool(kind & bit) for bit in (8, 4, 2, 1)], window) for kind in kinds.tolist()]
+    return np.array(found, np.int8)[which]
+
+
+def samples(cells: Cells, measurement: Measurement) -> list[Samples]:
+    """Return the samples that the window takes of each cell."""
+    runs = [_Run(row, measurement.window, limits(measurement.tolerances)) for row in rows_of(cells)]
+    if len(runs) < FEW:
+        for run in runs:
+            run.record()
+    else:
+        _record_in_lanes(runs)
+    return [run.samples() for run in runs]
+
+
+def follow(cell: Cells, measurement: Measurement, seen: Measurement) -> tuple[Outcome, Samples]:
+    """Return the outcome of a sweep for one cell, and the samples that the window of `seen` takes, from one run.
+
+    Both agree bit for bit with those of two runs. The budgets may differ; `chatter`, on which the motion depends, must
+    not.
+    """
+    if seen.tolerances.chatter != measurement.tolerances.chatter:
+        raise ValueError(
+            "`chatter` must be the same for measuring and recording one run, got "
+            f"{measurement.tolerances.chatter:g} and {seen.tolerances.chatter:g}"
+        )
+    sweep = Sweep(cell, measurement)
+    run = _Run(sweep.cells[0], seen.window, limits(seen.tolerances))
+    sweep.follow(run)
+    run.record()
+    return sweep.outcome(slice(None)), run.samples()
+
+
+def _status(end: int, flags: list[bool], window: ImpactWindow) -> Status:
+    hit, stuck, short, known = flags
+    return window_status(
+        sampled=window.keep if end == FILLED else 0,
+        wanted=window.keep,
+        stuck=stuck,
+        periods=0.0 if short else math.inf,
+        ended=Status.CLOSED if known else ended_as(end, hit),
+    )
+
+
+class Sweep:
+    """Cells that threads share, and what has become of them."""
+
+    def __init__(self, cells: Cells, measurement: Measurement) -> None:
+        self.thorough = measurement.thorough
+        self.cells = rows_of(cells)
+        self.results = np.zeros((len(cells), len(THOROUGH if self.thorough else PLAIN)))
+        self.ends = np.zeros(len(cells), dtype=np.int8)
+        self._tickets = np.zeros(1, dtype=np.int64)
+        self.window = window = measurement.impacts
+        total = float(window.transient + window.keep)
+        self._how = float(window.transient), total, *limits(measurement.tolerances), measurement.early_closing, _LOOKS
+
+    def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
+        """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
+        seat, facts = _seat(len(self.cells)), self._facts()
+        ended = np.empty(_BATCH, dtype=np.int64)
+        busy = 1
+        while busy and not stopped():
+            number, busy = run_cells(self.cells, self.results, self.ends, self._tickets, seat, ended, *self._how, facts)
+            if number:
+                yield ended[:number].copy()
+
+    def outcome(self, done: Counts | slice) -> Outcome:
+        """Return the outcome of cells that have ended."""
+        return outcomes(self.results[done], self.ends[done], self.window)
+
+    def follow(self, run: _Run) -> None:
+        """Measure the only cell, and record its run up to there, or to its own end."""
+        seat, facts, seen = _seat(len(self.cells)), self._facts(), Recorder(run.memory, *_room_for(run.window))
+        while self.ends[0] == RUNNING:
+            follow_cell(self.cells, self.results, self.ends, seat, *self._how, facts, seen)
+            run.keep(seen)
+
+    def _facts(self) -> Floats | None:
+        return np.zeros((LANES, FACTS)) if self.thorough else None
+
+
+def _seat(cells: int) -> tuple[NDArray[Any], ...]:
+    """Return the arrays of a thread: lanes, the cell in each (-1: none), notes, room for one cycle and for a walk.
+
+    Of few cells a thread takes a block, and leaves as many to another.
+    """
+    owner, notes = np.full(LANES if cells >= 2 * LANES else BLOCK, -1), np.zeros((LANES, NOTES))
+    return aligned(ROWS * LANES), owner, notes, np.zeros((LONGEST, 4)), np.zeros((LOOK, TRACE))
+
+
+class _Run:
+    """A cell, its recorder's memory, and what was seen of it so far."""
+
+    def __init__(self, row: Floats, window: Window, limits: Limits) -> None:
+        self.cell, self.window = Cell(*row.tolist()), window
+        self.look_periods = self.look_phase = np.zeros(1)
+        if isinstance(window, ImpactWindow):
+            numbers = float(window.transient), float(window.transient + window.keep), 0.0, 1.0
+        else:
+            numbers = 0.0, 0.0, float(window.keep), float(window.per_period)
+            self.look_periods, self.look_phase = window.schedule(self.cell.periods, self.cell.phase)
+        self.memory = np.zeros(MEMORY)
+        begin(row, self.memory, numbers, (self.look_periods[0], self.look_phase[0]), limits)
+        self.parts: list[list[Floats]] = []
+
+    def keep(self, seen: Recorder) -> None:
+        """Empty the buffers."""
+        buffers = seen.impacts, seen.looks, seen.sticks
+        if seen.filled.any() or not self.parts:
+            self.parts.append([rows[:number].copy() for rows, number in zip(buffers, seen.filled, strict=True)])
+        seen.filled[:] = 0
+
+    def record(self) -> None:
+        """Record the rest of the run."""
+        seen, trace = Recorder(self.memory, *_room_for(self.window)), np.empty((LOOK, TRACE))
+        while self.memory[END] == RUNNING:
+            record(seen, trace, _LOOKS)
+            self.keep(seen)
+
+    def samples(self) -> Samples:
+        """Return the samples, and keep them no longer."""
+        parts, self.parts = self.parts, []
+        impacts, looks, sticks = (np.concatenate(part) for part in zip(*parts, strict=True))
+        last, progress = state_of(self.memory)
+        status = ended_as(progress.end, progress.hits)
+        if isinstance(self.window, ImpactWindow):
+            status = impacts_status(impacts, sticks, self.window, status)
+        else:
+            if len(looks) == self.window.keep:
+                pressed = self.cell.stiffness * self.cell.gap <= -self.cell.amplitude
+                status = looks_status(sticks, self.look_periods[0] + self.look_phase[0], pressed)
+            last = (math.nan,) * 4
+            if len(looks):
+                at = len(looks) - 1
+                last = (looks[at, 0], looks[at, 1], self.look_periods[at], self.look_phase[at])
+        times = self.look_periods[: len(looks)], self.look_phase[: len(looks)]
+        looked = np.column_stack([*times, self.cell.gap - looks[:, 0], looks[:, 1]])
+        steps = int(progress.steps)
+        return Samples.of(impacts=impacts, looks=looked, sticks=sticks, status=status, last=last, steps=steps)
+
+
+def aligned(size: int) -> Floats:
+    """Return zeros that begin at a cache line, as lanes should: registers that straddle two cost some 4 %."""
+    room = np.zeros(size + 7)
+    first = -room.ctypes.data % 64 // 8
+    return room[first : first + size]
+
+
+def _room_for(window: Window, *lanes: int) -> tuple[Floats, Floats, Floats, Counts]:
+    """Return room for impacts, for all looks, and for sticks, and how many rows of each are filled."""
+    impacts, looks = (min(ROOM, window.keep + LOOK + 1), 1) if isinstance(window, ImpactWindow) else (ROOM, window.keep)
+    rooms = [np.empty((*lanes, *room)) for room in ((impacts, 3), (looks, 2), (ROOM, 4))]
+    return rooms[0], rooms[1], rooms[2], np.zeros((*lanes, 3), np.int64)
+
+
+def _record_in_lanes(runs: list[_Run]) -> None:
+    """Record the runs in lanes; one that ends makes room for the next."""
+    lanes, trace = aligned(CELL * LANES), np.zeros((LOOK, TRACE * LANES))
+    seen = Recorder(np.zeros((LANES, MEMORY)), *_room_for(runs[0].window, LANES))
+    seen.memory[:, END] = IDLE
+    rooms = seen.impacts.shape[1], seen.looks.shape[1], seen.sticks.shape[1]
+    waiting = iter(runs)
+    seated: dict[int, _Run] = {}
+    while True:
+        for lane in sorted(set(range(LANES)) - set(seated)):
+            run = next(waiting, None)
+            if run is None:
+                break
+            seated[lane], seen.memory[lane] = run, run.memory
+        if not seated:
+            return
+        record_lanes(lanes, trace, seen, _LOOKS)
+        halted = (seen.memory[:, END] != RUNNING) | (seen.filled == rooms).any(axis=1)
+        for lane, run in [(lane, run) for lane, run in seated.items() if halted[lane]]:
+            run.keep(Recorder(*(part[lane] for part in seen)))
+            if seen.memory[lane, END] != RUNNING:
+                run.memory = seen.memory[lane].copy()
+                del seated[lane]
+
+
+def ended_as(end: int, impacts: float | bool) -> Status:
+    """Return the status of a cell that ended so; `impacts` is 0 or False if it had none."""
+    if end in (QUIET, DYING) and not impacts:
+        return Status.NO_IMPACT
+    return {
+        QUIET: Status.STOPPED_IMPACTING,
+        PINNED: Status.STUCK_FOREVER,
+        DYING: Status.DECAYING,
+        SPENT: Status.BUDGET,
+        LAWLESS: Status.INVALID_RESTITUTION,
+    }.get(end, Status.OK)

@@ -1,0 +1,284 @@
+"""The kinds of stops: the numbers of each, what its contacts do, and what is reported of them.
+
+A stop asks its element. Above the kernels and the back ends nothing else knows which kinds there are.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from vibroimpact.contact import LAWS, Law, law_of
+from vibroimpact.parameters import CRITICAL, OF_ONE_MASS, Parameter, Scale, critical_damping, invalid
+
+SHORTEST = 1e-9  # driving periods: shorter contacts are those of a rigid stop
+
+_STIFFNESS = replace(
+    OF_ONE_MASS["stiffness"], hint="give the stiffness of a compliant stop in N/m; leave it out for a rigid stop"
+)
+# The numbers of stops that are parameters of systems.
+NUMBERS: Mapping[str, Parameter] = MappingProxyType(
+    {name: OF_ONE_MASS[name] for name in ("gap", "restitution")}
+    | {"stiffness": _STIFFNESS, "damping": OF_ONE_MASS["damping"]}
+)
+
+
+class Block(NamedTuple):
+    """The columns of a table of cells that hold one number of every stop, and their value where a stop has none.
+
+    Over the mass that is struck, numbers of stops have the unit of 1/s to a `power`: engines count time in steps.
+    """
+
+    name: str
+    none: float = 0.0
+    power: int = 0
+
+
+# By the numbers; then the mark of a law, whose own number stands for a restitution.
+BLOCKS: Mapping[str, Block] = MappingProxyType(
+    {
+        "gap": Block("gap"),
+        "restitution": Block("restitution", 1.0),
+        "stiffness": Block("spring", power=2),
+        "damping": Block("dashpot", power=1),
+        "law": Block("law"),
+    }
+)
+
+
+class Report(NamedTuple):
+    """A number that is reported of every contact: its label, and the field of samples that holds it."""
+
+    long_name: str
+    unit: str
+    symbol: str
+    field: str
+
+
+REPORTS: Mapping[str, Report] = MappingProxyType(
+    {
+        "impulse": Report("impulse of the impact", "N s", "P", "impact_impulse"),
+        "energy_lost": Report("energy lost at the stop by the impact", "J", "E", "impact_energy"),
+        "peak_force": Report("largest force of the contact", "N", "F", "impact_force"),
+        "contact_time": Report("duration of the contact", "s", "t_c", "impact_duration"),
+        "penetration": Report("deepest penetration of the contact", "m", "d", "impact_depth"),
+    }
+)
+
+
+class Element(ABC):
+    """The kind of a stop, with its numbers.
+
+    Attributes
+    ----------
+    word : str
+        The kind, as sentences name its stops.
+    takes : tuple of str
+        The arguments of `Stop` that make it; the first one chooses the kind.
+    instead : mapping of str to str
+        What to do about an argument of another kind.
+    reports : tuple of str
+        What is reported of each contact.
+    instantaneous : bool
+        Whether a contact takes no time: the rate of the clearance jumps, and no force has a value.
+    impenetrable : bool
+        Whether the clearance is never negative.
+    """
+
+    word: ClassVar[str]
+    takes: ClassVar[tuple[str, ...]]
+    instead: ClassVar[Mapping[str, str]]
+    reports: ClassVar[tuple[str, ...]] = ("impulse", "energy_lost")
+    instantaneous: ClassVar[bool]
+    impenetrable: ClassVar[bool]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The numbers that are parameters of a system."""
+        return self.takes
+
+    @property
+    @abstractmethod
+    def lossless(self) -> bool:
+        """Whether contacts take no energy."""
+
+    @property
+    def law(self) -> Law | None:
+        """The law of restitution, if there is one."""
+        return None
+
+    @property
+    def ratio(self) -> float | None:
+        """The restitution, if there is one that is the same at all speeds."""
+        return None
+
+    def row(self) -> dict[str, float]:
+        """Return the numbers that stand in `BLOCKS`."""
+        return {name: getattr(self, name) for name in self.takes}
+
+    @abstractmethod
+    def rebound(self, v: Any) -> Any:
+        """Return r: minus the rate of the clearance just after contact begins at speeds v in m/s, over that before."""
+
+    @abstractmethod
+    def sensitivity(self, v: Any) -> Any:
+        """Return d(r v)/dv with that r: what a change of the speed before leaves of itself."""
+
+    def acts_as(self, other: Element, ratio: float, within: float) -> bool:
+        """Return whether another element does the same along a direction that is shorter by that ratio."""
+        return self == other
+
+    @abstractmethod
+    def force(self, depth: Any, rate: Any) -> Any:
+        """Return the force in N at penetrations in m that grow at rates in m/s; NaN where it has no value."""
+
+    @abstractmethod
+    def scales(self, mass: float, omega: float) -> dict[str, Scale]:
+        """Return the sizes of its numbers where it is struck by a mass, driven at an angular frequency."""
+
+    def too_short(self, mass: float, period: float) -> str:
+        """Return why contacts of a mass are those of a simpler stop; "" if they are not."""
+        return ""
+
+
+@dataclass(frozen=True, init=False)
+class Rigid(Element):
+    """A rigid stop: an impact turns the rate of the clearance from -v to r v."""
+
+    word = "rigid"
+    takes = ("restitution",)
+    instead = MappingProxyType({"damping": "give a `stiffness` (N/m) to a compliant one"})
+    instantaneous = impenetrable = True
+
+    restitution: float | Law
+
+    def __init__(self, restitution: Any) -> None:
+        found = 0.8 if restitution is None else restitution
+        if type(found) is not float:  # as families have them by the thousands
+            found = law_of(found)
+        vars(self)["restitution"] = found if isinstance(found, Law) else NUMBERS["restitution"].check(found)
+
+    @property
+    def law(self) -> Law | None:
+        """The law of restitution; None where it is a number."""
+        return self.restitution if isinstance(self.restitution, Law) else None
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The restitution, if it is a number."""
+        return () if self.law else self.takes
+
+    @property
+    def lossless(self) -> bool:
+        """Whether r is 1 at all speeds."""
+        return self.ratio == 1.0
+
+    @property
+    def ratio(self) -> float | None:
+        """The restitution, if it is the same at all speeds."""
+        return self.restitution.constant if isinstance(self.restitution, Law) else self.restitution
+
+    def row(self) -> dict[str, float]:
+        """Return the restitution, or the number of a law and its mark, by which kernels find it again."""
+        if (ratio := self.ratio) is not None:
+            return {"restitution": ratio}
+        law: Any = self.restitution
+        LAWS.setdefault(law.mark, law)
+        return {"restitution": law.number, "law": law.mark}
+
+    def rebound(self, v: Any) -> Any:
+        """Return r at speeds v in m/s."""
+        return self.law(v) if self.law else self.ratio
+
+    def sensitivity(self, v: Any) -> Any:
+        """Return r + v dr/dv at speeds v in m/s."""
+        return self.law(v) + v * self.law.slope(v) if self.law else self.ratio
+
+    def force(self, depth: Any, rate: Any) -> Any:
+        """Return NaN: an impulse has no force."""
+        return math.nan * depth
+
+    def scales(self, mass: float, omega: float) -> dict[str, Scale]:
+        """Return 1 for the restitution."""
+        return {"restitution": Scale(1.0, "1")}
+
+
+@dataclass(frozen=True, init=False)
+class Compliant(Element):
+    """A compliant stop: a spring and a damper push with max(0, k d + c d') while it is pressed in by d."""
+
+    word = "compliant"
+    takes = ("stiffness", "damping")
+    instead = MappingProxyType({"restitution": "give it `damping`"})
+    reports = (*Element.reports, "peak_force", "contact_time", "penetration")
+    instantaneous = impenetrable = False
+
+    stiffness: float
+    damping: float
+
+    def __init__(self, stiffness: Any, damping: Any) -> None:
+        vars(self)["stiffness"] = NUMBERS["stiffness"].check(stiffness)
+        vars(self)["damping"] = NUMBERS["damping"].check(damping or 0.0)
+
+    @property
+    def lossless(self) -> bool:
+        """Whether it has no damper."""
+        return self.damping == 0.0
+
+    def rebound(self, v: Any) -> Any:
+        """Return -1: the rate goes on."""
+        return -1.0
+
+    def sensitivity(self, v: Any) -> Any:
+        """Return -1: nothing jumps."""
+        return -1.0
+
+    def acts_as(self, other: Element, ratio: float, within: float) -> bool:
+        """Return whether another stop is as stiff and damped per length of its direction, squared."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=False)
+        return isinstance(other, Compliant) and all(abs(a * ratio**2 - b) <= within * b for a, b in pairs)
+
+    def force(self, depth: Any, rate: Any) -> Any:
+        """Return max(0, k d + c d'), 0 where d <= 0."""
+        return np.where(depth > 0.0, np.maximum(self.stiffness * depth + self.damping * rate, 0.0), 0.0)
+
+    def scales(self, mass: float, omega: float) -> dict[str, Scale]:
+        """Return m w^2 for the stiffness, and critical damping."""
+        critical = critical_damping(self.stiffness, mass)
+        return {"stiffness": Scale(mass * omega**2, "m w^2"), "damping": Scale(critical, CRITICAL)}
+
+    def too_short(self, mass: float, period: float) -> str:
+        """Return the restitution that is as good where contacts last less than 1e-9 periods."""
+        if math.pi * math.sqrt(mass / self.stiffness) >= SHORTEST * period:
+            return ""
+        ratio = self.damping / critical_damping(self.stiffness, mass)
+        return (
+            f"takes less than {SHORTEST:g} driving periods; a rigid stop with the restitution of a damping ratio of "
+            f"{ratio:.3g} is the same and faster"
+        )
+
+
+KINDS: tuple[Any, ...] = (Compliant, Rigid)  # the last one where no argument chooses
+
+
+def element_of(given: Mapping[str, Any]) -> Element:
+    """Return the element that arguments of a stop make; None is not given, and stands for the usual value."""
+    for kind in KINDS:
+        if given[kind.takes[0]] is not None:
+            break
+    for name, value in given.items():
+        if value is not None and name not in kind.takes:
+            raise invalid(name, value, f"None for a {kind.word} stop", kind.instead[name])
+    element: Element = kind(*[given[name] for name in kind.takes])
+    return element
+
+
+def bars(blocks: Mapping[str, Any]) -> Any:
+    """Return the mask of impenetrable stops in a table of cells, from its blocks by the numbers of stops."""
+    return blocks["stiffness"] == 0.0

@@ -1,0 +1,94 @@
+"""How the cells of a request are cut into parts, tiles of a grid or lists of cells, and what computes them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Sequence
+from threading import Event
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact.backends import get_backend
+from vibroimpact.backends.base import Outcome
+from vibroimpact.cells import Tiling
+from vibroimpact.request import Places, Request
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+CELLS = 4096  # of a tile: a quarter of a second's work, in which writing it is 1 % and the last lanes' idling 2 %
+FEW = 4  # cells of a tile with slow back ends: no more may be lost when a sweep ends at once
+LISTED, FEW_LISTED = 1 << 14, 64  # the same, of the cells of a refined map
+
+# Cells of a request: by their flat indices, or a box.
+Part = slice | Places | tuple[slice, ...]
+# What comes of parts, as it comes: the number of a part, which of its cells have ended, and their results.
+Pieces = Generator[tuple[int, slice | Places, Any], None, None]
+
+
+def usual_tile(request: Request, *, listed: bool = False) -> int:
+    """Return the cells of a tile unless the user gives a number; `listed`, of those of a refined map."""
+    slow = get_backend(request.backend, time_step=request.time_step, elsewhere=True).slow
+    many, few = (LISTED, FEW_LISTED) if listed else (CELLS, FEW)
+    return few if slow else many
+
+
+def cut(shape: tuple[int, ...], cells: int = CELLS) -> Tiling:
+    """Cut a grid into tiles of about as many cells, as nearly cubes as it allows.
+
+    Examples
+    --------
+    >>> cut((200, 300)).tile, len(cut((200, 300)))
+    ((64, 64), 20)
+    >>> cut((5, 100_000)).tile
+    (5, 820)
+    """
+    sides = [1] * len(shape)
+    left = float(cells)
+    for waiting, axis in zip(range(len(shape), 0, -1), sorted(range(len(shape)), key=shape.__getitem__), strict=True):
+        sides[axis] = min(shape[axis], math.ceil(round(left ** (1.0 / waiting), 9)))
+        left = max(left / sides[axis], 1.0)
+    return Tiling(shape, tuple(sides))
+
+
+def flat(part: Part, request: Request) -> Places:
+    """Return the flat indices of the cells of a part of a request."""
+    if isinstance(part, tuple):
+        return request.box(part)
+    return np.arange(*part.indices(len(request))) if isinstance(part, slice) else part
+
+
+class Gathered:
+    """Pieces of parts, until a part is whole."""
+
+    def __init__(self) -> None:
+        self._begun: dict[int, tuple[Outcome, NDArray[np.bool_]]] = {}
+
+    def add(self, part: int, size: int, which: Places, outcome: Outcome) -> Outcome | None:
+        """Add a piece of a part of `size` cells; return the part's results if it is whole now."""
+        if part not in self._begun:
+            results = {name: np.empty((size, *values.shape[1:]), values.dtype) for name, values in outcome.items()}
+            self._begun[part] = results, np.zeros(size, bool)
+        results, ended = self._begun[part]
+        for name, values in outcome.items():
+            results[name][which] = values
+        ended[which] = True
+        return self._begun.pop(part)[0] if ended.all() else None
+
+
+class Place(Protocol):
+    """Computes cells somewhere."""
+
+    def part_size(self, request: Request, cells: int) -> int:
+        """Return the number of cells a part should hold where so many are to be computed."""
+        ...
+
+    def compute(self, request: Request, parts: Sequence[Part], stop: Event, store: Path | None = None) -> Pieces:
+        """Yield (number of a part, which of its cells have ended, their results) until all have or `stop` is set.
+
+        Whoever sees the `store` may write a tile there and give its record in place of its results.
+        """
+        ...

@@ -1,0 +1,27 @@
+"""Pairs of stops on either side of what moves: the ends of a slot, the flanks of a tooth."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vibroimpact.stops import Stop
+
+
+def slot(
+    below: str, above: str, direction: Any, clearance: float, amplitude: float | None = None, **contact: float
+) -> list[Stop]:
+    """Return the two ends of a slot along direction . q, each half of its clearance away at q = 0.
+
+    They move together by amplitude sin wt, if one is given; `contact` holds their restitution, or stiffness and
+    damping.
+    """
+    return [
+        Stop(
+            direction=sign * direction,
+            gap=0.5 * clearance,
+            name=name,
+            motion=None if amplitude is None else {1: sign * amplitude},
+            **contact,
+        )
+        for name, sign in ((below, -1.0), (above, 1.0))
+    ]

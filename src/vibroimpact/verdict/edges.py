@@ -1,0 +1,201 @@
+"""The nearest boundary of a motion along a parameter in one direction, as it is found and as callers see it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from vibroimpact.coexistence.measuring import Start
+from vibroimpact.verdict.ranges import Range
+
+NOISE = 1e-12  # of a change: what is smaller is rounding
+BOUNDARIES = {  # in words
+    "period_doubling": "period doubling",
+    "period_halving": "period halving",
+    "fold": "fold",
+    "grazing": "grazing",
+    "end_of_sticking": "end of sticking",
+    "first_contact": "the motion first touches the stop",
+    "lift_off": "the force first lifts the mass off the stop",
+    "pressed_for_ever": "the force no longer lifts the mass off the stop",
+    "change": "another motion",
+    "none": "none",
+    "neimark_sacker": "Neimark-Sacker point",
+    "pitchfork": "pitchfork",
+    "impacts_merge": "two stops are struck at once",
+}
+ONSETS = {  # of others, beside a motion without impacts
+    "from_some": "lasting impacts from some initial conditions",
+    "strikes": "passing impacts from rest",
+    "from_rest": "lasting impacts from rest",
+}
+
+
+@dataclass(frozen=True)
+class Onset:
+    """From where on initial conditions settle to impacts, along one parameter.
+
+    Parameters
+    ----------
+    value : float
+        The parameter there; the present value where some do so already.
+    change : float
+        From the present value to there, as of the `Edge`.
+    half_width : float
+        `value` is known to within this; 0 where it is exact.
+    spacing : float
+        The widest step between the values looked at up to there, in the unit of `change`; 0 where it is exact.
+    start : Start
+        An impact (clearance 0 in m, velocity in m/s, phase) that keeps hitting just beyond; None where none is named.
+    """
+
+    value: float
+    change: float
+    half_width: float = 0.0
+    spacing: float = 0.0
+    start: Start | None = None
+
+
+@dataclass(frozen=True)
+class Edge:
+    """The nearest boundary of a motion along one parameter, downwards or upwards.
+
+    Parameters
+    ----------
+    parameter : str
+        The one that is varied.
+    direction : int
+        -1 for smaller values, +1 for larger ones.
+    kind : str
+        "period_doubling", "period_halving" (the orbit ends where it was born, at a period doubling of another),
+        "fold", "grazing", "neimark_sacker", "pitchfork" and "impacts_merge" (of systems), "end_of_sticking",
+        "first_contact" and "lift_off" (of a motion without impacts), "pressed_for_ever", "change" (another class of
+        motion, found by bisection), or "none" within the range.
+    value : float
+        The parameter there; NaN for "none".
+    change : float
+        From the present value to there, signed, relative to the present value, or to `of`.
+    of : str
+        What the change is relative to, where that is not the present value: "f/k" for a gap smaller than that, "the
+        static deflection" for a system's gap of 0, "critical damping"; for a family's parameter at 0 a number.
+    half_width : float
+        0 where `value` solves the boundary's own equation (to some 1e-11); else it lies within this of `value`.
+    beyond : str
+        The motion just beyond, followed across; empty where none was found.
+    beyond_at : float
+        The value at which that motion was computed; NaN where it was not.
+    searched_to : float
+        The end of the range, or as far as the motion could be followed; NaN where none was sought, as it is undecided.
+    spacing : float
+        The widest step between the values at which the motion was looked at, in the unit of `change`: narrower windows
+        of another motion may have been passed over. 0 where the boundary's own equation was followed.
+    strikes, from_rest, from_some : Onset or None
+        For a motion without impacts: from where on the motion from rest strikes the stop, if only in passing; from
+        where on it settles to impacts; and from where on some initial condition does. None where none was found, and
+        for motions that hit.
+    """
+
+    parameter: str
+    direction: int
+    kind: str
+    value: float
+    change: float
+    of: str
+    half_width: float = 0.0
+    beyond: str = ""
+    beyond_at: float = math.nan
+    searched_to: float = math.nan
+    spacing: float = 0.0
+    strikes: Onset | None = None
+    from_rest: Onset | None = None
+    from_some: Onset | None = None
+
+    @property
+    def found(self) -> bool:
+        """Whether there is one."""
+        return self.kind != "none"
+
+    @property
+    def not_sought(self) -> bool:
+        """Whether nothing is known of where it is."""
+        return not self.found and math.isnan(self.searched_to)
+
+    @property
+    def exact(self) -> bool:
+        """Whether the value solves the boundary's own equation."""
+        return self.found and self.half_width == 0.0
+
+    @property
+    def what(self) -> str:
+        """The boundary in words, or the motion beyond where that alone is known."""
+        return self.beyond if self.kind == "change" and self.beyond else BOUNDARIES[self.kind]
+
+    @property
+    def at_once(self) -> bool:
+        """Whether the present value lies on the boundary, as far as rounding can tell."""
+        return self.exact and abs(self.change) < NOISE
+
+    @property
+    def accuracy(self) -> str:
+        """`exact`, `to within ...`, or nothing where no boundary was found."""
+        return "" if not self.found else "exact" if self.exact else f"to within {self.half_width:.1g}"
+
+
+@dataclass(frozen=True)
+class Side:
+    """A range in one direction, and what bounds the motion there, before one has looked beyond it.
+
+    `start` is what to carry across; `reached` is as far as the motion could be followed, if not to the end of the
+    range. `beyond` is a motion seen at `outside` already, and `onsets` are those of the `Edge`.
+    """
+
+    range: Range
+    direction: int
+    kind: str = "none"
+    value: float = math.nan
+    half_width: float = 0.0
+    start: Start | None = None
+    spacing: float = 0.0
+    reached: float | None = None
+    beyond: str = ""
+    outside: float = math.nan
+    onsets: tuple[Onset | None, ...] = (None, None, None)
+
+    @property
+    def end(self) -> float:
+        """The end of the range."""
+        return self.range.end(self.direction)
+
+    @property
+    def has_room(self) -> bool:
+        """Whether the range goes on in this direction."""
+        return self.end != self.range.value
+
+    @property
+    def limit(self) -> float:
+        """Where the motion itself ends, or the range."""
+        return self.end if self.kind == "none" else self.value
+
+    def path(self, number: int) -> list[float]:
+        """Return values from beside the present one to the end of the range."""
+        return self.range.path(self.direction, number)
+
+    def beyond_at(self) -> float:
+        """Return a value a little beyond the boundary, NaN where the range ends first."""
+        if self.kind == "none":
+            return math.nan
+        scale = self.range.scale
+        ahead = min(0.02 * abs(self.value - self.range.value) + 1e-6 * scale, 4e-3 * scale) + 2.0 * self.half_width
+        value = self.value + self.direction * ahead
+        value = min(value, self.end) if self.direction > 0 else max(value, self.end)
+        return value if (value - self.value) * self.direction > 0.0 else math.nan
+
+    def onset(self, value: float, half_width: float = 0.0, spacing: float = 0.0, start: Start | None = None) -> Onset:
+        """Return the onset of others at a value as callers see it."""
+        return Onset(value, self.range.change(value), half_width, spacing, start)
+
+    def edge(self, beyond: str = "", at: float = math.nan) -> Edge:
+        """Return the boundary as callers see it, with the motion beyond and where that was seen."""
+        change, end = self.range.change(self.value), self.end if self.reached is None else self.reached
+        what = self.range.name, self.direction, self.kind, self.value, change, self.range.of, self.half_width
+        return Edge(*what, beyond, at, end, self.spacing, *self.onsets)

@@ -1,0 +1,143 @@
+"""How far each parameter is varied, and what its changes are measured in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+from vibroimpact.model import Model, check_names
+from vibroimpact.orbits.orbit import value_of
+from vibroimpact.parameters import Parameter, invalid, several
+from vibroimpact.scales import LIGHT, is_own_scale, scale_of
+
+PLACES = 36  # values along a path, at least
+CROWDED = 1.5  # values along a path lie at (j/n)^1.5 of its way: a near boundary matters more than a far one
+FARTHEST = 1000.0  # how many times a parameter may be varied, at most
+TRIALS = 24  # bisections of a range whose end is no design of a family
+
+
+@dataclass(frozen=True)
+class Range:
+    """A parameter of a model, its present value, the range around it, and what a change is measured in.
+
+    `of` names what a relative change refers to; empty where it is the present value itself.
+    """
+
+    model: Model
+    name: str
+    value: float
+    low: float
+    high: float
+    scale: float
+    of: str = ""
+
+    @property
+    def only_scales(self) -> bool:
+        """Whether the motion only grows in proportion: with the force of one mass, where the gap is zero."""
+        design = self.model.at()
+        force = design is self.model and self.name == "amplitude" and self.value > 0.0
+        return force and not any(stop.gap for stop in design.stops)
+
+    def changed(self, value: float) -> Model:
+        """Return the model with another value of the parameter."""
+        return self.model.replace(**{self.name: value})
+
+    def at(self, value: float) -> Any:
+        """Return the oscillator or the system that the model is at another value."""
+        return self.model.at(**{self.name: value})
+
+    def end(self, direction: int) -> float:
+        """Return the last value downwards (-1) or upwards (+1)."""
+        return self.low if direction < 0 else self.high
+
+    def path(self, direction: int, number: int) -> list[float]:
+        """Return values from beside the present one to the end, close together at first; none without room."""
+        end = self.end(direction)
+        if end == self.value:
+            return []
+        shares = [(j / number) ** CROWDED for j in range(1, number + 1)]
+        return [self.between(self.value, end, share) for share in shares[:-1]] + [end]
+
+    def between(self, first: float, last: float, share: float) -> float:
+        """Return the value a share of the way along: equal ratios where both are positive, else equal differences."""
+        if not self.of and first > 0.0 and last > 0.0:
+            return first * math.exp(share * math.log(last / first))
+        return first + share * (last - first)
+
+    def cut(self, first: float, last: float, parts: int) -> list[float]:
+        """Return the values that cut the way between two into so many parts, with both ends."""
+        return [first, *(self.between(first, last, j / parts) for j in range(1, parts)), last]
+
+    def change(self, value: float) -> float:
+        """Return the change to a value, signed, relative to the scale."""
+        return (value - self.value) / self.scale
+
+    def widest_step(self, values: Sequence[float]) -> float:
+        """Return the largest change from one value to the next."""
+        changes = map(self.change, values)
+        return max((abs(after - before) for before, after in pairwise(changes)), default=0.0)
+
+    def percent(self, value: float) -> str:
+        """Return the size of a change in words: '3.1 %', or '12 % of f/k'."""
+        size = percent(abs(self.change(value)))
+        return f"{size} of {self.of}" if self.of else size
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent, two digits of it or all before the point."""
+    size = f"{100.0 * share:.2g}"
+    return f"{100.0 * share:.0f} %" if float(size) >= 100.0 else f"{size} %"
+
+
+def range_of(model: Model, name: str, within: float) -> Range:
+    """Return the range from value / (1 + within) to value * (1 + within), or around zero what its physics scales with.
+
+    The gap of one mass, and a number that is not positive, is varied by `within` times its `scale_of`, damping by
+    `LIGHT` of that; and no further than the family makes a design.
+    """
+    value, parameter = value_of(model, name), model.parameters[name]
+    scale = scale_of(model, name, value)
+    if is_own_scale(model, name, value):
+        low, high = value / (1.0 + within), min(value * (1.0 + within), parameter.high)
+    else:
+        far = within * scale.size * (LIGHT if scale.of == "critical damping" else 1.0)
+        low, high = max(value - far, parameter.low), min(value + far, parameter.high)
+    chosen = Range(model, name, value, low, high, *scale)
+    return replace(chosen, low=_possible(chosen, -1), high=_possible(chosen, 1))
+
+
+def _possible(chosen: Range, direction: int) -> float:
+    """Return the end of a range, of a family drawn in to where it still makes a design."""
+    inside, end = chosen.value, chosen.end(direction)
+    outside = end
+    for _ in range(TRIALS):
+        try:
+            chosen.at(outside)
+        except ValueError:
+            end = outside
+        else:
+            inside = outside
+        if inside == end:
+            break
+        outside = 0.5 * (inside + end)
+    return inside
+
+
+def check_parameters(model: Model, names: Iterable[str] | None) -> tuple[str, ...]:
+    """Return the names of the parameters to vary, or say which there are."""
+    if names is None:
+        return tuple(model.values)
+    chosen = several("parameters", names, "a list of names")
+    check_names(model.parameters, chosen)
+    if len(set(chosen)) < len(chosen):
+        raise invalid("parameters", chosen, "each parameter once", "drop the repeated one")
+    return chosen
+
+
+def check_within(within: float) -> float:
+    """Return the range over which parameters are varied, relative to their present values."""
+    hint = "3 varies from a quarter to fourfold"
+    return Parameter("within", "range", low=0.0, high=FARTHEST, closed=False, hint=hint).check(within)
