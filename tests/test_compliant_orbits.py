@@ -563,7 +563,7 @@ def test_a_verdict_tells_how_hard_how_long_and_how_deep_the_hardest_contact_is()
     told = str(vi.describe(bilinear(), parameters=[]))
     (orbit,) = vi.find_orbit(bilinear())
     (contact,) = orbit.contacts
-    assert f"largest force {contact.peak_force:.4g} N on above, which pushes for {contact.contact_time:.4g} s" in told
+    assert f"largest force {contact.peak_force:.4g} N, which pushes for {contact.contact_time:.4g} s" in told
     assert f"pressed in by {contact.penetration:.4g} m" in told
 
 
